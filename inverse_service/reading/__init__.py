@@ -1,4 +1,4 @@
-"""Formulas and documents of people: plain text and LaTeX to trees, which names they use, and what is asked back.
+"""Parse formulas in plain text and LaTeX into trees, find the names they use, and ask back if a formula is ambiguous.
 
-Others use `reader` (formulas and equations), `names` (what is declared), `document_names` (what a document says).
+Other packages use `reader` (formulas and equations), `names` (declarations), and `document_names` (documents).
 """

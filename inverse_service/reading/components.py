@@ -1,8 +1,9 @@
 r"""Split matrices and vectors of LaTeX into components: tokens in, tokens out, one equation for each row.
 
-\begin{pmatrix} a & b \\ c & d \end{pmatrix} comes as [a & b; c & d], times columns; \mathbf{r} or \vec{r} as a token of
-the kind "vector", where an equation gives its components, \mathbf{r} = (x, y, z), with dots, |r|, r^2, \cdot and
-\times. A scalar before or after multiplies each row. In plain text r = (x, y, z) makes a vector of each r.
+\begin{pmatrix} a & b \\ c & d \end{pmatrix} arrives as [a & b; c & d] and multiplies columns; \mathbf{r} or \vec{r} is
+a token of the kind "vector" whose components an equation gives, \mathbf{r} = (x, y, z). Dots, |r|, r^2, \cdot, and
+\times are accepted. A scalar before or after a matrix multiplies each row. In plain text, r = (x, y, z) makes every r a
+vector.
 """
 
 from collections.abc import Collection, Sequence
@@ -45,7 +46,7 @@ def by_components(tokens: Tokens, latex: bool) -> Tokens:
 
 
 def holds_vector(text: str) -> bool:
-    """Whether a text may contain a vector in bold or with an arrow."""
+    """Whether a text may contain a vector in bold type or with an arrow."""
     return any(f"\\{command}" in text for command in BOLD)
 
 
@@ -61,7 +62,7 @@ def _holds_many(tokens: Sequence[Token]) -> bool:
 
 
 def _is_given(statement: Tokens) -> bool:
-    r"""Whether this is \mathbf{r} = (x, y, z), none of which holds a vector."""
+    r"""Whether this is \mathbf{r} = (x, y, z) with scalar components that do not contain r."""
     name, shape = (
         tk.at(statement, 0),
         [(token.kind, token.text) for token in statement[1:]] == [("operator", "="), ("bracket", "(")],
@@ -91,14 +92,14 @@ def _bracketed(cell: Tokens) -> Tokens:
 
 
 class _Reader:
-    """Reads an equation of matrices and vectors; a value is its rows of cells."""
+    """Parse an equation of matrices and vectors; a value is a list of rows of cells."""
 
     def __init__(self, vectors: dict[str, list[Tokens]], first: Token) -> None:
         self._vectors = vectors
         self._first = first
 
     def equations(self, line: Tokens) -> list[Tokens]:
-        """One equation for each row; a single 0 is zero in each."""
+        """One equation for each row; a side that is just 0 is zero in each row."""
         sides = [self._sum(side) for side in tk.split_at("=", line)]
         if len(sides) > 2:
             raise self._refused()
@@ -230,7 +231,7 @@ class _Reader:
         return value
 
     def _components(self, vector: Token) -> Value:
-        """The components of a vector with its dots; InputError where one with dots is a formula."""
+        """The components of a vector, each with the vector's dots; InputError if a dotted component is a formula."""
         parts = [[self._zero()]] if vector.text == "0" else self._vectors.get(vector.text)
         if parts is None:
             raise refusal("a vector occurs", vector.column, "write an equation for each component")
@@ -243,12 +244,12 @@ class _Reader:
 
 
 def _ends_term(line: Sequence[Token], place: int) -> bool:
-    """Whether a sign is one of a sum, and not that of a factor or exponent."""
+    """Whether a sign joins terms of a sum, rather than belonging to a factor or exponent."""
     return not tk.at(line, place - 1).is_operator("*", "/", "^")
 
 
 def _with_lengths(line: Sequence[Token]) -> Tokens:
-    """The line with each length of a vector as a bracket."""
+    """The line with each length |r| of a vector as one bracket."""
     parts = tk.split(line, lambda _, token: token.is_operator("|"))
     found: Tokens = []
     for place, (part, bar) in enumerate(parts):

@@ -1,8 +1,9 @@
-"""The names of a document: declared, found in its formulas, or guessed on request; values are substituted exactly.
+"""Find the names of a document: declared, derived from its formulas, or guessed on request; substitute values exactly.
 
-A name with a time derivative is a coordinate. If names may be guessed, an unknown name before (t) or coordinates is a
-function of them. Any other is a parameter, unless it may be something else: kx, dx, sinx, or an r without an equation.
-In that case an error asks the writer. The answer lists all guessed names.
+A name with a time derivative is a coordinate. If names may be guessed, an unknown name before (t) or before coordinates
+in brackets is a function of them. Any other unknown name is a parameter, unless it may have another meaning: kx, dx,
+sinx, or an r without an equation. In that case an error asks the writer what is meant. The answer lists all guessed
+names.
 """
 
 import itertools
@@ -40,7 +41,7 @@ _NO_MOTION = "H = … alone holds no motion: write its equations beside it, such
 _NO_VELOCITY = "the Lagrangian contains no velocity such as x': write kinetic minus potential energy."
 # Factors before an acceleration without a sign: m, ml, I, r.
 _FACTOR_OF_MOTION = re.compile("([mMIJLCRlrabckghqGQ][0-9]?){1,4}")
-# Refused as functions or as numbers, so a guess does not make them parameters either.
+# Names refused as functions or numbers; guessing does not make them parameters either.
 NEVER_GUESSED = (
     nm.RESERVED
     | nm.FUNCTIONS
@@ -50,23 +51,23 @@ NEVER_GUESSED = (
 )
 CALLED_LETTERS = nm.FUNCTION_LETTERS | {"g", "G", "phi", "Phi", "psi", "Psi", "P", "Q"}
 Call = tuple[str, tuple[str, ...]]  # a name with the names in the brackets after it
-_PROGRAMS = re.compile(r"\b(?:Eq|diff|Derivative|Mul|Add)\s*\(|\[")  # where E is Euler's number
-# As functions of t these are usually impulses and steps.
+_PROGRAMS = re.compile(r"\b(?:Eq|diff|Derivative|Mul|Add)\s*\(|\[")  # in these notations E is Euler's number
+# As functions of t, these usually denote impulses and steps.
 _IMPULSES = frozenset(("delta", "theta", "Theta", "H"))
-# Names in order of appearance, functions with their arguments, and runs of letters that are products.
+# Parameters in order of appearance, functions with their arguments, and runs of letters that are products.
 _Guess = tuple[tuple[str, ...], dict[str, tuple[str, ...]], dict[str, tuple[str, ...]]]
 _ONE_UNIT = r"(?:k?[gmNJW]|[cm]m|m?s|V|Hz|rad|k?Pa)(?:\^\(?-?\d\)?)?"
 _UNIT = re.compile(rf"{_ONE_UNIT}(?:[*/]{_ONE_UNIT})*")  # of k = 3 N/m
-_MOST_ROUNDS = 4  # a run that is split may contain a name that splits others
+_MOST_ROUNDS = 4  # splitting one run may reveal a name that splits other runs
 _COMPONENTS = frozenset("ABEFJPVpv")  # Fx and Fy are usually two components
-_CALL = re.compile(r"\s*([^\s(),;]+)\s*\(([^()]*)\)")  # A(r1), a function of one's own
-# A comma, or a blank before a name that is no part of a value such as 2 pi.
+_CALL = re.compile(r"\s*([^\s(),;]+)\s*\(([^()]*)\)")  # A(r1), a user-defined function
+# A comma, or a blank before a name that is not part of a value such as 2 pi.
 _BETWEEN_PARAMETERS = re.compile(rf"[,;\n]|(?<![-+*/^(=\s])\s+(?=[^\W\d]|\\)(?!(?:{'|'.join(nm.RESERVED)})\b)")
 _WORDS_OF_MOTION = {"v": "'", "velocity": "'", "speed": "'", "position": "", "acceleration": "''"}
 
 
 def parameter_values(parameters: Sequence[str] | Mapping[str, ParameterValue]) -> dict[str, ex.Expression]:
-    """The given values as trees; a parameter without a value (None) remains generic and is omitted.
+    """The given values as trees, without the parameters that have no value (None) and remain generic.
 
     A value is a number or a constant such as "1/2", "sqrt(2)" or "2*pi"; a float stands for its
     shortest decimal form. InputError with the pointer of the parameter for anything else.
@@ -95,7 +96,7 @@ def _constant(value: str | int | float, pointer: str) -> ex.Expression:
 
 
 def _digits(value: int, pointer: str) -> str:
-    if value.bit_length() > 4_000:  # str of a huge integer is slow, and refused by Python
+    if value.bit_length() > 4_000:  # Python refuses to convert a huge integer to str
         raise errors.InputError("the value of a parameter has too many digits: write a smaller number.", pointer)
     return str(value)
 
@@ -130,7 +131,7 @@ def _check_defined(node: ex.Expression) -> None:
 class Declared:
     """The declarations of a document. `parameters` may be "guess", or contain "..." to guess the remaining names.
 
-    `where` gives names their formulas, which are substituted exactly. At most `most` coordinates are accepted.
+    `where` maps names to formulas, which are substituted exactly. At most `most` coordinates are accepted.
     """
 
     coordinates: Sequence[str] | None = None
@@ -155,7 +156,7 @@ class Declared:
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """The names of a document, and the substitutions for those that have a formula or a value."""
+    """The names of a document, and the substitutions for the names with a formula or a value."""
 
     names: nm.Names
     definitions: Mapping[ex.Expression, ex.Expression]
@@ -178,7 +179,7 @@ class Known:
 def known_names(
     declared: Declared, texts: Mapping[str, str], order: int = 2, keys: Sequence[str] = (), pairs: bool = False
 ) -> Known:
-    """The names that the formulas of a document may use, and their substitutions; see `document_names`."""
+    """The names that the formulas of a document may use, with their substitutions; see `document_names`."""
     where = {f"/where/{nm.escaped(name)}": text for name, text in declared.where.items()}
     names = document_names(declared, {**texts, **where}, order, keys, pairs)
     definitions, calls = _definitions(declared.where, names)
@@ -195,9 +196,10 @@ def defined_name(key: str) -> str:
 def _definitions(
     where: Mapping[str, str], names: nm.Names
 ) -> tuple[dict[ex.Expression, ex.Expression], dict[str, tuple[tuple[str, ...], ex.Expression]]]:
-    """The formula of each name of `where`, free of such names, and those of its functions with their arguments.
+    """The formulas of `where` with their definitions expanded: one map for names, one for functions with their
+    arguments.
 
-    InputError for circular definitions, and for a function of more than its arguments.
+    InputError for circular definitions, and if the formula of a function uses more than its arguments.
     """
     pointers = {defined_name(name): f"/where/{nm.escaped(name)}" for name in where}
     if len(pointers) < len(where):
@@ -217,7 +219,7 @@ def _definitions(
             if arguments:
                 calls[name] = arguments, _of_its_arguments(tree, name, arguments, names)
                 continue
-            if isinstance(tree, ex.Power) and tree.exponent == ex.HALF:  # r^2 is x^2 + y^2 where r is its root
+            if isinstance(tree, ex.Power) and tree.exponent == ex.HALF:  # r = sqrt(x^2 + y^2) also defines r^2
                 found |= {ex.power(ex.Symbol(name), 2 * k): ex.power(tree.base, k) for k in (-3, -2, -1, 1, 2, 3)}
     except errors.InputError as error:
         raise error if error.pointer else error.at(pointers[name]) from None
@@ -225,7 +227,7 @@ def _definitions(
 
 
 def _of_its_arguments(tree: ex.Expression, name: str, arguments: Sequence[str], names: nm.Names) -> ex.Expression:
-    """The formula of a function; InputError where it contains other coordinates, or velocities."""
+    """The formula of a function; InputError if it contains velocities or coordinates other than the arguments."""
     others = {f"{node.coordinate}'": None for node in ex.walk(tree) if isinstance(node, ex.Velocity)}
     symbols = [node.name for node in ex.walk(tree) if isinstance(node, ex.Symbol)]
     others |= {each: None for each in symbols if each in names.coordinates and each not in arguments}
@@ -236,7 +238,7 @@ def _of_its_arguments(tree: ex.Expression, name: str, arguments: Sequence[str], 
 
 
 def _ordered(used: Mapping[str, set[str]]) -> list[str]:
-    """The names sorted so that each follows those that its formula uses; InputError for circular definitions."""
+    """The names sorted so that each follows the names in its formula; InputError for circular definitions."""
     for name, *others in (groups := graphs.components(used)):
         if others or name in used[name]:
             detail = f"the formula of {name} leads back to {name}: define it by other names."
@@ -254,9 +256,9 @@ def document_names(
 ) -> nm.Names:
     """The names that the formulas of a document may use; InputError with the pointer of an invalid one.
 
-    `texts` are the formulas by their pointers, `order` is that of the derivative that makes a coordinate, and
-    `keys` are those of `equations`, where each is the equation of a coordinate. `pairs`: the coordinates found are
-    those of first-order equations, momenta among them.
+    `texts` maps pointers to formulas, `order` is the order of the time derivative that makes a name a coordinate, and
+    `keys` are the keys of `equations`, each naming a coordinate. With `pairs`, the coordinates found are
+    those of first-order equations, including momenta.
     """
     named = declared.named_parameters()
     keyed = isinstance(named, Mapping)
@@ -283,7 +285,7 @@ def document_names(
 
 
 def with_products(names: nm.Names, declared: Declared, texts: Mapping[str, str], order: int = 2) -> nm.Names:
-    """The names, including m and x'' in mx'' if undeclared names may be guessed."""
+    """The names, including the m and x of mx'' if undeclared names may be guessed."""
     if not declared.guesses:
         return names
     names = replace(names, guesses=True)
@@ -291,7 +293,7 @@ def with_products(names: nm.Names, declared: Declared, texts: Mapping[str, str],
 
 
 def bounded(words: list[str], pointer: str, what: str, most: int) -> list[str]:
-    """The words; LimitError where there are too many."""
+    """The words; LimitError for more than `most`."""
     if len(words) > most:
         raise errors.LimitError(f"there are {len(words)} {what}: the limit is {most}; declare fewer.", pointer)
     return words
@@ -313,7 +315,7 @@ def _arguments(function: str, words: Sequence[str]) -> tuple[str, ...]:
 
 
 def _checked_functions(names: nm.Names, texts: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
-    """The functions of coordinates; a function of other names is refused if it occurs, and otherwise omitted."""
+    """The functions of coordinates; InputError for a function of other names in a formula; others are omitted."""
     foreign: dict[str, int] = {}
     for function, arguments in names.functions.items():
         for place, argument in enumerate(arguments):
@@ -325,7 +327,7 @@ def _checked_functions(names: nm.Names, texts: Mapping[str, str]) -> dict[str, t
     for function, place in foreign.items():
         calls = [call for text in texts.values() if (call := _always_called(function, text, names)) is not None]
         if calls and all(calls):
-            foreign = {name: at for name, at in foreign.items() if name != function}  # a dummy
+            foreign = {name: at for name, at in foreign.items() if name != function}  # a dummy argument
         elif calls or not texts:
             raise errors.InputError(
                 f"{function} depends on {names.functions[function][place]}, which is not a coordinate: use one of "
@@ -336,7 +338,7 @@ def _checked_functions(names: nm.Names, texts: Mapping[str, str]) -> dict[str, t
 
 
 def _always_called(function: str, text: str, names: nm.Names) -> bool | None:
-    """Whether brackets with arguments follow the function wherever it occurs in a text; None where it does not."""
+    """Whether arguments in brackets follow every occurrence of the function in a text; None if it does not occur."""
     tokens = reader.tokens_if_any(text, names)
     called = []
     for line, place, _ in places(tokens):
@@ -371,9 +373,9 @@ def _coordinates(
 
 
 def _moved_by_definitions(texts: Mapping[str, str], names: nm.Names) -> list[str]:
-    """The theta of x = l sin(theta) and the r of x = r cos(phi) where L has x': angles, and names such as r, rho and x.
+    """The theta of x = l sin(theta) and the r of x = r cos(phi) if L has x': angles, and names such as r, rho, and x.
 
-    An angle is the argument of a sine or cosine without factors other than numbers: in cos(omega t + phi) none moves.
+    An angle is the argument of a sine or cosine with numbers as its only factors: nothing moves in cos(omega t + phi).
     """
     formulas = {
         name: text for pointer, text in texts.items() if (name := names.spelling(pointer.removeprefix("/where/")))
@@ -399,7 +401,7 @@ def _moved_by_definitions(texts: Mapping[str, str], names: nm.Names) -> list[str
 
 
 def _is_angle(line: Sequence[Token], place: int, outer: Token) -> bool:
-    """Whether the name is the argument of a sine or cosine, or a term of it with no factors but numbers, and no t."""
+    """Whether the name is the argument of a sine or cosine, or a term of one without t, with numeric factors only."""
     start = place - 1
     while at(line, start).text not in nm.FUNCTIONS and (
         at(line, start).kind in ("name", "number") or at(line, start).is_operator("+", "-", "*")
@@ -415,8 +417,7 @@ def _is_angle(line: Sequence[Token], place: int, outer: Token) -> bool:
 
 
 def _nothing_moves(texts: Mapping[str, str], names: nm.Names, order: int) -> errors.InputError | None:
-    """The cause of missing coordinates: a declaration of the same name, or another spelling of derivatives; None for
-    neither."""
+    """Why no coordinates were found: a declaration of the name or a spelling of derivatives; else None."""
     for name in inferred_coordinates(texts, nm.Names(), order):
         known = names.spelling(name)
         derivatives = "two derivatives" if order == 2 else "a derivative"
@@ -442,7 +443,7 @@ def _nothing_moves(texts: Mapping[str, str], names: nm.Names, order: int) -> err
 
 
 def moving_products(texts: Mapping[str, str], declared: nm.Names, order: int = 2) -> dict[str, tuple[str, ...]]:
-    """The products among the runs of letters with primes: mx'' is m x''; also y y'' and L I'' without the space."""
+    """The products among the runs of letters with primes: mx'' is m x''; likewise yy'' and LI''."""
     lines = [line for text in texts.values() if (line := reader.tokens_if_any(text, declared))]
     words = [(token.text, token.order > 0) for line in lines for token in walk(line) if token.kind == "name"]
     alone, primed = ({word for word, moves in words if moves is which} for which in (False, True))
@@ -468,7 +469,7 @@ def moving_products(texts: Mapping[str, str], declared: nm.Names, order: int = 2
 
 
 def _refuse_products(tokens: Sequence[Token], products: Mapping[str, tuple[str, ...]]) -> None:
-    """InputError for mx'', by which the writer means m*x''."""
+    """InputError for mx'', which means m*x''."""
     for token in walk(tokens):
         if token.text in products and token.order:
             meant, primes = "*".join(products[token.text]), "'" * token.order
@@ -479,7 +480,7 @@ def _refuse_products(tokens: Sequence[Token], products: Mapping[str, tuple[str, 
 def inferred_coordinates(texts: Mapping[str, str], declared: nm.Names, order: int = 2) -> tuple[str, ...]:
     """The names with this many time derivatives (x'', x_ddot, diff(x, t, 2), …), each once, in order.
 
-    `texts` are given by their pointers; `declared` holds parameters and functions, which are not coordinates.
+    `texts` maps pointers to formulas; `declared` holds parameters and functions, which are not coordinates.
     """
     found: dict[str, None] = {}
     for pointer, text in texts.items():
@@ -497,7 +498,7 @@ def inferred_coordinates(texts: Mapping[str, str], declared: nm.Names, order: in
 
 
 def _refuse_sums(tokens: Sequence[Token], moving: Sequence[str], order: int) -> None:
-    """InputError for x_i'x_i', a sum over i; so is each term of a Lagrangian with x_i."""
+    """InputError for x_i'x_i', which may be a sum over i, as may each term of a Lagrangian with x_i."""
     words = [*walk(tokens)]
     for place, token in enumerate(words):
         summed = token.text in moving and re.search("_[ijk]$", token.text) and token.order < 2
@@ -536,7 +537,7 @@ def moving_names(tokens: Sequence[Token], order: int) -> list[str]:
 
 
 def derivatives(line: Sequence[Token]) -> list[tuple[str, str, int]]:
-    """(y, x, k) for each y with k derivatives by x, those of diff(x diff(y, x), x) together; y'' is by the time t."""
+    """(y, x, k) for each y differentiated k times by x, including nested ones, diff(x diff(y, x), x); y'' is by t."""
     found: list[tuple[str, str, int]] = []
     for place, token in enumerate(line):
         name, after = token.text if token.kind == "name" else "", at(line, place + 1)
@@ -552,7 +553,7 @@ def derivatives(line: Sequence[Token]) -> list[tuple[str, str, int]]:
 
 
 def _differentiated(operand: Sequence[Token], words: Sequence[str]) -> list[tuple[str, str, int]]:
-    """The derivatives in diff(operand, x, x), (x, 2) or ((x, 2)); those with primes in the operand are by x too."""
+    """The derivatives in diff(operand, x, x), (x, 2) or ((x, 2)); primes in the operand also differentiate by x."""
     variable, *more = [word for word in words if word not in ("(", ",")] or [""]
     if {*more} - {variable} and not (len(more) == 1 and more[0].isdigit()):
         return []
@@ -565,7 +566,7 @@ def _differentiated(operand: Sequence[Token], words: Sequence[str]) -> list[tupl
 
 
 def _variable(after: Token) -> str:
-    """The x of the (x) here, t where there is no bracket, nothing before another bracket."""
+    """x if the token is (x), t if it is not a bracket, and "" for any other bracket."""
     if not after.is_bracket():
         return "t"
     return after.inside[0].text if [(each.kind, each.order) for each in after.inside] == [("name", 0)] else ""
@@ -578,7 +579,7 @@ def _multiplies_a_sum(name: Token, bracket: Token) -> bool:
 
 
 def _with_guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[str]) -> nm.Names:
-    """The names with the undeclared ones that the texts use; InputError as in `_guessed`."""
+    """The names plus the undeclared ones that the texts use; InputError as in `_guessed`."""
     for _ in range(_MOST_ROUNDS):
         parameters, functions, splits = _guessed(texts, declared, dummies)
         if not splits:
@@ -589,12 +590,10 @@ def _with_guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collect
 
 
 def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[str]) -> _Guess:
-    """The undeclared names other than coordinates in the texts, which are given by their pointers.
+    """The undeclared names in the texts (formulas by pointer) that are not coordinates.
 
-    `dummies` are the arguments of functions that the texts define.
-
-    A text that cannot be tokenized adds nothing: its error is reported when it is read. InputError, with what may
-    have been meant, for a suspect name.
+    `dummies` are the arguments of functions that the texts define. A text that cannot be tokenized adds nothing: its
+    error is reported when it is parsed. InputError with suggestions for a suspicious name.
     """
     lines = {
         pointer: reader.tokens_if_any(text, replace(declared, forms=pointer.startswith("/constraints")))
@@ -602,7 +601,7 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
     }
     coordinates = declared.coordinates
     found_functions: dict[str, tuple[str, ...]] = {}
-    found_parameters: dict[str, tuple[str, Token, int]] = {}  # its place, and the column after its arguments
+    found_parameters: dict[str, tuple[str, Token, int]] = {}  # pointer, token, and the column after the arguments
     called: dict[str, tuple[str, Token, int]] = {}  # U_x(x, y) may be a derivative
     splits: dict[str, tuple[str, ...]] = {}
     slopes = _slopes(lines.values(), declared)
@@ -638,7 +637,7 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
                 and not nm.only_split(token.text, declared)
                 and (error := reader.remark(line, place, factors_alone))
             ):
-                raise error.at(pointer)  # cosx sinx is none
+                raise error.at(pointer)  # cosx sinx is not one
             if not unknown:
                 continue
             if error := _refused_operator(line, place, outer, coordinates, calls, slopes):
@@ -694,14 +693,14 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
         for token in walk(part)
     ]
     angles = nm.GREEK_NAMES & {name.rstrip("_0123456789") for name in coordinates}
-    rolls = "r" in held and angles  # then r is the radius of a wheel
+    rolls = "r" in held and angles  # r is then the radius of a wheel
     splits |= _ask_back({name: at for name, at in guessed.items() if name != "r" or not rolls}, known_names, raised)
     found = [name for name in guessed if name not in splits]
     return _as_in_products(found, lines.values()), found_functions, splits
 
 
 def _as_in_products(names: Sequence[str], lines: Iterable[Sequence[Token]]) -> tuple[str, ...]:
-    """The names as they appear, but m, g, l for m l^2 theta'' = -m g l sin(theta): each product keeps its order."""
+    """The names ordered as in the products: m, g, l for m l^2 theta'' = -m g l sin(theta); otherwise as they appear."""
     products = list[list[str]]()
     for line in lines:
         products.append([])
@@ -713,8 +712,8 @@ def _as_in_products(names: Sequence[str], lines: Iterable[Sequence[Token]]) -> t
 
 
 def _product_or_function(name: Token, bracket: Token, argument: str, text: str) -> errors.InputError:
-    """The refusal of k (x) and k [x], with both ways to write it."""
-    plain = text[bracket.end - 1 : bracket.end] in (")", "]")  # and no \\right)
+    """The error for k (x) and k [x], with both ways to write it."""
+    plain = text[bracket.end - 1 : bracket.end] in (")", "]")  # not \\right)
     both = (f"{name.text}*({argument})", f"{name.text}({argument})")
     instead, what = f"write {both[0]} for a product, {both[1]} for a function", f"{name.text} ( could be"
     span = (name.column, bracket.end + 1) if plain else None
@@ -722,7 +721,7 @@ def _product_or_function(name: Token, bracket: Token, argument: str, text: str) 
 
 
 def _slopes(lines: Iterable[Sequence[Token]], declared: nm.Names) -> dict[str, tuple[str, ...]]:
-    """An undeclared V as a function of all coordinates if its derivatives by all occur, of r if only dV/dr does.
+    """Each undeclared V as a function of the coordinates that its derivatives use: all, or r alone for dV/dr.
 
     A potential U or V depends on no momenta.
     """
@@ -735,7 +734,7 @@ def _slopes(lines: Iterable[Sequence[Token]], declared: nm.Names) -> dict[str, t
             continue
         by = [token.text for token in inside[2:] if not token.is_operator(",")]
         if not called.value and any(each.endswith(("_i", "_j")) for each in by):
-            continue  # \partial V/\partial x_i, of all x_1, x_2, …
+            continue  # \partial V/\partial x_i means all x_1, x_2, …
         if comma.is_operator(",") and by and {*by} <= {*declared.coordinates} and not declared.role(name.text):
             found.setdefault(name.text, set()).update(by)
             partial |= set() if called.value else {name.text}
@@ -750,7 +749,7 @@ def _slopes(lines: Iterable[Sequence[Token]], declared: nm.Names) -> dict[str, t
 
 
 def _is_one_of_many(name: str, coordinates: Sequence[str]) -> bool:
-    """Whether it is x_1 or x2, and x or x with another number is a coordinate; x_0 is usually a constant."""
+    """Whether it is x_1 or x2 and a coordinate is x or x with another number; x_0 is usually a constant."""
     numbered = re.fullmatch("([A-Za-z]+)_?([1-9][0-9]*)", name)
     stems = {re.sub("_?[0-9]+$", "", coordinate) for coordinate in coordinates}
     if numbered is None or numbered[1] not in stems:
@@ -759,14 +758,14 @@ def _is_one_of_many(name: str, coordinates: Sequence[str]) -> bool:
 
 
 def _takes_argument(line: Sequence[Token], place: int) -> bool:
-    """Whether an argument follows the cos of Rcos: a bracket, a name or a number; of ln one without a space."""
+    """Whether an argument follows the cos of Rcos: a bracket, a name, or a number; after ln, one without a space."""
     after = at(line, place + 1)
     touches = not after.space_before or (after.kind == "name" and not line[place].text.endswith("ln"))
     return after.is_bracket() or (after.kind in ("name", "number") and touches)
 
 
 def _is_constant(line: Sequence[Token], place: int, outer: Token) -> bool:
-    """Whether the g here has no bracket after it and is not differentiated, so that g( is a product everywhere."""
+    """Whether the g here precedes no bracket and is not differentiated; if so, g( is a product everywhere."""
     after = at(line, after_power(line, place + 1))
     differentiated = not place and outer.text in nm.DERIVATIVE_NAMES
     return line[place].text in ("g", "G") and not differentiated and after.kind != "bracket"
@@ -775,7 +774,7 @@ def _is_constant(line: Sequence[Token], place: int, outer: Token) -> bool:
 def _called_with(line: Sequence[Token], place: int, declared: nm.Names, defined: Collection[str]) -> int:
     """The number of arguments of an undeclared F in F(x*y), F(x, x') or f(y/x); 0 if it may be a factor.
 
-    So is V(r) for a `defined` r, as in r = sqrt(x^2 + y^2).
+    V(r) also counts for a `defined` r, as in r = sqrt(x^2 + y^2).
     """
     bracket, name = at(line, place + 1), line[place].text
     count = len(split_at(",", bracket.inside))
@@ -800,7 +799,7 @@ def _ask_back(
     together = nm.Names(names.coordinates, (*names.parameters, *letters), names.functions)
     seen: dict[str, str] = {}
     splits: dict[str, tuple[str, ...]] = {}
-    ends: dict[str, set[str]] = {}  # by its first letter, the coordinates that Fx and Fy end in
+    ends: dict[str, set[str]] = {}  # first letter F to the coordinates x and y of Fx and Fy
     for name in guessed:
         if name[0] in _COMPONENTS and name[1:] in names.coordinates:
             ends.setdefault(name[0], set()).add(name)
@@ -841,7 +840,7 @@ def _ask_back(
 
 
 def _lost_power(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
-    """a*x^2 for ax2, pasted without its raised 2, and a*q2 for aq2 next to q1; Fx1 is usually a component."""
+    """a*x^2 for ax2, which lost its superscript when pasted, or a*q2 for aq2 next to q1; Fx1 is usually a component."""
     cut = re.fullmatch("((?:[A-Za-z][0-9]?){1,3}?)([A-Za-z])([1-9])", name)
     if cut is None or cut[1] in _COMPONENTS:
         return ()
@@ -851,7 +850,7 @@ def _lost_power(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
 
 
 def _may_be_motion(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
-    """t for time, the velocity x' for v or velocity, the coordinate Theta for theta, x for X; R may stand next to r."""
+    """What a name may mean: t for time, the velocity x' for v, Theta for theta, x for X; R and r may coexist."""
     if name == "time":
         return ("t",)
     if name in _WORDS_OF_MOTION:
@@ -868,7 +867,7 @@ def _refused_operator(
     calls: Collection[Call],
     slopes: Collection[str],
 ) -> errors.InputError | None:
-    """The refusal of x^T, Delta x (usually a difference), diff(V, x) of a constant V, and 2j."""
+    """The error for x^T, Delta x (usually a difference), diff(V, x) of a constant V, and 2j."""
     token, before, after = line[place], at(line, place - 1), at(line, place + 1)
     if token.text == "T" and (before.is_operator("^") or (outer.is_operator("^") and len(line) == 1)):
         return refusal("a raised T occurs", token.column, "a transpose? write components", declare="parameters")
@@ -899,7 +898,7 @@ def _refused_operator(
 
 
 def _unit(line: Sequence[Token], place: int, coordinates: Sequence[str]) -> str:
-    """The N/m of k = 3 N/m and the m/s of 2 m/s; empty for other names after a number."""
+    """The N/m of k = 3 N/m, the m/s of 2 m/s; empty for other names after a number."""
     rest = list(itertools.takewhile(lambda token: not token.is_operator(",", ";"), line[place:]))
     given = (place < 2 or line[place - 2].is_operator("=")) and line[place].space_before
     if given and _UNIT.fullmatch(source(rest)) and not {token.text for token in rest} & {*coordinates}:
@@ -910,16 +909,17 @@ def _unit(line: Sequence[Token], place: int, coordinates: Sequence[str]) -> str:
 def _raised_call(
     line: Sequence[Token], place: int, coordinates: Sequence[str], calls: Collection[Call]
 ) -> errors.InputError | None:
-    """The refusal of k^2(x), which is (k(x))^2 or a product, and f^(2)(x), a derivative; k^2(x - y) is a product.
+    """The error for k^2(x), which may be (k(x))^2 or a product, and for f^(2)(x), a derivative; k^2(x - y) is a
+    product.
 
-    k^2(t) is the square of k(t), and so is k^2(x) where k(x) is among the `calls` of the texts.
+    k^2(t) is the square of k(t), and k^2(x) that of k(x) if k(x) is among the `calls` of the texts.
     """
     name, caret, exponent, bracket = (at(line, place + k) for k in range(4))
     if not caret.is_operator("^") or not bracket.is_bracket():
         return None
     raised = at(exponent.inside, 0)
     inside = [token.text for token in walk(bracket.inside) if token.kind != "bracket" and not token.is_operator(",")]
-    if raised.kind == "number" and raised.column > exponent.column:  # brackets of the writer, not of LaTeX
+    if raised.kind == "number" and raised.column > exponent.column:  # typed by the writer, not from LaTeX
         instead = f"write {name.text}''({spelled(bracket.inside[:1])}) for a derivative, ^{raised.text}* for a product"
         return refusal(f"{name.text}^({raised.text})( could be a derivative", name.column, instead)
     called = inside == ["t"] or (name.text, tuple(inside)) in calls
@@ -931,7 +931,7 @@ def _raised_call(
 
 
 def _half_a_number(line: Sequence[Token], place: int) -> errors.InputError | None:
-    """The refusal of 1.0d-3 and 2D0 (Fortran), 0.5f (C), 1f0 (Julia), 0o7, whose letters are not factors."""
+    """The error for 1.0d-3 and 2D0 (Fortran), 0.5f (C), 1f0 (Julia), 0o7, whose letters are not factors."""
     token, before = line[place], at(line, place - 1)
     if before.kind != "number" or token.space_before:
         return None
@@ -969,7 +969,7 @@ def _elliptic_arguments(line: Sequence[Token], place: int) -> int:
 
 
 def _may_depend_on_time(name: str) -> bool:
-    """Whether name(t) may be a function of time; not x(t), a coordinate without equation, nor delta(t), nor words."""
+    """Whether name(t) may be a function of time: not x(t), a coordinate without an equation, delta(t), or a word."""
     moves = nm.looks_like_a_coordinate(name) and name not in ("q", "r", "s", "tau")
     return not (moves or name in _IMPULSES or _looks_like_a_function(name))
 
@@ -981,7 +981,7 @@ def _after_power_of_time(line: Sequence[Token], place: int) -> Token:
 
 
 def _call_arguments(bracket: Token, coordinates: Sequence[str]) -> tuple[str, ...]:
-    """The coordinates (and t) in brackets after a name; empty if the bracket holds anything else."""
+    """The coordinates (and t) in brackets after a name; empty if the brackets contain anything else."""
     names = tuple(spelled(part).removesuffix("(t)") for part in split_at(",", bracket.inside))  # x(t) is x
     plain = bracket.is_bracket() and len(names) == len(set(names)) and set(names) <= set(coordinates)
     return names if plain else ()
@@ -1007,7 +1007,7 @@ def functions_of(text: str) -> dict[str, list[str]]:
 
 
 def with_guess(document: Mapping[str, Any]) -> dict[str, Any]:
-    """The same document, its undeclared names taken as constants."""
+    """The same document, with undeclared names treated as constants."""
     named = document.get("parameters") or ()
     if isinstance(named, Mapping):
         return {**document, "parameters": {**named, AND_GUESS: None}}

@@ -1,7 +1,7 @@
-r"""LaTeX to the tokens of the plain-text grammar, each with its column in the original.
+r"""Convert LaTeX to the tokens of the plain-text grammar, each with its column in the original.
 
-Commands, letters, and signs become tokens, then braces and brackets become one token each; a line of such tokens is
-read from left to right, a command with the arguments after it.
+Commands, letters, and signs become tokens. Each pair of braces or brackets then becomes one token. The line of tokens
+is read from left to right, each command together with its arguments.
 """
 
 import re
@@ -17,7 +17,7 @@ from inverse_service.reading import components, names as nm, prose, tokens as pl
 from inverse_service.reading.tokens import CASES, FACTOR, FRACTION, MATRIX, PARTIAL, TOTAL, Token, Tokens, bracket
 
 _NO_LETTER = "(?![A-Za-z])"
-# Spacing, which becomes blanks before anything else is read; a wide gap is a line end. A \\\\ is none.
+# Spacing becomes blanks before anything else is parsed; a wide gap is a line end. \\\\ is not spacing.
 _ENVIRONMENTS = "alignat|aligned|align|equation|flalign|gathered|gather|multline|split|eqnarray|subequations"
 _SPACE = re.compile(
     rf"(?P<row>\\\\)|(?P<line>\\(?:q?quad|hfill?){_NO_LETTER}|\\hspace\*?\s*\{{[^{{}}]*\}})"
@@ -31,7 +31,7 @@ _SPACE = re.compile(
 _COLUMNS = r"\*?\s*\}(?:\s*\{(?:[lcr| ]|@\{[^{}]*\})*\})?"
 _MATRIX = re.compile(rf"\\(begin|end)\s*\{{\s*({'|'.join(components.MATRICES)}){_COLUMNS}")
 _CASES = re.compile(rf"\\(begin|end)\s*\{{\s*(array|d?cases){_COLUMNS}")
-# In the second column of cases.
+# Words before a condition in the second column of cases.
 _CONDITIONS = {
     **dict.fromkeys(("if", "for", "when", "where")),
     **{
@@ -43,7 +43,7 @@ _CONNECTIVES = {"land": "and", "wedge": "and", "lor": "or", "vee": "or", "forall
 _ROW_SPACE = r"(?:\s*\[\s*-?[0-9.]+\s*(?:pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\])?"
 _COMMAND = re.compile(rf"\\(?:(operatorname\*|[A-Za-z]+)|(\\){_ROW_SPACE}|(.))", re.DOTALL)
 _MARKED_LETTER = re.compile(f"[A-Za-z{''.join(letters.GREEK)}][{''.join((*letters.DOTS, *letters.SUBSCRIPTS))}]+")
-# In an upright font, which makes one name of several letters; \\bar{x} is the name x_bar.
+# Upright fonts, in which several letters are one name; \\bar{x} is the name x_bar.
 _FONTS = frozenset(("mathrm", "operatorname", "operatorname*", "textrm", "textnormal", "text", "mbox", "mathit"))
 _ACCENTS = {"bar": "bar", "tilde": "tilde", "widetilde": "tilde"}
 _SCRIPTS = frozenset(("mathcal", "mathscr", "mathfrak", "mathsf"))
@@ -52,7 +52,7 @@ _ANY_COMMAND = re.compile(r"\\[A-Za-z]+")
 _RUN, _DIGITS = re.compile("[A-Za-z0-9]+"), re.compile("[0-9]+")
 _WORDS = nm.FUNCTIONS | nm.DERIVATIVE_NAMES | nm.REFUSED.keys()
 _FRACTIONS = ("frac", "tfrac", "dfrac", "cfrac")
-# Words that are no product of letters: their backslash was left out.
+# Words that are commands without their backslash rather than products of letters.
 _COMMANDS = frozenset(
     ("dot", "ddot", "cdot", "times", "left", "right", "partial", "mathrm", "text", "quad", "qquad", *_FRACTIONS[:3])
 ) | {*components.BOLD} - {"bm"}
@@ -71,9 +71,9 @@ _SIGNS = {
     **dict.fromkeys(("ne", "neq"), "\u2260"),
 }
 _PRODUCTS = {"cdot": plain.DOT, "times": plain.CROSS}
-# Words in \text that are read, as everywhere.
+# Words that have their usual meaning in \text too.
 _IN_TEXT = frozenset((*plain.JOINING, *plain.CONDITIONAL, "const", "constant"))
-# Words that are no product of letters; where they join nothing they are refused.
+# Words that are not products of letters; they are refused unless they join two formulas.
 _ENGLISH = {word for word, reason in nm.REFUSED_UNLESS_DECLARED.items() if reason.problem == "is a word"}
 _TENSORS = frozenset(("Gamma", "g", "R", "T", "F", "eta", "h", "delta", "epsilon", "varepsilon"))
 _REASONS = nm.reasons("commands")
@@ -111,7 +111,7 @@ def _blank(space: re.Match[str]) -> str:
 
 
 def _without_frames(text: str) -> str:
-    r"""The text without what surrounds a list of equations: \left\{ … \right., and cases or an array without pieces."""
+    r"""The text without the frame of a list of equations: \left\{ … \right., and cases or an array without pieces."""
     opened: list[re.Match[str]] = []
     marks = [*_DELIMITER.finditer(text), *_CASES.finditer(text)]
     for mark in sorted(marks, key=re.Match.start):
@@ -134,7 +134,7 @@ def _blanked(text: str, marks: Sequence[re.Match[str]]) -> str:
 
 
 def _raw(text: str, place: int, space: bool, names: nm.Names) -> tuple[Tokens, int]:
-    """The tokens that begin here, commands among them, and the place after them; a sign that is refused is a fault."""
+    """The tokens that begin here, including commands, and the place after them; a refused sign has the kind "fault"."""
     sign, column = text[place], place + 1
     if sign == "\\":
         return _raw_command(text, place, space, names)
@@ -161,7 +161,7 @@ def _raw(text: str, place: int, space: bool, names: nm.Names) -> tuple[Tokens, i
 
 
 def _letter(name: str, names: nm.Names) -> str:
-    """The name, as which a Greek letter is read; if it is declared, \\varphi is not \\phi."""
+    """The name of a Greek letter; \\varphi differs from \\phi if it is declared."""
     return name if names.role(name) else letters.LETTER_COMMANDS.get(name, name)
 
 
@@ -179,7 +179,7 @@ def _word(text: str, place: int, names: nm.Names) -> str:
 
 
 def _raw_command(text: str, place: int, space: bool, names: nm.Names) -> tuple[Tokens, int]:
-    """The command that begins here, as a letter or a sign if it is one."""
+    """The token of the command that begins here, a letter or a sign if the command denotes one."""
 
     def operator(sign: str, value: Fraction = Fraction(0), space: bool = space) -> Token:
         return Token("operator", sign, place + 1, space, value)
@@ -213,9 +213,9 @@ def _raw_command(text: str, place: int, space: bool, names: nm.Names) -> tuple[T
 
 
 class _Line:
-    """Reads a line of tokens from left to right.
+    """Parse a line of tokens from left to right.
 
-    In the `cells` of a matrix & separates; in a part of a name, `named`, digits are letters.
+    In `cells` of a matrix, & is a separator; in part of a name (`named`), digits count as letters.
     """
 
     def __init__(
@@ -247,12 +247,12 @@ class _Line:
         return plain.at(self._line, self._place)
 
     def _inside(self, token: Token) -> Tokens:
-        """What is in a bracket."""
+        """The tokens inside a bracket."""
         cells = token.text == "[" or (self._cells and token.text == "{")
         return _Line(token.inside, self._text, self._names, cells).read()
 
     def _one(self, token: Token) -> None:
-        """Read the piece that begins with this token."""
+        """Parse the piece that begins with this token."""
         if token.kind == "command":
             self._command(token)
         elif token.kind == "name" or (self._named and token.text.isdigit()):
@@ -283,7 +283,7 @@ class _Line:
             raise refusal(what, token.column, "write $ only around the whole formula")
         if token.text != ".":
             plain.next_tokens(self._text, token.column - 1, False)
-        elif self._text[token.column :].strip():  # no full stop
+        elif self._text[token.column :].strip():  # not the period of a sentence
             raise refusal("a dot without a number occurs", token.column, "a dot belongs to a number such as 0.5")
 
     def _name(self, token: Token) -> None:
@@ -297,7 +297,7 @@ class _Line:
         self._emit(token, token.text, order=token.order)
 
     def _emit(self, token: Token, name: str, kind: plain.Kind = "name", order: int = 0) -> None:
-        """Add the name that the token has or is a command for, with the subscript that follows."""
+        """Add the name that the token or its command denotes, with the subscript that follows."""
         if not name:
             raise refusal(f"{self._shown(token)} contains no name", token.column, "write letters and digits in it")
         name = self._with_subscript(name)
@@ -323,7 +323,7 @@ class _Line:
         return f"{name}{subscript}" if glued else f"{name}_{subscript}"
 
     def _joined(self, line: Sequence[Token]) -> str:
-        """The name that letters, digits and names form, in braces or not; empty if there is anything else."""
+        """The name that letters, digits, and names form, in braces or not; empty if the line contains anything else."""
         inside = line[0].inside if len(line) == 1 and line[0].is_bracket("{") else line
         parts = _Line(inside, self._text, self._names, self._cells, named=True).read()
         return (
@@ -355,7 +355,7 @@ class _Line:
         return [self._enclosed(inner, token)] if inner else []
 
     def _enclosed(self, inner: Tokens, opening: Token, value: Fraction = Fraction(0), space: bool = True) -> Token:
-        """A bracket that ends with what was taken last."""
+        """A bracket that ends with the token taken last."""
         return replace(bracket(inner, opening, value, space), end=self._last.end or self._last.column)
 
     def _quotient(self, above: Tokens, below: Tokens, here: Token) -> Token:
@@ -394,7 +394,7 @@ class _Line:
             raise refusal(what, token.column, reason.instead if reason else "write the formula without it")
 
     def _scripted(self, command: Token) -> str:
-        r"""The J of \mathcal{J}, or nothing where the letter occurs in another font too."""
+        r"""The J of \mathcal{J}, or "" if the letter also occurs in another font."""
         found = _SCRIPTED.match(self._text, command.column - 1)
         rest = _SCRIPTED.sub(" ", self._text)
         return "" if found is None or found[1] in _ANY_COMMAND.sub(" ", rest) else found[1]
@@ -408,7 +408,7 @@ class _Line:
         self._found.append(self._quotient([sign], [sign, variable], token))
 
     def _upright(self, command: Token, line: Sequence[Token]) -> None:
-        r"""The name in \mathrm{…} or \text{…}; the d of a derivative."""
+        r"""Add the name in \mathrm{…} or \text{…}, or the d of a derivative."""
         inside = line[0].inside if line and line[0].is_bracket("{") else line
         words = any(token.space_before for token in inside[1:])
         name = "" if words else self._joined(inside)
@@ -459,7 +459,7 @@ class _Line:
         argument = self._enclosed(self._argument(token), token, space=False)
         if not token.value:
             self._found += [replace(token, kind="name"), argument]
-        else:  # no argument bracket of a name before it
+        else:  # not the argument bracket of a name before it
             power = plain.nested(plain.written(f"^(1/{token.value})", token))
             self._found.append(self._enclosed([argument, *power], token, FACTOR))
 
@@ -502,7 +502,7 @@ class _Line:
             raise refusal("a second power occurs", self._ahead.column, "write x^{a^b} or (x^a)^b")
 
     def _refuse_exponent(self, raised: Token) -> None:
-        """InputError for q^{1}, a component; x^23, which is x^2 3; f^{(2)}, usually a derivative or a component."""
+        """InputError for q^{1}, a component; x^23, which TeX sets as x^2 3; f^{(2)}, a derivative or component."""
         base, one, bracketed = plain.at(self._found, len(self._found) - 1), raised, False
         while len(one.inside) == 1:
             bracketed |= one.is_bracket()
@@ -518,7 +518,7 @@ class _Line:
             raise refusal(f"a raised {one.kind} in brackets occurs", raised.column + 1, instead)
 
     def _refuse_indices(self, caret: Token) -> None:
-        r"""InputError for the indices of tensors, \Gamma^x_{xx} and g^{tt}, which are not powers."""
+        r"""InputError for tensor indices, \Gamma^x_{xx} and g^{tt}, which are not powers."""
         base = self._found[-1].text if self._found else ""
         below = (
             self._line[self._place + 2 : self._place + 3]
@@ -533,7 +533,7 @@ class _Line:
 
 
 def _with_factors_apart(line: Iterable[Token]) -> Tokens:
-    """The tokens with a space before each bracket with a sum: r(r - 2M) is a product, f(x - y) may not be one."""
+    """The tokens with a space before each bracket around a sum: r(r - 2M) is a product, f(x - y) may not be one."""
     found: Tokens = []
     for token in line:
         sums = token.is_bracket() and any(part.is_operator("+", "-") for part in token.inside)

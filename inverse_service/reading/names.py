@@ -1,4 +1,4 @@
-"""The names that a formula may use, and which names can be declared at all."""
+"""The names that a formula may use, and the names that can be declared."""
 
 import difflib
 import json
@@ -21,7 +21,7 @@ _REASONS = Path(__file__).with_name("refused.ndjson").read_text(encoding="utf-8"
 
 
 class Reason(NamedTuple):
-    """The problem with a word, what to write instead, the member that could declare it, and texts for its place."""
+    """The problem with a word, what to write instead, the member that could declare it, and replacement texts."""
 
     problem: str
     instead: str
@@ -30,7 +30,7 @@ class Reason(NamedTuple):
 
 
 def reasons(kind: str) -> dict[str, Reason]:
-    """The reasons by word, for words of one kind; WORD in a sentence is the word itself."""
+    """The reasons by word, for words of one kind; WORD in a sentence is replaced by the word."""
     rows = [row for row in map(json.loads, _REASONS.splitlines()) if row["of"] == kind]
     return {
         word: Reason(
@@ -49,17 +49,17 @@ ALIASES = {
     "heaviside": STEP, "arctg": "atan", "tgh": "tanh", "cotg": "cot", "cotan": "cot", "arsh": "asinh", "arch": "acosh",
     "arth": "atanh", "Max": "max", "Min": "min",
 }  # fmt: skip
-# The larger and the smaller of several: (a + b + |a - b|)/2, (a + b - |a - b|)/2.
+# Maximum and minimum: (a + b + |a - b|)/2, (a + b - |a - b|)/2.
 _EXTREMES = {"max": 1, "min": -1}
 DERIVATIVE_NAMES = frozenset(("diff", "Derivative"))
 PIECEWISE = frozenset(("piecewise", "Piecewise"))
 ELLIPTIC = ("sn", "cn", "dn")
-# Names of special functions that denote constants where no argument follows.
+# Names of special functions that denote constants if no argument follows.
 MAY_BE_CONSTANTS = frozenset(("J0", "J1", "Y0", "Y1", "Ai", "Bi", "Si", "Ci", "Ei", "Li", *ELLIPTIC))
 REFUSED = reasons("names")
-# Documents may declare these names; undeclared ones are refused with a better reason than "unknown".
+# Documents may declare these names. If undeclared, they are refused with a better reason than "unknown".
 REFUSED_UNLESS_DECLARED = reasons("undeclared names")
-# Short names of functions that are also used for coordinates: th for theta.
+# Short function names that also serve as coordinates: th for theta.
 MAY_BE_DECLARED = frozenset(("th", "ch", "sh", "tg", "tgh", "cotan", "cotg", "arch", "arsh", "arth", "arctg"))
 _DOMAINS: dict[str, tuple[Callable[[Fraction], bool], str]] = {
     **{name: (row.holds, row.wanted) for name, row in FUNCTION.items() if row.holds is not None},
@@ -72,7 +72,7 @@ _DOMAINS: dict[str, tuple[Callable[[Fraction], bool], str]] = {
 Role = Literal["coordinate", "parameter", "function"]
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
 _LATEX_NAME = re.compile(r"\\?([A-Za-z]+[0-9]*)(?:_\{?\\?([A-Za-z0-9]+)\}?)?")
-# Endings that stand for time derivatives, longer ones first.
+# Suffixes that denote time derivatives, longer ones first.
 DOTTED = (
     ("_dot_dot", 2), ("_dotdot", 2), ("_ddot", 2), ("dotdot", 2), ("_dot", 1), ("ddot", 2), ("dot", 1),
 )  # fmt: skip
@@ -83,13 +83,13 @@ ENDINGS = ("sinh", "cosh", "tanh", "sqrt", "sin", "cos", "tan", "exp", "log", "l
 _CALLED_INSIDE = re.compile(rf"((?:{_LETTER.pattern}){{1,5}}?)({'|'.join(ENDINGS)})([0-9]*)([A-Za-z]\w*)?")
 _OF_NUMBERS = ("sqrt", "cbrt", "ln", "log")
 GREEK_NAMES = frozenset(GREEK.values())
-FUNCTION_LETTERS = frozenset("fFhHUVW")  # of functions, where a bracket follows at once
+FUNCTION_LETTERS = frozenset("fFhHUVW")  # functions if a bracket follows without a space
 # Letters after which a bracket is usually an argument: f(x - y), V(x + 1).
 MAY_BE_FUNCTIONS = frozenset("fFgGhHpPuUvVwW") | {"phi", "Phi", "psi", "Psi", "chi"}
 POTENTIALS = frozenset(("U", "V", "Omega"))
 _CALLED_WITH_A_NUMBER = re.compile(r"(ln|[A-Za-z]{3,}?)([0-9]+)([A-Za-z]*)")  # sqrt2, sin2x
 _NUMBERED = re.compile(r"([A-Za-z]+)_?([0-9]+)")
-# Greek names in a run of letters. Capitals count only if they differ from Latin letters: Mu in GMu is M and u.
+# Greek names within a run of letters. Capitals count only if they differ from Latin letters: Mu in GMu is M and u.
 _GREEK_IN_RUNS = {name for name in GREEK_NAMES if name.islower()} | {
     *("Gamma", "Delta", "Theta", "Lambda", "Sigma", "Phi", "Psi", "Omega")
 }
@@ -115,7 +115,7 @@ RESERVED = (FUNCTIONS | DERIVATIVE_NAMES | REFUSED.keys() | {"t", "pi"}) - MAY_B
 
 
 def call(function: str, arguments: list[Expression], column: int) -> Expression:
-    """The function of FUNCTIONS applied; InputError for a wrong number of arguments or outside its domain."""
+    """Apply a function of FUNCTIONS; InputError for a wrong number of arguments or a number outside its domain."""
     function = ALIASES.get(function, function)
     if function == "log" and len(arguments) == 2:
         return call("log", arguments[:1], column) / call("log", arguments[1:], column)
@@ -135,12 +135,12 @@ def call(function: str, arguments: list[Expression], column: int) -> Expression:
 
 
 def is_defined(function: str, argument: Expression) -> bool:
-    """False where the argument is a number at which the function has no real value."""
+    """False if the argument is a number at which the function has no real value."""
     return function not in _DOMAINS or not isinstance(argument, Number) or _DOMAINS[function][0](argument.value)
 
 
 def reason_against(name: str, column: int, arguments: str = '["u"]') -> InputError | None:
-    """The refusal of a well-known name that formulas cannot use, or None; sn(u, k) has two `arguments`."""
+    """The error for a well-known name that formulas cannot use, or None; sn(u, k) has two `arguments`."""
     if name.startswith("log_"):
         return refusal("a base of a logarithm occurs", column, "write log(x)/log(2) or log(x, 2)")
     plain = name.replace("_", "")  # J_0
@@ -152,7 +152,7 @@ def reason_against(name: str, column: int, arguments: str = '["u"]') -> InputErr
 
 
 def refused(what: str, reason: Reason, column: int) -> InputError:
-    """The refusal for this reason."""
+    """The error for this reason."""
     return refusal(f"{what}; it occurs", column, reason.instead, reason.offers, declare=reason.declare)
 
 
@@ -160,10 +160,10 @@ def refused(what: str, reason: Reason, column: int) -> InputError:
 class Names:
     """Declared names; `functions` maps each arbitrary function to the names that it depends on.
 
-    `time` says whether `t` may occur. `pi` is always there, `e` and `E` mean exp(1) unless declared. `definitions`
-    are the formulas for which some of the parameters stand: their derivatives are those of the formulas.
-    `guesses`: what is not declared may be a name all the same. `splits`: runs of letters that are products, as kx.
-    `forms`: dz is the velocity of z, as in dz - y dx = 0. `energy`: 1/2m x'^2 is a kinetic energy.
+    `time` says whether `t` may occur. `pi` is always available; `e` and `E` mean exp(1) unless declared. `definitions`
+    maps parameters defined by a formula to that formula, which is used to differentiate them. `guesses`: undeclared
+    names are allowed. `splits`: runs of letters that are products, such as kx. `forms`: dz is the velocity of z, as in
+    dz - y dx = 0. `energy`: 1/2m x'^2 is a kinetic energy.
     """
 
     coordinates: tuple[str, ...] = ()
@@ -180,7 +180,7 @@ class Names:
         return hash((self.coordinates, self.parameters, *self.functions, *self.splits, self.forms, self.energy))
 
     def role(self, name: str) -> Role | None:
-        """What the name was declared as, None if it was not."""
+        """The role in which the name is declared, or None."""
         if name in self.coordinates:
             return "coordinate"
         if name in self.parameters:
@@ -191,7 +191,7 @@ class Names:
         return (*self.coordinates, *self.parameters, *self.functions)
 
     def spelling(self, name: str) -> str:
-        """The declared name meant: `r_1` is r1, and phi is varphi, where only the other one is declared."""
+        """The declared name meant: `r_1` is r1, and phi is varphi, if only the latter is declared."""
         if self.role(name):
             return name
         plain = _plain(_ascii(name))
@@ -201,7 +201,7 @@ class Names:
     def derivative(self, name: str, known: bool = True) -> tuple[str, int] | None:
         """(x, order) for x_dot, xdot, x_ddot, x_dot_dot, x being a coordinate or, if not `known`, any name; else None.
 
-        None too for a name that is declared itself.
+        Also None for a name that is itself declared.
         """
         stems = [(name[: -len(ending)], order) for ending, order in DOTTED if name.endswith(ending) and name != ending]
         moving = [(self.spelling(stem), order) for stem, order in stems if self.spelling(stem) in self.coordinates]
@@ -210,15 +210,14 @@ class Names:
 
 
 def _plain(name: str) -> str:
-    """The name without underscores, each part as the LaTeX command of that name is read."""
+    """The name without underscores, each part spelled like the LaTeX command of that name."""
     return "".join(LETTER_COMMANDS.get(word, word) for word in name.split("_"))
 
 
 def unknown_name(name: str, names: Names, column: int, follows: str = "") -> InputError:
-    """The refusal of an undeclared name: how to declare it, what may have been meant.
+    """The error for an undeclared name: how to declare it, and what may have been meant.
 
-    `follows` is the text of the token after it: "(" after a function, a prime after a coordinate, which stays where
-    another name is put in its place.
+    `follows` is the text of the next token: "(" after a function, or a prime, which a suggested replacement keeps.
     """
     known = reason_against(name, column)
     if known is not None and (follows == "(" or name.replace("_", "") not in MAY_BE_CONSTANTS):
@@ -253,18 +252,18 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
 
 
 def not_declared(name: str) -> str:
-    """The first part of a refusal."""
+    """The first part of the error message."""
     return f"the name '{shorten(name)}' is not declared; it occurs"
 
 
 def undeclared(name: str, column: int, meant: tuple[str, ...], span: tuple[int, int] | None = None) -> InputError:
-    """The refusal of a name, with what the writer may have meant by it, or by the text in the span."""
+    """The error for a name, with possible meanings of the name or of the text in the span."""
     hint = " or ".join(dict.fromkeys(meant))
     return refusal(not_declared(name), column, f"did you mean {hint}?", meant, span, declare="parameters")
 
 
 def ask_for_the_time(name: str, column: int, coordinates: Sequence[str]) -> InputError:
-    """The refusal of a name such as x that has no equation, with what it may be."""
+    """The error for a name such as x without an equation: it may be the independent variable or a coordinate."""
     named = f"t, or {coordinates[0]}''({name})" if coordinates else "t"
     instead = f"is it the independent variable? write {named}; a coordinate? add its equation"
     return refusal(not_declared(name), column, instead, ("t",), declare="parameters")
@@ -284,8 +283,9 @@ def is_momentum(name: str, names: Sequence[str]) -> bool:
 def readings(name: str, names: Names) -> tuple[str, ...]:
     """Interpretations of an undeclared name as known names and a letter: kx as k*x, sinx as sin(x), omegat as omega*t.
 
-    A letter may have a number (k1x); with a coordinate there may be two (mgx). dx is usually x' and is given both
-    ways; x_t is x'; V_x is a derivative if V is a function of x, or may be a potential; a Greek letter is a name.
+    A letter may have a number (k1x); next to a coordinate there may be two letters (mgx). dx is usually x', and both
+    interpretations are returned; x_t is x'; V_x is a derivative if V is or may be a function of x; a Greek letter is a
+    name.
     """
     if name in GREEK_NAMES or len(name) > _LONGEST_PRODUCT:
         return ()
@@ -308,7 +308,7 @@ def readings(name: str, names: Names) -> tuple[str, ...]:
 
 
 def misspelt(name: str) -> list[str]:
-    """The function of which letters are in another order, or one is missing: sin for isn, cos for cs."""
+    """Functions whose letters are in another order or that have one letter more: sin for isn, cos for cs."""
     return [
         known
         for known in ENDINGS
@@ -354,7 +354,8 @@ def _parts(name: str, names: Names) -> list[str]:
 def only_split(name: str, names: Names) -> tuple[str, ...]:
     """The factors of a run of letters that is clearly a product, kx, omegat, mgx, sinx; otherwise empty.
 
-    dx and Dx may be derivatives, xm and rs names with an index, asinx has two functions in it, sinc is one.
+    Not clear: dx and Dx may be derivatives, xm and rs names with an index; asinx contains two functions, and sinc is
+    one.
     """
     if name in GREEK_NAMES or len(name) > _LONGEST_PRODUCT:
         return ()
@@ -365,7 +366,7 @@ def only_split(name: str, names: Names) -> tuple[str, ...]:
     if called and called[1] in FUNCTIONS:
         rest = called[3]
         if called[1] == "exp" or (called[1] in _OF_NUMBERS) == bool(rest):
-            return ()  # sqrt2 and ln2 are numbers, sqrt2x and cos3 x are not clear
+            return ()  # sqrt2 and ln2 are numbers; sqrt2x and cos3 x are not clear
         inner = (rest,) if not rest or names.role(rest) or rest == "t" else only_split(rest, names)
         return (called[1], called[2], *(part for part in inner if part)) if inner else ()
     cut = _parts(name, names)
@@ -384,7 +385,7 @@ def only_split(name: str, names: Names) -> tuple[str, ...]:
 
 
 def _cut(word: str, known: Collection[str]) -> tuple[int, list[str]]:
-    """The smallest number of single letters, and the fewest parts with that number; no parts if no split exists."""
+    """The minimum number of single letters, and the shortest split with that number; no parts if there is no split."""
     best: dict[int, tuple[int, list[str]]] = {0: (0, [])}
     for end in range(1, len(word) + 1):
         cuts = []
@@ -469,7 +470,7 @@ def _places(names: Names, keyed_parameters: bool) -> list[tuple[str, str]]:
 
 
 def refuse_two_spellings(texts: Mapping[str, str], declared: tuple[str, ...] = ()) -> None:
-    """InputError if the texts, given by their pointers, use two letters that would be read as one name."""
+    """InputError if the texts (formulas by pointer) use two letters that denote the same name."""
     seen: dict[str, str] = {}
     for pointer, text in texts.items():
         for found in _WORD.finditer(text):
@@ -486,7 +487,7 @@ def refuse_two_spellings(texts: Mapping[str, str], declared: tuple[str, ...] = (
 
 
 def _spelling(word: str, latex: bool) -> str:
-    """The name of a command or letter; a script l within a run of LaTeX letters is an l."""
+    """The name of a command or letter; a script l in a run of LaTeX letters is an l."""
     if word == SCRIPT_L:
         return "ell"
     if latex and not word.startswith("\\"):

@@ -1,10 +1,10 @@
-r"""Convert other notations for formulas to our own grammar, tokens in, tokens out. Nothing is evaluated.
+r"""Convert other notations for formulas to this package's grammar, tokens in, tokens out, without evaluation.
 
 SymPy's text (`x(t).diff(t, 2)`, `Eq(a, b)`, the calls of `srepr`), Mathematica (`x''[t] == -Sin[x[t]]`,
 `D[u, {t, 2}]`, `Derivative[2][x][t]`, Plus, Times, Power), Maple (`diff(x(t), t$2)`, `(D@@2)(x)(t)`), Maxima
-(`'diff(x, t, 2)`), Modelica (`der(x)`); and derivatives written with d, in plain text and LaTeX: dx/dt, d^2x/dt^2,
-\frac{d}{dt}(m x'), (d/dt)^2 x, dV(x)/dx, (r^2 x')'. A fraction of LaTeX comes as ((above)/(below)), its first bracket
-marked FRACTION, so that one reader knows them all.
+(`'diff(x, t, 2)`), Modelica (`der(x)`); and derivatives written with d in plain text and LaTeX: dx/dt, d^2x/dt^2,
+\frac{d}{dt}(m x'), (d/dt)^2 x, dV(x)/dx, (r^2 x')'. A LaTeX fraction arrives as ((above)/(below)) with its first
+bracket marked FRACTION, so that one parser handles all of them.
 """
 
 import re
@@ -24,7 +24,7 @@ _CAPITALS = {
     "Ln": "log", "ArcSin": "asin", "ArcCos": "acos", "ArcTan": "atan", "ArcSinh": "asinh", "ArcCosh": "acosh",
     "ArcTanh": "atanh", "Abs": "abs", "Sign": "sign", "HeavisideTheta": "Heaviside", "UnitStep": "Heaviside",
 }  # fmt: skip
-_PIECES = "Piecewise[{"  # a head that differs from every name
+_PIECES = "Piecewise[{"  # a head that cannot be a name
 _WORD = re.compile(r"[A-Z]")
 # Derivatives written with d.
 _ABOVE = re.compile(r"d([2-9]?)([A-Za-z]\w*)?")
@@ -34,7 +34,7 @@ _CLEAR = ("=", "+", "-", ",", ";", ")", "&", "<", ">")
 
 
 def in_our_words(tokens: Tokens, names: Names) -> Tokens:
-    """The same formulas in our notation; tokens in our notation are returned unchanged."""
+    """The same formulas in this package's notation; tokens that already have it are returned unchanged."""
     marks = {token.text for token in tk.walk(tokens)}
     mathematica = _is_mathematica(tokens)
     if marks & {"[", "{"}:
@@ -56,12 +56,12 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
 
 
 def _within(token: Token, change: Callable[[Sequence[Token]], Tokens]) -> Token:
-    """The token with what is inside it changed."""
+    """The token with `change` applied to its inside."""
     return replace(token, inside=tuple(change(token.inside))) if token.inside else token
 
 
 def _with_indices(tokens: Tokens, names: Names) -> Tokens:
-    """x[1]'' as x_1'' if x never occurs without an index: in a text with x[t], x[0] is a value."""
+    """x[1]'' as x_1'' if x always has a numeric index: in a text with x[t], x[0] is a value."""
     alone = {line[k].text for line, k, _ in tk.places(tokens) if line[k].kind == "name" and not _is_indexed(line, k)}
     known = FUNCTIONS | {word for word in _HEADS if word.isalpha()} | set(names.functions) | alone
 
@@ -80,7 +80,7 @@ def _with_indices(tokens: Tokens, names: Names) -> Tokens:
 
 
 def _is_indexed(line: Sequence[Token], place: int) -> bool:
-    """Whether x[1] is here, which is not a call x[1](...) of a function."""
+    """Whether x[1] is here, not followed by arguments as in x[1](...)."""
     index, after = at(line, place + 1), at(line, place + 2)
     name = at(line, place).kind == "name" and not at(line, place).order
     return (
@@ -101,9 +101,9 @@ def _is_mathematica(tokens: Tokens) -> bool:
 
 
 def _with_round_brackets(line: Sequence[Token], names: Names, mathematica: bool) -> Tokens:
-    """Mathematica's f[x] and {x, 2}; the orders in our own B[1,0](x, y) are kept.
+    """Mathematica's f[x] and {x, 2} with round brackets; the orders in B[1,0](x, y) are kept.
 
-    Without another sign of Mathematica, k[x] is as ambiguous as k (x).
+    If nothing else indicates Mathematica, k[x] is as ambiguous as k (x).
     """
     found: Tokens = []
     for place, token in enumerate(line):
@@ -123,7 +123,7 @@ def _with_round_brackets(line: Sequence[Token], names: Names, mathematica: bool)
 
 
 def _holds_orders(line: Sequence[Token], place: int) -> bool:
-    """Whether [1,0]( is here, and not Derivative[1][x] or f[2]."""
+    """Whether [1,0]( is here, rather than Derivative[1][x] or f[2]."""
     plain = all(token.kind == "number" or token.is_operator(",") for token in line[place].inside)
     return plain and line[place - 1].text != "Derivative" and at(line, place + 1).is_bracket()
 
@@ -172,7 +172,7 @@ def _after_dot(line: Sequence[Token], place: int, found: Tokens, names: Names) -
 
 
 def _primes(token: Token) -> Tokens:
-    """The primes after a bracket that is replaced, which are refused later."""
+    """The primes after a replaced bracket; they are refused later."""
     return [Token("prime", "'", token.primed)] * (token.order > 0)
 
 
@@ -181,7 +181,7 @@ def _sign(text: str, at: Token) -> Token:
 
 
 def _derivative_of(line: Sequence[Token], place: int, order: int, found: Tokens) -> int:
-    """(x) after D or Derivative[2], as x with primes; the (t) after it follows by itself."""
+    """(x) after D or Derivative[2] as x with primes; the following (t) is converted separately."""
     operand = at(line, place)
     order += operand.order
     while len(operand.inside) == 2 and operand.inside[0].text == "D" and operand.inside[1].is_bracket():  # D(D(x))
@@ -201,7 +201,7 @@ def _is_factor(bracket: Token) -> bool:
 
 
 def _called(line: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
-    """The call of a head that begins here in our words; the place after it.
+    """Convert the call that begins here to this package's notation; return the place after it.
 
     D(x)(t) is x'(t), Derivative[2][x][t] is x''(t), and ModelingToolkit's Differential(t)(u) is diff(u, t).
     """
@@ -254,7 +254,7 @@ def _equality(head: Token, parts: Sequence[Tokens]) -> Tokens:
 
 
 def _pieces(head: Token, parts: Sequence[Tokens]) -> Tokens:
-    """Mathematica's Piecewise[{{a, x > 0}, …}, b] is piecewise((a, x > 0), …, (b, true)); b is 0 if left out."""
+    """Mathematica's Piecewise[{{a, x > 0}, …}, b] is piecewise((a, x > 0), …, (b, true)); b is 0 if omitted."""
     listed, *rest = parts
     if len(listed) > 1:
         raise tk.unexpected(listed[1], "a list of pieces")
@@ -275,7 +275,7 @@ def _der(head: Token, parts: Sequence[Tokens]) -> Tokens:
 
 
 def _column(head: Token, parts: Sequence[Tokens]) -> Tokens:
-    """SymPy's Matrix([[u], [v]]) is u, v: its entries without the brackets of the rows' list."""
+    """SymPy's Matrix([[u], [v]]) is u, v: the entries without the list brackets."""
     if len(parts) != 1 or len(parts[0]) != 1 or not parts[0][0].is_bracket():
         raise refusal("a matrix occurs", head.column, "write its entries, separated by ;")
     return [*parts[0][0].inside]
@@ -307,7 +307,7 @@ _HEADS: dict[str, Callable[[Token, list[Tokens]], Tokens]] = {
 
 @dataclass(frozen=True, slots=True)
 class _Quotient:
-    """d^k u/dx…: the tokens of u (none for an operator), the variables, one for each order, and the place after it."""
+    """d^k u/dx…: the tokens of u (none for an operator), one variable per order, and the place after the quotient."""
 
     operand: Tokens
     variables: tuple[Token, ...]
@@ -340,7 +340,7 @@ def with_derivatives(line: Sequence[Token], names: Names, beyond: Token | None =
 def _derivative(
     line: Sequence[Token], place: int, names: Names, beyond: Token | None = None, depth: int = 0
 ) -> tuple[Tokens, int] | None:
-    """The derivative that begins here in our grammar, and the place after it; None if there is none."""
+    """The derivative that begins here, in this package's grammar, and the place after it; None if there is none."""
     token = line[place]
     if token.is_operator(tk.NABLA):
         return _gradient(line, place, names)
@@ -367,7 +367,7 @@ def _derivative(
 
 
 def _gradient(line: Sequence[Token], place: int, names: Names) -> tuple[Tokens, int]:
-    """The gradient of V where one coordinate moves, as diff(V, x); before anything is known to move, V."""
+    """The gradient of V as diff(V, x) if there is one coordinate; V itself if no coordinate is known yet."""
     sign, name = line[place], at(line, place + 1)
     if name.kind != "name" or len(names.coordinates) > 1:
         raise refusal("a gradient occurs", sign.column, "write an equation for each component")
@@ -426,7 +426,7 @@ def _of_operand(
 
 
 def _is_point(follows: Token, variables: Sequence[Token]) -> bool:
-    """Whether the bracket after a derivative by these is the (x, y) where it is taken."""
+    """Whether the bracket after a derivative by these variables is the point (x, y) at which it is evaluated."""
     listed = tk.spelled(follows.inside).split(",")
     named = follows.is_bracket() and all(map(str.isidentifier, listed))
     return named and {variable.text for variable in variables} <= {*listed}
@@ -443,7 +443,7 @@ def _slope(name: Token, by: Token, at: Token) -> Tokens:
 def _of_what(
     name: Token, by: Sequence[str], coordinates: Sequence[str], first: Token, last: Token | None
 ) -> errors.InputError:
-    """The refusal of dV/dx, from its first to its last token, or a fraction, if the arguments of V are unknown."""
+    """The error for dV/dx, from its first to its last token or a fraction, if the arguments of V are unknown."""
     what = f"a derivative of {name.text} by {by[0]} occurs"
     if last is None:
         return refusal(what, first.column, f"write {name.text}'({by[0]})", declare="functions")
@@ -456,7 +456,7 @@ def _of_what(
 def _applied(
     line: Sequence[Token], quotient: _Quotient, place: int, names: Names, depth: int
 ) -> tuple[Tokens, int] | None:
-    """d/dt ( u ) as diff(u, t); also d/dt x' if no factor follows that may belong to the operand."""
+    """d/dt ( u ) as diff(u, t); also d/dt x' if no following factor could belong to the operand."""
     ends = quotient.after >= len(line) and (not quotient.fraction or names.role("d"))
     operand = None if ends else _differentiated(line, quotient, names, depth)
     if operand is None:
@@ -522,7 +522,7 @@ def _quotient(line: Sequence[Token], place: int, names: Names) -> _Quotient | No
 
 
 def _above(line: Sequence[Token], place: int, names: Names, fraction: bool) -> tuple[int, bool, Tokens, int] | None:
-    """The order, whether it is partial, the tokens of u, and the place after d^k u."""
+    """The order of d^k u, whether it is partial, the tokens of u, and the place after it."""
     first = at(line, place)
     known = names.role(first.text) is not None and not (fraction and first.text == "d")
     match = _ABOVE.fullmatch(first.text) if first.kind == "name" and not known else None
@@ -543,7 +543,7 @@ def _above(line: Sequence[Token], place: int, names: Names, fraction: bool) -> t
 
 
 def _power(line: Sequence[Token], place: int) -> tuple[int, int]:
-    """The k of ^k or ^(k) here, or 1 if there is none, and the place after it."""
+    """The k of ^k or ^(k) here, 1 if there is no exponent, and the place after it."""
     raised = at(line, place + 1)
     while len(raised.inside) == 1:
         raised = raised.inside[0]
@@ -552,7 +552,7 @@ def _power(line: Sequence[Token], place: int) -> tuple[int, int]:
 
 
 def _below(line: Sequence[Token], place: int, order: int, fraction: bool) -> tuple[tuple[Token, ...], int] | None:
-    """The variables of dt^2, dt2, d t, dx dy, together of this order, and the place after them."""
+    """The variables of dt^2, dt2, d t, dx dy, whose orders add up to `order`, and the place after them."""
     found: Tokens = []
     while len(found) < order and place < len(line):
         first, digit = line[place], ""
@@ -609,7 +609,7 @@ def _refuse_fraction(token: Token, names: Names) -> None:
 
 
 def _carried_out(inner: Sequence[Token], variables: Sequence[Token], at: Token, total: bool = False) -> Tokens:
-    """diff(u, x, …), all at the place of the derivative; the diff of dV/dr, where V depends on r alone, has a value."""
+    """diff(u, x, …) with all tokens at column `at`; `total` marks dV/dr of a V that depends on r alone."""
     if not inner:
         raise tk.unexpected(at, "what is differentiated")
     by = [[Token("name", variable.text, at.column)] for variable in variables]

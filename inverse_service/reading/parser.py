@@ -1,4 +1,4 @@
-"""The grammar of formulas over tokens: precedence, products without sign, functions, derivatives.
+"""Parse the tokens of a formula: precedence, products without a sign, functions, derivatives.
 
     formula    = term {("+" | "-") term}
     term       = signs factor {("*" signs | "/" signs | nothing) factor}
@@ -9,8 +9,8 @@
     condition  = both {"|" both},  both = one {"&" one}
     one        = "~" one | "true" | "(" condition ")" | formula ("<" | ">") formula {("<" | ">") formula}
 
-Where a reader could take "nothing" for something other than a product (a/b c, x(y + 1), sin x y,
-x^2y), the formula is refused with both ways to write it. `limits.depth` bounds the recursion.
+If "nothing" may mean something other than a product (a/b c, x(y + 1), sin x y, x^2y), the parser raises an error that
+shows both ways to write the formula. `limits.depth` bounds the recursion.
 """
 
 import itertools
@@ -37,14 +37,14 @@ _OF_ANGLES = frozenset(("sin", "cos", "tan", "cot"))
 
 
 def _checked(value: Fraction, column: int) -> Fraction:
-    """The number; LimitError if it has too many digits, so that every accepted formula can be read back."""
+    """The number; LimitError for too many digits, so that every accepted formula can be parsed again."""
     if max(abs(value.numerator), value.denominator) >= 10**LIMITS.digits:
         raise limit_passed("a number that is computed here has too many digits", column, LIMITS.digits)
     return value
 
 
 def product(factors: Sequence[ex.Expression], column: int) -> ex.Expression:
-    """The product; LimitError where its coefficient becomes too long at any step."""
+    """The product; LimitError if its coefficient becomes too long at any step."""
     reduce(lambda total, factor: _checked(total * ex.coefficient(factor), column), factors, Fraction(1))
     return ex.multiply(*factors)
 
@@ -58,14 +58,14 @@ def sum_of(terms: Sequence[ex.Expression], column: int) -> ex.Expression:
 
 
 def reciprocal(expression: ex.Expression, column: int) -> ex.Expression:
-    """1/u; InputError where u is the number 0."""
+    """1/u; InputError if u is the number 0."""
     if expression == ex.Number(Fraction(0)):
         raise refusal("a division by zero occurs", column, "divide by something that is not 0")
     return expression**-1
 
 
 def raised(base: ex.Expression, exponent: ex.Expression, column: int) -> ex.Expression:
-    """base ^ exponent, e^u being exp(u); refused where it is too large or has no real value."""
+    """base ^ exponent, with e^u as exp(u); InputError or LimitError if it is too large or has no real value."""
     if base == _EXPONENTIAL:
         return ex.Apply("exp", exponent)
     if isinstance(base, ex.Number) and base.value < 0 and not isinstance(exponent, ex.Number):
@@ -97,12 +97,12 @@ def _check_numbers(base: Fraction, exponent: Fraction, column: int) -> None:
         instead = root if exponent.denominator % 2 else "write another base or exponent"
         raise refusal("a negative number to this power is not real", column, instead)
     bits = max(base.numerator.bit_length(), base.denominator.bit_length()) - 1
-    if bits * float(abs(exponent)) > LIMITS.digits * _BITS_PER_DIGIT:  # certain before it is computed
+    if bits * float(abs(exponent)) > LIMITS.digits * _BITS_PER_DIGIT:  # known before the power is computed
         raise limit_passed("a number that is computed here has too many digits", column, LIMITS.digits)
 
 
 def check_depth(expression: ex.Expression, column: int = 1) -> ex.Expression:
-    """The same tree; LimitError where it is deeper than `limits.depth`."""
+    """The same tree; LimitError if it is deeper than `limits.depth`."""
     level, depth = [expression], 0
     while level:
         depth += 1
@@ -155,7 +155,7 @@ def _once(expression: ex.Expression, variable: Variable, names: nm.Names) -> ex.
 
 
 def _refuse_two_meanings(function: ex.Arbitrary, column: int) -> None:
-    """InputError for the derivative of V(t, x) by t, which may be the partial one or the one along the motion."""
+    """InputError for the derivative of V(t, x) by t, which may be partial or along the motion."""
     if ex.TIME not in function.arguments or len(function.arguments) == 1:
         return
     orders = ",".join(str(int(argument == ex.TIME)) for argument in function.arguments)
@@ -177,7 +177,7 @@ def _third(column: int) -> errors.InputError:
 
 
 class FormulaParser:
-    """Reads one formula from a stream of tokens."""
+    """Parse one formula from a stream of tokens."""
 
     __slots__ = ("_bars", "_depth", "_end", "_names", "_stream")
 
@@ -214,7 +214,7 @@ class FormulaParser:
 
     @contextmanager
     def _inside(self, bracket: Token) -> Iterator[None]:
-        """Read what is in a bracket, all of it."""
+        """Parse the entire content of a bracket."""
         if bracket.order:
             raise _prime(bracket)
         outer = self._stream, self._bars, self._depth
@@ -254,9 +254,10 @@ class FormulaParser:
         return [ex.MINUS_ONE] if negative else []
 
     def _operation(self, previous: str | None, start: int, slash: int) -> str | None:
-        """'*', '/', '' for an implicit product, or None where the term ends.
+        """'*', '/', '' for an implicit product, or None at the end of the term.
 
-        The term begins at `start`, what came last, after the sign or word `previous`, at `slash`.
+        The term begins at `start`, and `slash` is the place before its last factor, which follows the operation
+        `previous`.
         """
         token = self._stream.take_operator("*", "/")
         if token:
@@ -269,14 +270,14 @@ class FormulaParser:
         return ""
 
     def _continues(self, token: Token) -> bool:
-        """Whether another factor begins; inside | … a bar ends the term."""
+        """Whether another factor begins; inside | … | a bar ends the term."""
         return _starts_factor(token) or (token.is_operator("|") and not self._bars)
 
     def _ends_quotient(self, start: int, slash: int) -> bool:
         """Whether a/b ends before the next factor: yes in 3/2 y^3, 1/(2 m) p, g/l sin x, no in k/m x, 1/2x.
 
-        A single number in the denominator ends it if the numerator has only numbers or a coordinate follows. So does a
-        bracket or a called function in the denominator, and a function that follows.
+        A single number in the denominator ends it if the numerator has only numbers or a coordinate follows. A bracket
+        or a function call in the denominator ends it too, as does a following function.
         """
         stream, ahead = self._stream, self._stream.ahead
         name = self._names.spelling(ahead.text) if ahead.kind == "name" else ""
@@ -295,7 +296,7 @@ class FormulaParser:
         return len(below) == 1 and below[0].kind == "number" and (numbers or moves or ahead.is_bracket())
 
     def _is_half(self, start: int, slash: int, role: nm.Role | None) -> bool:
-        """Whether this is 1/2m, m/2x'^2, m/2 l^2 or m/2(x'^2 + y'^2) in a Lagrangian; 1/2r^2 may be 1/(2 r^2)."""
+        """Whether this is 1/2m, m/2x'^2, m/2 l^2, or m/2(x'^2 + y'^2) in a Lagrangian; 1/2r^2 may be 1/(2 r^2)."""
         stream, ahead = self._stream, self._stream.ahead
         over, under = tk.source(stream.part(start, slash - 1)), tk.source(stream.part(slash))
         bracket = ahead.is_bracket() and _moves(ahead)
@@ -326,7 +327,7 @@ class FormulaParser:
             raise self._unclear_exponent(last)
 
     def _unclear_exponent(self, first: Token) -> errors.InputError:
-        """The refusal of e^-kt, whose exponent begins with `first`, with both interpretations."""
+        """The error for e^-kt, whose exponent begins with `first`, with both interpretations."""
         stream = self._stream
         glued = [tk.source([first])]
         for place in itertools.count():
@@ -340,7 +341,7 @@ class FormulaParser:
         return refusal(said, stream.ahead.column, instead, (f"({written})", written), span)
 
     def _multiplies(self, ahead: Token) -> bool:
-        """Whether a coordinate after the power of a name or bracket is a factor: in w^2x, not in e^2x, x^2n, k**2x."""
+        """Whether a coordinate after a power of a name or bracket is a factor: yes in w^2x, no in e^2x, x^2n, k**2x."""
         distance = -2 - self._stream.look(-2).is_operator("-")
         base, caret, number = (self._stream.look(place) for place in (distance - 1, distance, -1))
         name = self._names.spelling(ahead.text)
@@ -349,7 +350,7 @@ class FormulaParser:
         return moves and base.kind != "number" and not euler and number.column == caret.column - distance - 1
 
     def _unclear_quotient(self, start: int, slash: int) -> errors.InputError:
-        """The refusal of a/b c, with both interpretations if the following factors can be parsed."""
+        """The error for a/b c, with both interpretations if the following factors can be parsed."""
         stream, place = self._stream, self._stream.position
         said = ("the quotient is not clear", stream.ahead.column, "write (a/b)*c or a/(b*c)")
         rest = self._source_of_factors(place)
@@ -409,7 +410,7 @@ class FormulaParser:
         return found
 
     def _barred(self) -> ex.Expression:
-        """A formula that a | ends."""
+        """A formula that ends at a |."""
         outer, self._bars = self._bars, True
         found = self._expression()
         self._bars = outer
@@ -434,7 +435,7 @@ class FormulaParser:
         return found
 
     def _condition(self, signs: str = "|&") -> ex.Expression:
-        """Conditions joined by | and &, which binds tighter."""
+        """Conditions joined by | and &; & binds tighter."""
         if not signs:
             return self._one_condition()
         with self._nested():
@@ -497,7 +498,7 @@ class FormulaParser:
         return self._base()
 
     def _unclear_inverse(self, token: Token, caret: Token, is_one: bool, length: int) -> errors.InputError:
-        """The refusal of sin^-1, with a power of this length, and both interpretations if its argument can be read."""
+        """The error for sin^-1, a power of `length` tokens, with both interpretations if the argument can be parsed."""
         stream, name = self._stream, token.text
         said = (f"{name}^(-1) has two meanings", caret.column, f"write 1/{name}(x) or the inverse function")
         for _ in range(length):
@@ -512,7 +513,7 @@ class FormulaParser:
         return refusal(*said, (f"a{name}{called}", f"{name}{called}^(-1)"), (token.column, stream.ahead.column))
 
     def _bare_argument(self, token: Token) -> ex.Expression:
-        """The argument of sin x, sin 2x, sin x^2; refused if more factors could belong to it."""
+        """The argument of sin x, sin 2x, sin x^2; InputError if more factors could belong to it."""
         ahead = self._stream.ahead
         barred = ahead.is_operator("|") and not self._bars
         if ahead.kind not in ("number", "name") and not barred:
@@ -537,9 +538,10 @@ class FormulaParser:
         return argument
 
     def _bare_product(self, start: int) -> int:
-        """The number of names after the first factor of a bare argument that clearly belong to it: cos w t, sin 2kx.
+        """The number of names that clearly belong to a bare argument after its first factor: cos w t, sin 2kx.
 
-        They are written without spaces, or constants up to the time, or up to a coordinate where they are Latin.
+        These are constants up to the time, or up to a coordinate if there are no spaces or the first factor is a Latin
+        letter.
         """
         stream = self._stream
         first = stream.look(start - stream.position)
@@ -569,7 +571,7 @@ class FormulaParser:
         return self._names.role(self._names.spelling(token.text)) == "parameter" or token.text in ("pi", "Pi")
 
     def _unclear_end(self, token: Token, start: int) -> errors.InputError:
-        """The refusal of sin a b and sin a/b, with both interpretations if they can be parsed; sin 2 x has one."""
+        """The error for sin a b and sin a/b, with both interpretations if they can be parsed; sin 2 x has only one."""
         stream, end, name = self._stream, self._stream.position, token.text
         said = (f"the end of the argument of {name} is not clear", stream.ahead.column, f"write {name}( and )")
         written = stream.take_operator("/", "*")
@@ -584,7 +586,7 @@ class FormulaParser:
         return refusal(*said, (*separate, f"({inner}{sign}{rest})"), span)
 
     def _source_of_factors(self, place: int) -> str | None:
-        """Parse and take factors from this position on; None if they cannot be parsed."""
+        """Consume the factors from this position on and return their text; None if they cannot be parsed."""
         try:
             while self._continues(self._stream.ahead):
                 self._factor()
@@ -594,9 +596,9 @@ class FormulaParser:
         return found if found and "|" not in found else None
 
     def _bare_ends(self) -> bool:
-        """Whether a bare argument ends here: before an operator, another function, or a velocity, in brackets too.
+        """Whether a bare argument ends here: before an operator, another function, or a velocity, also one in brackets.
 
-        So does an angle with a Greek letter before a sum: sin phi (a - b).
+        An angle named by a Greek letter also ends it before a sum: sin phi (a - b).
         """
         ahead = self._stream.ahead
         if ahead.is_bracket():
@@ -643,7 +645,7 @@ class FormulaParser:
         raise nm.unknown_name(token.text, self._names, token.column, follows)
 
     def _euler(self, token: Token) -> ex.Expression:
-        """exp(1) if it is raised to a formula; a charge e, or its square, is not Euler's number."""
+        """exp(1) if it is raised to a formula; e alone or e^2 may be a charge."""
         ahead = self._stream.ahead
         if token.order or not ahead.is_operator("^") or self._number_alone():
             what = f"{token.text} is Euler's number only in a power such as {token.text}^x; it occurs"
@@ -651,14 +653,14 @@ class FormulaParser:
         return ex.Apply("exp", ex.ONE)
 
     def _number_alone(self) -> bool:
-        """Whether the exponent after the ^ ahead is one number, with signs or brackets about it."""
+        """Whether the exponent after the ^ ahead is a single number, possibly with signs or in brackets."""
         signs = itertools.takewhile(lambda k: self._stream.look(k).is_operator("+", "-"), itertools.count(1))
         raised = tk.walk([self._stream.look(1 + len(list(signs)))])
         kinds = [token.kind for token in raised if not token.is_bracket() and not token.is_operator("+", "-")]
         return kinds == ["number"]
 
     def _single(self, node: ex.Expression, token: Token) -> ex.Expression:
-        """A name by itself; InputError if a bracket makes it look like a function."""
+        """A name without arguments; InputError if a bracket makes it look like a function."""
         ahead, name = self._stream.ahead, token.text
         if token.order and not isinstance(node, ex.Velocity | ex.Acceleration):
             what = f"{name} has no derivative in time; a prime occurs"
@@ -678,7 +680,7 @@ class FormulaParser:
         return node
 
     def _are_its_names(self, node: ex.Expression) -> bool:
-        """Whether the bracket ahead lists all that moves in the formula of a name: V(x, y) for V = x^2 y."""
+        """Whether the bracket ahead lists every coordinate in the formula of a name: V(x, y) for V = x^2 y."""
         inside, formula = self._stream.ahead.inside, self._names.definitions.get(node)
         listed = {self._names.spelling(token.text) for token in inside if not token.is_operator(",")}
         names = {part.name for part in ex.walk(formula) if isinstance(part, ex.Symbol)} if formula else set()
@@ -686,7 +688,7 @@ class FormulaParser:
         return formula is not None and names & moving <= listed <= moving
 
     def _defined_motion(self, node: ex.Expression, token: Token, what: str) -> ex.Expression:
-        """z' for z = a*r^2; InputError for U' or U'(x), usually a slope, and for a constant, whose prime is a mark."""
+        """z' for z = a*r^2; InputError for U' or U'(x), usually a slope, and for a constant with a prime as a mark."""
         name = token.text
         self._skip_time_argument()
         found = carry_out(node, [Variable(ex.TIME, token.order, token.primed)], self._names)
@@ -739,7 +741,7 @@ class FormulaParser:
         return self._opens_arguments() and [token.text for token in self._stream.ahead.inside] == ["t"]
 
     def _group_has_time(self) -> bool:
-        """Whether the bracket ahead holds t and no coordinate: x(t - tau) is a delay, x' (t - y) a product."""
+        """Whether the bracket ahead contains t and no coordinate: x(t - tau) is a delay, x' (t - y) a product."""
         bracket = self._stream.ahead
         timed = any(
             line[place].text == "t" and len(line) > 1 and at(line, place - 1).text != ","  # diff(y, t), y(t)
@@ -761,7 +763,7 @@ class FormulaParser:
     def _called(
         self, name: str, declared: tuple[str, ...], orders: tuple[int, ...], token: Token, power: ex.Expression | None
     ) -> ex.Expression:
-        """A with the arguments that follow, or with those it is declared with; A^2(x) is the square of A(x)."""
+        """A with the arguments that follow, or else with its declared arguments; A^2(x) is the square of A(x)."""
         ahead = self._stream.ahead
         if not self._opens_arguments():
             moving = [self._names.derivative(argument) for argument in declared]  # A(x, x_dot) depends on x'
@@ -815,7 +817,7 @@ class FormulaParser:
         return carry_out(expression, variables, self._names)
 
     def _variable(self, alone: bool = False) -> Variable:
-        """x, or x, 2, which may be in brackets of its own."""
+        """x, or x, 2, possibly in separate brackets."""
         if self._stream.ahead.is_bracket():
             with self._inside(self._stream.take()):
                 return self._variable(True)
@@ -854,13 +856,13 @@ def _moves(bracket: Token) -> bool:
 
 
 def _prime(token: Token) -> errors.InputError:
-    """The refusal of a prime, or of those of a token."""
+    """The error for a prime token, or for the primes of a token."""
     instead = "only a coordinate or a declared function takes a prime; write diff(u, x) for other derivatives"
     return refusal("a prime occurs", token.primed or token.column, instead)
 
 
 def _refuse_stray_signs(line: Sequence[Token]) -> None:
-    """InputError for the * of x +* 3, before any name in it is looked up."""
+    """InputError for the * of x +* 3, before any name is looked up."""
     for before, token in itertools.pairwise(line):
         if before.is_operator(*"+-*/^") and token.is_operator(*"*/^"):
             raise tk.unexpected(token, _OPERAND)
@@ -869,9 +871,9 @@ def _refuse_stray_signs(line: Sequence[Token]) -> None:
 
 
 def parse_tokens(tokens: Tokens, end_column: int, names: nm.Names) -> ex.Expression:
-    """The formula that the tokens spell; errors about a missing end give `end_column`."""
+    """The formula that the tokens form; errors about a missing end have the column `end_column`."""
     _refuse_stray_signs(tokens)
     try:
         return FormulaParser(tokens, end_column, names).formula()
-    except RecursionError:  # the depth limit leaves ample room unless the caller is itself very deep
+    except RecursionError:  # only if the caller is itself deeply nested, since the depth limit leaves ample room
         raise refusal("the formula is nested too deeply", 1, "shorten it") from None

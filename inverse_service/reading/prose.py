@@ -1,13 +1,13 @@
-r"""What stands around the formulas of a text: sentences, titles, numbers of equations, and statements about sets.
+r"""Remove the words around the formulas of a text: sentences, titles, equation numbers, and statements about sets.
 
-    text    = clause {separator clause}        ; , line ends, \quad, : ? and the full stop of a sentence separate
+    text    = clause {separator clause}        ; , line ends, \quad, : ? and the period of a sentence separate
     clause  = {piece}                          a word; a remark, \text{words} or (words); a sign, = + '; or a name, m, 2
-    run     = word {name} word ...             the words of a clause between which only names stand
+    run     = word {name} word ...             words of a clause with nothing but names between them
 
-A run is a sentence if it has a word such as "is" or "the", a title if it has several words at an end of its clause;
-both are left out, the sentence with the names beside it. So is a clause without = that has a word, or that a colon
-ends. All else remains: a single word may be a name, and is asked about where it would be a factor. Separators and
-blanks take the places of what is left out, so that columns hold.
+A run is a sentence if it has a word such as "is" or "the", and a title if it has several words at an end of its clause.
+Both are removed, a sentence together with the names next to it, as is a clause without = that contains a word or ends
+with a colon. Everything else remains: a single word may be a name, and the parser asks about it if it would be a
+factor. Separators and blanks replace the removed text, so that columns stay correct.
 """
 
 import re
@@ -25,7 +25,7 @@ def _words(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-SHORTEST_WORD = 4  # letters of a word that no product of constants needs
+SHORTEST_WORD = 4  # letters from which on a word is unlikely to be a product of constants
 _OF_SENTENCES = _words(
     """
     is are be being has have had was were which that this these those such an the its their of on at to by from as
@@ -35,7 +35,7 @@ _OF_SENTENCES = _words(
     each every some stands means called impose imposing imposes look no two for
     """
 )
-# They begin a clause by themselves.
+# Words that can begin a clause alone.
 _BEGINNINGS = _words(
     """
     let suppose consider find solve minimize minimise study given problem example exercise lagrangian lagrange
@@ -45,7 +45,7 @@ _BEGINNINGS = _words(
 )
 _PREFIXES = _words("non one van co")
 _OPENERS = _words("that where so thus then hence if and let have")  # a formula may follow
-# They may change what a formula means, so that they are not left out.
+# Words that may change the meaning of a formula, so they are not removed.
 _BINDING = re.compile(
     r"\b(?:if|when|while|for(?!\s+(?:an?|the|this|all|small|large|every|any|some)\b)|unless|provided|otherwise|else|except|either"
     r"|(?<!does )(?<!do )not|only|times|plus|minus|over|divided|squared?|cubed?|per|sum|product|root)\b",
@@ -80,7 +80,7 @@ _PRODUCT = re.compile(
 )
 _COMMENT = re.compile(r"(?<!\\)%.*")
 _COMPARES = re.compile(r"[=<>\u2264\u2265]|\\(?:le|ge|ne|equiv)")
-# $x'' = -x$ where words, or other formulas, are beside it; not Maple's t$2.
+# $x'' = -x$ next to words or other formulas; not Maple's t$2.
 MATHEMATICS = re.compile(r"(?<![\w)\\])(\$\$?)([^$]+)\1(?!\w)|(?<!\\)(?<!\\!)\\[(\[]((?:[^\\]|\\[^()\[\]])*)\\[)\]]")
 _JOINED = re.compile(r"\b(?:and|with|where)(?=\s+\\[^;,.]*=)")
 ITEM = re.compile(r"\((?:[a-h]|[ivx]+)\)")  # (a), (ii)
@@ -99,12 +99,12 @@ _SETS = re.compile(
     rf"|{_NAME}\s*+(?:\u2248|\u2243|\\(?:approx|simeq)(?![a-z]))\s*+\d[^,;\n]*"
     rf"|(?<![\w\\])[A-Z]\s*+=\s*+{_SPACES}|\b(?:on|in|is|space)\s+\$?{_SPACES}"
 )
-# D = {z' = y x'} and ker(dz - y dx), the velocities that are allowed.
+# D = {z' = y x'} and ker(dz - y dx), the allowed velocities.
 _ALLOWED = re.compile(
     r"(?:\\mathcal\s*(?:\{\s*D\s*\}|D)|\\Delta(?![a-z])|\b[D\u0394]|\u0394)(?:_?\w|\(q\))?\s*=\s*(?:\\?\{(?:[^{}=]*?(?::|\\mid|\|)(?![=A-Za-z]))?"
     r"(?P<equations>(?:[^{}]|\{[^{}]*\})*=(?:[^{}\\]|\{[^{}]*\}|\\(?!\}))*)\\?\}|(?:\\?ker|\\mathrm\{ker\})\s*\\?[({](?P<form>[^=;]*?)\\?[)}](?=\s*(?:[,;.\n\\]|$)))"
 )
-# \omega^1 = dz - y dx, whose index counts the forms.
+# \omega^1 = dz - y dx, where the index numbers the forms.
 _COUNTED = re.compile(
     r"((?:^|[;,\n]|quad)[ \t]*\\?(?:omega|eta|theta|alpha|[\u03c9\u03b7\u03b8\u03b1]))"
     r"(\^\{?\d\}?|[\u00b9\u00b2\u00b3])(?=\s*:?=[^;\n=]*d[\\a-z])"
@@ -113,7 +113,7 @@ _COUNTED = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A piece of a text: its kind, a group of `_PIECES` or "remark", its place, and what is in it."""
+    """A piece of a text: its kind (a group of `_PIECES` or "remark"), its place, and the pieces inside it."""
 
     kind: str
     start: int
@@ -124,7 +124,7 @@ class Piece:
 
 
 def without_words(text: str, latex: bool, note: Note, declared: Container[str] = ()) -> str:
-    """The text with separators and blanks for its words, at the same columns; each is noted."""
+    """The text with its words replaced by separators and blanks at the same columns; each removal is noted."""
 
     def left_out(match: re.Match[str]) -> str:
         note(match[0].strip())
@@ -151,7 +151,7 @@ def _allowed(match: re.Match[str]) -> str:
 
 
 def _mathematics(formula: str, note: Note) -> str:
-    """The formula between dollars; the equations and comparisons where a text has several, or words beside one."""
+    """The formula between dollar signs; of several, or of one next to words, only equations and comparisons."""
     parts = [*MATHEMATICS.finditer(formula)]
     outside = " ".join(MATHEMATICS.sub(" ", formula).split()).strip(".,; ")
     alone = len(parts) == 1 and not outside
@@ -184,7 +184,7 @@ def _scanned(text: str) -> list[Piece]:
 
 
 def _nested(pieces: Sequence[Piece], text: str) -> list[Piece]:
-    """The pieces, brackets with what is in them being one."""
+    """The pieces, where a bracket and its content are one piece."""
     outer: list[tuple[Piece, list[Piece]]] = []
     line: list[Piece] = []
     for piece in pieces:
@@ -206,7 +206,7 @@ def _nested(pieces: Sequence[Piece], text: str) -> list[Piece]:
 
 @lru_cache(maxsize=4096)
 def is_word(text: str) -> bool:
-    """Whether letters are a word of a language, and not a name, a function, or a product such as mgl or sintheta."""
+    """Whether the text is a word of a language, not a name, a function, or a product such as mgl or sintheta."""
     plain = re.sub("['\u2019]s$", "", text)
     parts = re.split("[-\u2010\u2013]", plain)
     if len(parts) > 1:
@@ -214,7 +214,7 @@ def is_word(text: str) -> bool:
     if plain.lower() in _OF_SENTENCES | _BEGINNINGS or (plain != text and len(plain) > 2):
         return True
     known = plain in nm.FUNCTIONS | nm.DERIVATIVE_NAMES | nm.REFUSED.keys() | letters.LETTER_COMMANDS.keys()
-    if not plain.isascii():  # Painlevé, and no Greek letter
+    if not plain.isascii():  # Painlevé, but not Greek letters
         return (
             len(plain) > 2
             and not any(letter in letters.GREEK for letter in plain)
@@ -227,7 +227,7 @@ def is_word(text: str) -> bool:
 
 
 def _left_out(text: str, declared: Container[str]) -> Iterator[tuple[int, int, bool]]:
-    """The places of what is left out, and whether it is said."""
+    """(start, end, whether to note it) of each part that is removed."""
     pieces = _scanned(text)
     named = _names_among(pieces, text, declared)
     clauses: list[tuple[list[Piece], Piece | None]] = [([], None)]
@@ -264,7 +264,7 @@ def _left_out(text: str, declared: Container[str]) -> Iterator[tuple[int, int, b
 
 
 def _names_among(pieces: Sequence[Piece], text: str, declared: Container[str]) -> set[str]:
-    """The words that are factors or terms somewhere, or declared."""
+    """The words that occur as factors or terms, or are declared."""
     found: set[str] = set()
     for place, piece in enumerate(pieces):
         if piece.kind != "word":
@@ -282,7 +282,7 @@ def _names_among(pieces: Sequence[Piece], text: str, declared: Container[str]) -
 
 
 def _as_remark(piece: Piece, before: Sequence[Piece], named: Collection[str], text: str) -> Piece:
-    """The piece, as a word only where it is one, and brackets of words as a remark."""
+    """The piece, with kind "word" only if it is a word, and "remark" for words in brackets."""
     if piece.kind == "word" and (piece.text in named or not is_word(piece.text)):
         return Piece("name", piece.start, piece.end, piece.text)
     last = before[-1] if before else None
@@ -299,12 +299,12 @@ def _has(clause: Sequence[Piece], *kinds: str) -> bool:
 
 
 def _is_dotted(word: str) -> bool:
-    """Whether a letter of it has dots, as \u1e8b."""
+    """Whether one of its letters has dots, such as \u1e8b."""
     return not word.isascii() and any((letters.letter(sign) or ("", 0))[1] for sign in word)
 
 
 def _is_gone(clause: Sequence[Piece], end: Piece | None, holds: bool, text: str) -> bool:
-    """Whether the whole clause is left out: a label, a clause of words without =, a number after dots."""
+    """Whether the whole clause is removed: a label, a clause of words without =, or a number after dots."""
     said = text[clause[0].start : clause[-1].end] if clause else ""
     meaning = clause[2:] if len(clause) > 3 and clause[1].kind == "relation" and not clause[0].marked else ()
     if meaning and all(piece.kind in ("word", "name") and is_word(piece.text) for piece in meaning):
@@ -328,7 +328,7 @@ def _is_sentence(run: Sequence[Piece]) -> bool:
 
 
 def _runs(clause: Sequence[Piece], text: str) -> Iterator[tuple[int, int, bool]]:
-    """The places of the sentences, titles and remarks of a clause that holds a formula."""
+    """The places of the sentences, titles, and remarks in a clause that contains a formula."""
     place = 0
     while place < len(clause):
         first = place
@@ -358,7 +358,7 @@ def _runs(clause: Sequence[Piece], text: str) -> Iterator[tuple[int, int, bool]]
 
 
 def _listed(clause: Sequence[Piece]) -> Iterator[tuple[int, int, bool]]:
-    """The place of the "with a" before the rest of a list, as in x'' = -a x + b y with a, b real constants."""
+    """The place of the "with a" that begins a list, as in x'' = -a x + b y with a, b real constants."""
     if len(clause) > 2 and clause[-2].text in ("with", "where", "and") and clause[-1].kind == "name":
         yield clause[-2].start, clause[-1].end, True
 

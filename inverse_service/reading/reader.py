@@ -1,6 +1,6 @@
-r"""One entry for formulas in plain text and in LaTeX: a backslash or a brace means LaTeX.
+r"""Parse formulas in plain text or LaTeX; a backslash or a brace means LaTeX.
 
-Lists of equations are split as tokens: where one ends, and its two sides.
+Lists of equations are split, as tokens, into equations and their two sides.
 """
 
 import itertools
@@ -20,7 +20,7 @@ from inverse_service.reading.names import FUNCTIONS, GREEK_NAMES, MAY_BE_FUNCTIO
 from inverse_service.reading.tokens import Token, at
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
-# q''_1, \omega^2_0 and \u03c9\u00b2\u2080, whose order TeX does not show; \Gamma^x_{xx} is a tensor.
+# q''_1, \omega^2_0, and \u03c9\u00b2\u2080, which TeX sets like q_1''; \Gamma^x_{xx} is a tensor.
 _RAISED_FIRST = re.compile(
     r"(?<=[^\W\d_]|\})((?:['\u2032\u2033\u2019]+|\^(?:[^\W_]|\{[^{}_^]*\}))(?=_\d|_\{\d|[\u2080-\u2089])"
     r"|[\u2070\u00b9\u00b2\u00b3\u2074-\u2079]+|\^(?:\d|\{-?\d+\}))"
@@ -37,12 +37,12 @@ _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
 _LETTER_OF_A_FORM = re.compile(rf"(?:[A-Za-z]|{'|'.join(sorted(GREEK_NAMES))})(?:_?[0-9]+)?")
 _OF_PROGRAMS = re.compile(r"[A-Za-z']\[|==|\.diff\(|\w\$\d|:=\s*\{")
 _NOTES: ContextVar[dict[str, str] | None] = ContextVar("notes", default=None)
-OF_A_FORM = Fraction(1)  # the value of a name with a prime that stands for a differential
+OF_A_FORM = Fraction(1)  # marks a name with a prime that replaces a differential
 LEFT_OUT, CONDITION = "left out", "a condition that is not used"
 _JOINS = dict.fromkeys(tk.JOINING, ("=", *tk.COMPARED)) | dict.fromkeys(tk.CONDITIONAL, tk.COMPARED)
 _CONSTANT = ("const", "constant")
 _BRANCHES = ("else", "then", "otherwise")
-_LETTER = r"[^\W\d_\u00b2\u00b3]"  # raised digits count as letters of words
+_LETTER = r"[^\W\d_\u00b2\u00b3]"  # \w includes raised digits
 _BEFORE_A_LETTER = re.compile(rf"([\u00a8\u02d9])({_LETTER})")
 _BEGINS_WITH_DOTS = re.compile(rf"(?<!{_LETTER})[\u00a8\u02d9]{_LETTER}")
 _ENDS_WITH_DOTS = re.compile(rf"{_LETTER}[\u00a8\u02d9](?!{_LETTER})")
@@ -50,7 +50,7 @@ _DOTS_APART = re.compile(r"(?<=\w)( +)([\u0307\u0308]+)")
 
 
 def _refuse_lost_backslashes(formula: str) -> None:
-    r"""InputError for \frac as a form feed and rac, which JSON and Python make of a single backslash."""
+    r"""InputError for a form feed followed by rac, which JSON and Python make of \frac with a single backslash."""
     if lost := _LOST_BACKSLASH.search(formula):
         sign, rest = filter(None, lost.groups())
         column, meant = lost.end() - len(rest), f"\\{_LOST[sign]}{rest}"
@@ -60,7 +60,7 @@ def _refuse_lost_backslashes(formula: str) -> None:
 
 
 def is_latex(formula: str) -> bool:
-    """Whether the formula is read as LaTeX."""
+    """Whether the formula is parsed as LaTeX."""
     braces = "{" in formula and not _OF_PROGRAMS.search(formula)
     return "\\" in formula or braces or formula.lstrip().startswith("$") or bool(prose.MATHEMATICS.search(formula))
 
@@ -72,7 +72,7 @@ def read_formula(formula: str, names: Names) -> ex.Expression:
 
 @contextmanager
 def noted() -> Iterator[dict[str, str]]:
-    """Collect what is read differently from how it was typed: kx as k*x, and omitted lines."""
+    """Collect texts that are interpreted differently from how they were typed (kx as k*x), and omitted lines."""
     notes: dict[str, str] = {}
     mark = _NOTES.set(notes)
     try:
@@ -82,14 +82,14 @@ def noted() -> Iterator[dict[str, str]]:
 
 
 def note(text: str, meant: str) -> None:
-    """Report to the caller of `noted` that a text was read as another."""
+    """Record for the caller of `noted` that a text was interpreted as another."""
     if (notes := _NOTES.get()) is not None:
         notes[text] = meant
 
 
 @contextmanager
 def placed_at(pointer: str) -> Iterator[None]:
-    """Give errors that are raised inside this place in the document."""
+    """Add this pointer to errors raised inside the context."""
     try:
         yield
     except errors.InputError as error:
@@ -107,7 +107,7 @@ def without_accelerations(tree: ex.Expression, what: str, pointer: str) -> ex.Ex
 
 
 def read_condition(condition: str, names: Names) -> ex.Expression:
-    """A - B for A > B and A != B, B - A for A < B; it is positive, or not 0, where the condition of an answer holds."""
+    """A - B for A > B and A != B, B - A for A < B: positive, or nonzero, where the condition of an answer is true."""
     left, sign, right = re.split(r" (!=|>|<) ", condition)
     sides = [read_formula(side, names) for side in ((right, left) if sign == "<" else (left, right))]
     return sides[0] if sides[1] == ex.ZERO else sides[0] - sides[1]
@@ -126,10 +126,10 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     return [*tokens]
 
 
-# One document is read for its names again and again.
+# A document is parsed many times for its names.
 @lru_cache(maxsize=64)
 def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[str, str]]:
-    """The tokens and what is noted about them, for texts that may be so long."""
+    """The tokens and the notes about them; the last argument, the length limit, is only a cache key."""
     with noted() as notes:
         _refuse_lost_backslashes(formula)
         formula = _GREEK_OF_MATHEMATICA.sub(_greek, formula)
@@ -147,9 +147,9 @@ def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[s
 
 
 def _ask_about_primes(tokens: Sequence[Token], energy: bool, latex: bool) -> None:
-    """InputError for the I' of a Lagrangian with dots, where the prime may be a mark or a derivative by a position.
+    """InputError for the I' of a Lagrangian that also has dots: the prime may be a mark or a derivative by a position.
 
-    So is the theta' of an equation in which the same name has two dots.
+    Also for theta' in an equation in which theta has two dots.
     """
     words = [(line[place], at(line, place + 1)) for line, place, _ in tk.places(tokens) if line[place].kind == "name"]
     dotted = {token.text for token, _ in words if token.primed == token.column and (energy or token.order > 1)}
@@ -181,9 +181,9 @@ def _with_forms(tokens: Sequence[Token], names: Names, moves: bool) -> list[Toke
 
 
 def differentials(tokens: Sequence[Token], names: Names, moves: bool) -> Iterator[tuple[int, int, list[Token], str]]:
-    """(place, number of tokens, factor, name) of each dz, y dx and ydx; the other tokens one by one without a name.
+    """(place, number of tokens, factor, name) of each dz, y dx, and ydx; each other token separately, without a name.
 
-    In d theta' and, if anything `moves`, in d x with a space, d is a constant.
+    The d is a constant in d theta', and in d x with a space if anything `moves`.
     """
     place = 0
     while place < len(tokens):
@@ -213,12 +213,12 @@ def _letters_of_forms(tokens: Sequence[Token], names: Names) -> list[str]:
 
 
 def names_in_forms(text: str) -> set[str]:
-    """The letters z and x in dz - y dx."""
+    """The names z and x in dz - y dx."""
     return {*_letters_of_forms(tokens_if_any(text, Names()), Names())}
 
 
 def moving_in_forms(tokens: Sequence[Token], names: Names) -> list[str]:
-    """The undeclared names z and x of dz - y dx = 0 and of dz = 0, which are letters."""
+    """The undeclared single-letter names z and x of dz - y dx = 0 and of dz = 0."""
     found: list[str] = []
     for line in tk.split_at(";,", tokens):
         each, alone = _letters_of_forms(line, names), tk.spelled(line[-2:]) == "=0"
@@ -228,7 +228,7 @@ def moving_in_forms(tokens: Sequence[Token], names: Names) -> list[str]:
 
 
 def _ask_about_displacements(tokens: Sequence[Token], names: Names) -> None:
-    """InputError for the delta z of delta z = y delta x, which is usually a virtual displacement."""
+    """InputError for delta z in delta z = y delta x, usually a virtual displacement."""
     if names.role("delta") or _moves(tokens):
         return
     for delta, moving in itertools.pairwise(tk.walk(tokens)):
@@ -240,9 +240,9 @@ def _ask_about_displacements(tokens: Sequence[Token], names: Names) -> None:
 
 
 def _without_labels(tokens: list[Token], names: Names) -> list[Token]:
-    """The tokens without the eq := of eq := x'' = -x, which is noted.
+    """The tokens without the eq := of eq := x'' = -x; the omission is noted.
 
-    So is the name in mu = sin(theta) dx - cos(theta) dy and phi = z' - y x' = 0: a form is not a number.
+    The name of a form, as in mu = sin(theta) dx - cos(theta) dy or phi = z' - y x' = 0, is omitted too.
     """
     found: list[Token] = []
     for line, end in tk.split(tokens, lambda _, token: token.is_operator(";", ",")):
@@ -261,7 +261,7 @@ def _without_labels(tokens: list[Token], names: Names) -> list[Token]:
 
 
 def tokens_if_any(formula: str, names: Names) -> list[Token]:
-    """The tokens; empty for a formula that cannot be read, whose error is reported where it is read."""
+    """The tokens; empty for a formula that cannot be tokenized, whose error is reported when it is parsed."""
     with suppress(errors.InputError):
         return read_tokens(formula, names)
     return []
@@ -275,7 +275,7 @@ def _scanned(formula: str, names: Names, is_latex: bool) -> list[Token]:
 
 
 def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[Token]:
-    """The tokens without initial conditions, equation numbers and conditions such as k > 0, each of which is noted.
+    """The tokens without initial conditions, equation numbers, and conditions such as k > 0; each omission is noted.
 
     `where` and `with` between an equation and a definition are separators. Comparisons are omitted only next to
     equations.
@@ -307,7 +307,7 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
             group = []
         equal = group and (names.energy or _has(group, "="))
         found += _without_number(group, formula, names) if equal else group
-        found += [end] if end is not None and (group or not found) else []  # a word that begins the rest is a remark
+        found += [end] if end is not None and (group or not found) else []  # a word that begins `rest` is a remark
     return found
 
 
@@ -324,11 +324,11 @@ def _with_definitions_apart(tokens: list[Token]) -> list[Token]:
 
 
 def _joins(tokens: Sequence[Token], place: int, names: Names) -> bool:
-    """Whether the token is a word that joins a definition or a condition to an equation."""
+    """Whether the token is a word such as "where" that joins a definition or a condition to an equation."""
     wanted = _JOINS.get(tokens[place].text, ())
     if not wanted or names.role(tokens[place].text):
         return False
-    after = place + 1 + at(tokens, place + 1).is_operator(";")  # a line of its own
+    after = place + 1 + at(tokens, place + 1).is_operator(";")  # on a separate line
     for token in tokens[after:]:
         if token.is_operator(*wanted, ";", ",") or token.text in _BRANCHES:
             return token.is_operator(*wanted)
@@ -345,7 +345,7 @@ def _is_condition(group: Sequence[Token]) -> bool:
 
 
 def _without_condition(group: list[Token], formula: str) -> list[Token]:
-    """The equation without the (k > 0) after it, whose names do not move."""
+    """The equation without a following (k > 0) that contains no moving names."""
     last, before = at(group, len(group) - 1), at(group, len(group) - 2)
     apart = len(group) > 1 and last.is_bracket() and last.space_before and not before.is_operator(*"+-*/^=")
     moving = {token.text for token in tk.walk(group) if token.order and token.kind == "name"}
@@ -366,7 +366,7 @@ def _is_initial(group: Sequence[Token]) -> bool:
 
 
 def _without_number(group: list[Token], formula: str, names: Names) -> list[Token]:
-    """The equation without the (1) or 1. before it and the (1) after it, which are usually its number."""
+    """The equation without its number: (1) or 1. before it, (1) after it."""
     first, second, number = at(group, 0), at(group, 1), at(group, len(group) - 1)
     named = second.kind == "name" or second.is_bracket()
     if named and (_is_item(group) or (_is_number(group[:1]) and len(first.inside) == 1)):
@@ -397,7 +397,7 @@ def _without_number(group: list[Token], formula: str, names: Names) -> list[Toke
 
 
 def _is_item(group: Sequence[Token]) -> bool:
-    """Whether it begins with (a) or (ii), a letter that does not occur again."""
+    """Whether it begins with (a) or (ii) and this text does not occur again."""
     letter = tk.spelled(group[0].inside)
     again = any(token.text == letter for token in tk.walk(group[1:]))
     return group[1].space_before and bool(prose.ITEM.fullmatch(tk.spelled(group[:1]))) and not again
@@ -441,9 +441,9 @@ def _with_products(tokens: Sequence[Token], names: Names) -> list[Token]:
 
 
 def _with_dots_after_letters(formula: str) -> str:
-    """The formula with the dots of each letter after it: texts copied from a PDF have \u00a8x or x\u00a8 for x''.
+    """The formula with dots moved after their letters: texts copied from a PDF have \u00a8x or x\u00a8 for x''.
 
-    InputError for m\u00a8x alone, where the dots may be those of either letter.
+    InputError for m\u00a8x alone, because the dots may belong to either letter.
     """
     formula = _DOTS_APART.sub(r"\2\1", formula)
     between = _BEFORE_A_LETTER.search(formula)
@@ -461,7 +461,7 @@ def _with_dots_after_letters(formula: str) -> str:
 
 
 def without_words(formula: str, declared: Collection[str] = ()) -> str:
-    """The formula with separators and blanks for the words around it; what is left out is noted."""
+    """The formula with the words around it replaced by separators and blanks; each removal is noted."""
     return prose.without_words(formula, is_latex(formula), lambda words: note(words, LEFT_OUT), declared)
 
 
@@ -480,10 +480,10 @@ class EquationTokens:
 
 
 def split_equations(formula: str, names: Names) -> list[EquationTokens]:
-    """One entry for each equation, separated by ; or line ends or commas outside brackets; empty ones are dropped.
+    """One entry for each nonempty equation; ; or line ends or commas outside brackets separate equations.
 
-    They are tokens, so that each can be refused by itself. A comma separates equations only: where one of the parts has
-    an = and the other none, it is refused.
+    The entries are tokens, so that each equation can raise its own error. InputError if commas separate parts of which
+    only some have an =.
     """
     tokens = read_tokens(formula, names)
     _refuse_bullets(tokens, formula)
@@ -523,9 +523,9 @@ def read_equation(equation: EquationTokens, names: Names) -> tuple[ex.Expression
 
 
 def remark(line: Sequence[Token], place: int, alone: Collection[str]) -> errors.InputError | None:
-    """The refusal of names not meant as factors: a word beside one, such as damping, unless it stands `alone` too.
+    """The error for a word next to a factor that is not meant as one, such as damping, unless it is in `alone`.
 
-    So are (spring) after an equation, and (a) before one.
+    Also for (spring) after an equation and (a) before one.
     """
     token, before, after = line[place], at(line, place - 1), at(line, place + 1)
     shown = shorten(token.text)
@@ -549,7 +549,7 @@ def remark(line: Sequence[Token], place: int, alone: Collection[str]) -> errors.
 
 
 def alone(lines: Iterable[Sequence[Token]]) -> set[str]:
-    """The names that stand between signs somewhere, have primes, or occur twice, so that they are no remarks."""
+    """The names that occur between signs, have primes, or occur twice, and are therefore not remarks."""
     found, once = set[str](), set[str]()
     for line, place, _ in (each for tokens in lines for each in tk.places(tokens)):
         name, beside = line[place], (at(line, place - 1), at(line, place + 1))
@@ -561,7 +561,7 @@ def alone(lines: Iterable[Sequence[Token]]) -> set[str]:
 
 
 def _is_edge(token: Token) -> bool:
-    """Whether an equation ends or begins there."""
+    """Whether an equation ends or begins at this token."""
     return token.kind == "end" or token.is_operator(";", ",")
 
 

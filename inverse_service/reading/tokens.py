@@ -39,7 +39,7 @@ CLOSING = {"(": ")", "[": "]", "{": "}"}
 _OPENING = {closing: opening for opening, closing in CLOSING.items()}
 _EXPECTS_MORE = ("+", "-", "*", "/", "^", "_", "=", ",", "&")
 _GOES_ON = ("+", "*", "/", "^", "_", "=", ",", "&")
-# Words that join equations, and conditions, to what is before them.
+# Words that join an equation, or a condition, to the text before it.
 JOINING, CONDITIONAL = (
     ("where", "with", "given", "and", "so", "thus", "hence", "therefore", "but"),
     ("for", "if", "when"),
@@ -60,10 +60,10 @@ _REFUSED_SIGNS = {
 COMPARISONS = {"!=": "\u2260", "<=": "<", ">=": ">", "<": "<", ">": ">", "\u2264": "<", "\u2265": ">",
                "\u2260": "\u2260", "\u226a": "<", "\u226b": ">"}  # fmt: skip
 COMPARED = ("<", ">", "\u2260")
-# What is written as what; some are signs of programs, .* of MATLAB and ~ of Julia.
+# Signs and their replacements; some are those of other programs, such as .* of MATLAB and ~ of Julia.
 _SIGNS = {sign: sign for sign in "+-*/^()[]{},=;|!" + PARTIAL + TOTAL + NABLA} | OPERATORS | COMPARISONS
 _SIGNS |= {":=": "=", "==": "=", "**": "^", ".*": "*", "./": "/", ".^": "^", "~": "="}
-# The signs that join conditions in a piecewise formula. Boundaries belong to no open set, so <= is read as <.
+# The signs that join conditions in a piecewise formula. Answers hold on open sets, so <= is parsed as <.
 _PIECEWISE = re.compile(r"\b[Pp]iecewise\s*[(\[]")
 _CONDITION = re.compile(r"<=|>=|&&|\|\|(?=\s)|[<>&~\u2264\u2265]|\b(?:and|or|not|true|True|otherwise)\b", re.ASCII)
 _EQUALITY = re.compile(r"!?={1,2}|\u2260")
@@ -82,12 +82,11 @@ _OTHERWISE = Reason("", "use letters, digits, + - * / ^ ( ) , = and '")
 class Token:
     """One token; `column` counts from 1 in the original text.
 
-    A bracket is one token with the tokens `inside` it, `end` being the column of its closing sign. `order` counts the
-    primes after a name or a bracket, the first of which is in the column `primed`.
-    `value` is that of a number; for a prime it is the order of the derivative; for a bracket it is FACTOR where no
-    arguments can stand in it, and FRACTION for ((above)/(below)) of LaTeX; for a * DOT or CROSS where LaTeX has
-    \\cdot or \\times; for an = GIVEN where := is written.
-    Operators are + - * / ^ , = ; |, and < > & ~ true in conditions of pieces.
+    A bracket is one token that contains the tokens `inside`; `end` is the column of its closing sign. `order` counts
+    the primes after a name or a bracket, and `primed` is the column of the first prime. `value` is the value of a
+    number; for a prime, the order of the derivative; for a bracket, FACTOR if it cannot contain arguments and FRACTION
+    for ((above)/(below)) of LaTeX; for *, DOT or CROSS if LaTeX has \\cdot or \\times; for =, GIVEN if the text has :=.
+    The operators are + - * / ^ , = ; |, and also < > & ~ true in conditions of pieces.
     """
 
     kind: Kind
@@ -117,20 +116,21 @@ _BEYOND = Token("end", "", 0)
 
 
 def at(tokens: Sequence[Token], place: int) -> Token:
-    """The token at this place, or an end mark beyond either end, so that no reader can run past it."""
+    """The token at this place, or an end mark beyond either end, so that callers need no bounds check."""
     return tokens[place] if 0 <= place < len(tokens) else _BEYOND
 
 
 def bracket(inside: Sequence[Token], at: Token, value: Fraction = Fraction(0), space: bool = True) -> Token:
-    """A bracket in the place of a token."""
+    """A bracket at the column of the token `at`."""
     return Token("bracket", "(", at.column, space, value, tuple(inside), at.column)
 
 
 def nested(tokens: Sequence[Token], primes: bool = True) -> Tokens:
-    """The tokens with each pair of brackets as one, and `primes` as a part of what they follow.
+    """The tokens with each pair of brackets joined into one token and, with `primes`, primes joined to the token they
+    follow.
 
-    InputError for a bracket without its partner, LimitError for too many in each other. No equation ends in brackets,
-    so the line ends in them go. Maxima's quote in 'diff(x, t) is no prime.
+    InputError for an unmatched bracket, LimitError for brackets nested too deeply. No equation ends in brackets, so
+    line ends inside them are dropped. Maxima's quote in 'diff(x, t) is not a prime.
     """
     outer: list[tuple[Token, Tokens]] = []
     line: Tokens = []
@@ -159,7 +159,7 @@ def nested(tokens: Sequence[Token], primes: bool = True) -> Tokens:
 
 
 def add_prime(line: Tokens, prime: Token) -> None:
-    """Join the prime to the name or bracket before it; where there is none, it stays a token."""
+    """Join the prime to the name or bracket before it; if there is none, append it as a token."""
     last = at(line, len(line) - 1)
     if last.kind in ("name", "bracket", "vector"):
         line[-1] = replace(last, order=last.order + int(prime.value), primed=last.primed or prime.column)
@@ -176,7 +176,7 @@ def places(line: Sequence[Token], outer: Token = _BEYOND) -> Iterator[tuple[Sequ
 
 
 def walk(tokens: Iterable[Token]) -> Iterator[Token]:
-    """Every token, those in brackets after the bracket."""
+    """Every token; the tokens in a bracket follow it."""
     for token in tokens:
         yield token
         if token.inside:
@@ -184,7 +184,7 @@ def walk(tokens: Iterable[Token]) -> Iterator[Token]:
 
 
 def flat(tokens: Iterable[Token]) -> Iterator[Token]:
-    """The tokens with both signs of each bracket, and with their primes."""
+    """The tokens with brackets and primes expanded into separate tokens."""
     for token in tokens:
         primes = "'" * token.order
         if token.kind != "bracket":
@@ -201,7 +201,7 @@ def spelled(tokens: Iterable[Token]) -> str:
 
 
 def source(tokens: Iterable[Token]) -> str:
-    """The tokens as they may be written."""
+    """The tokens as a text that can be parsed."""
     found = ""
     for token in flat(tokens):
         glued = found[-1:].isalnum() and token.kind in ("name", "number") and not found[-1:].isdigit()
@@ -210,7 +210,7 @@ def source(tokens: Iterable[Token]) -> str:
 
 
 def after_power(tokens: Sequence[Token], place: int) -> int:
-    """The place after the ^k or ^( ... ) that begins here; the same place if there is none."""
+    """The place after the ^k or ^( ... ) that begins here; the same place if there is no power."""
     return place + 2 * at(tokens, place).is_operator("^")
 
 
@@ -230,10 +230,10 @@ def split_at(signs: str, tokens: Sequence[Token]) -> list[Tokens]:
 
 
 def with_line_ends(tokens: Sequence[Token], latex: bool = False) -> Tokens:
-    """The tokens with a ; for each line end between two equations, and without the other line ends.
+    """The tokens with a ; for each line end between two equations, without the other line ends.
 
-    No equation ends next to an operator that needs an operand there. In LaTeX, where a formula may be broken at any
-    place and a wide gap counts as a line end, there is also an = on either side.
+    No equation ends next to an operator that lacks an operand. In LaTeX, a formula may be broken anywhere and a wide
+    gap counts as a line end, so each side must also contain an =.
     """
     found: Tokens = []
     equals = False
@@ -250,7 +250,7 @@ def with_line_ends(tokens: Sequence[Token], latex: bool = False) -> Tokens:
 
 
 def _is_between(before: Sequence[Token], after: Sequence[Token], latex: bool) -> bool:
-    """Whether an equation is complete before a line end, and the line after it begins another one."""
+    """Whether the equation before a line end is complete and the next line begins another one."""
     text = itertools.dropwhile(lambda token: token.kind == "newline", after)
     line = list(itertools.takewhile(lambda token: token.kind != "newline" and not token.is_operator(";"), text))
     if not before or not line or before[-1].is_operator(*_EXPECTS_MORE) or line[0].is_operator(*_GOES_ON):
@@ -276,7 +276,7 @@ def refuse_decimal_commas(tokens: Sequence[Token]) -> None:
 
 
 def never_closed(opening: Token) -> InputError:
-    """The refusal of a bracket that is never closed."""
+    """The error for a bracket that is never closed."""
     if opening.value == MATRIX:
         return refusals.refusal("a matrix is never ended", opening.column, "add the missing \\end")
     closing = CLOSING.get(opening.text, opening.text)
@@ -284,7 +284,7 @@ def never_closed(opening: Token) -> InputError:
 
 
 class TokenStream:
-    """A position in a line of tokens; the mark `end` of a bracket has the text of its closing sign."""
+    """A position in a line of tokens; the `end` mark of a bracket has the text of its closing sign."""
 
     __slots__ = ("_tokens", "position")
 
@@ -302,7 +302,7 @@ class TokenStream:
         return self._tokens[place] if 0 <= place < len(self._tokens) else self._tokens[-1]
 
     def part(self, start: int, end: int | None = None) -> Tokens:
-        """The tokens from one position up to another, or to the present one."""
+        """The tokens from one position to another, by default the current one."""
         return self._tokens[start : self.position if end is None else end]
 
     def take(self) -> Token:
@@ -317,7 +317,7 @@ class TokenStream:
 
 
 def unexpected(token: Token, wanted: str) -> InputError:
-    """The refusal of a token that cannot follow here."""
+    """The error for a token that cannot follow here."""
     if token.kind == "end" and not token.text:
         return refusals.refusal("the formula ends", token.column, f"{wanted} is missing")
     if token.is_operator(TOTAL):
@@ -352,7 +352,7 @@ def tokenize(text: str, known: Container[str] = ()) -> Tokens:
     check_length(text)
     plain = text.rstrip()
     if plain.endswith(".") and not plain[-2:-1].isdecimal() and plain != ".":
-        text = plain[:-1]  # the full stop of a sentence, not the dot of a number (2.)
+        text = plain[:-1]  # the period of a sentence, not the point of a number (2.)
     conditions = _PIECEWISE.search(text) is not None
 
     def step(text: str, place: int, space: bool) -> tuple[Tokens, int]:
@@ -372,15 +372,15 @@ def tokenize(text: str, known: Container[str] = ()) -> Tokens:
 
 
 def written(text: str, at: Token) -> Tokens:
-    """The tokens of a text that stands for the token `at`, all in its place, without brackets joined."""
+    """The tokens of a text that replaces the token `at`, all at its column, with brackets not joined."""
     found = scan(text, 0, len(text), lambda text, place, space: next_tokens(text, place, space))
     return [replace(token, column=at.column) for token in found]
 
 
 def scan(text: str, place: int, stop: int, step: Callable[[str, int, bool], tuple[Tokens, int]]) -> Tokens:
-    """Apply `step` from one place to another; it takes a place and whether a space precedes it.
+    """Apply `step` repeatedly from `place` to `stop`. It takes a place and whether a space precedes it.
 
-    `step` returns the tokens there, none for a space, and the place after them.
+    It returns the tokens there (none for a space) and the place after them.
     """
     tokens: Tokens = []
     space = False
@@ -452,8 +452,8 @@ def _superscript(text: str, place: int) -> tuple[Tokens, int]:
 def _name(text: str, place: int, space: bool, known: Container[str]) -> tuple[Tokens, int]:
     """The names in a run of letters, each followed by a prime for the dots over it.
 
-    A Greek letter, the script l and a letter with dots are separate names in such a run unless all of it is
-    declared: alpha x is written without a space; plain ASCII is one name.
+    In such a run, a Greek letter, the script l, and a letter with dots are separate names unless the whole run is
+    declared, because alpha x may be written without a space. An ASCII run is one name.
     """
     ascii_name = _ASCII_NAME.match(text, place)
     end = ascii_name.end() if ascii_name else place
