@@ -37,7 +37,7 @@ _SPELLED = {
     ),
 }
 HAMILTONIAN = re.compile(r"\s*(\\(?:mathcal|mathscr)\s*\{?\s*H\s*\}?|H)\s*(?:\([^()]*\))?\s*=")
-_NO_MOTION = "H = … alone holds no motion: write its equations beside it, such as x' = dH/dp, p' = -dH/dx."
+_NO_MOTION = "H = … alone does not determine the motion: add its equations, such as x' = dH/dp, p' = -dH/dx."
 _NO_VELOCITY = "the Lagrangian contains no velocity such as x': write kinetic minus potential energy."
 # Factors before an acceleration without a sign: m, ml, I, r.
 _FACTOR_OF_MOTION = re.compile("([mMIJLCRlrabckghqGQ][0-9]?){1,4}")

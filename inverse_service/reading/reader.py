@@ -159,7 +159,7 @@ def _ask_about_primes(tokens: Sequence[Token], energy: bool, latex: bool) -> Non
             name, span = token.text, (token.column, token.primed + token.order)
             meant = (f"{name}_1", *((f"{name}_{{dot}}" if latex else f"{name}_dot",) * again))
             instead = f"write {name}_1 for another name, a dot for a velocity"
-            raise refusal(f"a prime occurs beside dots: {name}'", token.column, instead, meant, span)
+            raise refusal(f"a prime occurs next to dots: {name}'", token.column, instead, meant, span)
 
 
 def _with_forms(tokens: Sequence[Token], names: Names, moves: bool) -> list[Token]:
