@@ -1,4 +1,5 @@
-"""Formulas as frozen trees: calculus, the table of functions, printing, values at a point.
+"""Formulas as frozen trees: differentiation, the table of functions, printing, and evaluation at a point.
 
-Others use `tree` (what a formula is), `derivative`, `collecting` (sums of products), `printing`, and `evaluation`.
+Other packages use `tree` (the nodes of a formula), `derivative`, `collecting` (sums of products), `printing`, and
+`evaluation`.
 """

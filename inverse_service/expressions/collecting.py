@@ -1,10 +1,9 @@
-"""Trees expanded to sums of products of powers of atoms, exactly, and back to trees.
+"""Expand trees exactly into sums of products of powers of atoms, and convert these back to trees.
 
-A term is a rational number times atoms with rational exponents. Used on the real domain: x^a x^b =
-x^(a+b), (u^r)^s = u^(r s) for r odd or fractional (a root means u >= 0), b^e = exp(e log b),
-exp(u + w) = exp(u) exp(w), f(g(u)) = u for inverse functions where that holds for every u of the
-domain. sqrt(x^2) is not changed. A power of a sum with an exponent that is not a positive
-integer is an atom, so sums are not cancelled against denominators.
+A term is a rational number times atoms with rational exponents. These rules apply on the real domain: x^a x^b =
+x^(a+b), (u^r)^s = u^(r s) for r odd or fractional (a root means u >= 0), b^e = exp(e log b), exp(u + w) = exp(u)
+exp(w), and f(g(u)) = u for inverse functions if it is true for every u in the domain. sqrt(x^2) is not changed. A power
+of a sum with an exponent that is not a positive integer is an atom, so sums are not cancelled against denominators.
 Monomials of atoms are converted back to trees in a fixed order, with powers and exponentials combined.
 """
 
@@ -51,7 +50,7 @@ def expand(tree: ex.Expression) -> tuple[Term, ...]:
 
 
 def forget_expansions() -> None:
-    """Empty the table of earlier expansions, so that the next measurement starts with an empty table."""
+    """Empty the table of earlier expansions, so that the next measurement does not profit from it."""
     _KEPT.clear()
 
 
@@ -155,7 +154,7 @@ def _normal(table: Mapping[ex.Expression, Fraction], coefficient: Fraction) -> T
 
 
 def _whole_part(base: ex.Expression, exponent: Fraction) -> Fraction:
-    """The part of the exponent of a composite base that can be multiplied out."""
+    """The part of the exponent of a composite base that can be expanded."""
     if isinstance(base, ex.Sum):
         return exponent if exponent.denominator == 1 and exponent > 0 else Fraction(0)
     return Fraction(math.floor(exponent)) if isinstance(base, ex.Product | ex.Power) else Fraction(0)
@@ -225,7 +224,7 @@ def _number_power(value: Fraction, exponent: Fraction) -> Terms:
 
 
 def of_inverse(tree: ex.Apply) -> ex.Expression | None:
-    """sin(asin(u)) = u, cos(asin(u)) = sqrt(1 - u^2) and the like, where asin(u) is real; None for all else."""
+    """sin(asin(u)) = u, cos(asin(u)) = sqrt(1 - u^2), and similar rules if asin(u) is real; None for any other tree."""
     inner, row = tree.argument, derivative.FUNCTION.get(tree.function)
     if isinstance(inner, ex.Apply) and row is not None:
         if row.undoes == inner.function:
@@ -356,7 +355,7 @@ def _split_exponential(
 
 @lru_cache(maxsize=1024)
 def merge_powers(tree: ex.Expression) -> ex.Expression:
-    """Products rewritten so that each base occurs once and there is one exponential; sums are unchanged."""
+    """The tree with each base once and one exponential per product; sums are unchanged."""
     inner = ex.rebuild(tree, merge_powers)
     match inner:
         case ex.Product(factors):
@@ -368,7 +367,7 @@ def merge_powers(tree: ex.Expression) -> ex.Expression:
 
 
 def _flat(factors: Iterable[ex.Expression]) -> Iterator[ex.Expression]:
-    """The factors, those of a product under an integral power one by one."""
+    """The factors; a product raised to an integer power yields its factors separately."""
     for factor in factors:
         match factor:
             case ex.Power(ex.Product(inner), ex.Number(value) as exponent) if value.denominator == 1:
@@ -405,7 +404,7 @@ def separate_tree(monomial: Monomial) -> ex.Expression:
 
 
 def in_order_of_products(names: Sequence[T], products: Iterable[Sequence[T]]) -> tuple[T, ...]:
-    """The names in their order, but m, g, l where m l and m g l occur: products keep theirs where they can."""
+    """The names in an order that agrees with the products where possible: m, g, l if m l and m g l occur."""
     before: dict[T, set[T]] = {name: set() for name in names}
     for product in products:
         known = [name for name in product if name in before]

@@ -1,4 +1,4 @@
-"""The elementary functions, and derivatives of trees: partial ones and the one along time, which are not simplified."""
+"""The elementary functions, and partial and time derivatives of trees, which are not simplified."""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from functools import lru_cache
 from inverse_service import errors
 from inverse_service.expressions import tree as ex
 
-# For each arbitrary function the names of its arguments and its formula over them.
+# Arbitrary function to (names of its arguments, formula in these names).
 Definitions = Mapping[str, tuple[tuple[str, ...], ex.Expression]]
 Rule = Callable[[ex.Expression], ex.Expression]
 _NOT_ZERO = (bool, "a number other than 0")
@@ -18,10 +18,10 @@ _NOT_ZERO = (bool, "a number other than 0")
 class Function:
     """One function f of one real argument u.
 
-    `derivative` is f' as a tree of u. `parity` is 1 where f(-u) = f(u), -1 where f(-u) = -f(u), else 0. `reciprocal`
-    names g with f = 1/g, `undoes` g with f(g(u)) = u wherever g is real, `root` g with f(g(u)) = sqrt(a + b u^2) there,
-    and a, b. `holds` says whether f has a real value at a number, and `wanted` which numbers these are.
-    `command` is its LaTeX, `shown` its name in print.
+    `derivative` maps u to the tree f'(u). `parity` is 1 if f(-u) = f(u), -1 if f(-u) = -f(u), else 0. `reciprocal`
+    names g with f = 1/g, `undoes` names g with f(g(u)) = u wherever g is real, and `root` is g, a, b with f(g(u)) =
+    sqrt(a + b u^2) there. `holds` says whether f has a real value at a number, and `wanted` describes these numbers.
+    `command` is the LaTeX command, `shown` the printed name.
     """
 
     name: str
@@ -84,7 +84,7 @@ RECIPROCALS: dict[str, str] = {row.name: row.reciprocal for row in _ROWS if row.
 
 
 def _rule(function: str) -> Rule:
-    """The derivative of a function; InputError for a step, which has no derivative where its pieces meet."""
+    """The derivative of a function; InputError for a step, which is not differentiable where its pieces meet."""
     if function in FUNCTION:
         return FUNCTION[function].derivative
     instead = "piecewise formulas are accepted in the right sides of equations; write one piece here"
@@ -102,7 +102,7 @@ def differentiate(expression: ex.Expression, variable: ex.Expression) -> ex.Expr
     return _partial(expression, variable)
 
 
-# One large tree is differentiated many times, and its derivatives share most of their parts.
+# A large tree is differentiated many times, and its derivatives share most of their parts.
 @lru_cache(maxsize=16384)
 def _partial(expression: ex.Expression, variable: ex.Expression) -> ex.Expression:
     if isinstance(expression, ex.Symbol | ex.Velocity | ex.Acceleration):
@@ -113,7 +113,7 @@ def _partial(expression: ex.Expression, variable: ex.Expression) -> ex.Expressio
 def differentiate_in_time(expression: ex.Expression, coordinates: Collection[str]) -> ex.Expression:
     """d/dt along a motion: t -> 1, q -> q', q' -> q''; parameters are constants.
 
-    ValueError where the expression holds an acceleration (third derivatives have no node).
+    ValueError if the expression contains an acceleration (there is no node for third derivatives).
     """
     if any(isinstance(node, ex.Acceleration) for node in ex.walk(expression)):
         raise ValueError("third derivatives are not accepted")
@@ -134,7 +134,7 @@ def differentiate_in_time(expression: ex.Expression, coordinates: Collection[str
 
 
 def _derivative(expression: ex.Expression, rate: Rule) -> ex.Expression:
-    """By the derivatives of the parts of a node."""
+    """The derivative of a node from the derivatives of its parts, which `rate` returns."""
     match expression:
         case ex.Number():
             return ex.ZERO
@@ -178,7 +178,7 @@ def _lowered(base: ex.Expression, exponent: ex.Expression) -> ex.Expression:
 
 
 def _of_function(function: ex.Arbitrary, rate: Rule) -> ex.Expression:
-    """By the partial derivatives, which are arbitrary functions too, unless an integral knows them as its slopes."""
+    """The chain rule; the partial derivatives are arbitrary functions, or the slopes of an integral."""
     slopes = function.slopes if isinstance(function, ex.Integral) else (None,) * len(function.arguments)
     terms = []
     for place, (slope, argument) in enumerate(zip(slopes, function.arguments, strict=True)):
@@ -190,7 +190,7 @@ def _of_function(function: ex.Arbitrary, rate: Rule) -> ex.Expression:
 
 
 def define_functions(tree: ex.Expression, definitions: Definitions) -> ex.Expression:
-    """The tree with formulas substituted for its arbitrary functions, and their derivatives evaluated."""
+    """The tree with formulas in place of its arbitrary functions, and their derivatives evaluated."""
     known: dict[ex.Expression, ex.Expression] = {}
 
     def define(part: ex.Expression) -> ex.Expression:

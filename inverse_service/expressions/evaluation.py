@@ -1,4 +1,4 @@
-"""The value of a tree at a point, in real arithmetic of any precision."""
+"""Evaluate trees at a point in real arithmetic of any precision."""
 
 from collections.abc import Callable, Mapping
 from functools import reduce
@@ -23,14 +23,14 @@ class NoRealValue(errors.InverseServiceError):
 def evaluate(expression: ex.Expression, table: Mapping[ex.Expression, Real]) -> Real:
     """The value in mpmath's working precision.
 
-    `table` gives the values of Symbol, Velocity and Acceleration nodes, and of whole Arbitrary nodes
-    (arguments and orders included). NoRealValue where a node is missing or has no finite real value.
+    `table` maps Symbol, Velocity, Acceleration, and complete Arbitrary nodes (with arguments and orders) to values.
+    NoRealValue if a node is missing or has no finite real value.
     """
     return evaluate_once(expression, dict(table))
 
 
 def evaluate_once(expression: ex.Expression, table: dict[ex.Expression, Real]) -> Real:
-    """As `evaluate`; the table keeps the value of every part, so that trees that share parts share the work."""
+    """Like `evaluate`, but store every value in the table, so that trees with common parts share work."""
     known = table.get(expression)
     if known is not None:
         return known
@@ -50,7 +50,7 @@ def _value(expression: ex.Expression, table: dict[ex.Expression, Real]) -> Real:
             return mpf(value.numerator) if value.denominator == 1 else mpf(value.numerator) / value.denominator
         case ex.Sum(terms):
             values = [evaluate_once(term, table) for term in terms]
-            return values[0] + values[1] if len(values) == 2 else mp.fsum(values)  # the same, in half the time
+            return values[0] + values[1] if len(values) == 2 else mp.fsum(values)  # twice as fast as fsum
         case ex.Product(factors):
             return reduce(mul, [evaluate_once(factor, table) for factor in factors])
         case ex.Power(base, ex.Number(value)) if value.denominator == 1:

@@ -1,4 +1,4 @@
-"""Graphs of the names in equations: matching of equations to unknowns, and the order of solving."""
+"""Graph algorithms on the names in equations: match equations to unknowns, and order them for solving."""
 
 from collections.abc import Collection, Mapping, Sequence
 from typing import TypeVar

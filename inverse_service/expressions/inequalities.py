@@ -1,6 +1,6 @@
-"""Conditions on trees: how they are written (x > 1, x^2 + y^2 < 1, y > x, u != 0), and which follow from others.
+"""Print conditions on trees (x > 1, x^2 + y^2 < 1, y > x, u != 0), and deduce conditions from others.
 
-What follows is deduced in one place, the cells of the checker; here trees are handed to it.
+The checker's cells make all deductions; this module passes trees to them.
 """
 
 import random
@@ -11,11 +11,11 @@ from time import thread_time
 from inverse_service.certificate import cell, formulas, question
 from inverse_service.expressions import collecting, notation, printing, tree as ex
 
-_LONGEST = 1.0  # s, of one deduction
+_LONGEST = 1.0  # seconds per deduction
 
 
 def inequality(tree: ex.Expression) -> notation.Formula:
-    """The condition that the tree is positive, collected where that is shorter."""
+    """The condition that the tree is positive, with like terms collected if that is shorter."""
     return notation.row(*_relation(tree))
 
 
@@ -38,16 +38,16 @@ def inequality_text(tree: ex.Expression) -> str:
 
 
 def is_positive(tree: ex.Expression, known: Iterable[ex.Expression] = ()) -> bool:
-    """Whether it follows that it is > 0 wherever it is defined and all of `known` are > 0: 1 + x^2, exp(u)."""
+    """Whether the tree provably is > 0 wherever it is defined and all of `known` are > 0: 1 + x^2, exp(u)."""
     return _follows(tree, " > 0", (), tuple(known))
 
 
 def is_nonzero(
     tree: ex.Expression, nonzero: Iterable[ex.Expression] = (), positive: Iterable[ex.Expression] = ()
 ) -> bool:
-    """Whether it follows that it is defined and not 0 where none of `nonzero` is 0 and all of `positive` are > 0.
+    """Whether the tree provably is defined and not 0 where none of `nonzero` is 0 and all of `positive` are > 0.
 
-    sqrt(x) needs x > 0 for that: it vanishes at the end of where it is defined.
+    sqrt(x) requires x > 0, because it vanishes at the boundary of its domain.
     """
     return _follows(tree, " != 0", tuple(nonzero), tuple(positive))
 
@@ -75,7 +75,7 @@ def texts(trees: Iterable[ex.Expression], ending: str) -> list[str]:
 
 
 def question_about(trees: Iterable[ex.Expression]) -> question.Question:
-    """A question to the checker that declares all names in the trees; formulas.Ended where it allows no such name."""
+    """A question to the checker that declares all names in the trees; formulas.Ended if the checker rejects a name."""
     nodes = [*ex.distinct_nodes(trees)]
     moving = [*dict.fromkeys(node.coordinate for node in nodes if isinstance(node, ex.Velocity))]
     symbols = [*dict.fromkeys(node.name for node in nodes if isinstance(node, ex.Symbol))]
@@ -115,5 +115,5 @@ def _bound(term: ex.Expression, rest: ex.Expression) -> tuple[ex.Expression, ex.
 
 
 def _is_number(term: ex.Expression) -> bool:
-    """Whether no coordinate, velocity, parameter or function occurs."""
+    """Whether the term contains no coordinate, velocity, parameter, or function."""
     return not any(isinstance(node, ex.Symbol | ex.Velocity | ex.Arbitrary) and node != ex.PI for node in ex.walk(term))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 _SMALL = "\u03b1\u03b2\u03b3\u03b4\u03b5\u03b6\u03b7\u03b8\u03b9\u03ba\u03bb\u03bc\u03bd\u03be\u03bf\u03c0\u03c1"
 _SMALL += "\u03c3\u03c4\u03c5\u03c6\u03c7\u03c8\u03c9"
 _LETTERS = [unicodedata.name(small).split()[-1].lower().replace("lamda", "lambda") for small in _SMALL]
-# Letters of another shape are separate names; the micro sign is the letter mu.
+# Variant letter shapes are separate names; the micro sign is the letter mu.
 _VARIANTS = {
     "\u03d5": "varphi", "\u03d1": "vartheta", "\u03f5": "varepsilon", "\u03f1": "varrho", "\u03d6": "varpi",
     "\u03c2": "varsigma", "\u03f0": "varkappa",
@@ -22,7 +22,7 @@ LETTER_COMMANDS: dict[str, str] = {name: ALIKE.get(name, name) for name in (*GRE
 SCRIPT_L = "\u2113"
 
 SUBSCRIPTS = {chr(0x2080 + digit): str(digit) for digit in range(10)}
-# People write the lowered gamma for a y, which has no character of its own.
+# Unicode has no subscript y, so people write the subscript gamma instead.
 _LOW = "\u2090\u2091\u2092\u2093\u2095\u2096\u2097\u2098\u2099\u209a\u209b\u209c\u1d62\u1d63\u1d64\u1d65\u2c7c\u1d67"
 SUBSCRIPTS |= dict(zip(_LOW, map("_".__add__, "aeoxhklmnpstiruvjy"), strict=True))
 SUPERSCRIPTS = dict(zip("\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079", "0123456789", strict=True))
@@ -42,7 +42,7 @@ _SHOWN = {name: character for character, name in reversed(GREEK.items())} | {"el
 
 
 def letter(character: str) -> tuple[str, int] | None:
-    """The ASCII of a character inside a name and the dots over it (x with two dots: ("x", 2)), else None."""
+    """The ASCII name of a character and the number of dots over it (x with two dots: ("x", 2)), or None."""
     if character.isascii():
         return (character, 0) if character.isalnum() or character == "_" else None
     if character in GREEK:
@@ -53,7 +53,7 @@ def letter(character: str) -> tuple[str, int] | None:
         return SUBSCRIPTS[character], 0
     if character in DOTS:
         return "", DOTS[character]
-    if unicodedata.name(character, "").startswith(_SLANTED):  # as word processors set formulas
+    if unicodedata.name(character, "").startswith(_SLANTED):  # produced by word processors
         return letter(unicodedata.normalize("NFKC", character))
     return _dotted_letter(character)
 
@@ -72,14 +72,14 @@ def describe(character: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """The body of a name and the words of its subscript, each of them a name or a number."""
+    """The body of a name and the words of its subscript, each a name or a number."""
 
     body: str
     subscript: tuple[str, ...]
 
 
 def written(name: str) -> Written:
-    """The parts of a name; p_q_1 and p_q1 are momenta, whose subscript is one name with a number below it."""
+    """The parts of a name; p_q_1 and p_q1 are momenta, whose subscript is one name with a numeric subscript."""
     match = _PARTS.fullmatch(name)
     if match is None:
         return Written(name, ())
@@ -90,7 +90,7 @@ def written(name: str) -> Written:
 
 
 def is_letter_with_number(word: str) -> bool:
-    """Whether this is one letter with a number below it, such as x1, theta1, theta_1."""
+    """Whether this is one letter with a numeric subscript, such as x1, theta1, theta_1."""
     found = _LETTER_AND_NUMBER.fullmatch(word)
     return found is not None and (len(found[1]) == 1 or found[1] in _SHOWN)
 
@@ -101,5 +101,5 @@ def greek_letter(word: str) -> str | None:
 
 
 def shown(name: str) -> str:
-    """A name as it is shown alone: the character of a Greek letter, any other name as it is."""
+    """The displayed form of a name: a Greek letter as its character, any other name unchanged."""
     return _SHOWN.get(name, name)

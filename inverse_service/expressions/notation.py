@@ -1,7 +1,7 @@
-"""The tensor notation of the theory, written as people type it: "g_ij R^j_kl", "Gamma(g) = g N + (g N)^T".
+"""The tensor notation of the theory as typed text: "g_ij R^j_kl", "Gamma(g) = g N + (g N)^T".
 
-It is used for formulas that this program composes, never for users' text. `Formula` joins such texts and trees;
-`to_latex` and `to_mathml` write them for print.
+Only formulas composed by the program use it, never users' text. `Formula` joins such texts and trees; `to_latex` and
+`to_mathml` convert them for display.
 """
 
 import re
@@ -36,14 +36,14 @@ _LETTER_G = re.compile(r"(?<![A-Za-z])g(?![A-Za-z])|(?<=\bd)g(?=_)")
 
 @dataclass(frozen=True, slots=True)
 class Formula:
-    """A formula as text; `letters` are the names of the theory in it, with their lower indices, and R without."""
+    """A formula as text; `letters` are the names of the theory in it with their lower indices (R without indices)."""
 
     text: str
     letters: tuple[str, ...] = ()
 
 
 def split_outside(text: str, signs: str) -> Iterator[tuple[str, str]]:
-    """The parts of a text between `signs`, a pattern, outside brackets, each after its sign; the first has none."""
+    """(sign, part) for each part of a text, split at the pattern `signs` outside brackets; the first sign is ""."""
     depth, start, sign = 0, 0, ""
     for match in re.finditer(rf"[()\[\]{{}}]|{signs}", text):
         found = match.group()
@@ -68,12 +68,12 @@ def formula_of(piece: Formula | Expression | str) -> Formula:
 
 
 def matrix(rows: Sequence[Sequence[Formula | Expression]]) -> Formula:
-    """A matrix with its entries."""
+    """A matrix with these entries."""
     return Formula(f"[{', '.join(f'[{listed(line).text}]' for line in rows)}]")
 
 
 def listed(formulas: Sequence[Formula | Expression]) -> Formula:
-    """Formulas with commas between them."""
+    """The formulas, separated by commas."""
     return row(*[piece for formula in formulas for piece in (", ", formula)][1:])
 
 
@@ -84,7 +84,7 @@ def partial_derivative(of: Formula, by: Expression) -> Formula:
 
 @contextmanager
 def multiplier_beside(names: Collection[str]) -> Iterator[None]:
-    """Within the block, the symbol of the multiplier differs from these names."""
+    """Within the block, use a symbol for the multiplier that differs from these names."""
     letter = next((one for one in ("g", "h", "m") if not any(n.partition("_")[0] == one for n in names)), "g")
     token = MULTIPLIER.set(letter)
     try:
@@ -94,7 +94,7 @@ def multiplier_beside(names: Collection[str]) -> Iterator[None]:
 
 
 def theory(text: str) -> Formula:
-    """A formula of the theory from its text."""
+    """The formula of the theory with this text."""
     if MULTIPLIER.get() != "g":
         text = _LETTER_G.sub(MULTIPLIER.get(), text)
     letters: list[str] = []

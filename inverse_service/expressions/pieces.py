@@ -1,7 +1,7 @@
 """piecewise((a, x > 0), (b, true)) as one formula: Heaviside(u) is 1 where u > 0 and 0 where u < 0.
 
 A condition is a formula with the values 1 and 0, made of such steps of polynomials. The value on a boundary, where a
-polynomial is zero, is not specified, because answers hold on open sets.
+polynomial is zero, is unspecified because answers hold on open sets.
 """
 
 from collections.abc import Sequence
@@ -35,15 +35,15 @@ def _is_natural(exponent: ex.Number) -> bool:
 
 
 def either(left: ex.Expression, right: ex.Expression) -> ex.Expression:
-    """The condition that at least one of two conditions holds."""
+    """The disjunction of two conditions."""
     return left + right - left * right
 
 
 def piecewise(pieces: Sequence[tuple[ex.Expression, ex.Expression]], column: int) -> ex.Expression:
-    """The value of the piece whose condition holds first; InputError if possibly none holds."""
+    """The first piece with a true condition; InputError if all conditions may be false."""
     if len(pieces) > MOST_PIECES:
         raise refusal(f"piecewise has {len(pieces)} pieces", column, f"write at most {MOST_PIECES}")
-    left: ex.Expression = ex.ONE  # 1 where no condition holds so far
+    left: ex.Expression = ex.ONE  # 1 where all conditions so far are false
     terms = []
     for value, condition in pieces:
         terms.append(value * _multilinear(condition * left))

@@ -1,7 +1,7 @@
-"""Trees to canonical plain text, LaTeX, and presentation MathML, which today's browsers show without a script.
+"""Print trees as canonical plain text, LaTeX, and presentation MathML, which browsers display without a script.
 
-The text reads back to the same value, and printing that value gives the same text; so does the LaTeX, except for
-partial derivatives. The text is a small part of what `reader.py` reads:
+Parsing the text gives the same value, and printing that value gives the same text. This is also true of the LaTeX,
+except for partial derivatives. The text uses a small part of the grammar of `reader.py`:
 
     formula   = ["-"] term {(" + " | " - ") term}
     term      = factors ["/" (factor | "(" factors ")")]
@@ -14,8 +14,8 @@ partial derivatives. The text is a small part of what `reader.py` reads:
               | name "[" integer {"," integer} "](" formula {", " formula} ")"
 
 `sqrt` and `sign` are the only functions besides those of `derivative.py` and the declared ones; integers have no sign;
-rational numbers are written as quotients. A'(u) is the derivative of a declared function of one argument; for several,
-diff(B(x, y), x) where the arguments are different names, else B[1,0](u, w), with the order of the derivative in each
+rational numbers are written as quotients. A'(u) is the derivative of a declared function of one argument; for several
+arguments, diff(B(x, y), x) if they are different names, else B[1,0](u, w) with the order of the derivative by each
 argument.
 """
 
@@ -29,7 +29,7 @@ from html import escape
 from inverse_service.expressions import derivative, letters, tree as ex
 
 _EXPONENTIAL = ex.Apply("exp", ex.ONE)
-# The denominator from which a decimal number can be much shorter than a fraction, and its number of digits.
+# The denominator from which a decimal number can be much shorter than a fraction, and how many digits shorter.
 _LEAST_DECIMAL, _MUCH = 1000, 2
 _Side = tuple[str, tuple[ex.Expression, ...]]  # the number and the factors above or below a fraction line
 # LaTeX.
@@ -38,7 +38,7 @@ _NO_COMMAND = frozenset((*_WITHOUT_COMMAND, "Rho", "Tau", "Chi"))
 # MathML.
 _NAMESPACE = "http://www.w3.org/1998/Math/MathML"
 _TIMES, _DOT = "<mo>&#x2062;</mo>", "<mo>&#x22C5;</mo>"
-# The font of the pages already raises and shrinks it: in a superscript it would be too small.
+# The pages' font already raises and shrinks the prime; in a superscript it would be too small.
 PRIME = '<mo lspace="0" rspace="0">&#x2032;</mo>'
 _APPLY = "<mo>&#x2061;</mo>"
 _DOTS = ("", "&#x02D9;", "&#x00A8;")
@@ -46,7 +46,7 @@ _DOTS = ("", "&#x02D9;", "&#x00A8;")
 
 @dataclass(frozen=True, slots=True)
 class Ratio:
-    """±(over · numerators) / (under · denominators); no factor is a Product or a power below zero.
+    """±(over · numerators) / (under · denominators); no factor is a Product or has a negative exponent.
 
     Equal factors are combined: x x^2 is x^3. `over` and `under` are positive; `over` is 0 for the number 0.
     """
@@ -59,7 +59,7 @@ class Ratio:
 
     @property
     def numbers(self) -> tuple[str, str]:
-        """over and under in digits; (398600.4418, 1) where a fraction is much shorter as a decimal number."""
+        """`over` and `under` in digits; (398600.4418, 1) if the fraction is much shorter as a decimal number."""
         plain = str(self.over), str(self.under)
         if self.under < _LEAST_DECIMAL:
             return plain
@@ -118,9 +118,9 @@ def _collect(expression: ex.Expression, inverse: bool, parts: _Parts) -> None:
             (parts.denominators if inverse else parts.numerators).append(expression)
 
 
-@lru_cache(maxsize=512)  # without it the work doubles with every level of nested powers
+@lru_cache(maxsize=512)  # without the cache, each level of nested powers doubles the work
 def _as_written(base: ex.Expression) -> ex.Expression:
-    """The base of a whole power as the reader has it: 1/u as u^-1, and x x as x^2."""
+    """The base of an integer power in the form that the parser builds: 1/u as u^-1, and x x as x^2."""
     if not isinstance(base, ex.Product | ex.Power):
         return base
     parts = ratio(base)
@@ -133,8 +133,8 @@ def _as_written(base: ex.Expression) -> ex.Expression:
 
 
 def _gather(factors: Iterable[ex.Expression]) -> tuple[ex.Expression, ...]:
-    """Equal bases with positive integer exponents combined at the place of the first."""
-    table: dict[ex.Expression, tuple[int, ex.Expression | None]] = {}  # the count, and the factor if it stays as it is
+    """The factors with equal bases combined, for positive integer exponents, at the place of the first."""
+    table: dict[ex.Expression, tuple[int, ex.Expression | None]] = {}  # the count, and the factor if it is unchanged
     for factor in factors:
         base, count = _base(factor)
         stays = factor if base is (factor.base if isinstance(factor, ex.Power) else factor) else None
@@ -164,7 +164,7 @@ def _factor(base: ex.Expression, count: int) -> ex.Expression:
 def signed_terms(expression: ex.Expression, within: bool = False) -> list[Ratio]:
     """The terms of a sum, or the one term, in their order; 1 - x^2 begins with its number.
 
-    `within` brackets, roots, functions and fractions a term that is not negative comes first: 4 k m - c^2.
+    With `within` (inside brackets, roots, functions, and fractions), a nonnegative term comes first: 4 k m - c^2.
     """
     terms = [ratio(term) for term in (expression.terms if isinstance(expression, ex.Sum) else (expression,))]
     if terms[0].negative:
@@ -176,7 +176,7 @@ def signed_terms(expression: ex.Expression, within: bool = False) -> list[Ratio]
 def has_plain_arguments(function: ex.Arbitrary) -> bool:
     """Whether the arguments are distinct names, so that diff(B(x, y), x) is unambiguous.
 
-    Not with t or pi among them: diff(u, t) is the derivative along the motion, and pi is a number.
+    False if t or pi is among them: diff(u, t) is the derivative along the motion, and pi is a number.
     """
     arguments = function.arguments
     plain = all(isinstance(u, ex.Symbol) and u not in (ex.TIME, ex.PI) for u in arguments)
@@ -190,10 +190,9 @@ def variables(function: ex.Arbitrary) -> list[ex.Expression]:
 
 
 class _Notation:
-    """How a notation writes the parts of a formula. The walk over the tree is the same for all of them.
+    """The output of a notation for each kind of node; the traversal of the tree is common to all notations.
 
-    Every part is written by a method, the smaller parts inside it by the same notation. The methods here are those of
-    plain text.
+    Each method prints one kind of node and prints its parts in the same notation. The methods here produce plain text.
     """
 
     plus, minus = " + ", " - "
@@ -299,7 +298,7 @@ _TEXT = _Notation()
 
 
 def to_text(expression: ex.Expression, within: bool = False) -> str:
-    """The canonical text; deterministic, with only the brackets that the reader needs."""
+    """The canonical text: deterministic, with only the brackets that parsing requires."""
     return _written(_TEXT, expression, within)
 
 
@@ -368,7 +367,7 @@ def to_latex(expression: ex.Expression, within: bool = False) -> str:
 
 
 def _looks_like_a_call(before: ex.Expression, piece: str, factor: ex.Expression) -> bool:
-    """Whether the output would be x (t + 1), which could be x at another time."""
+    """Whether the output would be x (t + 1), which could mean x at another time."""
     moves = isinstance(before, ex.Symbol | ex.Velocity | ex.Acceleration)
     return moves and piece.startswith("\\left(") and ex.TIME in ex.walk(factor)
 
@@ -379,7 +378,7 @@ def _command(function: str) -> str:
 
 
 def name_latex(name: str, accent: str = "") -> str:
-    r"""r1 as r_{1}, phi as \phi, x_left as x_{\mathrm{left}}; `accent` goes over the body."""
+    r"""r1 as r_{1}, phi as \phi, x_left as x_{\mathrm{left}}; `accent` is placed over the body."""
     parts = letters.written(name)
     body = _word(parts.body)
     if accent:
@@ -468,7 +467,7 @@ class _Mathml(_Notation):
         return f"<mrow><mi>{name}</mi>{_APPLY}{self.brackets(argument)}</mrow>"
 
     def arbitrary(self, function: ex.Arbitrary) -> str:
-        """The function with primes, or with the orders (1,0) above where it has several arguments."""
+        """The function with primes, or, for several arguments, with the orders (1,0) as a superscript."""
         name, orders = self.name(function.name, 0), function.orders
         if any(orders):
             above = f"<mo>({','.join(map(str, orders))})</mo>"
@@ -491,7 +490,7 @@ def _identifier(word: str) -> str:
 
 
 def _raised(base: str, exponent: str) -> str:
-    """A power: the exponent is above an index, and dots over the base do not raise it."""
+    """A power, with the exponent above an index and not raised by dots over the base."""
     low = base.replace("<mover ", '<mpadded height="1.2ex"><mover ', 1).replace("</mover>", "</mover></mpadded>", 1)
     if base.startswith("<msub>"):
         return f"<msubsup>{low.removeprefix('<msub>').removesuffix('</msub>')}{exponent}</msubsup>"

@@ -1,4 +1,4 @@
-"""Sizes that formulas may have, and how a refusal says what is wrong, where, and what to write instead."""
+"""Size limits of formulas, and errors that say what is wrong, where, and what to write instead."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -14,18 +14,17 @@ _DECLARING = {
     "coordinates": 'add it to "coordinates"',
     "functions": 'declare a function of your own in "functions" with its arguments',
 }
-_IT_OCCURS = "; it occurs"  # before the column, where what is wrong is a sentence already
+_IT_OCCURS = "; it occurs"  # inserted before the column if the description is already a sentence
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Largest accepted sizes; all are counts.
+    """The largest accepted sizes, all of them counts.
 
-    `depth` bounds the nesting of the text and of the tree (so that recursion over a tree is safe);
-    `digits` those of one number, whether written or computed on reading (one bound for both, so that
-    what was accepted and printed is accepted again); `exponent` a literal number power, above and
-    below; `decimal_exponent` the k of 1e-k and 1ek; `derivative_nodes` the size of a formula that
-    `diff` is carried out on.
+    `depth` bounds the nesting of the text and of the tree, so that recursion over a tree is safe. `digits` bounds the
+    digits of one number, whether typed or computed while parsing (one bound for both, so that printed formulas are
+    accepted again). `exponent` bounds the numerator and denominator of a numeric exponent, `decimal_exponent` the k of
+    1e-k and 1ek, and `derivative_nodes` the size of a formula that `diff` differentiates.
     """
 
     characters: int = 20_000
@@ -47,7 +46,7 @@ LIMITS = Limits()
 
 @contextmanager
 def longer_texts(times: int) -> Iterator[None]:
-    """Texts may have so many times the characters and tokens: programs print more than people type."""
+    """Within the block, multiply the limits on characters and tokens, because programs print more than people type."""
     token = _TIMES.set(times)
     try:
         yield
@@ -56,12 +55,12 @@ def longer_texts(times: int) -> Iterator[None]:
 
 
 def most_characters() -> int:
-    """Characters of one text that is read now."""
+    """The current limit on the characters of one text."""
     return LIMITS.characters * _TIMES.get()
 
 
 def most_tokens() -> int:
-    """Tokens of one text that is read now."""
+    """The current limit on the tokens of one text."""
     return LIMITS.tokens * _TIMES.get()
 
 
@@ -76,8 +75,8 @@ def refusal(
 ) -> errors.InputError:
     """An InputError whose sentence says what is wrong, where, and what to write instead.
 
-    `meant` are texts one of which may have been meant in the place of the name there, or of `span`; `declare` is the
-    member of the document in which a name could be declared.
+    `meant` are possible replacements of the name at the column, or of `span`; `declare` is the member of the document
+    that could declare the name.
     """
     joint = "" if not instead else " else " if instead[-1] == "?" else "; else " if "?" in instead else ", or "
     ways = f"{instead}{joint}{_DECLARING[declare]}" if declare else instead
@@ -92,13 +91,13 @@ def limit_passed(what: str, column: int, bound: int) -> errors.InputError:
 
 
 def at_most(count: int | Fraction, bound: int, what: str, column: int) -> None:
-    """LimitError that says what is too large where the count is above the bound."""
+    """LimitError that says what is too large if the count exceeds the bound."""
     if count > bound:
         raise limit_passed(what, column, bound)
 
 
 def shorten(text: str, length: int = 30) -> str:
-    """At most `length` characters, none but printable ASCII, to be shown in a message."""
+    """At most `length` characters of printable ASCII for a message."""
     plain = "".join(c if " " <= c <= "~" else "?" for c in text[: length + 1])
     return plain if len(plain) <= length else plain[: length - 1] + "..."
 

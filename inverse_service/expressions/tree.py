@@ -1,10 +1,9 @@
 """Syntax trees of formulas: frozen data, exact numbers, no evaluation of text.
 
-A tree is built by the reader (`reader.py`) or by arithmetic: + - * / ** of trees and exact numbers, or the
-functions `add`, `multiply`, `power` here; they flatten, fold numbers and drop neutral elements, and never
-expand.
-Names are plain data: the meaning of a `Symbol` (coordinate, parameter, time `t`, the number
-`pi`) is known only to the system that holds the tree.
+The parser (`reader.py`) builds trees, as does arithmetic: + - * / ** of trees and exact numbers, or the functions
+`add`, `multiply`, `power` of this module. They flatten, fold numbers, and drop neutral elements, but never expand.
+Names are plain data: the meaning of a `Symbol` (coordinate, parameter, time `t`, the number `pi`) is known only to the
+system that holds the tree.
 """
 
 from __future__ import annotations
@@ -72,7 +71,7 @@ class Number(_Node):
     __hash__ = _Node.__hash__
 
     def __eq__(self, other: object) -> bool:
-        """As of all data; numbers are compared most often, and fractions look at what kind of number the other is."""
+        """The usual equality, written out because numbers are compared most often and Fraction's comparison is slow."""
         if self is other or type(other) is not Number:
             return self is other
         mine, its = self.value, other.value
@@ -99,7 +98,7 @@ class Velocity(_Node):
 
 @dataclass(frozen=True, slots=True)
 class Acceleration(_Node):
-    """The second time derivative of a coordinate; only in equations not yet solved."""
+    """The second time derivative of a coordinate; occurs only in equations not yet solved for it."""
 
     coordinate: str
 
@@ -136,7 +135,7 @@ class Power(_Node):
 
 @dataclass(frozen=True, slots=True)
 class Apply(_Node):
-    """An elementary function, a name in the table of `derivative.py`, of one argument."""
+    """An elementary function of one argument; its name is in the table of `derivative.py`."""
 
     function: str
     argument: Expression
@@ -157,7 +156,7 @@ class Arbitrary(_Node):
 
 @dataclass(frozen=True, slots=True)
 class Integral(Arbitrary):
-    """A function that is known by its partial derivatives alone: F(t) with F' = f(t).
+    """A function known only by its partial derivatives: F(t) with F' = f(t).
 
     `slopes[k]` is the derivative by `arguments[k]`, or None if it is unknown; `orders` are 0. Code that treats it
     as an arbitrary function remains correct.
@@ -169,7 +168,7 @@ class Integral(Arbitrary):
 
     @property
     def integrand(self) -> tuple[Expression, Expression] | None:
-        """(slope, argument) where one derivative is known, None where several are."""
+        """(slope, argument) if exactly one derivative is known, else None."""
         known = [(slope, u) for slope, u in zip(self.slopes, self.arguments, strict=True) if slope is not None]
         return known[0] if len(known) == 1 else None
 
@@ -193,7 +192,7 @@ def number(value: int | Fraction) -> Number:
 
 
 def _tree(operand: Operand) -> Expression:
-    """The operand as a tree; TypeError for what is neither a node nor an exact number."""
+    """The operand as a tree; TypeError unless it is a node or an exact number."""
     if isinstance(operand, _Node):
         return cast(Expression, operand)
     if not isinstance(operand, int | Fraction):
@@ -202,7 +201,7 @@ def _tree(operand: Operand) -> Expression:
 
 
 def add(*terms: Expression) -> Expression:
-    """The sum, flattened, numbers folded, zero dropped."""
+    """The sum, flattened, with numbers folded and zero dropped."""
     total = ZERO  # most sums have at most one number, and fractions are slow
     rest: list[Expression] = []
     for term in terms:
@@ -219,7 +218,7 @@ def add(*terms: Expression) -> Expression:
 
 
 def multiply(*factors: Expression) -> Expression:
-    """The product, flattened, numbers folded and put first."""
+    """The product, flattened, with numbers folded into one leading factor."""
     total = ONE
     rest: list[Expression] = []
     for factor in factors:
@@ -238,7 +237,7 @@ def multiply(*factors: Expression) -> Expression:
 
 
 def power(base: Expression, exponent: Expression | int | Fraction) -> Expression:
-    """base ^ exponent; exact for numbers to small integer exponents; 0 to a negative power is not evaluated."""
+    """base ^ exponent, exact for numbers with small integer exponents; 0 to a negative power is not evaluated."""
     if isinstance(exponent, int | Fraction):
         exponent = number(exponent)
     if not isinstance(exponent, Number):
@@ -297,7 +296,7 @@ def square_root(expression: Expression) -> Expression:
 
 
 def children(expression: Expression) -> tuple[Expression, ...]:
-    """The direct parts of a node; by comparing types, in half the time of `match`, as most work is to walk trees."""
+    """The direct parts of a node; type comparisons take half the time of `match`, and most work is walking trees."""
     if type(expression) is Sum:
         return expression.terms
     if type(expression) is Product:
@@ -353,12 +352,12 @@ def node_count(tree: Expression) -> int:
 
 
 def holds(tree: Expression, *leaves: Expression) -> bool:
-    """Whether one of these occurs in the tree."""
+    """Whether one of the leaves occurs in the tree."""
     return not frozenset(leaves).isdisjoint(walk(tree))
 
 
 def reading_class(tree: Expression, time: Expression) -> int:
-    """0 for a polynomial in the velocities, 1 where it holds t, 2 for a rational function of them, 3 for all else."""
+    """0 for a polynomial in the velocities, 1 if it also contains t, 2 for a rational function of them, 3 otherwise."""
     kind = int(holds(tree, time))
     for node in walk(tree):
         if isinstance(node, Power | Apply | Arbitrary) and any(isinstance(part, Velocity) for part in walk(node)):
@@ -374,7 +373,7 @@ def is_exponential(tree: Expression) -> TypeGuard[Apply]:
 
 
 def distinct_nodes(expressions: Iterable[Expression]) -> Iterator[Expression]:
-    """Every node of the trees once, in the order of `walk`; parts that were visited before are skipped."""
+    """Every node of the trees once, in the order of `walk`; parts already visited are skipped."""
     met: set[Expression] = set()
     for expression in expressions:
         stack = [expression]
