@@ -9,8 +9,7 @@ from typing import Any, TypeVar
 from inverse_service import deadline
 from inverse_service.certificate import checker
 from inverse_service.decision import certify, deciding
-from inverse_service.expressions import collecting
-from inverse_service.expressions.tree import Expression
+from inverse_service.expressions import collecting, tree as ex
 from inverse_service.field import real_point, tower
 from inverse_service.mechanics import second_order_system
 
@@ -28,7 +27,7 @@ BEYOND = "no solved cell contains the point"
 class Left:
     """A set without an answer: where the trees are positive, at the point if there is one."""
 
-    positive: tuple[Expression, ...]
+    positive: tuple[ex.Expression, ...]
     near: real_point.RealTable | None
     reason: str
 
@@ -37,7 +36,7 @@ def answered(
     system: second_order_system.SecondOrderSystem,
     answer: Callable[
         [second_order_system.SecondOrderSystem, Sequence[second_order_system.SecondOrderSystem]],
-        tuple[Answer, Sequence[Expression]],
+        tuple[Answer, Sequence[ex.Expression]],
     ],
     end: float = math.inf,
 ) -> tuple[list[Answer], list[Left]]:
@@ -48,7 +47,7 @@ def answered(
     begun after the `end`. Branches without a known point, and a point that lies in no cell, have no answer either.
     """
     branches = second_order_system.branches_of(system)
-    waiting, found, left, known_sides = [*branches], list[Answer](), list[Left](), list[Sequence[Expression]]()
+    waiting, found, left, known_sides = [*branches], list[Answer](), list[Left](), list[Sequence[ex.Expression]]()
     while waiting:
         cell = waiting.pop(0)
         if len(found) == second_order_system.MOST_BRANCHES or (cell not in branches and deadline.now() > end):
@@ -79,7 +78,7 @@ def answered(
 def other_part(
     analysis: deciding.Analysis,
     certificate: Mapping[str, Any],
-    sides: Sequence[Expression],
+    sides: Sequence[ex.Expression],
     end: float,
     wanted: Sequence[str] = ("invalid", "incomplete"),
 ) -> tuple[real_point.RealTable, checker.CheckResult] | None:

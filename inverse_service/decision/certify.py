@@ -13,13 +13,11 @@ import mpmath
 
 from inverse_service import bounds, errors
 from inverse_service.certificate import cell as cells, checker, formulas
-from inverse_service.certificate.cell import Cell
 from inverse_service.decision import deciding, root_hints
 from inverse_service.expressions import collecting, evaluation, inequalities, notation, printing, tree as ex
 from inverse_service.field import exact_field, real_point, reduction, tower
 from inverse_service.mechanics import euler_lagrange, implicit_equations, short_forms
-from inverse_service.reading import reader
-from inverse_service.reading.names import Names
+from inverse_service.reading import names as nm, reader
 
 if TYPE_CHECKING:
     from inverse_service.decision.kinds.helmholtz import LagrangianKind
@@ -105,15 +103,15 @@ class Where:
 
 def names_of(
     system: Mapping[str, Any], certificate: Mapping[str, Any] | None = None, more: Iterable[str] = ()
-) -> Names:
+) -> nm.Names:
     """The names that formulas about a system may contain, with the integrals of a certificate and momenta."""
     integrals = ((certificate or {}).get("integrals") or {}).items()
     functions = {**system.get("functions", {}), **{name: one["arguments"] for name, one in integrals}}
     parameters = (*(system.get("parameters") or ()), *more)
-    return Names(tuple(system["coordinates"]), parameters, {name: tuple(of) for name, of in functions.items()})
+    return nm.Names(tuple(system["coordinates"]), parameters, {name: tuple(of) for name, of in functions.items()})
 
 
-def where_of(cell: Cell | None, names: Names) -> Where:
+def where_of(cell: cells.Cell | None, names: nm.Names) -> Where:
     """The cell that the checker proved a claim on, as trees."""
     if cell is None:
         return Where()
@@ -122,7 +120,7 @@ def where_of(cell: Cell | None, names: Names) -> Where:
     return Where(positive, nonzero, tuple(_members(cell.sides, " > 0", names)), cell.one_side)
 
 
-def domain_of(cell: Cell | None, names: Names) -> tuple[list[str], list[str]]:
+def domain_of(cell: cells.Cell | None, names: nm.Names) -> tuple[list[str], list[str]]:
     """The members of a cell as a person writes them, in text and in LaTeX."""
     where = where_of(cell, names)
     trees = (*(tree**2 for tree in where.nonzero), *where.positive)
@@ -148,11 +146,11 @@ def _shortest(positive: tuple[ex.Expression, ...], nonzero: tuple[ex.Expression,
     except formulas.Ended:
         return [*dict.fromkeys(shown.values())]
     functions = {name: tuple(of) for name, of in asked.functions.items()}
-    names = Names(tuple(asked.coordinates), tuple(asked.parameters), functions)
+    names = nm.Names(tuple(asked.coordinates), tuple(asked.parameters), functions)
     return [shown.get(text) or domain_of(cells.Cell((text,)), names)[0][0] for text in found]
 
 
-def _members(texts: Sequence[str], ending: str, names: Names) -> list[ex.Expression]:
+def _members(texts: Sequence[str], ending: str, names: nm.Names) -> list[ex.Expression]:
     """The conditions with this ending, sums of squares as such, short ones first: the checker has them in no order."""
     letters = list(map(ex.Symbol, (*names.coordinates, *names.parameters)))
     found = []

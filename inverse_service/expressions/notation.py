@@ -11,8 +11,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from html import escape
 
-from inverse_service.expressions import printing
-from inverse_service.expressions.tree import Expression
+from inverse_service.expressions import printing, tree as ex
 
 _TOKEN = re.compile(
     r"(?P<rate>d/dt)\b|(?P<name>[A-Za-z]+)(?P<marks>(?:[_^](?:\([^()]*\)|[A-Za-z0-9]+))*)(?P<primes>'*)(?P<power>\^\d)?|\)(?P<above>\^\w)|(?P<digits>\d+)|(?P<space>\s+)|(?P<sign>[!<>]=|.)"
@@ -54,30 +53,30 @@ def split_outside(text: str, signs: str) -> Iterator[tuple[str, str]]:
     yield sign, text[start:]
 
 
-def row(*pieces: Formula | Expression | str) -> Formula:
+def row(*pieces: Formula | ex.Expression | str) -> Formula:
     """The concatenated pieces; texts are in the notation of the theory."""
     parts = [formula_of(piece) for piece in pieces]
     return Formula("".join(part.text for part in parts), tuple(letter for part in parts for letter in part.letters))
 
 
-def formula_of(piece: Formula | Expression | str) -> Formula:
+def formula_of(piece: Formula | ex.Expression | str) -> Formula:
     """Any piece as a formula."""
     if isinstance(piece, str):
         return theory(piece)
     return piece if isinstance(piece, Formula) else Formula(printing.to_text(piece))
 
 
-def matrix(rows: Sequence[Sequence[Formula | Expression]]) -> Formula:
+def matrix(rows: Sequence[Sequence[Formula | ex.Expression]]) -> Formula:
     """A matrix with these entries."""
     return Formula(f"[{', '.join(f'[{listed(line).text}]' for line in rows)}]")
 
 
-def listed(formulas: Sequence[Formula | Expression]) -> Formula:
+def listed(formulas: Sequence[Formula | ex.Expression]) -> Formula:
     """The formulas, separated by commas."""
     return row(*[piece for formula in formulas for piece in (", ", formula)][1:])
 
 
-def partial_derivative(of: Formula, by: Expression) -> Formula:
+def partial_derivative(of: Formula, by: ex.Expression) -> Formula:
     """dL/dx."""
     return Formula(f"d{of.text}/d{printing.to_text(by)}", of.letters)
 

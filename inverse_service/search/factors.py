@@ -13,10 +13,8 @@ from math import inf, lcm
 
 from inverse_service import bounds, errors
 from inverse_service.expressions import derivative, tree as ex
-from inverse_service.mechanics import implicit_equations
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import terms as tm
-from inverse_service.search.gradients import Integrator
+from inverse_service.mechanics import implicit_equations, second_order_system
+from inverse_service.search import gradients, terms as tm
 from inverse_service.search.material import (
     Material,
     integrating_candidates,
@@ -32,7 +30,7 @@ _MOST_IN_TIME = 6
 def integrating_factor(material: Material, c: tm.Terms, variable: ex.Symbol) -> tm.Monomial | None:
     """exp(-int c d variable), a product of powers of letters and exponentials; None where it is none."""
     table, phi, rest = material.analysis.real_point, tm.EMPTY, tm.Terms()
-    integrator = Integrator(material.analysis.system, table)
+    integrator = gradients.Integrator(material.analysis.system, table)
     with suppress(tm.TooManyTerms):
         logarithm = _logarithm(material.analysis.system, frozenset(c.items()), variable)
         for key, value in logarithm.items() if logarithm is not None else ():
@@ -48,10 +46,10 @@ def integrating_factor(material: Material, c: tm.Terms, variable: ex.Symbol) -> 
 
 @lru_cache(maxsize=256)
 def _logarithm(
-    system: SecondOrderSystem, c: frozenset[tuple[tm.Monomial, Fraction]], variable: ex.Symbol
+    system: second_order_system.SecondOrderSystem, c: frozenset[tuple[tm.Monomial, Fraction]], variable: ex.Symbol
 ) -> tm.Terms | None:
     """int c d variable, which both questions and several rows ask for."""
-    return Integrator(system).function_of([variable], [dict(c)])
+    return gradients.Integrator(system).function_of([variable], [dict(c)])
 
 
 def divergence_factor(material: Material) -> tm.Monomial | None:
@@ -64,7 +62,7 @@ def divergence_factor(material: Material) -> tm.Monomial | None:
     return next(iter(tm.terms_of(ex.Apply("exp", tm.tree_of(constant) * ex.TIME))), None) if constant else None
 
 
-def asks_for_no_time(system: SecondOrderSystem) -> bool:
+def asks_for_no_time(system: second_order_system.SecondOrderSystem) -> bool:
     """Whether div_v f = 0, or f is homogeneous of degree 2 in v: no factor e^(ct) follows then.
 
     With the degree 2, q(at) is a motion where q(t) is one, so that no rate c differs from another.

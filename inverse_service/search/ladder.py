@@ -14,8 +14,7 @@ from inverse_service import bounds, errors
 from inverse_service.deadline import OutOfTime, check, within
 from inverse_service.decision import deciding
 from inverse_service.expressions import evaluation, tree as ex
-from inverse_service.field import real_point
-from inverse_service.field.point import SingularPoint
+from inverse_service.field import point as ps, real_point
 from inverse_service.mechanics import euler_lagrange, implicit_equations
 from inverse_service.search import (
     ansatz,
@@ -45,7 +44,7 @@ ANSATZ = (
     families.Family("logarithms and arctangents of two velocities", 9, families.complex_logarithms, bounds.SMALL),
 )
 # An ansatz whose terms have no common points (a vanishing denominator, a missing root) finds nothing.
-_NO_POINTS = (errors.IrreducibleAtoms, SingularPoint, ValueError)
+_NO_POINTS = (errors.IrreducibleAtoms, ps.SingularPoint, ValueError)
 
 
 def _lifted(

@@ -9,8 +9,7 @@ from typing import Any
 
 from inverse_service import bounds, errors
 from inverse_service.decision.deciding import Analysis
-from inverse_service.expressions import tree as ex
-from inverse_service.expressions.evaluation import NoRealValue
+from inverse_service.expressions import evaluation, tree as ex
 from inverse_service.field import exact_field, real_point
 from inverse_service.mechanics import conditions
 from inverse_service.search import terms as tm
@@ -144,7 +143,7 @@ def _moving_letters(material: Material) -> Iterator[ex.Expression]:
 
 def positive(tree: ex.Expression, table: real_point.RealTable | None) -> ex.Expression:
     """The tree, or its opposite where that is positive at the real point, so that its roots exist."""
-    with suppress(errors.IrreducibleAtoms, NoRealValue):
+    with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
         if table is not None and real_point.real_sign(tree, table) < 0:
             return ex.negated(tree)
     return tree

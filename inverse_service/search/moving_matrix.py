@@ -18,33 +18,31 @@ from itertools import combinations
 import numpy as np
 
 from inverse_service.expressions import derivative, tree as ex
-from inverse_service.field import modular
-from inverse_service.field.exact_field import Budget
+from inverse_service.field import exact_field, modular
 from inverse_service.field.flow import PRIME, Flow, inverses
 from inverse_service.mechanics import writing
-from inverse_service.search import families, terms as tm
-from inverse_service.search.gradients import Integrator
-from inverse_service.search.interpolation import Interpolation, kernel_of, whole_numbers
+from inverse_service.search import families, gradients, interpolation, one_matrix, terms as tm
 from inverse_service.search.material import Material, moving_letters, positive
-from inverse_service.search.one_matrix import OneMatrix
 
 _POINTS = 8
 
 
 def propose(material: Material, seed: int) -> list[ex.Expression]:
     """The Lagrangian with this multiplier, for the caller to check; none where there is none, or none is found."""
-    search = OneMatrix.at_one_velocity(material.analysis.system, seed)
+    search = one_matrix.OneMatrix.at_one_velocity(material.analysis.system, seed)
     found = None if search is None else _lagrangian(search, material)
     return [] if found is None else [found]
 
 
-def _lagrangian(search: OneMatrix, material: Material) -> ex.Expression | None:
+def _lagrangian(search: one_matrix.OneMatrix, material: Material) -> ex.Expression | None:
     variables = search.variables(moving=True)
-    matrix = whole_numbers(Interpolation(search.matrix_values, variables, search.units).terms())
+    matrix = interpolation.whole_numbers(
+        interpolation.Interpolation(search.matrix_values, variables, search.units).terms()
+    )
     factor = _moving_factor(search, material, matrix)
     if factor is None:
         return None
-    integrator = Integrator(search.system, material.analysis.real_point)
+    integrator = gradients.Integrator(search.system, material.analysis.real_point)
     shaped = search.oriented([tm.multiply_terms(terms, factor) for terms in matrix], integrator)
     scale = search.scale(shaped, [v for v in variables if not tm.has_velocity(v[1])], integrator)
     kinetic = None if scale is None else _root(search, shaped, factor) or integrator.with_hessian(shaped)
@@ -54,7 +52,7 @@ def _lagrangian(search: OneMatrix, material: Material) -> ex.Expression | None:
     return tm.tree_of(found) if found else None
 
 
-def _root(search: OneMatrix, matrix: Sequence[tm.Terms], factor: tm.Terms) -> tm.Terms | None:
+def _root(search: one_matrix.OneMatrix, matrix: Sequence[tm.Terms], factor: tm.Terms) -> tm.Terms | None:
     """c(t, q) sqrt(P) for phi = P^(-3/2), where one entry of its Hessian is that of g; as an integral it is long."""
     names = search.system.coordinates
     ((powers, _),) = factor.items()
@@ -66,11 +64,11 @@ def _root(search: OneMatrix, matrix: Sequence[tm.Terms], factor: tm.Terms) -> tm
     bend = derivative.differentiate(derivative.differentiate(root, ex.Velocity(names[i])), ex.Velocity(names[j]))
     if bend == ex.ZERO:
         return None
-    ratio = writing.quotient(tm.tree_of(wanted) / bend, Budget.long(), search.system.variables)
+    ratio = writing.quotient(tm.tree_of(wanted) / bend, exact_field.Budget.long(), search.system.variables)
     return None if tm.has_velocity(ratio) else tm.multiply_terms(tm.terms_of(ratio), tm.terms_of(root))
 
 
-def _moving_factor(search: OneMatrix, material: Material, matrix: Sequence[tm.Terms]) -> tm.Terms | None:
+def _moving_factor(search: one_matrix.OneMatrix, material: Material, matrix: Sequence[tm.Terms]) -> tm.Terms | None:
     """prod P_a^(e_a)."""
     trees = [tm.tree_of(terms) for terms in matrix]
     real_point = material.analysis.real_point
@@ -95,7 +93,7 @@ def _moving_factor(search: OneMatrix, material: Material, matrix: Sequence[tm.Te
                 row.append((g * slope[j] - h * slope[k] % PRIME) % PRIME * inverses(value) % PRIME)
             rows.append([*row, (by_h[k] - by_g[j]) % PRIME])
     table = np.array(rows).transpose(0, 2, 1)[:, good].reshape(-1, len(factors) + 1)
-    for vector in kernel_of(table):
+    for vector in interpolation.kernel_of(table):
         if vector[-1]:
             unit = -pow(vector[-1], -1, PRIME)
             found = [modular.reconstruct(value * unit % PRIME, PRIME, 99) for value in vector[:-1]]

@@ -22,12 +22,10 @@ import numpy as np
 
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import derivative, evaluation, tree as ex
-from inverse_service.field import null_vectors, real_point
-from inverse_service.field.point import SingularPoint, number_value
+from inverse_service.field import null_vectors, point as ps, real_point
 from inverse_service.mechanics import implicit_equations
-from inverse_service.search import angles, ansatz, families, members, quadratures, terms as tm
+from inverse_service.search import angles, ansatz, families, gradients, members, quadratures, terms as tm
 from inverse_service.search.factors import Factors, find_factors
-from inverse_service.search.gradients import ONE_TERM, Integrator
 from inverse_service.search.material import Material, antiderivatives, positive
 
 # Of a polynomial of degree 1 or 2 in v.
@@ -60,7 +58,7 @@ def _darboux_powers(material: Material, factors: Factors, seed: int, degree: int
 
     def along(key: tm.Monomial) -> list[int]:
         """Gamma(log key) at each sample."""
-        powers = [(places[p], number_value(e, prime)) for p, e in key]
+        powers = [(places[p], ps.number_value(e, prime)) for p, e in key]
         return [sum(int(rates[k]) * e for k, e in powers) for rates in table.derivatives.along]
 
     products = ansatz.monomial_values(table.values, letters, candidates, prime)
@@ -71,7 +69,7 @@ def _darboux_powers(material: Material, factors: Factors, seed: int, degree: int
         for phi in group:
             wanted = np.array([slope + rate for slope, rate in zip(slopes, along(phi), strict=True)], object)
             # e Gamma(P) + (df/dv + Gamma(log phi)) P = 0 for the terms of P.
-            rows = values * (number_value(e, prime) * rates + wanted[:, None]) % prime
+            rows = values * (ps.number_value(e, prime) * rates + wanted[:, None]) % prime
             for terms in ansatz.null_combinations(null_vectors.kernel(rows.astype(np.uint64), prime), candidates):
                 with suppress(tm.TooManyTerms):
                     yield _in_factors(material, phi, tm.tree_of(terms), e)
@@ -156,7 +154,7 @@ def _last_multipliers(material: Material, factors: Factors, seed: int) -> list[L
         found[LastMultiplier(tm.EMPTY, ())] = None
     else:
         for degree in _EXPONENTS:
-            with suppress(errors.IrreducibleAtoms, SingularPoint, tm.TooManyTerms, ValueError):
+            with suppress(errors.IrreducibleAtoms, ps.SingularPoint, tm.TooManyTerms, ValueError):
                 powers |= dict.fromkeys(_darboux_powers(material, factors, seed, degree))
     if moving := _moving_factors(material):
         found[LastMultiplier(tm.EMPTY, tuple((base, ex.negated(e)) for base, e in moving))] = None
@@ -237,7 +235,7 @@ def _of_function(material: Material, function: ex.Expression) -> ex.Expression |
     in_time = quadratures.factored(rate - v * along, [x, v])
     if ex.holds(along, v, ex.TIME) or ex.holds(in_time, v, x) or (in_time != ex.ZERO and not material.motion.with_time):
         return None
-    integrator, phi = Integrator(system, material.analysis.real_point, signs=True), ONE_TERM
+    integrator, phi = gradients.Integrator(system, material.analysis.real_point, signs=True), gradients.ONE_TERM
     for c, q in ((in_time, ex.TIME), (along, x)):
         logarithm = integrator.function_of([q], [tm.terms_of(c)])
         if logarithm is None:
@@ -286,7 +284,7 @@ def lagrangian_of(material: Material, multiplier: LastMultiplier) -> ex.Expressi
     motion, point = material.motion, material.analysis.real_point
     if point is None:
         return None
-    integrator, (velocity,) = Integrator(material.analysis.system, point), motion.velocities
+    integrator, (velocity,) = gradients.Integrator(material.analysis.system, point), motion.velocities
     with suppress(evaluation.NoRealValue, errors.IrreducibleAtoms, tm.TooManyTerms):
         bases = [positive(base, point) ** e for base, e in multiplier.moving]
         slope: tm.Terms | None = tm.terms_of(ex.multiply(tm.monomial_tree(multiplier.factor), *bases))

@@ -33,18 +33,13 @@ from itertools import combinations, product
 
 import numpy as np
 
-from inverse_service.deadline import check
-from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions import tree as ex
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.evaluation import NoRealValue
+from inverse_service import deadline, errors
+from inverse_service.expressions import derivative, evaluation, tree as ex
 from inverse_service.field import real_point, tower
 from inverse_service.field.exact_field import Budget, factored
 from inverse_service.field.flow import PRIME, Flow, Generator, Numbers, Points, Units, inverses, matrix_product
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import angles, families, terms as tm
-from inverse_service.search.gradients import ONE_TERM, Integrator
-from inverse_service.search.interpolation import Given, Interpolation, NoFit, kernel_of, letters_of, whole_numbers
+from inverse_service.search import angles, families, gradients, interpolation, terms as tm
 from inverse_service.search.material import Material
 
 # Coordinates up to which kernels at points are cheap.
@@ -67,7 +62,9 @@ def propose(material: Material, seed: int) -> list[ex.Expression]:
     if search is None:
         return []
     entries = search.matrix()
-    forms = (search.lagrangian(material, Integrator(system, table, signs), entries) for signs in (False, True))
+    forms = (
+        search.lagrangian(material, gradients.Integrator(system, table, signs), entries) for signs in (False, True)
+    )
     return [found for found in forms if found is not None][:1]
 
 
@@ -117,7 +114,7 @@ class OneMatrix:
         pairs = [(i, j) for i in range(n) for j in range(i, n)]
         return cls(system, forces, Units.of(forces), np.random.default_rng(seed), pairs, tensors=1 if n == 2 else 2)
 
-    def points(self, fixed: Given, count: int) -> Points:
+    def points(self, fixed: interpolation.Given, count: int) -> Points:
         return Points(self.system.coordinates, self.units, count, self.random, fixed)
 
     def dimension(self, more: int = 0) -> int:
@@ -126,9 +123,9 @@ class OneMatrix:
             kernels, points = self._kernels({}, 4 << min(k, 6), more)
             if points.good.any():
                 return len(kernels[0])
-        raise NoFit("no point")
+        raise interpolation.NoFit("no point")
 
-    def _kernels(self, fixed: Given, count: int, more: int = 0) -> tuple[list[list[list[int]]], Points]:
+    def _kernels(self, fixed: interpolation.Given, count: int, more: int = 0) -> tuple[list[list[list[int]]], Points]:
         """The kernel of the conditions at each good point."""
         n, base, depth = len(self.forces), self.points(fixed, count), self.tensors + more
         batches, good = list[list[Numbers]](), base.good
@@ -140,7 +137,7 @@ class OneMatrix:
             base.values |= {key: value for key, value in points.values.items() if key not in base.values}
         base.good = good
         rows = np.concatenate([self._conditions(tensor) for batch in batches for tensor in batch], axis=1)
-        return [kernel_of(rows[k]) for k in np.flatnonzero(good)], base
+        return [interpolation.kernel_of(rows[k]) for k in np.flatnonzero(good)], base
 
     def _conditions(self, tensor: Numbers) -> Numbers:
         """The rows of (g T)_ij = (g T)_ji in the entries of g, (points, rows, entries)."""
@@ -152,7 +149,7 @@ class OneMatrix:
                 rows[:, row, place[min(j, m), max(j, m)]] -= tensor[:, m, i]
         return rows % PRIME
 
-    def matrix_values(self, fixed: Given, count: int) -> tuple[Numbers, Points]:
+    def matrix_values(self, fixed: interpolation.Given, count: int) -> tuple[Numbers, Points]:
         """G_11 : … : G_nn at good points."""
         kernels, points = self._kernels(fixed, count)
         kept = [k for k, kernel in enumerate(kernels) if len(kernel) == 1]
@@ -181,14 +178,14 @@ class OneMatrix:
         """The one matrix, or of several the one of least degree."""
         if self.kernel > 1:
             return lowest_matrix(self)
-        return Interpolation(self.matrix_values, self.variables(), self.units).terms()
+        return interpolation.Interpolation(self.matrix_values, self.variables(), self.units).terms()
 
     def lagrangian(
-        self, material: Material, integrator: Integrator, entries: Sequence[tm.Terms]
+        self, material: Material, integrator: gradients.Integrator, entries: Sequence[tm.Terms]
     ) -> ex.Expression | None:
         """The one with this matrix, up to a factor that is found."""
         variables = self.variables()
-        matrix = self.oriented(whole_numbers(entries), integrator)
+        matrix = self.oriented(interpolation.whole_numbers(entries), integrator)
         phi = self.scale(matrix, variables, integrator)
         if phi is None:
             return None
@@ -201,19 +198,19 @@ class OneMatrix:
         )
         try:
             wanted = self._wanted(matrix, variables, phi)
-        except NoFit:  # where f has roots
+        except interpolation.NoFit:  # where f has roots
             found = families.with_potential(material, tm.multiply_terms(phi, kinetic), integrator)
             return tm.tree_of(found) if found else None
         rest = integrator.linear_terms([tm.multiply_terms(phi, w) for w in wanted])
         return None if rest is None else ex.add(tm.tree_of(phi) * tm.tree_of(kinetic), tm.tree_of(rest))
 
-    def oriented(self, matrix: Sequence[tm.Terms], integrator: Integrator) -> list[tm.Terms]:
+    def oriented(self, matrix: Sequence[tm.Terms], integrator: gradients.Integrator) -> list[tm.Terms]:
         """Positive in its first entry on the diagonal that is not 0: at rest, or at the real point."""
         entry = next((m for (i, j), m in zip(self.pairs, matrix, strict=True) if i == j and m), matrix[0])
         tree, zeros = tm.tree_of(entry), dict[ex.Expression, ex.Expression]()
         zeros.update((ex.Velocity(name), ex.ZERO) for name in self.system.coordinates)
         for form in (ex.substitute(tree, zeros), tree):
-            with suppress(NoRealValue, IrreducibleAtoms, ZeroDivisionError):
+            with suppress(evaluation.NoRealValue, errors.IrreducibleAtoms, ZeroDivisionError):
                 if integrator.table is not None and (sign := real_point.real_sign(form, integrator.table)):
                     return [{key: sign * value for key, value in terms.items()} for terms in matrix]
         return list(matrix)
@@ -235,7 +232,7 @@ class OneMatrix:
         return values[0], values[1], (half + half.transpose(0, 2, 1)) % PRIME
 
     def scale(
-        self, matrix: Sequence[tm.Terms], variables: Sequence[Generator], integrator: Integrator
+        self, matrix: Sequence[tm.Terms], variables: Sequence[Generator], integrator: gradients.Integrator
     ) -> tm.Terms | None:
         """The factor phi(t, q)."""
         points = self.points({}, 12)
@@ -243,7 +240,7 @@ class OneMatrix:
         good = points.good
         defect = (turned - along) % PRIME
         if not defect[good].any():
-            return dict(ONE_TERM)
+            return dict(gradients.ONE_TERM)
         for (i, j), terms in zip(self.pairs, matrix, strict=True):
             if terms and not turned[good][:, i, j].any():
                 return tm.terms_of(ex.power(tm.tree_of(angles.shortest(terms)), -1))
@@ -254,7 +251,7 @@ class OneMatrix:
             values, along, turned = self._rates(points, matrix)
             return (turned - along)[:, e[0], e[1]] % PRIME * inverses(values[:, e[0], e[1]]) % PRIME
 
-        def form(fixed: Given, count: int) -> tuple[Numbers, Points]:
+        def form(fixed: interpolation.Given, count: int) -> tuple[Numbers, Points]:
             # Not at rest: logarithms and roots of velocities have no value there.
             start = [self.random.integers(2, PRIME - 2, count) for _ in range(n)]
             first = self.points(fixed, count).again(start)
@@ -267,7 +264,7 @@ class OneMatrix:
             level = level - sum(v * slope % PRIME for v, slope in zip(start, slopes, strict=True))
             return np.array([np.ones(count, np.int64), level % PRIME, *slopes])[:, good], first
 
-        below, *above = Interpolation(form, variables, self.units).terms()
+        below, *above = interpolation.Interpolation(form, variables, self.units).terms()
         slopes = [tm.tree_of(terms) / tm.tree_of(below) for terms in above]
         names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
         logarithm = integrator.function_of(
@@ -279,9 +276,9 @@ class OneMatrix:
         """-(W_i + F_ij v_j): the Euler-Lagrange expressions that A_i v_i - V has over phi."""
         n = len(self.forces)
         places = list(combinations(range(n), 2))
-        drag = tm.collected(differentiate(tm.tree_of(phi), ex.TIME) / tm.tree_of(phi))  # d_t log phi
+        drag = tm.collected(derivative.differentiate(tm.tree_of(phi), ex.TIME) / tm.tree_of(phi))  # d_t log phi
 
-        def form(fixed: Given, count: int) -> tuple[Numbers, Points]:
+        def form(fixed: interpolation.Given, count: int) -> tuple[Numbers, Points]:
             points = self.points(fixed, count).again([np.zeros(count, np.int64)] * n)
             flow, values = self._at(points, matrix, 2)
             by_velocity, _ = flow.slopes()
@@ -292,11 +289,11 @@ class OneMatrix:
                 factor = flow.tree(drag).data[0, 0]
                 fields = (fields + values[0] * factor[:, None, None]) % PRIME
             if ((fields + fields.transpose(0, 2, 1)) % PRIME)[points.good].any():
-                raise NoFit("f is not that of a multiplier without velocities")
+                raise interpolation.NoFit("f is not that of a multiplier without velocities")
             found = [np.ones(count, np.int64), *pushes.T, *(fields[:, i, j] for i, j in places)]
             return np.array(found)[:, points.good], points
 
-        below, *above = Interpolation(form, variables, self.units).terms()
+        below, *above = interpolation.Interpolation(form, variables, self.units).terms()
         names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
         if below.keys() == {tm.EMPTY}:
             above = [tm.scaled(terms, 1 / below[tm.EMPTY]) for terms in above]
@@ -306,7 +303,7 @@ class OneMatrix:
         above = [angles.shortest(terms) for terms in above]
         wanted = [tm.scaled(terms, -1) for terms in above[:n]]
         for (i, j), terms in zip(places, above[n:], strict=True):
-            check()
+            deadline.check()
             v, w = ({tm.monomial(ex.Velocity(self.system.coordinates[k])): Fraction(1)} for k in (i, j))
             wanted[i] = tm.add_terms(wanted[i], tm.multiply_terms(terms, w), -1)
             wanted[j] = tm.add_terms(wanted[j], tm.multiply_terms(terms, v))
@@ -334,7 +331,7 @@ def lowest_matrix(search: OneMatrix) -> list[tm.Terms]:
             return _interpolated(search, support, constants)
         if found and found[0]:
             break
-    raise NoFit("no least degree has one matrix")
+    raise interpolation.NoFit("no least degree has one matrix")
 
 
 def _monomials(own: Sequence[Generator], search: OneMatrix, degree: int) -> list[tm.Monomial]:
@@ -344,7 +341,7 @@ def _monomials(own: Sequence[Generator], search: OneMatrix, degree: int) -> list
     found: dict[tm.Monomial, None] = {tm.EMPTY: None}
     for size in range(1, degree + 1):
         for chosen in combinations(used, size):
-            letters = [[letter for letter in letters_of(v, search.units) if letter] for v in chosen]
+            letters = [[letter for letter in interpolation.letters_of(v, search.units) if letter] for v in chosen]
             for some in product(*letters):
                 key = tm.EMPTY
                 for letter in some:
@@ -356,7 +353,7 @@ def _monomials(own: Sequence[Generator], search: OneMatrix, degree: int) -> list
 def _interpolated(search: OneMatrix, support: Sequence[Column], constants: Sequence[Generator]) -> list[tm.Terms]:
     solver = _Solver(search, support)
 
-    def values(given: Given, count: int) -> tuple[Numbers, Points]:
+    def values(given: interpolation.Given, count: int) -> tuple[Numbers, Points]:
         points = search.points(given, count)
         own = {constant: points.value(constant) for constant in constants}
         vectors = solver.kernels(own, count)
@@ -364,7 +361,7 @@ def _interpolated(search: OneMatrix, support: Sequence[Column], constants: Seque
         points.good = np.isin(np.arange(count), good)
         return np.array([vectors[k][0] for k in good], np.int64).reshape(len(good), len(support)).T, points
 
-    coefficients = Interpolation(values, constants, search.units).terms()
+    coefficients = interpolation.Interpolation(values, constants, search.units).terms()
     matrix: list[tm.Terms] = [{} for _ in search.pairs]
     for (entry, key), terms in zip(support, coefficients, strict=True):
         matrix[entry] = tm.add_terms(matrix[entry], tm.multiply_terms(terms, {key: Fraction(1)}))
@@ -378,7 +375,7 @@ class _Solver:
     search: OneMatrix
     columns: Sequence[Column]
 
-    def kernels(self, given: Given, count: int) -> list[list[list[int]]]:
+    def kernels(self, given: interpolation.Given, count: int) -> list[list[list[int]]]:
         """The coefficients that solve them, for each of `count` values of the given generators."""
         search, n = self.search, len(self.search.forces)
         each = len(search.pairs) + n * (n - 1) // 2
@@ -388,7 +385,7 @@ class _Solver:
         flow = Flow(points, search.forces, 2)
         connection, (tensor,) = flow.tensors(1)
         series = {key: flow.tree(tm.monomial_tree(key)).data[0] for key in {key for _, key in self.columns}}
-        check(len(self.columns) * points.count)
+        deadline.check(len(self.columns) * points.count)
         rows = np.zeros((points.count, each, len(self.columns)), np.int64)
         number = {pair: k for k, pair in enumerate(search.pairs)}
         skew = list(combinations(range(n), 2))
@@ -413,5 +410,5 @@ class _Solver:
             block = slice(2 * places * k, 2 * places * (k + 1))
             good = np.flatnonzero(points.good[block])[:places] + 2 * places * k
             whole = rows[good].reshape(-1, len(self.columns))
-            found.append(kernel_of(whole) if len(good) >= places else [])
+            found.append(interpolation.kernel_of(whole) if len(good) >= places else [])
         return found

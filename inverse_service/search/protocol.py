@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 import mpmath
 
 from inverse_service import deadline
-from inverse_service.decision import certify, deciding
-from inverse_service.decision.solutions import Lagrangian
+from inverse_service.decision import certify, deciding, solutions
 from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import exact_field, real_point
 from inverse_service.mechanics import euler_lagrange, writing
@@ -74,14 +73,14 @@ class Smaller:
     lift: Callable[[Sequence[Sequence[ex.Expression]]], Sequence[ex.Expression]]
 
 
-def describe(analysis: deciding.Analysis, lagrangian: ex.Expression, family: str) -> Lagrangian:
+def describe(analysis: deciding.Analysis, lagrangian: ex.Expression, family: str) -> solutions.Lagrangian:
     """g = d2L/dv dv, the functions that must not vanish, those that are positive on its domain."""
     names = analysis.system.coordinates
     rates = euler_lagrange.hessian(lagrangian, names)
     short = {entry: _compact(analysis, entry) for row in rates for entry in row}
     multiplier = tuple(tuple(short[entry] for entry in row) for row in rates)
     where = certify.where_proved(analysis, lagrangian, min(deadline.left(deadline.end(), 1.0), _LONGEST_CHECK))
-    return Lagrangian(lagrangian, multiplier, where.nonzero, family, where.positive)
+    return solutions.Lagrangian(lagrangian, multiplier, where.nonzero, family, where.positive)
 
 
 def _compact(analysis: deciding.Analysis, entry: ex.Expression) -> ex.Expression:

@@ -21,8 +21,7 @@ from typing import Any
 
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import collecting, derivative, evaluation, tree as ex
-from inverse_service.field import exact_field, matrices, real_point
-from inverse_service.field.point import Variable
+from inverse_service.field import exact_field, matrices, point as ps, real_point
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import angles, material, terms as tm
@@ -121,7 +120,7 @@ def _of_one_square(key: tm.Monomial) -> tm.Terms:
     return {key: Fraction(1)}
 
 
-def _proper(terms: tm.Terms, x: Variable) -> tm.Terms:
+def _proper(terms: tm.Terms, x: ps.Variable) -> tm.Terms:
     """The terms `in_one_square`, and x^3/(x^2 + a) as x - a x/(x^2 + a): no such power of x beside its sum.
 
     Of a sum and its multiples by constants one is a generator.
@@ -161,7 +160,7 @@ def _primitive_sum(tree: ex.Sum) -> tuple[int, tm.Monomial, ex.Expression]:
     return sign, outside, tm.tree_of(tm.scaled(terms, sign))
 
 
-def _divided(key: tm.Monomial, x: Variable) -> tm.Terms | None:
+def _divided(key: tm.Monomial, x: ps.Variable) -> tm.Terms | None:
     """Substitutes x^d = (D - r)/c for a generator D = c x^d + r with a constant c; None where there is no such one."""
     power = dict(key).get(x, Fraction(0))
     for letter in dict(key):
@@ -179,7 +178,7 @@ def _divided(key: tm.Monomial, x: Variable) -> tm.Terms | None:
 
 
 def quadratic_antiderivatives(
-    key: tm.Monomial, variable: Variable, table: real_point.RealTable | None = None
+    key: tm.Monomial, variable: ps.Variable, table: real_point.RealTable | None = None
 ) -> Iterator[tm.Monomial]:
     """Candidates for the antiderivative of the monomial, constant factors left out; real at the point of a table."""
     for letter, e in key:
@@ -190,7 +189,7 @@ def quadratic_antiderivatives(
 
 
 def _of_letter(
-    key: tm.Monomial, letter: ex.Sum, e: Fraction, x: Variable, table: real_point.RealTable | None
+    key: tm.Monomial, letter: ex.Sum, e: Fraction, x: ps.Variable, table: real_point.RealTable | None
 ) -> Iterator[tm.Monomial]:
     slope = tm.letter_derivative(letter, x)
     second = tm.derivative_of_terms(slope, x)
@@ -218,7 +217,7 @@ def _of_letter(
 
 
 @lru_cache(maxsize=256)
-def _discriminant(letter: ex.Sum, x: Variable) -> ex.Expression:
+def _discriminant(letter: ex.Sum, x: ps.Variable) -> ex.Expression:
     """D as a product of factors."""
     slope = tm.letter_derivative(letter, x)
     second = tm.derivative_of_terms(slope, x)
@@ -256,7 +255,7 @@ def _primitive_part(tree: ex.Expression) -> ex.Expression:
     return tm.monomial_tree(common) * rest
 
 
-def primitive(x: Variable, wanted: tm.Terms, table: real_point.RealTable | None = None) -> ex.Expression | None:
+def primitive(x: ps.Variable, wanted: tm.Terms, table: real_point.RealTable | None = None) -> ex.Expression | None:
     """A sum of monomials with the derivative `wanted` by x, by linear algebra over what may have its terms as a part.
 
     The coefficients are rational where that suffices, else they contain generators without x. None if none is found.
@@ -298,7 +297,7 @@ def _in_logarithms(tree: ex.Expression) -> ex.Expression:
     return ex.substitute(tree, table) if table else tree
 
 
-def _with_constants(x: Variable, columns: Iterable[tm.Monomial], wanted: tm.Terms) -> ex.Expression | None:
+def _with_constants(x: ps.Variable, columns: Iterable[tm.Monomial], wanted: tm.Terms) -> ex.Expression | None:
     """The same with coefficients from the field of the generators without x."""
     varying = dict.fromkeys(frozenset(item for item in m if ex.holds(item[0], x)) for m in columns)
     plain = {m: _proper(tm.derivative_of_terms({m: Fraction(1)}, x), x) for m in varying if m}
@@ -324,7 +323,7 @@ def _combination(sides: Sequence[Mapping[tm.Monomial, tm.Terms]]) -> list[tuple[
     return [(k, exact_field.quotient_tree(ring, row[-1])) for k, row in zip(found.pivots, found.rows, strict=True)]
 
 
-def _by_partial_fractions(x: Variable, wanted: tm.Terms) -> ex.Expression | None:
+def _by_partial_fractions(x: ps.Variable, wanted: tm.Terms) -> ex.Expression | None:
     """sum c_p log p + c_q atan(q') + (c_j + d_j x) p^-j + c_k x^k over the irreducible factors p, q of denominators.
 
     What is free of x is constant. All integrals of rational functions whose denominators have factors of degree 1 and
@@ -360,7 +359,7 @@ def _by_partial_fractions(x: Variable, wanted: tm.Terms) -> ex.Expression | None
     return None if found is None else ex.add(*(c * tm.monomial_tree(primitives[k]) for k, c in found))
 
 
-def _with_factors(key: tm.Monomial, value: Fraction, x: Variable) -> tm.Terms:
+def _with_factors(key: tm.Monomial, value: Fraction, x: ps.Variable) -> tm.Terms:
     """The monomial with the irreducible factors of the sums of x that it divides by."""
     found: tm.Terms = {key: value}
     for letter, e in key:
@@ -370,7 +369,7 @@ def _with_factors(key: tm.Monomial, value: Fraction, x: Variable) -> tm.Terms:
     return tm.sum_of(_with_one_sum(k, a) for k, a in found.items())
 
 
-def _is_quadratic(letter: ex.Expression, x: Variable) -> bool:
+def _is_quadratic(letter: ex.Expression, x: ps.Variable) -> bool:
     degrees = [dict(key).get(x, Fraction(0)) for key in tm.terms_of(letter)]
     return max(degrees) == 2 and min(degrees) >= 0
 

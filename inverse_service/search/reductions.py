@@ -16,11 +16,8 @@ from inverse_service.expressions import collecting, derivative, tree as ex
 from inverse_service.field import exact_field, flow, matrices, tower
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, connected
-from inverse_service.search import linear_systems, quadratures
-from inverse_service.search.interpolation import kernel_of
+from inverse_service.search import interpolation, linear_systems, protocol, quadratures, terms as tm
 from inverse_service.search.material import Material
-from inverse_service.search.protocol import Smaller
-from inverse_service.search.terms import collected, tree_of
 
 Table = list[list[ex.Expression]]
 # Coordinates, and points at which matrices are compared.
@@ -48,7 +45,7 @@ def _block(system: SecondOrderSystem, group: Collection[str]) -> SecondOrderSyst
 def _cancelled(material: Material) -> SecondOrderSystem:
     """The system, with f_i as it was factored where fewer coordinates occur in it: (u x - v x)/(u - v) is x."""
     system = material.analysis.system
-    pairs = zip(system.accelerations, map(tree_of, material.motion.forces), strict=True)
+    pairs = zip(system.accelerations, map(tm.tree_of, material.motion.forces), strict=True)
     forces = tuple(min(pair, key=lambda tree: len(_coordinates_in(tree, system.coordinates))) for pair in pairs)
     return replace(system, accelerations=forces)
 
@@ -57,12 +54,12 @@ def is_decoupled(material: Material) -> bool:
     return len(decoupled_blocks(_cancelled(material))) > 1
 
 
-def into_blocks(material: Material, seed: int) -> Iterator[Smaller]:
+def into_blocks(material: Material, seed: int) -> Iterator[protocol.Smaller]:
     """The blocks; the sum of their Lagrangians is one of the whole system."""
     blocks = tuple(decoupled_blocks(_cancelled(material)))
     system = material.analysis.system
     timed = (material.motion.with_time,) * len(blocks)
-    yield Smaller(blocks, timed, lambda found: [_sum_of(system, [trees[0] for trees in found])])
+    yield protocol.Smaller(blocks, timed, lambda found: [_sum_of(system, [trees[0] for trees in found])])
 
 
 def _sum_of(system: SecondOrderSystem, trees: Sequence[ex.Expression]) -> ex.Expression:
@@ -100,10 +97,10 @@ def _may_decouple(material: Material) -> bool:
     unit = np.eye(n, dtype=np.int64)
     # P J - J P with P in the order of its rows.
     rows = [np.kron(unit, j.T) - np.kron(j, unit) for j in jacobians]
-    return bool(rows) and len(kernel_of(np.concatenate(rows) % flow.PRIME)) > 1
+    return bool(rows) and len(interpolation.kernel_of(np.concatenate(rows) % flow.PRIME)) > 1
 
 
-def into_sums(material: Material, seed: int) -> Iterator[Smaller]:
+def into_sums(material: Material, seed: int) -> Iterator[protocol.Smaller]:
     """The two parts of the system in sums of the coordinates, each sum with the name of one of these."""
     if not _may_decouple(material):
         return
@@ -137,7 +134,7 @@ def _trees(ring: exact_field.ExactRing, rows: Sequence[Sequence[exact_field.Quot
     return [[exact_field.quotient_tree(ring, entry) for entry in row] for row in rows]
 
 
-def _in_forms(material: Material, forms: Table, inverse: Table, first: int) -> Smaller:
+def _in_forms(material: Material, forms: Table, inverse: Table, first: int) -> protocol.Smaller:
     """The blocks of the first forms and of the others, each form with the name of the coordinate in its place."""
     system, blocks = material.analysis.system, list[SecondOrderSystem]()
     names, places = system.coordinates, range(len(system.coordinates))
@@ -145,10 +142,10 @@ def _in_forms(material: Material, forms: Table, inverse: Table, first: int) -> S
     for chosen in (places[:first], places[first:]):
         own = tuple(names[k] for k in chosen)
         table = _substitution(names, [[row[k] for k in chosen] for row in inverse], own)
-        accelerations = tuple(collected(ex.substitute(forces[k], table)) for k in chosen)
+        accelerations = tuple(tm.collected(ex.substitute(forces[k], table)) for k in chosen)
         blocks.append(replace(system, coordinates=own, accelerations=accelerations, branch=None, nonzero=()))
     back, timed = _substitution(names, forms, names), (material.motion.with_time,) * 2
-    return Smaller(
+    return protocol.Smaller(
         tuple(blocks), timed, lambda found: [ex.substitute(_sum_of(system, [one[0] for one in found]), back)]
     )
 
@@ -168,14 +165,14 @@ def has_own_time(material: Material) -> bool:
     return any(True for _ in _along(material))
 
 
-def along_a_coordinate(material: Material, seed: int) -> Iterator[Smaller]:
+def along_a_coordinate(material: Material, seed: int) -> Iterator[protocol.Smaller]:
     """With u as time, x'' = F(u, x, dx/du): L = u' M(u, x, x'/u') + S(u, u').
 
     M, homogeneous of degree 1, has the equations of the paths alone (Noether's second theorem: that of u follows from
     those of x), and S is a Lagrangian of u, whose equation no other coordinate enters. L is regular if M and S are.
     """
     for u, paths, own in sorted(_along(material), key=lambda found: sum(map(ex.node_count, found[1].accelerations))):
-        yield Smaller((paths, own), (True, material.motion.with_time), partial(_homogeneous, u))
+        yield protocol.Smaller((paths, own), (True, material.motion.with_time), partial(_homogeneous, u))
 
 
 def _along(material: Material) -> Iterator[tuple[str, SecondOrderSystem, SecondOrderSystem]]:
@@ -209,5 +206,5 @@ def _homogeneous(u: str, found: Sequence[Sequence[ex.Expression]]) -> list[ex.Ex
     for tree in found[0]:
         velocities = [node for node in ex.walk(tree) if isinstance(node, ex.Velocity)]
         table: dict[ex.Expression, ex.Expression] = {v: v / rate for v in velocities}
-        lagrangians.append(collected(rate * ex.substitute(tree, {**table, ex.TIME: ex.Symbol(u)})))
+        lagrangians.append(tm.collected(rate * ex.substitute(tree, {**table, ex.TIME: ex.Symbol(u)})))
     return [one + found[1][0] for one in lagrangians]

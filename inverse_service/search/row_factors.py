@@ -30,15 +30,13 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service import bounds
-from inverse_service.deadline import check
+from inverse_service import bounds, deadline
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.real_point import RealTable
-from inverse_service.mechanics import euler_lagrange, writing
-from inverse_service.mechanics.implicit_equations import linear_equation
+from inverse_service.mechanics import euler_lagrange, implicit_equations, writing
 from inverse_service.mechanics.second_order_system import Branch, SecondOrderSystem, connected
 from inverse_service.search import gradients, terms as tm
 from inverse_service.search.material import Material, positive
@@ -136,7 +134,7 @@ def lagrangians_of_lines(
         except _FAILED:
             continue
         for scaled in _proposed_lines(lines, sums):
-            check()
+            deadline.check()
             integrator = gradients.Integrator(system, table, signs)
             try:
                 found = lagrangian_of(scaled, integrator)
@@ -179,7 +177,7 @@ def in_own_order(system: SecondOrderSystem) -> SecondOrderSystem | None:
     """The system with its lines in the order in which they have a Lagrangian; None where there is none."""
     with suppress(*_FAILED):
         for scaled in islice(symmetric_lines(lines_of(system, system.given)), _ORDERS):
-            check()
+            deadline.check()
             with suppress(*_FAILED):
                 if lagrangian_of(scaled, gradients.Integrator(system)) is not None:
                     return replace(system, branch=Branch(tuple(system.given[k] for k in scaled.order), unsolved=True))
@@ -188,7 +186,7 @@ def in_own_order(system: SecondOrderSystem) -> SecondOrderSystem | None:
 
 def lines_of(system: SecondOrderSystem, equations: Sequence[ex.Expression]) -> Lines:
     """InputError where an acceleration does not enter linearly, TooManyTerms where a sum is long."""
-    parts = [linear_equation(equation) for equation in equations]
+    parts = [implicit_equations.linear_equation(equation) for equation in equations]
     names = system.coordinates
     matrix = [[tm.terms_of(part.coefficients[q]) if q in part.coefficients else {} for q in names] for part in parts]
     return Lines(system, matrix, [tm.terms_of(writing.much_shorter(part.rest)) for part in parts])

@@ -16,8 +16,7 @@ from inverse_service import errors
 from inverse_service.expressions import collecting, derivative, graphs, tree as ex
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics import euler_lagrange
-from inverse_service.simulation import initial, numeric_formulas
-from inverse_service.simulation.scene_data import Scene
+from inverse_service.simulation import initial, numeric_formulas, scene_data
 
 POINTS = 24
 ENOUGH = 4
@@ -104,7 +103,7 @@ def _applied(matrix: euler_lagrange.Matrix, vector: Sequence[ex.Expression]) -> 
 
 
 def keeps_motion(
-    scene: Scene,
+    scene: scene_data.Scene,
     lagrangian: ex.Expression,
     accelerations: tuple[ex.Expression, ...],
     values: dict[str, float],
@@ -137,7 +136,7 @@ def distance_of_motion(
     return worst
 
 
-def _points(scene: Scene) -> tuple[Array, Array]:
+def _points(scene: scene_data.Scene) -> tuple[Array, Array]:
     random = np.random.default_rng(7)
     n = len(scene.coordinates)
     found_q, found_v = [scene.positions], [scene.velocities]

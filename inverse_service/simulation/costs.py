@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 
 from inverse_service.errors import InputError
-from inverse_service.integrators import method_table
-from inverse_service.integrators.trajectory import Trajectory
+from inverse_service.integrators import method_table, trajectory
 from inverse_service.kernels.codegen import compiled
-from inverse_service.simulation import derivation, execution, observing, scene_data as data, schemes
-from inverse_service.simulation.numeric_formulas import Formulas
+from inverse_service.simulation import derivation, execution, numeric_formulas, observing, scene_data as data, schemes
 
 IN_KERNEL = ("energy", "constraints")
 TIMED_STEPS, MORE_STEPS = 20_000, 8  # steps that are timed at most, and how many times as many where they are too few
@@ -62,7 +60,7 @@ def _price(derived: derivation.Derived, requested: data.Requested) -> tuple[floa
     execution.check(own, requested.choice)
     values, start = observing.beginning(scene, requested, derivation.free_of(requested, derived))
     ready = execution.prepared(own, requested.choice, start, scene.grid, values, observation)
-    if isinstance(ready, Trajectory):
+    if isinstance(ready, trajectory.Trajectory):
         raise data.Unavailable("no step is made.")
 
     def fastest(steps: int) -> tuple[float, int]:
@@ -126,5 +124,5 @@ def effects_of(derived: derivation.Derived) -> dict[str, Any]:
 
 def operations(problem: data.Problem, observation: data.Observation, requested: data.Requested) -> int:
     """Floating-point instructions and calls in the kernel of a method, each counted once: no load changes them."""
-    text = compiled.kernel_text(schemes.program_of(Formulas(problem), requested.choice, observation))
+    text = compiled.kernel_text(schemes.program_of(numeric_formulas.Formulas(problem), requested.choice, observation))
     return len(_OPERATION.findall(text.partition("next_step:")[2]))

@@ -15,8 +15,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from inverse_service.errors import InputError
-from inverse_service.expressions import collecting
-from inverse_service.expressions.tree import ZERO, Expression, Velocity, add, summands, walk
+from inverse_service.expressions import collecting, tree as ex
 from inverse_service.integrators.method_table import USES_ACCELERATIONS, USES_FREE
 from inverse_service.mechanics import constrained_motion, euler_lagrange
 from inverse_service.simulation import accelerations as accelerating, exact_motion, initial
@@ -31,19 +30,19 @@ Part = TypeVar("Part")
 Find = Callable[[Scene, str | None, exact_motion.ExactMotion | None], FreeLagrangian]
 
 
-def lagrangian_parts(lagrangian: Expression, coordinates: Sequence[str]) -> dict[str, Expression]:
+def lagrangian_parts(lagrangian: ex.Expression, coordinates: Sequence[str]) -> dict[str, ex.Expression]:
     """L = kinetic + magnetic + potential, each zero where L has no such terms ("potential" is -V); a term is kept as a
     whole and expanded only if it is of several kinds: the terms of (x - 10^6)^2 would lose 12 digits."""
-    kinds: dict[str, list[Expression]] = {KINETIC: [], MAGNETIC: [], POTENTIAL: []}
-    for term in summands(lagrangian):
-        parts, found = summands(collecting.collect(term)), []
+    kinds: dict[str, list[ex.Expression]] = {KINETIC: [], MAGNETIC: [], POTENTIAL: []}
+    for term in ex.summands(lagrangian):
+        parts, found = ex.summands(collecting.collect(term)), []
         for part in parts:
-            moves = any(isinstance(node, Velocity) for node in walk(part))
-            has_mass = moves and any({*row} != {ZERO} for row in euler_lagrange.hessian(part, coordinates))
+            moves = any(isinstance(node, ex.Velocity) for node in ex.walk(part))
+            has_mass = moves and any({*row} != {ex.ZERO} for row in euler_lagrange.hessian(part, coordinates))
             found.append(KINETIC if has_mass else MAGNETIC if moves else POTENTIAL)
         for kind, part in zip(found, parts, strict=True) if len(set(found)) > 1 else ((found[0], term),):
             kinds[kind].append(part)
-    return {kind: add(*terms) for kind, terms in kinds.items()}
+    return {kind: ex.add(*terms) for kind, terms in kinds.items()}
 
 
 @dataclass(frozen=True)
@@ -106,7 +105,7 @@ class Derived:
             return self.exact()
         return None
 
-    def accelerations(self) -> tuple[Expression, ...]:
+    def accelerations(self) -> tuple[ex.Expression, ...]:
         """Those of all coordinates."""
         return self._part("accelerations", "accelerations", partial(accelerations_of, self.scene))
 
@@ -172,7 +171,7 @@ def free_of(requested: Requested, derived: Derived) -> FreeLagrangian | None:
     return None
 
 
-def accelerations_of(scene: Scene) -> tuple[Expression, ...]:
+def accelerations_of(scene: Scene) -> tuple[ex.Expression, ...]:
     """Those given, or derived from the Lagrangian, the constraints and the forces."""
     if scene.accelerations is not None:
         return scene.accelerations

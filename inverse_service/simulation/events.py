@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from inverse_service import errors
 from inverse_service.expressions import tree as ex
-from inverse_service.integrators import method_table
-from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
+from inverse_service.integrators import method_table, trajectory
 from inverse_service.simulation import (
     execution,
     initial,
@@ -30,8 +29,8 @@ from inverse_service.simulation import (
     scene_data as data,
 )
 
-Point = tuple[float, Array, Array]  # a time, position and velocity (n,)
-State = tuple[Array, Array, Array]  # times (m,), positions and velocities (m, n)
+Point = tuple[float, trajectory.Array, trajectory.Array]  # a time, position and velocity (n,)
+State = tuple[trajectory.Array, trajectory.Array, trajectory.Array]  # times (m,), positions and velocities (m, n)
 CONTINUED = data.MethodChoice("adaptive", tolerance=1e-14)
 ITERATIONS = 60
 JUST = 1e-9  # of the way to a zero
@@ -57,7 +56,7 @@ NO_PERIOD = "A period needs every step recorded, and a start that moves or is pu
 ACTS_AT_START = "An event acts where the motion starts: to observe its period, begin elsewhere on it."
 NO_VELOCITIES = "The method has no velocities at its points, which the event needs."
 Motion = Callable[[], data.Problem]  # the motion as q'' = f; Unavailable where that is not known
-Follow = Callable[[NDArray[np.int64], Array], State]
+Follow = Callable[[NDArray[np.int64], trajectory.Array], State]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,9 +64,9 @@ class Found:
     """The points of one event: times (m,), positions and velocities (m, n); `note` says what else was seen."""
 
     event: data.Event
-    times: Array
-    positions: Array
-    velocities: Array
+    times: trajectory.Array
+    positions: trajectory.Array
+    velocities: trajectory.Array
     note: str = ""
 
     @property
@@ -98,7 +97,7 @@ def located(run: observing.Observed, events: Sequence[data.Event], motion: Motio
     return tuple(_located(run, event, follow) for event in events)
 
 
-def with_events(run: observing.Observed, motion: Motion) -> tuple[Trajectory, tuple[Found, ...]]:
+def with_events(run: observing.Observed, motion: Motion) -> tuple[trajectory.Trajectory, tuple[Found, ...]]:
     """The run, which ends at the first event that stops it, and all events found up to there."""
     ran, found = run.trajectory, located(run, run.scene.events, motion)
     ends = [float(one.times[0]) for one in found if one.event.stops and len(one.times)]
@@ -106,11 +105,11 @@ def with_events(run: observing.Observed, motion: Motion) -> tuple[Trajectory, tu
         return ran, found
     end = min(ends)
     kept = ran.times < end
-    outcome = Outcome("completed", int(kept.sum()) - 1, end, note=ENDED.format(end))
+    outcome = trajectory.Outcome("completed", int(kept.sum()) - 1, end, note=ENDED.format(end))
     return ran.ended(kept, outcome), tuple(one.part(one.times <= end) for one in found)
 
 
-def where_ended(found: tuple[Found, ...], outcome: Outcome) -> Point | None:
+def where_ended(found: tuple[Found, ...], outcome: trajectory.Outcome) -> Point | None:
     """(t, q, v) of the event that ended the run; None if no event did."""
     stops = (one for one in found if one.event.stops and len(one.times) and one.times[0] == outcome.time)
     return next((one.first for one in stops), None)
@@ -129,7 +128,7 @@ def _follower(run: observing.Observed, motion: Motion) -> Follow | None:
         return None
     of = what
 
-    def follow(places: NDArray[np.int64], lengths: Array) -> State:
+    def follow(places: NDArray[np.int64], lengths: trajectory.Array) -> State:
         carried = None if run_by.method in method_table.POINT_METHODS or ran.momenta is None else ran.momenta[places]
         begins = ran.times[places]
         many = execution.run_ensemble(
@@ -150,7 +149,7 @@ def _located(run: observing.Observed, event: data.Event, follow: Follow | None) 
     scene, ran = run.scene, run.trajectory
     nothing = nowhere(event, len(scene.coordinates))
 
-    def value(state: State) -> Array:
+    def value(state: State) -> trajectory.Array:
         times, positions, speeds = state
         return nf.array_value(event.formula, nf.table_of(scene.coordinates, positions, speeds, scene.values, times))
 
@@ -190,16 +189,16 @@ def _located(run: observing.Observed, event: data.Event, follow: Follow | None) 
 class Way:
     """A run with the values of a formula at its points, (m,), and its continuation from each point."""
 
-    times: Array
-    along: Array
+    times: trajectory.Array
+    along: trajectory.Array
     follow: Follow
-    value: Callable[[State], Array]
+    value: Callable[[State], trajectory.Array]
 
-    def at(self, places: NDArray[np.int64], shares: Array) -> State:
+    def at(self, places: NDArray[np.int64], shares: trajectory.Array) -> State:
         """The states a share of the step behind the points at these places."""
         return self.follow(places, shares * (self.times[places + 1] - self.times[places]))
 
-    def values(self, shares: Array) -> Array:
+    def values(self, shares: trajectory.Array) -> trajectory.Array:
         """The formula at `shares`, in steps from the first point."""
         places = np.minimum(shares.astype(np.int64), len(self.times) - 2)
         return self.value(self.at(places, shares - places))
@@ -210,13 +209,13 @@ class Brackets:
     """Changes of sign: between the shares `low` and `high` of the step behind a point, from `below` to `above`."""
 
     places: NDArray[np.int64]
-    low: Array
-    high: Array
-    below: Array
-    above: Array
+    low: trajectory.Array
+    high: trajectory.Array
+    below: trajectory.Array
+    above: trajectory.Array
 
 
-def _is_unseen(way: Way, fine: Array, pieces: int) -> bool:
+def _is_unseen(way: Way, fine: trajectory.Array, pieces: int) -> bool:
     """Whether the formula between the points has values that the cubic through four of them does not show."""
     places = np.unique(np.linspace(1, len(fine) - 3, LOOKED_AGAIN).astype(np.int64))
     part = np.resize(OFF_GRID, len(places))
@@ -229,7 +228,7 @@ def _is_unseen(way: Way, fine: Array, pieces: int) -> bool:
     )
 
 
-def _brackets(way: Way, direction: int) -> tuple[Brackets, Array, bool]:
+def _brackets(way: Way, direction: int) -> tuple[Brackets, trajectory.Array, bool]:
     """The changes of sign along a run, rising (direction 1), falling (-1) or both (0), the times at which the formula
     is 0 and does not change it, and whether it has more of them than the points show.
 
@@ -261,7 +260,7 @@ def _brackets(way: Way, direction: int) -> tuple[Brackets, Array, bool]:
     return Brackets(k[kept], low, high, below, above), moments, _is_unseen(way, fine, pieces)
 
 
-def _signed(values: Array) -> Array:
+def _signed(values: trajectory.Array) -> trajectory.Array:
     """The values, where a 0 within the run gets the sign that follows it: touching 0 is not a change of sign."""
     found = values.copy()
     for place in np.flatnonzero(values[:-1] == 0)[::-1]:
@@ -269,7 +268,7 @@ def _signed(values: Array) -> Array:
     return found
 
 
-def _turning_points(way: Way, fine: Array, pieces: int) -> tuple[Array, Array]:
+def _turning_points(way: Way, fine: trajectory.Array, pieces: int) -> tuple[trajectory.Array, trajectory.Array]:
     """The places where the formula is nearest to 0 between points at which it has the same sign, and its values.
 
     Search by SECTIONS points of each interval, in SIMD lanes; the start and the end of the run are always examined.
@@ -343,7 +342,7 @@ def period_of(run: observing.Observed, returns: Found, others: Sequence[Found]) 
     turns, span = initial.angles(scene), np.ptp(at.positions, axis=0)
     size = float(np.where(turns, np.minimum(span, 2 * np.pi), span).max()) or 1.0
 
-    def distance(found: Found) -> Array:
+    def distance(found: Found) -> trajectory.Array:
         """From the start, of the points behind it."""
         moved = found.positions[found.times > at.times[0] + TOUCH_FROM * scene.grid.step] - scene.positions
         apart = np.where(turns, np.abs((moved + np.pi) % (2 * np.pi) - np.pi), np.abs(moved))

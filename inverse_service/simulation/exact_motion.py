@@ -27,9 +27,7 @@ import numpy as np
 from inverse_service.expressions import collecting, tree as ex
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics import euler_lagrange
-from inverse_service.simulation import initial, numeric_formulas
-from inverse_service.simulation.accelerations import determinant
-from inverse_service.simulation.scene_data import FreeLagrangian, Unavailable
+from inverse_service.simulation import accelerations, initial, numeric_formulas, scene_data
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
 MOST_PIECES = 4096
@@ -62,7 +60,7 @@ class ExactMotion:
 def motion_by_quadrature(what: initial.System, values: Mapping[str, float]) -> ExactMotion:
     """The exact motion of a system of the class above; Unavailable, with the reason, where it is not in that class."""
     if (lagrangian := what.lagrangian) is None:
-        raise Unavailable("The system is given by its equations.")
+        raise scene_data.Unavailable("The system is given by its equations.")
     names = what.coordinates
     table: dict[ex.Expression, float] = {ex.Symbol(name): value for name, value in values.items()}
     inertia = euler_lagrange.hessian(lagrangian, names)
@@ -73,27 +71,27 @@ def motion_by_quadrature(what: initial.System, values: Mapping[str, float]) -> E
             [collecting.collect(lagrangian - kinetic), *(entry for row in inertia for entry in row)], table
         )
     except numeric_formulas.NoValue:
-        raise Unavailable(
+        raise scene_data.Unavailable(
             "The kinetic energy has coefficients that are not constant, or there is a potential."
         ) from None
     mass = np.array(entries).reshape(len(names), -1)
     if np.linalg.matrix_rank(mass) < len(names):
-        raise Unavailable("The kinetic energy is degenerate.")
+        raise scene_data.Unavailable("The kinetic energy is degenerate.")
     rows = initial.forms_of(what)
     nodes = [node for row in rows for entry in row for node in ex.walk(entry)]
     if any(isinstance(node, ex.Velocity) for node in nodes) or {ex.ZERO, *initial.drifts_of(what)} != {ex.ZERO}:
-        raise Unavailable("A constraint is not linear and homogeneous in the velocities.")
+        raise scene_data.Unavailable("A constraint is not linear and homogeneous in the velocities.")
     used = {node.name for node in nodes if isinstance(node, ex.Symbol)}
     turning = [k for k, name in enumerate(names) if name in used]
     if ex.TIME.name in used or len(turning) > 1:
-        raise Unavailable("The constraints depend on more than one coordinate.")
+        raise scene_data.Unavailable("The constraints depend on more than one coordinate.")
     for k in turning:
         if any(row[k] != ex.ZERO for row in rows):
-            raise Unavailable(f"A constraint contains the velocity of {names[k]}, on which it depends.")
+            raise scene_data.Unavailable(f"A constraint contains the velocity of {names[k]}, on which it depends.")
         if np.delete(mass[k], k).any():
-            raise Unavailable(f"The kinetic energy couples {names[k]} with another coordinate.")
+            raise scene_data.Unavailable(f"The kinetic energy couples {names[k]} with another coordinate.")
         if len(rows) != len(names) - 2:
-            raise Unavailable(f"The constraints leave more than one direction in addition to {names[k]}.")
+            raise scene_data.Unavailable(f"The constraints leave more than one direction in addition to {names[k]}.")
     return ExactMotion(names, inertia, mass, tuple(map(tuple, rows)), next(iter(turning), None), dict(values))
 
 
@@ -138,7 +136,7 @@ def _settled(motion: ExactMotion, start: float, rate: float, edges: Array) -> Ar
         if change <= tolerance and steady:
             break
     if not steady:
-        raise Unavailable(RANK_LOST)
+        raise scene_data.Unavailable(RANK_LOST)
     return found
 
 
@@ -175,12 +173,12 @@ def _direction(motion: ExactMotion, turning: Array) -> Array:
     mass = motion.mass[np.ix_(others, others)]
     norm = np.sqrt(np.einsum("ij,jk,ik->i", direction, mass, direction))
     if not np.isfinite(norm).all() or norm.min() <= 1e-12 * max(1.0, float(norm.max())):
-        raise Unavailable(RANK_LOST)
+        raise scene_data.Unavailable(RANK_LOST)
     found: Array = direction / norm[:, None]
     return found
 
 
-def class_lagrangian(motion: ExactMotion, given: Mapping[str, float]) -> FreeLagrangian | None:
+def class_lagrangian(motion: ExactMotion, given: Mapping[str, float]) -> scene_data.FreeLagrangian | None:
     """L~ of the second associated system; None where the motion is straight or a direction vanishes.
 
     It has a free constant C_x for each coordinate x that is coupled, whose values are `given` or 1.
@@ -228,7 +226,7 @@ def class_lagrangian(motion: ExactMotion, given: Mapping[str, float]) -> FreeLag
         found[:, k] = rate - shift
         return found.reshape(positions.shape)
 
-    return FreeLagrangian(
+    return scene_data.FreeLagrangian(
         lagrangian=ex.add(*(ex.HALF * rates[i] ** 2 for i in free), ex.HALF * norm * ex.add(*terms) / rates[k]),
         hamiltonian=ex.add(*(ex.HALF * energy**2 for energy in energies)),
         constants={label: given.get(label, 1.0) for label in labels},
@@ -248,7 +246,7 @@ def _directions(motion: ExactMotion) -> dict[int, ex.Expression]:
     others = [i for i in range(len(motion.coordinates)) if i != motion.turning]
     found = {}
     for place, i in enumerate(others):
-        minor = determinant(tuple(tuple(row[j] for j in others if j != i) for row in motion.constraints))
+        minor = accelerations.determinant(tuple(tuple(row[j] for j in others if j != i) for row in motion.constraints))
         found[i] = -minor if place % 2 else minor
     return found
 

@@ -11,9 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from inverse_service.errors import InputError
-from inverse_service.integrators import variational as discrete
+from inverse_service.integrators import trajectory, variational as discrete
 from inverse_service.integrators.method_table import GAUSS_LEGENDRE, PAIRS, RODAS, TABLEAUX, Tableau
-from inverse_service.integrators.trajectory import Array
 from inverse_service.integrators.variational import Vector
 from inverse_service.kernels.codegen import program as programs, symengine_trees as se
 from inverse_service.kernels.codegen.symengine_trees import HALF, ONE, STEP, ZERO, Formula, number, symbol
@@ -304,7 +303,7 @@ def _explicit(f: Formulas, tableau: Tableau) -> tuple[list[programs.Statement], 
     speeds: list[Vector] = []
     forces: list[Vector] = []
 
-    def moved(drift: float, weights: Array, places: Array) -> Vector:
+    def moved(drift: float, weights: trajectory.Array, places: trajectory.Array) -> Vector:
         moves = _combined(weights, speeds, n)
         if not f.depends_on_velocities:
             moves = number(drift) * v + STEP * _combined(places, forces, n)

@@ -11,7 +11,6 @@ from inverse_service.expressions import derivative, tree as ex
 from inverse_service.field import exact_field, real_point, tower
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics import constrained_motion, nonholonomic_integrals, second_order_system
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import terms
 
 # Of a factor of f, and of the density of an invariant measure for n coordinates, the powers that are tried.
@@ -21,10 +20,10 @@ _SEED = 1
 
 
 def with_clock(
-    system: SecondOrderSystem,
+    system: second_order_system.SecondOrderSystem,
     factor: ex.Expression,
     written: Callable[[ex.Expression], ex.Expression] = terms.collected,
-) -> SecondOrderSystem | None:
+) -> second_order_system.SecondOrderSystem | None:
     """q'' = f(q, N q')/N^2 - (q'^k dN/dq^k / N) q', for f without t, where N has real values other than 0.
 
     On the first case of the signs in f and N that has a real point; None where none has.
@@ -45,7 +44,7 @@ def with_clock(
 
 
 def find_clock(
-    system: SecondOrderSystem, seed: int, deadline: float
+    system: second_order_system.SecondOrderSystem, seed: int, deadline: float
 ) -> tuple[ex.Expression | None, tuple[ex.Expression, ...]]:
     """The first N with which the system has a Lagrangian, and those that were tried before it.
 
@@ -65,7 +64,7 @@ def find_clock(
     return None, tuple(tried)
 
 
-def _clocks(system: SecondOrderSystem, deadline: float) -> Iterator[ex.Expression]:
+def _clocks(system: second_order_system.SecondOrderSystem, deadline: float) -> Iterator[ex.Expression]:
     n, seen = len(system.coordinates), set[ex.Expression]({ex.ONE})
     yield ex.ONE
     density = _density(system, deadline)
@@ -78,7 +77,7 @@ def _clocks(system: SecondOrderSystem, deadline: float) -> Iterator[ex.Expressio
             yield factor
 
 
-def _factors(system: SecondOrderSystem) -> list[ex.Expression]:
+def _factors(system: second_order_system.SecondOrderSystem) -> list[ex.Expression]:
     """Denominators, radicands and functions in f that hold coordinates and no velocity."""
     own = {*map(ex.Symbol, system.coordinates)}
     found: dict[ex.Expression, None] = {}
@@ -91,7 +90,7 @@ def _factors(system: SecondOrderSystem) -> list[ex.Expression]:
     return list(found)
 
 
-def _density(system: SecondOrderSystem, deadline: float) -> ex.Expression | None:
+def _density(system: second_order_system.SecondOrderSystem, deadline: float) -> ex.Expression | None:
     """rho(q) with rho dq dq' invariant: that of the motion with these accelerations and no constraint."""
     names, n = system.coordinates, len(system.coordinates)
     try:

@@ -27,19 +27,12 @@ from inverse_service.decision import certify, deciding, solutions
 from inverse_service.decision.deciding import Analysis, Decision
 from inverse_service.decision.kinds import helmholtz
 from inverse_service.decision.kinds.helmholtz import ANY_FRICTION, LagrangianKind
-from inverse_service.expressions import collecting, tree as ex
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.printing import to_text
-from inverse_service.field import matrices, modular, null_vectors, real_point
-from inverse_service.field.exact_field import TooLarge
-from inverse_service.field.point import Point, SingularPoint, number_value
+from inverse_service.expressions import collecting, derivative, printing, tree as ex
+from inverse_service.field import exact_field, matrices, modular, null_vectors, point as ps, real_point
 from inverse_service.linear_pde import equations, involution
-from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics import euler_lagrange, second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import members, protocol, row_factors
-from inverse_service.search.gradients import Integrator
-from inverse_service.search.terms import EMPTY, TooManyTerms, collected, terms_of, tree_of
+from inverse_service.search import gradients, members, protocol, row_factors, terms as tm
 from inverse_service.solving import solving
 
 _NO_TIME = "the time limit was reached before this question"
@@ -123,7 +116,7 @@ def decided(
     """By the conditions on all multipliers of the kind; those of a system `even` where the kind speaks of that."""
     if now() > deadline:
         return KindAnswer("undetermined", _NO_TIME)
-    with_time, limits = analysis.system.depends_on_time, Limits(deadline=deadline)
+    with_time, limits = analysis.system.depends_on_time, involution.Limits(deadline=deadline)
     own = None if even is not None else analysis
     found = deciding.decide(even or analysis.system, with_time, seed, limits, analysis=own, among=kind.derivations)
     if found.verdict == "undetermined":
@@ -221,7 +214,7 @@ def _with_friction(
     """L and D for T - V = `tree` and E_i(T - V) = push_i along f, if the checker confirms them."""
     try:
         split = _split(analysis.system, push)
-    except TooManyTerms:
+    except tm.TooManyTerms:
         return None
     if split is None:
         return None
@@ -232,13 +225,13 @@ def _with_friction(
 def _split(system: SecondOrderSystem, push: Sequence[ex.Expression]) -> tuple[ex.Expression, ex.Expression] | None:
     """D and A v for C v = push; None where the antisymmetric part of C is not closed."""
     v = [ex.Velocity(name) for name in system.coordinates]
-    slopes = [[differentiate(part, w) for w in v] for part in push]
+    slopes = [[derivative.differentiate(part, w) for w in v] for part in push]
     pairs = [(i, j) for i in range(len(v)) for j in range(len(v))]
-    drag = tree_of(terms_of(ex.add(*(HALF * slopes[i][j] * v[i] * v[j] for i, j in pairs))))
-    rest = [differentiate(drag, w) - part for w, part in zip(v, push, strict=True)]
-    terms = [terms_of(part) for part in rest]
-    linear = Integrator(system).linear_terms(terms)
-    return None if linear is None else (drag, tree_of(linear))
+    drag = tm.tree_of(tm.terms_of(ex.add(*(HALF * slopes[i][j] * v[i] * v[j] for i, j in pairs))))
+    rest = [derivative.differentiate(drag, w) - part for w, part in zip(v, push, strict=True)]
+    terms = [tm.terms_of(part) for part in rest]
+    linear = gradients.Integrator(system).linear_terms(terms)
+    return None if linear is None else (drag, tm.tree_of(linear))
 
 
 def _push(analysis: Analysis, tree: ex.Expression) -> list[ex.Expression]:
@@ -255,11 +248,14 @@ def constant_metrics(system: SecondOrderSystem) -> Iterator[ex.Expression]:
     metric, width = {pair: place for place, pair in enumerate(pairs)}, len(pairs) + n * n
     rows: dict[object, list[Fraction]] = {}
     try:
-        slopes = [[terms_of(differentiate(f, ex.Velocity(name))) for name in names] for f in system.accelerations]
-    except TooManyTerms:
+        slopes = [
+            [tm.terms_of(derivative.differentiate(f, ex.Velocity(name))) for name in names]
+            for f in system.accelerations
+        ]
+    except tm.TooManyTerms:
         return
     for i, j in combinations(range(n), 2):
-        rows[i, j, EMPTY] = [Fraction(4 * (k == len(pairs) + i * n + j)) for k in range(width)]
+        rows[i, j, tm.EMPTY] = [Fraction(4 * (k == len(pairs) + i * n + j)) for k in range(width)]
         for (a, b, sign), k in product(((i, j, 1), (j, i, -1)), range(n)):
             for key, value in slopes[k][b].items():
                 row = rows.setdefault((i, j, key), [Fraction(0)] * width)
@@ -281,7 +277,7 @@ def with_drag(
     analysis: Analysis, kind: LagrangianKind, tree: ex.Expression, drag: ex.Expression, deadline: float
 ) -> KindAnswer | None:
     found = certify.of_lagrangian(analysis, tree, analysis.system.depends_on_time, kind)
-    certificate = found | {"dissipation": to_text(drag)}
+    certificate = found | {"dissipation": printing.to_text(drag)}
     return confirmed(
         KindAnswer("variational", "", certificate, protocol.describe(analysis, tree, FAMILY), drag), deadline
     )
@@ -296,7 +292,7 @@ def parts_of_parity(formula: ex.Expression, names: Sequence[str]) -> tuple[ex.Ex
     """Its parts that are even and odd in the velocities."""
     turned = ex.substitute(formula, {ex.Velocity(name): -ex.Velocity(name) for name in names})
     found: Iterator[ex.Expression] = (HALF * (formula + other) for other in (turned, -turned))
-    even, odd = (collected(part) for part in found)
+    even, odd = (tm.collected(part) for part in found)
     return even, odd
 
 
@@ -308,8 +304,8 @@ def values_at(
 
     def residues(seed: int) -> tuple[int, dict[tuple[int, int], int] | None]:
         prime = modular.safe_prime(seed)
-        values = {name: number_value(value, prime) for name, value in near.items()}
-        prolongation = deciding.prolonged(analysis, Point(prime, seed, variables=values), with_time, order)
+        values = {name: ps.number_value(value, prime) for name, value in near.items()}
+        prolongation = deciding.prolonged(analysis, ps.Point(prime, seed, variables=values), with_time, order)
         within = involution.consequences(prolongation, 0)
         used = sorted({row for basis in within for row in prolongation.echelon.trace({basis: 1})})
         rows.append(tuple(cast(deciding.RowName, prolongation.row_name(row)) for row in used))
@@ -319,7 +315,7 @@ def values_at(
 
     try:
         found = deciding.reconstructed(residues)
-    except (SingularPoint, TooLarge):
+    except (ps.SingularPoint, exact_field.TooLarge):
         return None, ()
     if found is None:
         return None, ()

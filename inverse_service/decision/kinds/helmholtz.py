@@ -42,11 +42,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from inverse_service.expressions import tree as ex
-from inverse_service.expressions.derivative import differentiate_in_time
+from inverse_service.expressions import derivative, tree as ex
 from inverse_service.field import dense_series as machine, point as ps, tower
-from inverse_service.linear_pde import equations as pde
-from inverse_service.linear_pde.involution import Matrix
+from inverse_service.linear_pde import equations as pde, involution
 from inverse_service.mechanics import conditions
 
 Integers = npt.NDArray[np.int64]
@@ -66,10 +64,10 @@ def unknowns_of(n: int, size: int) -> pde.Unknowns:
 
 
 @lru_cache(maxsize=64)
-def matrix_of(n: int, size: int) -> Matrix:
+def matrix_of(n: int, size: int) -> involution.Matrix:
     """g, of rank n."""
     velocities = range(size - n, size)
-    return Matrix(tuple(tuple((0, (min(i, j), max(i, j))) for j in velocities) for i in velocities), n)
+    return involution.Matrix(tuple(tuple((0, (min(i, j), max(i, j))) for j in velocities) for i in velocities), n)
 
 
 @lru_cache(maxsize=64)
@@ -203,7 +201,7 @@ def invariant(fields: Sequence[Mapping[str, tuple[str, ex.Expression]]], names: 
         lifted: dict[ps.Variable, ex.Expression] = {
             ex.Symbol(name): tower.to_kernels(tree) for name, (_, tree) in field.items()
         }
-        rates = {ex.Velocity(name): differentiate_in_time(tree, names) for name, (_, tree) in field.items()}
+        rates = {ex.Velocity(name): derivative.differentiate_in_time(tree, names) for name, (_, tree) in field.items()}
         found.append(Derivation({**lifted, **{v: tower.to_kernels(rate) for v, rate in rates.items()}}, 0, True))
     texts = [{name: text for name, (text, _) in field.items()} for field in fields]
     return LagrangianKind("invariant", tuple(found), {"invariant": texts})

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from inverse_service.integrators.trajectory import Array
-from inverse_service.kernels.codegen.kernel import AdaptiveKernel, Kernel
-from inverse_service.kernels.codegen.llvm_writer import LlvmWriter
+from inverse_service.kernels.codegen import kernel, llvm_writer
 from inverse_service.kernels.codegen.program import Layout, Program, layout_of
 from inverse_service.kernels.machine_code import code_store, loading
 
@@ -140,8 +139,8 @@ def forget_memory() -> None:
 
 def kernel_text(program: Program, lanes: int = 1) -> str:
     """The LLVM IR of the program, to be looked at."""
-    kind = Kernel if program.error is None else AdaptiveKernel
-    return kind(program, LlvmWriter(lanes)).write()
+    kind = kernel.Kernel if program.error is None else kernel.AdaptiveKernel
+    return kind(program, llvm_writer.LlvmWriter(lanes)).write()
 
 
 def _from_disk(digest: str) -> Compiled | None:

@@ -29,7 +29,6 @@ from inverse_service.field import reduction
 from inverse_service.mechanics import euler_lagrange, reading, second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import components, document_names, names as nm, reader
-from inverse_service.reading.names import Names
 from inverse_service.reading.tokens import at, spelled, walk
 from inverse_service.service.documents import plain_data
 
@@ -237,7 +236,7 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
                 formula = line[named.end() :]
                 summed = _ENERGIES.match(formula)
                 energies[kind] = named, formula[summed.end() :].rjust(len(formula)) if summed else formula, pointer
-    if any("L" in document_names.moving_names(reader.tokens_if_any(line, Names()), 1) for _, line in others):
+    if any("L" in document_names.moving_names(reader.tokens_if_any(line, nm.Names()), 1) for _, line in others):
         return plain, {}, {}  # dL/dt = 0 is about a momentum L
     formulas = [*(line for _, line in others), *(text for _, text, _ in energies.values())]
     moves = "kinetic" in energies and any(map(_MOVES.search, formulas))
@@ -258,7 +257,7 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
         for named, formula, _ in energies.values():
             sign = ("-" if named["potential"] else "+") + (".5*(" if named["twice"] else "(")
             lagrangian = lagrangian.ljust(named.end() - len(sign)) + sign + formula + ")"
-    velocities = document_names.moving_names(reader.tokens_if_any(lagrangian, Names()), 1)
+    velocities = document_names.moving_names(reader.tokens_if_any(lagrangian, nm.Names()), 1)
     moving = {*velocities}
     places, where = {"/lagrangian": next(iter(energies.values()))[2]}, {}
     held = plain.get("constraints") or []
@@ -309,7 +308,7 @@ def _held_by_fields(text: str, moving: Sequence[str]) -> list[str]:
     tokens = [token for field in fields for token in walk(reader.read_tokens(field))]
     coordinates = tuple(dict.fromkeys([*moving, *document_names.moving_names(tokens, 1)]))
     words = {token.text for token in tokens if token.kind == "name"}
-    names = Names(coordinates, tuple(words - nm.FUNCTIONS - {*coordinates}))
+    names = nm.Names(coordinates, tuple(words - nm.FUNCTIONS - {*coordinates}))
     parts = [euler_lagrange.linear_parts(reader.read_formula(field, names), ex.Velocity) for field in fields]
     rows = [part[0] for part in parts if isinstance(part, tuple) and part[1] == ex.ZERO]
     columns = [(v, *(row.get(v, ex.ZERO) for row in rows)) for v in map(ex.Velocity, coordinates)]
@@ -361,7 +360,7 @@ def _defined(line: str, moving: Collection[str]) -> tuple[str, bool]:
     displaced = _OF_A_FORM.match(left) and _FORM.search(right)
     form = displaced or reader.names_in_forms(left) or {*moving} & reader.names_in_forms(right)
     found = _DEFINED.fullmatch(left.removesuffix(":")) if equal and not form else None
-    if found is None or found[1] in nm.FUNCTIONS or Names().derivative(found[1], known=False):
+    if found is None or found[1] in nm.FUNCTIONS or nm.Names().derivative(found[1], known=False):
         return "", False
     return found[1] + (found[2] or ""), found[3] is not None
 
@@ -371,9 +370,9 @@ def _is_unused(line: str, pointer: str, others: Sequence[str], moving: Collectio
 
     InputError for F = -c x' or F = cos(t), and for V = … beside an L, perhaps meant without V. `whole` is that L.
     """
-    tokens = reader.tokens_if_any(line, Names())
+    tokens = reader.tokens_if_any(line, nm.Names())
     first, formula = at(tokens, 0), [token for token in walk(tokens[2:]) if token.kind == "name"]
-    words = [token.text for text in others for token in walk(reader.tokens_if_any(text, Names()))]
+    words = [token.text for text in others for token in walk(reader.tokens_if_any(text, nm.Names()))]
     used = any(word == first.text or (first.text in word and word.isalpha()) for word in words)
     names = [token.text for token in formula if token.text not in nm.FUNCTIONS]
     moves = any(token.order for token in formula) or any(word[-1] == "t" for word in names)
@@ -451,7 +450,7 @@ def _lines(text: str) -> list[str]:
     """The equations of a text, each after as many spaces that its columns hold."""
     text = reader.without_words(text)
     try:
-        groups = reader.split_equations(text, Names(forms=True))
+        groups = reader.split_equations(text, nm.Names(forms=True))
     except errors.InputError:
         return [text]
     places = [(_start(text, group), _end(text, group)) for group in groups]
@@ -584,7 +583,7 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
     if len(keyed) > 1 or any("dot" in text for text in texts):
         return ""
     try:
-        known = Names(guesses=True)
+        known = nm.Names(guesses=True)
         known = replace(
             known, splits=document_names.moving_products({str(k): text for k, text in enumerate(texts)}, known, 1)
         )
@@ -596,7 +595,7 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
     free = "z" if moving == {"w"} and "x" not in words else "x"
     if free in _declared(plain) or free in keyed:
         return ""
-    names = Names((), (free, *moving))
+    names = nm.Names((), (free, *moving))
     starts = (k for k in range(len(tokens)) if not k or tokens[k - 1].text in (";", ",", "\n"))
     if any(spelled(tokens[k : k + 2]) == f"{free}=" for k in starts):
         return ""  # x = l sin(theta) is a definition
@@ -615,9 +614,9 @@ def _with_time_apart(plain: Mapping[str, Any], time: str) -> tuple[dict[str, Any
         return dict(plain), {}
     texts = dict(_placed({key: plain[key] for key in FORMULAS if key in plain}, ""))
     moving = {match[1] for text in texts.values() for match in _MOVING.finditer(text)}
-    products = document_names.moving_products(texts, Names(guesses=True), 1)
+    products = document_names.moving_products(texts, nm.Names(guesses=True), 1)
     moving = (moving - products.keys()) | {parts[-1] for parts in products.values()}
-    known = Names((), tuple({time, *_declared(plain, (*NAMES, "equations", "where")), *moving}))
+    known = nm.Names((), tuple({time, *_declared(plain, (*NAMES, "equations", "where")), *moving}))
     found = {name: "*".join(parts) for name, parts in products.items() if time in parts}
     for pointer, text in texts.items():
         for word in _PLAIN_WORD.finditer("" if reader.is_latex(text) else text):
@@ -648,7 +647,7 @@ def _found_time(plain: Mapping[str, Any]) -> str:
     """The x of y''(x), d^2y/dx^2, diff(y(x), x, 2), where all second derivatives are by the same name."""
     found, moving = set(), set()
     for text in _texts({key: plain[key] for key in FORMULAS if key in plain}):
-        tokens = reader.tokens_if_any(text, Names(guesses=True))
+        tokens = reader.tokens_if_any(text, nm.Names(guesses=True))
         orders = document_names.derivatives(tokens)
         found |= {by for name, by, order in orders if order == 2 and name not in _declared(plain, ("functions",))}
         moving |= {name for name, by, order in orders if order == 2 or by == "t"}
@@ -809,7 +808,7 @@ def _holds(tree: ex.Expression, kind: type[ex.Expression]) -> bool:
 
 
 def _lagrangian(
-    names: Names,
+    names: nm.Names,
     lines: Sequence[ex.Expression],
     multipliers: Sequence[ex.Symbol],
     forms: Sequence[Sequence[ex.Expression]],
@@ -913,7 +912,7 @@ def to_ansatz(schema: Asking, system: SecondOrderSystem) -> tuple[ex.Expression,
     return tuple(reader.without_accelerations(term, "a term of a Lagrangian", pointer) for term, pointer in terms)
 
 
-def formula_about(text: str, names: Names, schema: NamedDocument | None, pointer: str) -> ex.Expression:
+def formula_about(text: str, names: nm.Names, schema: NamedDocument | None, pointer: str) -> ex.Expression:
     """A formula about the system of a document, whose parameters with values are put in; InputError with pointer."""
     named = () if schema is None else document_names.Declared(parameters=schema.parameters).named_parameters()
     known = replace(names, parameters=tuple(dict.fromkeys((*names.parameters, *named))))

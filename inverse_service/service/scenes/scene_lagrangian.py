@@ -20,8 +20,7 @@ from inverse_service.field.exact_field import TooLarge
 from inverse_service.mechanics.constrained_motion import eliminate_multipliers, frames, geometry
 from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.paper_class import KINDS, associated, recognized
-from inverse_service.reading.names import Names
-from inverse_service.reading.reader import read_condition
+from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import plain_data
 from inverse_service.service.scenes import scene_reading
 from inverse_service.simulation import accelerations as accelerating, derivation, exact_motion, initial
@@ -96,7 +95,7 @@ class _Search:
         """The L~ of a text, tested against the motion."""
         scene, names, constants = self.scene, self.system.names, self.constants
         extra = tuple(name for name in constants if name not in names.parameters)
-        known = replace(self.system, names=Names(names.coordinates, (*names.parameters, *extra), names.functions))
+        known = replace(self.system, names=nm.Names(names.coordinates, (*names.parameters, *extra), names.functions))
         tree = scene_reading.read_expression(text, known, pointer)
         used = {node.name for node in ex.walk(tree) if isinstance(node, ex.Symbol)}
         own = {name: value for name, value in constants.items() if name in used and name not in scene.values}
@@ -145,7 +144,7 @@ def _domain(
 ) -> tuple[ex.Expression, ...] | None:
     """The formulas that are positive while L~ has the motion: its conditions, and the denominators and radicands of
     given accelerations; None if a condition does not hold at the start."""
-    ends = [read_condition(condition, system.names) for condition in conditions]
+    ends = [reader.read_condition(condition, system.names) for condition in conditions]
     ends = [derivative.define_functions(end, system.definitions) for end in ends]
     table = initial.at_start(scene, values)
     signs = [float(array_value(end, table)[0]) for end in ends]

@@ -24,22 +24,18 @@ from api_schemas import base, scene as schemas
 from api_schemas.system import TAGS
 from inverse_service import catalogue
 from inverse_service.errors import DocumentRefused, InputError, LimitError
-from inverse_service.expressions import collecting, pieces, refusals, tree as ex
-from inverse_service.expressions.derivative import Definitions, define_functions, differentiate
+from inverse_service.expressions import collecting, derivative, pieces, refusals, tree as ex
 from inverse_service.field import tower
 from inverse_service.integrators.method_table import GEOMETRIC, METHODS, OWN_STEPS, RUNGE_KUTTA
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics.constrained_motion import read_nonholonomic
 from inverse_service.mechanics.reading import read_system
-from inverse_service.reading import reader
+from inverse_service.reading import names as nm, reader
 from inverse_service.reading.document_names import AND_GUESS, Declared, document_names, known_names
-from inverse_service.reading.names import Names, declared_name
 from inverse_service.service.documents import accepting
 from inverse_service.service.documents.plain_data import escape
-from inverse_service.simulation import scene_data as data
-from inverse_service.simulation.derivation import BUILT_IN, CONSTRAINTS, KINETIC, lagrangian_parts
+from inverse_service.simulation import derivation, numeric_formulas, scene_data as data
 from inverse_service.simulation.initial import System, check_constraints, initial_velocities, velocities_from_momenta
-from inverse_service.simulation.numeric_formulas import NoValue, array_value, walls
 
 SYSTEM = (
     'an object: {"catalogue": name}, {"document": {...}}, {"result": {...}} or a document with coordinates and '
@@ -89,7 +85,7 @@ PARTS = ("positions", "velocities", "momenta")  # of the initial data
 OF_MEMBERS = ("trajectory", "velocities", "energy")
 
 
-def read_definitions(given: Mapping[str, str], names: Names) -> Definitions:
+def read_definitions(given: Mapping[str, str], names: nm.Names) -> derivative.Definitions:
     """The formula of each function over its own arguments; InputError with the pointer below /functions."""
     found = {}
     for key, text in given.items():
@@ -100,7 +96,7 @@ def read_definitions(given: Mapping[str, str], names: Names) -> Definitions:
             raise InputError(f"'{key[:40]}' is not a function of this system: its functions are {known}.", pointer)
         arguments = names.functions[name]
         with reader.placed_at(pointer):
-            tree = reader.read_formula(text, Names(names.coordinates, names.parameters))
+            tree = reader.read_formula(text, nm.Names(names.coordinates, names.parameters))
         words = {word: of[0] for word in arguments if (of := names.derivative(word))}
         tree = ex.substitute(tree, {ex.Velocity(name): ex.Symbol(word) for word, name in words.items()})
         others = (ex.Symbol(other) for other in names.coordinates if other not in arguments)
@@ -110,7 +106,7 @@ def read_definitions(given: Mapping[str, str], names: Names) -> Definitions:
     return found
 
 
-def refuse_open_functions(formulas: Sequence[ex.Expression], names: Names) -> None:
+def refuse_open_functions(formulas: Sequence[ex.Expression], names: nm.Names) -> None:
     """InputError if a formula contains an arbitrary function for which the scene gives no formula."""
     missing = sorted({node.name for tree in formulas for node in ex.walk(tree) if isinstance(node, ex.Arbitrary)})
     if not missing:
@@ -139,7 +135,7 @@ class MechanicalSystem:
     formulas that the scene gives to its functions. `catalogue_name` is there where it comes from the catalogue.
     """
 
-    names: Names
+    names: nm.Names
     lagrangian: ex.Expression | None
     constraints: tuple[ex.Expression, ...]
     accelerations: tuple[ex.Expression, ...] | None
@@ -148,7 +144,7 @@ class MechanicalSystem:
     known: tuple[KnownLagrangian, ...] = ()
     source: str = ""
     document: Mapping[str, Any] | None = None
-    definitions: Definitions = field(default_factory=dict)
+    definitions: derivative.Definitions = field(default_factory=dict)
     catalogue_name: str | None = None
 
 
@@ -190,7 +186,7 @@ def _of_result(result: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSys
     return replace(found, known=lagrangians_of(result, found.names), source="the result given")
 
 
-def lagrangians_of(result: Mapping[str, Any], names: Names) -> tuple[KnownLagrangian, ...]:
+def lagrangians_of(result: Mapping[str, Any], names: nm.Names) -> tuple[KnownLagrangian, ...]:
     """The Lagrangians of a result on all its branches, also with t, the most suitable first: those with a
     Hamiltonian in closed form, and of these those with the fewest walls, at which a motion would end."""
     branches = [result, *(branch for branch in result.get("branches") or () if isinstance(branch, Mapping))]
@@ -204,7 +200,7 @@ def lagrangians_of(result: Mapping[str, Any], names: Names) -> tuple[KnownLagran
     def rank(answer: Mapping[str, Any]) -> tuple[bool, int]:
         hamiltonian, tree = answer.get("hamiltonian"), reader.read_formula(answer["lagrangian"]["text"], names)
         closed = _is_part(hamiltonian) and not (hamiltonian or {}).get("implicit")
-        return not closed, len({*walls(tree, names.coordinates)})
+        return not closed, len({*numeric_formulas.walls(tree, names.coordinates)})
 
     parts = [answer["lagrangian"] for answer in sorted(answers, key=rank)]
     return tuple(dict.fromkeys(KnownLagrangian(part["text"], tuple(part.get("domain") or ())) for part in parts))
@@ -273,7 +269,7 @@ def without_steps(tree: ex.Expression) -> ex.Expression:
     return ex.substitute(tree, {node: tower.to_kernels(node) for node in steps})
 
 
-def formula(text: str, names: Names, pointer: str) -> ex.Expression:
+def formula(text: str, names: nm.Names, pointer: str) -> ex.Expression:
     """A formula of coordinates and velocities; InputError at the pointer."""
     with reader.placed_at(pointer):
         return reader.without_accelerations(reader.read_formula(text, names), "the formula", "")
@@ -286,7 +282,7 @@ def _parameters(given: Any, extra: Sequence[str]) -> tuple[list[str], dict[str, 
     declared = Declared(parameters=given)
     names = list(declared.named_parameters())
     more = [AND_GUESS] if declared.guesses else []
-    spelled = Names((), tuple(extra))
+    spelled = nm.Names((), tuple(extra))
     taken = {spelled.spelling(name) for name in names}
     return [*names, *(name for name in extra if name not in taken), *more], values
 
@@ -322,7 +318,7 @@ WORDING = accepting.Wording("The scene", EXPECTED, _unknown, _steps)
 def read_expression(text: str, system: MechanicalSystem, pointer: str) -> ex.Expression:
     """A formula of the scene, with those of its functions; InputError at the pointer, or where a function has none."""
     given = formula(text, system.names, pointer)
-    tree = without_steps(define_functions(given, system.definitions))
+    tree = without_steps(derivative.define_functions(given, system.definitions))
     refuse_open_functions([tree], system.names)
     return tree
 
@@ -339,7 +335,7 @@ def read_forces(
     if schema.rayleigh is not None and RAYLEIGH in effects:
         function = read_expression(schema.rayleigh, system, "/rayleigh")
         for name in names.coordinates:
-            slope = differentiate(function, ex.Velocity(name))
+            slope = derivative.differentiate(function, ex.Velocity(name))
             found[name] = collecting.collect(found.get(name, ex.ZERO) - slope)
     forces = tuple(found.get(name, ex.ZERO) for name in names.coordinates)
     return forces if any(force != ex.ZERO for force in forces) else ()
@@ -415,7 +411,7 @@ def beginning(schema: schemas.SceneDocument) -> tuple[float, schemas.SceneInitia
 def read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSystem]:
     """The scene and its system; InputError with a pointer to the error."""
     given = {
-        declared_name(name, f"/parameters/{escape(name)}", "parameter"): text
+        nm.declared_name(name, f"/parameters/{escape(name)}", "parameter"): text
         for name, text in schema.parameters.items()
     }
     system = mechanical_system(schema.system, list(given))
@@ -432,7 +428,7 @@ def read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSys
     values = {name: number_of(texts[name], f"/parameters/{name}") for name in names.parameters}
     system = replace(system, definitions=read_definitions(schema.functions, names))
     lagrangian, constraints, forces, effects, parts = _with_effects(schema, system)
-    accelerations = tuple(define_functions(tree, system.definitions) for tree in system.accelerations or ())
+    accelerations = tuple(derivative.define_functions(tree, system.definitions) for tree in system.accelerations or ())
     formulas = [tree for tree in (lagrangian, *constraints, *accelerations) if tree is not None]
     refuse_open_functions(formulas, names)
     if any(ex.holds(tree, ex.TIME) for tree in constraints):
@@ -505,7 +501,7 @@ def _with_effects(
             raise InputError(detail, f"/terms/{escape(name)}")
     terms = {name: read_expression(text, system, f"/terms/{escape(name)}") for name, text in schema.terms.items()}
     further = [name for name, given in ((FORCES, schema.forces), (RAYLEIGH, schema.rayleigh)) if given]
-    known = (*BUILT_IN, *terms, *further)
+    known = (*derivation.BUILT_IN, *terms, *further)
     named = tuple(dict.fromkeys(schema.effects if schema.effects is not None else known))
     for place, name in enumerate(named):
         if name not in known:
@@ -517,20 +513,22 @@ def _with_effects(
             detail = "effects, terms and forces need a Lagrangian, and this system has equations: leave them out."
             raise InputError(detail, pointer)
         return None, (), (), (), ()
-    whole = define_functions(system.lagrangian, system.definitions)
-    parts = [*lagrangian_parts(whole, system.names.coordinates).items(), *terms.items()]
-    given = tuple(define_functions(w, system.definitions) for w in system.constraints)
+    whole = derivative.define_functions(system.lagrangian, system.definitions)
+    parts = [*derivation.lagrangian_parts(whole, system.names.coordinates).items(), *terms.items()]
+    given = tuple(derivative.define_functions(w, system.definitions) for w in system.constraints)
 
     def acting(names: Sequence[str]) -> tuple[ex.Expression, Constraints, Constraints]:
         forces = read_forces(schema, system, tuple(names))
-        chosen = (tree for name, tree in parts if name in (KINETIC, *names))  # all other parts are left out completely
-        return ex.add(*chosen), given if CONSTRAINTS in names else (), forces
+        chosen = (
+            tree for name, tree in parts if name in (derivation.KINETIC, *names)
+        )  # all other parts are left out completely
+        return ex.add(*chosen), given if derivation.CONSTRAINTS in names else (), forces
 
     whole_scene = acting(named)
     found = []
     for name in known:
         other = [one for one in named if one != name] if name in named else [*named, name]
-        if name != KINETIC and (turned := acting(other)) != whole_scene:
+        if name != derivation.KINETIC and (turned := acting(other)) != whole_scene:
             found.append(data.Effect(name, name in named, *turned))
     return *whole_scene, named, tuple(found)
 
@@ -540,8 +538,8 @@ def number_of(text: str, pointer: str, what: str = "", low: float = -math.inf, h
     for one that is not from `low` to `high`, which says `what` is wanted."""
     value = float(text) if _DECIMAL.fullmatch(text) else math.nan
     if not math.isfinite(value):
-        with suppress(InputError, NoValue, OverflowError):
-            value = float(array_value(reader.read_formula(text, Names(time=False)), {})[0])
+        with suppress(InputError, numeric_formulas.NoValue, OverflowError):
+            value = float(numeric_formulas.array_value(reader.read_formula(text, nm.Names(time=False)), {})[0])
     if not math.isfinite(value):
         shown = refusals.shorten(text)
         raise InputError(f'\'{shown}\' is not a number: write it as in 0.25, "1/4" or "pi/4".', pointer)
@@ -636,7 +634,7 @@ def _label(given: schemas.SceneMethod, alpha: str | None, order: int) -> str:
     return "-".join(parts)
 
 
-def read_circle(schema: schemas.SceneDocument, names: Names) -> tuple[int, int] | None:
+def read_circle(schema: schemas.SceneDocument, names: nm.Names) -> tuple[int, int] | None:
     """The pair of coordinates named, else x and y, else the last two."""
     if schema.circle is not None:
         pair = [_coordinate(name, names, f"/circle/{place}") for place, name in enumerate(schema.circle)]
@@ -652,7 +650,7 @@ def read_circle(schema: schemas.SceneDocument, names: Names) -> tuple[int, int] 
 
 
 def read_initial(
-    given: schemas.SceneInitial, names: Names, what: System, values: Mapping[str, float]
+    given: schemas.SceneInitial, names: nm.Names, what: System, values: Mapping[str, float]
 ) -> tuple[Array, Array]:
     """Positions and velocities, (n,) each, the velocities on the constraints."""
     start = _of_all(given.positions, names, "position", "/initial/positions")
@@ -667,7 +665,7 @@ def read_initial(
     return start, initial_velocities(what, values, start, speeds, given.project)
 
 
-def _of_all(given: Mapping[str, str], names: Names, what: str, pointer: str) -> Array:
+def _of_all(given: Mapping[str, str], names: nm.Names, what: str, pointer: str) -> Array:
     found = _by_coordinate(given, names, pointer)
     missing = ", ".join(name for name in names.coordinates if name not in found)
     if missing:
@@ -675,7 +673,7 @@ def _of_all(given: Mapping[str, str], names: Names, what: str, pointer: str) -> 
     return np.array([found[name] for name in names.coordinates])
 
 
-def _by_coordinate(given: Mapping[str, str], names: Names, pointer: str) -> dict[str, float]:
+def _by_coordinate(given: Mapping[str, str], names: nm.Names, pointer: str) -> dict[str, float]:
     found = {}
     for key, text in given.items():
         place = f"{pointer}/{escape(key)}"
@@ -684,7 +682,7 @@ def _by_coordinate(given: Mapping[str, str], names: Names, pointer: str) -> dict
     return found
 
 
-def _coordinate(key: str, names: Names, pointer: str) -> str:
+def _coordinate(key: str, names: nm.Names, pointer: str) -> str:
     """The coordinate of this name, as the system writes it."""
     if (name := names.spelling(key)) not in names.coordinates:
         known = ", ".join(names.coordinates)
@@ -693,7 +691,7 @@ def _coordinate(key: str, names: Names, pointer: str) -> str:
 
 
 def read_members(
-    given: schemas.SceneEnsemble, base: schemas.SceneInitial, names: Names, scene: data.Scene
+    given: schemas.SceneEnsemble, base: schemas.SceneInitial, names: nm.Names, scene: data.Scene
 ) -> data.Members:
     """Starts times combinations of parameters, the parameters running fastest; each start on the constraints."""
     unseen = [name for name in scene.observe if name not in OF_MEMBERS]
@@ -744,7 +742,7 @@ def read_members(
 
 
 def _together(
-    given: schemas.MemberColumns, base: schemas.SceneInitial, names: Names, scene: data.Scene,
+    given: schemas.MemberColumns, base: schemas.SceneInitial, names: nm.Names, scene: data.Scene,
     values: Mapping[str, Array], count: int,
 ) -> data.Members:  # fmt: skip
     """Columns of starts, each repeated for the values of the parameters; missing velocities are filled in."""

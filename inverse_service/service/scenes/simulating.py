@@ -19,9 +19,8 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.integrators.trajectory import Array
 from inverse_service.service.scenes import scene_lagrangian, scene_reading
-from inverse_service.simulation.accuracy import order_of
+from inverse_service.simulation import accuracy, derivation
 from inverse_service.simulation.advice import advice, by_itself
-from inverse_service.simulation.derivation import Derived
 from inverse_service.simulation.events import Found, where_ended
 from inverse_service.simulation.observing import columns_of, last_point, why_energy_varies
 from inverse_service.simulation.running import EnsembleRun, MethodRun, SceneRun, run_scene
@@ -117,7 +116,7 @@ def run_document(document: Any, progress: Progress | None, time_limit: float) ->
     if progress is not None:
         progress("deriving")
     find = scene_lagrangian.finder(schema, system)
-    derived = Derived(scene, find, lambda: now() > end)
+    derived = derivation.Derived(scene, find, lambda: now() > end)
     if not schema.methods:
         scene = by_itself(scene, derived)
     if "energy" in scene.observe and (scene.accelerations is not None or why_energy_varies(scene)):
@@ -237,7 +236,7 @@ def _requested(requested: Requested) -> dict[str, Any]:
         "method": requested.method.replace("_", "-"),
         "alpha": requested.alpha,
         "symmetrised": choice.symmetrised,
-        "order": order_of(requested),
+        "order": accuracy.order_of(requested),
         "form": choice.form if choice.method == "variational" else None,
         "start": requested.convention if requested.alpha is not None else None,
     }

@@ -25,7 +25,6 @@ from inverse_service.field import exact_field
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.conditions import motion_in_ring
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.solving.special_cases import side_conditions, strata
 from inverse_service.solving.special_cases.strata import ParameterSpace, Stratum
 
@@ -80,7 +79,7 @@ class _Exploration:
 
 
 def special_cases(
-    system: SecondOrderSystem,
+    system: second_order_system.SecondOrderSystem,
     time_dependent: bool | None,
     deadline: float = float("inf"),
     progress: Progress | None = None,
@@ -115,7 +114,7 @@ def _grouped(reasons: Sequence[tuple[str, str]]) -> Iterator[str]:
         yield f"{text} ({named[0]}{others})" if named else text
 
 
-def _constants(system: SecondOrderSystem) -> dict[str, tuple[str, ...]]:
+def _constants(system: second_order_system.SecondOrderSystem) -> dict[str, tuple[str, ...]]:
     """For each function that occurs, unused names for its coefficients as a polynomial."""
     occurring = {node.name for f in system.accelerations for node in ex.walk(f) if isinstance(node, ex.Arbitrary)}
     used = {*system.parameters, *system.coordinates}
@@ -282,7 +281,7 @@ class Question:
     `constants` names the coefficients of each function where it is a polynomial; they are in `space`.
     """
 
-    system: SecondOrderSystem
+    system: second_order_system.SecondOrderSystem
     space: ParameterSpace
     constants: Mapping[str, tuple[str, ...]]
     time_dependent: bool | None
@@ -302,7 +301,7 @@ class Case:
     question: Question
     stratum: Stratum
     functions: FunctionCase
-    system: SecondOrderSystem
+    system: second_order_system.SecondOrderSystem
     autonomous: Verdict | None
     with_time: Verdict | None
     statement: str = ""
@@ -323,7 +322,7 @@ class Case:
         return self.autonomous, self.with_time
 
 
-def specialised(question: Question, stratum: Stratum, functions: FunctionCase) -> SecondOrderSystem:
+def specialised(question: Question, stratum: Stratum, functions: FunctionCase) -> second_order_system.SecondOrderSystem:
     """The system with the values of the stratum and the polynomials for the functions put in."""
     system, polynomials = question.system, {name: question.constants[name] for name in functions}
     forces = tuple(_with_polynomials(f, polynomials) for f in system.accelerations)

@@ -17,8 +17,7 @@ from dataclasses import dataclass
 from flint import fmpq, fmpq_mpoly
 
 from inverse_service.decision.deciding import Analysis
-from inverse_service.explanation import negative
-from inverse_service.explanation.hierarchy import EquationName, eliminate, tensors_at, tensors_to_depth
+from inverse_service.explanation import hierarchy, negative
 from inverse_service.expressions import collecting, derivative, tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import conditions, euler_lagrange
@@ -46,18 +45,18 @@ class SideConditions:
 def of_conditions(
     analysis: Analysis,
     space: strata.ParameterSpace,
-    names: Sequence[EquationName],
+    names: Sequence[hierarchy.EquationName],
     budget: exact_field.Budget,
     seed: int = 1,
 ) -> SideConditions:
     """Those of solving the named equations of the hierarchy; raises TooLarge, ZeroDivisionError."""
     depth = max((name.condition.order for name in names), default=2) - 2
     exact = conditions.motion_in_ring(analysis.system, depth + 2, budget)
-    table = tensors_at(analysis, seed, depth)
-    tensors = tensors_to_depth(exact.motion, depth)
+    table = hierarchy.tensors_at(analysis, seed, depth)
+    tensors = hierarchy.tensors_to_depth(exact.motion, depth)
     equations = negative.exact_equations(exact, tensors, names)
     reader = Reader.of(exact.ring, space)
-    result = eliminate({name: equations[name] for name in names if equations[name]}, table)
+    result = hierarchy.eliminate({name: equations[name] for name in names if equations[name]}, table)
     divisors = [part for step in result.solved for part in (step.content, step.divisor)]
     ideals = [*(ideal for part in divisors for ideal in reader.ideals(part)), *reader.inside_functions()]
     return SideConditions(tuple(ideals), any(map(reader.is_doubtful, divisors)))
@@ -173,9 +172,9 @@ class Reader:
         return Ideal(tuple(self.coefficients(part)[0] for part in parts))
 
 
-def all_conditions(analysis: Analysis, depth: int, seed: int = 1) -> list[EquationName]:
+def all_conditions(analysis: Analysis, depth: int, seed: int = 1) -> list[hierarchy.EquationName]:
     """The names of the equations of the hierarchy to `depth` that are not zero at a generic point."""
-    table = tensors_at(analysis, seed, depth)
+    table = hierarchy.tensors_at(analysis, seed, depth)
     return [name for name, row in table.rows.items() if any(row)]
 
 
