@@ -1,1 +1,1 @@
-"""The search for closed-form Lagrangians: ansätze that are linear problems, cheapest first."""
+"""Search for closed-form Lagrangians with ansätze that lead to linear problems, cheapest first."""

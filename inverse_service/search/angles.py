@@ -1,7 +1,7 @@
-"""Sums of products of sines and cosines in the shortest of their forms.
+"""Write sums of products of sines and cosines in their shortest form.
 
-A polynomial in cos u, sin u, cos w, … is written as it is, with sin^2 for 1 - cos^2 in one angle or another, or as a
-sum of sines and cosines of sums of angles (cos u cos w + sin u sin w as cos(u - w)).
+The candidates for a polynomial in cos u, sin u, cos w, … are the polynomial itself, sin^2 in place of 1 - cos^2 in one
+of the angles, and a sum of sines and cosines of sums of angles (cos(u - w) for cos u cos w + sin u sin w).
 """
 
 import math
@@ -13,12 +13,12 @@ from inverse_service.search import terms as tm
 
 # p^2 = a + b q^2 for the pairs of functions p, q of one argument.
 SQUARES = {"sin": ("cos", 1, -1), "cos": ("sin", 1, -1), "sinh": ("cosh", -1, 1), "cosh": ("sinh", 1, 1)}
-# Powers of one function that are written by multiple angles, and the most waves that one product is written by.
+# The largest power of one function that is expanded in multiple angles, and the largest number of waves per product.
 _POWERS, _WAVES = 4, 256
 
 
 def shortest(terms: tm.Terms) -> tm.Terms:
-    """The form with the fewest terms; the given one where there are as many."""
+    """The form with the fewest terms; the given form if it has as few."""
     best = terms
     try:
         waves = _halved(by_multiple_angles(terms))
@@ -49,7 +49,7 @@ def _arguments(terms: tm.Terms) -> list[ex.Expression]:
 
 
 def _exchanged(terms: tm.Terms, old: str, argument: ex.Expression) -> tm.Terms:
-    """cos^2 replaced by 1 - sin^2 in one angle, sin^2 by 1 - cos^2, or likewise for hyperbolic functions."""
+    """The terms with 1 - sin^2 for cos^2 in one angle, 1 - cos^2 for sin^2, or likewise for hyperbolic functions."""
     new, constant, factor = SQUARES[old]
     letter, square = ex.Apply(old, argument), tm.times(tm.EMPTY, tm.monomial(ex.Apply(new, argument)), 2)
     parts = list[tm.Terms]()
@@ -64,7 +64,7 @@ def _exchanged(terms: tm.Terms, old: str, argument: ex.Expression) -> tm.Terms:
 
 
 def _halved(waves: tm.Terms) -> tm.Terms:
-    """cos 2u as 1 - 2 sin^2 u or 2 cos^2 u - 1 for each u where that has fewer terms."""
+    """The terms with 1 - 2 sin^2 u or 2 cos^2 u - 1 for cos 2u wherever that gives fewer terms."""
     for double in dict.fromkeys(p for key in waves for p, _ in key if isinstance(p, ex.Apply) and p.function == "cos"):
         halves = {key: value / 2 for key, value in tm.terms_of(double.argument).items()}
         if any(value.denominator > 1 for value in halves.values()):
@@ -81,7 +81,7 @@ def _halved(waves: tm.Terms) -> tm.Terms:
 
 
 def by_multiple_angles(terms: tm.Terms) -> tm.Terms:
-    """Products of sines and cosines as sums of those of sums of angles."""
+    """The terms with products of sines and cosines expanded into sines and cosines of sums of angles."""
     parts = list[tuple[tm.Terms, Fraction]]()
     for key, value in terms.items():
         circular: tm.Monomial = frozenset(
@@ -95,7 +95,7 @@ def by_multiple_angles(terms: tm.Terms) -> tm.Terms:
 
 @lru_cache(maxsize=1024)
 def _in_waves(circular: tm.Monomial) -> tuple[tuple[tm.Monomial, Fraction], ...]:
-    """The terms of a product of sines and cosines: cos u cos w = (cos(u - w) + cos(u + w))/2 and the like.
+    """The expansion of a product of sines and cosines: cos u cos w = (cos(u - w) + cos(u + w))/2, and so on.
 
     Raises TooManyTerms for more than _WAVES; n angles, each squared, have about 3^n.
     """
@@ -127,7 +127,7 @@ def _in_waves(circular: tm.Monomial) -> tuple[tuple[tm.Monomial, Fraction], ...]
 
 @lru_cache(maxsize=512)
 def with_sums_of_angles(tree: ex.Expression) -> ex.Expression:
-    """The tree with each sum that holds functions of several angles in its shortest form, cos(a - b) kept."""
+    """The tree with each sum of functions of several angles in its shortest form; cos(a - b) is kept."""
     tree = ex.rebuild(tree, with_sums_of_angles)
     match tree:
         case ex.Power(ex.Sum(parts) as base, ex.Number(e)) if e.denominator == 1 and all(map(_has_minus, parts)):
@@ -144,7 +144,7 @@ def with_sums_of_angles(tree: ex.Expression) -> ex.Expression:
 
 
 def _by_letters(terms: tm.Terms) -> ex.Expression:
-    """The sum over products of functions and velocities; the common factors of each coefficient are factored out."""
+    """The sum, grouped by products of functions and velocities, with common factors taken out of each coefficient."""
     parts = []
     for outer, inner in tm.grouped(terms, lambda letter: not isinstance(letter, ex.Symbol)).items():
         content, common, rest = tm.split_content(inner)

@@ -1,9 +1,9 @@
-"""Which combinations of terms have a multiplier as Hessian: the linear equations of an ansatz.
+"""Find the combinations of terms whose Hessian is a multiplier: the linear equations of an ansatz.
 
-The Hessian g of a combination has to fulfil (H2) Gamma(g) = g N + (g N)^T and (H3) g Phi symmetric; (H1) holds. The
-equations are formed from values of the generators and their logarithmic derivatives at random points of a prime field.
-Terms linear in the velocities do not enter, so this small problem shows whether a family contains a regular Lagrangian
-before its potentials are searched for.
+The Hessian g of a combination must satisfy (H2) Gamma(g) = g N + (g N)^T and (H3) g Phi symmetric; (H1) is satisfied by
+construction. The equations are formed from values of the generators and their logarithmic derivatives at random points
+of a prime field. Terms linear in the velocities do not enter, so this small problem shows whether a family contains a
+regular Lagrangian before the search for its potentials.
 """
 
 import itertools
@@ -51,7 +51,7 @@ class Sampler:
         return self.analysis.system.variables
 
     def points(self, seed: int, moving: tuple[Symbol | Velocity, ...] = ()) -> SamplePoints:
-        """The points that follow from a seed, or those that differ from the first in what is `moving`; each is kept."""
+        """The points generated from a seed; with `moving`, they differ from the first in these only; cached."""
         if (seed, moving) not in self.known:
             base, forces = draw_point(self.tower, seed), self.analysis.accelerations
             near, constrained = base if moving else None, self.analysis.constrained
@@ -61,12 +61,12 @@ class Sampler:
         return self.known[seed, moving]
 
     def prime(self, seed: int) -> int:
-        """The prime of the points that follow from a seed."""
+        """The prime of the points generated from a seed."""
         return self.points(seed).prime
 
 
 def sampler_of(analysis: Analysis, terms: Iterable[Monomial]) -> Sampler:
-    """Raises IrreducibleAtoms where the terms and f have no common real point or cannot be reduced.
+    """The sampler for these terms; IrreducibleAtoms if the terms and f have no common real point or cannot be reduced.
 
     Ansätze whose generators add no atoms share their points.
     """
@@ -91,7 +91,7 @@ def sampler_of(analysis: Analysis, terms: Iterable[Monomial]) -> Sampler:
 
 
 def _atoms(trees: Sequence[Expression]) -> frozenset[Expression]:
-    """Atoms, roots and pi in trees; a cosine counts as its sine, as one rule values both."""
+    """The atoms, roots, and pi in trees; a cosine counts as its sine, because one rule evaluates both."""
     atoms = (Apply("sin", atom.argument) if _is_cosine(atom) else atom for atom in atoms_in_order(trees))
     return frozenset(atoms).union(node for node in distinct_nodes(trees) if node == PI)
 
@@ -101,7 +101,7 @@ def _is_cosine(atom: Expression) -> TypeGuard[Apply]:
 
 
 class Derivatives(NamedTuple):
-    """Per sample and generator: Gamma(log p), d log p/dv_i, Gamma'(d log p/dv_i) and d log p/dq_i.
+    """For each sample and generator p: Gamma(log p), d log p/dv_i, Gamma'(d log p/dv_i), and d log p/dq_i.
 
     Arrays of residues, (samples, letters) and (samples, letters, n); Gamma' acts on the derivative
     only, so that EL_i(m)/m = V_i G + H_i - Q_i with sums over the generators of m. `hessian` is
@@ -123,7 +123,7 @@ class Derivatives(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class LetterTable:
-    """The values of the generators, with their derivatives; `numbers` are those of the samples among the points."""
+    """The values of the generators and their derivatives; `numbers` are the indices of the samples among the points."""
 
     known: SamplePoints
     numbers: tuple[int, ...]
@@ -142,7 +142,7 @@ class LetterTable:
 def table_at(
     known: SamplePoints, letters: Sequence[Expression], count: int, with_third: bool = False, first: int = 0
 ) -> LetterTable:
-    """The table at `count` points without the `first`; points at which one of `letters` vanishes are skipped."""
+    """The table at `count` points after the `first`, skipping points at which one of `letters` vanishes."""
     kernels, order = tuple(to_kernels(letter) for letter in letters), 3 if with_third else 2
     found = _first(lambda k: known.letters(k, kernels, order), count)
     numbers, rows = [k for k, _ in found], [row for _, row in found]
@@ -156,13 +156,13 @@ def table_at(
 
 
 def values_at(known: SamplePoints, letters: Sequence[Expression], count: int) -> list[list[int]]:
-    """Only the values of `letters`, at the points that `table_at` takes."""
+    """The values of `letters` at the points that `table_at` uses."""
     kernels = tuple(to_kernels(letter) for letter in letters)
     return [row for _, row in _first(lambda k: known.values(k, kernels), count)]
 
 
 def _first(at: Callable[[int], _T | None], count: int) -> list[tuple[int, _T]]:
-    """The first points at which there is something, with it."""
+    """(k, at(k)) for the first k with a value."""
     found: list[tuple[int, _T]] = []
     for k in itertools.count():
         if len(found) == count:
@@ -179,7 +179,7 @@ def _first(at: Callable[[int], _T | None], count: int) -> list[tuple[int, _T]]:
 def monomial_values(
     rows: Sequence[Sequence[int]], letters: Sequence[Expression], candidates: Sequence[Monomial], prime: int
 ) -> Words:
-    """Each candidate from the values of `letters` at each sample, (samples, candidates), in Montgomery form."""
+    """The value of each candidate at each sample from those of `letters`, (samples, candidates), in Montgomery form."""
     index = {letter: k for k, letter in enumerate(letters)}
     pairs: dict[tuple[Expression, Fraction], int] = {}
     starts, places = [0], []
@@ -187,7 +187,7 @@ def monomial_values(
         places += [pairs.setdefault(item, len(pairs)) for item in candidate]
         starts.append(len(places))
     radix = (1 << 64) % prime
-    # Integers are converted: reading the parts of a Fraction takes as long as the power.
+    # Integers are converted because accessing the parts of a Fraction takes as long as computing the power.
     items = [(index[letter], e if e.denominator > 1 else int(e)) for letter, e in pairs]
     powers = [[positive_power(sample[k], e, prime) * radix % prime for k, e in items] for sample in rows]
     field = modular.field_of(prime)
@@ -199,7 +199,7 @@ def monomial_values(
 
 @compiled
 def _products(powers: Words, starts: Integers, places: Integers, result: Words, field: Field) -> None:
-    """result[s, c] times the powers at places[starts[c]] … places[starts[c + 1] - 1] of sample s."""
+    """Multiply result[s, c] by the powers at places[starts[c]] … places[starts[c + 1] - 1] of sample s."""
     for s in range(result.shape[0]):
         for c in range(result.shape[1]):
             for k in range(starts[c], starts[c + 1]):
@@ -208,7 +208,7 @@ def _products(powers: Words, starts: Integers, places: Integers, result: Words, 
 
 @dataclass(frozen=True, slots=True)
 class LagrangianSpace:
-    """Independent combinations of the terms of an ansatz: Lagrangians, or such up to a potential and linear terms."""
+    """Independent combinations of ansatz terms that are Lagrangians, possibly up to a potential and linear terms."""
 
     sampler: Sampler
     combinations: tuple[Combination, ...]
@@ -231,13 +231,13 @@ def to_montgomery(array: Words, prime: int) -> Words:
 
 @compiled
 def _scale(numbers: Words, field: Field) -> None:
-    """Each number times R."""
+    """Multiply each number by R, in place."""
     for k in range(numbers.shape[0]):
         numbers[k] = multiply(numbers[k], field.square, field)
 
 
 def exponents_of(letters: Sequence[Expression], candidates: Sequence[Monomial], prime: int) -> Exponents:
-    """The generators of all candidates in one array, with their exponents in Montgomery form."""
+    """The generators of all candidates in one array, with exponents in Montgomery form."""
     index = {letter: k for k, letter in enumerate(letters)}
     starts, places, exponents = [0], [], []
     for candidate in candidates:
@@ -254,12 +254,12 @@ def letters_of(candidates: Sequence[Monomial]) -> list[Expression]:
 
 
 def null_combinations(kernel: null_vectors.Kernel, candidates: Sequence[Monomial]) -> list[Combination]:
-    """The rational part of a kernel, the vectors in the order of their own columns."""
+    """The rational part of a kernel, the vectors sorted by their own columns."""
     return [{candidates[k]: a for k, a in vector.items()} for vector in sorted(kernel.rational_vectors(), key=max)]
 
 
 def _kernel(sampler: Sampler, points: SamplePoints, terms: Sequence[Monomial]) -> null_vectors.Kernel:
-    """Coefficients of the terms that fulfil (H2) and (H3)."""
+    """The coefficients of the terms that satisfy (H2) and (H3)."""
     letters, n = letters_of(terms), len(sampler.analysis.accelerations)
 
     def equations(begin: int, end: int) -> Words:
@@ -271,14 +271,14 @@ def _kernel(sampler: Sampler, points: SamplePoints, terms: Sequence[Monomial]) -
 
 
 def solve_multiplier(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> LagrangianSpace:
-    """Combinations of the terms, each of which is a Lagrangian up to a potential and linear terms."""
+    """The combinations of the terms that are Lagrangians up to a potential and linear terms."""
     return LagrangianSpace(sampler, tuple(null_combinations(_kernel(sampler, sampler.points(seed), terms), terms)))
 
 
 def occurring_terms(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> list[Monomial]:
-    """The terms that a multiplier is made of at one value of the parameters, its coefficients being any numbers.
+    """The terms that occur in a multiplier at one value of the parameters, with any numbers as coefficients.
 
-    Terms that are combinations of simpler ones there, as k - r is of 1 and r, are left out.
+    Terms that are combinations of simpler ones there, as k - r is of 1 and r, are omitted.
     """
     points, letters = sampler.points(seed, tuple(sampler.variables)), letters_of(terms)
     values = values_at(points, letters, len(terms) + null_vectors.SPARE)
@@ -304,7 +304,7 @@ def helmholtz_matrix(
 
 
 def hessians_of(table: LetterTable, letters: Sequence[Expression], terms: Sequence[Monomial]) -> tuple[Words, Words]:
-    """The Hessian of each term at each sample, and Gamma of it; Montgomery form, (samples, terms, n, n)."""
+    """The Hessian of each term at each sample, and its Gamma derivative; Montgomery form, (samples, terms, n, n)."""
     prime, n = table.prime, table.derivatives.size
     values = monomial_values(table.values, letters, terms, prime)
     derivatives = Derivatives(*(to_montgomery(array, prime) for array in table.derivatives))
@@ -314,7 +314,7 @@ def hessians_of(table: LetterTable, letters: Sequence[Expression], terms: Sequen
 
 
 def tensors_of(sampler: Sampler, table: LetterTable) -> list[tuple[Matrix, Matrix]]:
-    """(N, Phi) at each sample of a table; what is known of a point is kept."""
+    """(N, Phi) at each sample of a table; results are cached per point."""
     places = [table.known.place(k) for k in table.numbers]
     for place in places:
         if place.tensors is None:
@@ -325,9 +325,9 @@ def tensors_of(sampler: Sampler, table: LetterTable) -> list[tuple[Matrix, Matri
 def connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[Matrix, Matrix]:
     """(N, Phi) at a point, each (n, n)."""
     check(STEP + sum(map(node_count, sampler.analysis.accelerations)))
-    if len(sampler.analysis.accelerations) == 1:  # Phi is in no condition
+    if len(sampler.analysis.accelerations) == 1:  # no condition contains Phi
         f, known = sampler.analysis.accelerations[0], dict[Expression, int]()
-        evaluate(f, point, known)  # SingularPoint where it has no value
+        evaluate(f, point, known)  # raises SingularPoint if f has no value
         slope = evaluate(differentiate(f, sampler.variables[2]), point, known)
         return [[-slope * pow(2, -1, point.prime) % point.prime]], [[0]]
     given = _written(tuple(sampler.variables), tuple(sampler.analysis.accelerations))
@@ -349,7 +349,8 @@ def _differentiate(
 ) -> None:
     """g_ij = m (V_i V_j + W_ij) and Gamma(g_ij) = m (G (V_i V_j + W_ij) + H_i V_j + V_i H_j + Gamma W_ij).
 
-    V, W, G, H are sums over the letters of m; all in Montgomery form, the results (samples, terms, n, n) zero before.
+    V, W, G, H are sums over the generators of m. Everything is in Montgomery form; the results, (samples, terms, n, n),
+    must be zero on entry.
     """
     n = d.by_velocity.shape[2]
     for s in range(values.shape[0]):
@@ -376,7 +377,7 @@ def _differentiate(
 
 @compiled
 def _sum_of(terms: Exponents, numbers: Words, s: int, first: int, last: int, field: Field) -> np.uint64:
-    """The sum of a quantity over the letters of a term, each times its exponent."""
+    """The sum over the generators of a term of a quantity times the exponent."""
     total = np.uint64(0)
     for k in range(first, last):
         total = plus(total, multiply(terms.exponents[k], numbers[s, terms.letters[k]], field), field)
@@ -387,7 +388,7 @@ def _sum_of(terms: Exponents, numbers: Words, s: int, first: int, last: int, fie
 def _write_conditions(
     hessians: Words, rates: Words, connection: Words, endomorphism: Words, field: Field, result: Words
 ) -> None:
-    """Gamma(g_ij) - g_ik N_kj - g_jk N_ki for i <= j, then g_ik Phi_kj - g_jk Phi_ki for i < j, for each sample."""
+    """Set `result` to Gamma(g_ij) - g_ik N_kj - g_jk N_ki, i <= j, g_ik Phi_kj - g_jk Phi_ki, i < j, per sample."""
     samples, count, n, _ = hessians.shape
     for s in range(samples):
         for c in range(count):

@@ -1,7 +1,7 @@
-"""What an ansatz multiplies its functions of the velocities with: functions of time and of position.
+"""The functions of time and position by which an ansatz multiplies its functions of the velocities.
 
-The factor e^(ct) follows from the divergence of f: (H2) gives Gamma(log det g) = 2 tr N = -div_v f, so that n c is its
-constant part.
+The factor e^(ct) follows from the divergence of f: (H2) gives Gamma(log det g) = 2 tr N = -div_v f, so that n c is the
+constant part of -div_v f.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -23,12 +23,12 @@ from inverse_service.search.material import (
 
 HALF = Fraction(1, 2)
 # Functions of t that multiply terms. With 4 or 12 a system of three rates (e^(-t), e^(2 t/3), e^(3 t/2)) has
-# no L: four leave one of them out, and twelve leave too little room for the other factors.
+# no L: four omit one of them, and twelve leave too little room for the other factors.
 _MOST_IN_TIME = 6
 
 
 def integrating_factor(material: Material, c: tm.Terms, variable: ex.Symbol) -> tm.Monomial | None:
-    """exp(-int c d variable), a product of powers of letters and exponentials; None where it is none."""
+    """exp(-int c d variable) if it is a product of powers of generators and exponentials, else None."""
     table, phi, rest = material.analysis.real_point, tm.EMPTY, tm.Terms()
     integrator = gradients.Integrator(material.analysis.system, table)
     with suppress(tm.TooManyTerms):
@@ -36,7 +36,7 @@ def integrating_factor(material: Material, c: tm.Terms, variable: ex.Symbol) -> 
         for key, value in logarithm.items() if logarithm is not None else ():
             match [*key]:
                 case [(ex.Apply("log", ex.Sum() as base), power)] if power == 1:
-                    phi = tm.times(phi, tm.monomial(positive(base, table)), value)  # not multiplied out
+                    phi = tm.times(phi, tm.monomial(positive(base, table)), value)  # not expanded
                 case _:
                     rest[key] = value
         found = None if logarithm is None else integrator.exponential(rest)
@@ -48,12 +48,12 @@ def integrating_factor(material: Material, c: tm.Terms, variable: ex.Symbol) -> 
 def _logarithm(
     system: second_order_system.SecondOrderSystem, c: frozenset[tuple[tm.Monomial, Fraction]], variable: ex.Symbol
 ) -> tm.Terms | None:
-    """int c d variable, which both questions and several rows ask for."""
+    """int c d variable, cached because both questions and several rows need it."""
     return gradients.Integrator(system).function_of([variable], [dict(c)])
 
 
 def divergence_factor(material: Material) -> tm.Monomial | None:
-    """exp(ct) with n c the constant terms of -div_v f; None where there are none."""
+    """exp(ct) with n c the constant terms of -div_v f; None if there are none."""
     motion = material.motion
     slopes = map(tm.derivative_of_terms, motion.forces, motion.velocities)
     rate = tm.weighted_sum((slope, Fraction(-1, motion.size)) for slope in slopes)
@@ -65,7 +65,7 @@ def divergence_factor(material: Material) -> tm.Monomial | None:
 def asks_for_no_time(system: second_order_system.SecondOrderSystem) -> bool:
     """Whether div_v f = 0, or f is homogeneous of degree 2 in v: no factor e^(ct) follows then.
 
-    With the degree 2, q(at) is a motion where q(t) is one, so that no rate c differs from another.
+    With degree 2, q(at) is a motion if q(t) is one, so no rate c is special.
     """
     velocities = [ex.Velocity(name) for name in system.coordinates]
     slopes = [[derivative.differentiate(f, v) for v in velocities] for f in system.accelerations]
@@ -78,7 +78,7 @@ def asks_for_no_time(system: second_order_system.SecondOrderSystem) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Factors:
-    """What follows from the coefficients c of v_i v_l and v_i in f_i.
+    """The factors that follow from the coefficients c of v_i v_l and v_i in f_i.
 
     `along[i]` is exp(-int c_ii dq_i), `across[i]` the product of exp(-int c_il dq_l) over l != i;
     `in_time` holds 1 and exp(-int c dt); `plain` all factors for a quadratic L, and their inverses.
@@ -90,7 +90,7 @@ class Factors:
     plain: tuple[tm.Monomial, ...]
 
     def of_degree(self, i: int, degree: Fraction) -> list[tm.Monomial]:
-        """Candidates phi with g_ii = phi v_i^degree, from all c_il or from c_ii alone."""
+        """Candidates phi for g_ii = phi v_i^degree, from all c_il or from c_ii alone."""
         own = tm.times(tm.EMPTY, self.along.get(i, tm.EMPTY), 2 + degree)
         return list(dict.fromkeys([own, tm.times(own, self.across.get(i, tm.EMPTY), 1 + degree)]))
 
@@ -99,7 +99,7 @@ NO_FACTORS = Factors({}, {}, (tm.EMPTY,), (tm.EMPTY,))
 
 
 def find_factors(material: Material) -> Factors:
-    """Integrating factors of all coefficients for which they are products of letters."""
+    """The integrating factors of all coefficients for which they are products of generators."""
     along: dict[int, tm.Monomial] = {}
     across: dict[int, tm.Monomial] = {}
     single: dict[tm.Monomial, None] = {tm.EMPTY: None}
@@ -128,13 +128,13 @@ def find_factors(material: Material) -> Factors:
 
 
 def _first(in_time: Iterable[tm.Monomial], whole: tm.Monomial | None) -> list[tm.Monomial]:
-    """1, the factor of the divergence, and the simplest others."""
+    """1, the factor `whole` of the divergence, and the simplest other factors."""
     ordered = [tm.EMPTY, *([whole] if whole else []), *sorted(in_time, key=tm.rank)]
     return list(dict.fromkeys(ordered))[:_MOST_IN_TIME]
 
 
 def products(left: Iterable[tm.Monomial], right: Sequence[tm.Monomial]) -> list[tm.Monomial]:
-    """All products of one of each."""
+    """All products of one factor from each side."""
     return [tm.times(a, b) for a in left for b in right]
 
 
@@ -146,13 +146,14 @@ def _exponents(letter: ex.Expression, seen: set[Fraction]) -> list[Fraction]:
     if ex.is_exponential(letter):
         highest = int(max([one, *(abs(e) for e in seen)]))
         whole = [k * one for k in range(1, min(highest, bounds.POWER) + 1)]
-        unit = Fraction(1, lcm(*(e.denominator for e in seen)))  # e^(x/2) may be a part of e^(3x/2)
+        unit = Fraction(1, lcm(*(e.denominator for e in seen)))  # e^(3x/2) is a power of e^(x/2)
         return [sign * e for e in dict.fromkeys((*whole, unit)) for sign in (1, -1)]
     return [one, -one] if any(e < 0 for e in seen) else [one]
 
 
 def position_monomials(material: Material, degree: int, room: float = inf) -> list[tm.Monomial]:
-    """Products of at most `degree` generators of position: sums, their inverses and roots, others as in f.
+    """Products of at most `degree` generators of position: sums with inverses and roots, other generators with powers
+    as in f.
 
     Products of three or more generators are added only while there are at most `room` in all.
     """

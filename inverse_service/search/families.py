@@ -1,11 +1,11 @@
-"""The rows of the ansatz: functions of the velocities times functions of position, of growing weight.
+"""The rows of the ansatz: functions of the velocities times functions of position, by increasing weight.
 
-Which functions of the velocities a multiplier can be made of is seen at one place: for g = sum_k c_k(t, q) Hessian(s_k)
-the coefficients and their derivatives are numbers at one place (t, q), and (H2), (H3) are linear in them for every v
-there. Functions s_k with c_k = 0 in all solutions are dropped before coefficients are guessed; where no solution is
-regular, no ansatz in these shapes contains a Lagrangian. The remaining functions are multiplied by short products of
-generators of f. What has a multiplier as Hessian has Euler-Lagrange expressions that are affine in the velocities:
-those of A_i(t, q) v_i - V(t, q), which are integrated.
+One place (t, q) shows which functions of the velocities can occur in a multiplier: for g = sum_k c_k(t, q)
+Hessian(s_k), the coefficients and their derivatives are numbers at this place, and (H2), (H3) are linear in them for
+every v. Functions s_k with c_k = 0 in all solutions are dropped before coefficients are guessed. If no solution is
+regular, no ansatz with these shapes contains a Lagrangian. The remaining functions are multiplied by short products of
+generators of f. If the Hessian of a combination is a multiplier, its Euler-Lagrange expressions are affine in the
+velocities: they equal those of a term A_i(t, q) v_i - V(t, q), which integration yields.
 """
 
 import itertools
@@ -41,20 +41,20 @@ NAME = "the given terms"
 
 
 def functions(material: Material) -> list[tm.Monomial]:
-    """v_i v_j and v_i v_j / v_k, powers and logarithms of one velocity, and what f itself holds."""
+    """v_i v_j and v_i v_j / v_k, powers and logarithms of one velocity, and the functions that f contains."""
     own = (shape for v in material.motion.velocities for shape in single(v))
     return distinct([*quadratic(material), *quotients(material), *own, *of_letters(material)])
 
 
 def polynomials(material: Material) -> list[tm.Monomial]:
-    """Products of two, three and four velocities, of several coordinates."""
+    """Products of two, three, and four velocities of several coordinates."""
     if material.motion.size == 1:
         return []
     return [shape for degree in (2, 3, 4) for shape in powers(material, degree)]
 
 
 def roots_of_constants(material: Material) -> list[tm.Monomial]:
-    """v_i v_j and 1 times roots of constant velocities and of what they make in f, as a frequency squared w^2 + k."""
+    """v_i v_j and 1 times roots of constant velocities and of their combinations in f, such as w^2 + k."""
     constant = [v for v, f in zip(material.motion.velocities, material.motion.forces, strict=True) if not f]
     moving: list[ex.Expression] = [
         *material.motion.coordinates,
@@ -91,7 +91,7 @@ def powers(material: Material, degree: int) -> list[tm.Monomial]:
 def quotients(material: Material) -> list[tm.Monomial]:
     """v_i v_j / w, w another velocity.
 
-    Where some velocities are constant along the motion, only these are divided by.
+    If some velocities are constant along the motion, only these are used as divisors.
     """
     return [
         tm.times(product, tm.monomial(w), -1)
@@ -102,24 +102,24 @@ def quotients(material: Material) -> list[tm.Monomial]:
 
 
 def divisors(material: Material) -> list[ex.Expression]:
-    """The velocities that are constant along the motion, else all."""
+    """The velocities that are constant along the motion; all velocities if there are none."""
     motion = material.motion
     constant = [v for v, f in zip(motion.velocities, motion.forces, strict=True) if not f]
     return list(constant or motion.velocities)
 
 
 def single(velocity: ex.Expression) -> list[tm.Monomial]:
-    """Powers, log v and v log v."""
+    """Powers of v, log v, and v log v."""
     log = ex.Apply("log", velocity)
     return [tm.monomial(velocity, log), tm.monomial(log), *(frozenset([(velocity, e)]) for e in _POWERS)]
 
 
 def of_letters(material: Material) -> list[tm.Monomial]:
-    """Powers, logarithms and exponentials of the generators of f with velocities, and those times a velocity."""
+    """Powers, logarithms, and exponentials of the generators of f with velocities, and these times a velocity."""
     shapes: list[tm.Monomial] = exponentials(material)
     for letter in moving_letters(material):
         if isinstance(letter, ex.Sum):
-            # Its integer powers are sums of products that are in the list themselves.
+            # Its positive integer powers are sums of products that are already in the list.
             shapes += [frozenset([(letter, e)]) for e in _ROOTS if e < 0 or e.denominator > 1]
             shapes.append(tm.monomial(ex.Apply("log", letter)))
         else:
@@ -155,9 +155,9 @@ def is_admissible(material: Material, key: tm.Monomial) -> bool:
 def with_potential(
     material: Material, combination: Mapping[tm.Monomial, Fraction], integrator: Integrator | None = None
 ) -> tm.Terms:
-    """The combination, whose Hessian is a multiplier, with A_i(t, q) v_i - V(t, q) that make it a Lagrangian.
+    """The combination, whose Hessian is a multiplier, plus the A_i(t, q) v_i - V(t, q) that make it a Lagrangian.
 
-    Its Euler-Lagrange expressions are affine in the velocities then. Empty where no A and V are found.
+    Its Euler-Lagrange expressions are affine in the velocities. Empty if no A and V are found.
     """
     system, motion = material.analysis.system, material.motion
     integrator = integrator or Integrator(system, material.analysis.real_point)
@@ -172,8 +172,8 @@ def with_potential(
         trees = list(map(tm.tree_of, residuals()))
         return list(map(tm.terms_of, factored(trees, system.variables, Budget.long(), without_roots=without_roots)))
 
-    # Unchanged sums are integrated term by term; over one denominator terms that are not affine cancel, and
-    # cos(v)^2/(1 + sin(v)), in which nothing does, is affine in sin(v) without the sine below.
+    # Unchanged sums are integrated term by term. Over one denominator, terms that are not affine cancel. In cos(v)^2/(1
+    # + sin(v)) nothing cancels, but it is affine in sin(v) once the sine is removed from the denominator.
     for wanted in (residuals, over_one_denominator, lambda: over_one_denominator(without_roots=True)):
         deadline.check()
         with suppress(TooLarge, tm.TooManyTerms, ZeroDivisionError, KeyError):
@@ -185,9 +185,9 @@ def with_potential(
 
 @dataclass(frozen=True, slots=True)
 class Possible:
-    """The shapes that can occur in a regular multiplier, and what is known of their coefficients.
+    """The shapes that can occur in a regular multiplier, and properties of their coefficients.
 
-    `fixed` are those of t and the coordinates that the coefficient of a shape does not hold in any of them.
+    `fixed` lists, for each shape, the variables among t and the coordinates on which its coefficient never depends.
     """
 
     shapes: list[tm.Monomial]
@@ -199,7 +199,7 @@ class Possible:
 
 
 def possible_shapes(material: Material, shapes: Sequence[tm.Monomial], seed: int) -> Possible:
-    """Those that can occur; where the test cannot be made, the simplest."""
+    """The shapes that can occur; the simplest ones if the test is impossible."""
     try:
         return _possible_shapes(material, shapes, seed)
     except _NO_POINTS:
@@ -225,9 +225,10 @@ def _possible_shapes(material: Material, shapes: Sequence[tm.Monomial], seed: in
 
 
 def _fixed(material: Material, solution: Sequence[int], count: int) -> list[frozenset[Variable]]:
-    """For each of `count` shapes those of t and the coordinates by which its coefficient has the derivative 0.
+    """For each of `count` shapes, the variables among t and the coordinates by which the derivative of its coefficient
+    is 0.
 
-    A derivative that is 0 in a random solution is 0 in all, at this place and so at almost all of them.
+    A derivative that is 0 in a random solution is 0 in all solutions, at this place and so at almost all places.
     """
     names: list[Variable] = [*([ex.TIME] if material.motion.with_time else []), *material.motion.coordinates]
     rates = {name: solution[(k + 1) * count : (k + 2) * count] for k, name in enumerate(names)}
@@ -237,7 +238,7 @@ def _fixed(material: Material, solution: Sequence[int], count: int) -> list[froz
 def _random_solution(
     material: Material, table: LetterTable, matrix: Words, hessians: Words, generator: random.Random
 ) -> list[int]:
-    """The coefficients of the shapes of one group, and then their derivatives, in a random solution at one place."""
+    """The coefficients of the shapes of one group, followed by their derivatives, in a random solution at one place."""
     motion, prime = material.motion, table.prime
     rates = [[1] * motion.with_time + [point.variable(v) for v in motion.velocities] for point in table.points]
     width = matrix.shape[1]
@@ -249,7 +250,7 @@ def _random_solution(
 
 @compiled
 def _fill_rates(rates: Words, hessians: Words, rows: Words, field: Field) -> None:
-    """The entries for d_t c (where L may hold t) and each d_k c: s_ij times 1 and v^k in (H2), 0 in (H3)."""
+    """Fill in the entries for d_t c (if L may contain t) and each d_k c: s_ij times 1 and v^k in (H2), 0 in (H3)."""
     samples, count, n, _ = hessians.shape
     for s in range(samples):
         for r in range(rates.shape[1]):
@@ -262,7 +263,7 @@ def _fill_rates(rates: Words, hessians: Words, rows: Words, field: Field) -> Non
 
 
 def _used(shapes: Sequence[tm.Monomial], weights: Sequence[int], hessians: Words, prime: int) -> list[tm.Monomial]:
-    """The shapes with a coefficient in a random solution; none where its g is singular, as then all are."""
+    """The shapes with a nonzero coefficient in a random solution; none if its g is singular, since then every g is."""
     n = hessians.shape[1]
     g = nmod_mat(1, len(weights), weights, prime) * nmod_mat(len(weights), n * n, hessians.ravel().tolist(), prime)
     if nmod_mat(n, n, g.entries(), prime).rank() < n:
@@ -272,9 +273,9 @@ def _used(shapes: Sequence[tm.Monomial], weights: Sequence[int], hessians: Words
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """A row of the ansatz: functions of the velocities, and how many terms they make with functions of position.
+    """A row of the ansatz: functions of the velocities, and the number of terms to form with functions of position.
 
-    Where they are `given`, `shapes` are whole terms; those without a Hessian go with every choice of the others.
+    If `given`, `shapes` are complete terms; those without a Hessian accompany every choice of the others.
     """
 
     name: str
@@ -285,10 +286,10 @@ class Family:
 
 
 def kinetic_terms(material: Material, family: Family, factors: Factors, seed: int) -> Iterator[list[tm.Monomial]]:
-    """The terms of an ansatz that have a Hessian, simple ones first; none where these make no regular multiplier.
+    """The terms of an ansatz that have a Hessian, simple ones first; none if they cannot form a regular multiplier.
 
-    Several coordinates have few multipliers, so constant coefficients come before functions of position; a logarithm
-    has values for some velocities only, so that what does without comes before it.
+    Systems of several coordinates have few multipliers, so constant coefficients come before functions of position. A
+    logarithm is defined for some velocities only, so terms without logarithms come first.
     """
     shapes = [key for key in family.shapes(material) if not tm.is_linear(key)]
     if family.given:
@@ -309,26 +310,26 @@ def kinetic_terms(material: Material, family: Family, factors: Factors, seed: in
 def _with_functions(
     material: Material, family: Family, factors: Factors, possible: Possible, chosen: Sequence[tm.Monomial]
 ) -> list[tm.Monomial]:
-    """The shapes with functions of t and of position as coefficients."""
+    """The shapes times functions of t and of position."""
     in_time = factors.in_time
-    # For one coordinate every f has a Lagrangian, so most searches end with long rows, which found none there.
+    # For one coordinate every f has a Lagrangian, so most searches end with long rows, which have found none there.
     terms = family.terms if material.motion.size > 1 else min(family.terms, bounds.SMALL)
     room = max(bounds.CANDIDATES, terms // (len(chosen) * len(in_time)))
     functions = products(in_time, _functions(material, factors, room))
     pairs = [(m, shape) for m in functions for shape in chosen if possible.may_have(m, shape)][: 2 * family.terms]
     pairs += [(m, shape) for shape in chosen for m in _fitted(material, factors, shape) if possible.may_have(m, shape)]
     if material.motion.with_time and not material.position_letters:
-        # Where f holds no position, first integrals can be linear in t: x'' = x'^2 keeps 1/x' + t.
+        # If f contains no position, first integrals can be linear in t: x'' = x'^2 conserves 1/x' + t.
         pairs += [(tm.monomial(ex.TIME), shape) for shape in chosen if possible.may_have(tm.monomial(ex.TIME), shape)]
     found = distinct([tm.times(m, shape) for m, shape in pairs])
     return [key for key in found if is_admissible(material, key) and not tm.is_linear(key)]
 
 
 def _functions(material: Material, factors: Factors, room: int) -> list[tm.Monomial]:
-    """1, parameters, integrating factors and products of letters of position, the simplest of them."""
+    """The simplest of 1, parameters, integrating factors, and products of generators of position."""
     fitted = list(dict.fromkeys([tm.EMPTY, *factors.plain[: room // 3]]))
     others = distinct([*material.parameter_monomials[: room // 3], *position_monomials(material, 4, 2 * room)])
-    # A coordinate that does not occur in f can occur in L all the same.
+    # A coordinate that does not occur in f can still occur in L.
     plain = [
         tm.monomial(*some) for d in (1, 2) for some in combinations_with_replacement(material.motion.coordinates, d)
     ]
@@ -336,13 +337,13 @@ def _functions(material: Material, factors: Factors, room: int) -> list[tm.Monom
 
 
 def with_parameters(material: Material, terms: Sequence[tm.Monomial], most: int) -> list[tm.Monomial]:
-    """The terms times products of the factors of f with parameters, for coefficients that contain parameters."""
+    """The terms times products of the parametric factors of f, for coefficients that contain parameters."""
     constants = distinct(products(material.parameter_monomials, material.parameter_monomials))
     return distinct(products(terms, constants[: max(1, most // len(terms))])) if terms else []
 
 
 def _fitted(material: Material, factors: Factors, shape: tm.Monomial) -> Iterator[tm.Monomial]:
-    """The factors besides a power of v_i that the coefficients of v_i v_l in f_i require."""
+    """The factors, other than a power of v_i, that the coefficients of v_i v_l in f_i require."""
     for i, v in enumerate(material.motion.velocities):
         exponent = dict(shape).get(v, Fraction(0))
         if shape == tm.monomial(ex.Apply("log", v)):
@@ -353,7 +354,7 @@ def _fitted(material: Material, factors: Factors, shape: tm.Monomial) -> Iterato
 
 
 def label(family: Family, terms: Sequence[tm.Monomial]) -> str:
-    """What a reader calls the ansatz in which these kinetic terms were found."""
+    """The displayed name of the ansatz in which these kinetic terms were found."""
     moving = [[(p, e) for p, e in key if tm.has_velocity(p)] for key in terms if not tm.is_linear(key)]
     if family.name == NAME:
         return NAME
@@ -370,8 +371,8 @@ def label(family: Family, terms: Sequence[tm.Monomial]) -> str:
 def own_family(given: Sequence[ex.Expression]) -> Family | None:
     """The ansatz of the monomials of the given terms, each with its own coefficient; None without terms.
 
-    Potentials and linear terms are added as to any family, so that kinetic terms are enough; those
-    that are given go with every choice.
+    As for any family, the search adds potentials and linear terms, so that kinetic terms are enough; given ones
+    accompany every choice.
     """
     monomials = list(dict.fromkeys(key for term in given for key in monomials_of(term)))[: bounds.LARGE]
     if not monomials:
@@ -380,7 +381,7 @@ def own_family(given: Sequence[ex.Expression]) -> Family | None:
 
 
 def monomials_of(term: ex.Expression) -> list[tm.Monomial]:
-    """The monomials of a term multiplied out; the term as one letter where that would be long."""
+    """The monomials of the expanded term; the term as one generator if the expansion would be long."""
     try:
         return list(tm.terms_of(term))
     except tm.TooManyTerms:

@@ -1,13 +1,13 @@
-"""Functions with a given gradient, and Lagrangians A_i(t, q) v_i - V(t, q) with given Euler-Lagrange expressions.
+"""Find functions with a given gradient, and A_i(t, q) v_i - V(t, q) with given Euler-Lagrange expressions.
 
     E_i = (d_j A_i - d_i A_j) v_j + d_t A_i + d_i V
 
 A gradient is integrated one variable at a time: the derivatives of an integral over one variable are subtracted from
-the other slopes, and the differences no longer depend on that variable (Poincare's lemma). A term is grouped by its
-factors that are not powers of the variable: the integral of c u^e du/dx is c u^(e+1)/(e+1), never multiplied out, so
-that a potential is finite where the force is. A constant field gets W (x y' - y x')/2 where rotations leave the forces
-alone or mix its coordinates; any other is integrated along a coordinate that it depends on, so that cyclic
-coordinates stay cyclic.
+the other slopes, and the differences no longer depend on that variable (Poincare's lemma). Terms are grouped by their
+factors that are not powers of the variable: the integral of c u^e du/dx is c u^(e+1)/(e+1), never expanded, so that a
+potential is finite wherever the force is. A constant field becomes W (x y' - y x')/2 if the forces are invariant under
+rotations or couple its coordinates. Any other field is integrated along a coordinate on which it depends, so that
+cyclic coordinates stay cyclic.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -30,9 +30,9 @@ ONE_TERM: tm.Terms = {tm.EMPTY: Fraction(1)}
 
 @dataclass(slots=True)
 class Integrator:
-    """Integrates over the coordinates of one system; with `signs`, what is not elementary stays under an integral sign.
+    """Integrate over the coordinates of one system; with `signs`, nonelementary integrals keep their integral sign.
 
-    `table` is a real point at which the results have to be real.
+    `table` is a real point at which the results must be real.
     """
 
     system: SecondOrderSystem
@@ -44,7 +44,7 @@ class Integrator:
         self.names = quadratures.fresh_names(self.system)
 
     def function_of(self, variables: Sequence[Variable], slopes: Sequence[tm.Terms]) -> tm.Terms | None:
-        """phi with d phi/d variables[i] = slopes[i]; None where there is none, or none is found."""
+        """phi with d phi/d variables[i] = slopes[i]; None if there is none, or none is found."""
         if not _is_closed(variables, slopes):
             return None
         rest, total = [dict(slope) for slope in slopes], tm.Terms()
@@ -66,7 +66,7 @@ class Integrator:
         return None if any(rest) and not all(is_zero(terms) for terms in rest) else total
 
     def with_hessian(self, entries: Sequence[tm.Terms]) -> tm.Terms | None:
-        """A function with these second derivatives by the velocities, in the order 11, 12, … 1n, 22, …, elementary."""
+        """An elementary function with these second derivatives by the velocities, in the order 11, 12, … 1n, 22, …."""
         plain, velocities = Integrator(self.system, self.table), list(map(ex.Velocity, self.system.coordinates))
         places = range(len(velocities))
         entry = dict(zip(combinations_with_replacement(places, 2), entries, strict=True))
@@ -79,10 +79,10 @@ class Integrator:
         return plain.function_of(velocities, momenta)
 
     def _under_signs(self, variables: Sequence[Variable], slopes: Sequence[tm.Terms], k: int) -> tm.Terms:
-        """Functions with these slopes, which are closed, constants outside where one variable alone is moving."""
+        """Integrals with these closed slopes, with constant factors outside the integral sign."""
         rest = [self.in_normal_form(terms) for terms in slopes]
         moving = {q: terms for q, terms in zip(variables, rest, strict=True) if terms}
-        if len(moving) > 1:  # one function of them all, such as G(x - y) with the force F(x - y)
+        if len(moving) > 1:  # one function of all of them, such as G(x - y) with the force F(x - y)
             parameters = set(map(ex.Symbol, self.system.parameters))
             common = frozenset.intersection(*(key for terms in moving.values() for key in terms))
             constants: tm.Monomial = frozenset(item for item in common if item[0] in parameters)
@@ -96,7 +96,7 @@ class Integrator:
         )
 
     def in_normal_form(self, terms: tm.Terms) -> tm.Terms:
-        """The sum over one denominator, with the relations among its letters used; 0 where it vanishes."""
+        """The sum over one denominator, simplified by relations among its generators; 0 if it vanishes."""
         if not terms:
             return terms
         if is_zero(terms):
@@ -117,7 +117,7 @@ class Integrator:
                 total = tm.add_terms(total, part)
         if not other:
             return total, other
-        # Many terms may be few over a denominator of their own; few may be integrated as they are.
+        # Many terms may become few over their own denominators; few are first integrated unchanged.
         for cancels in (True, False) if len(other) > bounds.CANDIDATES else (False, True):
             if not cancels:
                 known = quadratures.primitive(variable, other, self.table)
@@ -136,9 +136,9 @@ class Integrator:
         return total, left
 
     def _cancelled(self, terms: tm.Terms) -> tm.Terms:
-        """The factor of each product of constants and functions over its own denominator.
+        """The terms with the coefficient of each product of constants and functions over its own denominator.
 
-        a x (x - 1)/(x^2 (x - 1)) is a/x. Where there are roots, that of each product of roots.
+        a x (x - 1)/(x^2 (x - 1)) is a/x. If there are roots, the products are those of roots.
         """
         groups: dict[tm.Monomial, tm.Terms] = {}
         for key, value in terms.items():
@@ -151,7 +151,7 @@ class Integrator:
         return tm.sum_of(parts)
 
     def under_a_sign(self, known: Mapping[Variable, ex.Expression]) -> tm.Terms:
-        """F with these slopes, F a function of all variables that they hold; its other slopes are left open."""
+        """F with these slopes, a function of all variables in them; its other slopes remain unspecified."""
         names = (ex.TIME, *map(ex.Symbol, self.system.coordinates))
         others = [name for name in names if any(ex.holds(slope, name) for slope in known.values())]
         arguments = tuple(dict.fromkeys([*others, *known]))
@@ -159,7 +159,7 @@ class Integrator:
         return tm.terms_of(ex.Integral(next(self.names), arguments, (0,) * len(arguments), slopes))
 
     def exponential(self, logarithm: tm.Terms) -> tm.Terms:
-        """exp of a sum: c log(u) with constant c gives u^c, -u where u is negative at the real point."""
+        """exp of a sum: c log(u) with constant c gives u^c, or (-u)^c if u is negative at the real point."""
         product: tm.Terms = dict(ONE_TERM)
         varying = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
         coefficients: dict[ex.Apply, tm.Terms] = {}
@@ -183,10 +183,10 @@ class Integrator:
         return tm.multiply_terms(product, tm.terms_of(ex.Apply("exp", tm.tree_of(rest)))) if rest else product
 
     def linear_terms(self, wanted: Sequence[tm.Terms]) -> tm.Terms | None:
-        """A_i v_i - V with these Euler-Lagrange expressions, one for each coordinate; None where none is found."""
+        """A_i v_i - V with these Euler-Lagrange expressions, one for each coordinate; None if none is found."""
         names = self.system.coordinates
         symbols = [ex.Symbol(name) for name in names]
-        # Relations among generators may make an expression affine in the velocities that is not so as written.
+        # An expression may be affine in the velocities only after simplification by relations among generators.
         velocities = list(map(ex.Velocity, names))
         rest = [self.in_normal_form(w) if tm.affine_parts(w, velocities) is None else w for w in wanted]
         total = tm.Terms()
@@ -206,7 +206,7 @@ class Integrator:
             fields |= {(i, j): part for j, part in enumerate(parts[1]) if part}
         if not all(is_zero(tm.add_terms(field, fields.get((j, i), {}))) for (i, j), field in fields.items()):
             return None
-        # Of two forms of one field, such as (2 + sqrt(5))^(1/3) and (1 + sqrt(5))/2, one.
+        # Keep one of two forms of the same field, such as (2 + sqrt(5))^(1/3) and (1 + sqrt(5))/2.
         fields = {
             (i, j): tm.scaled(fields[j, i], -1) if (j, i) in fields and i > j else f for (i, j), f in fields.items()
         }
@@ -223,7 +223,7 @@ class Integrator:
     def _vector_potential(
         self, fields: dict[tuple[int, int], tm.Terms], slopes: Sequence[tm.Terms]
     ) -> dict[int, tm.Terms] | None:
-        """A_i with d_j A_i - d_i A_j = fields[i, j]; `slopes` are the other terms, whose symmetries it is to have."""
+        """A_i with d_j A_i - d_i A_j = fields[i, j] and the symmetries of `slopes`, the other terms."""
         symbols = [ex.Symbol(name) for name in self.system.coordinates]
         ordered = sorted(pair for pair in fields if pair[0] < pair[1])
         coupled = bool(ordered) and all(_holds(slopes[i], symbols[j]) for i, j in ordered)
@@ -237,7 +237,7 @@ class Integrator:
         while rest := {pair: terms for pair, terms in rest.items() if terms and not is_zero(terms)}:
             held = {k: sum(_holds(terms, q) for terms in rest.values()) for k, q in enumerate(symbols)}
             order = sorted({j for pair in rest for j in pair}, key=lambda k: (-held[k], k))
-            for k in (*order, order[0]):  # the first one under a sign where all leave something
+            for k in (*order, order[0]):  # the first one under an integral sign if all leave something
                 parts = {i: self.integral(rest[i, k], symbols[k]) for i, j in rest if j == k}
                 if not any(left for _, left in parts.values()):
                     break
@@ -254,7 +254,7 @@ class Integrator:
                         rest[i, m] = tm.add_terms(rest.get((i, m), {}), slope, -1)
                         rest[m, i] = tm.add_terms(rest.get((m, i), {}), slope)
             done.add(k)
-            # A field with sources (d_i F_jk + d_j F_ki + d_k F_ij != 0) depends on coordinates that are done.
+            # A field with sources (d_i F_jk + d_j F_ki + d_k F_ij != 0) depends on finished coordinates.
             if any(done & {*pair} and not is_zero(terms) for pair, terms in rest.items()):
                 return None
             rest = {pair: terms for pair, terms in rest.items() if not done & {*pair}}
@@ -274,10 +274,9 @@ def expressions_without_acceleration(names: Sequence[str], terms: tm.Terms) -> l
 
 
 def _round_potential(names: Sequence[str], wanted: Sequence[tm.Terms], i: int, j: int) -> ex.Expression | None:
-    """A(s) (x y' - y x') for the terms B y' of E_x, -B x' of E_y where B depends on x and y by s = x^2 + y^2 alone.
+    """A(s) (x y' - y x') for the terms B y' of E_x, -B x' of E_y if B depends on x and y only through s = x^2 + y^2.
 
-    It is regular where B is: B = -2 (s A)', and s A is the integral of -x B by x at y = 0, from the axis on where that
-    is possible.
+    It is regular where B is: B = -2 (s A)', and s A is the integral of -x B over x at y = 0, from the axis if possible.
     """
     x, y, v, w = ex.Symbol(names[i]), ex.Symbol(names[j]), ex.Velocity(names[i]), ex.Velocity(names[j])
     field = tm.coefficient(wanted[i], tm.monomial(w))
@@ -300,14 +299,14 @@ def _round_potential(names: Sequence[str], wanted: Sequence[tm.Terms], i: int, j
 
 
 def _is_round(field: tm.Terms, x: ex.Symbol, y: ex.Symbol) -> bool:
-    """Whether it depends on x^2 + y^2, and on x and y in no other way: x B_y = y B_x."""
+    """Whether the field depends on x^2 + y^2, and on x and y only through it: x B_y = y B_x."""
     slopes = [tm.derivative_of_terms(field, variable) for variable in (x, y)]
     turned = [tm.multiply_terms(slope, {tm.monomial(q): Fraction(1)}) for slope, q in zip(slopes, (y, x), strict=True)]
     return bool(slopes[0]) and turned[0] == turned[1]
 
 
 def _outside(slope: tm.Terms, variable: Variable) -> list[tuple[tm.Terms, tm.Terms]]:
-    """(c, g) with slope = sum of c g, c free of the variable, g without other factors; c are no multiples."""
+    """(c, g) with slope = sum of c g; c is free of the variable, g has no other factors, no two c are multiples."""
     pairs: list[tuple[tm.Terms, tm.Terms]] = []
     for key, beside in tm.grouped(slope, lambda letter: ex.holds(letter, variable)).items():
         for known, inner in pairs:
@@ -334,7 +333,7 @@ def _holds(terms: tm.Terms, variable: Variable) -> bool:
 
 
 def is_zero(terms: tm.Terms) -> bool:
-    """Whether the sum vanishes, by relations among its letters if need be: tried at random points."""
+    """Whether the sum vanishes, possibly by relations among its generators: tested at random points."""
     if not terms:
         return True
     if len(terms) == 1:
@@ -346,7 +345,7 @@ def is_zero(terms: tm.Terms) -> bool:
 
 
 def power_rule(own: tm.Monomial, beside: tm.Terms, x: Variable) -> tm.Terms | None:
-    """The integral of own * beside over x where that is a power of x, or c u^e du/dx with u^e = own."""
+    """The integral of own * beside over x if the integrand is a power of x, or c u^e du/dx with u^e = own."""
     if not own:
         total, logarithm = tm.Terms(), tm.monomial(ex.Apply("log", x))
         for key, value in beside.items():
@@ -368,7 +367,7 @@ def power_rule(own: tm.Monomial, beside: tm.Terms, x: Variable) -> tm.Terms | No
 
 
 def _is_turned(symbols: Sequence[ex.Symbol], slopes: Sequence[tm.Terms], pairs: Sequence[tuple[int, int]]) -> bool:
-    """Whether turning these pairs of coordinates, or scaling one up and the other down, leaves the potential alone."""
+    """Whether the potential is invariant when these pairs of coordinates are rotated, or scaled one up, one down."""
 
     def moment(slope: int, arm: int) -> tm.Terms:
         return tm.multiply_terms(slopes[slope], {tm.monomial(symbols[arm]): Fraction(1)})

@@ -1,12 +1,13 @@
-"""A vector of polynomials that is known up to a factor at points modulo a prime (Zippel 1979, projectively).
+"""Interpolate a vector of polynomials known up to a factor at points modulo a prime (Zippel 1979, projectively).
 
-The vector (v_1 : ... : v_m) is one common polynomial vector (P_1, ..., P_m): with a reference entry r the unknown
-coefficients solve v_e P_r(x) - v_r P_e(x) = 0, and no denominator is needed. For each variable alone the least
-degree for which there is a fit is found, the others fixed; then the variables are added one at a time, the support so
-far times powers of the new one, and coefficients that are 0 are dropped. The least degrees make the vector primitive.
+The vector (v_1 : ... : v_m) is proportional to one polynomial vector (P_1, ..., P_m): with a reference entry r, the
+unknown coefficients solve v_e P_r(x) - v_r P_e(x) = 0, and no denominator is needed. First, the least degree with a fit
+is found for each variable, with the others fixed. Then the variables are added one at a time: the current support is
+multiplied by powers of the new variable, and zero coefficients are dropped. The least degrees make the vector
+primitive.
 
-The basis in an angle is c^a s^b with b <= 1, in any other variable its powers. Coefficients are divided by one of them
-and reconstructed as rational numbers; that the result is right is for the caller to check.
+The basis for an angle is c^a s^b with b <= 1, and for any other variable its powers. Coefficients are divided by one of
+them and reconstructed as rational numbers. The caller must verify the result.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -22,11 +23,11 @@ from inverse_service.field import modular, null_vectors
 from inverse_service.field.flow import PRIME, Generator, Numbers, Points, Units, generator_tree
 from inverse_service.search.terms import Monomial, Terms, add_terms, terms_of, times
 
-# Degrees in one variable, unknown coefficients, and draws for one batch of points.
+# Limits on the degree in one variable, the unknown coefficients, and the draws for one batch of points.
 _DEGREE, _UNKNOWNS, _DRAWS = 12, 1_200, 9
 # Points for the degree in one variable.
 _BLOCK = 24
-# Numerators and denominators that one prime of 31 bits can tell apart.
+# The largest numerator and denominator that one prime of 31 bits determines.
 _LARGEST = 32_767
 Power = tuple[int, int]
 # The vector at points with these generators fixed, (entries, points), and the good points themselves.
@@ -40,14 +41,14 @@ class NoFit(ArithmeticError):
 
 @dataclass(slots=True)
 class Interpolation:
-    """The vector as polynomials in the variables; `polynomials[e]` maps exponents of all variables to coefficients."""
+    """The vector as polynomials; `polynomials[e]` maps exponents of all variables to coefficients."""
 
     values: Values
     variables: Sequence[Generator]
     units: Units
 
     def terms(self) -> list[Terms]:
-        """The entries as sums of products of letters, with integer coefficients without a common factor."""
+        """The entries as sums of products of generators, with integer coefficients without a common factor."""
         values, anchor = self.drawn({}, 3)
         first = int(np.flatnonzero(anchor.good)[0])
         fixed = {variable: int(anchor.value(variable)[first]) for variable in self.variables}
@@ -73,7 +74,7 @@ class Interpolation:
         return whole
 
     def drawn(self, fixed: Given, count: int) -> tuple[Numbers, Points]:
-        """At least so many points, all good."""
+        """The vector at `count` or more good points, and these points."""
         for k in range(_DRAWS):
             deadline.check(count)
             values, points = self.values(fixed, (count + 8) << min(k, 5))
@@ -82,7 +83,7 @@ class Interpolation:
         raise NoFit("too few points")
 
     def _degrees(self, entries: Sequence[int], fixed: Mapping[Generator, int]) -> dict[Generator, int]:
-        """The least degree in each variable, the others fixed: all of them from one batch of points."""
+        """The least degree in each variable with the others fixed, all from one batch of points."""
         block, generator = _BLOCK, np.random.default_rng(sum(fixed.values()) % PRIME)
         total = block * len(self.variables)
         given: dict[Generator, int | Numbers] = {}
@@ -115,7 +116,7 @@ class Interpolation:
         done: Sequence[Generator],
         fixed: Mapping[Generator, int],
     ) -> tuple[list[list[tuple[Power, ...]]], list[int]]:
-        """The support and the coefficients of the only vector in the span of the candidates."""
+        """The support and coefficients of the unique vector in the span of the candidates."""
         kernel = self._kernel(candidates, entries, done, _without(fixed, done))
         if len(kernel) != 1:
             raise NoFit("the vector is not the only one in its support")
@@ -172,7 +173,7 @@ def _without(fixed: Mapping[Generator, int], done: Sequence[Generator]) -> dict[
 
 
 def _needed(candidates: Sequence[Sequence[tuple[Power, ...]]]) -> int:
-    """Points that determine all coefficients: each entry has one equation with the reference at each."""
+    """The number of points that determines all coefficients: each point gives one equation per entry."""
     least = min(map(len, candidates))
     together = -(-sum(map(len, candidates)) // max(1, len(candidates) - 1))
     return max(together, least + max(map(len, candidates))) + 4
@@ -217,19 +218,19 @@ def _fits(
 
 
 def kernel_of(rows: Numbers) -> list[list[int]]:
-    """A basis of the vectors that a matrix modulo the prime takes to 0."""
+    """A basis of the kernel of a matrix modulo the prime."""
     return null_vectors.null_rows(rows.tolist(), rows.shape[1], PRIME)
 
 
 def _basis(variable: Generator, degree: int) -> list[Power]:
-    """Exponents of (cos, sin) of an angle, of (x, nothing) for other variables."""
+    """Exponents of (cos, sin) for an angle, of (x, unused) for other variables."""
     if variable[0] == "angle":
         return [(total - b, b) for total in range(degree + 1) for b in (0, 1) if b <= total]
     return [(k, 0) for k in range(degree + 1)]
 
 
 def letters_at(variable: Generator, points: Points) -> tuple[Numbers, Numbers]:
-    """The values of the two letters of a variable, the second one of an angle alone."""
+    """The values of the two generators of a variable; the second is meaningful for an angle only."""
     if variable[0] == "angle":
         sine, cosine = points.circle(variable[1])
         return cosine, sine
@@ -237,7 +238,7 @@ def letters_at(variable: Generator, points: Points) -> tuple[Numbers, Numbers]:
 
 
 def letters_of(variable: Generator, units: Units) -> tuple[Monomial, Monomial]:
-    """The two letters of a variable as monomials."""
+    """The two generators of a variable as monomials."""
     tree = generator_tree(variable, units)
     second = ex.Apply("sin", tree.argument) if variable[0] == "angle" and isinstance(tree, ex.Apply) else ex.ONE
     return _monomial(tree), _monomial(second)
@@ -251,7 +252,7 @@ def _monomial(tree: ex.Expression) -> Monomial:
 
 
 def whole_numbers(vector: Sequence[Terms]) -> list[Terms]:
-    """The vector times the number that makes its coefficients integers without a common factor."""
+    """The multiple of the vector whose coefficients are integers without a common factor."""
     numbers = [value for terms in vector for value in terms.values()]
     if not numbers:
         return list(vector)

@@ -1,4 +1,4 @@
-"""The search: leaves, reductions and rows of the ansatz, tried by cost until a regular Lagrangian is found."""
+"""Try leaves, reductions, and rows of the ansatz by increasing cost until one gives a regular Lagrangian."""
 
 import itertools
 import math
@@ -50,7 +50,7 @@ _NO_POINTS = (errors.IrreducibleAtoms, ps.SingularPoint, ValueError)
 def _lifted(
     smaller_systems: Callable[[Material, int], Iterator[protocol.Smaller]], material: Material, seed: int
 ) -> Sequence[ex.Expression]:
-    """The Lagrangians made of those of smaller systems."""
+    """The Lagrangians lifted from those of smaller systems."""
     for smaller in smaller_systems(material, seed):
         found = _of_smaller(smaller, seed)
         lifted = smaller.lift(found) if found else ()
@@ -60,7 +60,7 @@ def _lifted(
 
 
 def _of_smaller(smaller: protocol.Smaller, seed: int) -> list[tuple[ex.Expression, ...]]:
-    """The Lagrangians of each of the systems; none where one has none."""
+    """The Lagrangians of each system; none at all if one system has none."""
     found = []
     for system, with_time in zip(smaller.systems, smaller.with_time, strict=True):
         with within(bounds.WORK):
@@ -162,7 +162,8 @@ def holds_numerically(analysis: deciding.Analysis, tree: ex.Expression, seed: in
     for table in filter(None, (analysis.real_point, other)):
         with mpmath.workdps(bounds.DIGITS), suppress(evaluation.NoRealValue):
             for _ in range(2):
-                # Near the given one, so on the same branch of all roots; values of functions are their own letters.
+                # Near the given point, hence on the same branch of all roots; function values are independent
+                # generators.
                 near = {name: value * (1 + _small(generator) / 10**5) for name, value in table.items()}
                 point = {node: _small(generator) for node in functions} | near
                 entries = mpmath.matrix([[evaluation.evaluate(entry, point) for entry in row] for row in form])
@@ -179,7 +180,7 @@ def _small(generator: random.Random) -> mpmath.mpf:
 
 @dataclass(slots=True)
 class _Search:
-    """One search of one system: its material, what it has tried, and the terms that had no Lagrangian."""
+    """The state of a search: its material, the rungs tried, and the terms without a Lagrangian."""
 
     material: Material
     seed: int
@@ -198,9 +199,9 @@ def search(
     holds: Callable[[ex.Expression], bool] = lambda _: True,
     highest: float = math.inf,
 ) -> protocol.SearchOutcome:
-    """The first rung that gives a regular Lagrangian, or what was tried; the caller's own terms come first.
+    """The result of the first rung that gives a regular Lagrangian, or the rungs tried; the caller's terms come first.
 
-    Rungs of more than the `highest` cost are skipped. Lagrangians before the first that `holds` are dropped.
+    Rungs that cost more than `highest` are skipped. Lagrangians before the first one that `holds` are dropped.
     """
     tried: list[tuple[str, int]] = []
     with suppress(OutOfTime, TooManyTerms):
@@ -221,7 +222,7 @@ def search(
 def _kept(
     found: protocol.Found, analysis: deciding.Analysis, holds: Callable[[ex.Expression], bool]
 ) -> protocol.Found | None:
-    """From the first Lagrangian on that holds, each written shorter where that is possible."""
+    """The Lagrangians from the first one that holds on, each shortened if possible."""
     table = analysis.real_point or {}
     for k, tree in enumerate(found.lagrangians):
         forms = (tidy.tidied(tree, analysis.system), tree)
@@ -234,7 +235,7 @@ def _kept(
 
 
 def attempt(state: _Search, rung: Rung) -> protocol.Found | None:
-    """What one rung finds."""
+    """The Lagrangians that one rung finds, or None."""
     if isinstance(rung, families.Family):
         return _by_ansatz(state, rung)
     if not rung.accepts(state.material):
@@ -251,7 +252,7 @@ def attempt(state: _Search, rung: Rung) -> protocol.Found | None:
 
 
 def _verified(state: _Search, trees: Sequence[ex.Expression]) -> list[ex.Expression]:
-    """The first few that hold."""
+    """The first few trees that are Lagrangians."""
     analysis = state.material.analysis
     held = (tree for tree in dict.fromkeys(trees) if holds_numerically(analysis, tree, state.seed))
     return list(itertools.islice(held, bounds.FEW))
@@ -273,12 +274,12 @@ def _by_ansatz(state: _Search, family: families.Family) -> protocol.Found | None
 
 
 def _solve(material: Material, family: families.Family, terms: Sequence[Monomial], seed: int) -> protocol.Found | None:
-    """First the multipliers in the span of the terms, then Lagrangians for the simplest regular ones."""
+    """Compute the multipliers in the span of the terms, then Lagrangians for the simplest regular ones."""
     if not terms:
         return None
     try:
         sampler = ansatz.sampler_of(material.analysis, terms)
-        # Of short rows: more terms than these have, times monomials of parameters, are too many unknowns.
+        # Short rows only: with more terms, products with monomials of parameters give too many unknowns.
         if material.analysis.system.parameters and not family.given and len(terms) <= 2 * bounds.SMALL:
             terms = families.with_parameters(material, ansatz.occurring_terms(sampler, terms, seed), family.terms)
         space = independent(ansatz.solve_multiplier(sampler, terms, seed), seed)

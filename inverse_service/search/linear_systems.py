@@ -1,13 +1,13 @@
 """Linear systems q'' + C q' + K(t) q = b(t) with constant C: multipliers that depend on t alone.
 
-With N = C/2 and Phi = 2 K - C^2/2 such a multiplier fulfils
+With N = C/2 and Phi = 2 K - C^2/2 such a multiplier satisfies
     g' = T(g) = g N + (g N)^T,        g Phi symmetric,
 hence g [N, Phi], g [N, [N, Phi]], … symmetric. The symmetric matrices with all these properties are the greatest
 T-invariant space V on which g Phi is symmetric, and g(t) = e^(tT) g(0) with g(0) in V (Sarlet, Engels and Bahar 1982).
-The rates of e^(tT) are the means of two eigenvalues of C, such as a or the pair a +- sqrt(d):
+The rates of e^(tT) are means of two eigenvalues of C: a single rate a, or a pair a +- sqrt(d):
     g(t) = e^(at) sum_k t^k (T - a)^k g(0)/k!,                                    (T - a)^m g(0) = 0,
     g(t) = e^(at) (cosh(sqrt(d) t) + sinh(sqrt(d) t)/sqrt(d) (T - a)) g(0),       ((T - a)^2 - d) g(0) = 0.
-The equations times g are self-adjoint lines. All of V is exact in the field of the parameters.
+The equations times g are self-adjoint. V is computed exactly over the field of the parameters.
 """
 
 from collections.abc import Iterator, Sequence
@@ -28,11 +28,11 @@ from inverse_service.search import members, quadratures, row_factors, terms as t
 from inverse_service.search.gradients import Integrator
 from inverse_service.search.material import Material
 
-# Of the largest eigenvalue, the least that counts as one.
+# An eigenvalue below this fraction of the largest counts as zero.
 _TINY = 1e-9
-# A name that no formula can hold: the variable of characteristic polynomials.
+# The variable of characteristic polynomials, a name that no formula can contain.
 _EIGENVALUE = ex.Symbol("an eigenvalue")
-# Of quotients: numpy's arithmetic of objects is theirs.
+# Arrays of quotients; numpy applies the arithmetic of the objects.
 Array = NDArray[Any]
 Rate = tuple[ex.Expression, ex.Expression]
 
@@ -51,7 +51,7 @@ def is_linear(material: Material) -> bool:
 
 
 def propose(material: Material, seed: int) -> list[ex.Expression]:
-    """Regular Lagrangians with such multipliers, definite and short ones first; L(q, q') for g' = 0."""
+    """Regular Lagrangians with such multipliers, definite and short ones first; L(q, q') if g' = 0."""
     system, table = material.analysis.system, material.analysis.real_point
     if table is None:
         return []
@@ -67,7 +67,7 @@ def propose(material: Material, seed: int) -> list[ex.Expression]:
 
 
 def _rates(damping: row_factors.Table) -> Iterator[Rate]:
-    """(a, d) with a +- sqrt(d) the means of two eigenvalues of C, a and d constant."""
+    """(a, d) with constants a and d, where a +- sqrt(d) are means of two eigenvalues of C."""
     eigenvalues = eigenvalues_of([[tm.tree_of(entry) for entry in row] for row in damping])
     found = dict[Rate, None]()
     for (a, d), (b, e) in combinations_with_replacement(eigenvalues, 2):
@@ -80,7 +80,7 @@ def _rates(damping: row_factors.Table) -> Iterator[Rate]:
 
 
 def eigenvalues_of(trees: Sequence[Sequence[ex.Expression]]) -> list[Rate]:
-    """a for each factor x - a of det(trees - x), as (a, 0), and (a, d) for a pair a +- sqrt(d)."""
+    """(a, 0) for each factor x - a of det(trees - x), and (a, d) for each pair a +- sqrt(d)."""
     constants = [entry for row in trees for entry in row]
     ring = exact_field.exact_ring(constants, (), 0, exact_field.Budget.long(), further=(_EIGENVALUE,))
     x, one = ring.atoms[_EIGENVALUE], ring.constant(1)
@@ -100,19 +100,19 @@ def eigenvalues_of(trees: Sequence[Sequence[ex.Expression]]) -> list[Rate]:
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """g(t) = sum of phi(t) G over the pairs (phi, G); `row` holds the entries of g(0) and of g(0) K."""
+    """g(t) = sum of phi(t) G over the pairs (phi, G); `row` contains the entries of g(0) and of g(0) K."""
 
     parts: tuple[tuple[ex.Expression, Array], ...]
     row: tuple[exact_field.Quotient, ...]
 
     @property
     def size(self) -> int:
-        """Terms in all entries."""
+        """The number of terms in all entries."""
         return row_factors.size(self.row) + sum(row_factors.size(g.flat) for _, g in self.parts[1:])
 
 
 def _branches(material: Material, ring: exact_field.ExactRing, tables: Sequence[Array], rate: Rate) -> Iterator[Branch]:
-    """Those of one rate, by g(0) with many zeros, in itself or in g(0) K; `tables` are 1, K, and C."""
+    """The branches of one rate, for g(0) with many zeros in g(0) or in g(0) K; `tables` are 1, K, and C."""
     one, stiffness, damping = tables
     a, d = map(ring.value, rate)
     n, connection = len(one), _scaled(damping, Fraction(1, 2))
@@ -173,7 +173,7 @@ def _scaled(array: Array, factor: Fraction) -> Array:
 def _chosen(
     ring: exact_field.ExactRing, branches: Sequence[Branch], table: real_point.RealTable
 ) -> list[list[tm.Terms]]:
-    """Regular g, judged at t = 0 and real values of the parameters: definite ones first, then those of few terms."""
+    """Regular g, tested at t = 0 and real parameter values: definite ones first, then those with few terms."""
     size = isqrt(len(branches[0].row) // 2) if branches else 0
     known = {branch.row: branch for branch in branches}
     ordered = sorted(known.values(), key=lambda one: (not _is_diagonal(one), one.size))

@@ -1,4 +1,4 @@
-"""The generators of f that the search makes its ansätze of, their antiderivatives, and integrating factors."""
+"""The generators of f from which the search builds its ansätze, their antiderivatives, and integrating factors."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -19,7 +19,7 @@ _COMPANIONS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """f as terms, its generators sorted by the variables they depend on; `shared` holds results that rungs share."""
+    """f as terms, with generators sorted by the variables they depend on; `shared` caches results that rungs share."""
 
     analysis: Analysis
     motion: tm.MotionTerms
@@ -30,7 +30,7 @@ class Material:
 
 
 def gather(analysis: Analysis, with_time: bool) -> Material:
-    """Raises TooManyTerms where f cannot be written as a moderate sum."""
+    """The material of a system; TooManyTerms if f cannot be written as a moderate sum."""
     system = analysis.system
     trees = _factored(analysis)
     pairs = zip(trees, system.accelerations, strict=True)
@@ -50,7 +50,7 @@ def gather(analysis: Analysis, with_time: bool) -> Material:
 
 
 def _factored(analysis: Analysis) -> list[ex.Expression]:
-    """f with numerators and denominators factored, known relations among atoms used."""
+    """f with factored numerators and denominators, simplified by known relations among atoms."""
     system = analysis.system
     with suppress(exact_field.TooLarge, ZeroDivisionError):
         exact = conditions.motion_in_ring(system, 0, exact_field.Budget.long())
@@ -59,7 +59,7 @@ def _factored(analysis: Analysis) -> list[ex.Expression]:
 
 
 def _shorter(factored: ex.Expression, given: ex.Expression) -> tm.Terms:
-    """The expansion with fewer terms; a common denominator can make many of a few."""
+    """The expansion with fewer terms, because a common denominator can turn a few terms into many."""
     found = []
     for tree in (factored, given):
         with suppress(tm.TooManyTerms):
@@ -79,7 +79,7 @@ def simplified(material: Material, terms: tm.Terms) -> tm.Terms:
 
 
 def oriented(terms: tm.Terms, table: real_point.RealTable | None) -> tm.Terms:
-    """Sums that are negative at the real point replaced by their opposites, so that roots of letters exist."""
+    """The terms with sums that are negative at the real point replaced by their opposites, which have roots."""
     result: tm.Terms = {}
     for key, value in terms.items():
         product = tm.EMPTY
@@ -92,7 +92,7 @@ def oriented(terms: tm.Terms, table: real_point.RealTable | None) -> tm.Terms:
 
 
 def _letters(forces: Iterable[tm.Terms]) -> list[ex.Expression]:
-    """Letters of f and symbols inside its sums, the partner of each sine and cosine, A for A'."""
+    """The generators of f, the symbols inside its sums, the partner of each sine and cosine, and A for A'."""
     found: dict[ex.Expression, None] = {}
     for terms in forces:
         for key in terms:
@@ -108,7 +108,7 @@ def _letters(forces: Iterable[tm.Terms]) -> list[ex.Expression]:
 
 
 def companions(letter: ex.Expression) -> list[ex.Expression]:
-    """cos for sin, sin for cos, cosh for sinh, sinh for cosh, A for A', for A''."""
+    """cos for sin, sin for cos, cosh for sinh, sinh for cosh, and A for A' or A''."""
     match letter:
         case ex.Apply(function, argument) if function in _COMPANIONS:
             return [ex.Apply(_COMPANIONS[function], argument)]
@@ -121,7 +121,7 @@ def companions(letter: ex.Expression) -> list[ex.Expression]:
 
 
 def moving_letters(material: Material) -> list[ex.Expression]:
-    """Sums that are factors or radicands in f, and functions other than exponentials, that hold velocities."""
+    """The factors and radicands of f that are sums with velocities, and the nonexponential functions of velocities."""
     if "moving letters" not in material.shared:
         table, found = material.analysis.real_point, _moving_letters(material)
         shown = (positive(letter, table) if isinstance(letter, ex.Sum) else letter for letter in found)
@@ -130,7 +130,7 @@ def moving_letters(material: Material) -> list[ex.Expression]:
 
 
 def _moving_letters(material: Material) -> Iterator[ex.Expression]:
-    """Letters of f stay whole, as the root of 1 - v^2 does; other sums, as in an f multiplied out, give factors."""
+    """Generators of f are kept whole, such as 1 - v^2 under a root; other sums, as in an expanded f, are factored."""
     known = [p for p in material.velocity_letters if not ex.is_exponential(p)]
     yield from (p for p in known if not isinstance(p, ex.Sum) or _is_plain(p))
     for node in dict.fromkeys(node for f in material.analysis.system.accelerations for node in ex.walk(f)):
@@ -142,7 +142,7 @@ def _moving_letters(material: Material) -> Iterator[ex.Expression]:
 
 
 def positive(tree: ex.Expression, table: real_point.RealTable | None) -> ex.Expression:
-    """The tree, or its opposite where that is positive at the real point, so that its roots exist."""
+    """The tree, or its opposite if that is positive at the real point, so that its roots exist."""
     with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
         if table is not None and real_point.real_sign(tree, table) < 0:
             return ex.negated(tree)
@@ -150,14 +150,14 @@ def positive(tree: ex.Expression, table: real_point.RealTable | None) -> ex.Expr
 
 
 def _is_plain(node: ex.Expression) -> bool:
-    """A short sum without roots in it."""
+    """Whether this is a short sum without roots."""
     exponents = [part.exponent for part in ex.walk(node) if isinstance(part, ex.Power)]
     whole = all(isinstance(e, ex.Number) and e.value.denominator == 1 for e in exponents)
     return whole and ex.node_count(node) <= bounds.NODES
 
 
 def _parameter_monomials(forces: Iterable[tm.Terms], parameters: frozenset[ex.Symbol]) -> tuple[tm.Monomial, ...]:
-    """Parameter parts of the terms of f, their inverses and quotients, simple ones first."""
+    """The parametric parts of the terms of f, their inverses and quotients, simple ones first."""
     parts: dict[tm.Monomial, None] = {tm.EMPTY: None}
     for terms in forces:
         for key in terms:
@@ -167,14 +167,14 @@ def _parameter_monomials(forces: Iterable[tm.Terms], parameters: frozenset[ex.Sy
                 parts[frozenset([(letter, -e)])] = None
             parts[part] = None
             parts[tm.times(tm.EMPTY, part, -1)] = None
-    # Constants that occur in sums alone, as in 1/(a sqrt(v^2 + 1) - t v).
+    # Constants that occur only in sums, as in 1/(a sqrt(v^2 + 1) - t v).
     parts |= dict.fromkeys(tm.monomial(p) for p in parameters if not any(p in dict(part) for part in parts))
     return tuple(sorted(parts, key=tm.rank))
 
 
 @lru_cache(maxsize=8192)
 def antiderivatives(key: tm.Monomial, variable: ex.Expression) -> tuple[tm.Monomial, ...]:
-    """Monomials whose derivative by the variable may contain `key`, by raising one letter at a time."""
+    """Monomials whose derivative by the variable may contain `key`, found by raising one generator at a time."""
     letters = dict.fromkeys([variable, *(letter for letter, _ in key)])
     for letter in list(letters):
         letters.update(dict.fromkeys(companions(letter)))
@@ -203,7 +203,7 @@ def antiderivatives(key: tm.Monomial, variable: ex.Expression) -> tuple[tm.Monom
 
 
 def _raised_powers(key: tm.Monomial, variable: ex.Expression) -> list[tm.Monomial]:
-    """p^(e+1) / ((e+1) dp) for p^e with a symbolic exponent, a numeric power of p next to it included."""
+    """p^(e+1) / ((e+1) dp) for p^e with a symbolic exponent, combined with an adjacent numeric power of p."""
     found = []
     for letter, times_over in key:
         if not isinstance(letter, ex.Power) or isinstance(letter.exponent, ex.Number):
@@ -217,7 +217,7 @@ def _raised_powers(key: tm.Monomial, variable: ex.Expression) -> list[tm.Monomia
 
 
 def integrating_candidates(material: Material) -> list[tuple[int, tm.Terms, ex.Symbol]]:
-    """(i, c, variable) with wanted factors exp(-int c d variable): from c v_i v_l, c v_i^2, c v_i in f_i."""
+    """(i, c, variable) for each desired factor exp(-int c d variable), from c v_i v_l, c v_i^2, c v_i in f_i."""
     motion = material.motion
     found: list[tuple[int, tm.Terms, ex.Symbol]] = []
     for i, (v, f) in enumerate(zip(motion.velocities, motion.forces, strict=True)):
@@ -233,5 +233,5 @@ def integrating_candidates(material: Material) -> list[tuple[int, tm.Terms, ex.S
 
 
 def distinct(parts: Sequence[tm.Monomial]) -> list[tm.Monomial]:
-    """Each once, simple ones first."""
+    """The monomials without duplicates, simple ones first."""
     return sorted(dict.fromkeys(parts), key=tm.rank)

@@ -1,7 +1,7 @@
-"""From a space of Lagrangians to the members worth showing: regular, definite where possible, simple.
+"""Choose the members of a space of Lagrangians to show: regular, definite if possible, simple.
 
-Where the simplest regular sums are indefinite, weights that make a positive definite Hessian of several are found at
-one real point. Then they are made few and short.
+If the simplest regular sums are indefinite, weights for which a sum of several has a positive definite Hessian are
+computed at one real point, then made few and short.
 """
 
 import random
@@ -22,14 +22,14 @@ from inverse_service.search import ansatz, terms as tm
 
 Residues = NDArray[np.object_]
 Matrix = NDArray[np.float64]
-# The least eigenvalue that counts as positive.
+# The smallest eigenvalue that counts as positive.
 _POSITIVE = 1e-3
 _DENOMINATORS = (1, 2, 3, 4, 6, 12)
 _SEED = 1
 
 
 def hessians(space: ansatz.LagrangianSpace, points: SamplePoints, first: int = 0) -> tuple[int, list[Residues]]:
-    """(prime, d2L/dv dv of each combination at one of the points)."""
+    """(prime, d2L/dv dv of each combination at one of the points), skipping the `first` points."""
     every = dict.fromkeys(key for c in space.combinations for key in c)
     candidates = [key for key in every if not tm.is_linear(key)]
     letters = ansatz.letters_of(candidates)
@@ -47,7 +47,7 @@ def hessians(space: ansatz.LagrangianSpace, points: SamplePoints, first: int = 0
 
 
 def independent(space: ansatz.LagrangianSpace, seed: int) -> ansatz.LagrangianSpace:
-    """The space without combinations that are simpler ones times functions of the parameters, or sums of such."""
+    """The space without combinations that are sums of simpler ones times functions of the parameters."""
     system = space.sampler.analysis.system
     if not system.parameters or not space.combinations:
         return space
@@ -63,7 +63,7 @@ def independent(space: ansatz.LagrangianSpace, seed: int) -> ansatz.LagrangianSp
 def _regular_sets(
     space: ansatz.LagrangianSpace, order: Sequence[int], forms: Sequence[Residues], prime: int, seed: int
 ) -> list[tuple[int, ...]]:
-    """Index sets of combinations, which are in this order, whose generic sum is regular, simplest first."""
+    """Sets of indices, simplest first, of combinations whose generic sum is regular; `order` sorts the combinations."""
     squares_first = sorted(order, key=lambda k: not _is_diagonal(forms[k]))
     generator = random.Random(seed)
     weights = {k: generator.randrange(1, prime) for k in order}
@@ -75,7 +75,7 @@ def _regular_sets(
     found: list[tuple[int, ...]] = [(k,) for k in order if is_regular([k])]
     for sequence in (squares_first, order):
         chosen = list(sequence) if is_regular(sequence) else []
-        for k in reversed(chosen.copy()):  # the last in order are left out first
+        for k in reversed(chosen.copy()):  # try to omit the last ones first
             rest = [j for j in chosen if j != k]
             chosen = rest if is_regular(rest) else chosen
         found += [tuple(chosen)] if chosen else []
@@ -87,12 +87,12 @@ def _is_diagonal(matrix: Residues) -> bool:
 
 
 def complexity(combination: ansatz.Combination) -> tuple[Fraction | int, int]:
-    """Total weight of its terms, and their number."""
+    """The total weight of its terms, and their number."""
     return sum((tm.rank(key)[0] + 1 for key in combination), Fraction(0)), len(combination)
 
 
 def reduced(total: ansatz.Combination, gauge: Sequence[ansatz.Combination]) -> ansatz.Combination:
-    """Subtracts gauge elements as long as the difference gets simpler."""
+    """The combination minus gauge elements, subtracted while that makes it simpler."""
     improved = True
     while improved:
         improved = False
@@ -106,7 +106,8 @@ def reduced(total: ansatz.Combination, gauge: Sequence[ansatz.Combination]) -> a
 
 
 def scaled(combination: ansatz.Combination, sign: int = 0) -> ansatz.Combination:
-    """The simplest term that is not linear in the velocities gets coefficient 1/2 if quadratic, else 1.
+    """The multiple in which the simplest term not linear in the velocities has the coefficient 1/2 if quadratic, else
+    1.
 
     A positive `sign` means a positive factor.
     """
@@ -118,7 +119,7 @@ def scaled(combination: ansatz.Combination, sign: int = 0) -> ansatz.Combination
 
 
 def definite_weights(hessians: Sequence[Matrix]) -> list[list[Fraction]]:
-    """Weights w with sum w_k H_k positive definite: far from all singular sums, and as few as will do.
+    """Weights w with sum w_k H_k positive definite: one choice far from all singular sums, one with as few as possible.
 
     H_k are symmetric of shape (n, n), finite and not zero; at most `bounds.COLUMNS` of them.
     """
@@ -130,13 +131,13 @@ def definite_weights(hessians: Sequence[Matrix]) -> list[list[Fraction]]:
 
 
 def _is_definite(matrix: Matrix) -> bool:
-    """Clearly, in units in which all squares have the coefficient 1."""
+    """Whether the matrix is clearly positive definite in units in which all squares have the coefficient 1."""
     sizes = np.sqrt(np.abs(np.diagonal(matrix)))
     return bool(sizes.all() and np.linalg.eigvalsh(matrix / np.outer(sizes, sizes))[0] > _POSITIVE)
 
 
 def _few(weights: list[float], hessians: Sequence[Matrix]) -> list[float]:
-    """Without those that are not needed, the smallest left out first."""
+    """The weights with unnecessary ones set to 0, the smallest first."""
     kept = list(weights)
     for k in sorted(range(len(kept)), key=lambda k: abs(weights[k])):
         without = [0.0 if j == k else w for j, w in enumerate(kept)]
@@ -146,7 +147,7 @@ def _few(weights: list[float], hessians: Sequence[Matrix]) -> list[float]:
 
 
 def _short(weights: Sequence[float], hessians: Sequence[Matrix]) -> list[Fraction] | None:
-    """Multiples of 1/d for the least d that will do; equal weights stay equal."""
+    """The weights rounded to multiples of 1/d for the least possible d; equal weights stay equal."""
     largest = max(map(abs, weights))
     for d in _DENOMINATORS:
         rounded = [Fraction(round(w / largest * d), d) for w in weights]
@@ -157,7 +158,7 @@ def _short(weights: Sequence[float], hessians: Sequence[Matrix]) -> list[Fractio
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """A Lagrangian, the combinations it is a sum of, and whether its Hessian is positive at the real point."""
+    """A Lagrangian, the combinations whose sum it is, and whether its Hessian is positive at the real point."""
 
     terms: ansatz.Combination
     parts: tuple[ansatz.Combination, ...]
@@ -171,7 +172,7 @@ def best_members(
     if not space.combinations:
         return []
     prime, forms = hessians(space, space.sampler.points(seed))
-    # The others are total derivatives, or vanish by relations among letters.
+    # The others are total derivatives, or vanish by relations among generators.
     moving = [k for k, form in enumerate(forms) if form.any()]
     gauge = [c for c, form in zip(space.combinations, forms, strict=True) if not form.any()]
     order = sorted(moving, key=lambda k: complexity(space.combinations[k]))
@@ -192,9 +193,9 @@ def _order(member: Member, parameters: frozenset[ex.Symbol]) -> tuple[bool, Frac
 
 
 def _divided(member: Member, parameters: frozenset[ex.Symbol], table: real_point.RealTable) -> Member:
-    """Divided by the parameters of one of its kinetic terms, if that leaves fewer of them there.
+    """The member divided by the parameters of one of its kinetic terms, if that leaves fewer parameters there.
 
-    A multiplier times a constant is one; the sign keeps the Hessian positive at the real point.
+    A constant times a multiplier is a multiplier; the sign keeps the Hessian positive at the real point.
     """
     found = [member]
     for part in dict.fromkeys(_constants(member.terms, parameters)):
@@ -206,7 +207,7 @@ def _divided(member: Member, parameters: frozenset[ex.Symbol], table: real_point
 
 
 def _constants(terms: ansatz.Combination, parameters: frozenset[ex.Symbol]) -> list[tm.Monomial]:
-    """The letters of each kinetic term that hold nothing but parameters."""
+    """The generators of each kinetic term that contain only parameters."""
     kinetic = [key for key in terms if not tm.is_linear(key)]
     return [frozenset(item for item in key if tm.is_constant(item[0], parameters)) for key in kinetic]
 
@@ -214,7 +215,7 @@ def _constants(terms: ansatz.Combination, parameters: frozenset[ex.Symbol]) -> l
 def _sum_of(space: ansatz.LagrangianSpace, gauge: Sequence[ansatz.Combination], chosen: Sequence[int]) -> Member:
     """The sum of the chosen combinations, each with the sign that makes its Hessian positive.
 
-    Where that sum is singular the parts get different weights.
+    If that sum is singular, the parts get different weights.
     """
     names, table = space.sampler.analysis.system.coordinates, space.sampler.real_point
 
@@ -239,7 +240,7 @@ def _definite_sums(
 ) -> list[Member]:
     """Sums of the simplest combinations with a positive definite Hessian at the real point."""
     if not all(map(_is_quadratic, space.combinations)):
-        return []  # a Hessian that holds velocities is definite at some places only
+        return []  # a Hessian that contains velocities is definite at some places only
     with_hessian = [(c, matrix) for c in simplest if (matrix := _real_hessian(space, c)) is not None]
     found = []
     for weights in definite_weights([matrix for _, matrix in with_hessian]):
@@ -259,7 +260,7 @@ def _is_quadratic(combination: ansatz.Combination) -> bool:
 
 
 def _real_hessian(space: ansatz.LagrangianSpace, combination: ansatz.Combination) -> Matrix | None:
-    """d2L/dv dv at the real point; None where it vanishes or has no value."""
+    """d2L/dv dv at the real point; None if it vanishes or has no value."""
     deadline.check()
     names = space.sampler.analysis.system.coordinates
     form = euler_lagrange.hessian_at(tm.tree_of(combination), names, space.sampler.real_point)

@@ -1,14 +1,14 @@
-"""A multiplier that depends on the velocities: g = phi G with one matrix G(t, q, v) that the conditions leave.
+"""Find multipliers that depend on the velocities: g = phi G with a unique matrix G(t, q, v) allowed by the conditions.
 
-Where the conditions Phi, nabla Phi, … at one velocity leave one matrix up to a factor, and several velocities over one
-(t, q) none, G is interpolated in the velocities as well. With phi = phi_2(t, q) prod P_a^(e_a), P_a factors of f and
-of G, (H1) is linear in the exponents:
+If the conditions for Phi, nabla Phi, … at one velocity allow one matrix up to a factor, but those at several velocities
+over one (t, q) allow none, G is interpolated in the velocities as well. With phi = phi_2(t, q) prod P_a^(e_a), P_a
+factors of f and of G, (H1) is linear in the exponents:
 
     sum over a of e_a (G_ik d_j log P_a - G_ij d_k log P_a) = d_k G_ij - d_j G_ik,  d_j = d/dv_j,
 
-and gives them at random points modulo a prime. phi_2 is that of a matrix free of the velocities (`one_matrix`). The
-momenta of L have the slopes g_i1, …, g_in in the velocities, and L has the momenta as its slopes: two integrations
-of closed forms.
+and random points modulo a prime determine them. phi_2 is computed as for a matrix free of the velocities
+(`one_matrix`). The momenta of L have the slopes g_i1, …, g_in in the velocities, and L has the momenta as its slopes,
+so two integrations of closed forms give L.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ _POINTS = 8
 
 
 def propose(material: Material, seed: int) -> list[ex.Expression]:
-    """The Lagrangian with this multiplier, for the caller to check; none where there is none, or none is found."""
+    """The Lagrangian with this multiplier, which the caller must verify; empty if none exists or none is found."""
     search = one_matrix.OneMatrix.at_one_velocity(material.analysis.system, seed)
     found = None if search is None else _lagrangian(search, material)
     return [] if found is None else [found]
@@ -53,7 +53,7 @@ def _lagrangian(search: one_matrix.OneMatrix, material: Material) -> ex.Expressi
 
 
 def _root(search: one_matrix.OneMatrix, matrix: Sequence[tm.Terms], factor: tm.Terms) -> tm.Terms | None:
-    """c(t, q) sqrt(P) for phi = P^(-3/2), where one entry of its Hessian is that of g; as an integral it is long."""
+    """c(t, q) sqrt(P) for phi = P^(-3/2), with c from one entry of the Hessian; integration would be long."""
     names = search.system.coordinates
     ((powers, _),) = factor.items()
     rooted: tm.Monomial = frozenset((p, Fraction(2)) for p, e in powers if isinstance(p, ex.Sum) and e.denominator > 1)

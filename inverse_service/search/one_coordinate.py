@@ -1,14 +1,14 @@
-"""One coordinate: Lagrangians by Jacobi's last multiplier, which obeys Gamma(g) + g df/dv = 0 for x'' = f.
+"""Lagrangians for one coordinate from Jacobi's last multiplier, which satisfies Gamma(g) + g df/dv = 0 for x'' = f.
 
 Multipliers are products of Darboux polynomials of Gamma = v d/dx + f d/dv: with g = phi(x) P(x, v)^e the equation
 
     e Gamma(P) + (df/dv + Gamma(log phi)) P = 0
 
-is linear in P for given phi and e. P is taken as a polynomial in v whose terms are closed under what cancels residuals,
-and the equations are solved at random points modulo a prime. The multipliers tried are such powers of one polynomial,
-its irreducible factors, and what the factors of f itself suggest. K with d2K/dv2 = g comes from two integrations;
-E(K) = f K_vv + v K_vx + K_vt - K_x then is free of v, since dE/dv = Gamma(g) + g df/dv = 0, and L = K + U with
-dU/dx = E(K) satisfies the Euler-Lagrange equation. Source: G. Darboux, 1878; M. J. Prelle, M. F. Singer, 1983;
+is linear in P for given phi and e. P is a polynomial in v whose set of terms is closed under adding terms that cancel
+residuals, and the equations are solved at random points modulo a prime. The multipliers tried are such powers of one
+polynomial, powers of its irreducible factors, and those suggested by the factors of f itself. Two integrations give K
+with d2K/dv2 = g. Then E(K) = f K_vv + v K_vx + K_vt - K_x is free of v, since dE/dv = Gamma(g) + g df/dv = 0, and L = K
++ U with dU/dx = E(K) satisfies the Euler-Lagrange equation. Source: G. Darboux, 1878; M. J. Prelle, M. F. Singer, 1983;
 L. G. S. Duarte, S. E. S. Duarte, L. A. C. P. da Mota, J. E. F. Skea, 2001.
 """
 
@@ -28,26 +28,26 @@ from inverse_service.search import angles, ansatz, families, gradients, members,
 from inverse_service.search.factors import Factors, find_factors
 from inverse_service.search.material import Material, antiderivatives, positive
 
-# Of a polynomial of degree 1 or 2 in v.
+# The exponents tried for a polynomial of degree 1 or 2 in v.
 _EXPONENTS = {
     1: tuple(map(Fraction, ("-3", "-2", "-1", "-4", "-3/2", "-1/2", "-5", "-5/2", "-4/3", "-5/3", "1", "2"))),
     2: tuple(map(Fraction, ("-1", "-3/2", "-1/2", "-2", "-5/2", "1", "1/2"))),
 }
 _HIGHEST = max(_EXPONENTS)
-# With 60 a force of many terms takes 6 s without success.
+# With 60, a force of many terms takes 6 s and yields nothing.
 _MOST_TERMS_OF_FORCE = 30
 
 
 @dataclass(frozen=True, slots=True)
 class LastMultiplier:
-    """g = factor * product of base^exponent; only the bases, polynomials in v, hold the velocity."""
+    """g = factor * product of base^exponent; only the bases, polynomials in v, contain the velocity."""
 
     factor: tm.Monomial
     moving: tuple[tuple[ex.Expression, ex.Expression], ...]
 
 
 def _darboux_powers(material: Material, factors: Factors, seed: int, degree: int) -> Iterator[LastMultiplier]:
-    """Multipliers phi P^e, P of this degree in v, in factors."""
+    """Multipliers phi P^e in factored form, with P of this degree in v."""
     phis = {e: _position_factors(factors, degree * e) for e in _EXPONENTS[degree]}
     candidates = _candidate_terms(material, degree)
     every = [*candidates, *(phi for group in phis.values() for phi in group)]
@@ -76,7 +76,7 @@ def _darboux_powers(material: Material, factors: Factors, seed: int, degree: int
 
 
 def _position_factors(factors: Factors, degree: Fraction) -> list[tm.Monomial]:
-    """1, and the factors that go with v^degree where f has a term c(x) v^2, times functions of t.
+    """1, and the factors that accompany v^degree if f has a term c(x) v^2, times functions of t.
 
     With y' = E x', E = exp(-int c dx), a factor P(x, y')^e of a multiplier for y gives E^(2 + e) for x.
     """
@@ -86,7 +86,7 @@ def _position_factors(factors: Factors, degree: Fraction) -> list[tm.Monomial]:
 
 
 def _candidate_terms(material: Material, degree: int) -> list[tm.Monomial]:
-    """v^degree and the terms B(x) v^j that can cancel residuals of terms before, simple ones first."""
+    """v^degree and the terms B(x) v^j that can cancel residuals of previous terms, simple ones first."""
     motion = material.motion
     velocity = motion.velocities[0]
     slope = tm.derivative_of_terms(motion.forces[0], velocity)
@@ -102,7 +102,7 @@ def _candidate_terms(material: Material, degree: int) -> list[tm.Monomial]:
 
 
 def _cancelling(material: Material, key: tm.Monomial, slope: tm.Terms, degree: int) -> list[tm.Monomial]:
-    """Those of `_raised` that are polynomials of this degree, with t only where L may contain it."""
+    """The results of `_raised` that are polynomials of at most this degree, with t only if L may contain it."""
     known: dict[tm.Monomial, list[tm.Monomial]] = material.shared.setdefault("cancelling", {})
     if key not in known:
         known[key] = _raised(material, key, slope)
@@ -137,16 +137,17 @@ def _is_polynomial(moving: tm.Monomial, velocity: ex.Velocity, degree: int) -> b
 
 
 def _is_admissible(key: tm.Monomial, with_time: bool, velocity: ex.Velocity, degree: int) -> bool:
-    """A polynomial of this degree in v, with t only where L may contain it."""
+    """Whether this is a polynomial of at most this degree in v, without t unless L may contain it."""
     if not _is_polynomial(tm.split_velocities(key)[1], velocity, degree):
         return False
     return with_time or not any(ex.holds(p, ex.TIME) for p, _ in key)
 
 
 def _last_multipliers(material: Material, factors: Factors, seed: int) -> list[LastMultiplier]:
-    """Multipliers in factors, each once, few factors first; no formula of which much would be integrated in vain.
+    """Distinct multipliers in factored form that pass `_may_hold`, few factors first.
 
-    Where df/dv = 0 they are first integrals, and g = 1 is one: none can spare the integral of f that g = 1 needs.
+    If df/dv = 0, multipliers are first integrals and g = 1 is one of them; no other avoids the integral of f that g = 1
+    requires.
     """
     found = dict.fromkeys(LastMultiplier(phi, ()) for phi in _position_factors(factors, Fraction(0)) if phi)
     powers = dict[LastMultiplier, None]()
@@ -163,7 +164,7 @@ def _last_multipliers(material: Material, factors: Factors, seed: int) -> list[L
 
 
 def _may_hold(material: Material, multiplier: LastMultiplier) -> bool:
-    """Whether Gamma(log g) + df/dv is 0 at the real point, as it is everywhere for a multiplier, of short factors."""
+    """Whether Gamma(log g) + df/dv is 0 at the real point, a necessary condition, and the factors are short."""
     (x,), (v,), (f,) = material.motion.coordinates, material.motion.velocities, material.analysis.system.accelerations
     factors = [(tm.monomial_tree(multiplier.factor), ex.ONE), *multiplier.moving]
     if max(ex.node_count(base) for base, _ in factors) > 2 * bounds.NODES:
@@ -180,7 +181,7 @@ def _may_hold(material: Material, multiplier: LastMultiplier) -> bool:
 
 
 def _in_factors(material: Material, phi: tm.Monomial, polynomial: ex.Expression, exponent: Fraction) -> LastMultiplier:
-    """phi P^e with P factored; its factors without velocity go into phi, constants are dropped."""
+    """phi P^e with P factored; factors without velocity join phi, and constants are dropped."""
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     moving = []
     for base, e in ex.powers_of(quadratures.factored(polynomial, [x, v])):
@@ -192,7 +193,7 @@ def _in_factors(material: Material, phi: tm.Monomial, polynomial: ex.Expression,
 
 
 def _moving_factors(material: Material) -> list[tuple[ex.Expression, ex.Expression]]:
-    """(base, exponent) of the factors of f that hold v, numbers left out: for f = F(v) G(t, x), 1/F is a multiplier."""
+    """(base, exponent) of the factors of f that contain v; 1/F is a multiplier of f = F(v) G(t, x)."""
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     try:
         force = quadratures.factored(material.analysis.system.accelerations[0], [x, v])
@@ -204,8 +205,7 @@ def _moving_factors(material: Material) -> list[tuple[ex.Expression, ex.Expressi
 
 
 def propose_function_of_velocity(material: Material, seed: int) -> list[ex.Expression]:
-    """L with g = phi(t, x)/F(v), for the first F that will do; phi, the two integrals of g and the potential by
-    quadratures."""
+    """L with g = phi(t, x)/F(v) for the first suitable F; quadratures give phi, K with K_vv = g, and the potential."""
     for function in _functions_of_velocity(material):
         with suppress(tm.TooManyTerms):
             found = _of_function(material, function)
@@ -215,7 +215,7 @@ def propose_function_of_velocity(material: Material, seed: int) -> list[ex.Expre
 
 
 def _functions_of_velocity(material: Material) -> Iterator[ex.Expression]:
-    """Candidates for F: the factors of f that hold v alone, and what each term of f holds of v."""
+    """Candidates for F: the factors of f that contain only v, and the v-dependent part of each term of f."""
     x = material.motion.coordinates[0]
     found = [ex.multiply(*(base**e for base, e in _moving_factors(material) if not ex.holds(base, x, ex.TIME)))]
     found += [tm.monomial_tree(tm.split_velocities(key)[1]) for key in material.motion.forces[0]]
@@ -262,14 +262,14 @@ def _of_function(material: Material, function: ex.Expression) -> ex.Expression |
 
 
 def applies(material: Material) -> bool:
-    """One coordinate, f of moderate size with a real point."""
+    """Whether there is one coordinate, and f has moderate size and a real point."""
     motion = material.motion
     moderate = motion.size == 1 and len(motion.forces[0]) <= _MOST_TERMS_OF_FORCE
     return moderate and material.analysis.real_point is not None
 
 
 def propose(material: Material, seed: int) -> Sequence[ex.Expression]:
-    """Lagrangians whose multiplier is a product of Darboux factors, the simplest first; each is a candidate only."""
+    """Lagrangians whose multiplier is a product of Darboux factors, simplest first; unverified candidates."""
     found: dict[ex.Expression, None] = {}
     for multiplier in _last_multipliers(material, find_factors(material), seed)[: bounds.CANDIDATES]:
         deadline.check()
@@ -280,7 +280,7 @@ def propose(material: Material, seed: int) -> Sequence[ex.Expression]:
 
 
 def lagrangian_of(material: Material, multiplier: LastMultiplier) -> ex.Expression | None:
-    """L in closed form, with d2L/dv2 positive at the real point of f; None where there is none."""
+    """L in closed form, with d2L/dv2 positive at the real point of f; None if none is found."""
     motion, point = material.motion, material.analysis.real_point
     if point is None:
         return None
@@ -299,7 +299,7 @@ def lagrangian_of(material: Material, multiplier: LastMultiplier) -> ex.Expressi
 
 
 def _positive(lagrangian: tm.Terms, velocity: ex.Velocity, point: real_point.RealTable) -> ex.Expression:
-    """The lighter of L and its multiple with simple coefficients, with a positive Hessian at the point."""
+    """The simpler of L and its multiple with simple coefficients, with a positive Hessian at the point."""
     tree = min(tm.tree_of(lagrangian), tm.tree_of(members.scaled(lagrangian)), key=quadratures.weight)
     hessian = derivative.differentiate(derivative.differentiate(tree, velocity), velocity)
     return tree if real_point.real_sign(hessian, point) > 0 else ex.negated(tree)

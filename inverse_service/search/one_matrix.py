@@ -1,26 +1,26 @@
-"""The Lagrangian of the one matrix that the algebraic conditions leave: g = phi G, with G(t, q) and phi computed.
+"""Find the Lagrangian of a unique matrix allowed by the algebraic conditions: compute G(t, q) and phi with g = phi G.
 
-At points modulo a prime the conditions g T = (g T)^T for T = Phi, nabla Phi, … at several velocities over one (t, q)
-leave one vector of entries G_11 : … : G_nn, which is interpolated as a whole. (H2) is, by any entry e of G that is not
-0,
+At points modulo a prime, the conditions g T = (g T)^T for T = Phi, nabla Phi, … at several velocities over one (t, q)
+determine one vector of entries G_11 : … : G_nn, which is interpolated as a whole. For any nonzero entry e of G, (H2)
+reads
 
     S = Gamma(log phi) = ((G N + N^T G)_e - Gamma G_e)/G_e = Q_k v_k + T.
 
-In most systems S = 0 and phi = 1. Where one entry of g is constant, phi is 1/G_e; else (1 : Q : T) is interpolated and
-integrated. The remaining terms of L are A_i v_i - V with
+In most systems S = 0 and phi = 1. If one entry of g is constant, phi is 1/G_e; otherwise (1 : Q : T) is interpolated
+and integrated. The remaining terms of L are A_i v_i - V with
 
     d_i V = -phi W_i,  d_i A_j - d_j A_i = phi F_ij,  W = G f at v = 0,  F = G f_v + d_t G + T G at v = 0,
 
-where (1 : W : F) is interpolated as well: determinants of mass matrices cancel in it.
+where (1 : W : F) is interpolated as well, because determinants of mass matrices cancel in it.
 
-Where the conditions leave more than one matrix, as for carts with pendulums, whose multipliers are M_t g + p p^T with a
-conserved momentum p, G is the one of least degree, as in a book. With the constants fixed, (H2) and (H3) are linear in
-the coefficients of
+The conditions can allow more than one matrix: for carts with pendulums, the multipliers are M_t g + p p^T with a
+conserved momentum p. G is then the matrix of least degree, as in textbooks. With the constants fixed, (H2) and (H3) are
+linear in the coefficients of
 
     g_ij = sum of c_ijm m(t, q),  m a product of at most `degree` generators: cos, sin of angles, coordinates.
 
-At the least degree with a solution, if it is the only one, its terms are kept, and their coefficients are interpolated
-as one vector in the constants.
+If the solution at the least degree with a solution is unique, its terms are kept, and their coefficients are
+interpolated as one vector in the constants.
 """
 
 from __future__ import annotations
@@ -42,21 +42,21 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import angles, families, gradients, interpolation, terms as tm
 from inverse_service.search.material import Material
 
-# Coordinates up to which kernels at points are cheap.
+# The number of coordinates up to which kernels at points are cheap.
 _MOST = 8
-# The highest degree, and unknown coefficients.
+# Limits on the degree and on the unknown coefficients.
 _DEGREE, _UNKNOWNS = 2, 700
-# A coefficient: the entry of the matrix and the product of letters.
+# A coefficient: the entry of the matrix and the product of generators.
 Column = tuple[int, tm.Monomial]
 
 
 def accepts(material: Material) -> bool:
-    """Two coordinates or more; roots of velocities belong to multipliers that depend on these."""
+    """Whether the number of coordinates is from 2 to _MOST."""
     return 1 < material.motion.size <= _MOST
 
 
 def propose(material: Material, seed: int) -> list[ex.Expression]:
-    """The Lagrangian with the one multiplier G(t, q), for the caller to check; none where there is none, or more."""
+    """The Lagrangian of phi G with one matrix G(t, q), which the caller must verify; empty if none is found."""
     system, table = material.analysis.system, material.analysis.real_point
     search = OneMatrix.of(system, seed)
     if search is None:
@@ -70,7 +70,7 @@ def propose(material: Material, seed: int) -> list[ex.Expression]:
 
 @dataclass(slots=True)
 class OneMatrix:
-    """A system at points modulo the prime; `pairs` are the places of the entries of symmetric matrices."""
+    """A system at points modulo the prime; `pairs` are the index pairs of the entries of symmetric matrices."""
 
     system: SecondOrderSystem
     forces: tuple[ex.Expression, ...]
@@ -78,12 +78,12 @@ class OneMatrix:
     random: np.random.Generator
     pairs: list[tuple[int, int]]
     velocities: int = 1  # over one (t, q)
-    tensors: int = 1  # Phi, nabla Phi, … whose conditions are used
-    kernel: int = 0  # matrices that the conditions leave
+    tensors: int = 1  # how many of Phi, nabla Phi, … give conditions
+    kernel: int = 0  # dimension of the matrices that the conditions allow
 
     @classmethod
     def of(cls, system: SecondOrderSystem, seed: int) -> OneMatrix | None:
-        """None where no matrix that is free of the velocities is left."""
+        """The search, or None if the conditions allow no matrix free of the velocities."""
         found = cls._at_first(system, seed)
         n, last = len(found.forces), len(found.pairs) + 1
         for found.velocities in range(1, max(3, n) + 1):
@@ -98,7 +98,7 @@ class OneMatrix:
 
     @classmethod
     def at_one_velocity(cls, system: SecondOrderSystem, seed: int) -> OneMatrix | None:
-        """None unless one matrix is left at one velocity, and none at several over one (t, q)."""
+        """The search, or None unless one velocity allows exactly one matrix, and several over one (t, q) allow none."""
         found = cls._at_first(system, seed)
         found.tensors += 1
         found.velocities = 2
@@ -118,7 +118,7 @@ class OneMatrix:
         return Points(self.system.coordinates, self.units, count, self.random, fixed)
 
     def dimension(self, more: int = 0) -> int:
-        """Of the kernel of the conditions at a random place, those of `more` tensors too."""
+        """The dimension of the kernel of the conditions at a random place, with `more` additional tensors."""
         for k in range(12):  # points with many roots are few
             kernels, points = self._kernels({}, 4 << min(k, 6), more)
             if points.good.any():
@@ -158,9 +158,8 @@ class OneMatrix:
         return np.array([kernels[k][0] for k in kept], np.int64).reshape(len(kept), len(self.pairs)).T, points
 
     def variables(self, moving: bool = False) -> list[Generator]:
-        """What functions of t and q, of the velocities too if `moving`, can be made of, angles first.
-
-        Then exponentials, velocities, coordinates, and at last parameters.
+        """The generators of functions of t and q, and of the velocities if `moving`. Angles come first, then
+        exponentials, velocities, coordinates, and finally parameters.
         """
         points = self.points({}, 1)
         Flow(points, self.forces, 2)
@@ -175,7 +174,7 @@ class OneMatrix:
         return sorted((one for one in used if moving or not tm.has_velocity(one[1])), key=rank)
 
     def matrix(self) -> list[tm.Terms]:
-        """The one matrix, or of several the one of least degree."""
+        """The unique matrix, or the matrix of least degree if there are several."""
         if self.kernel > 1:
             return lowest_matrix(self)
         return interpolation.Interpolation(self.matrix_values, self.variables(), self.units).terms()
@@ -183,7 +182,7 @@ class OneMatrix:
     def lagrangian(
         self, material: Material, integrator: gradients.Integrator, entries: Sequence[tm.Terms]
     ) -> ex.Expression | None:
-        """The one with this matrix, up to a factor that is found."""
+        """The Lagrangian whose Hessian is this matrix times a factor that is computed."""
         variables = self.variables()
         matrix = self.oriented(interpolation.whole_numbers(entries), integrator)
         phi = self.scale(matrix, variables, integrator)
@@ -205,7 +204,7 @@ class OneMatrix:
         return None if rest is None else ex.add(tm.tree_of(phi) * tm.tree_of(kinetic), tm.tree_of(rest))
 
     def oriented(self, matrix: Sequence[tm.Terms], integrator: gradients.Integrator) -> list[tm.Terms]:
-        """Positive in its first entry on the diagonal that is not 0: at rest, or at the real point."""
+        """The matrix with its first nonzero diagonal entry positive at rest or, if that fails, at the real point."""
         entry = next((m for (i, j), m in zip(self.pairs, matrix, strict=True) if i == j and m), matrix[0])
         tree, zeros = tm.tree_of(entry), dict[ex.Expression, ex.Expression]()
         zeros.update((ex.Velocity(name), ex.ZERO) for name in self.system.coordinates)
@@ -216,7 +215,7 @@ class OneMatrix:
         return list(matrix)
 
     def _at(self, points: Points, matrix: Sequence[tm.Terms], order: int) -> tuple[Flow, Numbers]:
-        """The flow, and G and its derivatives along it, (order, points, n, n)."""
+        """The flow, and G with its derivatives along it, (order, points, n, n)."""
         flow, n = Flow(points, self.forces, order), len(self.forces)
         values = np.zeros((order, points.count, n, n), np.int64)
         for (i, j), terms in zip(self.pairs, matrix, strict=True):
@@ -252,7 +251,7 @@ class OneMatrix:
             return (turned - along)[:, e[0], e[1]] % PRIME * inverses(values[:, e[0], e[1]]) % PRIME
 
         def form(fixed: interpolation.Given, count: int) -> tuple[Numbers, Points]:
-            # Not at rest: logarithms and roots of velocities have no value there.
+            # Not at rest, where logarithms and roots of velocities have no value.
             start = [self.random.integers(2, PRIME - 2, count) for _ in range(n)]
             first = self.points(fixed, count).again(start)
             level, slopes, good = rate(first), list[Numbers](), first.good
@@ -273,7 +272,7 @@ class OneMatrix:
         return None if logarithm is None else integrator.exponential(logarithm)
 
     def _wanted(self, matrix: Sequence[tm.Terms], variables: Sequence[Generator], phi: tm.Terms) -> list[tm.Terms]:
-        """-(W_i + F_ij v_j): the Euler-Lagrange expressions that A_i v_i - V has over phi."""
+        """-(W_i + F_ij v_j), the Euler-Lagrange expressions of A_i v_i - V divided by phi."""
         n = len(self.forces)
         places = list(combinations(range(n), 2))
         drag = tm.collected(derivative.differentiate(tm.tree_of(phi), ex.TIME) / tm.tree_of(phi))  # d_t log phi
@@ -311,7 +310,7 @@ class OneMatrix:
 
 
 def lowest_matrix(search: OneMatrix) -> list[tm.Terms]:
-    """The entries of the matrix; NoFit where no degree has exactly one regular solution."""
+    """The entries of the matrix; NoFit if no degree has exactly one regular solution."""
     variables = search.variables()
     names = {ex.TIME, *map(ex.Symbol, search.system.coordinates)}
     own = [v for v in variables if ex.holds(v[1], *names)]
@@ -335,7 +334,7 @@ def lowest_matrix(search: OneMatrix) -> list[tm.Terms]:
 
 
 def _monomials(own: Sequence[Generator], search: OneMatrix, degree: int) -> list[tm.Monomial]:
-    """Products of letters of `degree` different variables at most; a coordinate only where it is no angle."""
+    """Products of generators of at most `degree` different variables; an angle occurs only in its sine and cosine."""
     angles = {what for kind, what in own if kind == "angle"}
     used = [v for v in own if not (v[0] == "variable" and v[1] in angles)]
     found: dict[tm.Monomial, None] = {tm.EMPTY: None}
@@ -370,13 +369,13 @@ def _interpolated(search: OneMatrix, support: Sequence[Column], constants: Seque
 
 @dataclass(slots=True)
 class _Solver:
-    """(H2) and (H3) for sums of these columns."""
+    """The conditions (H2) and (H3) for sums of these columns."""
 
     search: OneMatrix
     columns: Sequence[Column]
 
     def kernels(self, given: interpolation.Given, count: int) -> list[list[list[int]]]:
-        """The coefficients that solve them, for each of `count` values of the given generators."""
+        """The coefficients that satisfy them, for each of `count` values of the given generators."""
         search, n = self.search, len(self.search.forces)
         each = len(search.pairs) + n * (n - 1) // 2
         places = -(-len(self.columns) // each) + 3

@@ -1,7 +1,7 @@
-"""The parts of the search and its results, and which Lagrangians are shown besides the first.
+"""The parts and results of the search, and the choice of additional Lagrangians to show.
 
-Leaves propose Lagrangians. A reduction makes smaller systems, and `lift` transforms their Lagrangians back: the search
-finds those in between, limits the work, and verifies the lifted ones.
+Leaves propose Lagrangians. A reduction makes smaller systems, and `lift` transforms their Lagrangians back. The search
+finds the Lagrangians of the smaller systems, limits the work, and verifies the lifted Lagrangians.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from inverse_service.search.material import Material
 
 
-_LONGEST_CHECK = 60.0  # s, of a Lagrangian that is described
+_LONGEST_CHECK = 60.0  # seconds per described Lagrangian
 _TINY, _STEP = mpmath.mpf(10) ** -20, mpmath.mpf(129) / 128
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Regular Lagrangians of one family, the simplest first; `parts` are those that the first is a sum of."""
+    """Regular Lagrangians of one family, simplest first; `parts` are the Lagrangians whose sum is the first one."""
 
     lagrangians: tuple[ex.Expression, ...]
     family: str
@@ -39,7 +39,7 @@ class Found:
 
 @dataclass(frozen=True, slots=True)
 class SearchOutcome:
-    """What was found, and what was tried with the number of its candidates."""
+    """The Lagrangians found, and each family tried with its number of candidates."""
 
     found: Found | None
     tried: tuple[tuple[str, int], ...]
@@ -47,10 +47,10 @@ class SearchOutcome:
 
 @dataclass(frozen=True, slots=True)
 class Leaf:
-    """A separate method for the systems that it accepts; the most costly methods come last.
+    """A method for the systems that it accepts; the most costly methods come last.
 
-    `propose(material, seed)` gives regular Lagrangians, the simplest first. Unless they are `exact` by the way they
-    are found, the search verifies them. `reason` says in a sentence where such a Lagrangian comes from.
+    `propose(material, seed)` returns regular Lagrangians, simplest first. The search verifies them unless the method is
+    `exact`. `reason` explains in a sentence how such a Lagrangian is derived.
     """
 
     name: str
@@ -63,9 +63,9 @@ class Leaf:
 
 @dataclass(frozen=True, slots=True)
 class Smaller:
-    """Systems whose Lagrangians L(q, q'), or L(t, q, q') for those `with_time`, make Lagrangians of the given one.
+    """Systems whose Lagrangians L(q, q'), or L(t, q, q') for those `with_time`, yield Lagrangians of the given system.
 
-    `lift` takes the Lagrangians of each system, the simplest first.
+    `lift` takes the Lagrangians of each system, simplest first.
     """
 
     systems: tuple[SecondOrderSystem, ...]
@@ -74,7 +74,7 @@ class Smaller:
 
 
 def describe(analysis: deciding.Analysis, lagrangian: ex.Expression, family: str) -> solutions.Lagrangian:
-    """g = d2L/dv dv, the functions that must not vanish, those that are positive on its domain."""
+    """Describe L: g = d2L/dv dv, the functions that must not vanish, and those that are positive on its domain."""
     names = analysis.system.coordinates
     rates = euler_lagrange.hessian(lagrangian, names)
     short = {entry: _compact(analysis, entry) for row in rates for entry in row}
@@ -84,7 +84,7 @@ def describe(analysis: deciding.Analysis, lagrangian: ex.Expression, family: str
 
 
 def _compact(analysis: deciding.Analysis, entry: ex.Expression) -> ex.Expression:
-    """The entry as a sum of products or, where that is shorter, as one quotient; parameters are printed first."""
+    """The entry as a sum of products or, if that is shorter, as one quotient; parameters are printed first."""
     held, count = set(ex.walk(entry)), 1 + 2 * len(analysis.system.coordinates)
     moving = [variable for variable in deciding.variables_of(analysis.system)[:count] if variable in held]
     return writing.shorten(terms.collected(entry), exact_field.Budget.short(), moving)
@@ -93,7 +93,7 @@ def _compact(analysis: deciding.Analysis, entry: ex.Expression) -> ex.Expression
 def is_multiple(
     first: ex.Expression, second: ex.Expression, names: Sequence[str], table: real_point.RealTable | None
 ) -> bool:
-    """Whether the Hessians are constant multiples of each other, judged at the real point and at one near it."""
+    """Whether the Hessians are constant multiples of each other at the real point and at a point near it."""
     if table is None:
         return first == second
     moving = {*map(ex.Symbol, names), *map(ex.Velocity, names)}
@@ -110,7 +110,7 @@ def is_multiple(
 def why_shown(
     shown: ex.Expression, other: ex.Expression, names: Sequence[str], table: real_point.RealTable | None
 ) -> str:
-    """The advantage of another Lagrangian over the one that is shown; "" where it has none."""
+    """The advantage of another Lagrangian over the shown one; "" if it has none."""
     if len(printing.to_text(other)) < len(printing.to_text(shown)):
         return "shorter"
     if is_definite(other, names, table) and not is_definite(shown, names, table):
@@ -124,7 +124,7 @@ def is_definite(lagrangian: ex.Expression, names: Sequence[str], table: real_poi
 
 
 def _kind(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[int, bool]:
-    """How it reads, and whether it is more than quadratic in the velocities."""
+    """Its `reading_class`, and whether its degree in the velocities exceeds 2."""
     moving = {*map(ex.Velocity, names)}
     held = any(
         node in moving for row in euler_lagrange.hessian(lagrangian, names) for entry in row for node in ex.walk(entry)

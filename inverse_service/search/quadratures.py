@@ -1,12 +1,12 @@
-"""Antiderivatives by one variable, and formulas over one denominator, factored, with their roots and signs.
+"""Antiderivatives in one variable, factored formulas over one denominator, and their roots and signs.
 
-A sum is integrated by linear algebra over what may have its terms as a part (`primitive`). For a power of a generator p
-that is quadratic in the variable v, with p' = dp/dv, p'' and D = 2 p p'' - p'^2, which does not hold v,
+A sum is integrated by linear algebra over candidates whose derivatives may contain its terms (`primitive`). For a power
+of a generator p that is quadratic in the variable v, with p' = dp/dv, p'', and D = 2 p p'' - p'^2, which is free of v,
 
     d/dv (p' p^e) = (1 + 2 e) p'' p^e - e D p^(e-1)
-steps through the powers, down from p^(3/2) and up from p^(-5/2) or 1/p^2, until there is left
+steps through the powers, down from p^(3/2) and up from p^(-5/2) or 1/p^2, until only these remain:
     d/dv atan(p'/sqrt D) = sqrt(D)/(2 p),    d/dv log(p' + sqrt(2 p'' p)) = sqrt(p''/(2 p)).
-With D < 0 atanh(p'/sqrt(-D)), as logarithms, takes the place of the first, with p'' < 0 asin of the second.
+If D < 0, atanh(p'/sqrt(-D)), as logarithms, replaces the first; if p'' < 0, asin replaces the second.
 So 1/(x^2 + y^2) leads to atan(x/y)/y, 1/sqrt(x^2 + y^2) to log(x + sqrt(x^2 + y^2)), and the inverse cube of
 the distance to z/((x^2 + y^2) sqrt(x^2 + y^2 + z^2)).
 """
@@ -27,13 +27,13 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import angles, material, terms as tm
 
 _HALF = Fraction(1, 2)
-# No higher powers are divided.
+# The highest power that is divided.
 _HIGHEST = 12
 _NAMES = ("F", "G", "H", "K", "P", "Q", "S", "U", "W", "Z")
 
 
 def factored(tree: ex.Expression, variables: Sequence[ex.Symbol | ex.Velocity]) -> ex.Expression:
-    """The tree over its common denominator as a product of factors; TooManyTerms where that is large."""
+    """The tree over its common denominator as a product of factors; TooManyTerms if that is large."""
     try:
         return exact_field.factored([tree], [ex.TIME, *variables], exact_field.Budget.long())[0]
     except (exact_field.TooLarge, ZeroDivisionError, KeyError) as problem:
@@ -41,7 +41,7 @@ def factored(tree: ex.Expression, variables: Sequence[ex.Symbol | ex.Velocity]) 
 
 
 def weight(tree: ex.Expression) -> int:
-    """The number of nodes, functions and roots counting more: how hard a formula is to read."""
+    """How hard a formula is to read: the number of nodes, where functions and roots count more."""
     return sum(_node_weight(node) for node in ex.walk(tree))
 
 
@@ -52,7 +52,7 @@ def _node_weight(node: ex.Expression) -> int:
 
 
 def shortest(tree: ex.Expression, variables: Sequence[ex.Symbol | ex.Velocity]) -> ex.Expression:
-    """The lightest of the tree, its expansion and its factored form."""
+    """The tree, its expansion, or its factored form, whichever has the least weight."""
     return writing.shorten(tree, exact_field.Budget.long(), [ex.TIME, *variables], weight)
 
 
@@ -78,7 +78,7 @@ def even_root(radicand: ex.Expression) -> tuple[ex.Expression, ex.Expression]:
 
 
 def extracted_root(tree: ex.Expression) -> ex.Expression:
-    """A square root of a product with the squares among its factors taken out; its sign is left open."""
+    """A square root of a product with the squares among its factors taken out; its sign is arbitrary."""
     outside, inside = even_root(tree)
     terms = tm.terms_of(inside)
     number, rest = even_root(ex.number(tm.split_content(terms)[0])) if len(terms) > 1 else (ex.ONE, ex.ZERO)
@@ -88,7 +88,7 @@ def extracted_root(tree: ex.Expression) -> ex.Expression:
 
 
 def solution(columns: Sequence[Mapping[Any, Fraction]], right: Mapping[Any, Fraction]) -> list[Fraction] | None:
-    """x with sum_k x_k columns[k] = right, later columns where earlier ones do not suffice; None if there is none."""
+    """x with sum_k x_k columns[k] = right, preferring earlier columns; None if there is none."""
     if any(not any(key in column for column in columns) for key in right):
         return None
     sides = [*columns, right]
@@ -103,7 +103,7 @@ def solution(columns: Sequence[Mapping[Any, Fraction]], right: Mapping[Any, Frac
 
 
 def in_one_square(terms: tm.Terms) -> tm.Terms:
-    """sin(u)^2/cos(u)^k as 1/cos(u)^k - 1/cos(u)^(k - 2) and so on, so that equal terms look equal."""
+    """The terms with 1/cos(u)^k - 1/cos(u)^(k - 2) for sin(u)^2/cos(u)^k and so on, so that equal terms look equal."""
     return tm.weighted_sum((_of_one_square(key), value) for key, value in terms.items())
 
 
@@ -121,9 +121,9 @@ def _of_one_square(key: tm.Monomial) -> tm.Terms:
 
 
 def _proper(terms: tm.Terms, x: ps.Variable) -> tm.Terms:
-    """The terms `in_one_square`, and x^3/(x^2 + a) as x - a x/(x^2 + a): no such power of x beside its sum.
+    """The terms `in_one_square`, with x - a x/(x^2 + a) for x^3/(x^2 + a), so that no such power multiplies its sum.
 
-    Of a sum and its multiples by constants one is a generator.
+    Of a sum and its constant multiples, only one remains a generator.
     """
     left, result = in_one_square(tm.sum_of(_with_one_sum(key, value) for key, value in terms.items())), tm.Terms()
     while left:
@@ -150,7 +150,7 @@ def _with_one_sum(key: tm.Monomial, value: Fraction) -> tm.Terms:
 
 @lru_cache(maxsize=1024)
 def _primitive_sum(tree: ex.Sum) -> tuple[int, tm.Monomial, ex.Expression]:
-    """(1 or -1, a monomial, a sum) with product the tree; the sum divides by no symbol, its first term is positive."""
+    """(1 or -1, a monomial, a sum) with product the tree; the sum divides by no symbol and begins with a plus."""
     terms = tm.terms_of(tree)
     tables = list(map(dict, terms))
     lowest = {letter: min(table.get(letter, Fraction(0)) for table in tables) for table in tables for letter in table}
@@ -161,7 +161,7 @@ def _primitive_sum(tree: ex.Sum) -> tuple[int, tm.Monomial, ex.Expression]:
 
 
 def _divided(key: tm.Monomial, x: ps.Variable) -> tm.Terms | None:
-    """Substitutes x^d = (D - r)/c for a generator D = c x^d + r with a constant c; None where there is no such one."""
+    """The monomial with x^d = (D - r)/c for a generator D = c x^d + r with constant c; None if there is no such D."""
     power = dict(key).get(x, Fraction(0))
     for letter in dict(key):
         if not 2 <= power <= _HIGHEST or not isinstance(letter, ex.Sum) or not ex.holds(letter, x):
@@ -180,7 +180,7 @@ def _divided(key: tm.Monomial, x: ps.Variable) -> tm.Terms | None:
 def quadratic_antiderivatives(
     key: tm.Monomial, variable: ps.Variable, table: real_point.RealTable | None = None
 ) -> Iterator[tm.Monomial]:
-    """Candidates for the antiderivative of the monomial, constant factors left out; real at the point of a table."""
+    """Candidates for the antiderivative of the monomial without constant factors, real at the point of a table."""
     for letter, e in key:
         whole = e.denominator == 1 and e < 0
         if isinstance(letter, ex.Sum) and abs(e) <= bounds.POWER and (whole or e.denominator == 2):
@@ -200,7 +200,7 @@ def _of_letter(
         outer = tm.times(tm.times(rest, frozenset([(letter, exponent)])), monomial_of(D**power_of_d))
         yield from (tm.times(outer, part) for part in slope)
     if e == Fraction(-3, 2):
-        return  # 1 + 2 e is zero on the way up: nothing is left
+        return  # 1 + 2 e is zero on the way up, so nothing remains
     p, bend = tm.tree_of(slope), tm.tree_of(second)
     falling = _is_negative(D if e.denominator == 1 else bend, table)
     if e.denominator == 1:
@@ -218,7 +218,7 @@ def _of_letter(
 
 @lru_cache(maxsize=256)
 def _discriminant(letter: ex.Sum, x: ps.Variable) -> ex.Expression:
-    """D as a product of factors."""
+    """D in factored form."""
     slope = tm.letter_derivative(letter, x)
     second = tm.derivative_of_terms(slope, x)
     twice = {key: 2 * a for key, a in tm.multiply_terms(tm.terms_of(letter), second).items()}
@@ -227,21 +227,21 @@ def _discriminant(letter: ex.Sum, x: ps.Variable) -> ex.Expression:
 
 
 def _steps(e: Fraction) -> list[tuple[Fraction, int]]:
-    """(power of p, power of D) of the terms p' p^… D^…: up to the last negative power, or down to the last positive."""
+    """(power of p, power of D) of the terms p' p^… D^…, up to the last negative power or down to the last positive."""
     if e < 0:
         return [(e + k, -k) for k in range(1, bounds.POWER + 1) if e + k < 0]
     return [(e - k, k) for k in range(bounds.POWER + 1) if e - k > 0]
 
 
 def _is_negative(tree: ex.Expression, table: real_point.RealTable | None) -> bool:
-    """At the real point; without one, where all terms have a minus."""
+    """Whether the tree is negative at the real point or, without a point, all its terms have a minus sign."""
     if table is not None:
         return real_point.real_sign(tree, table) < 0
     return all(value < 0 for value in tm.terms_of(tree).values())
 
 
 def monomial_of(tree: ex.Expression) -> tm.Monomial:
-    """A product as one monomial, its number left out; its sums stay whole."""
+    """A product as one monomial without its number; sums are kept whole."""
     found = tm.EMPTY
     for base, e in ex.powers_of(tree):
         ((key, _),) = tm.terms_of(base ** -abs(e)).items()
@@ -250,22 +250,22 @@ def monomial_of(tree: ex.Expression) -> tm.Monomial:
 
 
 def _primitive_part(tree: ex.Expression) -> ex.Expression:
-    """Its number left out."""
+    """The tree without its numeric factor."""
     _, common, rest = tm.split_content(tm.terms_of(tree))
     return tm.monomial_tree(common) * rest
 
 
 def primitive(x: ps.Variable, wanted: tm.Terms, table: real_point.RealTable | None = None) -> ex.Expression | None:
-    """A sum of monomials with the derivative `wanted` by x, by linear algebra over what may have its terms as a part.
+    """A sum of monomials with the derivative `wanted` by x, by linear algebra over candidate monomials.
 
-    The coefficients are rational where that suffices, else they contain generators without x. None if none is found.
-    It is real at the point of a table.
+    The coefficients are rational if possible; otherwise they contain generators without x. The result is real at the
+    point of a table; None if none is found.
     """
     columns: dict[tm.Monomial, tm.Terms] = {}
     wanted = _proper(wanted, x)
     poles = {p for key in wanted for p, e in key if e < 0 and isinstance(p, ex.Sum) and ex.holds(p, x)}
     if len(poles) == 1 and (found := _by_partial_fractions(x, wanted)) is not None:
-        return found  # the steps below divide by the discriminant of the sum, at length where that has letters
+        return found  # the steps below divide by the discriminant of the sum, which is slow if it contains symbols
     fresh, most = list(wanted), 2 * bounds.COLUMNS + 4 * len(wanted)
     for _ in range(bounds.FEW):
         raised = dict.fromkeys(m for key in fresh for m in material.antiderivatives(key, x))
@@ -298,7 +298,7 @@ def _in_logarithms(tree: ex.Expression) -> ex.Expression:
 
 
 def _with_constants(x: ps.Variable, columns: Iterable[tm.Monomial], wanted: tm.Terms) -> ex.Expression | None:
-    """The same with coefficients from the field of the generators without x."""
+    """The sum with coefficients from the field of the generators without x."""
     varying = dict.fromkeys(frozenset(item for item in m if ex.holds(item[0], x)) for m in columns)
     plain = {m: _proper(tm.derivative_of_terms({m: Fraction(1)}, x), x) for m in varying if m}
     if not plain or len(varying) > bounds.COLUMNS:
@@ -326,8 +326,8 @@ def _combination(sides: Sequence[Mapping[tm.Monomial, tm.Terms]]) -> list[tuple[
 def _by_partial_fractions(x: ps.Variable, wanted: tm.Terms) -> ex.Expression | None:
     """sum c_p log p + c_q atan(q') + (c_j + d_j x) p^-j + c_k x^k over the irreducible factors p, q of denominators.
 
-    What is free of x is constant. All integrals of rational functions whose denominators have factors of degree 1 and
-    2 in x are of this kind.
+    Everything free of x is constant. All integrals of rational functions whose denominators have factors of degree 1
+    and 2 in x have this form.
     """
     wanted = tm.sum_of(_with_factors(key, value, x) for key, value in wanted.items())
     poles = dict[ex.Expression, int]()
@@ -341,7 +341,7 @@ def _by_partial_fractions(x: ps.Variable, wanted: tm.Terms) -> ex.Expression | N
     whole: tm.Monomial = frozenset((letter, Fraction(e)) for letter, e in poles.items())
 
     def by_generators(terms: tm.Terms) -> dict[tm.Monomial, tm.Terms]:
-        """The terms over the common denominator, by what depends on x."""
+        """The terms over the common denominator, grouped by their x-dependent factors."""
         terms = tm.sum_of(_with_one_sum(key, value) for key, value in terms.items())
         numerator = ex.add(*(value * tm.monomial_tree(tm.times(key, whole)) for key, value in terms.items()))
         return tm.grouped(tm.terms_of(numerator), lambda letter: ex.holds(letter, x))
@@ -360,7 +360,7 @@ def _by_partial_fractions(x: ps.Variable, wanted: tm.Terms) -> ex.Expression | N
 
 
 def _with_factors(key: tm.Monomial, value: Fraction, x: ps.Variable) -> tm.Terms:
-    """The monomial with the irreducible factors of the sums of x that it divides by."""
+    """The monomial with its denominators that depend on x factored into irreducible sums."""
     found: tm.Terms = {key: value}
     for letter, e in key:
         if isinstance(letter, ex.Sum) and e < 0 and e.denominator == 1 and ex.holds(letter, x):
@@ -377,7 +377,7 @@ def _is_quadratic(letter: ex.Expression, x: ps.Variable) -> bool:
 def antiderivative(
     system: SecondOrderSystem, slope: ex.Expression, variable: ex.Expression, table: real_point.RealTable | None
 ) -> ex.Expression | None:
-    """An elementary one of a formula in one variable; None where none is found."""
+    """An elementary antiderivative of a formula in one variable; None if none is found."""
     names = fresh_names(system, slope)
     letter, inner, deeper = (ex.Symbol(next(names)) for _ in range(3))
     plain = writing.joined(ex.substitute(slope if table is None else real_form(slope, table), {variable: letter}))
@@ -392,7 +392,7 @@ def antiderivative(
 
 
 def _by_roots(slope: ex.Expression, x: ex.Symbol, w: ex.Symbol) -> Iterator[tuple[ex.Expression, ex.Expression]]:
-    """(g, (a x + b)^(1/q)) with slope = g(w) w', where a power of a x + b is a root."""
+    """(g, w) with slope = g(w) w' and w = (a x + b)^(1/q), if the slope contains a root of a x + b."""
     powers = [node for node in ex.distinct_nodes((slope,)) if isinstance(node, ex.Power) and ex.holds(node, x)]
     roots = [(node, node.exponent.value) for node in powers if isinstance(node.exponent, ex.Number)]
     for base in dict.fromkeys(node.base for node, e in roots if e.denominator > 1):
@@ -409,8 +409,8 @@ def _substitutions(
 ) -> Iterator[tuple[ex.Expression, ex.Expression]]:
     """(g, w) with slope = g(w(x)) w'(x), g in the symbol `inner`.
 
-    For w = x^2, the functions of x that occur, of an angle u the functions sin^2, sin, cos, tan (Bioche's rules) and
-    tan(u/2) (Weierstrass's), exp(u) for hyperbolic functions.
+    w is x^2, a function of x that occurs, sin^2, sin, cos, tan (Bioche's rules) or tan(u/2) (Weierstrass) of an angle
+    u, or exp(u) for hyperbolic functions.
     """
     functions = dict.fromkeys(node for node in ex.walk(slope) if isinstance(node, ex.Apply) and x in ex.walk(node))
     for w in (x**2, *functions):
@@ -447,7 +447,7 @@ def _substitutions(
 def _circular(
     slope: ex.Expression, x: ex.Symbol, angle: ex.Expression, w: ex.Symbol
 ) -> Iterator[tuple[ex.Expression, ex.Expression]]:
-    """The same for functions of one angle: the squares of its sine and cosine are rational in each."""
+    """The substitutions for functions of one angle, whose sine and cosine have squares rational in each other."""
     sine, cosine, tangent = (ex.Apply(name, angle) for name in ("sin", "cos", "tan"))
     others = {"tan": sine / cosine, "cot": cosine / sine, "sec": 1 / cosine, "csc": 1 / sine}
     plain = ex.substitute(slope, {ex.Apply(name, angle): value for name, value in others.items()})
@@ -470,7 +470,7 @@ def _circular(
 
 
 def _with_squares(tree: ex.Expression, squares: Mapping[ex.Expression, ex.Expression]) -> ex.Expression:
-    """The tree with these for the squares of functions, in all even powers."""
+    """The tree with these replacements for the squares of functions, in all even powers."""
     match tree:
         case ex.Power(base, ex.Number(e)) if base in squares and e.denominator == 1 and e % 2 == 0:
             return squares[base] ** (e / 2)
@@ -478,7 +478,7 @@ def _with_squares(tree: ex.Expression, squares: Mapping[ex.Expression, ex.Expres
 
 
 def real_form(tree: ex.Expression, table: real_point.RealTable) -> ex.Expression:
-    """The tree as it is real at the point: log(-u) for log(u) where u < 0, sqrt(-u)*sqrt(-w) for sqrt(u)*sqrt(w).
+    """The tree in a form that is real at the point: log(-u) for log(u) if u < 0, sqrt(-u)*sqrt(-w) for sqrt(u)*sqrt(w).
 
     The first changes it by a constant. In the second, sqrt(u)*sqrt(w) represents sqrt(u*w) next to integer powers of u.
     Odd roots of u < 0 are those of -u with their sign.
@@ -513,7 +513,7 @@ def _turned(tree: ex.Expression, table: real_point.RealTable) -> ex.Expression:
 
 
 def fresh_names(system: SecondOrderSystem, *trees: ex.Expression) -> Iterator[str]:
-    """Names of functions that nothing else bears."""
+    """Unused names for functions."""
     used = {*system.coordinates, *system.parameters, *dict(system.functions)}
     used |= {node.name for tree in trees for node in ex.walk(tree) if isinstance(node, ex.Arbitrary)}
     yield from (name for name in _NAMES if name not in used)

@@ -1,7 +1,8 @@
-"""Reductions: a system as blocks that share no coordinates, or no sums of them, and with a coordinate as time.
+"""Reduce a system to blocks that share no coordinates or no sums of coordinates, or to one with a coordinate as time.
 
-In sums u = C q with constants C a system decouples where the rows of C span left invariant subspaces of all f_q and
-f_v: those of a constant P that commutes with all of these (linear equations for P), where P has two eigenvalues.
+In sums u = C q with constants C, a system decouples if the rows of C span left invariant subspaces of all f_q and f_v.
+They are those of a constant P with two eigenvalues that commutes with all f_q and f_v, which gives linear equations for
+P.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -20,12 +21,12 @@ from inverse_service.search import interpolation, linear_systems, protocol, quad
 from inverse_service.search.material import Material
 
 Table = list[list[ex.Expression]]
-# Coordinates, and points at which matrices are compared.
+# The largest number of coordinates, the number of points at which matrices are compared, and the seed.
 _MOST, _POINTS, _SEED = 8, 8, 1
 
 
 def decoupled_blocks(system: SecondOrderSystem) -> list[SecondOrderSystem]:
-    """The system as blocks: within one, coordinates occur in each other's equations, directly or by others."""
+    """The blocks of the system: within a block, coordinates occur in each other's equations, directly or indirectly."""
     pairs = zip(system.coordinates, system.accelerations, strict=True)
     links = ({name} | _coordinates_in(f, system.coordinates) for name, f in pairs)
     return [_block(system, group) for group in connected(system.coordinates, links)]
@@ -43,7 +44,7 @@ def _block(system: SecondOrderSystem, group: Collection[str]) -> SecondOrderSyst
 
 
 def _cancelled(material: Material) -> SecondOrderSystem:
-    """The system, with f_i as it was factored where fewer coordinates occur in it: (u x - v x)/(u - v) is x."""
+    """The system with f_i in factored form if fewer coordinates occur in that: (u x - v x)/(u - v) is x."""
     system = material.analysis.system
     pairs = zip(system.accelerations, map(tm.tree_of, material.motion.forces), strict=True)
     forces = tuple(min(pair, key=lambda tree: len(_coordinates_in(tree, system.coordinates))) for pair in pairs)
@@ -55,7 +56,7 @@ def is_decoupled(material: Material) -> bool:
 
 
 def into_blocks(material: Material, seed: int) -> Iterator[protocol.Smaller]:
-    """The blocks; the sum of their Lagrangians is one of the whole system."""
+    """The blocks; the sum of their Lagrangians is a Lagrangian of the whole system."""
     blocks = tuple(decoupled_blocks(_cancelled(material)))
     system = material.analysis.system
     timed = (material.motion.with_time,) * len(blocks)
@@ -63,7 +64,7 @@ def into_blocks(material: Material, seed: int) -> Iterator[protocol.Smaller]:
 
 
 def _sum_of(system: SecondOrderSystem, trees: Sequence[ex.Expression]) -> ex.Expression:
-    """The sum of Lagrangians of blocks, each of which may have named its own integral F."""
+    """The sum of the Lagrangians of blocks, with integrals renamed because several blocks may have an F."""
     fresh, used, found = quadratures.fresh_names(system, *trees), set[str](), []
     for tree in trees:
         own = {node.name for node in certify.walk_integrals(tree)}
@@ -79,13 +80,13 @@ def _renamed(tree: ex.Expression, names: Mapping[str, str]) -> ex.Expression:
 
 
 def has_sums(material: Material) -> bool:
-    """Two coordinates or more that do not decouple themselves."""
+    """Whether there are two or more coordinates, and they do not decouple without sums."""
     system = material.analysis.system
     return 1 < len(system.coordinates) <= _MOST and not system.functions and not is_decoupled(material)
 
 
 def _may_decouple(material: Material) -> bool:
-    """Whether P that are no multiples of 1 commute with f_q and f_v at points modulo a prime."""
+    """Whether matrices P other than multiples of 1 commute with f_q and f_v at points modulo a prime."""
     system = material.analysis.system
     n = len(system.coordinates)
     forces, random = tuple(map(tower.to_kernels, system.accelerations)), np.random.default_rng(_SEED)
@@ -95,13 +96,13 @@ def _may_decouple(material: Material) -> bool:
     points = flow.Points(system.coordinates, flow.Units.of(forces), _POINTS, random, fixed)
     jacobians = np.concatenate([part[0][points.good] for part in flow.Flow(points, forces, 1).slopes()])
     unit = np.eye(n, dtype=np.int64)
-    # P J - J P with P in the order of its rows.
+    # P J - J P, with P flattened by rows.
     rows = [np.kron(unit, j.T) - np.kron(j, unit) for j in jacobians]
     return bool(rows) and len(interpolation.kernel_of(np.concatenate(rows) % flow.PRIME)) > 1
 
 
 def into_sums(material: Material, seed: int) -> Iterator[protocol.Smaller]:
-    """The two parts of the system in sums of the coordinates, each sum with the name of one of these."""
+    """The two parts of the system in sums of the coordinates; each sum is named after a coordinate."""
     if not _may_decouple(material):
         return
     system, n = material.analysis.system, material.motion.size
@@ -135,7 +136,7 @@ def _trees(ring: exact_field.ExactRing, rows: Sequence[Sequence[exact_field.Quot
 
 
 def _in_forms(material: Material, forms: Table, inverse: Table, first: int) -> protocol.Smaller:
-    """The blocks of the first forms and of the others, each form with the name of the coordinate in its place."""
+    """The blocks of the first forms and of the others; each form is named after the coordinate in its place."""
     system, blocks = material.analysis.system, list[SecondOrderSystem]()
     names, places = system.coordinates, range(len(system.coordinates))
     forces = [ex.add(*map(ex.multiply, form, system.accelerations)) for form in forms]
@@ -151,7 +152,7 @@ def _in_forms(material: Material, forms: Table, inverse: Table, first: int) -> p
 
 
 def _substitution(names: Sequence[str], forms: Table, others: Sequence[str]) -> dict[ex.Expression, ex.Expression]:
-    """The coordinates and velocities by name as forms of the others."""
+    """The coordinates and velocities `names` as linear forms of those in `others`."""
     kinds: tuple[Callable[[str], ex.Expression], ...] = (ex.Symbol, ex.Velocity)
     return {
         kind(name): ex.add(*map(ex.multiply, form, map(kind, others)))
@@ -161,15 +162,16 @@ def _substitution(names: Sequence[str], forms: Table, others: Sequence[str]) -> 
 
 
 def has_own_time(material: Material) -> bool:
-    """Whether the paths of the motion are solutions of a system with one of the coordinates as time."""
+    """Whether the paths of the motion solve a system with one of the coordinates as time."""
     return any(True for _ in _along(material))
 
 
 def along_a_coordinate(material: Material, seed: int) -> Iterator[protocol.Smaller]:
     """With u as time, x'' = F(u, x, dx/du): L = u' M(u, x, x'/u') + S(u, u').
 
-    M, homogeneous of degree 1, has the equations of the paths alone (Noether's second theorem: that of u follows from
-    those of x), and S is a Lagrangian of u, whose equation no other coordinate enters. L is regular if M and S are.
+    u' M, homogeneous of degree 1, gives the equations of the paths alone (Noether's second theorem: the equation of u
+    follows from those of x), and S is a Lagrangian of u, whose equation contains no other coordinate. L is regular if M
+    and S are.
     """
     for u, paths, own in sorted(_along(material), key=lambda found: sum(map(ex.node_count, found[1].accelerations))):
         yield protocol.Smaller((paths, own), (True, material.motion.with_time), partial(_homogeneous, u))

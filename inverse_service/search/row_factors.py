@@ -1,21 +1,21 @@
-"""Lagrangians of equations as they are written, each line up to a factor c_i(t, q).
+"""Lagrangians of equations as written, each line up to a factor c_i(t, q).
 
-E_i = M_ij q''_j + B_i are Euler-Lagrange equations up to factors where c_i M_ij is symmetric and c_i E_i self-adjoint.
+E_i = M_ij q''_j + B_i are Euler-Lagrange equations up to factors if c_i M_ij is symmetric and c_i E_i self-adjoint.
 
-1. Lines are put in an order in which M can be made symmetric: M_ij/M_ji is c_j/c_i along the edges of the graph of
-   nonzero entries, and each closed walk is a test. That leaves one factor for each connected part.
+1. The lines are put in an order in which M can be made symmetric: M_ij/M_ji is c_j/c_i along the edges of the graph of
+nonzero entries, and each closed walk is a test. One factor remains for each connected part.
 2. This factor psi solves, by any one entry of G = c M with both indices in the part,
        D log psi = ((d_vj B_i + d_vi B_j)/2 - D G_ij)/G_ij,   D = d_t + v_k d_k,
-   which has to be affine in v: its coefficients are the gradient of log psi.
-3. Between two parts a, b a constant is left: K_a d_vj B_i + K_b d_vi B_j = 0 or, where both vanish, the same for
-   K_a d_j B_i - K_b d_i B_j at v = 0.
-4. Then G is the velocity Hessian (Helmholtz 1887): a part of G that is homogeneous of degree d in v belongs to
-   G_ij v_i v_j/((d + 1)(d + 2)), the remaining terms of E_i to some A_i(t, q) v_i - V(t, q).
+   which must be affine in v; its coefficients are the gradient of log psi.
+3. Two parts a, b differ by a constant: K_a d_vj B_i + K_b d_vi B_j = 0 or, if both derivatives vanish, K_a d_j B_i -
+K_b d_i B_j = 0 at v = 0.
+4. Then G is the velocity Hessian (Helmholtz 1887): a part of G that is homogeneous of degree d in v comes from G_ij v_i
+v_j/((d + 1)(d + 2)), and the remaining terms of E_i from some A_i(t, q) v_i - V(t, q).
 
-Accelerations that are given are lines with M = 1: then G is diagonal, and d_k log c_i = -d^2 f_i/dv_i dv_k.
+Given accelerations are lines with M = 1. Then G is diagonal, and d_k log c_i = -d^2 f_i/dv_i dv_k.
 
-Lines that are sums of others: for sum_k C_ik E_k with constants C the conditions are linear in C. Where they leave
-one C up to a factor, these sums are the lines.
+For sums of lines sum_k C_ik E_k with constants C, the conditions are linear in C. If they determine C up to a factor,
+these sums become the lines.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ from inverse_service.mechanics.second_order_system import Branch, SecondOrderSys
 from inverse_service.search import gradients, terms as tm
 from inverse_service.search.material import Material, positive
 
-# Orders of the lines that are tried: Bateman's pair is two damped oscillators in one order, autonomous in the other.
+# The number of orders of lines to try: Bateman's pair is two damped oscillators in one order, autonomous in the other.
 _ORDERS = 6
-# Steps of the search for these orders.
+# The number of steps in the search for these orders.
 _STEPS = 4_000
-# Free numbers in constants C: with a third one, zeros no longer lead to the lines of a book.
+# The number of free numbers in C: with a third one, zeros no longer lead to the lines of textbooks.
 _MOST_FREE = 2
 _FAILED = (ValueError, tm.TooManyTerms, TooLarge, InputError, ZeroDivisionError, IrreducibleAtoms, KeyError)
 
@@ -61,7 +61,7 @@ class Lines:
     system: SecondOrderSystem
     matrix: list[list[tm.Terms]]
     rest: list[tm.Terms]
-    order: Sequence[int] = ()  # of the lines as they were given
+    order: Sequence[int] = ()  # of the lines as given
 
     @property
     def places(self) -> range:
@@ -83,14 +83,14 @@ class Lines:
         )
 
     def sums(self, factors: Sequence[tm.Terms]) -> Lines:
-        """C times the lines, C_ik in the order of (k, i)."""
+        """C times the lines, with C_ik in the order of (k, i)."""
         rows = [factors[i :: len(self.rest)] for i in self.places]
         matrix = [[_dot(row, column) for column in zip(*self.matrix, strict=True)] for row in rows]
         return replace(self, matrix=matrix, rest=[_dot(row, self.rest) for row in rows])
 
     @property
     def are_oscillators(self) -> bool:
-        """Whether these are q'' + C q' + K q = b with constants C and K."""
+        """Whether the lines are q'' + C q' + K q = b with constants C and K."""
         moving: list[ex.Expression] = [*self.coordinates, *self.velocities, ex.TIME]
         (matrix, _), *others = self.conditions()
         entries = [entry for table, _ in others for row in table for entry in row]
@@ -122,9 +122,9 @@ def lagrangians_of_lines(
     system: SecondOrderSystem, given: Sequence[ex.Expression], table: RealTable | None = None, signs: bool = False,
     sums: bool = False,
 ) -> Iterator[ex.Expression]:  # fmt: skip
-    """Those of the equations E = 0 as given and of q'' - f, each for the caller to check.
+    """Lagrangians of the equations E = 0 as given and of q'' - f; the caller must verify each.
 
-    `signs`: integrals that are not elementary may stay; `sums`: of lines whose matrix is symmetric, too.
+    `signs` allows nonelementary integrals; `sums` also tries sums of lines with a symmetric matrix.
     """
     for equations in dict.fromkeys((tuple(given), () if system.is_unsolved else solved(system))):
         if len(equations) != len(system.coordinates):
@@ -145,9 +145,9 @@ def lagrangians_of_lines(
 
 
 def _proposed_lines(lines: Lines, sums: bool) -> Iterator[Lines]:
-    """The lines times factors that make the matrix symmetric, those in their own order first, and sums of the lines.
+    """The lines times factors that make the matrix symmetric, starting with the given order, and sums of the lines.
 
-    Two oscillators that are solved for their accelerations have two Lagrangians: sums show the one that is short.
+    Two oscillators solved for their accelerations have two Lagrangians; sums show the short one.
     """
     orders = [*islice(symmetric_lines(lines), _ORDERS)]
     own = [one for one in orders[:1] if list(one.order) == list(lines.places)]
@@ -162,19 +162,19 @@ def _proposed_lines(lines: Lines, sums: bool) -> Iterator[Lines]:
 
 
 def propose(material: Material, seed: int) -> Sequence[ex.Expression]:
-    """The first of those of q'' - f; without t where L(q, q') is requested."""
+    """The first Lagrangian of q'' - f; without t if L(q, q') is requested."""
     system, point = material.analysis.system, material.analysis.real_point
     trees = chain.from_iterable(lagrangians_of_lines(system, (), point, signs, not signs) for signs in (False, True))
     return [*islice((tree for tree in trees if material.motion.with_time or not ex.holds(tree, ex.TIME)), 1)]
 
 
 def lagrangian_as_given(system: SecondOrderSystem, given: Sequence[ex.Expression] = ()) -> ex.Expression | None:
-    """The first of them that is free of integral signs, unchecked; None where there is none."""
+    """The first Lagrangian without integral signs, unverified; None if there is none."""
     return next(lagrangians_of_lines(system, given), None)
 
 
 def in_own_order(system: SecondOrderSystem) -> SecondOrderSystem | None:
-    """The system with its lines in the order in which they have a Lagrangian; None where there is none."""
+    """The system with its lines in an order in which they have a Lagrangian; None if there is none."""
     with suppress(*_FAILED):
         for scaled in islice(symmetric_lines(lines_of(system, system.given)), _ORDERS):
             deadline.check()
@@ -185,7 +185,7 @@ def in_own_order(system: SecondOrderSystem) -> SecondOrderSystem | None:
 
 
 def lines_of(system: SecondOrderSystem, equations: Sequence[ex.Expression]) -> Lines:
-    """InputError where an acceleration does not enter linearly, TooManyTerms where a sum is long."""
+    """The equations as lines; InputError if an acceleration enters nonlinearly, TooManyTerms if a sum is too long."""
     parts = [implicit_equations.linear_equation(equation) for equation in equations]
     names = system.coordinates
     matrix = [[tm.terms_of(part.coefficients[q]) if q in part.coefficients else {} for q in names] for part in parts]
@@ -198,7 +198,7 @@ def solved(system: SecondOrderSystem) -> tuple[ex.Expression, ...]:
 
 
 def symmetric_lines(lines: Lines) -> Iterator[Lines]:
-    """The lines in each order in which factors make the matrix symmetric, times these; denominators cleared."""
+    """The lines times symmetrizing factors with denominators cleared, in each order that has such factors."""
     matrix, constants = lines.matrix, {ex.PI, *map(ex.Symbol, lines.system.parameters)}
 
     @cache
@@ -216,7 +216,7 @@ def symmetric_lines(lines: Lines) -> Iterator[Lines]:
 
 
 def _orders(matrix: Sequence[Sequence[tm.Terms]]) -> Iterator[list[int]]:
-    """Orders of the rows in which the nonzero entries are placed symmetrically, the given one first."""
+    """Orders of the rows in which the pattern of nonzero entries is symmetric, the given one first."""
     places, steps = range(len(matrix)), 0
 
     def extended(order: list[int]) -> Iterator[list[int]]:
@@ -235,7 +235,7 @@ def _orders(matrix: Sequence[Sequence[tm.Terms]]) -> Iterator[list[int]]:
 
 
 def _along_edges(size: int, ratios: Mapping[tuple[int, int], Factor | None]) -> tuple[list[Factor], list[int]] | None:
-    """(K, the part of each place) with K_j = ratio_ij K_i, one free in each connected part; None where none fit."""
+    """(K, the part of each place) with K_j = ratio_ij K_i, one K free in each connected part; None if there is no K."""
     edges: dict[int, dict[int, Factor]] = {i: {} for i in range(size)}
     for (i, j), ratio in ratios.items():
         if ratio is None:
@@ -258,9 +258,10 @@ def _along_edges(size: int, ratios: Mapping[tuple[int, int], Factor | None]) -> 
 
 
 def _self_adjoint_sums(lines: Lines) -> Lines | None:
-    """G q'' + H = C (M q'' + B) with constants C, as many of them 0 as can be; None where there is none, or too many.
+    """G q'' + H = C (M q'' + B) with constants C, as many of them 0 as possible; None if there is no C, or too many.
 
-    Of several C that of a line that is added to another or taken from it, else with a zero, in C or in the forces C K.
+    Among several C, prefer one that adds a line to another or subtracts it, then one with a zero in C or in the forces
+    C K.
     """
     conditions = lines.conditions()
     for some in (conditions[:1], conditions):  # the others are long
@@ -280,18 +281,18 @@ def _self_adjoint_sums(lines: Lines) -> Lines | None:
     mass, *others = [np.array(table) for table in tables]
 
     def shown(c: Vector) -> Vector:
-        """The entries of C, and of C K."""
+        """The entries of C and of C K."""
         return [*c, *(np.array(c).reshape(n, n).T @ others[0]).flat] if others else c
 
     def rank(c: Vector) -> tuple[bool, bool, int, int]:
-        """Squares of all velocities come first, then what can be definite for positive letters, and few terms."""
+        """Prefer squares of all velocities, then definiteness for positive symbols, then few terms."""
         g = np.array(c).reshape(n, n).T @ mass
         minors = [g[i, i] * g[j, j] - g[i, j] * g[j, i] for i, j in combinations(lines.places, 2)]
         negative = any(all(a < 0 for a in minor.numerator.coeffs()) for minor in minors)
         return any(entry.is_zero for entry in np.diagonal(g)), negative, size(exact_field.primitive(shown(c))), size(c)
 
     def tested(c: Vector) -> list[exact_field.Quotient]:
-        """What may be 0: the entries that are shown, and differences of two in one column of C."""
+        """The candidates for 0: the entries of `shown`, and differences of two entries in one column of C."""
         return [*shown(c), *(a - b for k in lines.places for a, b in combinations(c[k * n : (k + 1) * n], 2))]
 
     basis, found = [tested(c) for c in sums.basis], list[Vector]()
@@ -301,7 +302,7 @@ def _self_adjoint_sums(lines: Lines) -> Lines | None:
             vector = [matrices.dot(one - one, weights[0], entries) for entries in zip(*sums.basis, strict=True)]
             if not matrices.determinant([vector[i::n] for i in lines.places], one).is_zero:
                 found.append(exact_field.primitive(vector))
-    chosen = found if len(found) < 2 else [min(found, key=rank)]  # ranks of long lines take long
+    chosen = found if len(found) < 2 else [min(found, key=rank)]  # computing the ranks of long lines is slow
     return lines.sums(_terms(sums.ring, chosen[0])) if chosen else None
 
 
@@ -315,7 +316,7 @@ def _dot(left: Sequence[tm.Terms], right: Sequence[tm.Terms]) -> tm.Terms:
 
 @dataclass(frozen=True, slots=True)
 class Sums:
-    """Constants C, each in the order of (k, i) for C_ik, that solve the conditions: a basis, and the conditions."""
+    """The constants C that satisfy the conditions, as vectors C_ik ordered by (k, i): a basis, and the conditions."""
 
     ring: exact_field.ExactRing
     columns: list[list[exact_field.Quotient]]
@@ -329,7 +330,7 @@ class Sums:
 def exact(
     lines: Lines, tables: Sequence[Table], others: Sequence[ex.Expression] = ()
 ) -> tuple[exact_field.ExactRing, list[list[list[exact_field.Quotient]]]]:
-    """A ring for the tables and the others, and the tables in it."""
+    """A ring that contains the tables and the others, and the tables in it."""
     trees = [[[tm.tree_of(entry) for entry in row] for row in table] for table in tables]
     every = [entry for table in trees for row in table for entry in row]
     ring = exact_field.exact_ring([*every, *others], lines.system.variables, 1, Budget.long())
@@ -349,12 +350,12 @@ def constant_sums(ring: exact_field.ExactRing, conditions: Sequence[tuple[Any, i
 
 
 def size(vector: Iterable[exact_field.Quotient]) -> int:
-    """Terms in all entries."""
+    """The number of terms in all entries."""
     return sum(len(entry.numerator) + len(entry.exponents) for entry in vector)
 
 
 def _factor(left: tm.Terms, right: tm.Terms) -> Factor | None:
-    """c(t, q) with c right = left, one monomial."""
+    """c(t, q) with c right = left, if it is one monomial."""
     found = tm.monomial_factor(left, right)
     if found is None:
         return None
@@ -363,7 +364,7 @@ def _factor(left: tm.Terms, right: tm.Terms) -> Factor | None:
 
 
 def _cleared(factors: Sequence[Factor], parts: Sequence[int], constants: set[ex.Symbol]) -> list[Factor]:
-    """The factors of each part without constant denominators and common constants."""
+    """The factors without constant denominators and common constants within each part."""
     found = list(factors)
     for part in dict.fromkeys(parts):
         members = [k for k, label in enumerate(parts) if label == part]
@@ -376,7 +377,7 @@ def _cleared(factors: Sequence[Factor], parts: Sequence[int], constants: set[ex.
 
 
 def lagrangian_of(lines: Lines, integrator: gradients.Integrator) -> ex.Expression | None:
-    """L of lines with a symmetric matrix, each connected part of them times its function and its constant."""
+    """L of lines with a symmetric matrix, each connected part multiplied by its function and its constant."""
     parts = connected(list(lines.places), [{i, j} for i in lines.places for j in lines.places if lines.matrix[i][j]])
     for part in parts:
         for i, j in ((i, j) for i in part for j in lines.places if j not in part):
@@ -418,7 +419,7 @@ def lagrangian_of(lines: Lines, integrator: gradients.Integrator) -> ex.Expressi
 
 
 def _common_function(lines: Lines, part: Sequence[int], integrator: gradients.Integrator) -> tm.Terms | None:
-    """psi(t, q) for the lines of one connected part; None where no function of these will do."""
+    """psi(t, q) for the lines of one connected part; None if there is no such function."""
     pairs = [(i, j) for i in part for j in part if i <= j and lines.matrix[i][j]]
     i, j = min(pairs, key=lambda pair: (len(lines.matrix[pair[0]][pair[1]]), pair[0] != pair[1], pair))
     entry = lines.matrix[i][j]
@@ -428,7 +429,7 @@ def _common_function(lines: Lines, part: Sequence[int], integrator: gradients.In
     for k, m in ((k, m) for k in part for m in part if k <= m and (k, m) != (i, j)):
         crossed = tm.multiply_terms(_rate(lines, k, m), entry)
         if not gradients.is_zero(tm.add_terms(crossed, tm.multiply_terms(rate, lines.matrix[k][m]), -1)):
-            return None  # (H2) asks for one slope of log psi for all entries, also those that are 0
+            return None  # (H2) requires the same slope of log psi for all entries, including zero entries
     slope = _divided(rate, entry, lines.system)
     parts = tm.affine_parts(slope, lines.velocities)
     if parts is None:
@@ -446,7 +447,7 @@ def _rate(lines: Lines, i: int, j: int) -> tm.Terms:
 
 
 def _divided(left: tm.Terms, right: tm.Terms, system: SecondOrderSystem) -> tm.Terms:
-    """left/right as a sum, common factors cancelled."""
+    """left/right as a sum, with common factors canceled."""
     if len(right) == 1:
         ((key, value),) = right.items()
         return {tm.times(one, key, -1): a / value for one, a in left.items()}
@@ -458,7 +459,7 @@ def _divided(left: tm.Terms, right: tm.Terms, system: SecondOrderSystem) -> tm.T
 
 
 def _constants(lines: Lines, parts: Sequence[Sequence[int]]) -> dict[int, tm.Terms] | None:
-    """K for each line, one in each connected part, so that terms between different parts fit; None where none does."""
+    """K for each line, one per connected part, such that terms between different parts match; None if impossible."""
     own = {i: k for k, part in enumerate(parts) for i in part}
     constants = {ex.PI, *map(ex.Symbol, lines.system.parameters)}
     ratios: dict[tuple[int, int], Factor | None] = {}
@@ -483,7 +484,7 @@ def _constants(lines: Lines, parts: Sequence[Sequence[int]]) -> dict[int, tm.Ter
 
 
 def _constant_ratio(lines: Lines, left: tm.Terms, right: tm.Terms, constants: set[ex.Symbol]) -> Factor | None:
-    """left/right where that is one monomial of constants, if by relations among their generators."""
+    """left/right if that is one monomial of constants, possibly by relations among their generators."""
 
     def is_plain(found: tm.Terms) -> bool:
         return all(tm.is_constant(p, constants) or isinstance(p, ex.Number) for key in found for p, _ in key)
@@ -497,7 +498,7 @@ def _constant_ratio(lines: Lines, left: tm.Terms, right: tm.Terms, constants: se
 
 
 def _kinetic(lines: Lines) -> tm.Terms | None:
-    """sum G_ij v_i v_j/((d + 1)(d + 2)); None where a part of G is of degree -1 or -2, or not a polynomial in v."""
+    """sum G_ij v_i v_j/((d + 1)(d + 2)); None for a degree -1 or -2, or functions of v other than powers."""
     total: tm.Terms = {}
     for row, v in zip(lines.matrix, lines.velocities, strict=True):
         for entry, w in zip(row, lines.velocities, strict=True):
@@ -514,9 +515,9 @@ def _kinetic(lines: Lines) -> tm.Terms | None:
 def with_written_masses(
     lagrangian: ex.Expression, system: SecondOrderSystem, given: Sequence[ex.Expression]
 ) -> ex.Expression | None:
-    """A constant multiple of L whose Hessian has the constants of the equations as written.
+    """The constant multiple of L whose Hessian has the constants of the equations as written.
 
-    None where L is not quadratic in the velocities, its Hessian no multiple of dE_i/dq''_j, or nothing changes.
+    None if L is not quadratic in the velocities, its Hessian is not a multiple of dE_i/dq''_j, or nothing changes.
     """
     try:
         lines = lines_of(system, given) if len(given) == len(system.coordinates) <= bounds.COORDINATES else None
@@ -530,7 +531,7 @@ def with_written_masses(
     parameters: set[ex.Expression] = {ex.PI, *map(ex.Symbol, system.parameters)}
     (number, wanted), (value, known) = _constant(written[0][0], parameters), _constant(hessian[0][0], parameters)
     factor, ratio = tm.times(wanted, known, -1), abs(number / value)
-    # The factor stays in one piece, so that it cancels: (m + M)/(m + M).
+    # The factor is kept whole so that it cancels: (m + M)/(m + M).
     return (
         tm.tree_of({tm.times(key, factor): ratio * c for key, c in tm.terms_of(lagrangian).items()}) if factor else None
     )
@@ -544,7 +545,7 @@ def _is_multiple(left: Sequence[Sequence[tm.Terms]], right: Sequence[Sequence[tm
 
 
 def _constant(terms: tm.Terms, parameters: set[ex.Expression]) -> tuple[Fraction, tm.Monomial]:
-    """The factor of a sum that is made of numbers and parameters alone, with a sum of parameters as one generator."""
+    """The factor of a sum that contains only numbers and parameters; a sum of parameters is one generator."""
     content, common, rest = tm.split_content(terms)
     outside: tm.Monomial = frozenset(item for item in common if item[0] in parameters)
     whole = rest != ex.ONE and {letter for key in tm.terms_of(rest) for letter, _ in key} <= parameters

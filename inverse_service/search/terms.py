@@ -1,8 +1,8 @@
-"""Sums of Laurent monomials in generators, and the motion and Euler-Lagrange expressions in them.
+"""Sums of Laurent monomials in generators, and the motion written as such sums.
 
 A generator (`letter` in the code) is any tree (x, x', sin(x), x^2 + y^2, A(r1), exp(x)); a monomial is a product of
-generators with rational exponents; terms map monomials to rational coefficients. Nothing is assumed about relations
-among generators: an identity found here holds, but one not found may hold, too.
+generators with rational exponents; terms map monomials to rational coefficients. No relations among generators are
+assumed: an identity found here is true, but one not found may be true as well.
 """
 
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
@@ -25,7 +25,7 @@ EMPTY: Monomial = frozenset()
 _LARGEST_FACTORED = 10**15
 _CIRCULAR, _HYPERBOLIC = ("sin", "cos"), ("sinh", "cosh")
 _PARITY = {"sin": -1, "cos": 1, "sinh": -1, "cosh": 1, "asin": -1, "atan": -1, "asinh": -1, "atanh": -1}
-# Each as powers of such a pair.
+# Quotients as powers of (sin, cos) or (sinh, cosh).
 _QUOTIENTS = {
     "tan": (_CIRCULAR, (1, -1)), "cot": (_CIRCULAR, (-1, 1)), "sec": (_CIRCULAR, (0, -1)), "csc": (_CIRCULAR, (-1, 0)),
     "tanh": (_HYPERBOLIC, (1, -1)), "coth": (_HYPERBOLIC, (-1, 1)), "sech": (_HYPERBOLIC, (0, -1)),
@@ -34,7 +34,7 @@ _QUOTIENTS = {
 
 
 class TooManyTerms(ArithmeticError):
-    """An expansion passed its bound; the caller does without it."""
+    """An expansion exceeded its bound; the caller continues without it."""
 
 
 @lru_cache(maxsize=4096)
@@ -48,7 +48,7 @@ def monomial(*letters: ex.Expression) -> Monomial:
 
 def times(left: Monomial, right: Monomial, exponent: Fraction | int = 1) -> Monomial:
     """left * right^exponent."""
-    # Most calls are of small monomials, and fractions are slow: nothing is computed that is known.
+    # Most calls have small monomials, and fractions are slow, so known values are not recomputed.
     table = dict(left)
     for letter, e in right:
         more = e if exponent == 1 else -e if exponent == -1 else e * exponent
@@ -79,7 +79,7 @@ def _have_number(terms: Iterable[Monomial]) -> bool:
 
 
 def _without_whole_powers(terms: Terms) -> Terms:
-    """With 3 sqrt(3) for sqrt(3)^3: the generator sqrt(3) of a number has no whole powers."""
+    """The terms with 3 sqrt(3) for sqrt(3)^3, so that roots of numbers have no integer powers."""
     parts = list[Terms]()
     for key, value in terms.items():
         wholes = [(letter, Fraction(int(e))) for letter, e in key if isinstance(letter, ex.Number) and abs(e) >= 1]
@@ -95,12 +95,12 @@ def add_terms(left: Terms, right: Mapping[Monomial, Fraction], factor: Fraction 
 
 
 def sum_of(parts: Iterable[Mapping[Monomial, Fraction]]) -> Terms:
-    """The sum of sums."""
+    """The sum of the parts."""
     return weighted_sum((part, 1) for part in parts)
 
 
 def weighted_sum(parts: Iterable[tuple[Mapping[Monomial, Fraction], Fraction | int]]) -> Terms:
-    """The sum of sums, each times its factor."""
+    """The sum of the parts, each times its factor."""
     total: Terms = {}
     for terms, factor in parts:
         if not total and factor == 1:
@@ -125,9 +125,9 @@ def _bounded(terms: Terms) -> Terms:
 
 
 def terms_of(expression: ex.Expression) -> Terms:
-    """The tree expanded; TooManyTerms where that is large.
+    """The expanded tree; TooManyTerms if the expansion is large.
 
-    Sums under negative or fractional powers are generators; that of 1/(x^2 + 2 x y + y^2) is x + y.
+    Sums under negative or fractional powers are generators; for 1/(x^2 + 2 x y + y^2) the generator is x + y.
     """
     match expression:
         case ex.Number(value):
@@ -161,7 +161,7 @@ def terms_of(expression: ex.Expression) -> Terms:
 
 
 def _product(factors: Sequence[Terms]) -> Terms:
-    """The product of sums, that of monomials among them in one table: most factors are such."""
+    """The product of sums; monomials, the most frequent factors, are multiplied in one table."""
     if not all(factors):
         return {}
     value, table = Fraction(1), dict[ex.Expression, Fraction]()
@@ -177,7 +177,7 @@ def _product(factors: Sequence[Terms]) -> Terms:
 
 
 def _with_leading_plus(function: str, argument: Terms) -> Terms:
-    """sin(y - x) = -sin(x - y), cos(y - x) = cos(x - y): one generator for both."""
+    """f(argument) with one generator for both signs: sin(y - x) = -sin(x - y), cos(y - x) = cos(x - y)."""
     if not argument:
         return {} if _PARITY[function] < 0 else {EMPTY: Fraction(1)}
     negative = argument[min(argument, key=rank)] < 0
@@ -203,7 +203,7 @@ def _power(base: Terms, exponent: Fraction) -> Terms:
             return multiply_terms({times(EMPTY, lowest, exponent): Fraction(1)}, power_of_factors(base, exponent))
     content, common, rest = split_content(base)
     if content < 0 and exponent.denominator > 1 and common:
-        # -x stays whole under a root: the root of -1 has no value.
+        # -x is kept whole under a root, because the root of -1 has no real value.
         return {frozenset([(tree_of(base), exponent)]): Fraction(1)}
     factor, root = _numeric_power(content, exponent)
     whole = times(root, common, exponent)
@@ -218,7 +218,7 @@ def _power(base: Terms, exponent: Fraction) -> Terms:
 
 
 def power_of_factors(base: Terms, exponent: Fraction) -> Terms:
-    """An integer power, each irreducible factor a generator: that of (2 + a) (v^2 + 1) multiplied out."""
+    """An integer power in which each irreducible factor is a generator, also for an expanded (2 + a) (v^2 + 1)."""
     if any(e.denominator > 1 or e < 0 for key in base for _, e in key):
         return _power(base, exponent)
     polynomial, letters = polynomial_of(base)
@@ -229,7 +229,7 @@ def power_of_factors(base: Terms, exponent: Fraction) -> Terms:
 
 @lru_cache(maxsize=1024)
 def _without_squares(tree: ex.Expression) -> tuple[Fraction, tuple[tuple[ex.Expression, int], ...]]:
-    """(c, ((p_k, e_k), …)) with tree = c prod p_k^e_k, a sum of products of generators; ((tree, 1),) as a rule."""
+    """(c, ((p_k, e_k), …)) with tree = c prod p_k^e_k for a sum of products of generators; usually ((tree, 1),)."""
     terms = terms_of(tree)
     if any(e < 0 or e.denominator > 1 for key in terms for _, e in key):
         return Fraction(1), ((tree, 1),)
@@ -266,7 +266,7 @@ def _is_small_power(count: int, exponent: Fraction) -> bool:
 
 
 def _numeric_power(value: Fraction, exponent: Fraction) -> tuple[Fraction, Monomial]:
-    """(rational, generators) with product value^exponent; the root of a whole number without such factors is one."""
+    """(rational, generators) with product value^exponent; the root of an integer without such powers is a generator."""
     if exponent.denominator == 1:
         return value ** int(exponent), EMPTY
     outside, inside = root_of_number(value, exponent.denominator) if value > 0 else (Fraction(1), value)
@@ -275,7 +275,7 @@ def _numeric_power(value: Fraction, exponent: Fraction) -> tuple[Fraction, Monom
 
 
 def root_of_number(value: Fraction, degree: int) -> tuple[Fraction, Fraction]:
-    """(a, b) with value = a^degree b for a positive value, b whole and without such factors."""
+    """(a, b) with value = a^degree b for a positive value, where b is an integer without such factors."""
     outside, inside = Fraction(1, value.denominator), Fraction(1)
     whole = value.numerator * value.denominator ** (degree - 1)
     for prime, e in fmpz(whole).factor() if whole < _LARGEST_FACTORED else [(whole, 1)]:
@@ -287,7 +287,7 @@ def root_of_number(value: Fraction, degree: int) -> tuple[Fraction, Fraction]:
 def split_content(terms: Mapping[Monomial, Fraction]) -> tuple[Fraction, Monomial, ex.Expression]:
     """(rational content, common monomial, primitive part) of a nonzero sum; the primitive part is ONE for one term.
 
-    The content is positive for more than one term, so that even roots of the primitive part stay real.
+    For more than one term the content is positive, so that even roots of the primitive part remain real.
     """
     if len(terms) == 1:
         ((key, value),) = terms.items()
@@ -319,7 +319,7 @@ def tree_of(terms: Mapping[Monomial, Fraction]) -> ex.Expression:
 
 
 def _term_tree(key: Monomial, value: Fraction) -> ex.Expression:
-    """The term as a tree, 1/sqrt(3) for sqrt(3)/3."""
+    """The term as a tree, with 1/sqrt(3) for sqrt(3)/3."""
     for letter, e in key:
         if isinstance(letter, ex.Number) and e == Fraction(1, 2) and value.denominator % letter.value == 0:
             return value * letter.value * monomial_tree(times(key, frozenset([(letter, Fraction(1))]), -1))
@@ -327,7 +327,7 @@ def _term_tree(key: Monomial, value: Fraction) -> ex.Expression:
 
 
 def collected(tree: ex.Expression) -> ex.Expression:
-    """The tree as a sum of monomials, common factors of each cancelled, unless there are too many."""
+    """The tree as a sum of monomials with canceled common factors; unchanged if there are too many."""
     try:
         return tree_of(terms_of(tree))
     except TooManyTerms:
@@ -335,7 +335,7 @@ def collected(tree: ex.Expression) -> ex.Expression:
 
 
 def monomial_tree(key: Monomial) -> ex.Expression:
-    """The monomial as a tree; exponentials are merged back into exp(c u)."""
+    """The monomial as a tree, with exponentials merged into exp(c u)."""
     parts, exponents = [], []
     symbolic: dict[ex.Expression, list[ex.Expression]] = {}
     for letter, exponent in key:
@@ -368,7 +368,7 @@ def rank(key: Monomial) -> tuple[Fraction | int, int, str]:
 
     Logarithms, roots and inverses of a polynomial in the velocities come after its square.
     """
-    # In integers where it can be: this is done for tens of thousands of monomials in a search.
+    # In integers if possible, because a search ranks tens of thousands of monomials.
     weight: Fraction | int = 0
     texts = []
     for letter, exponent in key:
@@ -384,7 +384,7 @@ def rank(key: Monomial) -> tuple[Fraction | int, int, str]:
 
 @lru_cache(maxsize=4096)
 def _traits(letter: ex.Expression) -> tuple[int, bool, str]:
-    """Its weight, whether it is a sum with velocities, and its sort key; cached, since printing a tree takes long."""
+    """Its weight, whether it is a sum with velocities, and its sort key; cached because printing a tree is slow."""
     return _letter_weight(letter), _is_moving_sum(letter), collecting.natural(repr(letter))
 
 
@@ -418,7 +418,7 @@ def letter_derivative(letter: ex.Expression, variable: ex.Expression) -> Terms:
     if isinstance(letter, ex.Symbol | ex.Velocity | ex.Number):
         return {}
     if isinstance(letter, ex.Apply) and letter.function == "log":
-        # The slope of y + sqrt(y^2 + 1) is its multiple by 1/sqrt(y^2 + 1).
+        # The derivative of y + sqrt(y^2 + 1) is 1/sqrt(y^2 + 1) times itself.
         inside = terms_of(letter.argument)
         factor = monomial_factor(derivative_of_terms(inside, variable), inside)
         if factor is not None:
@@ -427,7 +427,7 @@ def letter_derivative(letter: ex.Expression, variable: ex.Expression) -> Terms:
 
 
 def monomial_factor(left: Mapping[Monomial, Fraction], right: Mapping[Monomial, Fraction]) -> Terms | None:
-    """The monomial c with left = c right; None where the quotient is no monomial."""
+    """The monomial c with left = c right; None if the quotient is not a monomial."""
     if not left or len(left) != len(right):
         return None
     first, value = next(iter(right.items()))
@@ -477,7 +477,7 @@ def has_velocity(letter: ex.Expression) -> bool:
 
 
 def grouped(terms: Mapping[Monomial, Fraction], is_outside: Callable[[ex.Expression], bool]) -> dict[Monomial, Terms]:
-    """The sum by products of the generators that are outside: the coefficient of each product."""
+    """The sum grouped by products of the generators that satisfy `is_outside`: the coefficient of each product."""
     groups: dict[Monomial, Terms] = {}
     for key, value in terms.items():
         outer: Monomial = frozenset(item for item in key if is_outside(item[0]))
@@ -492,14 +492,14 @@ def split_velocities(key: Monomial) -> tuple[Monomial, Monomial]:
 
 
 def coefficient(terms: Mapping[Monomial, Fraction], moving: Monomial) -> Terms:
-    """The terms with exactly these generators that hold velocities, these taken out; without any: the terms at rest."""
+    """The coefficient of `moving`, the product of all generators with velocities; the terms at rest if it is empty."""
     return {key - moving: value for key, value in terms.items() if split_velocities(key)[1] == moving}
 
 
 def affine_parts(
     terms: Mapping[Monomial, Fraction], velocities: Sequence[ex.Expression]
 ) -> tuple[Terms, list[Terms]] | None:
-    """(a, [b_i]) with terms = a + b_i v_i; None where they are not affine in the velocities."""
+    """(a, [b_i]) with terms = a + b_i v_i; None if they are not affine in the velocities."""
     groups = grouped(terms, has_velocity)
     parts = [groups.pop(moving, {}) for moving in (EMPTY, *map(monomial, velocities))]
     return None if groups else (parts[0], parts[1:])
@@ -510,7 +510,7 @@ def scaled(terms: Mapping[Monomial, Fraction], factor: Fraction | int) -> Terms:
 
 
 def is_constant(letter: ex.Expression, constants: Container[ex.Expression]) -> bool:
-    """Whether a generator is a function of these constants alone; a number is none."""
+    """Whether a generator is a function of these constants only; False for a number."""
     leaves = [node for node in ex.walk(letter) if isinstance(node, ex.Symbol | ex.Velocity | ex.Arbitrary)]
     return bool(leaves) and all(leaf in constants for leaf in leaves)
 
@@ -523,7 +523,7 @@ def is_linear(key: Monomial) -> bool:
 
 @lru_cache(maxsize=1024)
 def irreducible_factors(tree: ex.Expression) -> tuple[ex.Expression, ...]:
-    """Its factors that are sums, as a polynomial in roots of generators over a monomial in them."""
+    """The factors that are sums, for a tree that is a polynomial in roots of generators over a monomial."""
     terms, exponents = terms_of(tree), dict[ex.Expression, list[Fraction]]()
     for letter, e in (item for key in terms for item in key):
         exponents.setdefault(letter, [Fraction(0)]).append(e)

@@ -1,4 +1,4 @@
-"""A Lagrangian written shorter: terms with the same velocities and parameters over one denominator; f made plain."""
+"""Shorten Lagrangians, with terms of the same velocities and parameters over one denominator, and simplify f."""
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -18,7 +18,7 @@ from inverse_service.search import angles, gradients, material, terms as tm
 
 _HALF = Fraction(1, 2)
 _BEFORE_A_BRACKET, _FRACTION_IN_FRACTION = 12, 4
-# Terms of a potential stay apart, as they are known, where one bracket is not much shorter.
+# The terms of a potential keep their familiar separate form unless one bracket is this much shorter.
 _MUCH = 2
 
 _FAILED = (
@@ -32,9 +32,9 @@ _FAILED = (
 
 
 def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
-    """A tree with fewer nodes, equal up to a constant factor, or the same one; to be verified like any other.
+    """A tree with fewer nodes that is equivalent up to a constant factor, or the same tree; the caller must verify it.
 
-    Sums of velocities to higher powers than squares and in functions are kept: the momenta are solved in them.
+    Sums of velocities with powers higher than 2 or inside functions are kept, because the momenta are solved for them.
     """
     moving = [place(name) for name in system.coordinates for place in (ex.Symbol, ex.Velocity)]
     tree = ex.add(*(term for term in ex.summands(collecting.merge_powers(tree)) if ex.holds(term, *moving)))
@@ -48,7 +48,7 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
 
 
 def _shortened(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
-    """The shortest form of the shortest form, and so on; forms of the terms are not made again of the same terms."""
+    """The fixed point of `_shortest`; forms of the terms are not repeated for the same terms."""
     shorter, terms = _shortest(tree, system), _terms_if_few(tree)
     while shorter != tree:
         before, tree, terms = terms, shorter, _terms_if_few(shorter)
@@ -57,14 +57,14 @@ def _shortened(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
 
 
 def _in_order(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
-    """Constants in the order of the document, sums and roots that f has as they are in f, by which they are known."""
+    """The tree with constants in the order of the document, and with sums and roots of f as they are in f."""
     kept = {node for node in ex.distinct_nodes(system.given) if not isinstance(node, ex.Product)}
     written = writing.with_sums_as_in(tree, system.given)
     return writing.with_products_in_order(written, tuple(map(ex.Symbol, system.parameters)), kept=kept)
 
 
 def _turns_together(tree: ex.Expression, constants: frozenset[ex.Symbol]) -> ex.Expression:
-    """B (x y' - y x')/2 for B x y'/2 - B y x'/2, B made of these constants."""
+    """The tree with B (x y' - y x')/2 for B x y'/2 - B y x'/2, where B contains only these constants."""
     terms = [*ex.summands(tree)]
     for one, other in combinations(terms, 2):
         if _degree(one) == _degree(other) == 1:
@@ -88,7 +88,7 @@ def _is_moving(factor: ex.Expression, constants: frozenset[ex.Symbol]) -> bool:
 
 
 def _grouped_alike(tree: ex.Expression) -> ex.Expression:
-    """(x'^2 + y'^2)/2 beside k (x^2 + y^2)/2: squares of velocities together where those of their coordinates are."""
+    """The tree with squares of velocities grouped like squares of coordinates: (x'^2 + y'^2)/2 and k (x^2 + y^2)/2."""
     terms = [*ex.summands(tree)]
     for group in (factor for term in terms for factor in ex.factors_of(term) if isinstance(factor, ex.Sum)):
         bases = [part.base for part in group.terms if isinstance(part, ex.Power) and part.exponent == ex.TWO]
@@ -101,9 +101,9 @@ def _grouped_alike(tree: ex.Expression) -> ex.Expression:
 
 
 def _finite(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
-    """With another constant in the potential, where it then divides by fewer constants, as f does.
+    """The tree with another constant in the potential if, like f, it then has fewer constant denominators.
 
-    a^2/(2 k (1 + k x^2)) less a^2/(2 k) is -a^2 x^2/(2 (1 + k x^2)), which has a value for k = 0.
+    a^2/(2 k (1 + k x^2)) - a^2/(2 k) is -a^2 x^2/(2 (1 + k x^2)), which is defined for k = 0.
     """
     terms = ex.summands(tree)
     rest = [term for term in terms if not tm.has_velocity(term)]
@@ -122,7 +122,8 @@ def _finite(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
 
 
 def _regular_gauge(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
-    """With c sin(u)^2 q' for -c cos(u)^2 q', constant c, where q'^2 has the factor sin(u)^2: 0 where that is 0.
+    """The tree with c sin(u)^2 q' for -c cos(u)^2 q', constant c, if q'^2 has the factor sin(u)^2: both vanish
+    together.
 
     The difference is the total derivative of c q.
     """
@@ -156,10 +157,9 @@ def _constant_divisors(trees: Iterable[ex.Expression], parameters: frozenset[ex.
 def with_written_roots(
     tree: ex.Expression, system: SecondOrderSystem, point: real_point.RealTable
 ) -> ex.Expression | None:
-    """A multiple of L with the roots of sums that f has as it was written, and without divisors that are constants.
+    """A multiple of L with the roots of sums that f has as written, and without constant divisors.
 
-    -m c^2 sqrt(1 - v^2/c^2) - V for -sqrt(c^2 - v^2) - V/(m c) where f holds 1 - v^2/c^2. None where f has no
-    such root.
+    -m c^2 sqrt(1 - v^2/c^2) - V for -sqrt(c^2 - v^2) - V/(m c) if f contains 1 - v^2/c^2. None if f has no such root.
     """
     constants = _parameters(system)
     written: dict[ex.Expression, tuple[ex.Expression, tm.Monomial, Fraction]] = {}
@@ -195,7 +195,7 @@ def with_written_roots(
 
 
 def _divisor(terms: tm.Terms, constants: frozenset[ex.Symbol]) -> tm.Monomial:
-    """The lowest product of constants that all terms are polynomials in once they are multiplied with it."""
+    """The lowest product of constants by which the terms must be multiplied to become polynomials in the constants."""
     lowest: dict[ex.Expression, Fraction] = {}
     for key in terms:
         for letter, e in key:
@@ -206,7 +206,7 @@ def _divisor(terms: tm.Terms, constants: frozenset[ex.Symbol]) -> tm.Monomial:
 
 @lru_cache(maxsize=256)
 def _shortest(tree: ex.Expression, system: SecondOrderSystem, of_terms: bool = True) -> ex.Expression:
-    """The shortest of all forms, or of those that depend on how it is written; the tree itself if none is shorter."""
+    """The shortest of all forms, or of those that depend on how the tree is written; the tree if none is shorter."""
     kept = _velocity_sums(tree)
     others = dict.fromkeys(_other_forms(tree, system, of_terms))
     return min(
@@ -216,33 +216,33 @@ def _shortest(tree: ex.Expression, system: SecondOrderSystem, of_terms: bool = T
 
 @lru_cache(maxsize=64)
 def _terms_of(tree: ex.Expression) -> tm.Terms:
-    """The terms of a tree of which several forms are made; not to be changed in place."""
+    """The terms of a tree, cached because several forms use them; callers must not change them."""
     return tm.terms_of(tree)
 
 
 def _terms_if_few(tree: ex.Expression) -> tm.Terms:
-    """The terms, none where they are too many."""
+    """The terms; empty if there are too many."""
     with suppress(*_FAILED):
         return _terms_of(tree)
     return {}
 
 
 def kinetic_first(tree: ex.Expression) -> ex.Expression:
-    """T before the terms linear in velocities, these before the potential, otherwise in their order: T + A v - V."""
+    """The tree with T before the terms linear in velocities, and these before the potential: T + A v - V."""
     if isinstance(tree, ex.Product):
         return ex.multiply(*map(kinetic_first, tree.factors))
     return ex.add(*sorted(ex.summands(tree), key=_place))
 
 
 def _place(term: ex.Expression) -> tuple[int, bool]:
-    """By the degree in the velocities, 2 and more alike; a kinetic energy does not begin with a minus."""
+    """A sort key: the degree in the velocities (at most 2); a kinetic energy does not begin with a minus sign."""
     degree = min(_degree(term), 2)
     negative = isinstance(term, ex.Product) and isinstance(term.factors[0], ex.Number) and term.factors[0].value < 0
     return -degree, degree == 2 and negative
 
 
 def _is_upside_down(tree: ex.Expression, system: SecondOrderSystem) -> bool:
-    """Whether the square of each velocity has constants before it, all of them negative: k v^2/r - m v^2."""
+    """Whether the coefficients of all squared velocities are negative constants: k v^2/r - m v^2."""
     velocities = {ex.Velocity(name): (ex.Velocity(name), Fraction(2)) for name in system.coordinates}
     terms, constants = _terms_if_few(tree) if _degree(tree) == 2 else {}, _parameters(system)
     squares = {v: [c for key, c in terms.items() if e in key and constants.issuperset(p for p, _ in key - {e})]
@@ -266,7 +266,7 @@ def _degree(tree: ex.Expression) -> int:
 def _velocity_sums(tree: ex.Expression) -> int:
     """The number of different sums of velocities under powers other than squares, or in functions.
 
-    Not 3 (w' + 2 u'/3) - 2 u', which is 3 w'.
+    3 (w' + 2 u'/3) - 2 u' does not count, because it is 3 w'.
     """
     found = set()
     for node in ex.walk(tree):
@@ -296,7 +296,7 @@ def _other_forms(tree: ex.Expression, system: SecondOrderSystem, of_terms: bool)
 
 @lru_cache(maxsize=1024)
 def _size(tree: ex.Expression) -> int:
-    """The nodes; a minus sign counts nothing, but much before a bracket, as a divisor does in one over another."""
+    """The number of nodes, with high penalties for a minus before a bracket and a divisor inside a divisor."""
     return ex.node_count(tree) + sum(_sign(node) + _fractions(node) for node in ex.walk(tree))
 
 
@@ -314,7 +314,7 @@ def _sign(node: ex.Expression) -> int:
 
 
 def _fractions(node: ex.Expression) -> int:
-    """For (c + 2 x'/x)/a, which is (c x + 2 x')/(a x), and for (x - 3 y/4)^2."""
+    """A penalty for (c + 2 x'/x)/a, which is (c x + 2 x')/(a x), and for (x - 3 y/4)^2."""
     if isinstance(node, ex.Power) and isinstance(node.base, ex.Sum) and not tm.has_velocity(node):
         return _FRACTION_IN_FRACTION * any(ex.coefficient(term).denominator > 1 for term in node.base.terms)
     if not (isinstance(node, ex.Product) and any(map(_is_divisor, node.factors))):
@@ -328,9 +328,9 @@ def _is_divisor(node: ex.Expression) -> bool:
 
 
 def _with_common_factor(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """What all terms share before a bracket: e^(ct) (x'^2 - x^2)/2.
+    """The tree with the common factor of all terms before a bracket: e^(ct) (x'^2 - x^2)/2.
 
-    It is made of exponentials of t and of what all terms are divided by.
+    The factor consists of exponentials of t and common denominators.
     """
     terms = _terms_of(tree)
     content, shared, _ = tm.split_content(terms) if terms else (Fraction(0), tm.EMPTY, tree)
@@ -346,9 +346,10 @@ def _with_common_factor(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
 
 
 def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """The quadratic terms by constants, m/a^2 and the like, each as one square: m (x y' + y x')^2/(2 a^2).
+    """The tree with the quadratic terms of each constant factor, such as m/a^2, as one square: m (x y' + y x')^2/(2
+    a^2).
 
-    Squares of single velocities with one coefficient share it: m (x'^2 + y'^2)/2.
+    Squares of single velocities with the same coefficient share it: m (x'^2 + y'^2)/2.
     """
     quadratic, parts, plain = tm.Terms(), list[ex.Expression](), list[ex.Expression]()
     velocities = [ex.Velocity(name) for name in system.coordinates]
@@ -371,7 +372,7 @@ def _is_quadratic(moving: tm.Monomial) -> bool:
 
 
 def _whole_square(terms: tm.Terms, velocities: Sequence[ex.Velocity]) -> ex.Expression | None:
-    """c (l_i v_i)^2 with a number c, for a quadratic form of more than one velocity; None where it is no square."""
+    """c (l_i v_i)^2 with a number c, for a quadratic form in more than one velocity; None if it is not a square."""
     form, content = list[ex.Expression](), Fraction(0)
     for v in velocities:
         own = {key - tm.monomial(v) - {(v, Fraction(2))}: c for key, c in terms.items() if (v, Fraction(2)) in key}
@@ -396,7 +397,7 @@ def _whole_square(terms: tm.Terms, velocities: Sequence[ex.Velocity]) -> ex.Expr
 
 
 def _with_squares_inside(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """Sums in roots, denominators, and functions as sums of squares where they are: (x - a)^2 + y^2."""
+    """The tree with sums of squares in roots, denominators, and functions if possible: (x - a)^2 + y^2."""
     tree = ex.rebuild(tree, partial(_with_squares_inside, system))
     letters = tuple(map(ex.Symbol, (*system.coordinates, *system.parameters)))
     match tree:
@@ -406,7 +407,7 @@ def _with_squares_inside(system: SecondOrderSystem, tree: ex.Expression) -> ex.E
 
 
 def _by_parameters(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """The sum over what varies of its coefficients, factored: n^2 + 2 m n is n (n + 2 m)."""
+    """The sum grouped by its varying factors, with factored coefficients: n^2 + 2 m n is n (n + 2 m)."""
     parameters = _parameters(system)
     groups = tm.grouped(_terms_of(tree), lambda letter: letter not in parameters)
     coefficients: Sequence[ex.Expression] = [tm.tree_of(inner) for inner in groups.values()]
@@ -416,9 +417,9 @@ def _by_parameters(system: SecondOrderSystem, tree: ex.Expression) -> ex.Express
 
 
 def _by_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """The sum over products of velocities, each with one coefficient in its shortest form.
+    """The sum grouped by products of velocities, each with one coefficient in its shortest form.
 
-    The terms without velocities stay apart where one bracket is not much shorter; two brackets only have to be shorter.
+    The terms without velocities remain separate unless one bracket is much shorter, or two brackets are shorter.
     """
     parts = []
     for rates, inner in tm.grouped(_without_squares(_terms_of(tree), _parameters(system)), tm.has_velocity).items():
@@ -434,7 +435,7 @@ def _by_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
 
 
 def _by_both(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
-    """By parameters where several belong to the same product of other generators; else by these generators."""
+    """The sum by parameters if several multiply the same product of other generators; otherwise by these generators."""
     parameters = _parameters(system)
     groups = tm.grouped(terms, lambda letter: letter not in parameters)
     several = {key | c: value for key, inner in groups.items() for c, value in inner.items() if len(inner) > 1}
@@ -443,7 +444,7 @@ def _by_both(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
 
 
 def _by_letters(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
-    """The sum over velocities and parameters of their coefficients, each in its shortest form."""
+    """The sum grouped by velocities and parameters, with each coefficient in its shortest form."""
     parameters = _parameters(system)
     groups = tm.grouped(terms, lambda letter: letter in parameters or tm.has_velocity(letter))
     return ex.add(*(_part(outer, inner, system) for outer, inner in groups.items()))
@@ -454,9 +455,9 @@ def _is_symbolic(node: ex.Expression) -> bool:
 
 
 def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """c ((x' - w y)^2 + (y' + w x)^2)/2 for c (x'^2 + y'^2)/2 + 2 c w x y', as in a frame that turns steadily.
+    """The tree with c ((x' - w y)^2 + (y' + w x)^2)/2 for c (x'^2 + y'^2)/2 + 2 c w x y' (rotating frames).
 
-    c (v + w)^2/2 for c v^2/2 + c w v with a constant w, too. Terms of the potential that change have to vanish.
+    Also c (v + w)^2/2 for c v^2/2 + c w v with a constant w. The changed terms of the potential must vanish.
     """
     below = [node for node in ex.walk(tree) if _is_divisor(node) and not tm.has_velocity(node)]
     aside = [term for term in ex.summands(tree) if not tm.has_velocity(term) and ex.holds(term, *below)]
@@ -492,9 +493,9 @@ def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
 
 
 def _with_springs(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """c (u - l)^2 for c u^2 - 2 c l u with constants c and l: another constant in the potential.
+    """The tree with c (u - l)^2 for c u^2 - 2 c l u, constants c and l, which changes the constant in the potential.
 
-    u is a coordinate, its sine or cosine, or a root, as for a spring of length l.
+    u is a coordinate, its sine or cosine, or a root, as for a spring with natural length l.
     """
     constants = _parameters(system)
     parts = [term for term in ex.summands(tree) if not tm.has_velocity(term)]
@@ -538,7 +539,7 @@ def _spring(
 
 
 def _by_squares_of(name: str, other: str, system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """k (sin(a) - sin(b))^2 for -k (cos(a)^2 + cos(b)^2 + 2 sin(a) sin(b)) with constant k: another constant in V."""
+    """k (sin(a) - sin(b))^2 for -k (cos(a)^2 + cos(b)^2 + 2 sin(a) sin(b)), which changes the constant in V."""
     terms, constants = _terms_of(tree), _parameters(system)
     plain = tm.Terms()
     for key, value in terms.items():
@@ -548,7 +549,7 @@ def _by_squares_of(name: str, other: str, system: SecondOrderSystem, tree: ex.Ex
         plain[key] = plain.get(key, Fraction(0)) + value
     letters = tuple(p for p in dict.fromkeys(p for key in plain for p, _ in key) if isinstance(p, ex.Apply))
     if name == "cos" and not letters:
-        return tree  # that by sines is the same
+        return tree  # the form with sines is the same
     groups = tm.grouped(plain, lambda letter: letter in constants or tm.has_velocity(letter))
     found = list[ex.Expression]()
     for outer, inner in groups.items():
@@ -563,7 +564,7 @@ _by_cosines = partial(_by_squares_of, "cos", "sin")
 
 
 def _by_functions(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """The sum over functions of the velocities, each with one coefficient in factors: (x + 2 x') atan(x'/x)."""
+    """The sum grouped by functions of the velocities, with factored coefficients: (x + 2 x') atan(x'/x)."""
     if not any((isinstance(node, ex.Apply) and tm.has_velocity(node)) or _is_symbolic(node) for node in ex.walk(tree)):
         return tree
     groups = tm.grouped(_terms_of(tree), lambda p: tm.has_velocity(p) and isinstance(p, ex.Apply | ex.Power))
@@ -587,7 +588,7 @@ def _parameters(system: SecondOrderSystem) -> frozenset[ex.Symbol]:
 
 
 def _without_squares(terms: tm.Terms, parameters: frozenset[ex.Symbol]) -> tm.Terms:
-    """Even powers of parameters that all terms share left out: a positive multiple is as good a Lagrangian."""
+    """The terms without common even powers of parameters: a positive multiple of a Lagrangian is as good."""
     shared = frozenset.intersection(*terms) if terms else tm.EMPTY
     common = frozenset((letter, e) for letter, e in shared if letter in parameters and e % 2 == 0)
     return {tm.times(key, common, -1): value for key, value in terms.items()}
@@ -613,7 +614,7 @@ def _part(outer: tm.Monomial, inner: tm.Terms, system: SecondOrderSystem) -> ex.
 
 @lru_cache(maxsize=256)
 def _quotient(tree: ex.Expression, parameters: tuple[str, ...], names: tuple[str, ...]) -> ex.Expression:
-    """The sum as one quotient in factors, itself where it is too large; several forms ask for the same ones."""
+    """The sum as one factored quotient, or unchanged if it is too large; cached for the several forms."""
     symbols: list[ex.Symbol | ex.Velocity] = [
         *map(ex.Symbol, parameters),
         ex.TIME,
@@ -624,23 +625,23 @@ def _quotient(tree: ex.Expression, parameters: tuple[str, ...], names: tuple[str
 
 
 def _constants_first(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
-    """A product with its factors that do not vary in front."""
+    """The product with its constant factors first."""
     varying = {ex.TIME, *map(ex.Symbol, system.coordinates)}
     factors = ex.factors_of(tree)
     return ex.multiply(*sorted(factors, key=lambda factor: ex.holds(factor, *varying)))
 
 
 def _is_sum_of(tree: ex.Expression, count: int) -> bool:
-    """Whether it is a number times a sum of so many terms: nothing was gained then."""
+    """Whether the tree is a number times a sum of `count` terms, so that nothing was gained."""
     if isinstance(tree, ex.Product) and isinstance(tree.factors[0], ex.Number):
         tree = ex.multiply(*tree.factors[1:])
     return isinstance(tree, ex.Sum) and len(tree.terms) >= count
 
 
 def with_plain_forces(analysis: deciding.Analysis) -> deciding.Analysis:
-    """The system with f as plain as it can be made.
+    """The system with f in its simplest form.
 
-    Lagrangians that hold for it are checked with f as it was given.
+    Its Lagrangians are verified with f as given.
     """
     forces = tuple(map(partial(_plainer, analysis.tower), analysis.system.accelerations))
     if forces != analysis.system.accelerations:
@@ -650,7 +651,7 @@ def with_plain_forces(analysis: deciding.Analysis) -> deciding.Analysis:
 
 
 def _plainer(tower: towers.Tower, force: ex.Expression) -> ex.Expression:
-    """Atoms that follow from others, such as e^(log x), written by these if that is shorter."""
+    """The force with dependent atoms, such as e^(log x), expressed by other atoms if that is shorter."""
     plain = towers.to_kernels(force)
     for rule in reversed(tower.rules):
         if not isinstance(rule, towers.AngleRule) and not rule.free:
