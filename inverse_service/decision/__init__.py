@@ -1,5 +1,5 @@
-"""Has a system a regular Lagrangian? Decided completely, cell by cell, with the certificate written.
+"""Decide completely, cell by cell, whether a system has a regular Lagrangian, and write the certificate.
 
-Others use `deciding`, `certify`, and the records of `solutions`. A question about Lagrangians of one kind is a card
-in `kinds`.
+Other packages use `deciding`, `certify`, and the records of `solutions`. `kinds` defines a question about each kind of
+Lagrangian.
 """

@@ -1,4 +1,4 @@
-"""A system is answered cell by cell: where formulas with other relations hold, there is another answer."""
+"""Answer a system cell by cell, because regions where other formulas are valid have separate answers."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -14,7 +14,7 @@ from inverse_service.field import real_point, tower
 from inverse_service.mechanics import second_order_system
 
 Answer = TypeVar("Answer")
-_MOST_OUTSIDE = 64  # choices of one side of each cell
+_MOST_OUTSIDE = 64  # combinations of one side of each cell
 _OTHER_POINTS = range(2, 8)  # seeds of points on other parts of a cell
 _FAR = 8
 NO_TIME = "the time was over"
@@ -25,7 +25,7 @@ BEYOND = "no solved cell contains the point"
 
 @dataclass(frozen=True, slots=True)
 class Left:
-    """A set without an answer: where the trees are positive, at the point if there is one."""
+    """A set without an answer: the region where the trees are positive, with a point of it if one is known."""
 
     positive: tuple[ex.Expression, ...]
     near: real_point.RealTable | None
@@ -42,9 +42,9 @@ def answered(
 ) -> tuple[list[Answer], list[Left]]:
     """The answers on all cells, and the sets without an answer.
 
-    `answer` is called for the system on a cell, given those that wait; it gives the answer and the trees that are
-    positive on its cell. The other side of each of these, within the same branch, is a separate cell. No new cell is
-    begun after the `end`. Branches without a known point, and a point that lies in no cell, have no answer either.
+    `answer` is called with the system on a cell and the systems still waiting; it returns the answer and the trees that
+    are positive on its cell. The other side of each tree, within the same branch, is a separate cell. No new cell is
+    begun after the time `end`. Branches without a known point, and points in no cell, have no answer either.
     """
     branches = second_order_system.branches_of(system)
     waiting, found, left, known_sides = [*branches], list[Answer](), list[Left](), list[Sequence[ex.Expression]]()
@@ -82,9 +82,10 @@ def other_part(
     end: float,
     wanted: Sequence[str] = ("invalid", "incomplete"),
 ) -> tuple[real_point.RealTable, checker.CheckResult] | None:
-    """A point of a cell at which a claim judged on one part of it has a wanted verdict, and the checker's result there.
+    """A point of a cell at which a claim checked on one part of the cell has a wanted verdict, and the checker's
+    result.
 
-    The first wanted verdict comes first; None where no point that was tried has one.
+    Earlier entries of `wanted` take precedence; None if no tried point has such a verdict.
     """
     found = dict[str, tuple[real_point.RealTable, checker.CheckResult]]()
     for point in (one for seed in _OTHER_POINTS for one in _points(analysis.system, seed)):
@@ -96,7 +97,7 @@ def other_part(
 
 
 def _points(system: second_order_system.SecondOrderSystem, seed: int) -> list[real_point.RealTable]:
-    """A point, and one in its direction beyond other zeros of what is periodic; where f is defined."""
+    """A point where f is defined, and one farther in its direction, beyond other zeros of periodic functions."""
     near = point_of(system, seed)
     if near is None:
         return []

@@ -1,4 +1,4 @@
-"""Certificates written from decisions and Lagrangians (see certificate/FORMAT.md); nothing is judged here."""
+"""Write certificates from decisions and Lagrangians (see certificate/FORMAT.md), without judging them."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ if TYPE_CHECKING:
 FORMAT = "inverse-service/certificate/2"
 _DIGITS = 20
 _SEED = 3
-# Series are written for so many coordinates.
+# The largest number of coordinates for which series are written.
 _MOST_COORDINATES = 4
-_MOST_CONDITIONS = 100  # that a certificate may have
+_MOST_CONDITIONS = 100  # per certificate
 
 
 def of_lagrangian(
     analysis: deciding.Analysis, lagrangian: ex.Expression, with_time: bool, kind: LagrangianKind | None = None
 ) -> dict[str, Any]:
-    """L itself is the proof, also that there is one of a kind; as it was `proved`, if it was."""
+    """The certificate whose proof is L itself, also for a kind of Lagrangian; the `proved` one if there is one."""
     head = _head(analysis, point_of(analysis, lagrangian), with_time, "variational", "lagrangian")
     found = head | _among(kind) | {"lagrangian": printing.to_text(lagrangian)} | integrals_of(lagrangian)
     if analysis.system.is_unsolved:
@@ -44,7 +44,7 @@ def of_lagrangian(
 
 
 def _factors_of_lines(analysis: deciding.Analysis, lagrangian: ex.Expression) -> dict[str, Any]:
-    """{"factors": c_i with d2L/dv_i dv_j = c_i dE_i/dq''_j} where they are not all 1."""
+    """{"factors": c_i with d2L/dv_i dv_j = c_i dE_i/dq''_j} unless all c_i are 1."""
     system = analysis.system
     lines = [implicit_equations.linear_equation(equation).coefficients for equation in system.given]
     quotients = []
@@ -62,7 +62,7 @@ def _among(kind: LagrangianKind | None) -> dict[str, Any]:
 
 
 def integrals_of(tree: ex.Expression) -> dict[str, Any]:
-    """{"integrals": the functions of the tree that are known by their derivatives, those first that others hold}."""
+    """{"integrals": the functions in the tree known by their derivatives, inner ones first}."""
     found = {node.name: node for node in reversed(list(walk_integrals(tree)))}
     listed = {
         name: {
@@ -79,7 +79,7 @@ def integrals_of(tree: ex.Expression) -> dict[str, Any]:
 
 
 def walk_integrals(tree: ex.Expression) -> Iterator[ex.Integral]:
-    """Every integral in a tree, and those under its sign after it."""
+    """Every integral in a tree, followed by the integrals under its sign."""
     for node in ex.walk(tree):
         if isinstance(node, ex.Integral):
             yield node
@@ -90,9 +90,10 @@ def walk_integrals(tree: ex.Expression) -> Iterator[ex.Integral]:
 
 @dataclass(frozen=True, slots=True)
 class Where:
-    """The set on which an answer holds: trees that are positive, that are not 0, and on whose sides its proof rests.
+    """The set on which an answer is valid: trees that are positive, trees that are not 0, and sides that its proof
+    needs.
 
-    `one_side`: only the part is meant that is connected with the point of the proof.
+    `one_side`: only the connected component of the proof's point.
     """
 
     positive: tuple[ex.Expression, ...] = ()
@@ -112,7 +113,7 @@ def names_of(
 
 
 def where_of(cell: cells.Cell | None, names: nm.Names) -> Where:
-    """The cell that the checker proved a claim on, as trees."""
+    """The cell on which the checker proved a claim, as trees."""
     if cell is None:
         return Where()
     positive = tuple(_members(cell.domain, " > 0", names))
@@ -121,14 +122,14 @@ def where_of(cell: cells.Cell | None, names: nm.Names) -> Where:
 
 
 def domain_of(cell: cells.Cell | None, names: nm.Names) -> tuple[list[str], list[str]]:
-    """The members of a cell as a person writes them, in text and in LaTeX."""
+    """The conditions of a cell in readable form, as text and as LaTeX."""
     where = where_of(cell, names)
     trees = (*(tree**2 for tree in where.nonzero), *where.positive)
     return [*map(inequalities.inequality_text, trees)], [*map(inequalities.inequality_latex, trees)]
 
 
 def shortest(positive: Sequence[ex.Expression], nonzero: Sequence[ex.Expression] = ()) -> list[str]:
-    """The inequalities that say that these trees are positive, or not 0, without those that follow from the others."""
+    """The inequalities that state that these trees are positive, or not 0, without those implied by the others."""
     return list(_shortest(tuple(positive), tuple(nonzero)))
 
 
@@ -151,7 +152,7 @@ def _shortest(positive: tuple[ex.Expression, ...], nonzero: tuple[ex.Expression,
 
 
 def _members(texts: Sequence[str], ending: str, names: nm.Names) -> list[ex.Expression]:
-    """The conditions with this ending, sums of squares as such, short ones first: the checker has them in no order."""
+    """The conditions with this ending as trees, short ones first, with sums of squares restored."""
     letters = list(map(ex.Symbol, (*names.coordinates, *names.parameters)))
     found = []
     for text in texts:
@@ -162,16 +163,16 @@ def _members(texts: Sequence[str], ending: str, names: nm.Names) -> list[ex.Expr
 
 
 def _unsigned(tree: ex.Expression) -> ex.Expression:
-    """The tree or its negative: that with fewer signs."""
+    """The tree or its negative, whichever has fewer minus signs."""
     return min(tree, collecting.collect(-tree), key=lambda one: printing.to_text(one).count("-"))
 
 
 def proved(
     analysis: deciding.Analysis, certificate: dict[str, Any], time_limit: float
 ) -> tuple[dict[str, Any], checker.CheckResult]:
-    """The checker's verdict, found once; where it is incomplete, of the certificate with hints about roots.
+    """(certificate, the checker's result), cached; if the result is incomplete, the certificate gets hints about roots.
 
-    Each hint is a side that the claim then keeps to: what has no need of it holds on a larger cell.
+    Each hint restricts the claim to one side; without hints a claim is valid on a larger cell.
     """
     key = json.dumps(certificate)
     if key not in analysis.proofs:
@@ -188,7 +189,7 @@ def proved(
 
 
 def _hinted(analysis: deciding.Analysis, certificate: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """The certificate with the roots implied by functions, then with the signs of all radicands at P."""
+    """The certificate with the roots implied by functions, then with the signs of all radicands at P as well."""
     table, system = analysis.real_point, analysis.system
     formulas = [*system.given]
     if "lagrangian" in certificate:
@@ -208,7 +209,7 @@ def _hinted(analysis: deciding.Analysis, certificate: dict[str, Any]) -> Iterato
 
 
 def where_proved(analysis: deciding.Analysis, lagrangian: ex.Expression, time_limit: float) -> Where:
-    """Where the checker finds a Lagrangian right; where all is defined, if it finds it wrong or does not find out."""
+    """The set on which the checker confirms a Lagrangian; if it does not, the set on which everything is defined."""
     with_time = analysis.system.depends_on_time or ex.TIME in ex.walk(lagrangian)
     certificate, proof = proved(analysis, of_lagrangian(analysis, lagrangian, with_time), time_limit)
     if proof.verdict != "valid":
@@ -218,7 +219,7 @@ def where_proved(analysis: deciding.Analysis, lagrangian: ex.Expression, time_li
 
 
 def point_of(analysis: deciding.Analysis, lagrangian: ex.Expression) -> real_point.RealTable | None:
-    """A real point at which f, L and the integrands are defined: that of f, where it is one."""
+    """A real point at which f, L, and the integrands are defined, by preference the point of f."""
     slopes = [slope for node in walk_integrals(lagrangian) for slope in node.slopes if slope is not None]
     formulas = [tower.to_kernels(tree) for tree in (*analysis.system.accelerations, lagrangian, *slopes)]
     table = analysis.real_point
@@ -239,10 +240,10 @@ def of_decision(
     seed: int = 1,
     kind: LagrangianKind | None = None,
 ) -> dict[str, Any]:
-    """The rows used for a negative verdict, the involution data of a positive one.
+    """The certificate of a decision: the rows used for a negative verdict, the involution data of a positive one.
 
-    With the latter, where f is rational, a power series of a regular solution to `series_order`
-    (left out: the order of the data), unless the question is about a kind of Lagrangians.
+    For rational f, the latter include a power series of a regular solution to `series_order` (default: the order of the
+    data), unless the question is about a kind of Lagrangian.
     """
     if decision.verdict == "not_variational":
         rows = [[kind, i, j, list(alpha)] for kind, i, j, alpha in decision.rows]
@@ -258,7 +259,7 @@ def of_decision(
 
 
 def involution_data(found: deciding.Decision | involution.Finding, symbol: involution.Symbol) -> dict[str, Any]:
-    """The basis of a yes without L; the dimension stopped falling between order - 1 and order."""
+    """The proof of a yes without L; the dimension stopped falling between order - 1 and order."""
     return {
         "order": found.order - 1,
         "degree": found.degree,
@@ -272,7 +273,7 @@ def involution_data(found: deciding.Decision | involution.Finding, symbol: invol
 
 
 def _series(analysis: deciding.Analysis, decision: deciding.Decision, order: int, seed: int) -> dict[str, Any]:
-    """{"series": …} to the order, or to the largest below it that is no longer than bearable; {} without one."""
+    """{"series": …} to the order, or to the largest lower order with an acceptable length; {} if there is none."""
     n = len(analysis.system.coordinates)
     fitting = [k for k in range(1, order + 1) if deciding.count_coefficients(n, decision.with_time, k) <= bounds.TERMS]
     if n > _MOST_COORDINATES or not fitting or not deciding.is_rational(analysis):
@@ -294,7 +295,7 @@ def head_of(
     positive: Sequence[ex.Expression],
     roots: Sequence[dict[str, str]] = (),
 ) -> dict[str, Any]:
-    """The fields of all certificates; `near` is a point of the domain, on which the trees of `positive` are > 0."""
+    """The fields of every certificate; `near` is a point of the domain, on which the trees of `positive` are > 0."""
     question = "time_dependent" if with_time else "autonomous"
     parts = {"near": near, "conditions": conditions_of(positive), "roots": [*roots]}
     head = {"format": FORMAT, "system": system, "question": question, "claim": claim, "kind": kind}
@@ -302,7 +303,7 @@ def head_of(
 
 
 def conditions_of(positive: Iterable[ex.Expression]) -> list[str]:
-    """The inequalities of a certificate that say that these trees are positive."""
+    """The inequalities of a certificate that state that these trees are positive."""
     texts = (
         f"{printing.to_text(tree)} > 0" if isinstance(tree, ex.Power) else inequalities.inequality_text(tree)
         for tree in positive
@@ -311,7 +312,7 @@ def conditions_of(positive: Iterable[ex.Expression]) -> list[str]:
 
 
 def moved_to(near: Mapping[str, str], table: real_point.RealTable) -> dict[str, str]:
-    """The values of the same names at another point."""
+    """The values of the same names at another point, in digits."""
     named = {
         printing.to_text(key): mpmath.nstr(value, _DIGITS)
         for key, value in table.items()
@@ -321,7 +322,7 @@ def moved_to(near: Mapping[str, str], table: real_point.RealTable) -> dict[str, 
 
 
 def near_of(table: real_point.RealTable | None, names: Sequence[ex.Symbol | ex.Velocity]) -> dict[str, str]:
-    """The values of these at a real point, in digits."""
+    """The values of these names at a real point, in digits."""
     return {printing.to_text(key): mpmath.nstr(table[key], _DIGITS) for key in names if key in table} if table else {}
 
 

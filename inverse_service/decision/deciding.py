@@ -1,17 +1,17 @@
-"""Decide a second-order system by the Helmholtz conditions, with the answer in the terms of mechanics.
+"""Decide a second-order system by the Helmholtz conditions, with the answer in terms of mechanics.
 
-`Analysis` is a system with its atoms reduced to independent generators: the input of every later stage.
+`Analysis` is a system with its atoms reduced to independent generators, the input of every later stage.
 
-`regular_series` makes existence concrete: the Taylor coefficients of one regular Lagrangian at a point.
+`regular_series` makes existence concrete by computing the Taylor coefficients of one regular Lagrangian at a point.
 
-The prolonged Helmholtz conditions are linear in the Taylor coefficients of L of v-degree >= 2. In their
-echelon form the pivot of each row is its last column, columns in ascending degree, so the coefficients
-follow one after another: those without a pivot are chosen, the others are determined by earlier ones.
-Prolonged so far that the projection to the wanted order holds no further conditions (Cartan, Kuranishi),
-the polynomial is the beginning of the series of an actual solution.
+The prolonged Helmholtz conditions are linear in the Taylor coefficients of L of v-degree >= 2. In their echelon form
+with columns in ascending degree, the pivot of each row is its last column, so the coefficients follow one after
+another: those without a pivot are chosen, and the others are determined by earlier ones. If the system is prolonged
+until its projection to the wanted order contains no new conditions (Cartan, Kuranishi), the polynomial is the beginning
+of the series of an actual solution.
 
-Its rational coefficients are found modulo several primes at a point with small integers, joined by the Chinese
-remainder theorem and reconstructed as fractions (Wang 1981); a further prime confirms them.
+Its rational coefficients are computed modulo several primes at a point with small integers, combined by the Chinese
+remainder theorem, and reconstructed as fractions (Wang 1981); one more prime confirms them.
 """
 
 from __future__ import annotations
@@ -56,10 +56,10 @@ Key = TypeVar("Key")
 
 @dataclass(frozen=True, slots=True)
 class Analysis:
-    """f in kernels and the tower of its atoms; made once, used for both questions.
+    """f in kernels and the tower of its atoms, built once for both questions.
 
-    `towers` keeps those that ansätze needed, with their random points; these lie on the constraints where
-    velocities are `constrained` to be functions of the others. `proofs` keeps what the checker said of certificates.
+    `towers` caches the towers that ansätze needed, with their random points, which lie on the constraints if velocities
+    are `constrained` to be functions of the others. `proofs` caches the checker's results.
     """
 
     system: second_order_system.SecondOrderSystem
@@ -72,7 +72,7 @@ class Analysis:
 
 
 def variables_of(system: second_order_system.SecondOrderSystem) -> tuple[ps.Variable, ...]:
-    """t, q, v and the parameters, and accelerations that are symbols."""
+    """t, q, v, the parameters, and accelerations that are symbols."""
     return (*system.variables, *map(ex.Symbol, system.parameters), *system.letters)
 
 
@@ -82,18 +82,18 @@ def moving_variables(system: second_order_system.SecondOrderSystem, with_time: b
 
 
 def analyze(system: second_order_system.SecondOrderSystem) -> Analysis:
-    """The first branch of the system; IrreducibleAtoms where the relations among the atoms cannot be decided."""
+    """The analysis of the system's first branch; IrreducibleAtoms if relations among the atoms cannot be decided."""
     system = second_order_system.branches_of(system)[0]
     kernels = tuple(to_kernels(f) for f in system.accelerations)
     variables = variables_of(system)
-    # Each other piece of a piecewise formula need not be defined on this one.
+    # The other pieces of a piecewise formula need not be defined on this piece.
     roots = system.branch.roots if system.branch else ()
     steps: dict[ex.Expression, ex.Expression] = {node: one for node, one in roots if isinstance(node, ex.Apply)}
     given = [to_kernels(ex.substitute(f, steps)) for f in system.given] if system.positive else []
     if steps and find_real_point(tuple(map(to_kernels, system.given)), variables, 1, system.positive) is None:
         raise errors.IrreducibleAtoms(_alone(system))
-    # Equations of first order of which one unknown became the velocity: their unknowns and rates are positive if they
-    # can be, as predators and prey are.
+    # First-order equations in which one unknown became the velocity: choose positive unknowns and rates if possible, as
+    # for predators and prey.
     positive = [*map(ex.Symbol, system.parameters), *(tree for _, tree in system.others)] if system.others else []
     sides = [*system.positive, *positive]
     points = (find_real_point([*kernels, *given], variables, 1, tuple(side)) for side in (sides, system.positive))
@@ -119,8 +119,8 @@ def is_irrational(node: ex.Expression) -> bool:
 class Decision:
     """The verdict on one question with its proof.
 
-    `rows` name the prolonged equations used for a negative verdict; `space` and `symbol` (at
-    `degree`) the involution data of a positive one; `points` the primes and seeds used.
+    `rows` are the names of the prolonged equations used for a negative verdict, `space` and `symbol` (at `degree`) the
+    involution data of a positive verdict, and `points` the primes and seeds used.
     """
 
     verdict: solutions.Verdict
@@ -137,7 +137,7 @@ class Decision:
 
 
 class HelmholtzAt:
-    """The card of Helmholtz for one system, at random points or those that `draw` gives."""
+    """The Helmholtz conditions of one system at random points, or at the points that `draw` returns."""
 
     others: tuple[involution.Matrix, ...] = ()
 
@@ -164,7 +164,7 @@ class HelmholtzAt:
         self._series = involution.Coefficients(write, draw or (lambda seed: draw_point(analysis.tower, seed)))
 
     def at(self, seed: int, order: int) -> pde.LocalEquations:
-        """With the equations of the kind of L that is asked for."""
+        """The local equations at a point, including those of the requested kind of L."""
         _, registers = self._series.at(seed, order)
         found = helmholtz.compiled_equations(self._registers, self._n, order, registers)
         if not self._among:
@@ -193,9 +193,9 @@ def decide(
 ) -> Decision:
     """Is there a regular L(q, v), or with `time_dependent` a regular L(t, q, v)?
 
-    Two points over two primes must agree; `undetermined` with the reason otherwise, and where the
-    atoms of f cannot be reduced or a limit is reached. f that contains t asks for L(t, q, v).
-    `among`: only Lagrangians of a kind are asked about.
+    Two points over two primes must agree. The verdict is `undetermined`, with the reason, if they do not, if the atoms
+    of f cannot be reduced, or if a limit is reached. If f contains t, the question is about L(t, q, v). `among`
+    restricts it to a kind of Lagrangian.
     """
     began = deadline.now()
     with_time = time_dependent or system.depends_on_time
@@ -211,7 +211,7 @@ def decide(
 
 
 def _of_one_coordinate(analysis: Analysis, with_time: bool, seed: int) -> involution.Finding | None:
-    """Always yes where f has values: g has to solve Gamma(g) + g df/dv = 0 alone (Darboux 1894, no. 604).
+    """Always yes where f has values: g only has to satisfy Gamma(g) + g df/dv = 0 (Darboux 1894, no. 604).
 
     No displacement is characteristic, so g on t = 0, or on q = 0, is arbitrary. None for more coordinates.
     """
@@ -242,7 +242,7 @@ def _decision(found: involution.Finding, with_time: bool) -> Decision:
 
 
 def statement(dimension: int, characters: tuple[int, ...]) -> str:
-    """On how many constants, or functions of how many variables, the multiplier depends."""
+    """A sentence: on how many constants, or functions of how many variables, the multiplier depends."""
     highest = max((k for k, a in enumerate(characters, start=1) if a), default=0)
     if highest == 0:
         return f"the multiplier depends on {_count(dimension, 'constant')}"
@@ -269,8 +269,8 @@ def regular_series(analysis: Analysis, with_time: bool, order: int, seed: int, s
     """One regular solution of the Helmholtz conditions to order `order` at a random point modulo a prime.
 
     The `series` of an existence certificate: {"order", "point", "prime", "terms"}, the terms being
-    [multi-index, value] for v-degree >= 2 and total degree <= order + 2. The system is prolonged to
-    `order + spare` and projected. ValueError where f is not rational, or no regular solution was met.
+    [multi-index, value] for v-degree >= 2 and total degree <= order + 2. The system is prolonged to `order + spare` and
+    projected. ValueError if f is not rational, or no regular solution is found.
     """
     if not is_rational(analysis):
         raise ValueError("a series modulo a prime needs a rational f")
@@ -300,7 +300,7 @@ def regular_at(
 ) -> dict[tuple[int, ...], int] | None:
     """{multi-index: coefficient} of a solution at the point to the first order, prolonged by the second.
 
-    `choose` gives the free coefficients. None where the solution is singular.
+    `choose` supplies the free coefficients. None if the solution is singular.
     """
     card = HelmholtzAt(analysis, with_time, draw=lambda _: point)
     found = involution.solution_of(card, involution.prolonged(card, 0, sum(orders)), orders[0], choose)
@@ -308,21 +308,21 @@ def regular_at(
 
 
 def prolonged(analysis: Analysis, point: ps.Point, with_time: bool, order: int) -> pde.Prolongation:
-    """All rows up to the order at the point; raises SingularPoint where f has no value there."""
+    """All rows up to the order at the point; SingularPoint if f has no value there."""
     return involution.prolonged(HelmholtzAt(analysis, with_time, draw=lambda _: point), 0, order)
 
 
 def symbols_of(analysis: Analysis) -> list[ex.Symbol | ex.Velocity]:
-    """t, q, v, the parameters, and pi where f contains it."""
+    """t, q, v, the parameters, and pi if f contains it."""
     has_pi = any(node == ex.PI for f in analysis.accelerations for node in ex.walk(f))
     return [*variables_of(analysis.system), *([ex.PI] if has_pi else [])]
 
 
 @dataclass(frozen=True, slots=True)
 class RationalSeries:
-    """Coefficients of (x - x_0)^alpha, x = (t?, q, v), v-degree >= 2, of one regular L; the others are free.
+    """The coefficients of (x - x_0)^alpha, x = (t?, q, v), v-degree >= 2, of one regular L; the others are free.
 
-    `point` gives the values of t, q, v and the parameters, `variables` are those of x.
+    `point` contains the values of t, q, v, and the parameters; `variables` are the components of x.
     """
 
     order: int
@@ -332,7 +332,7 @@ class RationalSeries:
 
 
 def rational_series(analysis: Analysis, with_time: bool, order: int, spare: int = 0) -> RationalSeries | None:
-    """One regular solution to the order, prolonged by `spare` and projected; None where none is met.
+    """One regular solution to the order, prolonged by `spare` and projected; None if none is found.
 
     The squares of the velocities get the coefficient 1/2, all other free coefficients are zero.
     """
@@ -359,14 +359,14 @@ def _at(values: Mapping[ex.Symbol | ex.Velocity, int], seed: int) -> ps.Point:
 
 
 def _dimension(analysis: Analysis, point: ps.Point, with_time: bool, orders: tuple[int, int]) -> int:
-    """How many coefficients are free: more than at a random point means that this one is singular."""
+    """The number of free coefficients; more than at a random point means that this point is singular."""
     return prolonged(analysis, point, with_time, sum(orders)).dimension(orders[0])
 
 
 def _reconstructed(
     analysis: Analysis, values: Mapping[ex.Symbol | ex.Velocity, int], with_time: bool, orders: tuple[int, int]
 ) -> dict[Index, Fraction] | None:
-    """The coefficients as fractions, once those from some primes agree with one prime more."""
+    """The coefficients as fractions, once the reconstruction from some primes agrees with one more prime."""
 
     def residues(k: int) -> tuple[int, dict[Index, int] | None]:
         here = _at(values, k)
@@ -376,7 +376,7 @@ def _reconstructed(
 
 
 def reconstructed(residues_of: Callable[[int], tuple[int, Mapping[Key, int] | None]]) -> dict[Key, Fraction] | None:
-    """Fractions from (prime, residues) for k = 0, 1, …, once those agree with one prime more."""
+    """Fractions from (prime, residues) for k = 0, 1, …, once the reconstruction agrees with one more prime."""
     modulus, residues = 1, dict[Key, int]()
     fractions: dict[Key, Fraction] | None = None
     for k in range(_MOST_PRIMES):
@@ -387,7 +387,7 @@ def reconstructed(residues_of: Callable[[int], tuple[int, Mapping[Key, int] | No
             (a.numerator - fresh.get(key, 0) * a.denominator) % prime for key, a in fractions.items()
         ):
             return fractions
-        # The number modulo modulus * prime with both residues.
+        # The number modulo modulus * prime that has both residues.
         inverse, known = pow(modulus, -1, prime), residues
         residues = {
             key: known.get(key, 0) + modulus * ((value - known.get(key, 0)) * inverse % prime)

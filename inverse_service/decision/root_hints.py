@@ -1,7 +1,7 @@
-"""Roots that are plain functions on the side of a real point: sqrt(sin(u)^2) = sin(u) where this is positive.
+"""Find roots that equal simple functions on the side of a real point: sqrt(sin(u)^2) = sin(u) where sin(u) > 0.
 
-A certificate has them under "roots", as {"root": …, "is": …}; the checker proves each, and keeps its claim to the side
-on which it holds. Nothing is judged here.
+A certificate lists them under "roots" as {"root": …, "is": …}. The checker proves each and restricts its claim to the
+side on which it is true; this module judges nothing.
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ _CIRCULAR = ("sin", "cos", "tan", "sec", "csc", "cot", "sinh", "cosh", "tanh", "
 
 
 def of_system(analysis: deciding.Analysis) -> list[Entry]:
-    """Those of every claim about the system: of its branch, of halves of arctangents, of roots of numbers."""
+    """The hints for every claim about the system: from its branch, halves of arctangents, and roots of numbers."""
     return [*_of_branch(analysis.system), *_halved(analysis), *_of_numbers(analysis)]
 
 
 def of_formulas(formulas: Sequence[ex.Expression], table: real_point.RealTable | None) -> list[Entry]:
-    """Roots in the formulas, or implied by their inverse functions, that are functions or sums of roots."""
+    """The roots in the formulas, or implied by their inverse functions, that equal functions or sums of roots."""
     hidden = _hidden_radicands(formulas)
     with_hidden = [*formulas, *map(ex.square_root, hidden)]
     return [*_circular(with_hidden, table), *_of_squares(hidden, table), *_with_roots_inside(formulas, table)]
 
 
 def of_signs(analysis: deciding.Analysis) -> list[Entry]:
-    """Which signs functions under roots have, as sqrt(u^2) = u: sqrt(1 + tan(x)^2) is 1/cos(x) where cos(x) > 0."""
+    """The signs of functions under roots, as sqrt(u^2) = u: sqrt(1 + tan(x)^2) is 1/cos(x) where cos(x) > 0."""
     signed = (factor if sign > 0 else -factor for factor, sign in analysis.tower.signs)
     return [_of_square(u) for u in signed if any(isinstance(node, ex.Apply) for node in ex.walk(u))]
 
 
 def _hidden_radicands(formulas: Sequence[ex.Expression]) -> list[ex.Expression]:
-    """Under the roots implied by inverse functions: 1 - u^2 for asin u and acos u."""
+    """The radicands implied by inverse functions: 1 - u^2 for asin u and acos u."""
     found = list[ex.Expression]()
     for node in ex.distinct_nodes(formulas):
         match node:
@@ -58,7 +58,7 @@ def _hidden_radicands(formulas: Sequence[ex.Expression]) -> list[ex.Expression]:
 
 
 def _of_squares(radicands: Sequence[ex.Expression], table: real_point.RealTable | None) -> list[Entry]:
-    """The roots of those that are squares; each is what it is on the side of the point."""
+    """The roots of the radicands that are squares, valid on the side of the point."""
     found = list[Entry]()
     for under in radicands if table is not None else ():
         with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
@@ -70,7 +70,7 @@ def _of_squares(radicands: Sequence[ex.Expression], table: real_point.RealTable 
 def _with_roots_inside(formulas: Sequence[ex.Expression], table: real_point.RealTable | None) -> list[Entry]:
     """sqrt(a + b r) = sqrt((a + d)/2) +- sqrt((a - d)/2) for r = sqrt(v), d^2 = a^2 - b^2 v, on the side of the point.
 
-    Where b is 0 once r^2 is v it is the root of the square a.
+    If b = 0 after replacing r^2 by v, it is the root of the square a.
     """
     found, letter = list[Entry](), ex.Symbol("_r")
     for node in ex.distinct_nodes(formulas) if table is not None else ():
@@ -99,7 +99,7 @@ def _with_roots_inside(formulas: Sequence[ex.Expression], table: real_point.Real
 
 
 def _root_here(square: ex.Expression, table: real_point.RealTable) -> ex.Expression | None:
-    """The positive root of a square without a root sign, on the side of the point; None where it is no square."""
+    """The positive root of a square without a root sign, on the side of the point; None if it is not a square."""
     root = ex.square_root(collecting.collect(square))
     if isinstance(root, ex.Number):
         return root
@@ -107,10 +107,9 @@ def _root_here(square: ex.Expression, table: real_point.RealTable) -> ex.Express
 
 
 def _circular(formulas: Sequence[ex.Expression], table: real_point.RealTable | None) -> list[Entry]:
-    """sqrt(1 - sin(u)^2) = +-cos u, sqrt(sinh(u)^2 + 1) = cosh u and the like, on the side of the point.
+    """sqrt(1 - sin(u)^2) = +-cos u, sqrt(sinh(u)^2 + 1) = cosh u, and similar roots, on the side of the point.
 
-    So is each root whose radicand is a number times the square of a function in the formulas: sqrt((1 - x)/2) =
-    sin(acos(x)/2).
+    Also roots of a number times the square of a function in the formulas: sqrt((1 - x)/2) = sin(acos(x)/2).
     """
     found = list[Entry]()
     others = [node for node in ex.distinct_nodes(formulas) if isinstance(node, ex.Apply) and real_point.varies(node)]
@@ -136,11 +135,11 @@ def _angle(node: ex.Expression) -> ex.Expression | None:
 
 
 def _ratio(base: ex.Expression, square: ex.Expression, table: real_point.RealTable) -> Fraction | None:
-    """A rational number that the quotient seems to be; the checker proves it."""
+    """A rational number that the quotient apparently equals; the checker proves it."""
     ratios = []
     for shift in (mpmath.mpf(0), mpmath.mpf(1) / 7, mpmath.mpf(-2) / 9):
         with suppress(evaluation.NoRealValue, ZeroDivisionError):
-            # Each by its own factor: a quotient may be homogeneous of degree 0.
+            # Each variable gets a separate factor, because a quotient may be homogeneous of degree 0.
             moved = {key: value * (1 + shift / (k + 1)) for k, (key, value) in enumerate(table.items())}
             ratios.append(evaluation.evaluate(base, moved) / evaluation.evaluate(square, moved))
     if len(ratios) < 3 or ratios[0] <= 0:
@@ -156,7 +155,7 @@ def _of_branch(system: SecondOrderSystem) -> list[Entry]:
 
 
 def _on_branch(node: ex.Expression, value: ex.Expression) -> tuple[ex.Expression, ex.Expression] | None:
-    """A root with a positive exponent; sqrt(1 - sin(u)^2) = cos u or -cos u of asin(sin u), of acos(cos u) likewise."""
+    """A root with a positive exponent; for asin(sin u), sqrt(1 - sin(u)^2) = cos u or -cos u; acos(cos u) likewise."""
     match node:
         case ex.Power(base, ex.Number(exponent)) if exponent < 0:
             return base**-exponent, value**-1
@@ -173,7 +172,7 @@ def _on_branch(node: ex.Expression, value: ex.Expression) -> tuple[ex.Expression
 
 
 def _halved(analysis: deciding.Analysis) -> list[Entry]:
-    """cos(atan(w)/2), which is positive, where f has roots: nested ones may be products of it and others."""
+    """cos(atan(w)/2) > 0 if f has roots, because nested roots may be products of it and others."""
     if not any(
         tower.is_even_root(node) and real_point.varies(node) for node in ex.distinct_nodes(analysis.system.given)
     ):
@@ -184,7 +183,7 @@ def _halved(analysis: deciding.Analysis) -> list[Entry]:
 
 
 def _of_numbers(analysis: deciding.Analysis) -> Iterator[Entry]:
-    """Roots of numbers that hold roots, where those of f give them: (2 + sqrt(5))^(1/3) = (1 + sqrt(5))/2 (by PSLQ)."""
+    """Nested roots of numbers expressed by the roots in f: (2 + sqrt(5))^(1/3) = (1 + sqrt(5))/2 (by PSLQ)."""
     nodes = (
         node
         for node in ex.distinct_nodes(analysis.accelerations)

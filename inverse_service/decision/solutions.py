@@ -1,4 +1,4 @@
-"""The requests to the solver, and its results: trees and integers, not text documents."""
+"""The requests to the solver and its results, as trees and integers rather than text documents."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ if TYPE_CHECKING:
 
 Verdict = Literal["variational", "not_variational", "undetermined"]
 Matrix = tuple[tuple[ex.Expression, ...], ...]
-# Solutions on the cells that are answered, and the other cells.
+# The solutions on the answered cells, and the remaining cells.
 SoFar: TypeAlias = "tuple[tuple[Solution, ...], tuple[Left, ...]]"
 
 
 @dataclass(frozen=True, slots=True)
 class SolveOptions:
-    """Which question, which random numbers, how long, and the caller's own ideas.
+    """The question, the random numbers, the time limit, and the caller's suggestions.
 
     `time_dependent`: False asks for L(q, q'), True for L(t, q, q'), None for both. `seed` fixes the random points and
-    primes, so that a run can be repeated. `time_limit` is in seconds; the solver looks at it between its stages and
-    ends as undetermined. `ansatz`: terms that a Lagrangian is first looked for in. `given`: the equations as they were
-    written, one tree for each that vanishes along the motion, accelerations unsolved: their own multiplier is tried
-    first. `series_order`: up to which order the multiplier is expanded where no closed form is found; None leaves the
-    choice to the solver. `conditions`: whether Phi, nabla Phi and R are written out. `first_integrals`: whether they
-    are looked for. `reasons`: whether it is said why there is no Lagrangian, which `solving.with_reasons` does later.
-    `hand_over`: called with the names of the parts that are finished and checked, with what makes the
-    solutions so far, while there is more to find.
+    primes, so that a run can be repeated. `time_limit` is in seconds; the solver checks it between its stages and
+    returns undetermined when it expires. `ansatz`: terms among which the search first looks for a Lagrangian. `given`:
+    the equations as written, each a tree that vanishes along the motion, with unsolved accelerations; their own
+    multiplier is tried first. `series_order`: the order to which the multiplier is expanded if no closed form is found;
+    None lets the solver choose. `conditions`: whether to write out Phi, nabla Phi, and R. `first_integrals`: whether to
+    search for them. `reasons`: whether to explain why there is no Lagrangian, which `solving.with_reasons` can do
+    later. `hand_over`: called while work continues, with the names of the finished and checked parts and a function
+    that returns the solutions so far.
     """
 
     time_dependent: bool | None = None
@@ -48,14 +48,14 @@ class SolveOptions:
 
 
 def questions(time_dependent: bool | None, system: SecondOrderSystem) -> tuple[bool, bool]:
-    """Whether L(q, q') is asked for, and whether L(t, q, q') is, the only question where f contains t."""
+    """Whether the questions for L(q, q') and for L(t, q, q') are asked; if f contains t, only the latter is."""
     depends = system.depends_on_time
     return not depends and time_dependent is not True, depends or time_dependent is not False
 
 
 @dataclass(frozen=True, slots=True)
 class SolutionSpace:
-    """Size of the space of multipliers: D_0, D_1, … at `order`, Cartan characters, a sentence."""
+    """The size of the space of multipliers: D_0, D_1, … at `order`, Cartan characters, and a sentence."""
 
     order: int
     dimensions: tuple[int, ...]
@@ -68,7 +68,7 @@ class SolutionSpace:
 class Lagrangian:
     """A regular Lagrangian, its Hessian g, the functions that must not vanish, and its family.
 
-    Where all trees of `positive` are > 0 it is a Lagrangian of the system. `reason`: why it is shown with another.
+    It is a Lagrangian of the system where all trees of `positive` are > 0. `reason`: why it is shown with another one.
     """
 
     expression: ex.Expression
@@ -83,9 +83,8 @@ class Lagrangian:
 class Hamiltonian:
     """H over (q, p), p of coordinate x being Symbol("p_x"); over (q, v) where `implicit`.
 
-    `symbols[i]` names the momentum of coordinate i, `momenta[i]` is p_i(t, q, v); `note` says on
-    which branch the transform was inverted, or why it was not; there every tree of `positive`, over
-    (t, q, v, p), is > 0.
+    `symbols[i]` is the momentum of coordinate i, `momenta[i]` is p_i(t, q, v). `note` names the branch on which the
+    transform was inverted, or says why it was not; on this branch every tree of `positive`, over (t, q, v, p), is > 0.
     """
 
     expression: ex.Expression
@@ -98,16 +97,16 @@ class Hamiltonian:
 
     @classmethod
     def of(cls, found: LegendreTransform, constraints: Iterable[ex.Expression] = ()) -> Hamiltonian:
-        """That of a Legendre transform, with the constraints in phase space."""
+        """The Hamiltonian of a Legendre transform, with the constraints in phase space."""
         rest = found.symbols, found.note, found.positive
         return cls(found.hamiltonian, found.momenta, found.implicit, tuple(constraints), *rest)
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A part of a step: "text", a "formula" in the sentence, or one on "display" below it.
+    """A part of a step: "text", a "formula" in the sentence, or a "display" formula below it.
 
-    `letters` are the names of the theory in a formula, with their lower indices; R without them too.
+    `letters` are the names of the theory in a formula, with their lower indices; R also without indices.
     """
 
     kind: str
@@ -117,7 +116,7 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One step of an explanation: its sentence, and this in parts, what is shown below it at the end."""
+    """One step of an explanation: its sentence, and the sentence in parts, with displayed formulas at the end."""
 
     text: str
     parts: tuple[Part, ...] = ()
@@ -127,11 +126,11 @@ class Step:
 class Answer:
     """The answer to one question: is there L(q, q'), or is there L(t, q, q')?
 
-    `explanation` proves it, `details` say how it was found and what else proves it.
+    `explanation` proves it; `details` say how it was found and which other proofs exist.
 
-    It holds, at generic points, where all trees of `positive` are > 0 and none of `nonzero` is 0; if `one_side`, on the
-    part of that set that is connected with the point of the certificate. Its proof rests on the signs of `sides`, and
-    is one for general parameters: `exceptions` are equations between them where it is none.
+    It is valid at generic points where all trees of `positive` are > 0 and none of `nonzero` is 0; if `one_side`, only
+    on the connected component of the certificate's point. Its proof depends on the signs of `sides` and is valid for
+    general parameters: `exceptions` are equations between parameters for which it fails.
     """
 
     verdict: Verdict
@@ -162,9 +161,9 @@ class Conditions:
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """Everything found out about one system; `autonomous` is None where f contains t.
+    """All results about one system; `autonomous` is None if f contains t.
 
-    `cut` names the parts for which the time was over, each with a sentence.
+    `cut` maps each part for which the time limit expired to a sentence.
     """
 
     system: SecondOrderSystem
@@ -177,5 +176,5 @@ class Solution:
 
     @property
     def main(self) -> Answer | None:
-        """Of L(q, q'), of L(t, q, q') where f contains t."""
+        """The answer for L(q, q'), or for L(t, q, q') if f contains t."""
         return self.with_time if self.system.depends_on_time else self.autonomous

@@ -1,1 +1,1 @@
-"""One card a question: which unknown functions, which equations, which matrix has to reach which rank."""
+"""Each module defines one question: the unknown functions, the equations, and the matrix with its required rank."""

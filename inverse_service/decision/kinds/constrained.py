@@ -1,4 +1,4 @@
-"""Has any regular L the motion on a constraint manifold D among its solutions? Conditions on its 1-jet along D.
+"""Does a regular L have the motion on a constraint manifold D among its solutions? Conditions on its 1-jet along D.
 
 D: s^a' = w^a(t, q, u), q = (r, s), r' = u, u^alpha' = F^alpha(t, q, u), k free velocities u, m dependent s. With
 L = l + lambda_a (s^a' - w^a) + …, l and lambda_a functions of (t?, q, u), x = (t?, q, u), X = (1, u, w, F),
@@ -12,13 +12,13 @@ vanish; L can be chosen regular iff [d2l/du du; dlambda/du] has rank k. (w linea
 Mestdag, Martin de Diego, arXiv:2606.05550; Barbero-Linan, Farre Puiggali, Martin de Diego, arXiv:1404.1961.)
 m = 0 is the inverse problem itself.
 
-Equations that follow from these settle the card at a third of the order (`write_brackets`, `equations`):
+Consequences of these equations decide the question at a third of the order (`write_brackets`, `equations`):
 
-theta = sum (dl/du^alpha) dr^alpha + lambda_a (ds^a - w^a_alpha dr^alpha) has a differential that Gamma keeps and that
-vanishes on pairs of vertical vectors, so on all (L_Gamma)^j (d/du^alpha ^ d/du^beta): with V_i = (ad Gamma)^i applied
-to d/du^alpha and V'_i that of beta, sum_i C(j, i) dtheta(V_i, V'_(j - i)) = 0, an equation of order 1 in (l, lambda).
-For j = 0 and 1 it is an identity. As it holds j derivatives of Gamma, it is counted as of order j/PACE, rounded up.
-(Prince, Mestdag, Martin de Diego, arXiv:2606.05550.)
+The differential of theta = sum (dl/du^alpha) dr^alpha + lambda_a (ds^a - w^a_alpha dr^alpha) is invariant under Gamma
+and vanishes on pairs of vertical vectors, hence on all (L_Gamma)^j (d/du^alpha ^ d/du^beta): with V_i = (ad Gamma)^i
+applied to d/du^alpha and V'_i that of beta, sum_i C(j, i) dtheta(V_i, V'_(j - i)) = 0, an equation of order 1 in (l,
+lambda). For j = 0 and 1 it is an identity. Because it contains j derivatives of Gamma, it is assigned the order j/PACE,
+rounded up. (Prince, Mestdag, Martin de Diego, arXiv:2606.05550.)
 """
 
 import itertools
@@ -39,7 +39,7 @@ from inverse_service.linear_pde.involution import Matrix
 
 Integers = npt.NDArray[np.int64]
 PACE, FIRST = 4, 2
-# Of the tables for series to as many degrees as there are brackets.
+# The limit on products in the tables for series to as many degrees as there are brackets.
 _MOST_BRACKET_PRODUCTS = 1_000_000
 
 
@@ -64,7 +64,7 @@ class Shape:
     def u(self, alpha: int) -> int:
         return self.with_time + self.free + self.dependent + alpha
 
-    # Registers: X, then w^a_alpha, the factors of lambda_b in free_alpha and in dependent_a, 1, and a spare one.
+    # Registers: X, w^a_alpha, the factors of lambda_b in free_alpha and in dependent_a, 1, and a spare register.
     def slope(self, a: int, alpha: int) -> int:
         return self.size + a * self.free + alpha
 
@@ -81,7 +81,7 @@ class Shape:
 
 @lru_cache(maxsize=64)
 def unknowns_of(shape: Shape) -> Unknowns:
-    """l, of which all first derivatives occur, then lambda_a."""
+    """The unknowns l, all of whose first derivatives occur, and lambda_a."""
     functions = (Function(1), *[Function(0)] * shape.dependent)
     entries = [*((0, (x,)) for x in range(shape.size)), *((1 + a, ()) for a in range(shape.dependent))]
     return Unknowns(shape.size, functions, tuple(entries))
@@ -103,7 +103,7 @@ def regular_on_constraints(shape: Shape) -> Matrix:
 
 
 def written(shape: Shape, variables: Sequence[ps.Variable], field: Sequence[Expression], order: int) -> SeriesProgram:
-    """X, less its component along t, and the coefficients for series to this order in the displacements of x."""
+    """X without its t component, and the coefficients, for series to this order in the displacements of x."""
     series = SeriesProgram(variables, order)
     series.register(shape.one + 2)
     series.write(machine.CONSTANT, shape.one)
@@ -146,7 +146,7 @@ def compiled_equations(shape: Shape, prime: int, order: int, registers: Register
 
 @lru_cache(maxsize=64)
 def _terms(kind: str, shape: Shape) -> Integers:
-    """The summands as a `TermTable` has them: equation, series, sign, entry, derivative."""
+    """The summands in the form of a `TermTable`: equation, series, sign, entry, derivative."""
     rows: list[tuple[int, int, int, int, int]] = []
     plain, multiplier = NO_DERIVATIVE, shape.size
     if kind == "free":
@@ -164,13 +164,13 @@ def _terms(kind: str, shape: Shape) -> Integers:
 
 
 def order_of(j: int) -> int:
-    """The order at which the equations of j come in."""
+    """The order at which the equations of j are included."""
     return -(-j // PACE)
 
 
 @lru_cache(maxsize=64)
 def last_of(shape: Shape) -> int:
-    """The last j: no more than there are bivectors, nor than series can be made for; 0 for none."""
+    """The last j, limited by the number of bivectors and by the possible series; 0 for none."""
     if shape.free < 2:
         return 0
     size = shape.size - shape.with_time
@@ -179,13 +179,13 @@ def last_of(shape: Shape) -> int:
 
 
 def degree_for(shape: Shape, order: int) -> int:
-    """The degree of the series that it takes to prolong to this order."""
+    """The degree of the series required to prolong to this order."""
     coming = range(FIRST, min(last_of(shape), PACE * order) + 1)
     return max([order + 1, *(order - order_of(j) + j for j in coming)])
 
 
 def write_brackets(shape: Shape, series: SeriesProgram) -> int:
-    """V_j of each u^alpha, j = 0, 1, …, `last_of`, one after the other; the first register."""
+    """Write V_j of each u^alpha for j = 0, 1, …, `last_of`; return the first register."""
     size, own, minus = shape.size, range(int(shape.with_time), shape.size), series.number(Fraction(-1))
     count = size * shape.free * (last_of(shape) + 1)
     first = series.register(count + 1)
@@ -207,9 +207,9 @@ def write_brackets(shape: Shape, series: SeriesProgram) -> int:
 
 @dataclass(frozen=True, slots=True)
 class _Program:
-    """What is made of the first `kept` registers, `count` in all: instructions, the numbers in them, terms.
+    """A program on the first `kept` of `count` registers: instructions, their numbers, and terms.
 
-    There is a table of terms for each (j, alpha), as for a `TermTable`, its series given by registers.
+    Each (j, alpha) has a table of terms, as for a `TermTable`, with registers as series.
     """
 
     kept: int
@@ -221,7 +221,7 @@ class _Program:
 
 @dataclass(slots=True)
 class _Writing:
-    """A program in the making: `first` and `slopes` are registers as `equations` has them, `free` the next one."""
+    """A program under construction: `first` and `slopes` are registers as in `equations`, `free` is the next one."""
 
     shape: Shape
     first: int
@@ -248,7 +248,7 @@ class _Writing:
         return self.first + self.shape.size * (self.shape.free * j + alpha)
 
     def along(self, j: int, alpha: int, y: int) -> int:
-        """The component by dr^y, or by ds^a - w^a_alpha dr^alpha."""
+        """The component along dr^y, or along ds^a - w^a_alpha dr^alpha."""
         k, m = self.shape.free, self.shape.dependent
         return self.vector(j, alpha) + self.shape.r(y) if y < k else self.kept + (k * j + alpha) * m + y - k
 
@@ -266,7 +266,7 @@ def _program(shape: Shape, first: int, slopes: int, last: int) -> _Program:
 
 
 def _write_components(out: _Writing) -> None:
-    """Of all V_j by ds^a - w^a_alpha dr^alpha, and the derivatives of the w^a_alpha."""
+    """Write the components of all V_j along ds^a - w^a_alpha dr^alpha, and the derivatives of the w^a_alpha."""
     k, one = out.shape.free, out.weight(1)
     for j, alpha, a in itertools.product(range(out.last + 1), range(k), range(out.shape.dependent)):
         place = out.along(j, alpha, k + a)
@@ -280,7 +280,7 @@ def _write_components(out: _Writing) -> None:
 
 
 def _bracket_terms(out: _Writing, j: int, alpha: int) -> Iterator[tuple[int, int, int, int, int]]:
-    """Of the equations for (j, alpha) and each beta after alpha; their coefficients are written first."""
+    """The terms of the equations for (j, alpha) and each beta after alpha; their coefficients are written first."""
     shape, k, m = out.shape, out.shape.free, out.shape.dependent
     for equation, beta in enumerate(range(alpha + 1, k)):
         lower = out.free
@@ -301,13 +301,13 @@ def _bracket_terms(out: _Writing, j: int, alpha: int) -> Iterator[tuple[int, int
 def equations(
     shape: Shape, unknowns: Unknowns, order: int, registers: Registers, first: int, slopes: int
 ) -> Iterator[Equations]:
-    """Those that come in up to this order, from the registers of `write_brackets` and of the w^a_alpha."""
+    """The equations included up to this order, from the registers of `write_brackets` and of the w^a_alpha."""
     last = min(last_of(shape), PACE * order)
     if last < FIRST:
         return
     program = _program(shape, first, slopes, last)
     again = run_again(registers, program.kept, program.count, program.instructions, program.numbers, order)
-    for j, alpha, terms in reversed(program.terms):  # which makes the shortest proofs
+    for j, alpha, terms in reversed(program.terms):  # this order gives the shortest proofs
         used, places = np.unique(terms[:, 1], return_inverse=True)
         own = terms.copy()
         own[:, 1] = places

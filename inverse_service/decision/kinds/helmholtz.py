@@ -1,4 +1,4 @@
-"""The conditions on g_ij = d2L/dv_i dv_j for a regular L(q, v) or L(t, q, v), for one of a kind, and with friction.
+"""The conditions on g_ij = d2L/dv_i dv_j for a regular L(q, v) or L(t, q, v), also of one kind or with friction.
 
 g is symmetric and of rank n, (H1) holds because g is a Hessian. Coordinates are x = (t?, q, v), X = (1, v, f) are the
 components of Gamma. The sections follow in this order.
@@ -12,9 +12,9 @@ Fernandez), with N = -1/2 df/dv and Phi = Gamma(df/dv) - 2 df/dq - 1/2 (df/dv)(d
 The instructions for N and Phi follow those for f. Their registers are the first ones: X, then df/dv, N, Phi (n x n
 each), and one for derivatives in between.
 
-A Lagrangian of one kind (`LagrangianKind`). A kind is given by derivations Y = Y^x d/dx over (t, q, v), with Y^q free
-of v and Y^v affine in v, that multiply L by a number: Y(L) = c L. For g that is K; it holds where Y(L) = c L up to
-terms affine in v. Where Y(L) = c L holds exactly, Y is a symmetry of the motion, up to its speed, which is S:
+A Lagrangian of one kind (`LagrangianKind`). Derivations Y = Y^x d/dx over (t, q, v), with Y^q free of v and Y^v affine
+in v, define a kind by multiplying L by a number: Y(L) = c L. The condition on g is K, which is equivalent to Y(L) = c L
+up to terms affine in v. If Y(L) = c L exactly, Y is a symmetry of the motion up to its speed, which is condition S:
 
     K_ij   Y(g_ij) + g_ik dY_v^k/dv^j + g_jk dY_v^k/dv^i - c g_ij = 0,          i <= j
     S_i    g_ij s^j = 0,   s = Y(f) - Gamma(Y_v) - c f/2
@@ -25,8 +25,9 @@ terms affine in v. Where Y(L) = c L holds exactly, Y is a symmetry of the motion
     invariant under X(q)                      X^c = X^i d/dq^i + v^k dX^i/dq^k d/dv^i, c = 0
 
 A Lagrangian with any friction D(t, q, v): E_i = Gamma(dL/dv^i) - dL/dq^i = dD/dv^i need not vanish, so H2 and H3 need
-not hold. dE_i/dv^j is symmetric iff 2 (d2L/dq^j dv^i - d2L/dq^i dv^j) = P_ij is minus the antisymmetric part of
-g_il df^l/dv^j. C is dP/dv; D says that P at one v is closed, so that it is that of some A_i(q) v^i; t is a parameter:
+not be satisfied. dE_i/dv^j is symmetric iff 2 (d2L/dq^j dv^i - d2L/dq^i dv^j) = P_ij is minus the antisymmetric part of
+g_il df^l/dv^j. C is the condition on dP/dv; D states that P at one v is closed, so that it comes from some A_i(q) v^i;
+t is a parameter:
 
     C_ijk  2 (d_(q^j) g_ik - d_(q^i) g_jk) + d_(v^k) (g_il df^l/dv^j - g_jl df^l/dv^i) = 0,    i < j
     D_ijk  the sum of d_(q^k) (g_il df^l/dv^j - g_jl df^l/dv^i) over the cyclic permutations = 0,    i < j < k
@@ -49,7 +50,7 @@ from inverse_service.mechanics import conditions
 
 Integers = npt.NDArray[np.int64]
 Kind = Literal["H2", "H3"]
-# The rows of H2 have a derivative of g.
+# The kinds of rows with the order of their derivatives of g.
 KINDS: tuple[tuple[Kind, int], ...] = (("H2", 1), ("H3", 0))
 Friction = Literal["any friction"]
 ANY_FRICTION: Friction = "any friction"
@@ -65,7 +66,7 @@ def unknowns_of(n: int, size: int) -> pde.Unknowns:
 
 @lru_cache(maxsize=64)
 def matrix_of(n: int, size: int) -> involution.Matrix:
-    """g, of rank n."""
+    """The matrix g, which must have rank n."""
     velocities = range(size - n, size)
     return involution.Matrix(tuple(tuple((0, (min(i, j), max(i, j))) for j in velocities) for i in velocities), n)
 
@@ -77,7 +78,7 @@ def pairs_of(kind: Kind, n: int) -> tuple[tuple[int, int], ...]:
 
 
 class Written(NamedTuple):
-    """X, N and Phi about a point as a program, and the registers of all of them in this order."""
+    """The program of the series of X, N, and Phi about a point, and their registers in this order."""
 
     program: machine.SeriesProgram
     field: tuple[machine.Series, ...]
@@ -86,7 +87,7 @@ class Written(NamedTuple):
 
 
 def written(variables: Sequence[ps.Variable], forces: Sequence[ex.Expression], order: int) -> Written:
-    """For f to this order at most, in (t?, q, v); Phi comes out to order D - 2. TooLarge for too much memory."""
+    """The program for f to order D at most in (t?, q, v), Phi to order D - 2; TooLarge if it needs too much memory."""
     program, field, motion = motion_of_series(variables, forces, order)
     tensors = conditions.connection(motion), conditions.jacobi_endomorphism(motion)
     entries = [entry for tensor in tensors for row in tensor for entry in row]
@@ -97,7 +98,7 @@ def written(variables: Sequence[ps.Variable], forces: Sequence[ex.Expression], o
 def motion_of_series(
     variables: Sequence[ps.Variable], forces: Sequence[ex.Expression], order: int
 ) -> tuple[machine.SeriesProgram, tuple[machine.Series, ...], conditions.Motion[machine.Series]]:
-    """X and the motion about a point, as a program for series to this order in the displacements (t?, q, v)."""
+    """The program, X, and the motion about a point, for series to this order in the displacements (t?, q, v)."""
     program, size, n = machine.SeriesProgram(variables, order), len(variables), len(forces)
     rates = [*[ex.ONE] * (size - 2 * n), *variables[size - n :], *forces]
     field = tuple(machine.series_of(program, rate) for rate in rates)
@@ -114,7 +115,7 @@ def motion_of_series(
 
 
 def compiled_equations(registers: Integers, n: int, order: int, found: machine.Registers) -> pde.LocalEquations:
-    """H2, then H3, from the registers of X, N and Phi after a run, for prolongation to this order."""
+    """H2, then H3, from the registers of X, N, and Phi after a run, for prolongation to this order."""
     size = len(registers) - 2 * n * n
     series, unknowns = found.coefficients(registers, order), unknowns_of(n, size)
     blocks = tuple(
@@ -132,7 +133,7 @@ def tensors_after(written: Written, found: machine.Registers) -> tuple[list[list
 
 @lru_cache(maxsize=64)
 def _terms(kind: Kind, n: int, size: int) -> Integers:
-    """The summands of the equations of a kind, as a `TermTable` has them, their series numbered as in `Written`."""
+    """The summands of the equations of a kind in the form of a `TermTable`, with series numbered as in `Written`."""
     entry, first = _entries(n), size + (0 if kind == "H2" else n * n)
     rows: list[tuple[int, int, bool, int, int]] = []
     for equation, (i, j) in enumerate(pairs_of(kind, n)):
@@ -153,7 +154,7 @@ def _entries(n: int) -> Mapping[tuple[int, int], int]:
 
 @dataclass(frozen=True, slots=True)
 class Derivation:
-    """Y by its components, c, and whether Y(L) = c L is meant exactly."""
+    """The components of Y, the number c, and whether Y(L) = c L is exact."""
 
     parts: Mapping[ps.Variable, ex.Expression]
     weight: int
@@ -165,7 +166,7 @@ Among = Sequence[Derivation | Friction]
 
 @dataclass(frozen=True, slots=True)
 class LagrangianKind:
-    """Its name, its derivations (with friction the rows C and D before them), and what a certificate calls it."""
+    """Its name, its derivations (with friction, preceded by the rows C and D), and its name in certificates."""
 
     name: str
     derivations: tuple[Derivation | Friction, ...]
@@ -195,7 +196,7 @@ def kind_named(name: str, names: Sequence[str]) -> LagrangianKind:
 
 
 def invariant(fields: Sequence[Mapping[str, tuple[str, ex.Expression]]], names: Sequence[str]) -> LagrangianKind:
-    """Under vector fields, each by its components along coordinates as (text, tree)."""
+    """The kind of Lagrangians invariant under vector fields, whose components by coordinate are (text, tree)."""
     found = []
     for field in fields:
         lifted: dict[ps.Variable, ex.Expression] = {
@@ -209,7 +210,7 @@ def invariant(fields: Sequence[Mapping[str, tuple[str, ex.Expression]]], names: 
 
 @dataclass(frozen=True, slots=True)
 class Added:
-    """The equations of one kind that are asked for besides those of Helmholtz, their series as registers."""
+    """The equations of one kind in addition to the Helmholtz conditions, with registers as series."""
 
     kind: str
     pairs: tuple[tuple[int, int], ...]
@@ -218,7 +219,7 @@ class Added:
 
 
 def added_equations(among: Among, given: Written) -> tuple[Added, ...]:
-    """K and S of each, C and D; their series take two orders more than the prolongation."""
+    """K and S of each derivation, or C and D; their series require two orders more than the prolongation."""
     program, gamma = given.program, list(enumerate(given.field))
     n, size = len(given.tensors[0]), len(gamma)
     found = [*_curl(given, n)] if ANY_FRICTION in among else []
