@@ -1,4 +1,4 @@
-"""One system, its questions in the order of wanting: decide, search, certify, check, explain.
+"""Answer the questions about one system: decide, search, certify, check, explain.
 
-Others use `solving.solve`; `kind_answers`, `clock`, and `special_cases` answer what was asked besides.
+Other packages use `solving.solve`; `kind_answers`, `clock`, and `special_cases` answer additional questions.
 """

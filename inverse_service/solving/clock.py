@@ -1,4 +1,4 @@
-"""A system with another clock: dtau = N(q) dt, q' = dq/dtau (Chaplygin 1911), given or looked for."""
+"""A system after a time change dtau = N(q) dt, q' = dq/dtau (Chaplygin 1911), with N given or searched for."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -13,9 +13,9 @@ from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics import constrained_motion, nonholonomic_integrals, second_order_system
 from inverse_service.search import terms
 
-# Of a factor of f, and of the density of an invariant measure for n coordinates, the powers that are tried.
+# The powers tried for the density of an invariant measure and for factors of f.
 _POWERS = tuple(Fraction(k, 2) for k in (-1, 1, -2, 2, -4, 4))
-_ORDER = 4  # of the prolongations
+_ORDER = 4  # of prolongation
 _SEED = 1
 
 
@@ -26,7 +26,7 @@ def with_clock(
 ) -> second_order_system.SecondOrderSystem | None:
     """q'' = f(q, N q')/N^2 - (q'^k dN/dq^k / N) q', for f without t, where N has real values other than 0.
 
-    On the first case of the signs in f and N that has a real point; None where none has.
+    On the first combination of signs in f and N with a real point; None if there is none.
     """
     names, variables = system.coordinates, deciding.variables_of(system)
     for case in second_order_system.branches_of(replace(system, accelerations=(*system.given, factor), branch=None)):
@@ -46,7 +46,7 @@ def with_clock(
 def find_clock(
     system: second_order_system.SecondOrderSystem, seed: int, deadline: float
 ) -> tuple[ex.Expression | None, tuple[ex.Expression, ...]]:
-    """The first N with which the system has a Lagrangian, and those that were tried before it.
+    """The first N for which the system has a Lagrangian, and those tried before it.
 
     Powers of the density rho(q) of an invariant measure dq dq' come first: if g = N^2 G with det G constant, N is
     rho^(1/(n - 1)), and if det g is constant, rho^(-1/(n + 1)). Then powers of factors of f.
@@ -55,7 +55,7 @@ def find_clock(
     for factor in _clocks(system, deadline):
         if now() > deadline:
             break
-        changed = system if factor == ex.ONE else with_clock(system, factor, lambda tree: tree)  # to be decided only
+        changed = system if factor == ex.ONE else with_clock(system, factor, lambda tree: tree)  # for a decision
         if changed is None:
             continue
         if deciding.decide(changed, False, seed, Limits(_ORDER, deadline)).verdict == "variational":
@@ -78,7 +78,7 @@ def _clocks(system: second_order_system.SecondOrderSystem, deadline: float) -> I
 
 
 def _factors(system: second_order_system.SecondOrderSystem) -> list[ex.Expression]:
-    """Denominators, radicands and functions in f that hold coordinates and no velocity."""
+    """The denominators, radicands, and functions in f that contain coordinates but no velocities."""
     own = {*map(ex.Symbol, system.coordinates)}
     found: dict[ex.Expression, None] = {}
     for node in (node for f in system.given for node in ex.walk(f)):
@@ -91,7 +91,7 @@ def _factors(system: second_order_system.SecondOrderSystem) -> list[ex.Expressio
 
 
 def _density(system: second_order_system.SecondOrderSystem, deadline: float) -> ex.Expression | None:
-    """rho(q) with rho dq dq' invariant: that of the motion with these accelerations and no constraint."""
+    """rho(q) with rho dq dq' invariant under the motion with these accelerations and no constraints."""
     names, n = system.coordinates, len(system.coordinates)
     try:
         budget = exact_field.Budget(constrained_motion.TERM_LIMIT, deadline)

@@ -1,14 +1,14 @@
-"""The answers about kinds of Lagrangians, each with a certificate that the checker confirms.
+"""Answer questions about kinds of Lagrangians, each with a certificate that the checker confirms.
 
-A Lagrangian whose Hessian is definite at a real point: among the Lagrangians found, a combination with a definite
-Hessian there is a yes. Else, for rational f, the values W that g = d2L/dv dv can take at the point follow from the
-prolonged Helmholtz conditions with this very point put in: a definite matrix in W is a yes where the system is
-involutive there, Y >= 0 with tr(Y w) = 0 on W a no.
+A Lagrangian whose Hessian is definite at a real point: a combination of the Lagrangians found with a definite Hessian
+there proves a yes. Otherwise, for rational f, the prolonged Helmholtz conditions at this point determine the space W of
+values of g = d2L/dv dv. A definite matrix in W proves a yes if the system is involutive there; Y >= 0 with tr(Y w) = 0
+on W proves a no.
 
 A natural Lagrangian with friction (Mestdag, Sarlet, Crampin, arXiv:1004.0674, with D homogeneous): E_i = dD/dv_i along
-f for L = T + A v - V and D = D_ij(q) v_i v_j/2. E_i is g_ij f^j and terms of degree 2, 1, 0 in v, so f is quadratic
-in v. With f = f_e + f_o, even and odd in v, T - V is a Lagrangian of f_e, and g f_o = C v with D the symmetric part of
-C and dA its antisymmetric part.
+f for L = T + A v - V and D = D_ij(q) v_i v_j/2. E_i is g_ij f^j plus terms of degree 2, 1, 0 in v, so f is quadratic in
+v. With f = f_e + f_o, even and odd in v, T - V is a Lagrangian of f_e, and g f_o = C v, where D is the symmetric and dA
+the antisymmetric part of C.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -40,7 +40,7 @@ NOT_FOUND = "the conditions on the multiplier leave such a Lagrangian possible, 
 _HOMOGENEOUS = ("riemannian", "finsler")
 FAMILY = "natural, with friction"
 HALF = Fraction(1, 2)
-# Of the time for a Lagrangian with friction, what the search for one without may take.
+# The share of the time for a Lagrangian with friction that the search for one without friction may use.
 _SHARE_OF_SEARCH = 0.7
 Near = Mapping[ex.Symbol | ex.Velocity, Fraction]
 DEFINITE_SUM = "a sum with a definite Hessian"
@@ -55,9 +55,9 @@ _DIGITS = 2
 
 @dataclass(frozen=True, slots=True)
 class KindAnswer:
-    """Whether there is a regular Lagrangian of a kind; `dissipation` is D where it is one with friction.
+    """Whether there is a regular Lagrangian of a kind; `dissipation` is D for a Lagrangian with friction.
 
-    The proof is one for general parameters: `exceptions` are equations between them where it is none.
+    The proof is valid for general parameters: `exceptions` are equations between parameters for which it fails.
     """
 
     verdict: solutions.Verdict
@@ -71,10 +71,9 @@ class KindAnswer:
 def answer_kind(
     solution: solutions.Solution, kind: LagrangianKind, near: Near, asked: solutions.SolveOptions, deadline: float
 ) -> KindAnswer:
-    """The answer on the first branch, of L(q, q'), of L(t, q, q') where f contains t; `near` is the point asked about.
+    """The answer on the first branch for L(q, q'), or for L(t, q, q') if f contains t, at the requested point `near`.
 
-    A Lagrangian that was found already and is of the kind is a yes; else the conditions on all multipliers of the
-    kind are decided.
+    A known Lagrangian of this kind proves a yes; otherwise the conditions on all multipliers of the kind are decided.
     """
     main, system, friction = solution.main, solution.system, kind.name == "rayleigh"
     if system.depends_on_time and kind.name in _HOMOGENEOUS:
@@ -96,7 +95,7 @@ def answer_kind(
 def _of_known(
     analysis: deciding.Analysis, main: solutions.Answer | None, kind: LagrangianKind, deadline: float
 ) -> KindAnswer | None:
-    """The first Lagrangian of an answer that the checker finds to be of the kind."""
+    """A yes by the first Lagrangian of an answer that, according to the checker, is of the kind."""
     with_time = analysis.system.depends_on_time
     for lagrangian in lagrangians_of(main):
         certificate = certify.of_lagrangian(analysis, lagrangian.expression, with_time, kind)
@@ -113,7 +112,7 @@ def lagrangians_of(main: solutions.Answer | None) -> Sequence[solutions.Lagrangi
 def decided(
     analysis: deciding.Analysis, kind: LagrangianKind, seed: int, deadline: float, even: SecondOrderSystem | None = None
 ) -> KindAnswer:
-    """By the conditions on all multipliers of the kind; those of a system `even` where the kind speaks of that."""
+    """The answer from the conditions on all multipliers of the kind, for the system `even` if the kind refers to it."""
     if now() > deadline:
         return KindAnswer("undetermined", _NO_TIME)
     with_time, limits = analysis.system.depends_on_time, involution.Limits(deadline=deadline)
@@ -132,13 +131,13 @@ def decided(
 
 
 def of_no(main: solutions.Answer) -> KindAnswer:
-    """Where there is no Lagrangian there is none of a kind."""
+    """The answer no: a system without a Lagrangian has none of any kind."""
     reason = "no Lagrangian of any kind exists"
     return KindAnswer("not_variational", reason, main.certificate, exceptions=main.exceptions)
 
 
 def confirmed(answer: KindAnswer, deadline: float) -> KindAnswer | None:
-    """The answer, where the checker confirms its certificate in the time that is left."""
+    """The answer if the checker confirms its certificate in the remaining time, else None."""
     proof = checker.check_certificate(answer.certificate, time_limit=left(deadline, 1.0))
     return replace(answer, exceptions=proof.exceptions) if proof.verdict == "valid" else None
 
@@ -147,11 +146,11 @@ def confirmed(answer: KindAnswer, deadline: float) -> KindAnswer | None:
 
 
 def quick_rayleigh(analysis: Analysis, given: Sequence[ex.Expression], deadline: float) -> KindAnswer | None:
-    """By the equations as they were written: E = M q'' + b with M the Hessian of T; None where that gives none."""
+    """The answer from the equations as written, E = M q'' + b with M the Hessian of T; None if they give none."""
     names = analysis.system.coordinates
     even, odd = zip(*(parts_of_parity(equation, names) for equation in given), strict=True) if given else ((), ())
     if any(isinstance(node, ex.Acceleration) for part in odd for node in ex.walk(part)):
-        even = odd = ()  # what multiplies an acceleration is no force
+        even = odd = ()  # factors of accelerations are not forces
     system = without_friction(analysis.system)
     for matching in (even, ()):
         tree = row_factors.lagrangian_as_given(system, matching)
@@ -165,7 +164,7 @@ def quick_rayleigh(analysis: Analysis, given: Sequence[ex.Expression], deadline:
 
 
 def answer_rayleigh(analysis: Analysis, given: Sequence[ex.Expression], seed: int, deadline: float) -> KindAnswer:
-    """Yes with L and D, or no: f is not quadratic in v, or no natural L belongs to its even part."""
+    """Yes with L and D, or no because f is not quadratic in v or its even part has no natural L."""
     found = quick_rayleigh(analysis, given, deadline) or _refuted(analysis, seed, deadline)
     return found or _searched(analysis, seed, deadline) or KindAnswer("undetermined", NOT_FOUND)
 
@@ -175,7 +174,7 @@ def _kind(analysis: Analysis) -> LagrangianKind:
 
 
 def _refuted(analysis: Analysis, seed: int, deadline: float) -> KindAnswer | None:
-    """By the degree of f, the natural Lagrangians of its even part, or those with any friction."""
+    """A no from the degree of f, the natural Lagrangians of its even part, or those with any friction."""
     system, kind, with_time = analysis.system, _kind(analysis), analysis.system.depends_on_time
     n = len(system.coordinates)
     rows = tuple(("S0", i, i, (0,) * (2 * n + with_time)) for i in range(n))
@@ -200,7 +199,7 @@ def _searched(analysis: Analysis, seed: int, deadline: float) -> KindAnswer | No
 
 
 def _lagrangians_without_friction(system: SecondOrderSystem, seed: int, deadline: float) -> Iterator[ex.Expression]:
-    """The L(q, q') that are found of the system without friction."""
+    """The Lagrangians L(q, q') found for the system without friction."""
     if now() < deadline:
         limit = _SHARE_OF_SEARCH * left(deadline)
         options = solutions.SolveOptions(time_dependent=False, seed=seed, time_limit=limit, conditions=False)
@@ -211,7 +210,7 @@ def _lagrangians_without_friction(system: SecondOrderSystem, seed: int, deadline
 def _with_friction(
     analysis: Analysis, tree: ex.Expression, push: Sequence[ex.Expression], deadline: float
 ) -> KindAnswer | None:
-    """L and D for T - V = `tree` and E_i(T - V) = push_i along f, if the checker confirms them."""
+    """A yes with L and D for T - V = `tree` and E_i(T - V) = push_i along f, if the checker confirms them."""
     try:
         split = _split(analysis.system, push)
     except tm.TooManyTerms:
@@ -223,7 +222,7 @@ def _with_friction(
 
 
 def _split(system: SecondOrderSystem, push: Sequence[ex.Expression]) -> tuple[ex.Expression, ex.Expression] | None:
-    """D and A v for C v = push; None where the antisymmetric part of C is not closed."""
+    """D and A v for C v = push; None if the antisymmetric part of C is not closed."""
     v = [ex.Velocity(name) for name in system.coordinates]
     slopes = [[derivative.differentiate(part, w) for w in v] for part in push]
     pairs = [(i, j) for i in range(len(v)) for j in range(len(v))]
@@ -235,14 +234,14 @@ def _split(system: SecondOrderSystem, push: Sequence[ex.Expression]) -> tuple[ex
 
 
 def _push(analysis: Analysis, tree: ex.Expression) -> list[ex.Expression]:
-    """E_i of a natural Lagrangian of the even part of f; what E has of degree 0 and 2 in v vanishes."""
+    """E_i of a natural Lagrangian of the even part of f; the terms of degree 0 and 2 in v vanish."""
     names = analysis.system.coordinates
     found = euler_lagrange.euler_lagrange_residual(tree, names, analysis.system.accelerations)
     return [parts_of_parity(each, names)[1] for each in found]
 
 
 def constant_metrics(system: SecondOrderSystem) -> Iterator[ex.Expression]:
-    """L = G_ij v_i v_j/2 + b_ij q_j v_i with rational numbers: g df/dv + 2 b - 2 b^T is symmetric."""
+    """L = G_ij v_i v_j/2 + b_ij q_j v_i with rational coefficients for which g df/dv + 2 b - 2 b^T is symmetric."""
     names, n = system.coordinates, len(system.coordinates)
     pairs = [*combinations_with_replacement(range(n), 2)]
     metric, width = {pair: place for place, pair in enumerate(pairs)}, len(pairs) + n * n
@@ -289,7 +288,7 @@ def without_friction(system: SecondOrderSystem) -> SecondOrderSystem:
 
 
 def parts_of_parity(formula: ex.Expression, names: Sequence[str]) -> tuple[ex.Expression, ex.Expression]:
-    """Its parts that are even and odd in the velocities."""
+    """The even and the odd part in the velocities."""
     turned = ex.substitute(formula, {ex.Velocity(name): -ex.Velocity(name) for name in names})
     found: Iterator[ex.Expression] = (HALF * (formula + other) for other in (turned, -turned))
     even, odd = (tm.collected(part) for part in found)
@@ -299,7 +298,7 @@ def parts_of_parity(formula: ex.Expression, names: Sequence[str]) -> tuple[ex.Ex
 def values_at(
     analysis: deciding.Analysis, near: Near, with_time: bool, order: int
 ) -> tuple[list[matrices.Matrix] | None, tuple[deciding.RowName, ...]]:
-    """A basis of the g that the rows to this order leave at the point, and the rows that say so."""
+    """A basis of the g at the point that the rows up to this order allow, and the rows used."""
     rows: list[tuple[deciding.RowName, ...]] = []
 
     def residues(seed: int) -> tuple[int, dict[tuple[int, int], int] | None]:
@@ -336,9 +335,9 @@ def answer_definite(
     seed: int,
     deadline: float,
 ) -> KindAnswer:
-    """Yes, with L where one was found, or no, at the point `given`, which is ours where it says nothing.
+    """Whether L or -L can have a positive definite Hessian at the point `given`, completed by chosen values.
 
-    Definite is positive definite for L or for -L.
+    Yes, with L if one was found, or no.
     """
     near, known = point_near(analysis, given), lagrangians_of(main)
     there = _real(analysis, near)
@@ -354,7 +353,7 @@ def answer_definite(
     if not deciding.is_rational(analysis) or ex.PI in deciding.symbols_of(analysis):
         return KindAnswer("undetermined", IRRATIONAL)
     with_time, decision, member, order = analysis.system.depends_on_time, None, None, 1
-    while now() < deadline:  # first what two orders say, which mostly refutes
+    while now() < deadline:  # start with two orders, which usually refute
         space, rows = values_at(analysis, near, with_time, order)
         member, orthogonal = (
             (None, None) if space is None else matrices.definite_or_orthogonal(space, len(analysis.system.coordinates))
@@ -369,7 +368,7 @@ def answer_definite(
             analysis.system, with_time, seed, involution.Limits(deadline=deadline), analysis=analysis
         )
         order = decision.order
-        if order <= 1 or decision.history[1][:1] == decision.history[order][:1]:  # the values are those of two orders
+        if order <= 1 or decision.history[1][:1] == decision.history[order][:1]:  # the same values as for two orders
             break
     if member is not None and decision is not None and decision.verdict == "variational":
         certificate = certify.of_decision(analysis, decision, kind=kind) | _claim(near, "multiplier", member)
@@ -378,7 +377,7 @@ def answer_definite(
 
 
 def point_near(analysis: deciding.Analysis, given: Near) -> Near:
-    """The given point, completed by values of our choice, with few digits where f is defined there."""
+    """The given point, completed by chosen values, with few digits if f is defined there."""
     table = analysis.real_point or {}
     found: dict[ex.Symbol | ex.Velocity, Fraction] = {}
     for digits in (_DIGITS, 20):
@@ -390,7 +389,7 @@ def point_near(analysis: deciding.Analysis, given: Near) -> Near:
 
 
 def _real(analysis: deciding.Analysis, near: Near) -> real_point.RealTable:
-    """The point in floating numbers, with our values of arbitrary functions."""
+    """The point in floating-point numbers, with chosen values of arbitrary functions."""
     return dict(analysis.real_point or {}) | {s: mpmath.mpf(x.numerator) / x.denominator for s, x in near.items()}
 
 
@@ -411,7 +410,7 @@ def _definite_of_known(
     near: Near,
     deadline: float,
 ) -> KindAnswer | None:
-    """The first Lagrangian with a definite Hessian at the point, or a sum of them."""
+    """A yes by the first Lagrangian with a definite Hessian at the point, or by a sum of Lagrangians."""
     with_time, names, table = analysis.system.depends_on_time, analysis.system.coordinates, _real(analysis, near)
     hessians = []
     for lagrangian in known:

@@ -1,4 +1,4 @@
-"""One system, both questions: decide, find a Lagrangian, certify, check, explain."""
+"""Answer both questions about one system: decide, find a Lagrangian, certify, check, explain."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from inverse_service.search.protocol import Found, SearchOutcome, describe, is_m
 if TYPE_CHECKING:
     from inverse_service.decision.solutions import SoFar
     from inverse_service.mechanics.first_integrals import FirstIntegral
-# Of the time left after the decision, the part that the search for a closed form may take.
+# The share of the time after the decision that the search for a closed form may use.
 _SEARCH_SHARE = 0.5
-# Of the time left, what the decision on the first of two questions may take, and what factors for the equations as
-# written may.
+# The shares of the remaining time for the decision on the first of two questions, and for factors of the equations as
+# written.
 _SHARE_OF_FIRST, _SHARE_AS_GIVEN = 0.6, 0.3
 _UNCONNECTED = "this part is not connected with the one answered"
 _UNSOLVED = (
@@ -35,19 +35,19 @@ _UNSOLVED = (
     "given answers this"
 )
 AS_GIVEN = "the equations as given"
-# Coordinates of systems whose conditions are printed and whose freedom is counted for a known Lagrangian.
+# The number of coordinates up to which the conditions are printed, and the freedom is counted for a known Lagrangian.
 _MOST_COORDINATES = 8
-# First integrals may take so many seconds, and such a share of the time.
+# The seconds, and the share of the time, that first integrals may use.
 _FOR_INTEGRALS, _SHARE_FOR_INTEGRALS = 1.0, 0.1
-# Unknowns up to which the freedom in L is counted where a Lagrangian is known already: nine coordinates.
+# The number of unknowns up to which the freedom in L is counted if a Lagrangian is known: nine coordinates.
 _MOST_FOR_FREEDOM = 30_000
-# Rational functions of the velocities, and what is harder to read (`reading_class`).
+# The `reading_class` of rational functions of the velocities; larger values are harder to read.
 _RATIONAL = 2
-# The costs up to which something nicer is searched for where a complete answer is known, where one without H in closed
-# form is.
+# The costs up to which the search looks for a simpler answer if a complete one is known, and if one without H in closed
+# form is known.
 _QUICK, _FAIR = 1.9, 3.65
 Progress = Callable[[str], None]
-# A search that takes longer reports the results confirmed so far, s; before, the Lagrangian itself is expected.
+# The seconds after which a search reports the results confirmed so far; before that, the Lagrangian itself is expected.
 _AT_ONCE = 1.0
 OPEN = Answer("undetermined", reason=deadline.NOT_YET)  # for a question that is not yet decided
 log = logging.getLogger(__name__)
@@ -58,14 +58,14 @@ def solve_branches(
 ) -> tuple[tuple[Solution, ...], tuple[cells.Left, ...]]:
     """The answers on all cells of the system, and the cells without one.
 
-    Cells begin with the open sets on which roots of squares, |u| and the like are single formulas; the set beyond
-    a side that the proof of an answer depends on is a separate cell. Each has its share of the time. More than
-    `MOST_BRANCHES` sets give one undetermined answer, except for one coordinate, for which that many are answered.
+    The first cells are the open sets on which roots of squares, |u|, and the like are single formulas. If the proof of
+    an answer depends on a side, the set beyond it is a separate cell. Each cell gets a share of the time. More than
+    `MOST_BRANCHES` sets give one undetermined answer; for one coordinate, that many sets are answered.
     """
     branches = second_order_system.branches_of(system)
     if (
         len(branches) > second_order_system.MOST_BRANCHES and len(system.coordinates) > 1
-    ):  # of one, each cell has a Lagrangian
+    ):  # with one coordinate, each cell has a Lagrangian
         number = f"{len(branches)} or more" if len(branches) == second_order_system.MOST_COUNTED else str(len(branches))
         reason = (
             f"roots of squares and similar terms lead to {number} combinations of signs, each with a separate answer; "
@@ -103,23 +103,23 @@ def solve_branches(
 
 
 def sides_of(solution: Solution) -> tuple[ex.Expression, ...]:
-    """The trees that are positive on the cell of an answer, as far as its proofs depend on their signs."""
+    """The trees that are positive on the cell of an answer and on whose signs its proofs depend."""
     answers = [one for one in (solution.autonomous, solution.with_time) if one is not None]
     sides = [*map(collecting.collect, solution.system.positive), *(side for one in answers for side in one.sides)]
     return tuple(dict.fromkeys(sides))
 
 
 def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress | None = None) -> Solution:
-    """The answers on the first branch of the system; mathematics that cannot be decided is an outcome.
+    """The answers on the first branch of the system; an undecidable question is a regular outcome.
 
-    Raises CertificateRefused where our own checker finds our certificate invalid: a fault of ours.
+    Raises CertificateRefused if the checker finds a certificate invalid, which is an internal error.
     """
     with notation.multiplier_beside({*system.coordinates, *system.parameters, *dict(system.functions)}):
         return _solve(system, options, progress)
 
 
 def with_reasons(solution: Solution, options: SolveOptions, progress: Progress | None = None) -> Solution:
-    """The solution with the reasons of each no that has none yet."""
+    """The solution, with reasons added to each no that lacks them."""
     system, autonomous, with_time = solution.system, solution.autonomous, solution.with_time
     refused = [one is not None and one.verdict == "not_variational" and not one.explanation
                for one in (autonomous, with_time)]  # fmt: skip
@@ -171,7 +171,7 @@ def _solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress 
 
 
 def _conditions(system: SecondOrderSystem, options: SolveOptions, report: Progress) -> tuple[Conditions | None, str]:
-    """The conditions written out, or None with the reason for leaving them out, empty where they were not wanted."""
+    """The conditions written out, or None with the reason for omitting them ("" if they were not requested)."""
     if system.is_unsolved:
         return None, "the equations are not solved for the accelerations"
     if len(system.coordinates) > _MOST_COORDINATES:
@@ -183,7 +183,7 @@ def _conditions(system: SecondOrderSystem, options: SolveOptions, report: Progre
 
 
 def _first_integrals(work: Work, *answers: Answer | None) -> tuple[FirstIntegral, ...]:
-    """The first integrals: from the Lagrangian where there is one, otherwise from the equations alone."""
+    """The first integrals, from the Lagrangian if there is one, otherwise from the equations alone."""
     system = work.analysis.system
     if not work.options.first_integrals or system.is_unsolved:
         return ()
@@ -230,9 +230,9 @@ def _answers(work: Work, given: Answer | None) -> tuple[Answer | None, Answer | 
 
 
 def _is_excluded(work: Work) -> bool:
-    """Whether accelerations that nobody wrote, as those of a reduced system, are decided to have no Lagrangian.
+    """Whether accelerations that do not come from the document, such as those of a reduced system, have no Lagrangian.
 
-    No lines have a shape of their own then; and the decision is asked for in any case, to count the freedom.
+    Factors of written lines cannot help then, and the decision is needed anyway to count the freedom.
     """
     system, options = work.analysis.system, work.options
     if options.given or system.is_unsolved or len(system.coordinates) > _MOST_COORDINATES:
@@ -242,7 +242,7 @@ def _is_excluded(work: Work) -> bool:
 
 
 def _as_given(work: Work) -> Answer | None:
-    """The answer by factors for each equation as written, without t where there is one; needs no decision."""
+    """The answer from factors of the equations as written, by preference without t; requires no decision."""
     system, table = work.analysis.system, work.analysis.real_point
     began = deadline.now()
     work.progress("the equations as given")
@@ -279,7 +279,7 @@ def _holds_time(answer: Answer) -> bool:
 def _explained(
     answers: tuple[Answer | None, Answer | None], system: SecondOrderSystem
 ) -> tuple[Answer | None, Answer | None]:
-    """Both with a note on names that have two meanings and on their sets; one answer to both questions stays one."""
+    """Both answers with a note on ambiguous names and on their sets; a common answer remains one object."""
 
     def explained(answer: Answer | None) -> Answer | None:
         answer = answer and wording.with_shared_letters(answer, system)
@@ -301,11 +301,11 @@ def _is_complete(answer: Answer) -> bool:
 
 
 def _with_time_instead(work: Work, autonomous: Answer) -> Answer:
-    """Where L(q, v) was not found, has no closed H or is hard to read: a better L(t, q, v), if there is one."""
+    """If L(q, v) was not found, has no closed H, or is hard to read: a better L(t, q, v), if there is one."""
     from inverse_service.search.factors import asks_for_no_time
 
     if asks_for_no_time(work.analysis.system):
-        return autonomous  # no factor e^(ct) is asked for, so the search would go the same way
+        return autonomous  # without a factor e^(ct), the search would be the same
     decision = _decide(work, with_time=True)
     if decision.verdict != "variational":
         return autonomous
@@ -324,7 +324,7 @@ def _with_time_instead(work: Work, autonomous: Answer) -> Answer:
 
 
 def _highest(autonomous: Answer) -> float:
-    """Up to which cost a better L(t, q, v) is searched for; the large rows of several velocities have found none."""
+    """The cost up to which to search for a better L(t, q, v); the large rows of several velocities have found none."""
     if autonomous.lagrangian is None:
         return math.inf
     one = len(autonomous.lagrangian.multiplier) == 1
@@ -341,7 +341,7 @@ def _reading_class(answer: Answer) -> int:
 
 
 def _without_time(work: Work, answer: Answer) -> Answer | None:
-    """The answer to the question for L(q, v), where a search for L(t, q, v) found one that holds no t."""
+    """The answer to the question for L(q, v) if the search for L(t, q, v) found a Lagrangian without t."""
     if answer.lagrangian is None or _holds_time(answer) or work.autonomous is None:
         return None
     found = _proposed(work, work.autonomous, answer.lagrangian.expression)
@@ -374,7 +374,7 @@ def _decide(
         return work.decided[with_time]
     stage = "decision with time" if with_time else "decision"
     work.progress(stage)
-    is_first = not with_time and work.options.time_dependent is None  # the other question has its share, too
+    is_first = not with_time and work.options.time_dependent is None  # the other question needs time, too
     limit = deadline.share(part or (_SHARE_OF_FIRST if is_first else 1.0), work.end)
     limits = involution.Limits(order, limit, unknowns)
     decision = deciding.decide(
@@ -388,7 +388,7 @@ def _decide(
 
 
 def _negative(work: Work, decision: deciding.Decision) -> Answer:
-    """The proof that the checker confirms, and then what it says in sentences."""
+    """The answer no with the proof that the checker confirms, and then the proof in sentences."""
     certificate = certify.of_decision(work.analysis, decision)
     answer = confirmed(work, Answer("not_variational", certificate=certificate))
     if answer.verdict == "undetermined":
@@ -409,7 +409,7 @@ def _with_its_reasons(work: Work, answer: Answer, with_time: bool) -> Answer:
 
 
 def _reasons(work: Work, with_time: bool) -> tuple[Step, ...]:
-    """Why there is no Lagrangian; algebraic conditions exclude it with t as without, and are argued once."""
+    """Why there is no Lagrangian; algebraic conditions exclude L with and without t alike and are explained once."""
     from inverse_service.explanation.hierarchy import smallest_sufficient_set
     from inverse_service.explanation.negative import explain_negative
 
@@ -442,7 +442,7 @@ def _by_lagrangian(
     highest: float = math.inf,
     wanted: Callable[[ex.Expression], bool] = lambda _: True,
 ) -> Answer | None:
-    """A Lagrangian that is wanted and confirmed, with its Hamiltonian; None where none is found up to that cost."""
+    """The answer with a wanted, confirmed Lagrangian and its Hamiltonian; None if none is found up to that cost."""
     work.outcome = _searched(work, decision, highest)
     if work.outcome.found is None:
         return None
@@ -455,7 +455,7 @@ def _by_lagrangian(
 
 
 def _as_written(work: Work, decision: deciding.Decision, tree: ex.Expression) -> ex.Expression:
-    """The confirmed Lagrangian, or its multiple with the masses and roots of the equations as written, if confirmed."""
+    """The confirmed multiple of L with the masses and roots of the equations as written if there is one, else L."""
     system = work.analysis.system
     given = tuple(second_order_system.on_branch(equation, system) for equation in work.options.given)
     multiple = row_factors.with_written_masses(tree, system, given)
@@ -473,7 +473,7 @@ def _proposed(work: Work, decision: deciding.Decision, tree: ex.Expression) -> A
 
 
 def _searched(work: Work, decision: deciding.Decision, highest: float) -> SearchOutcome:
-    """The search for Lagrangians that the checker confirms; the checker's time counts as its own."""
+    """The outcome of the search for Lagrangians that the checker confirms, including the checker's time."""
     from inverse_service.search.ladder import search
 
     began, checked = deadline.now(), work.seconds.get("check", 0.0)
@@ -494,7 +494,7 @@ def _searched(work: Work, decision: deciding.Decision, highest: float) -> Search
     return outcome
 
 
-# The answers that are returned: the checker confirms each Lagrangian and certificate first.
+# Returned answers: the checker first confirms each Lagrangian and certificate.
 
 
 @dataclass(slots=True)
@@ -513,8 +513,8 @@ class Work:
     reasons: tuple[Step, ...] = ()
     refused: set[tuple[str, bool]] = field(default_factory=set)
     began: float = field(default_factory=deadline.now)
-    # The conditions written out, what is confirmed of each question (with t: True), and the
-    # parts for which the time was over.
+    # The conditions written out, the confirmed answer to each question (with t: True), and the parts for which the time
+    # limit expired.
     printed: Conditions | None = None
     answers: dict[bool, Answer] = field(default_factory=dict)
     cut: dict[str, str] = field(default_factory=dict)
@@ -527,7 +527,7 @@ class Work:
 
 
 def _on_its_set(work: Work, answer: Answer) -> Answer:
-    """The answer with the set on which the checker proved it."""
+    """The answer, with the set on which the checker proved it."""
     if answer.certificate is None:
         return answer
     certificate, proof = certify.proved(work.analysis, dict(answer.certificate), deadline.left(work.end, 1.0))
@@ -544,13 +544,13 @@ def _on_its_set(work: Work, answer: Answer) -> Answer:
 
 
 def telling(work: Work, decision: deciding.Decision) -> Progress:
-    """The progress of a search; a longer one reports that a Lagrangian exists, once the checker agrees."""
+    """The progress callback of a search; a longer search reports that a Lagrangian exists once the checker agrees."""
     began = deadline.now()
 
     def report(stage: str) -> None:
         is_known = decision.with_time in work.answers
         if work.options.hand_over is not None and not is_known and deadline.now() - began > _AT_ONCE:
-            work.answers[decision.with_time] = OPEN  # once, also where the checker does not agree
+            work.answers[decision.with_time] = OPEN  # only once, even if the checker does not agree
             certificate = certify.of_decision(work.analysis, decision, 1, work.options.seed)
             if check(work, certificate).verdict == "valid":
                 tell(work, Answer("variational", certificate=certificate, checked="valid"), decision.with_time)
@@ -560,7 +560,7 @@ def telling(work: Work, decision: deciding.Decision) -> Progress:
 
 
 def tell(work: Work, answer: Answer, with_time: bool) -> None:
-    """Hand over a confirmed answer while there is more to find."""
+    """Hand over a confirmed answer while work continues."""
     found = answer.lagrangian
     work.answers[with_time] = answer = _on_its_set(work, answer)
     is_main = with_time is not questions(work.options.time_dependent, work.analysis.system)[0]
@@ -574,18 +574,18 @@ def tell(work: Work, answer: Answer, with_time: bool) -> None:
 
 
 def hand_over(work: Work, *parts: str) -> None:
-    """Say that these parts are finished and checked."""
+    """Report that these parts are finished and checked."""
     if work.options.hand_over is not None:
         work.options.hand_over(parts, lambda: _so_far(work))
 
 
 def named(part: str, with_time: bool) -> str:
-    """The name of a part of the one question or the other."""
+    """The name of a part for one of the two questions."""
     return f"{part}_with_time" if with_time else part
 
 
 def _so_far(work: Work) -> SoFar:
-    """The confirmed answers; a question that is not decided is undetermined."""
+    """The confirmed answers; an undecided question is undetermined."""
     system = work.analysis.system
     wants_plain, wants_time = questions(work.options.time_dependent, system)
     autonomous = work.answers.get(False, OPEN) if wants_plain else None
@@ -599,7 +599,7 @@ def _so_far(work: Work) -> SoFar:
 
 
 def is_confirmed(work: Work, tree: ex.Expression, with_time: bool) -> bool:
-    """Whether the checker finds the Lagrangian valid; one that it refused is logged, counted and not offered again."""
+    """Whether the checker finds the Lagrangian valid; a refused one is logged, counted, and not offered again."""
     certificate = certify.of_lagrangian(work.analysis, tree, with_time)
     offered = (certificate["lagrangian"], with_time)
     if offered in work.refused:
@@ -612,7 +612,7 @@ def is_confirmed(work: Work, tree: ex.Expression, with_time: bool) -> bool:
 
 
 def completed(work: Work, answer: Answer, others: Found | None, with_time: bool) -> Answer:
-    """With the Hamiltonian, and those Lagrangians besides its own that were found and the checker confirms."""
+    """The answer with the Hamiltonian and the other Lagrangians that the checker confirms."""
     answer = _on_its_set(work, answer)
     assert answer.lagrangian is not None
     tell(work, answer, with_time)
@@ -646,7 +646,7 @@ def check(work: Work, certificate: Mapping[str, Any]) -> checker.CheckResult:
 
 
 def confirmed(work: Work, answer: Answer) -> Answer:
-    """The answer with the checker's verdict; one that it cannot confirm is undetermined."""
+    """The answer with the checker's verdict; undetermined if the checker cannot confirm it."""
     assert answer.certificate is not None
     found = check(work, answer.certificate)
     if found.verdict == "invalid" and not _has_signed_functions(work.analysis.system):
@@ -660,5 +660,5 @@ def confirmed(work: Work, answer: Answer) -> Answer:
 
 
 def _has_signed_functions(system: SecondOrderSystem) -> bool:
-    """Whether the sign of an arbitrary function belongs to the branch: a checker may draw it otherwise."""
+    """Whether the branch fixes the sign of an arbitrary function, for which a checker may draw another sign."""
     return any(isinstance(node, ex.Arbitrary) for tree in system.positive for node in ex.walk(tree))

@@ -1,1 +1,1 @@
-"""For which values of its parameters, and which of its functions, is a system variational?"""
+"""Determine for which parameter values, and which functions, a system is variational."""

@@ -1,9 +1,8 @@
 """The tree of special cases: the generic case, then each case in which the verdict may change.
 
-Each case is decided by `decide` on the system with its values put in; the side conditions of the
-verdict lead to smaller cases. A case whose verdicts are those of the smallest kept cases that contain
-it is implied and is not listed. The tree is complete when every case is decided: its verdicts hold on
-all of it off the cases below.
+`decide` decides each case on the system with the case's values substituted; the side conditions of the verdict lead to
+smaller cases. A case whose verdicts equal those of the smallest kept cases containing it is implied and not listed. The
+tree is complete when every case is decided: its verdicts are valid on the whole case except for the cases below it.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from inverse_service.solving.special_cases.strata import ParameterSpace, Stratum
 MOST_CASES = 120
 DEEPEST = 8
 Progress = Callable[[str], None]
-# Names of the functions that are polynomials: linear ones of one argument, else constants.
+# The names of the functions that are polynomials: linear if they have one argument, otherwise constant.
 FunctionCase = frozenset[str]
 _EXACT_SECONDS, _SEARCH_SECONDS, _DEPTH = 3.0, 6.0, 2
 UNDEFINED = "undefined"
@@ -51,7 +50,7 @@ class Node:
 
 @dataclass(frozen=True)
 class SpecialCases:
-    """The tree, the cases examined on the way, and the open questions."""
+    """The tree, the cases examined, and the open questions."""
 
     question: Question
     root: Node
@@ -61,19 +60,19 @@ class SpecialCases:
 
     @property
     def complete(self) -> bool:
-        """Whether no other case has another verdict on any question asked."""
+        """Whether no unlisted case has a different verdict on any question asked."""
         return not self.reasons
 
 
 @dataclass(slots=True)
 class _Exploration:
-    """The cases found so far and those still waiting, with their depth."""
+    """The cases found so far, and those still waiting with their depth."""
 
     question: Question
     waiting: list[tuple[Stratum, FunctionCase, int]]
     seen: list[tuple[Stratum, FunctionCase]]
     cases: list[Case] = field(default_factory=list)
-    # Open questions, and where they occur; whether that is about L(q, v) alone.
+    # Open questions and where they occur; whether they concern L(q, v) only.
     reasons: list[tuple[str, str]] = field(default_factory=list)
     time_is_open: bool = False
 
@@ -86,10 +85,10 @@ def special_cases(
     seed: int = 1,
     most: int = MOST_CASES,
 ) -> SpecialCases:
-    """For which values of the parameters, and which functions, is the system variational?
+    """The tree of cases in which the system is, or is not, variational.
 
-    `time_dependent` as in `SolveOptions`. At most `most` cases are examined, until `deadline`
-    (`now`); what was left out is named in the reasons.
+    `time_dependent` is as in `SolveOptions`. At most `most` cases are examined, until `deadline` (`now`); the reasons
+    name what is omitted.
     """
     constants = _constants(system)
     space = ParameterSpace((*system.parameters, *itertools.chain.from_iterable(constants.values())))
@@ -104,7 +103,7 @@ def special_cases(
 
 
 def _grouped(reasons: Sequence[tuple[str, str]]) -> Iterator[str]:
-    """Each reason once, with the first of the cases that it holds for."""
+    """Each reason once, with the first of its cases."""
     table: dict[str, list[str]] = {}
     for text, where in reasons:
         table.setdefault(text, []).append(where)
@@ -115,7 +114,7 @@ def _grouped(reasons: Sequence[tuple[str, str]]) -> Iterator[str]:
 
 
 def _constants(system: second_order_system.SecondOrderSystem) -> dict[str, tuple[str, ...]]:
-    """For each function that occurs, unused names for its coefficients as a polynomial."""
+    """For each function that occurs, unused names for its polynomial coefficients."""
     occurring = {node.name for f in system.accelerations for node in ex.walk(f) if isinstance(node, ex.Arbitrary)}
     used = {*system.parameters, *system.coordinates}
     found: dict[str, tuple[str, ...]] = {}
@@ -130,7 +129,7 @@ def _constants(system: second_order_system.SecondOrderSystem) -> dict[str, tuple
 
 
 def _starts(question: Question) -> list[tuple[Stratum, FunctionCase]]:
-    """Each function arbitrary, or a polynomial, in every combination; high degrees before low ones."""
+    """Every combination of arbitrary and polynomial functions; high degrees before low ones."""
     names = list(question.constants)
     found = []
     for size in range(len(names) + 1):
@@ -145,7 +144,7 @@ def _starts(question: Question) -> list[tuple[Stratum, FunctionCase]]:
 
 
 def _unused(question: Question, functions: FunctionCase) -> list[str]:
-    """Coefficients of functions that stay arbitrary: no parameters of the case, and put to zero."""
+    """The coefficients of functions that remain arbitrary; they are not parameters of the case and are set to zero."""
     return [c for name, constants in question.constants.items() if name not in functions for c in constants]
 
 
@@ -191,7 +190,7 @@ def _advance(work: _Exploration) -> None:
 
 
 def _inside(question: Question, case: Case) -> list[Stratum]:
-    """The pieces of a case on which a divisor vanishes."""
+    """The parts of a case on which a divisor vanishes."""
     stratum, space = case.stratum, question.space
     ideals = [ideal.polynomials for ideal in case.ideals if ideal.polynomials]
     ideals += [(factor,) for factor in stratum.excluded]
@@ -203,7 +202,7 @@ def _inside(question: Question, case: Case) -> list[Stratum]:
 
 
 def _reasons(case: Case) -> list[tuple[str, str]]:
-    """Why not all is known inside a case; one that is about L(q, v) alone comes first."""
+    """Why parts of a case are undecided; reasons that concern L(q, v) only come first."""
     about = "for L(q, q') alone: " if case.time_settled else ""
     found = [(f"{about}{case.unsettled}", _where(case))] if case.unsettled else []
     for ideal in case.ideals:
@@ -213,7 +212,7 @@ def _reasons(case: Case) -> list[tuple[str, str]]:
 
 
 def _together(trees: Sequence[ex.Expression]) -> str:
-    """Equations that hold together; the first of them where they fill pages."""
+    """The equations as one sentence; only the first one if they are long."""
     texts = sorted((f"{printing.to_text(tree)} = 0" for tree in trees), key=len)
     whole = " and ".join(texts)
     if len(whole) <= bounds.SHOWN:
@@ -223,7 +222,7 @@ def _together(trees: Sequence[ex.Expression]) -> str:
 
 
 def _is_covered(question: Question, tree: ex.Expression) -> bool:
-    """Whether the tree vanishes only for polynomials of the degrees that are cases of their own."""
+    """Whether the tree vanishes only for polynomials with degrees that are separate cases."""
     match tree:
         case ex.Product(parts):
             return all(isinstance(part, ex.Number) or _is_covered(question, part) for part in parts)
@@ -240,7 +239,7 @@ def _where(case: Case) -> str:
 
 
 def _tree(question: Question, cases: Sequence[Case]) -> Node:
-    """Cases whose verdicts differ from those of the smallest kept cases around them, under one of these."""
+    """The tree of the cases whose verdicts differ from those of the smallest kept cases that contain them."""
     kept: list[Case] = []
     parents: list[int] = []
     for case in sorted(cases, key=lambda c: (len(c.functions), -c.stratum.dimension)):
@@ -266,19 +265,19 @@ def _contains(question: Question, large: Case, small: Case) -> bool:
 
 
 def _without(stratum: Stratum, names: Iterable[str]) -> list[fmpq_mpoly]:
-    """The equations of a stratum but those that say that one of these is 0."""
+    """The equations of a stratum except those that set one of these names to 0."""
     generators = [*map(stratum.space.generator, names)]
     return [e for e in stratum.equations if not any(e == g for g in generators)]
 
 
-# One case: a set of parameter values, the system there, its verdicts, and where these may change.
+# One case: a set of parameter values, the system there, its verdicts, and where the verdicts may change.
 
 
 @dataclass(frozen=True)
 class Question:
-    """The system with symbols, the question, the random numbers, and when to stop (`now`).
+    """The system with symbols, the question, the random seed, and the deadline (`now`).
 
-    `constants` names the coefficients of each function where it is a polynomial; they are in `space`.
+    `constants` names the polynomial coefficients of each function; they are in `space`.
     """
 
     system: second_order_system.SecondOrderSystem
@@ -294,8 +293,8 @@ class Question:
 class Case:
     """The system on a stratum with its verdicts for L(q, v) and L(t, q, v); None where not asked.
 
-    `ideals` say where a verdict may change within the case; where `unsettled` is empty nowhere else,
-    else it says what is not known, with `time_settled` of L(q, v) alone.
+    `ideals` say where a verdict may change within the case. If `unsettled` is empty, it changes nowhere else; otherwise
+    `unsettled` says what is unknown (with `time_settled`, about L(q, v) only).
     """
 
     question: Question
@@ -312,7 +311,7 @@ class Case:
 
     @property
     def hidden(self) -> frozenset[str]:
-        """Coefficients that are no parameters of the case: of arbitrary functions, and slopes of constants."""
+        """The coefficients that are not parameters of the case: of arbitrary functions, and slopes of constants."""
         constants = self.question.constants
         unused = {c for name, found in constants.items() if name not in self.functions for c in found}
         return frozenset(unused | {c for found in constants.values() for c in found[1:]})
@@ -323,7 +322,7 @@ class Case:
 
 
 def specialised(question: Question, stratum: Stratum, functions: FunctionCase) -> second_order_system.SecondOrderSystem:
-    """The system with the values of the stratum and the polynomials for the functions put in."""
+    """The system with the values of the stratum and the polynomials substituted."""
     system, polynomials = question.system, {name: question.constants[name] for name in functions}
     forces = tuple(_with_polynomials(f, polynomials) for f in system.accelerations)
     kept = tuple(function for function in system.functions if function[0] not in functions)
@@ -338,7 +337,7 @@ def _with_polynomials(tree: ex.Expression, polynomials: Mapping[str, tuple[str, 
 
 
 def _polynomial(node: ex.Arbitrary, constants: Sequence[ex.Symbol]) -> ex.Expression:
-    """A_0 + A_1 u + A_2 u^2 with as many terms as there are constants, or a derivative of it."""
+    """A_0 + A_1 u + A_2 u^2 with one term per constant, or a derivative of it."""
     order = sum(node.orders)
     if order and len(node.arguments) > 1:
         return ex.ZERO
@@ -351,12 +350,12 @@ def _polynomial(node: ex.Arbitrary, constants: Sequence[ex.Symbol]) -> ex.Expres
 
 
 def examine(question: Question, stratum: Stratum, functions: FunctionCase) -> Case:
-    """Decide the system on a stratum and find where its verdict may change."""
+    """Decide the system on a stratum, and find where its verdict may change."""
     system = specialised(question, stratum, functions)
     try:
         if any(_has_no_value(node) for f in system.accelerations for node in ex.walk(f)):
             raise ZeroDivisionError
-        motion_in_ring(system, 0, exact_field.Budget())  # refuses a division by zero
+        motion_in_ring(system, 0, exact_field.Budget())  # raises an error for a division by zero
         analysis = deciding.analyze(system)
         case = _decided(question, analysis, Case(question, stratum, functions, system, None, None))
     except errors.IrreducibleAtoms as problem:
@@ -373,7 +372,7 @@ def examine(question: Question, stratum: Stratum, functions: FunctionCase) -> Ca
 
 
 def _has_no_value(node: ex.Expression) -> bool:
-    """1/0, a root of a negative number, or the logarithm of a number that is not positive."""
+    """Whether this is 1/0, a root of a negative number, or the logarithm of a number that is not positive."""
     match node:
         case ex.Power(ex.Number(base), ex.Number(exponent)):
             return (base == 0 and exponent < 0) or (base < 0 and exponent.denominator % 2 == 0)
@@ -383,7 +382,7 @@ def _has_no_value(node: ex.Expression) -> bool:
 
 
 def _decided(question: Question, analysis: deciding.Analysis, case: Case) -> Case:
-    """Both verdicts as far as asked; an L(q, v) is an L(t, q, v)."""
+    """The case with the requested verdicts; an L(q, v) is also an L(t, q, v)."""
     limits = Limits(deadline=question.deadline)
     wants_plain, wants_time = questions(question.time_dependent, analysis.system)
     found = dict[bool, deciding.Decision]()
@@ -426,7 +425,7 @@ def _budget(question: Question) -> exact_field.Budget:
 
 
 def _negative(question: Question, analysis: deciding.Analysis, case: Case) -> Case:
-    """The divisors of the elimination that proves it; without one, those of all algebraic conditions."""
+    """The case with the divisors of the elimination that proves the no, or else those of all algebraic conditions."""
     try:
         chosen = hierarchy.smallest_sufficient_set(analysis, question.seed)
         if chosen is not None:
@@ -441,7 +440,7 @@ def _negative(question: Question, analysis: deciding.Analysis, case: Case) -> Ca
 
 
 def _of_rank(question: Question, analysis: deciding.Analysis) -> tuple[side_conditions.Ideal, ...]:
-    """Where the algebraic conditions leave more multipliers than at generic values."""
+    """Where the algebraic conditions allow more multipliers than at generic values."""
     try:
         names = side_conditions.all_conditions(analysis, _DEPTH, question.seed)
         return side_conditions.of_conditions(analysis, question.space, names, _budget(question), question.seed).ideals
@@ -452,7 +451,7 @@ def _of_rank(question: Question, analysis: deciding.Analysis) -> tuple[side_cond
 def _positive(
     question: Question, analysis: deciding.Analysis, with_time: bool
 ) -> tuple[Sequence[side_conditions.Ideal], bool]:
-    """The ideals of a Lagrangian with symbols, and whether they are all; (), False where none is found."""
+    """The ideals of a Lagrangian with symbols, and whether they are complete; (), False if none is found."""
     from inverse_service.search.ladder import search
 
     with until(min(question.deadline, now() + _SEARCH_SECONDS)):
@@ -475,7 +474,7 @@ def conditions(case: Case) -> list[Equation]:
 
 
 def condition_texts(case: Case) -> list[str]:
-    """The conditions as texts."""
+    """The conditions of `conditions` as texts."""
     return [*map(equation_text, conditions(case))]
 
 
@@ -485,7 +484,7 @@ def equation_text(equation: Equation, write: Callable[[ex.Expression], str] = pr
 
 
 def sides(stratum: Stratum, equation: fmpq_mpoly) -> Equation:
-    """The equation with positive terms on both sides; integers without a common factor."""
+    """The equation with positive terms on both sides and integer coefficients without a common factor."""
     content = fmpq(*exact_field.factor_polynomial(equation)[0].as_integer_ratio()) if not equation.is_zero() else 1
     terms = {exponents: value / content for exponents, value in (equation).terms()}
     owner = equation.context()
@@ -506,7 +505,7 @@ def _polynomial_conditions(name: str, arguments: tuple[str, ...], case: Case) ->
 
 
 def _of_parameters(case: Case) -> list[Equation]:
-    """Values of the solved parameters where these are polynomials, else the equations."""
+    """The values of the solved parameters if these are polynomials, else the equations."""
     stratum, hidden = case.stratum, case.hidden
     if not stratum.roots and all(value.denominator.is_constant() for value in stratum.values.values()):
         table = {name: tree for name, tree in stratum.trees().items() if isinstance(name, ex.Symbol)}

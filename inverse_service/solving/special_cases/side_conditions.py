@@ -1,11 +1,10 @@
-"""The factors that an algebraic elimination divides by; where they vanish, its outcome may differ.
+"""The factors by which an algebraic elimination divides; where they vanish, its outcome may differ.
 
-Conditions of the hierarchy are solved for the entries of g one after the other, with the parameters
-as symbols. A divisor is a polynomial in t, q, v, the functions and the parameters; for given values of
-the parameters it vanishes identically exactly when all its coefficients with respect to the others do.
-These coefficients generate an ideal. Off the zero sets of all these ideals the elimination remains
-valid unchanged, so its outcome holds there. Jets of arbitrary functions, and the coordinates that these
-depend on, count as parameters; `functional` says that they occur.
+The conditions of the hierarchy are solved for the entries of g one after another, with the parameters as symbols. A
+divisor is a polynomial in t, q, v, the functions, and the parameters. For given parameter values it vanishes
+identically exactly when all its coefficients with respect to the other generators vanish. These coefficients generate
+an ideal. Outside the zero sets of all these ideals, the elimination and its outcome remain valid. Jets of arbitrary
+functions, and the coordinates on which these depend, count as parameters; `functional` says that they occur.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from inverse_service.solving.special_cases import strata
 
 @dataclass(frozen=True)
 class Ideal:
-    """Elements that vanish together in a special case: polynomials in the parameters, or trees that hold functions."""
+    """Elements that vanish together in a special case: polynomials in the parameters, or trees with functions."""
 
     polynomials: tuple[fmpq_mpoly, ...]
     functional: tuple[ex.Expression, ...] = ()
@@ -36,7 +35,7 @@ class Ideal:
 
 @dataclass(frozen=True)
 class SideConditions:
-    """Off their zeros the outcome of a calculation holds; `doubtful`: functions may hide further special values."""
+    """A calculation's outcome is valid off their zeros; `doubtful`: functions may hide additional special values."""
 
     ideals: tuple[Ideal, ...]
     doubtful: bool
@@ -49,7 +48,7 @@ def of_conditions(
     budget: exact_field.Budget,
     seed: int = 1,
 ) -> SideConditions:
-    """Those of solving the named equations of the hierarchy; raises TooLarge, ZeroDivisionError."""
+    """The side conditions of solving the named equations of the hierarchy; raises TooLarge, ZeroDivisionError."""
     depth = max((name.condition.order for name in names), default=2) - 2
     exact = conditions.motion_in_ring(analysis.system, depth + 2, budget)
     table = hierarchy.tensors_at(analysis, seed, depth)
@@ -64,10 +63,10 @@ def of_conditions(
 
 @dataclass(frozen=True)
 class Reader:
-    """Reads polynomials of a ring by their coefficients in what is not a parameter.
+    """Extract the coefficients of ring polynomials with respect to the generators that are not parameters.
 
-    `kept` maps generators to parameters by index; `jets` are generators of arbitrary functions and of
-    the coordinates these depend on.
+    `kept` maps generators to parameters by index; `jets` are the generators of arbitrary functions and of the
+    coordinates on which these depend.
     """
 
     ring: exact_field.ExactRing
@@ -90,7 +89,7 @@ class Reader:
 
     @property
     def parametric(self) -> list[int]:
-        """Generators that are functions, roots or powers of something with a parameter in it."""
+        """The generators that are functions, roots, or powers of an expression with a parameter."""
         names = {ex.Symbol(name) for name in self.space.names}
         return [
             index
@@ -99,7 +98,7 @@ class Reader:
         ]
 
     def inside_functions(self) -> list[Ideal]:
-        """Where the argument of such a function becomes zero or constant, or an exponent a small integer."""
+        """Where the argument of such a function becomes zero or constant, or an exponent becomes a small integer."""
         found: list[Ideal] = []
         for index in self.parametric:
             tree = self.ring.trees[index]
@@ -122,10 +121,10 @@ class Reader:
         return [*self.ideals(value), *([moving] if constant and not any(p.is_constant() for _, p in constant) else [])]
 
     def is_doubtful(self, quotient: exact_field.Quotient) -> bool:
-        """Whether the element may vanish for parameters at which functions in it become dependent.
+        """Whether the element may vanish for parameters that make functions in it dependent.
 
-        One exp, log, sin or cos of a moving argument is independent of rational functions for all
-        parameters; two with different arguments, roots and powers need not be.
+        A single exp, log, sin, or cos of a moving argument is independent of rational functions for all parameters; two
+        with different arguments, roots, and powers need not be.
         """
         involved = [k for k in self.parametric if quotient.numerator.degrees()[k]]
         shapes = {tuple(int(exponents[k]) for k in involved) for exponents, _ in quotient.numerator.terms()}
@@ -135,7 +134,7 @@ class Reader:
         return any(isinstance(tree, ex.Power) for tree in trees) or len({ex.children(tree) for tree in trees}) > 1
 
     def ideals(self, quotient: exact_field.Quotient) -> list[Ideal]:
-        """Their zero sets together are where the numerator vanishes identically."""
+        """The ideals whose common zero set is where the numerator vanishes identically."""
         numerator = quotient.numerator
         if any(e and index in self.jets for index, e in enumerate(numerator.degrees())):
             return self._functional(numerator)
@@ -143,7 +142,7 @@ class Reader:
         return [] if any(part.is_constant() for part in parts) else [Ideal(tuple(parts))]
 
     def coefficients(self, polynomial: fmpq_mpoly) -> list[fmpq_mpoly]:
-        """The coefficients in the generators that are no parameters, as polynomials in the parameters."""
+        """The coefficients in the generators that are not parameters, as polynomials in the parameters."""
         return [part for _, part in self._by_others(polynomial)]
 
     def _by_others(self, polynomial: fmpq_mpoly) -> list[tuple[tuple[int, ...], fmpq_mpoly]]:
@@ -158,7 +157,7 @@ class Reader:
         return [(rest, self.space.context.from_dict(table)) for rest, table in tables.items()]
 
     def _functional(self, polynomial: fmpq_mpoly) -> list[Ideal]:
-        """One for each common factor of the coefficients, and one for all that is left of them."""
+        """One ideal for each common factor of the coefficients, and one for the remaining factors."""
         others = [k for k in range(len(polynomial.degrees())) if k not in self.jets and k not in self.kept]
         parts = list(exact_field.coefficients_of(polynomial, others).values())
         common = functools.reduce(lambda a, b: a.gcd(b), parts)
@@ -181,7 +180,7 @@ def all_conditions(analysis: Analysis, depth: int, seed: int = 1) -> list[hierar
 def regularity(
     system: SecondOrderSystem, lagrangian: ex.Expression, space: strata.ParameterSpace, budget: exact_field.Budget
 ) -> SideConditions:
-    """Where a Lagrangian of the system may be none, or singular; raises TooLarge or ZeroDivisionError."""
+    """Where a Lagrangian of the system may fail or be singular; raises TooLarge or ZeroDivisionError."""
     entries = euler_lagrange.hessian(lagrangian, system.coordinates)
     trees = [*(entry for row in entries for entry in row), lagrangian]
     ring = exact_field.exact_ring(trees, system.variables, 0, budget)
@@ -196,12 +195,12 @@ def regularity(
 
 
 def has_one_everywhere(system: SecondOrderSystem) -> bool:
-    """Whether a theorem gives an L(q, q') for all values of the parameters, with no exception.
+    """Whether a theorem gives an L(q, q') for all values of the parameters without exception.
 
-    An equation for one coordinate has one, and so has u'' = a u' + b u + c over any algebra R[M], analytic in a, b,
-    c, u, u': a linear form of it that does not degenerate (R[M] has one) is a Lagrangian of the real system. So
-    q'' = A q' + B q + c has one where A and B are polynomials in one real matrix: one is a number times 1, or
-    n = 2 and A B = B A.
+    An equation for one coordinate has one. So does u'' = a u' + b u + c over any algebra R[M], with an L analytic in a,
+    b, c, u, u': a nondegenerate linear form of it (R[M] has one) is a Lagrangian of the real system. Hence q'' = A q' +
+    B q + c has one if A and B are polynomials in one real matrix: one of them is a number times 1, or n = 2 and A B = B
+    A.
     """
     blocks = () if system.depends_on_time else reductions.decoupled_blocks(system)
     return bool(blocks) and all(len(block.coordinates) == 1 or _is_over_an_algebra(block) for block in blocks)
@@ -224,6 +223,6 @@ def _is_over_an_algebra(system: SecondOrderSystem) -> bool:
 
 
 def _is_scalar(matrix: Sequence[Sequence[ex.Expression]]) -> bool:
-    """Whether it is a number times the unit matrix."""
+    """Whether the matrix is a number times the unit matrix."""
     entries = [(i, j, entry) for i, row in enumerate(matrix) for j, entry in enumerate(row)]
     return all((entry == matrix[0][0]) if i == j else entry == ex.ZERO for i, j, entry in entries)

@@ -1,8 +1,8 @@
-"""Sets of parameter values: some parameters are functions of the others, which are free.
+"""Sets of parameter values in which some parameters are functions of the others, which are free.
 
-The functions are rational, or one root of a quadratic equation. Polynomial equations between parameters split into such
-sets by their factors over Q; A a + B = 0 is solved for a where A is not zero, and A = B = 0 is a separate set, so that
-no value is lost. Equations of degree above two in every parameter stay unsolved, and the stratum says so.
+The functions are rational, or one root of a quadratic equation. Polynomial equations between parameters are split into
+such sets by their factors over Q. A a + B = 0 is solved for a where A is not zero, and A = B = 0 is a separate set, so
+that no value is lost. Equations of degree above two in every parameter remain unsolved, and the stratum lists them.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from inverse_service.field import exact_field
 
 # (index, A, B, C): the parameter of this index is a root of A a^2 + B a + C.
 Root = tuple[int, fmpq_mpoly, fmpq_mpoly, fmpq_mpoly]
-# A piece that would need more splits than this is left as it is, unsolved.
+# A piece that would require more splits than this remains unsolved.
 MOST_SPLITS = 200
 
 
@@ -56,10 +56,9 @@ class Fraction:
 
 @dataclass(frozen=True)
 class Stratum:
-    """Where all `equations` vanish and none of `excluded` does; `values` gives parameters by index.
+    """The set where all `equations` vanish and none of `excluded` does; `values` maps indices to solved parameters.
 
-    `roots` are parameters that solve quadratic equations; `unsolved` are equations for which no
-    parametrization was found.
+    `roots` are parameters that solve quadratic equations; `unsolved` are equations without a known parametrization.
     """
 
     space: ParameterSpace
@@ -80,7 +79,7 @@ class Stratum:
         return tuple(name for index, name in enumerate(self.space.names) if index not in gone)
 
     def trees(self) -> dict[ex.Expression, ex.Expression]:
-        """Each solved parameter as a tree in the free ones."""
+        """Each solved parameter as a tree in the free parameters."""
         table: dict[ex.Expression, ex.Expression] = {}
         for index, high, middle, low in self.roots:
             root = self._root(middle * middle - high * low * 4) - self.space.tree(middle)
@@ -89,7 +88,7 @@ class Stratum:
         return table | {name: ex.substitute(tree, table) for name, tree in values.items()}
 
     def _root(self, radicand: fmpq_mpoly) -> ex.Expression:
-        """The square root, squares taken out (the other sign is the conjugate, with the same verdict)."""
+        """The square root with squares taken out (the other sign is the conjugate, with the same verdict)."""
         content, parts = exact_field.factor_polynomial(radicand)
         outside = [self.space.tree(base) ** (exponent // 2) for base, exponent in parts]
         inside = [self.space.tree(base) for base, exponent in parts if exponent % 2]
@@ -114,7 +113,7 @@ class Stratum:
         return polynomial
 
     def contains(self, other: Stratum) -> bool:
-        """Whether the other stratum lies in the closure of this one; False where that is not certain."""
+        """Whether the other stratum is certainly in the closure of this one."""
         if self.unsolved or other.unsolved:
             return self.equations == () or set(map(str, self.equations)) <= set(map(str, other.equations))
         if not all(other.vanishes(equation) for equation in self.equations):
@@ -123,13 +122,13 @@ class Stratum:
 
 
 def coefficients_in(polynomial: fmpq_mpoly, index: int) -> list[fmpq_mpoly]:
-    """Coefficients of 1, x, x^2, … for the generator x of this index."""
+    """The coefficients of 1, x, x^2, … for the generator x of this index."""
     found = exact_field.coefficients_of(polynomial, [index])
     return [found.get((degree,), polynomial * 0) for degree in range(max(found, default=(-1,))[0] + 1)]
 
 
 def put_in(polynomial: fmpq_mpoly, index: int, value: Fraction, power: int = 0) -> fmpq_mpoly:
-    """The numerator of the polynomial with N/D for one generator, over D^power at least."""
+    """The numerator of the polynomial with N/D substituted for one generator, over D^power or a higher power."""
     parts = coefficients_in(polynomial, index)
     total, most = polynomial * 0, max(power, len(parts) - 1)
     for degree, part in enumerate(parts):
@@ -145,12 +144,12 @@ def factors(polynomial: fmpq_mpoly) -> list[fmpq_mpoly]:
     return [factor / factor.leading_coefficient() for factor in found]
 
 
-# Equations split into pieces that are solved.
+# Split equations into solved pieces.
 
 
 @dataclass(frozen=True)
 class _Open:
-    """Equations still to be used, and those solved so far."""
+    """The equations not yet used, and the stratum solved so far."""
 
     left: tuple[fmpq_mpoly, ...]
     stratum: Stratum
@@ -188,7 +187,7 @@ def _without_contained(strata: Sequence[Stratum]) -> list[Stratum]:
 
 
 def _step(item: _Open) -> list[_Open]:
-    """One equation used: solved, or split by its factors."""
+    """Solve one equation, or split it by its factors."""
     table = _distinct(item.left)
     if any(not parts for parts in table):
         return []
@@ -209,14 +208,14 @@ def _step(item: _Open) -> list[_Open]:
 
 
 def _distinct(equations: Sequence[fmpq_mpoly]) -> list[list[fmpq_mpoly]]:
-    """The factors of each equation that is not implied by another; [] for one that holds nowhere."""
+    """The factors of each equation that is not implied by another; [] for an equation without solutions."""
     table = {frozenset(map(str, parts)): parts for parts in (factors(p) for p in equations if not p.is_zero())}
     least = [key for key in table if not any(other < key for other in table)]
     return [table[key] for key in least]
 
 
 def _has_number_slope(equation: fmpq_mpoly) -> bool:
-    """Whether the equation is linear in some parameter with a number before it."""
+    """Whether the equation is linear in some parameter with a numeric coefficient."""
     return any(
         degree == 1 and coefficients_in(equation, index)[1].is_constant()
         for index, degree in enumerate(equation.degrees())
@@ -232,7 +231,7 @@ def _linear_choices(equations: Sequence[fmpq_mpoly]) -> Iterator[tuple[tuple[int
 
 
 def _solved_linear(equations: Sequence[fmpq_mpoly], stratum: Stratum, others: Sequence[fmpq_mpoly]) -> list[_Open]:
-    """A a + B = 0 solved for a; A = B = 0 in addition. Empty where none of `equations` is linear in a parameter."""
+    """A a + B = 0 solved for a, and the piece A = B = 0. Empty if none of `equations` is linear in a parameter."""
     choice = min(_linear_choices(equations), default=None)
     if choice is None:
         return []
@@ -255,18 +254,18 @@ def _solved_linear(equations: Sequence[fmpq_mpoly], stratum: Stratum, others: Se
 
 
 def _updated(old: Fraction, index: int, value: Fraction) -> Fraction:
-    """A value found before, with the new one put in."""
+    """A previous value with the new one substituted."""
     parts = (old.numerator, old.denominator)
     degree = max(part.degrees()[index] for part in parts)
     numerator, denominator = (put_in(part, index, value, degree) for part in parts)
     if denominator.is_zero():
-        return Fraction(numerator, denominator + 1)  # an excluded polynomial vanishes there; the piece is dropped
+        return Fraction(numerator, denominator + 1)  # an excluded polynomial vanishes there, so the piece is dropped
     common = numerator.gcd(denominator)
     return Fraction(numerator / common, denominator / common)
 
 
 def _updated_root(root: Root, index: int, value: Fraction) -> Root:
-    """The coefficients of a quadratic equation with the new value put in."""
+    """The coefficients of a quadratic equation with the new value substituted."""
     own, high, middle, low = root
     x = high.context().gen(own)
     parts = coefficients_in(put_in(high * x * x + middle * x + low, index, value), own)
@@ -274,7 +273,7 @@ def _updated_root(root: Root, index: int, value: Fraction) -> Root:
 
 
 def _solved_quadratic(equations: list[fmpq_mpoly], stratum: Stratum) -> list[_Open]:
-    """A a^2 + B a + C = 0: by its real zeros where the discriminant is nowhere positive, else by a root."""
+    """Solve A a^2 + B a + C = 0, by its real zeros if the discriminant is nowhere positive, else by a root."""
     choices = [
         (len(equation), place, index)
         for place, equation in enumerate(equations)
@@ -306,5 +305,5 @@ def _solved_quadratic(equations: list[fmpq_mpoly], stratum: Stratum) -> list[_Op
 
 
 def is_nowhere_positive(polynomial: fmpq_mpoly) -> bool:
-    """Whether it is minus a sum of even monomials: then it is negative, or zero where all of them are."""
+    """Whether it is minus a sum of even monomials, hence negative, or zero where all of them are."""
     return all(value < 0 and not any(int(e) % 2 for e in exponents) for exponents, value in polynomial.terms())
