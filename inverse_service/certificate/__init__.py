@@ -1,5 +1,5 @@
-"""What a certificate says (FORMAT.md), and the checker that judges it from nothing else.
+"""The format of certificates (FORMAT.md), and the checker that judges a certificate from its content alone.
 
-The room imports none of ours. Others use `checker` (its doors), `formulas` (the grammar and its
-limits), and `cell` (where a claim holds).
+This package imports nothing else of the project. Other packages use `checker` (the entry points), `formulas` (the
+grammar and its limits), and `cell` (where a claim is valid).
 """

@@ -1,10 +1,9 @@
-"""The cell of a claim: where its formulas are defined and the relations that its proof used hold.
+"""Compute the cell of a claim: where its formulas are defined and the relations used in its proof are true.
 
-Formulas are parsed into quotients of polynomials in *generators*: names, and roots and functions of
-quotients, all taken as independent. Denominators are not 0, and arguments of roots and logarithms
-are positive; both are factored. Most relations hold wherever their sides are real; the branch of an
-arctangent is constant only as long as the arguments that it relates have no pole, so the factors of
-these keep the sign that they have at the point P.
+Formulas are parsed into quotients of polynomials in *generators*: names, and roots and functions of quotients, all
+treated as independent. Denominators must be nonzero, and arguments of roots and logarithms positive; both are factored.
+Most relations are true wherever their sides are real. The branch of an arctangent is constant only while the arguments
+that it relates have no pole, so their factors must keep the sign that they have at the point P.
 """
 
 from __future__ import annotations
@@ -27,14 +26,14 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 Polynomial = Any  # fmpq_mpoly
-MAX_TERMS = 3000  # of a polynomial; a longer formula becomes a generator of unknown sign
-LONG = "..."  # begins the text of such a generator, which no formula contains
+MAX_TERMS = 3000  # per polynomial; a longer formula becomes a generator of unknown sign
+LONG = "..."  # prefix of the text of such a generator, which cannot occur in a formula
 MAX_LETTERS = 512
-SPARE = 24  # generators in addition to the names, at first
+SPARE = 24  # initial number of generators in addition to the names
 
 
 class TooManyLetters(Exception):
-    """The ring of polynomials has to be made again, larger."""
+    """The ring of polynomials must be rebuilt with more generators."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,13 +61,13 @@ class Quotient:
 
 
 class Factors(NamedTuple):
-    """A number, and irreducible polynomials with leading coefficient 1 and their multiplicities."""
+    """A number, and irreducible monic polynomials with their multiplicities."""
 
     content: fmpq
     listed: list[tuple[Polynomial, int]]
 
     def size(self) -> tuple[int, int, int]:
-        """How many have an odd multiplicity, how many there are, and their terms."""
+        """The number of factors with odd multiplicity, the number of factors, and the number of their terms."""
         odd = sum(k % 2 for _, k in self.listed)
         return odd, len(self.listed), sum(len(p) for p, _ in self.listed)
 
@@ -82,11 +81,10 @@ class Multiple(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """Where a claim holds: inequalities "x > 0", "x - 1 != 0", each an expression and 0.
+    """Where a claim is valid: inequalities "x > 0", "x - 1 != 0", each between an expression and 0.
 
-    `sides` are those of them on which relations depend that the proof used. `one_side`: only the
-    part of this set is meant that is connected with P where all `>` hold. `unknown`: a condition is
-    too long to be written.
+    `sides` are the inequalities on which relations used in the proof depend. `one_side`: only the connected component
+    of P in the set where all `>` are true. `unknown`: a condition is too long to be written.
     """
 
     domain: tuple[str, ...] = ()
@@ -115,7 +113,7 @@ class Letters:
         }
         self.places = dict[str, int]()
         self.positive = {0}  # generators that are positive
-        self.bounded = set[int]()  # those between -1 and 1
+        self.bounded = set[int]()  # generators between -1 and 1
         self.logarithms = dict[int, Quotient]()  # log u
         self.odd = dict[int, Quotient]()  # atan u with the sign of u
         self.exponentials = dict[int, Quotient]()  # e^u
@@ -128,7 +126,7 @@ class Letters:
         self.known = dict[str, Factors]()
         self.parted = dict[tuple[str, int], dict[str, Polynomial]]()  # see Knowledge.parts
         self.ties = list[Any]()
-        self.apart = False  # sines and cosines of sums by those of the terms
+        self.apart = False  # expand sines and cosines of sums
         self.plain = Knowledge(self)
 
     # The operations of a ring.
@@ -159,7 +157,7 @@ class Letters:
         return self.without_squares(self.shortened(above, below, left, right))
 
     def without_squares(self, u: Quotient) -> Quotient:
-        """With sqrt(w)^2 = w put in."""
+        """u with w substituted for sqrt(w)^2."""
         degrees = u.above.degrees(), u.below.degrees()
         for place, w in self.squares.items():
             if max(each[place] for each in degrees) > 1:
@@ -169,7 +167,7 @@ class Letters:
         return u
 
     def divided(self, p: Polynomial, q: Polynomial) -> Polynomial | None:
-        """The s of less degree with p = s q by r^2 = w, for q = a + b r with a root r = sqrt(w)."""
+        """The s of lower degree with p = s q modulo r^2 = w, for q = a + b r with a root r = sqrt(w), or None."""
         degrees = q.degrees()
         for place in (k for k in self.holds(q) if k in self.squares and degrees[k] == 1):
             w = self.squares[place]
@@ -209,7 +207,7 @@ class Letters:
                 next(self.entries, None)
         entry = next(self.entries, Entry())
         pieces = list(self.pieces(">", u)) if name == "log" else []
-        # What touches 0 matters where a root is left.
+        # Zeros matter where a root remains.
         self.needs |= {need: None for need in pieces if need.kind == ">"}
         here = self.needs_of(u) | frozenset(pieces)
         if entry.pair:
@@ -251,7 +249,7 @@ class Letters:
         arguments: list[Quotient],
         within: Sequence[Quotient] = (),
     ) -> Quotient:
-        """A derivative of a function, analytic where the arguments and what is `within` are."""
+        """A derivative of a function, analytic where the arguments and the quotients in `within` are."""
         listed = ", ".join(map(self.text, arguments))
         primes = "'" * orders[0] if len(orders) == 1 else str([*orders]) if any(orders) else ""
         inner = frozenset().union(*map(self.needs_of, [*arguments, *within]))
@@ -262,7 +260,7 @@ class Letters:
         slopes = self.question.integrals[name].slopes.values()
         return self.function(name, (), arguments, read_formulas(self, slopes))
 
-    # Helpers of these.
+    # Helpers of the ring operations.
 
     def exponential(self, u: Quotient) -> Quotient:
         """e^(a log w + rest): w^a for each logarithm with a rational factor."""
@@ -296,12 +294,12 @@ class Letters:
     def root(self, w: Quotient, a: Fraction) -> Quotient:
         """w^a: p^(k a) for the factors p^k of w with k and k a even.
 
-        The others give an integral power times a root.
+        The other factors give an integer power times a root.
         """
         (content, above), (other, below) = self.factors(w.above), self.factors(w.below)
         value = Quotient(self.one, self.one)
         left = [self.context.constant(content), self.context.constant(other)]
-        # Then it is |c|^a times squares.
+        # Then the result is |c|^a times squares.
         every_one = all((k * a) % 2 == 0 for _, k in (*above, *below))
         if every_one and content * other < 0:
             left[0] = -left[0]
@@ -341,7 +339,7 @@ class Letters:
         return self.places[text]
 
     def long(self, *parts: Quotient) -> Quotient:
-        """A generator for a formula of these parts, which is analytic where they are."""
+        """A generator for a formula of these parts, analytic where the parts are."""
         inner = frozenset().union(*map(self.needs_of, parts))
         return Quotient(self.generators[self.letter(f"{LONG}{len(self.texts)}", inner)], self.one)
 
@@ -359,7 +357,7 @@ class Letters:
         return bool(u.above != 0) and bool(u.above.leading_coefficient() * u.below.leading_coefficient() < 0)
 
     def parts_of(self, polynomial: Polynomial, place: int, degree: int) -> list[Polynomial]:
-        """The coefficients of the powers of a generator."""
+        """The coefficients of the powers of the generator at `place`."""
         parts = [self.context.constant(0)] * (degree + 1)
         for exponents, coefficient in polynomial.terms():
             lower = tuple(0 if j == place else e for j, e in enumerate(exponents))
@@ -367,14 +365,14 @@ class Letters:
         return parts
 
     def single(self, polynomial: Polynomial) -> Multiple | None:
-        """A number times one generator."""
+        """The factor and place if the polynomial is a number times one generator, else None."""
         if len(polynomial) != 1 or polynomial.total_degree() != 1:
             return None
         (place,) = self.holds(polynomial)
         return Multiple(place, polynomial.leading_coefficient())
 
     def holds(self, polynomial: Polynomial) -> list[int]:
-        """The generators that occur."""
+        """The generators that occur, by place."""
         return [k for k, e in enumerate(polynomial.degrees()) if e > 0]
 
     def needs_of(self, u: Quotient) -> frozenset[Need]:
@@ -390,10 +388,10 @@ class Letters:
         return found
 
     def pieces(self, kind: str, u: Quotient) -> Iterator[Need]:
-        """That u > 0, or u != 0, by factors.
+        """The needs, by factors, that u > 0 or u != 0.
 
-        Those of even multiplicity are not 0, the product of the others is > 0. What holds nowhere
-        gives 0 != 0, 0 > 0 or -1 > 0.
+        Factors of even multiplicity must be nonzero, and the product of the others positive. A condition that is never
+        true gives 0 != 0, 0 > 0, or -1 > 0.
         """
         (content, above), (other, below) = map(self.plain_factors, (u.above, u.below))
         if content == 0:
@@ -412,7 +410,7 @@ class Letters:
             yield need_of(">", odd)
 
     def plain_factors(self, polynomial: Polynomial) -> Factors:
-        """Factors: few of odd multiplicity by sin^2 + cos^2 = 1, and plain ones for e^u - 1."""
+        """The factors: sin^2 + cos^2 = 1 reduces those of odd multiplicity, and e^u - 1 gets a simple one."""
         forms = map(self.factors, [polynomial, *self.circled(polynomial)])
         content, found = min(forms, key=Factors.size)
         plain = list[tuple[Polynomial, int]]()
@@ -424,7 +422,7 @@ class Letters:
         return Factors(content, plain)
 
     def same_sign(self, p: Polynomial) -> Polynomial | None:
-        """A polynomial with the sign of this one, which has fewer functions in it."""
+        """A polynomial with the same sign and fewer functions, or None."""
         letters = self.holds(p)
         if len(letters) != 1 or p.total_degree() != 1:
             return None
@@ -440,9 +438,9 @@ class Letters:
         return None
 
     def circled(self, polynomial: Polynomial, known: bool = False) -> Iterator[Polynomial]:
-        """With 1 - cos(u)^2 in the place of sin(u)^2, and the other way round.
+        """The polynomial with 1 - cos(u)^2 for sin(u)^2, and vice versa.
 
-        `known`: only where both are generators already.
+        `known`: only if both are already generators.
         """
         for here, there in (("sin", "cos"), ("cos", "sin")):
             form = polynomial
@@ -473,7 +471,7 @@ class Letters:
         return self.known[key]
 
     def text(self, u: Quotient | Polynomial) -> str:
-        """In the grammar of certificates."""
+        """The value in the grammar of certificates."""
         if isinstance(u, Quotient):
             above = self.text(u.above)
             return above if u.below == 1 else f"({above})/({self.text(u.below)})"
@@ -481,7 +479,7 @@ class Letters:
 
 
 class Knowledge:
-    """The signs that follow from needs: of irreducible polynomials, and of products of these."""
+    """The signs of irreducible polynomials and their products that follow from needs."""
 
     def __init__(self, ring: Letters, needs: Iterable[Need] = ()) -> None:
         self.ring = ring
@@ -489,7 +487,7 @@ class Knowledge:
         self.wholes, self.found = list[Polynomial](), dict[tuple[str, int], int]()
         self.products = list[tuple[int, list[Polynomial]]]()
         self.listed = list[tuple[Polynomial, int, set[int]]]()
-        self.letters = list[set[int]]()  # of what is not 0
+        self.letters = list[set[int]]()  # generators of each nonzero polynomial
         for need in needs:
             self.learn(need)
 
@@ -507,7 +505,7 @@ class Knowledge:
             self.wholes.append(need.polynomial)
 
     def parts(self, text: str, factors: list[tuple[Polynomial, int]]) -> dict[str, Polynomial]:
-        """What is not 0 where the product of the factors is not, by its text, as of this ring."""
+        """The polynomials, by text, that are nonzero wherever the product of the factors is, in this ring."""
         key, known = (text, len(self.ring.texts)), self.ring.parted
         if key not in known:
             forms = (form for p, _ in factors for form in self.forms(p))
@@ -521,13 +519,13 @@ class Knowledge:
         return self.sign(need.polynomial) > 0
 
     def never_zero(self, p: Polynomial) -> bool:
-        """Whether all factors of one of its forms are not 0 wherever the needs hold."""
+        """Whether all factors of one of its forms are nonzero wherever the needs are true."""
         return any(
             all(str(q) in self.nonzero or self.sign(q) or self.by_division(q) for q in form) for form in self.forms(p)
         )
 
     def by_division(self, p: Polynomial) -> bool:
-        """Whether p is a product of polynomials that are not 0, by sqrt(w)^2 = w."""
+        """Whether p is a product of nonzero polynomials modulo sqrt(w)^2 = w."""
         for q in self.nonzero.values():
             rest = self.ring.divided(p, q)
             if rest is not None:
@@ -535,9 +533,9 @@ class Knowledge:
         return False
 
     def forms(self, p: Polynomial) -> Iterator[list[Polynomial]]:
-        """Factors that are not 0 where p is not: of all forms by sin^2 + cos^2 = 1, each unique.
+        """The factors of each distinct form of p by sin^2 + cos^2 = 1; they are nonzero where p is.
 
-        For a sine they are those of 1 - cos^2.
+        For a sine, these are the factors of 1 - cos^2.
         """
         single = self.ring.single(p)
         same = p if single is None else p**2
@@ -545,15 +543,15 @@ class Knowledge:
             yield [q for q, _ in self.ring.factors(form).listed]
 
     def sign(self, polynomial: Polynomial, depth: int = 3) -> int:
-        """1 or -1 where the polynomial has this sign wherever the needs hold.
+        """1 or -1 if the polynomial has this sign wherever the needs are true.
 
-        0: that is not known.
+        0 if the sign is unknown.
         """
         content, found = self.ring.factors(polynomial)
         if content == 0:
             return 0
         sign, left = 1 if content > 0 else -1, list[Polynomial]()
-        for q in self.wholes:  # which is positive, or negative where its coefficient is
+        for q in self.wholes:  # q is positive, or negative if its coefficient is
             if abs(len(polynomial) - len(q)) > 1:
                 continue
             rest = polynomial / polynomial.leading_coefficient() - q / q.leading_coefficient()
@@ -591,10 +589,10 @@ class Knowledge:
         return self.found[key]
 
     def is_beside(self, p: Polynomial) -> bool:
-        """Whether no need says anything of p: p has no functions, each need two other letters.
+        """Whether no need restricts p: p has no functions, and each need has two other generators.
 
-        All that its sign is derived from has letters of p only, and one more where a need is p and
-        terms in this.
+        Its sign can be derived only from needs with generators of p, and one more if a need is p plus terms in that
+        generator.
         """
         own = {*self.ring.holds(p)}
         names = max(own, default=0) <= len(self.ring.question.names)
@@ -611,12 +609,12 @@ class Knowledge:
         return next(filter(None, (way(p, depth) for way in ways)), 0)
 
     def by_facts(self, p: Polynomial) -> int:
-        """p - r q is 0 or of the sign of r q, for a q of a known sign and a number r."""
+        """The sign of p if p - r q is 0 or has the sign of r q, for a q of known sign and a number r."""
         own_letters = {*self.ring.holds(p)}
         for q, sign, letters in self.listed:
-            if len(letters ^ own_letters) > 1:  # the rest holds what only one of them holds
+            if len(letters ^ own_letters) > 1:  # p - r q contains what only one of them contains
                 continue
-            # Where it may be, r makes more vanish than a term in pi.
+            # If possible, r cancels more than a term in pi.
             shape, below = next((one for one in q.terms() if any(one[0][1:])), (None, 1))
             above = 1 if shape is None else p[shape]
             if above == 0:
@@ -627,7 +625,7 @@ class Knowledge:
         return 0
 
     def by_norm(self, p: Polynomial, depth: int) -> int:
-        """a + b sqrt(w) has the sign of b where b^2 w > a^2, and that of a where a^2 > b^2 w."""
+        """a + b sqrt(w) has the sign of b if b^2 w > a^2, and the sign of a if a^2 > b^2 w."""
         for place, w in self.ring.squares.items():
             if p.degrees()[place] == 1:
                 a, b = self.ring.parts_of(p, place, 1)
@@ -638,12 +636,12 @@ class Knowledge:
         return 0
 
     def by_circle(self, p: Polynomial, depth: int) -> int:
-        """By sin^2 + cos^2 = 1."""
+        """The sign by sin^2 + cos^2 = 1."""
         signs = (self.sign(form, depth - 1) for form in self.ring.circled(p, known=True))
         return next(filter(None, signs), 0)
 
     def by_quarter(self, p: Polynomial, depth: int) -> int:
-        """sin u and cos u between two of their zeros."""
+        """The signs of sin u and cos u between two of their zeros."""
         simple = self.ring.single(p)
         if simple is None or simple.place not in self.ring.circular:
             return 0
@@ -657,7 +655,7 @@ class Knowledge:
         return 0
 
     def by_terms(self, p: Polynomial) -> int:
-        """Every term has one sign at least weakly, and their bounds exclude 0."""
+        """The common weak sign of all terms, if their bounds exclude 0."""
         for side in (1, -1):
             least, strict, weak = fmpq(0), False, True
             for exponents, coefficient in p.terms():
@@ -682,7 +680,7 @@ class Knowledge:
         return 0
 
     def by_roots(self, p: Polynomial, depth: int) -> int:
-        """Of a polynomial in one generator without real roots."""
+        """The sign of a polynomial in one generator without real roots."""
         if len(self.ring.holds(p)) != 1 or p.total_degree() > 40 or has_real_zeros(p):
             return 0
         return 1 if p.leading_coefficient() > 0 else -1
@@ -700,7 +698,7 @@ class Knowledge:
         return 0
 
     def by_squares(self, p: Polynomial, depth: int) -> int:
-        """a z^2 + b z + c has the sign of a where 4 a c - b^2 > 0."""
+        """a z^2 + b z + c has the sign of a if 4 a c - b^2 > 0."""
         degrees = p.degrees()
         for k in (k for k in self.ring.holds(p) if degrees[k] == 2):
             c, b, a = self.ring.parts_of(p, k, 2)
@@ -710,7 +708,7 @@ class Knowledge:
 
 
 def in_letters(question: Question, work: Callable[[Letters], T]) -> T:
-    """What the work gives in a ring with as many generators as it needs."""
+    """The result of the work in a ring with enough generators."""
     size = SPARE + len(question.plan.pairs)
     while True:
         try:
@@ -724,11 +722,11 @@ def in_letters(question: Question, work: Callable[[Letters], T]) -> T:
 
 
 def cells_of(question: Question, by_theorem: bool = False) -> tuple[Cell, Cell]:
-    """Where the verdict of a claim that was found right holds, and where its formulas do.
+    """Where the verdict of a confirmed claim is valid, and where its formulas are.
 
-    Both are the same, unless a theorem about f alone gives the verdict: then it holds wherever f is
-    analytic. Of this set the sides are kept on which the relations between the formulas hold:
-    beyond them others do.
+    Both are the same unless a theorem about f alone gives the verdict, which is then valid wherever f is analytic. The
+    set keeps the sides on which the relations between the formulas are true, because other relations are true beyond
+    them.
     """
     return in_letters(question, lambda ring: _cells_in(ring, question, by_theorem))
 
@@ -748,7 +746,7 @@ def _cells_in(ring: Letters, question: Question, by_theorem: bool) -> tuple[Cell
 
     def cell(needs: Iterable[Need]) -> Cell:
         kept = strongest(ring, [*hints, *cut, *needs])
-        # What is not 0 may imply that a cut is positive, and have parts that are not connected.
+        # A nonzero condition may imply that a cut is positive, and have disconnected parts.
         inside = [need for need in (*hints, *cut, *needs) if need.kind == ">"] if cut else []
         one_side = not all(is_convex(ring, need.polynomial) for need in strongest(ring, inside))
         domain = written(ring, kept)
@@ -759,7 +757,7 @@ def _cells_in(ring: Letters, question: Question, by_theorem: bool) -> tuple[Cell
 
 
 def collect_needs(ring: Letters, found: Any) -> None:
-    """Add the conditions of the values in nested lists."""
+    """Add the conditions of all values in nested lists to the ring."""
     for value in values_in(found):
         ring.needs |= dict.fromkeys(ring.needs_of(value))
 
@@ -800,7 +798,7 @@ def signed(question: Question, ring: Letters, needs: Iterable[Need]) -> list[Nee
 
 
 def strongest(ring: Letters, needs: Sequence[Need]) -> list[Need]:
-    """Those that do not follow from the others, without the factors whose sign does."""
+    """The needs that do not follow from the others, without factors whose signs do."""
     plain = Knowledge(ring)
     kept = [need for need in dict.fromkeys(needs) if not plain.implies(need)]
     less = fewer(ring, kept)
@@ -816,7 +814,7 @@ def fewer(ring: Letters, kept: list[Need]) -> list[Need]:
 
 
 def smaller(known: Knowledge, need: Need) -> Need:
-    """Without factors of known signs; a + b sqrt(w) > 0 where a^2 > b^2 w is a > 0."""
+    """The need without factors of known signs; a + b sqrt(w) > 0 becomes a > 0 if a^2 > b^2 w."""
     ring = known.ring
     (content, found), left = ring.factors(need.polynomial), ring.one
     sign = 1 if content > 0 else -1
@@ -833,9 +831,9 @@ def smaller(known: Knowledge, need: Need) -> Need:
 
 
 def is_convex(ring: Letters, polynomial: Polynomial) -> bool:
-    """Whether the set where it is positive is seen to be convex.
+    """Whether the set where the polynomial is positive is convex by its form.
 
-    It is affine in the names, minus squares of them.
+    The form is affine in the names, minus squares of names.
     """
     shapes = [([e for e in map(int, exponents) if e], c) for exponents, c in polynomial.terms()]
     plain = all(sum(shape) <= 1 or (shape == [2] and c < 0) for shape, c in shapes)
@@ -843,9 +841,9 @@ def is_convex(ring: Letters, polynomial: Polynomial) -> bool:
 
 
 def where_regular(question: Question, read_matrix: Callable[[Letters], list[list[Quotient]]]) -> Cell:
-    """Where the entries of a square matrix are defined and it is regular.
+    """The cell on which the entries of a square matrix are defined and the matrix is regular.
 
-    Parameters alone are generic.
+    Conditions on parameters alone are dropped, because parameters are generic.
     """
     moving = {"t", *question.coordinates, *(f"{name}'" for name in question.coordinates)}
 
@@ -865,7 +863,7 @@ def where_regular(question: Question, read_matrix: Callable[[Letters], list[list
 
 
 def determinant(ring: Letters, matrix: list[list[Quotient]]) -> Quotient:
-    """By elimination in the field of quotients, with short pivots first."""
+    """The determinant by elimination in the field of quotients, with short pivots first."""
     rows, value = [[*row] for row in matrix], Quotient(ring.one, ring.one)
     while rows:
         sizes = [(len(entry.above) + len(entry.below), i, j) for i, row in enumerate(rows)
@@ -886,7 +884,7 @@ def determinant(ring: Letters, matrix: list[list[Quotient]]) -> Quotient:
 
 
 def shortest(question: Question, stated: Sequence[str]) -> Cell:
-    """A stated domain without members that follow from others, as stated where that is short."""
+    """A stated domain without conditions that follow from others, in the stated form if that is short."""
 
     def work(ring: Letters) -> Cell:
         ring.entries, said = iter(()), dict[Need, str]()
@@ -902,10 +900,10 @@ def shortest(question: Question, stated: Sequence[str]) -> Cell:
 
 
 def lacking(question: Question, stated: Sequence[str], cell: Cell) -> tuple[list[str], list[int]]:
-    """The members of the cell that do not follow from a stated domain.
+    """The conditions of the cell that do not follow from a stated domain.
 
-    Which stated members do not follow from it. What does not follow with the angles as they are
-    written may do so with sines and cosines of sums apart.
+    Also the indices of the stated conditions that do not follow from the cell. A condition that does not follow with
+    the angles as written may follow after sines and cosines of sums are expanded.
     """
 
     def work(ring: Letters, apart: bool) -> tuple[list[str], list[int]]:
@@ -928,7 +926,7 @@ def lacking(question: Question, stated: Sequence[str], cell: Cell) -> tuple[list
 
 
 def needs_of_text(ring: Letters, text: str, bound: dict[str, Quotient] | None = None) -> Iterator[Need]:
-    """Of A > B, A < B, A != B, or a chain of < or >; `bound` gives the values of other names."""
+    """The needs of A > B, A < B, A != B, or a chain of < or >; `bound` gives the values of other names."""
     for kind in ("!=", "<", ">"):
         sides = text.split(kind)
         if len(sides) > 1:

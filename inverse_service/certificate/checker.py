@@ -1,11 +1,10 @@
-"""The independent checker of certificates: its doors.
+"""The entry points of the independent checker of certificates.
 
-FORMAT.md next to this file says what is checked, and why that is enough. The room imports nothing
-of the project, draws its own points, primes and directions, never searches and never repairs. To be
-read in this order: `checker` (here), `question` (the checks), `formulas` (the grammar), `series`
-(Taylor series and elimination), `numbers` (residues modulo a prime, which decide what is zero, and
-balls, which decide what is not), `cell` and `exceptions` (where a claim holds); `kinds` and
-`constraints` are questions of other forms.
+FORMAT.md in this directory says what is checked, and why that is sufficient. The package imports nothing of the
+project, draws its own points, primes, and directions, and never searches or repairs. Read the modules in this order:
+`checker` (here), `question` (the checks), `formulas` (the grammar), `series` (Taylor series and elimination), `numbers`
+(residues modulo a prime, which prove that a value is zero, and balls, which prove that it is not), `cell` and
+`exceptions` (where a claim is valid); `kinds` and `constraints` are questions of other forms.
 """
 
 import json
@@ -31,8 +30,8 @@ class CheckResult:
 
     verdict: Literal["valid", "incomplete", "invalid"]
     reasons: tuple[str, ...] = ()
-    # Of a certificate that is valid: where its claim holds, where its formulas do, the parameters
-    # for which it is not proven, and whether the theorem on one coordinate proves it beyond them.
+    # For a valid certificate: where its claim is valid, where its formulas are, the parameters for which it is not
+    # proven, and whether the theorem on one coordinate proves it beyond them.
     cell: Cell | None = None
     formulas: Cell | None = None
     exceptions: Sequence[str] = ()
@@ -40,7 +39,7 @@ class CheckResult:
 
 
 def judged(work: Callable[[Tools], Iterable[str]], time_limit: float, seed: int | None) -> CheckResult:
-    """The sentences that the work gives, or how it ended; the work raises nothing else."""
+    """The result of the work as sentences, or the way it ended; no other exception leaves this function."""
     tools = Tools(random.Random(seed), time.thread_time() + time_limit)
     try:
         return CheckResult("valid", tuple(work(tools)))
@@ -53,7 +52,7 @@ def judged(work: Callable[[Tools], Iterable[str]], time_limit: float, seed: int 
 
 
 def check_certificate(certificate: object, time_limit: float = 60.0, seed: int | None = None) -> CheckResult:
-    """The verdict on a certificate by itself; never raises. `seed` makes its choices repeatable."""
+    """The verdict on a certificate; never raises. `seed` makes the random choices repeatable."""
     proven = list[CheckResult]()
 
     def work(tools: Tools) -> tuple[str, ...]:
@@ -83,8 +82,8 @@ def check_text(text: str, time_limit: float = 60.0, seed: int | None = None) -> 
 def certified(document: Any, tools: Tools) -> CheckResult:
     """The statement that a certificate proves, with the cell and exceptions of its claim, or Ended.
 
-    At the end: the document has the shape of FORMAT.md, its claim is the one that its kind proves,
-    and the method of the question that is named like the kind has returned.
+    On return, the document has the shape of FORMAT.md, its claim is the one that its kind proves, and the method of the
+    question named after the kind has returned.
     """
     began = time.thread_time()
     if isinstance(document, dict) and document.get("format") == OLD_FORMAT:
@@ -109,7 +108,7 @@ def certified(document: Any, tools: Tools) -> CheckResult:
     one = len(asked.coordinates) == 1 and about is Question
     cell, formulas = cells_of(asked, one and not asked.unsolved)
     by_theorem = one and (kind == "existence" or cell != formulas)
-    # A definite Hessian is proven at the point `near`, for the values of the parameters there.
+    # A definite Hessian is proven at the point `near`, for its parameter values.
     generic = None if one or about is Definite else asked.generic
     exceptions = Exceptions(partial(exceptions_of, asked, generic, time.thread_time() - began))
     meant = f" Only Lagrangians of a kind are meant: {among}." if among is not None else ""
@@ -119,9 +118,8 @@ def certified(document: Any, tools: Tools) -> CheckResult:
 def near_points(name: str, timed: bool) -> str:
     """Where an equation of one coordinate has a regular Lagrangian (Sonin 1886, Darboux 1894).
 
-    Its Hessian g solves Gamma(g) + g df/dv = 0 with Gamma = v d/dx + f d/dv, and d/dt besides where
-    L may contain t. A linear equation along Gamma has a solution with g = 1 near each point at
-    which Gamma is not 0, and g gives L.
+    Its Hessian g satisfies Gamma(g) + g df/dv = 0 with Gamma = v d/dx + f d/dv, plus d/dt if L may contain t. A linear
+    equation along Gamma has a solution with g = 1 near each point at which Gamma is not 0, and g determines L.
     """
     moving = "" if timed else f" and {name}', {name}'' are not both 0"
     return f"near every point at which f is analytic{moving}"

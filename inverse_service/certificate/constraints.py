@@ -14,13 +14,13 @@ from .numbers import Arithmetic, Number, Series
 from .question import KindsOfRows, Question, RowKind, Tools
 from .series import Elimination, Expansion, Row, Term
 
-PACE = 4  # brackets with Gamma that count as one order
+PACE = 4  # the number of brackets with Gamma that count as one order
 
 
 class MotionExpansion(Expansion):
     """Power series in x = (t?, q, u), and the conditions on L = l + lambda_a mu^a.
 
-    Here mu^a = s^a' - w^a. An unknown is a coefficient of L of mu-degree at most 1; its degree is
+    Here mu^a = s^a' - w^a. The unknowns are the coefficients of L of mu-degree at most 1; the degree of an unknown is
     one less than that of its monomial.
     """
 
@@ -34,9 +34,9 @@ class MotionExpansion(Expansion):
         }
 
     def bracketed(self, v: int, j: int) -> dict[int, Series]:
-        """(ad Gamma)^j d_v: its components by q, v, and by mu those by ds - w_v dr.
+        """(ad Gamma)^j d_v: the components along q and v, and under mu those along ds - w_v dr.
 
-        They are known to a degree that is j less.
+        They are known to a degree lower by j.
         """
         if not j:
             return {x: self.one if x == v else {} for x in (*self.q, *self.v, *self.mu)}
@@ -52,7 +52,7 @@ class MotionExpansion(Expansion):
         return found
 
     def terms(self, kind: str, *place: int) -> list[Term]:
-        """Of a row of a bivector: sum_i C(j, i) dtheta(V_i, V'_(j - i)).
+        """The terms of a bivector row: sum_i C(j, i) dtheta(V_i, V'_(j - i)).
 
         theta = L_v dr + L_mu (ds - w_v dr).
         """
@@ -77,7 +77,7 @@ class MotionExpansion(Expansion):
         return [*self.monomials(degree + 1), *transverse]
 
     def matrix(self, elimination: Elimination) -> list[list[Number]]:
-        """Random combinations of the rows of a matrix of a random solution.
+        """Random combinations of the rows of the matrix of a random solution.
 
         The matrix is [d2l/du du - lambda d2w/du du; dlambda/du].
         """
@@ -92,16 +92,16 @@ class MotionExpansion(Expansion):
 
 
 class FlowExpansion(MotionExpansion):
-    """Series in the time along the solution from a point.
+    """Series in the time along the solution that starts at a point.
 
-    They are of first order in displacements of the points on it.
+    They are of first order in displacements from the points of this solution.
     """
 
     clocks = 1
 
     def expand(self) -> None:
         last, self.clock = self.degree, (1 << self.shift - 8) | (1 << self.shift)
-        if not last:  # only to read
+        if not last:  # read only
             super().expand()
             return
         start = {name: {0: self.arithmetic.values[name]} for name in self.question.variables}
@@ -120,13 +120,13 @@ class FlowExpansion(MotionExpansion):
         self.vertical = self.pulled_back(last)
 
     def follow(self, degree: int, solution: dict[str, Series]) -> None:
-        """Read f to a degree along a solution; all values at the start are the same each time."""
+        """Read f to a degree along a solution, always with the same start values."""
         self.arithmetic, self.degree = self.arithmetic.again(), degree
         self.names = {name: {0: value} for name, value in self.arithmetic.values.items()} | solution
         self.read()
 
     def multiply(self, left: Series, right: Series, degree: int) -> Series:
-        """To first order in the displacements."""
+        """The product to first order in the displacements."""
         displaced = (1 << 8 * len(self.units)) - 1
         moved = {key: part for key, part in left.items() if key & displaced}
         if not moved:
@@ -138,7 +138,7 @@ class FlowExpansion(MotionExpansion):
     def pulled_back(self, last: int) -> dict[int, list[Series]]:
         """Phi(t)^-1 d_v to t^last, by components.
 
-        It solves Psi' = -Psi dGamma/dx, Psi(0) = 1, for Psi = Phi^-1.
+        Psi = Phi^-1 satisfies Psi' = -Psi dGamma/dx, Psi(0) = 1.
         """
         own = (*self.q, *self.v)
         psi: list[Series] = [{x << 8 | x: self.one[0] for x in own}]
@@ -161,7 +161,7 @@ class FlowExpansion(MotionExpansion):
     def row(self, kind: str, place: tuple[int, ...], alpha: int) -> Series:
         """The coefficient of t^alpha of Omega(Phi^-1 d_v, Phi^-1 d_v').
 
-        Omega has the components that it has at the start.
+        Omega has its components at the start.
         """
         left, right = (self.vertical[self.v[a]] for a in place)
         row = Series()
@@ -208,9 +208,9 @@ class Motion(Question):
 
 
 class Along(Motion):
-    """The claim that brackets along one solution leave 2-forms of one type only.
+    """The claim that brackets along one solution allow 2-forms of one type only.
 
-    These have vertical vectors in their kernels.
+    Those 2-forms have vertical vectors in their kernels.
     """
 
     def listed(self, document: dict[str, Any]) -> tuple[list[Row], int]:

@@ -1,15 +1,14 @@
-"""The special values of the parameters that a proof leaves out.
+"""Find the special parameter values that a proof excludes.
 
-A certificate is checked at random points and random parameters, so its claim holds for generic
-values. A value c is left out where something that the proof divides by (a pivot, the determinant of
-the multiplier, a divisor of L) vanishes at every point (t, q, q'), that is, where the *content* of
-this function, the largest factor with parameters only, is 0.
+A certificate is checked at random points and random parameters, so its claim is valid for generic values. A value c is
+excluded if a divisor of the proof (a pivot, the determinant of the multiplier, a divisor of L) vanishes at every point
+(t, q, q'), that is, if the *content* of this function, its largest factor with parameters only, is 0.
 
-The content is found on lines c = a + s b through one random a: each divisor is a rational function
-of s, which a few values determine, and two points (t, q, q') have only the content in common. The
-contents on several lines are put together to a polynomial in the parameters, which is factored. A
-factor is dropped where f is not defined, and where the claim holds by other pivots. Sets given by
-two equations and more are found only where they say that parameters are 0.
+The content is computed on lines c = a + s b through one random a: each divisor is a rational function of s, which a few
+values determine, and the divisors at two points (t, q, q') have only the content in common. The contents on several
+lines are combined into a polynomial in the parameters, which is factored. A factor is dropped if f is not defined
+there, or if other pivots prove the claim. Sets given by two or more equations are found only if these set parameters to
+0.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ if TYPE_CHECKING:
 Polynomial = Any  # fmpq_mpoly, in the parameters
 MAX_PARAMETERS = 12
 MAX_POINTS = 128  # on a line
-SPARE = 4  # of these, beyond those that the degrees need
+SPARE = 4  # additional points beyond those required by the degrees
 MAX_SHAPES = 60  # monomials of one degree
 MAX_ZEROS = 4  # parameters that are 0 together
 LEAST_TIME = 3.0  # s
@@ -43,11 +42,11 @@ LEAST_TIME = 3.0  # s
 
 @dataclass(frozen=True, slots=True)
 class Generic:
-    """The work whose outcome at random points is the proof.
+    """The computation whose outcome at random points is the proof.
 
-    Its divisors decide where the proof holds. `degree` is that of the series; `holds` says of an
-    outcome whether the claim follows from it. `telescopes`: each divisor is a minor of one matrix
-    over the one before, so that only their product counts.
+    Its divisors determine where the proof is valid. `degree` is the degree of the series; `holds` says whether the
+    claim follows from an outcome. `telescopes`: each divisor is the quotient of consecutive minors of one matrix, so
+    that only their product matters.
     """
 
     work: Callable[[Expansion], Any]
@@ -59,7 +58,7 @@ class Generic:
 class Special(Residues):
     """Numbers at given values of the parameters.
 
-    `divisors` are those of the work, `None` before it begins.
+    `divisors` are the divisors of the computation, `None` before it begins.
     """
 
     divisors: list[int] | None = None
@@ -84,7 +83,7 @@ class Special(Residues):
         return bool(determinant)
 
     def note(self, value: Any) -> None:
-        """A divisor, which has to be a number modulo the prime."""
+        """Record a divisor, which must be a number modulo the prime."""
         if self.divisors is not None:
             value = self.reduced(value)
             if not isinstance(value, int):
@@ -93,7 +92,7 @@ class Special(Residues):
 
 
 class Exceptions(Sequence[str]):
-    """What is left out, found when it is first read: it takes as long as the proof."""
+    """The excluded values, computed on first access because that takes as long as the proof."""
 
     def __init__(self, find: Callable[[], tuple[str, ...]]) -> None:
         self.find = cache(find)
@@ -106,15 +105,14 @@ class Exceptions(Sequence[str]):
 
 
 def not_found(names: Sequence[str]) -> tuple[str, ...]:
-    """What is left out as long as it was not found."""
+    """The placeholder for excluded values that could not be found."""
     return (f"single values of {', '.join(names)}",) if names else ()
 
 
 def exceptions_of(question: Question, generic: Generic | None, spent: float) -> tuple[str, ...]:
     """Equations between parameters, such as "c1 = c2" and "k = 0".
 
-    It takes about as long as the check, `spent`. "single values of k" means those that could not be
-    found.
+    It takes about as long as the check (`spent`). "single values of k" stands for values that could not be found.
     """
     names = question.own_parameters
     if generic is None or not names:
@@ -145,11 +143,11 @@ class Finding:
         self.prime, draw = question.prime(narrow=True), question.generator
         self.base = [draw.randrange(1, self.prime) for _ in names]
         self.largest = 0  # sum of the degrees of a numerator and its denominator
-        self.enough = 8  # points on a line, as far as is known
-        # Evaluations of the work until now, and until it is seen whether they are enough.
+        self.enough = 8  # points on a line, current estimate
+        # Evaluations of the computation so far, and needed before sufficiency is known.
         self.done = self.needed = 0
         self.began = time.thread_time()
-        self.seeds = list[int]()  # of points at which there are the roots that are needed
+        self.seeds = list[int]()  # of points at which the required roots exist
         for seed in (draw.getrandbits(64) for _ in range(64)):
             values = dict(zip(names, self.base, strict=True))
             try:
@@ -204,7 +202,7 @@ class Finding:
             yield left + right
 
     def on_line(self, polynomial: Polynomial, direction: Sequence[int]) -> Any:
-        """Of a polynomial, the one in s on a line."""
+        """The restriction of a polynomial to a line, in s."""
         places = [nmod_poly([a, b], self.prime) for a, b in zip(self.base, direction, strict=True)]
         total = nmod_poly([0], self.prime)
         for exponents, coefficient in polynomial.terms():
@@ -224,7 +222,7 @@ class Finding:
         return content
 
     def content(self, direction: Sequence[int]) -> Any:
-        """The common factor of the divisors at two points (t, q, q') on a line, each once."""
+        """The common factor, without multiplicities, of the divisors at two points (t, q, q') on a line."""
         count, places = self.enough, list[int]()
         tables = [list[list[int]]() for _ in range(2)]
         while len(places) < MAX_POINTS:
@@ -233,8 +231,7 @@ class Finding:
             more = [draw(1, self.prime) for _ in range(count - len(places))]
             places += more
             for last, (table, seed) in enumerate(zip(tables, self.seeds, strict=True)):
-                # Any regular minor shows the rank: other pivots remove the factors due to the
-                # choice of the first ones.
+                # Any regular minor shows the rank; other pivots remove the factors due to the first choice.
                 other = bool(last) and self.generic.telescopes
                 table += [self.divisors(seed, direction, s, other) for s in more]
             lengths = {len(values) for table in tables for values in table}
@@ -252,7 +249,7 @@ class Finding:
         raise Undefined
 
     def divisors(self, seed: int, direction: Sequence[int], s: int, last: bool) -> list[int]:
-        """The divisors of the work at a place of a line; each value once."""
+        """The distinct divisors of the computation at a place of a line."""
         self.question.check_time()
         values = {name: (a + s * b) % self.prime
                   for name, a, b in zip(self.names, self.base, direction, strict=True)}  # fmt: skip
@@ -263,14 +260,14 @@ class Finding:
         found = arithmetic.divisors
         self.done += 1
         pace = (time.thread_time() - self.began) / self.done
-        if pace * self.needed > self.question.deadline - self.began:  # it would end in vain
+        if pace * self.needed > self.question.deadline - self.began:  # it could not finish
             raise Undefined
         return [math.prod(found) % self.prime] if self.generic.telescopes else list(found)
 
     def numerators(self, places: Sequence[int], table: list[list[int]]) -> list[Any | None]:
-        """Of the rational functions with the values of a row at each place.
+        """The numerators of the rational functions that take the values of the table at the places.
 
-        None where they do not determine one.
+        None where the values do not determine one.
         """
         prime, count = self.prime, len(places)
         if not table[0]:
@@ -282,7 +279,7 @@ class Finding:
         return [self.numerator(modulus, one) for one in polynomials]
 
     def numerator(self, modulus: Any, polynomial: Any) -> Any | None:
-        """Of the rational function that is the polynomial modulo another, if it is simple."""
+        """The numerator of the simple rational function congruent to the polynomial modulo `modulus`, or None."""
         older, newer = modulus, polynomial
         before, after = nmod_poly([0], self.prime), nmod_poly([1], self.prime)
         best, size = newer, newer.degree()
@@ -296,7 +293,7 @@ class Finding:
         return best if size <= modulus.degree() - SPARE else None
 
     def put_together(self, found: Sequence[Polynomial], direction: Sequence[int], rest: Any) -> Polynomial:
-        """The polynomial whose values on lines through the base these are."""
+        """The polynomial with these restrictions to lines through the base."""
         degree, m, prime = rest.degree(), len(self.names), self.prime
         shapes = [list(combinations_with_replacement(range(m), k)) for k in range(degree + 1)]
         if len(shapes[-1]) > MAX_SHAPES:
@@ -323,7 +320,7 @@ class Finding:
         return self.context.from_dict(table)
 
     def fraction(self, value: int) -> fmpq:
-        """The simple fraction that has this value; Undefined where there is none."""
+        """The simple fraction with this residue; Undefined if there is none."""
         older, newer, before, after = self.prime, value, 0, 1
         while newer * newer > self.prime >> 20:
             quotient = older // newer
@@ -333,12 +330,12 @@ class Finding:
             raise Undefined
         return fmpq(newer, after)
 
-    # What is left out.
+    # The excluded values.
 
     def is_left_out(self, factor: Polynomial) -> bool:
-        """Whether f is defined where the factor is 0 and the claim is not seen there.
+        """Whether f is defined where the factor is 0, and the claim is not proven there.
 
-        The factor is 0 at real values.
+        The factor must have real zeros.
         """
         if not has_real_zeros(factor):
             return False
@@ -357,13 +354,13 @@ class Finding:
         return True
 
     def fails(self, fixed: dict[int, int]) -> bool:
-        """Whether f is defined and the claim not seen to hold for these values of parameters."""
+        """Whether f is defined and the claim is not proven for these parameter values."""
         values = {self.names[k]: value for k, value in fixed.items()}
         try:
             self.question.expansion(Special(self.question, self.prime, self.seeds[0], values), 0)
         except Undefined:
             return False
-        if not self.question.rational:  # the functions may have further relations there
+        if not self.question.rational:  # the functions may satisfy more relations there
             return True
         self.question.check_time()
         try:
@@ -374,7 +371,7 @@ class Finding:
         return not self.generic.holds(outcome)
 
     def text(self, factor: Polynomial) -> str:
-        """As an equation with positive coefficients on both sides; c1 = -c2 for c1 + c2 = 0."""
+        """The equation with positive coefficients on both sides; c1 = -c2 for c1 + c2 = 0."""
         sign = 1 if factor.leading_coefficient() > 0 else -1
         whole = [(tuple(map(int, key)), int(c.p)) for key, c in primitive(factor * sign).terms()]
         plain = len(whole) == 2 and all(sum(key) <= 1 and c > 0 for key, c in whole)
@@ -386,7 +383,7 @@ class Finding:
 
 
 def polynomial_text(terms: Iterable[tuple[Sequence[int], Any]], names: Sequence[str]) -> str:
-    """3*x^2*y - 1 of the exponents and coefficients of a polynomial in these names."""
+    """The text, such as 3*x^2*y - 1, of a polynomial with these exponents and coefficients."""
     found = ""
     for exponents, coefficient in terms:
         pairs = zip(names, exponents, strict=False)
@@ -398,14 +395,14 @@ def polynomial_text(terms: Iterable[tuple[Sequence[int], Any]], names: Sequence[
 
 
 def primitive(polynomial: Polynomial) -> Polynomial:
-    """Times a positive number, so that its coefficients are integers without a common factor."""
+    """The positive multiple whose coefficients are integers without a common factor."""
     values = [coefficient for _, coefficient in polynomial.terms()]
     scale = fmpq(math.lcm(*(int(c.q) for c in values)), math.gcd(*(int(c.p) for c in values)))
     return polynomial * scale
 
 
 def has_real_zeros(polynomial: Polynomial) -> bool:
-    """False only for a polynomial in one generator of which no root is real."""
+    """False only for a polynomial in one generator without real roots."""
     letters = [k for k, e in enumerate(polynomial.degrees()) if e]
     if len(letters) != 1:
         return True

@@ -1,4 +1,4 @@
-"""The grammar of certificates: shapes of documents, tokens, a reader that computes in any ring."""
+"""The grammar of certificates: document shapes, tokens, and a parser that computes in any ring."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -10,7 +10,7 @@ FORMAT, RESULT_FORMAT = "inverse-service/certificate/2", "inverse-service/result
 OLD_FORMAT, OLD = "inverse-service/certificate/1", "Format 1 proves too little; solve again."
 MAX_TEXT, MAX_DEPTH, MAX_MEMBERS, MAX_LISTED = 60_000, 200, 1000, 100
 MAX_COORDINATES, MAX_NAMES, MAX_ORDER, MAX_ROWS = 64, 200, 20, 200_000
-MAX_POWER = 4096  # of an integral power, beyond which it is an atom
+MAX_POWER = 4096  # larger integer powers are atoms
 DEFINED = {
     "sqrt": "u^(1/2)",
     "abs": "sqrt(u^2)",
@@ -33,11 +33,11 @@ DEFINED = {
     "atanh": "log((1 + u)/(1 - u))/2",
 }
 DERIVATIVE = re.compile(r"\bdiff\s*\(\s*(\w+)\s*\(([^()]*)\)\s*,([^()]*)\)", re.ASCII)
-# An integral power is a token of another form.
+# An integer power is a token of another form.
 IRRATIONAL = {"^", "exp", "log", "sin", "cos", "atan", *DEFINED}
 RESERVED = {"t", "pi", "diff", *IRRATIONAL}
 BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "^": 4}
-FREE = ("", "+", "-", "*", "(")  # before an operand that may have any value
+FREE = ("", "+", "-", "*", "(")  # tokens before an operand whose value is unrestricted
 # An integer: ^2, ^(-2).
 EXPONENT = r"\^[ \t\r\n]*(?:-?[0-9]{1,400}|\(-?[0-9]{1,400}\))(?![0-9.]|[ \t\r\n]*\^)"
 # 2.5, x', B[1,0].
@@ -65,9 +65,9 @@ CERTIFICATE = {
 
 
 class Ended(Exception):
-    """The check ends, with a verdict and a sentence.
+    """The check ends with a verdict and a sentence.
 
-    The verdict is "invalid" or, where nothing can be said, "incomplete".
+    The verdict is "invalid" or, if nothing can be concluded, "incomplete".
     """
 
     def __init__(self, verdict: Any, *reasons: str) -> None:
@@ -76,7 +76,7 @@ class Ended(Exception):
 
 
 class Incomplete(Ended):
-    """The check ends, and nothing can be said."""
+    """The check ends without a conclusion."""
 
     def __init__(self, reason: str) -> None:
         super().__init__("incomplete", reason)
@@ -88,9 +88,9 @@ def require(condition: object, sentence: str) -> None:
 
 
 def check_shape(value: Any, shape: Any, where: str) -> None:
-    """Refuse all but a text of a pattern, a number in a range, or nested such parts.
+    """End as invalid unless the value is a text of a pattern, a number in a range, or nested such parts.
 
-    For NUMBER an integer passes too.
+    For NUMBER, an integer is accepted too.
     """
     parts: list[tuple[Any, Any, str]] = []
     if shape is NUMBER and type(value) is int and value.bit_length() < 1330:
@@ -125,7 +125,7 @@ def check_shape(value: Any, shape: Any, where: str) -> None:
 
 
 def read_tokens(text: Any, where: str) -> tuple[str, ...]:
-    """The tokens of a formula, the last one empty, with B[1,0](x, y) for diff(B(x, y), x)."""
+    """The tokens of a formula, ending with an empty one, with B[1,0](x, y) for diff(B(x, y), x)."""
 
     def rewritten(found: re.Match[str]) -> str:
         names, by = ([name.strip() for name in part.split(",")] for part in (found[2], found[3]))
@@ -144,9 +144,9 @@ def read_tokens(text: Any, where: str) -> tuple[str, ...]:
 
 
 def bounded(tokens: tuple[str, ...], letters: set[str]) -> bool:
-    """Whether one of the names occurs in an argument, a power or a divisor.
+    """Whether one of the names occurs in an argument, a power, or a divisor.
 
-    Then its values may be restricted.
+    If so, its values may be restricted.
     """
     holding, unsafe, before = [False], [False], ""
     for token, after in pairwise((*tokens, "")):
@@ -168,7 +168,7 @@ def bounded(tokens: tuple[str, ...], letters: set[str]) -> bool:
 
 
 class Nodes:
-    """The distinct parts of all formulas that were read, each after its own parts.
+    """The distinct parts of all formulas read, each after its own parts.
 
     A node is (operator, parts): a number, a name, "+" with pairs of a part and its weight, "*",
     "/", "^" of two parts, ("power", part, integer) or (function, parts).
@@ -197,9 +197,9 @@ class Nodes:
         raise AssertionError
 
     def order(self, formula: tuple[str, ...]) -> list[int]:
-        """The nodes of a formula in an order in which they can be computed.
+        """The nodes of a formula in an order of evaluation.
 
-        The last one is the formula itself.
+        The last node is the formula itself.
         """
         if formula not in self.formulas:
             needed, waiting = set[int](), [_Parser(self, formula).root]
@@ -213,7 +213,7 @@ class Nodes:
 
 
 class Memory(NamedTuple):
-    """The values of nodes in a ring, for these values of the names and to this degree."""
+    """Values of nodes in a ring, for given values of the names and a given degree."""
 
     names: Mapping[str, Any]
     degree: int
@@ -223,8 +223,8 @@ class Memory(NamedTuple):
 def read_formulas(ring: Any, formulas: Iterable[tuple[str, ...]], **bound: Any) -> list[Any]:
     """The values of formulas in a ring.
 
-    Every distinct part is computed once for all formulas that the ring reads. Names in `bound` have
-    these values; what holds names that are bound is computed for this call alone.
+    Every distinct part is computed once for all formulas that the ring reads. `bound` gives values of names; parts that
+    contain bound names are computed for this call only.
     """
     nodes: Nodes = ring.question.nodes
     if bound:
@@ -285,7 +285,7 @@ def _called(ring: Any, token: str, values: list[Any]) -> Any:
 
 
 class _Parser:
-    """Reads one formula by operator precedence into nodes."""
+    """Parse one formula by operator precedence into nodes."""
 
     def __init__(self, nodes: Nodes, formula: tuple[str, ...]) -> None:
         self.nodes, self.tokens, self.position = nodes, formula, 0
@@ -299,7 +299,7 @@ class _Parser:
         )
 
     def take(self, operator: str) -> bool:
-        """Whether the next token is this one; then it is passed."""
+        """Whether the next token is this operator, which is then consumed."""
         found = self.tokens[self.position] == operator
         self.position += found
         return found
@@ -314,7 +314,7 @@ class _Parser:
         while self.take("-"):
             minuses += 1
         value = self.expression(3, depth) if minuses else self.atom(depth)
-        terms = [(value, -1 if minuses % 2 else 1)]  # their sum is what was read so far
+        terms = [(value, -1 if minuses % 2 else 1)]  # their sum is the value parsed so far
         while BINDING.get((operator := self.tokens[self.position])[:1], 0) > floor:
             self.position += 1
             if operator in ("+", "-"):
@@ -350,7 +350,7 @@ class _Parser:
 
 
 def joined(ring: Any, operator: str, left: Any, right: Any) -> Any:
-    """left operator right, for ^ exp(right log(left))."""
+    """left operator right; left ^ right is exp(right log(left))."""
     ring.question.check_time()
     if operator == "^":
         return ring.elementary("exp", ring.multiply(right, ring.elementary("log", left), ring.degree))
@@ -358,14 +358,14 @@ def joined(ring: Any, operator: str, left: Any, right: Any) -> Any:
 
 
 def applied(ring: Any, name: str, u: Any) -> Any:
-    """An elementary function, by its definition in others where it has one."""
+    """An elementary function, computed by its definition in terms of others if it has one."""
     if name in DEFINED:
         return value_of(ring, read_tokens(DEFINED[name], name), u=u)
     return ring.elementary(name, u)
 
 
 def is_root(formula: tuple[str, ...]) -> bool:
-    """Whether it is sqrt(w) or (w)^(e) as a whole, which has a value only where w is positive."""
+    """Whether the whole formula is sqrt(w) or (w)^(e), which is defined only where w is positive."""
     depths = [*accumulate((token == "(") - (token == ")") for token in formula)]
     closed = [k for k, depth in enumerate(depths) if formula[k] == ")" and not depth]
     between = ("^", "(") if formula[0] == "(" else ()
@@ -375,7 +375,7 @@ def is_root(formula: tuple[str, ...]) -> bool:
 
 
 def is_irrational(formula: tuple[str, ...]) -> bool:
-    """Whether there is more in it than rational operations and moderate integral powers."""
+    """Whether the formula contains more than rational operations and moderate integer powers."""
     exponents = (token[1:].strip("( \t\r\n)") for token in formula if token[:1] == "^")
     large = any(abs(int(exponent)) > MAX_POWER for exponent in exponents if exponent)
     return not IRRATIONAL.isdisjoint(formula) or large

@@ -1,7 +1,7 @@
 """Claims about Lagrangians of one kind: see FORMAT.md.
 
-By the derivations Y that multiply these by a number, or with a Hessian that is definite at a real
-point.
+A kind consists of the Lagrangians that derivations Y multiply by a number, or of those whose Hessian is definite at a
+real point.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -19,16 +19,16 @@ from .series import Elimination, Expansion, Term
 KINDS = "natural|riemannian|finsler|positive_definite|rayleigh|rayleigh_general"
 NATURAL, HOMOGENEOUS = ("natural", "riemannian", "rayleigh"), ("riemannian", "finsler")
 Rationals = list[list[Fraction]]
-# Its components, c of Y(L) = c L, and whether that holds exactly.
+# The components of Y, the c of Y(L) = c L, and whether this is exact.
 Derivation = tuple[dict[int, Series], int, bool]
 
 
 class KindExpansion(Expansion):
-    """Series as for any Lagrangian, and the conditions on those of a kind."""
+    """Series as for any Lagrangian, with the conditions on Lagrangians of a kind."""
 
     def __init__(self, arithmetic: Arithmetic, degree: int) -> None:
         super().__init__(arithmetic, degree)
-        self.pushed = self.slopes  # those of f with its friction
+        self.pushed = self.slopes  # slopes of f with its friction
         self.speeds = dict(zip(self.v, self.field[-2 * len(self.v) : -len(self.v)], strict=True))
         if self.question.without_drag:
             odd = {v: self.constant(Fraction(2 * k + 1)) for k, v in enumerate(self.v)}
@@ -92,7 +92,7 @@ class KindExpansion(Expansion):
                 yield Term(2 * sign, self.one, (self.v[i], self.v[c], self.q[j]))
 
     def multiplied(self, parts: dict[int, Series], weight: int, by: tuple[int, ...] = ()) -> list[Term]:
-        """Y(L) - c L, of the derivative of L by some variables."""
+        """Y(L) - c L for the derivative of L by some variables."""
         terms = [Term(1, part, (*by, a)) for a, part in parts.items()]
         return [*terms, Term(-weight, self.one, by)]
 
@@ -136,7 +136,7 @@ class OfKind(Question):
         plain = self.kind != "rayleigh_general" and not (even and self.timed)
         found = super().listed_rows() if plain else {}
         count = natural + (self.kind in HOMOGENEOUS) + len(self.moves)
-        # (0, 0) is a row of zeros.
+        # The row of (0, 0) is zero.
         for kind, k in product("CD" if "rayleigh" in self.kind else "", range(n)):
             pairs = list(combinations(range(n if kind == "C" else k), 2))
             found[kind + str(k)] = RowKind(1, 2, pairs or [(0, 0)])
@@ -164,7 +164,7 @@ class OfKind(Question):
     def residuals(self, ring: Any, lagrangian: Series) -> Iterator[Zero]:
         """E_i - dD/dv^i of L.
 
-        Then all terms that must be zero for the kind, and for D to be quadratic, homogeneous.
+        Then all terms that must vanish for the kind, and for D to be quadratic and homogeneous.
         """
         drag = value_of(ring, self.drag) if self.drag else {}
         for v, (value, sentence) in zip(ring.v, super().residuals(ring, lagrangian), strict=True):
@@ -198,10 +198,10 @@ def named(kind: Any) -> Any:
 
 
 class DefiniteExpansion(Expansion):
-    """At the point itself the given matrix is g(p), once it solves all rows for g(p)."""
+    """Series at the point itself, where the given matrix is g(p) once it satisfies all rows for g(p)."""
 
     def entries(self, matrix: Rationals) -> Series:
-        """By the coefficients of L: those of tr(matrix g)/2, half the values where g = matrix."""
+        """By the coefficients of L: the coefficients of tr(matrix g)/2, half the values where g = matrix."""
         pairs = combinations_with_replacement(range(len(self.v)), 2)
         found = {self.units[self.v[i]] + self.units[self.v[j]]: self.arithmetic.number(matrix[i][j]) for i, j in pairs}
         return self.settle(found)
@@ -210,7 +210,7 @@ class DefiniteExpansion(Expansion):
         given, orthogonal = self.question.member, self.question.orthogonal
         if not self.question.pinned:
             return super().matrix(elimination)
-        if orthogonal:  # 0 where tr(orthogonal g) follows from the rows
+        if orthogonal:  # 0 if tr(orthogonal g) = 0 follows from the rows
             is_new = elimination.insert(self.entries(orthogonal))
             return [[self.arithmetic.number(Fraction(is_new))]]
         halves = [[x / 2 if i == j else x for j, x in enumerate(row)] for i, row in enumerate(given)]
@@ -238,7 +238,7 @@ class Definite(Question):
         return DefiniteExpansion(arithmetic, degree)
 
     def modulo(self, degree: int, work: Callable[[Expansion], Any], count: int = 2) -> list[Any]:
-        """At the point itself; for existence also at random points, which are to give the same."""
+        """The results at the point itself; for existence also at random points, which must agree."""
         if not degree or not (self.member or self.orthogonal):
             return super().modulo(degree, work, count)
         if self.functions or any("pi" in text or fm.is_irrational(text) for text in self.texts()):
@@ -283,9 +283,9 @@ class Definite(Question):
 
 
 def is_definite(matrix: list[list[Any]], semi: bool = False) -> bool:
-    """By symmetric elimination: all pivots are positive, or zero with their rows.
+    """Whether symmetric elimination finds positive pivots only (with `semi`, also zero pivots with zero rows).
 
-    Unsettled where a ball is open.
+    Unsettled if a ball does not decide.
     """
     rows = [[*row] for row in matrix]
     for k, row in enumerate(rows):

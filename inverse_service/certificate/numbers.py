@@ -1,7 +1,7 @@
-"""Two kinds of numbers: residues decide that a value is zero, balls that it is not.
+"""Two kinds of numbers: residues prove that a value is zero, balls that it is not.
 
-Atoms (powers, logarithms, angles) come from independent ones by a plan, which is guessed from
-decimals and proven in the residues.
+A plan expresses the atoms (powers, logarithms, angles) by independent ones. It is guessed from decimals and proven in
+the residues.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from .formulas import MAX_POWER, Incomplete
 if TYPE_CHECKING:
     from .question import Question
 
-MAX_SPLIT = 1024  # of points drawn in vain, for one at which all roots are there
+MAX_SPLIT = 1024  # points drawn to find one at which all roots exist
 MAX_WIDE = 1 << 64
 MAX_CHOICES = 64
 MAX_SCALE = 4096
 MAX_TURNS = 720
 MAX_RELATED = 24
 MAX_SEARCHES = 12
-MAX_SIZE = arb(2) ** 20_000  # of numbers that are written as fractions
-SPARE = 4  # points more than there are independent atoms
+MAX_SIZE = arb(2) ** 20_000  # of numbers written as fractions
+SPARE = 4  # number of points minus the number of independent atoms
 # Pairs (l, e): (1, e), (i, e^i), (pi i, -1), (log 2, 2), (log 3, 3); see Pair.
 CONSTANTS = (
     (False, False, 1), (True, False, 1), (True, False, -1, 12), (False, True, 2, 2),
@@ -45,21 +45,21 @@ Arithmetic = Any  # Residues or Balls
 
 
 class Undefined(Exception):
-    """A formula is not defined at the point in hand."""
+    """A formula is not defined at the current point."""
 
 
 class Unsettled(Exception):
-    """A ball does not decide the question; more digits may."""
+    """A ball does not decide the question, but more digits may."""
 
 
 class Met(Exception):
-    """All was read that is asked for."""
+    """Everything requested has been read."""
 
 
 class Atom(NamedTuple):
-    """l of exp(l) = e as it was met: of a logarithm or an angle (e is given) or not.
+    """l of exp(l) = e as encountered, from a logarithm or an angle (e is given) or not.
 
-    imaginary: i l is meant.
+    If imaginary, exp(i l) = e.
     """
 
     logarithm: bool
@@ -69,9 +69,9 @@ class Atom(NamedTuple):
 
 @dataclass(slots=True)
 class Pair:
-    """(l, e) with e = exp(l): l is real or imaginary.
+    """(l, e) with e = exp(l), where l is real or imaginary.
 
-    Of a logarithm (e is given) or not; of a number, 1 or a prime.
+    It comes from a logarithm (e is given) or not; `number` is 1 or a prime.
     """
 
     imaginary: bool
@@ -82,9 +82,9 @@ class Pair:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """An atom is a new pair or a combination sum a_j l_j.
+    """An atom: a new pair or a combination sum a_j l_j.
 
-    Of log w the test is w^times = prod e_j^(times a_j).
+    The test of log w is w^times = prod e_j^(times a_j).
     """
 
     pair: int = 0
@@ -93,7 +93,7 @@ class Entry:
 
 
 class Root(NamedTuple):
-    """Of r^N = w: N, and how many roots of functions it holds in one another, with itself."""
+    """For r^N = w: N, and the nesting depth of roots of functions, including this one."""
 
     degree: int
     depth: int
@@ -102,7 +102,7 @@ class Root(NamedTuple):
 def exactly(value: arb) -> Fraction:
     """The midpoint.
 
-    0 for one that is too large or too small for a fraction: it takes part in no guess.
+    0 if it is too large or too small for a fraction; such a value is not used in guesses.
     """
     middle = value.mid()
     if not MAX_SIZE**-1 < abs(middle) < MAX_SIZE:
@@ -112,7 +112,7 @@ def exactly(value: arb) -> Fraction:
 
 
 def count_distinct(trace: list[Atom]) -> int:
-    """How many atoms are no multiple of another one by a number k/24, as 3/2 log w is of log w."""
+    """The number of atoms that are not k/24 times another one, as 3/2 log w is a multiple of log w."""
     kept: list[tuple[bool, float]] = []
     for atom in trace:
         value = float(atom.value.mid())
@@ -123,16 +123,16 @@ def count_distinct(trace: list[Atom]) -> int:
 
 
 class Plan:
-    """How the atoms, in the order of reading, come from independent ones.
+    """The expressions of the atoms, in the order of reading, by independent ones.
 
-    Guessed from decimals, proven elsewhere. `traces` are the atoms at points near the place, the
-    first one at the place itself, with `bits` of precision.
+    They are guessed from decimals and proven elsewhere. `traces` are the atoms at points near the place, first at the
+    place itself, with `bits` of precision.
     """
 
     def __init__(self, traces: list[list[Atom]], bits: int, check_time: Callable[[], None] = lambda: None) -> None:
         self.bits = bits
         self.split = 1  # the product of the N of functions
-        self.roots = list[Root]()  # those of functions, in the order of reading
+        self.roots = list[Root]()  # roots of functions, in the order of reading
         self.entries = list[Entry]()
         self.turns = 1  # a multiple of the N of functions
         self.choices = [dict[int, int]()]  # see every_choice
@@ -178,7 +178,7 @@ class Plan:
         return arb(2) ** (-self.bits // 3)
 
     def multiple(self, values: list[arb]) -> dict[int, Fraction] | None:
-        """{j: k/24} where they are k/24 times the values of one real function met before."""
+        """{j: k/24} if the values are k/24 times those of a previous real function, else None."""
         least = self.small() * max(map(abs, values))
         for j, (pair, others) in enumerate(zip(self.pairs, self.values, strict=True)):
             if pair.imaginary or pair.number or not (other := float(others[0])):
@@ -190,7 +190,7 @@ class Plan:
         return None
 
     def reduced(self, values: list[arb], imaginary: bool) -> tuple[list[arb], dict[int, arb]]:
-        """The values reduced by the earlier pairs, and the combination of these taken away."""
+        """The values reduced by the earlier pairs, and the subtracted combination of these."""
         rest, found = values, dict[int, arb]()
         for vector, place, combination in self.basis[imaginary]:
             factor = (rest[place] / vector[place]).mid()
@@ -200,7 +200,7 @@ class Plan:
         return rest, found
 
     def fraction(self, value: arb) -> Fraction | None:
-        """The simple fraction that this is to all digits, if any."""
+        """The simple fraction that agrees with the value to all digits, or None."""
         if abs(value) < self.small():
             return Fraction(0)
         simple = exactly(value).limit_denominator(1 << 40)
@@ -210,7 +210,7 @@ class Plan:
     def rational(self, values: list[arb], found: dict[int, arb], imaginary: bool) -> dict[int, Fraction] | None:
         """The combination with rational coefficients.
 
-        The constant in it is a multiple of pi, of 1 or a logarithm.
+        Its constant is a multiple of pi, of 1, or of a logarithm.
         """
         unit = TURN if imaginary else ONE
         parts = {j: self.fraction(a) for j, a in found.items() if j != unit}
@@ -246,7 +246,7 @@ class Plan:
         return {numbers.index(prime, 2): Fraction(exponent) for prime, exponent in factors}
 
     def related(self, values: list[arb], found: dict[int, arb], imaginary: bool) -> dict[int, Fraction] | None:
-        """The shortest integral linear relation among the values and those of all pairs (LLL)."""
+        """The shortest linear relation with integer coefficients among the values and those of all pairs (LLL)."""
         self.searches += 1
         if self.searches > MAX_SEARCHES:
             return None
@@ -267,7 +267,7 @@ class Plan:
         return math.floor(exactly(value * arb(2) ** (self.bits // 4)))
 
     def refined(self, parts: dict[int, Fraction]) -> bool:
-        """Make the generators fine enough for these exponents, unless they become too many."""
+        """Refine the generators for these exponents; False if too many would be needed."""
         scales = {j: math.lcm(self.pairs[j].scale, a.denominator) for j, a in parts.items()}
         roots = [j for j, pair in enumerate(self.pairs) if pair.logarithm and not pair.number]
         split = math.prod([scales.get(j, self.pairs[j].scale) for j in roots])
@@ -284,17 +284,17 @@ class Plan:
 
     @property
     def wide(self) -> bool:
-        """Whether numbers are taken from GF(p^2), where every number modulo p is a square."""
+        """Whether the numbers are in GF(p^2), where every number modulo p is a square."""
         return self.split > MAX_SPLIT
 
     @property
     def draws(self) -> int:
-        """How many points are drawn, on the average, for one at which all roots are there."""
+        """The mean number of points drawn per point at which all roots exist."""
         free = Root(2, 1) if self.wide else None
         return math.prod([root.degree for root in self.roots if root != free])
 
     def every_choice(self) -> list[dict[int, int]]:
-        """Each choice k of the roots r_j z_j^k_j of functions, z_j a root of unity."""
+        """Each choice k of the roots r_j z_j^k_j of functions, where z_j is a root of unity."""
         if self.split > MAX_CHOICES:
             raise Incomplete(f"Roots that depend on each other have more than {MAX_CHOICES} choices.")
         scales = {j: pair.scale for j, pair in enumerate(self.pairs) if pair.logarithm and not pair.number}
@@ -306,7 +306,7 @@ class Plan:
         return times <= 48 and all(abs(a) * times * self.pairs[j].scale <= MAX_POWER for j, a in parts.items())
 
     def combination(self, parts: dict[int, Fraction], logarithm: bool, imaginary: bool, exact: arb) -> Entry:
-        """Of an imaginary logarithm, the multiple of pi is the only one in a ball at the place."""
+        """The entry of a combination; for an imaginary logarithm, a ball at the place determines the multiple of pi."""
         times = math.lcm(*[a.denominator for j, a in parts.items() if j != PI])
         if logarithm and imaginary:
             part = math.lcm(12, parts.pop(PI, Fraction(1)).denominator) * times
@@ -322,11 +322,11 @@ class Plan:
 class Residues:
     """Numbers modulo a prime: random values of all generators, one for all choices of roots.
 
-    They are integers. Where the plan is wide they are those elements of GF(p^2) too that are none,
-    and the square roots of integers are there at every point.
+    They are integers and, if the plan is wide, also other elements of GF(p^2), so that the square roots of integers
+    exist at every point.
     """
 
-    pivot: Any = staticmethod(min)  # of the places where a row is not 0
+    pivot: Any = staticmethod(min)  # among the places where a row is not 0
 
     def __init__(self, question: Question, prime: int, seed: int, choice: dict[int, int]) -> None:
         self.question = question
@@ -339,7 +339,7 @@ class Residues:
         self.powers, self.classes, self.large = dict[int, tuple[int, int]](), list[int](), 0
         self.known = dict[tuple[str, tuple[int, ...]], int]()
         self.values = {name: self.generator.randrange(1, prime) for name in ("pi", *sorted(question.names))}
-        # Of a pair (l, e) the values of l and of r, where r^N = e.
+        # For each pair (l, e), the values of l and of r with r^N = e.
         self.pairs = list[tuple[int, int]]()
         if self.plan.pairs:
             self.draw_pairs()
@@ -376,21 +376,21 @@ class Residues:
         return all(pow(value, order // int(q), self.prime) != 1 for q, _ in fmpz(order).factor())
 
     def again(self) -> Residues:
-        """The same, before any formula was read."""
+        """A copy in the state before any formula was read."""
         return Residues(self.question, self.prime, self.seed, self.choice)
 
     def draw(self) -> int:
         return self.question.generator.randrange(self.prime)
 
     def settle(self, raw: Series) -> Series:
-        """The numbers without zeros."""
+        """The series without zero coefficients."""
         if self.field:
             return {key: rest for key, value in raw.items() if (rest := self.reduced(value))}
         prime = self.prime
         return {key: rest for key, value in raw.items() if (rest := value % prime)}
 
     def reduced(self, value: Number) -> Number:
-        """The number as it is written in one way only: of those modulo p as an integer."""
+        """The unique representation of the number: an integer if it is a number modulo p."""
         if not isinstance(value, int):
             whole, *rest = (int(part) for part in value.to_list())
             if any(rest):
@@ -414,7 +414,7 @@ class Residues:
         return self.reduced(value ** abs(exponent))
 
     def power(self, value: Number, exponent: int) -> Number:
-        """Beyond MAX_POWER, a separate generator times a moderate power.
+        """value^exponent; beyond MAX_POWER, a separate generator times a moderate power.
 
         The base must not be zero.
         """
@@ -428,7 +428,7 @@ class Residues:
         return self.reduced(free * self.moderate_power(value, exponent - start))
 
     def roots(self, value: Number, degree: int) -> list[Number]:
-        """All solutions of r^degree = value, of which there have to be so many."""
+        """All solutions of r^degree = value, of which there must be `degree`."""
         if degree == 1:
             return [value]
         polynomial: Any = [self.reduced(-value), *[0] * (degree - 1), 1]
@@ -462,7 +462,7 @@ class Residues:
             raise Incomplete("A relation between functions was guessed that does not hold for all roots.")
 
     def exp(self, value: Number) -> Number:
-        """e^l for an l with this value; for an imaginary one i l."""
+        """e^l for an l with this value; e^(i l) if it is imaginary."""
         entry = next(self.entries)
         if entry.pair:
             self.pairs[entry.pair] = value, self.pairs[entry.pair][1]
@@ -471,7 +471,7 @@ class Residues:
         return self.product(entry)
 
     def log(self, value: Number) -> Number:
-        """l with e^l of this value; for an imaginary one l/i."""
+        """l with e^l equal to this value; l/i if it is imaginary."""
         entry = next(self.entries)
         self.inverse(value)
         if entry.pair:
@@ -494,7 +494,7 @@ class Residues:
     def angle(self, value: Number) -> Number:
         """atan u = log((1 + iu)/(1 - iu))/2i.
 
-        It is, where halves of it are angles, log((1 + iu)/sqrt(1 + u^2))/i.
+        If halves of it are angles, it is log((1 + iu)/sqrt(1 + u^2))/i.
         """
         turn, half = value * self.i, self.inverse(2)
         if self.question.halves:
@@ -504,13 +504,13 @@ class Residues:
         return self.reduced(whole * half)
 
     def class_of(self, name: str, values: list[Number]) -> int:
-        """Arguments that are equal in the ring are in one class."""
+        """The class of the arguments; arguments that are equal in the ring share a class."""
         key = name, tuple(map(self.reduced, values))
         self.classes.append(self.known.setdefault(key, len(self.known)))
         return self.classes[-1]
 
     def jet(self, name: str, number: int, orders: tuple[int, ...]) -> int:
-        """A derivative of a function: random, the same for the same class."""
+        """A derivative of a function: a random number, the same for the same class."""
         return random.Random(f"{self.seed} {(name, number, orders)}").randrange(self.prime)
 
     def determinant(self, matrix: list[list[Number]]) -> Number:
@@ -535,9 +535,9 @@ class Residues:
 
 
 class Witnesses(Residues):
-    """Keeps the radicands w of the roots r^N = w of a depth.
+    """Collect the radicands w of the roots r^N = w of one depth.
 
-    Roots that are as deep, or deeper, are random numbers, only to be able to read on.
+    Roots of this or greater depth are random numbers, so that reading can continue.
     """
 
     def __init__(self, question: Question, prime: int, seed: int, depth: int) -> None:
@@ -551,7 +551,7 @@ class Witnesses(Residues):
         depth, self.roots_met = self.plan.roots[self.roots_met].depth, self.roots_met + 1
         if depth < self.depth:
             root = self.roots(value, degree)[0]
-            if not isinstance(root, int):  # it is there in GF(p^2) only
+            if not isinstance(root, int):  # it exists in GF(p^2) only
                 raise Undefined
             return root
         if depth == self.depth:
@@ -561,22 +561,22 @@ class Witnesses(Residues):
         return self.generator.randrange(1, self.prime)
 
     def same(self, left: int, right: int) -> None:
-        """Relations between roots do not hold for random numbers."""
+        """Skip the test, because relations between roots are false for random numbers."""
 
     def logarithms(self, q: int) -> list[int]:
-        """Those modulo q, to any base, of the radicands of roots with q | N."""
+        """The logarithms modulo q, to any base, of the radicands of roots with q | N."""
         order = (self.prime - 1) // q
         powers = [pow(value, order, self.prime) for value, degree in self.found if not degree % q]
         base = next((power for power in powers if power != 1), 1)
-        table = {pow(base, e, self.prime): e for e in reversed(range(q))}  # 0 of 1, if that is it
+        table = {pow(base, e, self.prime): e for e in reversed(range(q))}  # 0 for the value 1
         return [table[power] for power in powers]
 
 
 @dataclass(slots=True)
 class Place:
-    """A real point, exactly, and at it derivatives of the arbitrary functions.
+    """An exact real point, and the derivatives of the arbitrary functions there.
 
-    `closer`: it lies within 2^-(5 + closer) of its parent, relative to the size of each number.
+    It is within 2^-(5 + closer) of its parent, relative to the size of each number.
     """
 
     generator: random.Random
@@ -586,7 +586,7 @@ class Place:
     jets: dict[tuple[str, int, tuple[int, ...]], Fraction] = field(default_factory=dict)
 
     def near(self, value: Fraction) -> Fraction:
-        """A random number close to another, relative to its size."""
+        """A random number near `value`, relative to its size."""
         step = Fraction(self.generator.randrange(-(1 << 30), 1 << 30), 1 << 35 + self.closer)
         return value + step * (abs(value) or 1)
 
@@ -603,9 +603,9 @@ class Place:
 
 
 class Balls:
-    """Real numbers at a place as balls of the working precision (arb).
+    """Real numbers at a place, as balls of the working precision (arb).
 
-    `trace` keeps l of each atom that was met.
+    `trace` collects l of each atom encountered.
     """
 
     prime = 0
@@ -621,7 +621,7 @@ class Balls:
         self.values["pi"] = arb.pi()
 
     def again(self) -> Balls:
-        """The same, before any formula was read."""
+        """A copy in the state before any formula was read."""
         return Balls(self.question, self.place, self.given)
 
     def draw(self) -> arb:
@@ -649,7 +649,7 @@ class Balls:
         return value
 
     def power(self, value: arb, exponent: int) -> arb:
-        # The power of arb of a ball that contains zero is not a number.
+        # arb's power of a ball that contains zero is NaN.
         if 0 <= exponent <= MAX_POWER:
             half = self.power(value, exponent // 2) if exponent > 1 else arb(1)
             return half * half * value if exponent % 2 else half * half
@@ -683,7 +683,7 @@ class Balls:
     def class_of(self, name: str, values: list[arb]) -> int:
         """The class that the ring found for this call.
 
-        Its arguments have to lie apart from those of all others.
+        Its arguments must be disjoint from those of all other classes.
         """
         near = [number for number, (other, met) in self.known.items() if other == name
                 and all(a.overlaps(b) for a, b in zip(values, met, strict=True))]  # fmt: skip

@@ -1,8 +1,7 @@
-"""A system as a certificate states it, and the checks of the three kinds of certificates.
+"""A system as stated in a certificate, and the checks of the three kinds of certificates.
 
-Formulas have no trees: the reader computes Taylor series about a point as it reads. Numbers are
-residues modulo a prime (`Residues`), which decide what is zero, or balls (`Balls`), which decide
-what is not.
+Formulas have no trees: the parser computes Taylor series about a point while it reads. Numbers are residues modulo a
+prime (`Residues`), which prove that a value is zero, or balls (`Balls`), which prove that it is not.
 """
 
 import math
@@ -23,24 +22,24 @@ from .formulas import NAME, NUMBER, TEXT, Incomplete, check_shape, read_tokens, 
 from .numbers import Atom, Balls, Plan, Residues, Undefined, Unsettled
 from .series import Elimination, Expansion, Row, Step, Symbol
 
-PRECISIONS = (192, 512, 2048, 8192)  # bits of balls
+PRECISIONS = (192, 512, 2048, 8192)  # of balls, in bits
 NOT_SHOWN = "Balls at the real point do not show that"
-MAX_RARITY = 1 << 18  # one of about so many primes has all roots that are needed of it
-MAX_VISITS = 64  # of a root that is none of a power, before it is taken for dependent
-LOOKS = 64  # for points at which a formula is not defined
-MAX_ATOMS = 80  # between which all linear relations are looked for
+MAX_RARITY = 1 << 18  # one in about so many primes has all required roots
+MAX_VISITS = 64  # of a root that is not one of a power, before it is considered dependent
+LOOKS = 64  # searches for points at which a formula is not defined
+MAX_ATOMS = 80  # atoms among which all linear relations are searched
 Tokens = tuple[str, ...]
 
 
 class Tools(NamedTuple):
-    """Where all random choices come from, and the end of the processor time."""
+    """The source of all random choices, and the end of the processor time."""
 
     generator: random.Random
     deadline: float
 
 
 class RowKind(NamedTuple):
-    """The order of a condition on g, that of the derivatives of f in it, the places of its rows."""
+    """The order of a condition on g, the order of the derivatives of f in it, and the places of its rows."""
 
     order: int
     depth: int
@@ -58,14 +57,14 @@ class Condition(NamedTuple):
 
 
 class Root(NamedTuple):
-    """A root, and the formula, positive at the point, that it is said to be."""
+    """A root, and the formula, positive at the point, that is claimed to equal it."""
 
     root: Tokens
     value: Tokens
 
 
 class Integral(NamedTuple):
-    """A function of the arguments, known by its derivatives by some of them."""
+    """A function of the arguments, given by its derivatives by some of them."""
 
     arguments: list[str]
     slopes: dict[str, Tokens]
@@ -75,21 +74,21 @@ class Found(NamedTuple):
     """The result of the elimination of an existence certificate at one point."""
 
     steps: list[Step]
-    killing: list[Step]  # those of the symbol
-    dimensions: list[list[int]]  # D_0 ... D_degree at the order claimed and the next one
-    regular: bool  # g(p) of a random solution
+    killing: list[Step]  # steps of the symbol
+    dimensions: list[list[int]]  # D_0 ... D_degree at the claimed order and the next one
+    regular: bool  # whether g(p) of a random solution is
     symbol: Symbol
 
 
 class Zero(NamedTuple):
-    """The values that must be zero in the ring, and a sentence for where they are not."""
+    """Values that must be zero in the ring, and the sentence for the case that they are not."""
 
     value: nb.Series
     sentence: str
 
 
 class Regular(NamedTuple):
-    """A matrix that has to be regular at the point, and a sentence for where it is not."""
+    """A matrix that must be regular at the point, and the sentence for the case that it is not."""
 
     matrix: list[list[nb.Number]]
     sentence: str
@@ -101,7 +100,7 @@ class Claims(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """The result of the rows of a nonexistence certificate at one point."""
+    """The outcome of the rows of a nonexistence certificate at one point."""
 
     steps: list[Step]
     regular: bool  # whether g(p) of a random solution is
@@ -113,12 +112,12 @@ def no_claims(ring: Expansion) -> Claims:
 
 
 class Question:
-    """A system q'' = f as read, whether L may depend on t, and the checks of certificates.
+    """A parsed system q'' = f, whether L may depend on t, and the checks of certificates.
 
-    `claim` gives the set of the claim: `near`, `conditions`, `roots`.
+    `claim` contains the set of the claim: `near`, `conditions`, `roots`.
     """
 
-    jet, where = 2, ""  # the derivatives of L that are needed
+    jet, where = 2, ""  # the order of the required derivatives of L
 
     def __init__(self, tools: Tools, document: Any, timed: bool = True, claim: Any = None) -> None:
         self.generator, self.deadline = tools
@@ -131,10 +130,10 @@ class Question:
         self.set_of_claim(claim or {})
         self.integrals = dict[str, Integral]()
         self.kinds_of_rows = self.listed_rows()
-        self.held = False  # whether all that has to hold at a point of `look_around` is read
-        self.partly = False  # whether a matrix is regular for some choices of the roots only
+        self.held = False  # whether everything that must be true at a point of `look_around` is read
+        self.partly = False  # whether a matrix is regular only for some choices of the roots
         self.claimed: tuple[Callable[[Expansion], Claims], int] = (no_claims, 0)
-        self.generic: Generic | None = None  # the proof, once it is found right
+        self.generic: Generic | None = None  # the proof, once confirmed
         self.halves, self.plan, self.place = False, Plan([], 0), nb.Place(self.generator, {})
 
     def read_system(self, document: Any) -> None:
@@ -204,7 +203,7 @@ class Question:
             raise Incomplete("The time limit ended the check.")
 
     def read_all(self, ring: Any) -> list[Any]:
-        """The conditions and roots, as logarithms of expressions that they make positive.
+        """Read the conditions and roots, as logarithms of the expressions that they make positive.
 
         Then the right sides f.
         """
@@ -217,8 +216,7 @@ class Question:
             ring.elementary("log", value)
             tie = ring.add([value_of(ring, root), value], [1, -1])
             ring.ties.append(ring.multiply(tie, ring.constant(Fraction(1)), 0))
-        # All rings of all degrees meet the same atoms in the same order: the conditions are not
-        # remembered.
+        # The conditions are not remembered, so that rings of all degrees meet the same atoms in the same order.
         ring.degree, ring.memory = degree, None
         found = fm.read_formulas(ring, self.force_texts)
         if self.bound:
@@ -232,12 +230,11 @@ class Question:
         formulas: Iterable[tuple[str, ...]] = (),
         rational: bool = True,
     ) -> None:
-        """Bounds by a count; where not all is rational in everything, first a point and a plan.
+        """Bound the degrees by a count; unless everything is rational, first find a point and a plan.
 
-        `read` reads all formulas of the certificate but f, called with rings of all kinds. At the
-        end: there is a point where all is defined and the conditions hold (in balls, or modulo a
-        prime where all is rational), the plan relates the atoms there, degrees are bounded, and
-        each root named is what it is said to be.
+        `read` is called with rings of all kinds and reads all formulas of the certificate except f. On return, there is
+        a point where everything is defined and the conditions are true (in balls, or modulo a prime if everything is
+        rational), the plan relates the atoms there, degrees are bounded, and each named root has its stated value.
         """
         self.rational = rational and not any(map(fm.is_irrational, [*self.texts(), *formulas]))
         self.read = read
@@ -256,7 +253,7 @@ class Question:
             self.settle(0, no_claims)
 
     def locate(self) -> list[Atom]:
-        """A real point where all is defined and the conditions hold: `near`, as far as it goes."""
+        """Find a real point where everything is defined and the conditions are true, completing `near`."""
         free = self.names - {*self.near} or self.functions
         for attempt in range(60 if free else 1):
             values = {
@@ -274,7 +271,7 @@ class Question:
     def look_around(self) -> int:
         """Try random points where the conditions hold, near and far.
 
-        There every formula read once these are `held` has a value, and all zeros hold.
+        There, every formula read after the conditions are `held` must be defined, and all zeros must be zero.
         """
         everywhere = "at all points where the conditions hold"
         (claims, degree), seen = self.claimed, 0
@@ -327,18 +324,18 @@ class Question:
                     self.check_time()
                     missed += 1
             self.plan = Plan(traces, bits, self.check_time)
-            self.plan.classes = first.arithmetic.met  # for which the plan holds
+            self.plan.classes = first.arithmetic.met  # for which the plan is valid
         if self.plan.halved and not self.halves:
             self.halves = True
             self.make_plan(trace)
 
     def independent(self) -> bool:
-        """Whether the roots r^N = w of functions are all of full degree.
+        """Whether the roots r^N = w of functions all have full degree.
 
-        Then one choice of them does for all. So it is if, for each depth and each prime q, no
-        product of powers of those w with q | N is a q-th power in the field of the roots that are
-        less deep (Kummer), that is, if logarithms of these w modulo q, at points modulo primes
-        where all the roots that are less deep are there, have full rank.
+        Then one choice of roots represents all choices. A sufficient condition is that, for each depth and each prime
+        q, no product of powers of the w with q | N is a q-th power in the field of the roots of smaller depth (Kummer),
+        that is, that the logarithms of these w modulo q, at points modulo primes where all roots of smaller depth
+        exist, have full rank.
         """
         roots = self.plan.roots
         for depth in sorted({root.depth for root in roots}):
@@ -364,9 +361,9 @@ class Question:
         return True
 
     def in_balls(self, degree: int, work: Callable[[Expansion], Any], classes: list[int] | None = None) -> Any:
-        """The work in balls at the point, with more digits until they suffice.
+        """The result of the work in balls at the point, with more digits until they suffice.
 
-        At the end: what is returned was computed without a comparison that balls leave open.
+        On return, no comparison in the computation was left open by the balls.
         """
         for bits in PRECISIONS:
             self.check_time()
@@ -386,15 +383,15 @@ class Question:
     def modulo(self, degree: int, work: Callable[[Expansion], Any], count: int = 2) -> list[Any]:
         """The results of the work at random points modulo random primes.
 
-        One for each choice of the roots there. At the end: there are `count` times as many outcomes
-        as choices, and at all points the same arguments of functions were found to be equal.
+        There is one result for each choice of the roots there. On return, there are `count` times as many outcomes as
+        choices, and the same arguments of functions were equal at all points.
         """
         found, prime, choices = list[Any](), 0, self.plan.choices
         for attempt in range(2000 + 30 * self.plan.draws):
             prime = prime if attempt % 8 else self.prime()
             seed, here, classes = self.generator.getrandbits(64), list[Any](), list[list[int]]()
             try:
-                # First, whether there are these roots.
+                # First test whether these roots exist.
                 for choice in choices if degree and self.plan.draws > 1 else ():
                     self.read(self.expansion(Residues(self, prime, seed, choice), 0))
                 for choice in choices:
@@ -405,7 +402,7 @@ class Question:
                 self.check_time()
                 continue
             for met in classes:
-                known = self.plan.classes or []  # one work reads further than another
+                known = self.plan.classes or []  # one computation may read more than another
                 if any(one != other for one, other in zip(known, met, strict=False)):
                     raise Incomplete("Arguments of a function agree at one point and not at another.")
                 self.plan.classes = max(known, met, key=len)
@@ -415,17 +412,16 @@ class Question:
         raise Incomplete("No point was found at which every formula is defined.")
 
     def prime(self, narrow: bool = False) -> int:
-        """A random prime, modulo which all numbers have the roots that the plan takes.
+        """A random prime modulo which all numbers have the roots that the plan uses.
 
-        It has 61 bits, and where the plan is wide as many more as Lemma 2 of RING.md needs.
-        It is drawn after the text is read: no text can be made so that it vanishes modulo the
-        prime.
+        It has 61 bits or, if the plan is wide, as many more as Lemma 2 of RING.md requires. It is drawn after the text
+        is read, so that no text can be constructed to vanish modulo the prime.
         """
         bits = 60 + (2 * self.plan.split.bit_length() if self.plan.wide and not narrow else 0)
         fine = [2 * pair.scale for pair in self.plan.pairs if pair.number < 0]
         step = math.lcm(24 * math.lcm(*[2 * pair.scale for pair in self.plan.pairs if pair.logarithm]), *fine)
         roots = [(pair.number, pair.scale) for pair in self.plan.pairs if pair.number > 1]
-        # A text could hold all such primes.
+        # A text could contain all such primes.
         if step * math.prod([scale for _, scale in roots]) > MAX_RARITY:
             raise Incomplete("There are too many roots of numbers: too few primes have them all.")
         for _ in range(1_000_000):
@@ -436,14 +432,14 @@ class Question:
         raise Incomplete("No prime was found modulo which all numbers have their roots.")
 
     def settle(self, degree: int, claims: Callable[[Expansion], Claims], count: int = 2) -> None:
-        """Show zeros by algebra, regular matrices by balls.
+        """Prove zeros by algebra and regular matrices by balls.
 
-        Balls may refute a value that is not zero in the ring. At the end: every zero is one at all
-        points drawn and for all roots there, every matrix is regular. Else it is invalid where a
-        ball excludes 0 or all is rational, and incomplete everywhere else.
+        Balls may refute a value that is not zero in the ring. On return, every zero is zero at all points drawn and for
+        all roots there, and every matrix is regular. Otherwise the certificate is invalid if a ball excludes 0 or
+        everything is rational, and incomplete if not.
         """
         doubts, self.claimed = dict[int, str](), (claims, degree)
-        needed = dict[int, str]()  # which matrices, and which are for some choice of the roots
+        needed = dict[int, str]()  # all matrices, and those regular for some choice of the roots
         regular = set[int]()
 
         def exact(ring: Expansion) -> None:
@@ -474,10 +470,10 @@ class Question:
             self.proven_in_balls(degree, real, told)
 
     def lagrangian(self, document: dict[str, Any]) -> str:
-        """All conditions on L itself hold, and the matrix L_(v_i v_j) is regular.
+        """Check that L satisfies all conditions and that the matrix L_(v_i v_j) is regular.
 
-        At the end: each residual is zero in the ring for every choice of its roots, and the matrix
-        is regular modulo a prime for one of them and, where not all is rational, in balls at P.
+        On return, each residual is zero in the ring for every choice of its roots, and the matrix is regular modulo a
+        prime for one choice and, unless everything is rational, in balls at P.
         """
         formula = read_tokens(document.get("lagrangian"), "certificate.lagrangian")
         tokens = formula + self.read_integrals(document.get("integrals") or {})
@@ -507,7 +503,7 @@ class Question:
         return f"{hold} and its Hessian is regular{there}."
 
     def residuals(self, ring: Expansion, lagrangian: nb.Series) -> Iterator[Zero]:
-        """The values that must be zero at the point, and the error where they are not."""
+        """The values that must be zero at the point, each with the error if it is not."""
         for kind, names in (("free", self.free), ("dependent", self.bound)):
             for i, name in enumerate(names):
                 sentence = f"The Euler-Lagrange equation of {name} does not hold{self.where}."
@@ -523,7 +519,7 @@ class Question:
                 yield Zero({0: turn.get(0, 0)}, sentence)
 
     def read_factors(self, document: dict[str, Any]) -> list[tuple[str, ...]]:
-        """c_i(t, q, q') for each equation that is not solved, 1 where none are given."""
+        """c_i(t, q, q') for each unsolved equation; 1 if none are given."""
         listed = document.get("factors", ["1"] * len(self.unsolved))
         check_shape(listed, [TEXT, len(self.unsolved)], "certificate.factors")
         good = len(listed) == len(self.unsolved)
@@ -539,7 +535,7 @@ class Question:
         require(good, f"{what} contains t, but the question does not.")
 
     def against(self, ring: Expansion, residuals: Iterable[Zero], factors: list[tuple[str, ...]]) -> Iterator[Zero]:
-        """For unsolved equations: it is zero if the residual is c E or -c E, for all q''."""
+        """For unsolved equations, values that are zero if the residual is c E or -c E for all q''."""
         for (residual, sentence), factor, equation in zip(residuals, factors, self.unsolved, strict=True):
             value = {0: value_of(ring, factor).get(0, 0)}
             own = ring.multiply(value, {0: value_of(ring, equation).get(0, 0)}, 0)
@@ -547,9 +543,9 @@ class Question:
             yield Zero(either, sentence)
 
     def read_integrals(self, listed: dict[str, Any]) -> tuple[str, ...]:
-        """The functions that are known by derivatives, which may hold those before them.
+        """Read the functions given by derivatives, which may contain earlier ones.
 
-        The tokens of all.
+        Returns the tokens of all of them.
         """
         check_shape(listed, {}, "integrals")
         shape = {"arguments": [NAME + "'?", 6], "derivatives": {}}
@@ -587,7 +583,7 @@ class Question:
         return packed | sum(exponents) << shift
 
     def agreed(self, scripts: Iterable[list[Step]]) -> list[Step]:
-        """The rows and pivots of eliminations at several points, which have to be the same."""
+        """The rows and pivots of eliminations at several points, which must agree."""
         first, *others = scripts
         for other in others:
             if [(step.row, step.pivot) for step in other] != [(step.row, step.pivot) for step in first]:
@@ -597,7 +593,7 @@ class Question:
         return first
 
     def listed(self, document: dict[str, Any]) -> tuple[list[Row], int]:
-        """The rows of a document in the order of elimination, and the degree needed of f."""
+        """The rows of a document in the order of elimination, and the required degree of f."""
         index = range(len(self.coordinates))
         exponents = range(fm.MAX_ORDER + 1)
         m = len(self.variables)
@@ -621,10 +617,10 @@ class Question:
         return rows, max(depths)
 
     def nonexistence(self, document: dict[str, Any]) -> str:
-        """The rows named leave no regular g(p).
+        """Check that the named rows allow no regular g(p).
 
-        At the end: at all points the same rows are independent with the same pivots, in balls too
-        where not all is rational, and det g(p) is zero on the solutions of these rows.
+        On return, the same rows are independent with the same pivots at all points (also in balls unless everything is
+        rational), and det g(p) is zero on the solutions of these rows.
         """
         rows, most = self.listed(document)
         require(len(set(rows)) == len(rows), "A row is named twice.")
@@ -652,11 +648,10 @@ class Question:
         return f"{listed}, leave only singular Hessians."
 
     def existence(self, document: dict[str, Any]) -> str:
-        """The prolonged system is involutive in the degree named, and leaves a regular g(p).
+        """Check that the prolonged system is involutive in the named degree and allows a regular g(p).
 
-        At the end: the dimensions are those named, at the order named and the next one, at all
-        points and in balls; the symbol passes Cartan's test with them; g(p) of a random solution is
-        regular.
+        On return, the dimensions are those named, at the named order and the next one, at all points and in balls; the
+        symbol passes Cartan's test with them; and g(p) of a random solution is regular.
         """
         count, orders = range(10**9), range(1, fm.MAX_ORDER + 1)
         symbol = {
@@ -718,7 +713,7 @@ class Question:
         require(claimed == found, "The symbol has other dimensions.")
         prolonged = sum(k * a for k, a in enumerate(found.characters, 1))
         require(found.prolonged == prolonged, "The symbol is not involutive.")
-        # A flag for each point: divisors that belong to a flag are no exceptions.
+        # A separate flag for each point, because divisors that belong to a flag are not exceptions.
         self.generic = Generic(
             lambda ring: work(ring, self.flag(random.Random(ring.arithmetic.seed))),
             most,
@@ -737,7 +732,7 @@ class Question:
     def is_one_coordinate(self, document: dict[str, Any]) -> bool:
         """Whether it is x'' = f(t, x, x') with the dimensions of Gamma(g) + g df/dv = 0.
 
-        That always has solutions.
+        This equation always has solutions.
         """
         dimensions, symbol = [1, 2], Symbol(1, 1, (1, 0, 0))
         if self.timed:
@@ -747,7 +742,7 @@ class Question:
         return alone and same and document.get("series") is None
 
     def series(self, series: Any) -> str:
-        """The rows of the order claimed vanish on the given coefficients, and g(p) is regular."""
+        """Check that the rows of the claimed order vanish on the given coefficients and g(p) is regular."""
         point = dict.fromkeys({*self.variables, *self.parameters}, NUMBER)
         shape = {
             "order": range(fm.MAX_ORDER + 1),
@@ -783,14 +778,14 @@ def sizes(found: Found) -> tuple[Any, ...]:
 
 
 def claimed_symbol(document: dict[str, Any], count: int) -> Symbol:
-    """The symbol of a certificate with so many characters: those that are left out are 0."""
+    """The symbol of a certificate with `count` characters; omitted ones are 0."""
     claimed = document["symbol"]
     listed = [*claimed["characters"], *[0] * (count - len(claimed["characters"]))]
     return Symbol(claimed["dimension"], claimed["prolonged"], tuple(listed))
 
 
 def read_condition(text: str) -> Condition:
-    """Of A > B, or of B < A."""
+    """The condition of A > B, or of B < A."""
     sides = re.split("[<>]", text)
     require(len(sides) == 2, "A condition has to be of the form A > B or A < B.")
     more, less = (read_tokens(side, "conditions") for side in sides[:: 1 if ">" in text else -1])

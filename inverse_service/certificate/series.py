@@ -1,4 +1,4 @@
-"""Power series about a point, the Helmholtz conditions in them, and elimination."""
+"""Power series about a point, the Helmholtz conditions as series, and elimination."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from .question import Question
 
 MAX_MONOMIALS, MAX_DEGREE = 400_000, 1 << 20
-# Of a condition: see Expansion.condition.
+# The table of a condition; see Expansion.condition.
 Table = dict[int, list[tuple[Number, int, list[tuple[int, int]]]]]
 
 
 class Term(NamedTuple):
-    """Of a condition: weight times factor times the derivative of L by these variables."""
+    """A term of a condition: weight times factor times the derivative of L by these variables."""
 
     weight: int
     factor: Series
@@ -31,7 +31,7 @@ class Term(NamedTuple):
 
 
 class Row(NamedTuple):
-    """The name of a row: the coefficient `alpha` of a condition of a kind, at a place of it."""
+    """The name of a row: the coefficient `alpha` of the condition of a kind at a place."""
 
     kind: str
     place: tuple[int, ...]
@@ -39,7 +39,7 @@ class Row(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Of an elimination: the name of a row, its pivot, and its columns."""
+    """A step of an elimination: the name of a row, its pivot, and its columns."""
 
     row: Any
     pivot: int
@@ -47,7 +47,7 @@ class Step(NamedTuple):
 
 
 class Symbol(NamedTuple):
-    """The dimensions of the symbol of a system, of its prolongation, and its characters."""
+    """The dimension of the symbol of a system, the dimension of its prolongation, and its characters."""
 
     dimension: int
     prolonged: int
@@ -55,7 +55,7 @@ class Symbol(NamedTuple):
 
 
 class Count:
-    """Reads formulas to bounds of degrees and bits.
+    """Read formulas to bound their degrees and bits.
 
     A value is (degree of numerator, of denominator, bits of the coefficients of both, the depth of
     the roots in it: see Root).
@@ -96,11 +96,11 @@ class Count:
         return self.bounded(*(times * size for size in sizes), depth)
 
     def atom(self, u: Any, logarithm: bool) -> Any:
-        """The degrees of all powers that occur in the computation with Residues."""
+        """The degrees of all powers that occur in computations with Residues."""
         plan, entry, size, depth = self.question.plan, next(self.entries), max(*u[:-1], 1), u[-1]
         if entry.pair:
             self.weights[entry.pair] = size if logarithm else 1
-            # Of l and r: a new logarithm and a new exponential are indeterminates.
+            # The depths of l and r: a new logarithm and a new exponential are indeterminates.
             self.depths[entry.pair] = (0, depth) if logarithm else (depth, 0)
             if logarithm and (degree := plan.pairs[entry.pair].scale) > 1:
                 plan.roots.append(Root(degree, depth + 1))
@@ -122,7 +122,7 @@ class Count:
             square = self.add([(0, 0, 1, 0, 0), self.multiply(u, u)])
             length = self.atom(self.atom(square, True), False)
             return self.atom(self.multiply(u, length), True)
-        # Of w = (1 + iu)/(1 - iu), which has the degree of u.
+        # The atom of w = (1 + iu)/(1 - iu), which has the degree of u.
         found = self.atom(u, name in ("log", "atan"))
         return self.multiply(found, found) if name in ("sin", "cos") else found
 
@@ -137,11 +137,11 @@ class Count:
 class Expansion:
     """Power series about a point, and conditions on L.
 
-    They are in the displacements of t (if any), q_1 … q_n, v_1 … v_k. Where velocities are
-    dependent, s' = w(t, q, v), L also has the variables mu = s' - w.
+    The variables are the displacements of t (if any), q_1 … q_n, v_1 … v_k. If velocities are dependent, s' = w(t, q,
+    v), L also has the variables mu = s' - w.
     """
 
-    offset = 2  # the total degree of the unknown coefficients of L that are of degree 0
+    offset = 2  # the total degree of the coefficients of L that count as degree 0
     clocks = 0  # variables of the series in addition to those of the question
 
     def __init__(self, arithmetic: Arithmetic, degree: int) -> None:
@@ -160,7 +160,7 @@ class Expansion:
         self.expand()
 
     def expand(self) -> None:
-        """Read f, its variables displaced."""
+        """Read f with displaced variables."""
         arithmetic, question, degree = self.arithmetic, self.question, self.degree
         if math.comb(len(self.units) + degree, degree) * (1 + len(self.mu)) > MAX_MONOMIALS:
             raise Incomplete(f"Series of more than {MAX_MONOMIALS} terms would be needed.")
@@ -176,7 +176,7 @@ class Expansion:
         self.slopes = [[self.derivative(force, v) for v in self.v] for force in self.forces]
 
     def read(self) -> None:
-        """f, and Gamma by the variables."""
+        """Read f and the components of Gamma."""
         self.ties, free = list[Series](), len(self.question.free)
         found = self.question.read_all(self)
         self.forces, self.rates = found[:free], found[free:]
@@ -201,13 +201,13 @@ class Expansion:
         return self.settle(total)
 
     def multiply(self, left: Series, right: Series, degree: int) -> Series:
-        """The product up to a total degree: the order of monomials is that of degrees first."""
+        """The product up to a total degree; monomials are ordered by degree first."""
         if not degree:
             return self.settle({0: left.get(0, 0) * right.get(0, 0)})
         total: Series = {}
         terms, above = sorted(right.items()), (degree + 1) << self.shift
         for place, (first, value) in enumerate(left.items()):
-            if not place % 64:  # to ask for the time takes as long as some ten products
+            if not place % 64:  # querying the time takes as long as about ten products
                 self.question.check_time()
             for second, coefficient in terms[: bisect_left(terms, (above - first,))]:
                 total[first + second] = total.get(first + second, 0) + value * coefficient
@@ -240,7 +240,7 @@ class Expansion:
     def elementary(self, name: str, u: Series) -> Series:
         number = self.arithmetic.number
         start = u[0] if 0 in u else number(Fraction(0))
-        # y with E(y) = w E(u), where E multiplies by the degree and w is the derivative.
+        # y satisfies E(y) = w E(u), where E multiplies by the degree and w is the derivative.
         if name in ("log", "atan"):
             value = self.arithmetic.log(start) if name == "log" else self.arithmetic.angle(start)
             if not self.degree:
@@ -259,9 +259,9 @@ class Expansion:
         return self.compose([u], lambda k: cycle[k % 4] * number(Fraction(1, math.factorial(k))))
 
     def function(self, name: str, orders: tuple[int, ...], arguments: list[Series]) -> Series:
-        """A derivative of a declared function: its Taylor coefficients are random.
+        """A derivative of a declared function, with random Taylor coefficients.
 
-        They are the same at equal arguments.
+        Equal arguments give the same coefficients.
         """
         field, zero = self.arithmetic, self.arithmetic.number(Fraction(0))
         place = field.class_of(name, [argument.get(0, zero) for argument in arguments])
@@ -273,9 +273,9 @@ class Expansion:
         return self.compose(arguments, coefficient)
 
     def integral(self, name: str, orders: list[int], arguments: list[Series]) -> Series:
-        """A function with given derivatives: random where nothing is given.
+        """A function with given derivatives, random where none are given.
 
-        At equal arguments it is the same.
+        Equal arguments give the same function.
         """
         names, slopes = self.question.integrals[name]
         written = len(arguments) == len(names) and not any(orders)
@@ -300,7 +300,7 @@ class Expansion:
         return self.settle(series)
 
     def coefficients(self, degree: int) -> list[int]:
-        """The unknowns of a degree: total degree two more, v-degree at least two."""
+        """The unknowns of a degree: monomials of total degree two higher and v-degree at least two."""
         keys = self.monomials(degree + 2)
         return [key for key in keys if sum(self.exponent(key, v) for v in self.v) >= 2]
 
@@ -313,7 +313,7 @@ class Expansion:
         return self.add(terms, [-4] + [2] * len(self.field) + [-1] * len(self.v))
 
     def terms(self, kind: str, *place: int) -> list[Term]:
-        """A condition, an expression that L has to make zero, as a sum of terms."""
+        """A condition, an expression in L that must vanish, as a sum of terms."""
         if kind in ("free", "dependent"):
             return self.euler_lagrange(kind, *place)
         (i, j), sign = ((self.v[a] for a in place), -1 if kind == "H3" else 1)
@@ -325,7 +325,7 @@ class Expansion:
         return terms
 
     def euler_lagrange(self, kind: str, i: int) -> list[Term]:
-        """Gamma(d_v L) - d_q L, where velocities are dependent in v and mu: see FORMAT.md."""
+        """Gamma(d_v L) - d_q L; for dependent velocities, in v and mu (see FORMAT.md)."""
         s = self.q[len(self.v) :]
         by, of = (self.v[i], self.q[i]) if kind == "free" else (self.mu[i], s[i])
         terms = [Term(1, rate, (by, a)) for a, rate in enumerate(self.field)]
@@ -343,12 +343,12 @@ class Expansion:
         return terms
 
     def along(self, parts: dict[int, Series], series: Series) -> Series:
-        """The derivation with these components, by their variables."""
+        """The derivation with these components by variable, applied to the series."""
         pairs = ((part, self.derivative(series, a)) for a, part in parts.items())
         return self.add([self.multiply(*pair, self.degree) for pair in pairs])
 
     def condition(self, kind: str, *place: int) -> Table:
-        """The terms value x^part d_a d_b … L of a condition, by their parts; see row()."""
+        """The terms value x^part d_a d_b … L of a condition, grouped by part; see row()."""
         table = Table()
         for weight, factor, by in self.terms(kind, *place):
             raised = sum(self.all_units[a] for a in by)
@@ -358,7 +358,7 @@ class Expansion:
         return table
 
     def row(self, kind: str, place: tuple[int, ...], alpha: int) -> Series:
-        """The coefficient alpha of a condition, in the coefficients of L."""
+        """The coefficient alpha of a condition, as a row in the coefficients of L."""
         exponents = [self.exponent(alpha, a) for a in range(len(self.units))]
         table, row = self.table(kind, *place), Series()
         powers = [[unit * e for e in range(most + 1)] for unit, most in zip(self.units, exponents, strict=True) if most]
@@ -371,7 +371,7 @@ class Expansion:
         return self.settle(row)
 
     def value(self, terms: list[Term], series: Series) -> Series:
-        """The image of a series under the terms of a condition, at the point."""
+        """The value at the point of the terms of a condition applied to a series."""
         total = self.arithmetic.number(Fraction(0))
         for weight, factor, by in terms:
             times = weight * math.prod(by[:k].count(a) + 1 for k, a in enumerate(by))
@@ -379,18 +379,17 @@ class Expansion:
         return {0: total}
 
     def rows(self, degree: int) -> Iterator[Row]:
-        """All rows whose unknowns have this highest degree, in an order that fills in little."""
+        """All rows whose unknowns have this highest degree, in an order with little fill-in."""
         for kind, (order, _, places) in self.question.kinds_of_rows.items():
             for place in reversed(places):
                 for alpha in reversed([*self.monomials(degree - order)]):
                     yield Row(kind, place, alpha)
 
     def extend(self, elimination: Elimination, degree: int, idle: set[Row]) -> None:
-        """Insert all rows of a degree but those that vanish on a random solution of the others.
+        """Insert all rows of a degree except those that vanish on a random solution of the others.
 
-        A row that does not follow from the others does so with a chance of one in the prime.
-        `idle`, the rows that followed, only says which to try: they themselves at another point,
-        and their derivatives.
+        A row independent of the others vanishes with probability 1/prime. `idle` collects the dependent rows; it only
+        selects the rows to test: the same rows at another point, and their derivatives.
         """
         likely = list[Row]()
         for name in self.rows(degree):
@@ -410,7 +409,7 @@ class Expansion:
         return not self.settle({0: sum([value * values.get(key, 0) for key, value in row.items()])})
 
     def matrix(self, elimination: Elimination) -> list[list[Number]]:
-        """The matrix of a random solution that must be regular: g(p)."""
+        """The matrix of a random solution that must be regular, g(p)."""
         return self.hessian(elimination.solution(self.unknowns(0)))
 
     def hessian(self, series: Series) -> list[list[Number]]:
@@ -428,7 +427,7 @@ class Expansion:
 
 
 class Elimination:
-    """Rows in echelon form without their pivots, which are 1.
+    """Rows in echelon form, stored without their pivots, which are 1.
 
     `order` numbers the rows by their pivots (monomials).
     """
@@ -439,7 +438,7 @@ class Elimination:
         self.rows, self.pivots, self.order = list[Series](), list[int](), dict[int, int]()
 
     def insert(self, row: Series, name: Any = None) -> bool:
-        """Reduce a row degree by degree, keep it once its part of the highest degree is new.
+        """Reduce a row degree by degree, and keep it once its part of highest degree is new.
 
         Returns whether it was kept.
         """
@@ -447,7 +446,7 @@ class Elimination:
         field.question.check_time()
         block: list[int] = []
         while row and not block:
-            first = max(row) >> self.shift << self.shift  # keys of the highest degree are not below
+            first = max(row) >> self.shift << self.shift  # keys of the highest degree are at least this
             if any(key in self.order for key in row if key >= first):
                 row = self.reduced(row, first)
             block = [key for key in row if key >= first]
@@ -463,7 +462,7 @@ class Elimination:
         self.rows.append(self.settle(kept))
 
     def reduced(self, row: Series, first: int) -> Series:
-        """Without the pivots from `first` on.
+        """The row reduced by the pivots from `first` on.
 
         A kept row contains no earlier pivot of its degree.
         """
@@ -485,7 +484,7 @@ class Elimination:
         return self.settle(raw)
 
     def follow(self, row: Series, step: Step) -> None:
-        """Repeat another elimination in balls, without the entries that it found to be zero."""
+        """Repeat a step of another elimination in balls, without the entries found to be zero there."""
         row = self.reduced(row, step.pivot >> self.shift << self.shift)
         if step.pivot not in row:
             raise Unsettled
@@ -496,7 +495,7 @@ class Elimination:
         return [Step(*parts) for parts in zip(self.names, self.pivots, columns, strict=True)]
 
     def solution(self, columns: list[int]) -> Series:
-        """A random solution in the columns, which are all up to some degree."""
+        """A random solution in the columns, which must be all columns up to some degree."""
         field, values = self.arithmetic, {column: self.arithmetic.draw() for column in columns}
         zero = field.number(Fraction(0))
         pairs = zip(reversed(self.pivots), reversed(self.rows), strict=True)
@@ -508,7 +507,7 @@ class Elimination:
 
 
 def followed(ring: Expansion, steps: list[Step]) -> Elimination:
-    """The elimination of rows in balls with the pivots of another."""
+    """The elimination of rows in balls with the pivots of another elimination."""
     echelon = Elimination(ring.arithmetic, ring.shift)
     for step in steps:
         ring.question.check_time()
@@ -519,9 +518,9 @@ def followed(ring: Expansion, steps: list[Step]) -> Elimination:
 def symbol_rows(
     system: Elimination, ring: Expansion, degree: int, directions: list[list[int]]
 ) -> Iterator[tuple[Any, Series]]:
-    """The equations of the symbol, by their pivots.
+    """(pivot, row) for the equations of the symbol.
 
-    Then those of the parts that derivatives along directions kill.
+    Then those that derivatives along the directions vanish.
     """
     one, top = ring.arithmetic.number(Fraction(1)), degree + ring.offset
     for pivot, row in zip(system.pivots, system.rows, strict=True):
@@ -539,10 +538,9 @@ def symbol_rows(
 def symbol_of(
     system: Elimination, ring: Expansion, degree: int, directions: list[list[int]]
 ) -> tuple[Symbol, Elimination]:
-    """The symbol, and the elimination of its equations and of the parts that derivatives kill.
+    """The symbol, and the elimination of all `symbol_rows`.
 
-    It is involutive if the dimension of its
-    prolongation is sum_k k a_k, a_k the characters.
+    It is involutive if the dimension of its prolongation is sum_k k a_k with the characters a_k.
     """
     field, unknown = system.arithmetic, len(ring.unknowns(degree))
     killed = Elimination(field, ring.shift)
