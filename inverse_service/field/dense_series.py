@@ -4,15 +4,15 @@ Monomials in m displacements are 64-bit keys, sums of exponents being sums of ke
 displacements is one array of C(m + D, D) words, its homogeneous components one after the other, monomials of one
 degree as in `exponents_of_degree`.
 
-A register of the machine holds one series (`SeriesTables`), in Montgomery form; tops[register] is the degree from
-which on all its coefficients are zero, less one (-1 for the series 0), and only those up to it are ever read. An
-instruction is six numbers: operation, out, a, b, c, cut, with registers out, a, b and the place c of a constant.
-Functions follow from the Euler operator E y = (0 y_0, 1 y_1, 2 y_2, …): for y = exp(u), E y = y E u reads
-k y_k = sum_j j u_j y_(k-j); powers, logarithms and trigonometric functions alike (Knuth, TAOCP 2, 4.7).
+A register of the machine holds one series (`SeriesTables`) in Montgomery form; tops[register] is the highest degree of
+a nonzero coefficient (-1 for the series 0), and only coefficients up to it are read. An instruction is six numbers:
+operation, out, a, b, c, cut, with registers out, a, b and the place c of a constant. Functions follow from the Euler
+operator E y = (0 y_0, 1 y_1, 2 y_2, …): for y = exp(u), E y = y E u reads k y_k = sum_j j u_j y_(k-j); powers,
+logarithms and trigonometric functions alike (Knuth, TAOCP 2, 4.7).
 
-A `SeriesProgram` is written once and run at any point. The instructions depend on the trees and the displacements
-alone (and serve for all orders up to the one that arbitrary functions are expanded to); what depends on the point are
-the constants: values of numbers, variables and atoms, roots, partial derivatives of arbitrary functions.
+A `SeriesProgram` is written once and run at any point. The instructions depend only on the trees and the displacements
+(and serve for all orders up to the order to which arbitrary functions are expanded). Only the constants depend on the
+point: values of numbers, variables, and atoms, roots, and partial derivatives of arbitrary functions.
 """
 
 from __future__ import annotations
@@ -51,10 +51,10 @@ EXPONENTIAL = 8  # out := exp a with the constant term c
 TRIGONOMETRIC = 9  # out, b := sin a, cos a with the constant terms c, c + 1
 PRIMITIVE = 10  # out := y with b E y = E a (log a for b = a) and the constant term c
 WIDTH = 6
-# The value of a constant at a point; the table keeps what was evaluated there.
+# The value of a constant at a point; the table caches values at that point.
 Recipe = Callable[[ps.Point, dict[ex.Expression, int]], int]
 _ONE = 0
-# Of the registers, and of the tables of products: positive answers about motions take orders up to 12.
+# Limits on the words of registers and of product tables; positive answers about motions require orders up to 12.
 _MOST_WORDS, _MOST_PRODUCTS = 40_000_000, 16_000_000
 
 
@@ -74,7 +74,7 @@ class MonomialKeys:
 
 @lru_cache(maxsize=2048)
 def exponents_of_degree(size: int, degree: int) -> npt.NDArray[np.int8]:
-    """All exponent vectors of a total degree in ascending order, (count, size)."""
+    """All exponent vectors of one total degree in ascending order, (count, size)."""
     if size == 1:
         table = np.array([[degree]], np.int8)
     else:
@@ -136,10 +136,10 @@ def products(size: int, order: int) -> int:
 class SeriesTables(NamedTuple):
     """Tables for `size` displacements to degree `order`.
 
-    Degree d has counts[d] monomials from starts[d] on; the last of `starts` is the number of all. The product
-    of monomial i of degree j and monomial k of degree l stands, within degree j + l, at
-    products[product_starts[j (order + 1) + l] + i counts[l] + k]. For monomial i of degree d < order,
-    x_a times it occurs at raised[raised_starts[d] + i size + a], its exponent of x_a in `exponents` there.
+    Degree d has counts[d] monomials from starts[d] on; the last of `starts` is the number of all. The place, within
+    degree j + l, of the product of monomial i of degree j and monomial k of degree l is products[product_starts[j
+    (order + 1) + l] + i counts[l] + k]. For monomial i of degree d < order, raised[raised_starts[d] + i size + a] is
+    the place of x_a times it, and `exponents` at the same index its exponent of x_a.
     """
 
     size: int
@@ -155,7 +155,7 @@ class SeriesTables(NamedTuple):
 
 @lru_cache(maxsize=64)
 def series_tables(size: int, order: int) -> SeriesTables:
-    """The tables, made once; for large sizes they hold `products(size, order)` numbers."""
+    """The tables, cached; for large sizes they contain about `products(size, order)` numbers."""
     degrees = range(order + 1)
     counts = np.array([len(exponents_of_degree(size, d)) for d in degrees], np.int64)
     pairs = [products_of_degree(size, k, j).ravel() if j + k <= order else _NONE for j in degrees for k in degrees]
@@ -172,7 +172,7 @@ def series_tables(size: int, order: int) -> SeriesTables:
 
 
 def freeze(tables: Iterable[Any]) -> None:
-    """Make the arrays among these read-only: they are shared by all callers."""
+    """Make the arrays among these read-only, because all callers share them."""
     for table in tables:
         if isinstance(table, np.ndarray):
             table.setflags(write=False)
@@ -183,7 +183,7 @@ def _ends(lengths: list[int] | Integers) -> Integers:
 
 
 class Storage(NamedTuple):
-    """The series of all registers end to end, `stride` words each, and the `tops` up to which they are not zero."""
+    """The series of all registers end to end, `stride` words each, and their `tops`."""
 
     values: Words
     tops: Integers
@@ -191,7 +191,7 @@ class Storage(NamedTuple):
 
 
 class Machine(NamedTuple):
-    """The data shared by all instructions: registers, places of products and derivatives, the prime.
+    """The data shared by all instructions: registers, places of products and derivatives, and the prime.
 
     `small` holds 0, 1, 2, …, `inverses` 0 and their inverses, in Montgomery form: exponents and degrees as factors.
     """
@@ -204,9 +204,9 @@ class Machine(NamedTuple):
 
 
 class SparseSeries(NamedTuple):
-    """Coefficients that are not zero: series s has those from starts[s] to starts[s + 1], by ascending degree.
+    """Nonzero coefficients: those of series s are at starts[s] to starts[s + 1], by ascending degree.
 
-    `places` are those of the monomials among all of their degree.
+    `places` are the places of the monomials among all monomials of their degree.
     """
 
     starts: Integers
@@ -217,7 +217,7 @@ class SparseSeries(NamedTuple):
 
 @compiled
 def _extend(m: Machine, out: int, top: int) -> None:
-    """Give out zeros up to degree `top`."""
+    """Fill `out` with zeros up to degree `top`."""
     values, tops, stride = m.registers
     if top > tops[out]:
         for k in range(out * stride + m.tables.starts[tops[out] + 1], out * stride + m.tables.starts[top + 1]):
@@ -305,13 +305,13 @@ def _differentiate(m: Machine, out: int, a: int, index: int) -> None:
 
 @compiled
 def _last_degree(m: Machine, a: int) -> int:
-    """Up to which degree a function of a is computed: 0 for a constant."""
+    """The degree up to which a function of a is computed: 0 for a constant."""
     return m.tables.order if m.registers.tops[a] > 0 else 0
 
 
 @compiled
 def _power(m: Machine, out: int, a: int, exponent: np.uint64, inverse: np.uint64) -> None:
-    """a_0 k y_k = sum_j (exponent j - (k - j)) a_j y_(k-j), the constant term being there; `inverse` is 1/a_0."""
+    """a_0 k y_k = sum_j (exponent j - (k - j)) a_j y_(k-j), given the constant term; `inverse` is 1/a_0."""
     for k in range(1, _last_degree(m, a) + 1):
         _extend(m, out, k)
         for j in range(1, min(k, m.registers.tops[a]) + 1):
@@ -322,7 +322,7 @@ def _power(m: Machine, out: int, a: int, exponent: np.uint64, inverse: np.uint64
 
 @compiled
 def _exponential(m: Machine, out: int, a: int) -> None:
-    """k y_k = sum_j j a_j y_(k-j), the constant term being there."""
+    """k y_k = sum_j j a_j y_(k-j), given the constant term."""
     for k in range(1, _last_degree(m, a) + 1):
         _extend(m, out, k)
         for j in range(1, min(k, m.registers.tops[a]) + 1):
@@ -332,7 +332,7 @@ def _exponential(m: Machine, out: int, a: int) -> None:
 
 @compiled
 def _sine_cosine(m: Machine, sine: int, cosine: int, a: int) -> None:
-    """k s_k = sum_j j a_j c_(k-j), k c_k = -sum_j j a_j s_(k-j), the constant terms being there."""
+    """k s_k = sum_j j a_j c_(k-j), k c_k = -sum_j j a_j s_(k-j), given the constant terms."""
     for k in range(1, _last_degree(m, a) + 1):
         _extend(m, sine, k)
         _extend(m, cosine, k)
@@ -345,7 +345,7 @@ def _sine_cosine(m: Machine, sine: int, cosine: int, a: int) -> None:
 
 @compiled
 def _primitive(m: Machine, out: int, a: int, b: int, inverse: np.uint64) -> None:
-    """k b_0 y_k = k a_k - sum_(0<j<k) (k - j) b_j y_(k-j), the constant term being there; `inverse` is 1/b_0."""
+    """k b_0 y_k = k a_k - sum_(0<j<k) (k - j) b_j y_(k-j), given the constant term; `inverse` is 1/b_0."""
     for k in range(1, _last_degree(m, a) + 1):
         _extend(m, out, k)
         for j in range(1, min(k - 1, m.registers.tops[b]) + 1):
@@ -356,7 +356,7 @@ def _primitive(m: Machine, out: int, a: int, b: int, inverse: np.uint64) -> None
 
 @compiled
 def _divide(m: Machine, operation: int, out: int, a: int, b: int, first: np.uint64, second: np.uint64) -> bool:
-    """The operations that divide by a constant term, and their one or two constants; False where it is 0."""
+    """Carry out an operation that divides by a constant term, given its constants; False if the divisor is 0."""
     values, tops, stride = m.registers
     divisor = b if operation == PRIMITIVE else a
     if tops[divisor] < 0 or values[divisor * stride] == np.uint64(0):
@@ -376,7 +376,7 @@ def _divide(m: Machine, operation: int, out: int, a: int, b: int, first: np.uint
 
 @compiled
 def carry_out(instructions: Integers, constants: Words, m: Machine) -> int:
-    """Carry out all instructions; the number of the first that divides by a series without constant term, or -1."""
+    """Carry out all instructions; return the first index that divides by a series without constant term, or -1."""
     values, _, stride = m.registers
     for number in range(len(instructions) // WIDTH):
         at = WIDTH * number
@@ -412,7 +412,7 @@ def carry_out(instructions: Integers, constants: Words, m: Machine) -> int:
 
 @compiled
 def list_coefficients(chosen: Integers, registers: Storage, starts: Integers, last: int, found: SparseSeries) -> None:
-    """The coefficients of the chosen registers that are not zero, to degree `last`."""
+    """List the nonzero coefficients of the chosen registers up to degree `last`."""
     values, tops, stride = registers
     count = 0
     for number in range(len(chosen)):
@@ -429,9 +429,10 @@ def list_coefficients(chosen: Integers, registers: Storage, starts: Integers, la
 
 @dataclass(slots=True)
 class SeriesProgram:
-    """Instructions and constants, for orders up to `order`; registers are numbered as they come, constant 0 is 1.
+    """Instructions and constants for orders up to `order`; registers are numbered in order of creation, constant 0 is
+    1.
 
-    TooLarge where the tables or the registers would take too much memory.
+    TooLarge if the tables or the registers would take too much memory.
     """
 
     variables: Sequence[ps.Variable]
@@ -450,11 +451,11 @@ class SeriesProgram:
 
     @property
     def listed(self) -> Integers:
-        """The instructions in one array, as a run takes them."""
+        """The instructions in one array for a run."""
         return np.array(self.instructions, np.int64).ravel()
 
     def register(self, count: int = 1) -> int:
-        """The first of so many new registers, whose series are 0."""
+        """The first of `count` new registers, whose series are 0."""
         self.registers += count
         if self.registers * coefficients(len(self.variables), self.order) > _MOST_WORDS:
             raise TooLarge("its series would take too many words")
@@ -466,14 +467,14 @@ class SeriesProgram:
         return len(self.recipes) - 1
 
     def number(self, value: int | Fraction) -> int:
-        """The place of a number."""
+        """The place of a constant number."""
         key = (value.numerator, value.denominator)
         if key not in self.numbers:
             self.numbers[key] = self.constant(lambda point, known: ps.number_value(Fraction(value), point.prime))
         return self.numbers[key]
 
     def write(self, operation: int, out: int, a: int = 0, b: int = 0, c: int = _ONE) -> int:
-        """Append an instruction; its register `out`."""
+        """Append an instruction; return its register `out`."""
         self.instructions.append((operation, out, a, b, c, 0))
         return out
 
@@ -521,7 +522,7 @@ class SeriesProgram:
         return out
 
     def _product(self, factors: tuple[ex.Expression, ...]) -> int:
-        """The product of trees that are not numbers."""
+        """The product of trees other than numbers."""
         if len(factors) == 1:
             return self.expand(factors[0])
         if not factors:
@@ -583,7 +584,7 @@ class SeriesProgram:
         return sine if tree.function == "sin" else cosine
 
     def _arbitrary(self, tree: ex.Arbitrary) -> int:
-        """The Taylor series of the function about the place of its arguments."""
+        """The Taylor series of the function about the values of its arguments."""
         moved = []
         for argument in tree.arguments:
             out = self.write(ADD, self.register(), self.expand(argument))
@@ -614,7 +615,7 @@ def _split(factors: tuple[ex.Expression, ...]) -> tuple[Fraction, tuple[ex.Expre
 
 
 def _taylor_coefficient(tree: ex.Arbitrary, more: tuple[int, ...]) -> Recipe:
-    """A partial derivative of the function, over the factorials."""
+    """A partial derivative of the function divided by the factorials."""
     orders = tuple(a + b for a, b in zip(tree.orders, more, strict=True))
     factorials = math.prod(math.factorial(k) for k in more)
 
@@ -629,7 +630,7 @@ def _taylor_coefficient(tree: ex.Arbitrary, more: tuple[int, ...]) -> Recipe:
 class Series:
     """A sum of products of registers, each times a number: a scalar of `mechanics.conditions`, written when it is used.
 
-    Of the degrees of the program, the `lost` highest ones are wrong: each derivative takes one more.
+    The `lost` highest degrees of the program are invalid: each derivative loses one more.
     """
 
     program: SeriesProgram
@@ -639,7 +640,7 @@ class Series:
 
     @property
     def is_zero(self) -> bool:
-        """Whether it is 0 at all points by the way it is formed."""
+        """Whether it is 0 at all points by construction."""
         return not self.terms
 
     def __add__(self, other: Series) -> Series:
@@ -666,14 +667,14 @@ class Series:
         return Series(self.program, ((factor, self.program.known[key], None),), self.lost + 1)
 
     def multiple(self) -> tuple[int | Fraction, int]:
-        """A number and a register whose product it is."""
+        """(number, register) whose product is the series."""
         if len(self.terms) == 1 and self.terms[0][2] is None:
             return self.terms[0][:2]
         return 1, self.register
 
     @property
     def register(self) -> int:
-        """That of the sum, which is written once."""
+        """The register of the sum, which is written only once."""
         if self.place is None:
             factor, a, b = self.terms[0] if len(self.terms) == 1 else (0, 0, 0)
             self.place = a if factor == 1 and b is None else self._written()
@@ -693,7 +694,7 @@ def series_of(program: SeriesProgram, tree: ex.Expression) -> Series:
 
 
 def along(components: Iterable[tuple[int, Series]], series: Series) -> Series:
-    """sum_a X^a d_a y for the components (a, X^a) of a field; the derivatives are not kept."""
+    """sum_a X^a d_a y for the components (a, X^a) of a field; the derivatives are not cached."""
     if series.is_zero:
         return series
     program, (factor, y) = series.program, series.multiple()
@@ -710,7 +711,7 @@ def along(components: Iterable[tuple[int, Series]], series: Series) -> Series:
 
 @dataclass(frozen=True, slots=True)
 class Registers:
-    """All registers after a run: values, and the degree up to which each is not zero."""
+    """All registers after a run: their values, and the highest nonzero degree of each."""
 
     prime: int
     tables: SeriesTables
@@ -731,11 +732,11 @@ class Registers:
 
     @property
     def stored(self) -> Storage:
-        """As the kernels have them."""
+        """The registers in the form that the kernels use."""
         return Storage(self.values, self.tops, len(self.values) // len(self.tops))
 
     def coefficients(self, registers: Integers, last: int) -> Kept[SparseSeries]:
-        """The coefficients of some registers that are not zero, to degree `last`."""
+        """The nonzero coefficients of some registers up to degree `last`."""
         starts, room = np.zeros(len(registers) + 1, np.int64), len(registers) * int(self.tables.starts[last + 1])
         places, degrees = np.empty((2, room), np.int64)
         found = Kept(SparseSeries(starts, places, np.empty(room, np.uint64), degrees))
@@ -757,9 +758,9 @@ def run(
     order: int,
     given: Sequence[Sequence[int]] = (),
 ) -> Registers:
-    """All registers, their series to this order; SingularPoint where a denominator vanishes.
+    """All registers with their series to this order; SingularPoint if a denominator vanishes.
 
-    The coefficients of the first registers may be `given`, where no instruction writes them.
+    `given` may supply the coefficients of the first registers, which no instruction then writes.
     """
     tables, stride = series_tables(len(program.variables), order), coefficients(len(program.variables), order)
     values, tops = np.empty(program.registers * stride, np.uint64), np.full(program.registers, -1, np.int64)
@@ -772,7 +773,7 @@ def run(
 def run_again(
     before: Registers, kept: int, count: int, instructions: Integers, numbers: Sequence[int], order: int
 ) -> Registers:
-    """Further instructions, with integers for constants, on the first `kept` registers of a run, to a lower order."""
+    """Run more instructions, with integer constants, on the first `kept` registers of a run, to a lower order."""
     tables, stride = series_tables(before.tables.size, order), coefficients(before.tables.size, order)
     values, tops = np.empty(count * stride, np.uint64), np.full(count, -1, np.int64)
     given = before.values.reshape(len(before.tops), -1)

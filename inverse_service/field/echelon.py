@@ -1,14 +1,13 @@
-"""Sparse echelon form modulo a prime, grown row by row, with compiled kernels.
+"""A sparse echelon form modulo a prime, built row by row with compiled kernels.
 
-The pivot of a row is its last nonzero column, so with columns in ascending degree the rows whose
-pivot lies in the first k columns are all consequences on those columns. Each new row is reduced by the
-rows before it until its pivot is fixed (full reduction costs two to three times as much and saves nothing
-later) and the multiples used are recorded, so that each consequence can be traced to the
-original rows.
+The pivot of a row is its last nonzero column, so with columns in ascending degree, the rows with pivots in the first k
+columns are all consequences on those columns. Each new row is reduced by the previous rows until its pivot is known
+(full reduction costs two to three times as much and saves nothing later). The multiples used are recorded, so that each
+consequence can be traced to the original rows.
 
-Rows that depend on the others cost most and give nothing. Those that are expected to, and those that
-need many rows of the basis, are not reduced: they are tested on a random vector on which the basis vanishes.
-A row that does not depend on the basis vanishes there with probability 1/P (Freivalds 1977), and is inserted.
+Dependent rows cost most and give nothing. Rows that are expected to be dependent, and rows that need many rows of the
+basis, are not reduced but tested on a random vector on which the basis vanishes. An independent row vanishes there with
+probability 1/P only (Freivalds 1977); rows that do not vanish are inserted.
 """
 
 from __future__ import annotations
@@ -30,11 +29,11 @@ Columns = npt.NDArray[np.int32]
 Marks = npt.NDArray[np.int8]
 # The state of a basis: rows, entries, recorded multiples, rows whose pivot is 1.
 ROWS, ENTRIES, USES, NORMAL = 0, 1, 2, 3
-# What became of a row so far; flags say 1 of those that should depend on all others. PUT_OFF: needs too many rows.
+# The status of a row; flags are 1 for rows that should depend on all others. PUT_OFF: needs too many rows.
 WAITING, EXPECTED, PUT_OFF, DEPENDENT, KEPT, _NO_ROOM = 0, 1, 2, 3, 4, 5
-# How many of these are inserted before the remaining ones are tested again.
+# The number of postponed rows inserted before the remaining ones are tested again.
 _FEW = 4
-# What the reduction of a row may end with, besides the column of its pivot.
+# Results of the reduction of a row other than the column of its pivot.
 _ZERO, _TOO_LONG = -1, -2
 # The prime is random, and so are numbers derived from it.
 _SEED = np.uint64(0x2545F4914F6CDD1D)
@@ -45,13 +44,13 @@ MOST = 96
 # The room at the beginning.
 _ROWS, _ENTRIES = 512, 16_384
 Kind = TypeVar("Kind", bound=np.generic)
-# Of forms that are gone, for the next ones: to make it takes as long as to insert many rows.
+# Storage of deleted forms for reuse, because allocating it takes as long as inserting many rows.
 _free: list[Kept[Growing]] = []
 _MOST_FREE = 4
 
 
 class SparseRows(NamedTuple):
-    """Rows in compressed form: the entries of row k are those from starts[k] to starts[k + 1]."""
+    """Rows in compressed form: the entries of row k are at starts[k] to starts[k + 1]."""
 
     starts: Indices
     columns: Indices
@@ -59,7 +58,7 @@ class SparseRows(NamedTuple):
 
 
 class Basis(NamedTuple):
-    """The rows of an echelon form, their largest column first, and the row whose pivot a column is, or -1."""
+    """The rows of an echelon form, largest column first, and for each column the row with that pivot, or -1."""
 
     pivot_of: Indices
     starts: Indices
@@ -68,7 +67,7 @@ class Basis(NamedTuple):
 
 
 class Uses(NamedTuple):
-    """The multiples of basis rows that each row was reduced by; its own factor is the last."""
+    """The multiples of basis rows by which each row was reduced; the row's own factor is last."""
 
     starts: Indices
     rows: Columns
@@ -76,16 +75,16 @@ class Uses(NamedTuple):
 
 
 class Dense(NamedTuple):
-    """A dense row, and a bit for each of its columns that may not be zero."""
+    """A dense row, with a bit for each column that may be nonzero."""
 
     values: Words
     touched: Words
 
 
 class Growing(NamedTuple):
-    """What rows are inserted into: the basis, the number of the given row that each row comes from, what was used.
+    """The form under construction: the basis, the number of the given row of each basis row, and the multiples used.
 
-    `state` counts: see ROWS. `dense` is the row in work, zero between calls, `solution` a vector for tests.
+    `state` holds counts (see ROWS). `dense` is the current row, zero between calls; `solution` is a vector for tests.
     """
 
     basis: Basis
@@ -124,7 +123,10 @@ def _unmark(touched: Words, column: int) -> None:
 
 @compiled
 def _add_row(row: int, rows: SparseRows, dense: Dense, field: Field) -> int:
-    """Add a row to the dense one; its last column. A row not in Montgomery's form is taken for a multiple of one."""
+    """Add a row to the dense row; return its last column.
+
+    A row not in Montgomery form counts as a multiple of one that is.
+    """
     top = -1
     for k in range(rows.starts[row], rows.starts[row + 1]):
         column = rows.columns[k]
@@ -136,7 +138,7 @@ def _add_row(row: int, rows: SparseRows, dense: Dense, field: Field) -> int:
 
 @compiled
 def _scale(row: int, factor: np.uint64, basis: Basis, uses: Uses, field: Field) -> None:
-    """Multiply a basis row that is still as it was reduced."""
+    """Multiply a basis row that is not yet normalized."""
     for k in range(basis.starts[row], basis.starts[row + 1]):
         basis.values[k] = multiply(basis.values[k], factor, field)
     uses.factors[uses.starts[row + 1] - 1] = factor
@@ -144,7 +146,7 @@ def _scale(row: int, factor: np.uint64, basis: Basis, uses: Uses, field: Field) 
 
 @compiled
 def _normalise(row: int, basis: Basis, uses: Uses, field: Field) -> None:
-    """Make the pivot of a basis row 1: before it is first subtracted, the others are all done at the end."""
+    """Make the pivot of a basis row 1, either before the row is first subtracted or, for the others, at the end."""
     pivot = basis.values[basis.starts[row]]
     if pivot != field.one:
         _scale(row, power(pivot, field.prime - np.uint64(2), field), basis, uses, field)
@@ -160,7 +162,7 @@ def _subtract_basis_row(row: int, factor: np.uint64, dense: Dense, basis: Basis,
 
 @compiled
 def _reduce(top: int, most: int, form: Growing, field: Field) -> int:
-    """Reduce the dense row as far as its pivot, with `most` multiples at most, and record these."""
+    """Reduce the dense row up to its pivot with at most `most` multiples, and record these."""
     basis, uses, state, dense = form.basis, form.uses, form.state, form.dense
     count = state[USES]
     column = _last_marked(dense.touched, top >> 6)
@@ -198,7 +200,7 @@ def _store(pivot: int, dense: Dense, basis: Basis, state: Indices) -> None:
 
 @compiled
 def _has_room(top: int, form: Growing) -> bool:
-    """Whether one row more with this last column, and the multiples used for it, fit the arrays."""
+    """Whether another row with this last column, and its multiples, fit into the arrays."""
     state = form.state
     room = state[ENTRIES] + top + 1 <= len(form.basis.columns) and state[USES] + top + 2 <= len(form.uses.rows)
     return bool(room and state[ROWS] + 2 <= len(form.basis.starts))
@@ -216,7 +218,7 @@ def _clear(top: int, dense: Dense) -> None:
 
 @compiled
 def _insert_row(row: int, number: int, most: int, rows: SparseRows, form: Growing, field: Field) -> int:
-    """Insert a row, `number` of all given ones, where `most` rows of the basis suffice; what became of it."""
+    """Insert row `number` of all given rows if at most `most` rows of the basis are needed; return its status."""
     basis, uses, state, dense = form.basis, form.uses, form.state, form.dense
     top = _add_row(row, rows, dense, field)
     if not _has_room(top, form):
@@ -241,7 +243,7 @@ def _insert_row(row: int, number: int, most: int, rows: SparseRows, form: Growin
 def _insert_marked(
     mark: int, some: int, first: int, most: int, marks: Marks, rows: SparseRows, form: Growing, field: Field
 ) -> bool:
-    """Insert `some` rows of this mark in order; False where an array is full."""
+    """Insert up to `some` rows with this mark in order; False if an array is full."""
     for row in range(len(marks)):
         if marks[row] == mark and some > 0:
             became = _insert_row(row, first + row, most, rows, form, field)
@@ -256,10 +258,10 @@ def _insert_marked(
 
 @compiled
 def insert_rows(first: int, most: int, width: int, marks: Marks, rows: SparseRows, form: Growing, field: Field) -> bool:
-    """Insert all rows and mark what became of each; False where an array is full: to be called again with longer ones.
+    """Insert all rows and mark the status of each; False if an array is full: call again with longer arrays.
 
-    Those that need more than `most` rows of the basis come after all others, then those that are EXPECTED to depend;
-    both are tested first, some inserted, then the remaining ones tested again.
+    Rows that need more than `most` rows of the basis come after all others, and rows EXPECTED to be dependent come
+    last. Both are tested first; some are inserted, and the remaining ones are tested again.
     """
     if not _insert_marked(WAITING, len(marks), first, most, marks, rows, form, field):
         return False
@@ -276,7 +278,7 @@ def insert_rows(first: int, most: int, width: int, marks: Marks, rows: SparseRow
 
 @compiled
 def _normalise_rows(first: int, last: int, form: Growing, field: Field) -> None:
-    """As `_normalise` for rows first … last - 1, with one inversion (Montgomery's trick)."""
+    """`_normalise` for rows first … last - 1 with a single inversion (Montgomery's trick)."""
     basis, products, product = form.basis, form.dense.values, field.one
     for row in range(first, last):
         products[row - first] = product
@@ -293,7 +295,7 @@ def _normalise_rows(first: int, last: int, form: Growing, field: Field) -> None:
 
 @compiled
 def solve_at_random(number: int, width: int, form: Growing, field: Field) -> None:
-    """The `number`-th random vector on which all rows of the basis vanish; their pivots are 1."""
+    """Compute the `number`-th random vector on which all rows of the basis, with pivots 1, vanish."""
     basis, solution, state = form.basis, form.solution, field.prime * _SEED + np.uint64(number)
     for column in range(width):
         row = basis.pivot_of[column]
@@ -311,7 +313,7 @@ def solve_at_random(number: int, width: int, form: Growing, field: Field) -> Non
 def _some_independent(
     mark: int, first: int, width: int, marks: Marks, rows: SparseRows, form: Growing, field: Field
 ) -> bool:
-    """Whether there are rows of this mark; those that vanish on a random vector on which the basis does, are not."""
+    """Mark rows that vanish on a random vector of the basis's kernel as dependent; whether others remain."""
     found, tested = False, False
     for row in range(len(marks)):
         if marks[row] != mark:
@@ -331,7 +333,7 @@ def _some_independent(
 
 @compiled
 def trace_weights(weights: Words, form: Growing, field: Field) -> None:
-    """Turn weights on basis rows into weights on original rows, last inserted first (in place)."""
+    """Convert weights on basis rows into weights on original rows, last inserted first, in place."""
     uses = form.uses
     for k in range(len(weights) - 1, -1, -1):
         if weights[k] == np.uint64(0):
@@ -345,7 +347,7 @@ def trace_weights(weights: Words, form: Growing, field: Field) -> None:
 
 @compiled
 def cut(numbers: Indices, first: int, form: Growing, found: SparseRows) -> None:
-    """The entries from column `first` on of those basis rows; each row ends with its smallest column."""
+    """The entries of these basis rows from column `first` on; each row ends with its smallest column."""
     basis, entries = form.basis, 0
     for row in range(len(numbers)):
         for k in range(basis.starts[numbers[row]], basis.starts[numbers[row] + 1]):
@@ -358,7 +360,7 @@ def cut(numbers: Indices, first: int, form: Growing, found: SparseRows) -> None:
 
 @dataclass(slots=True)
 class Echelon:
-    """An echelon basis of rows over `width` columns; `width` may grow (new columns are last)."""
+    """An echelon basis of rows over `width` columns; `width` may grow (new columns come last)."""
 
     prime: int
     width: int = 0
@@ -395,10 +397,10 @@ class Echelon:
         expected: Flags | None = None,
         in_order: bool = True,
     ) -> Flags:
-        """Insert rows; entries of equal column in a row are added up.
+        """Insert rows; entries of a row in the same column are added.
 
-        `expected` marks rows that should depend on all others, which is then tested at once; no more are inserted
-        than it marks or not. The answer marks those that do.
+        `expected` marks rows that should depend on all others, which is then tested at once. The result marks the
+        dependent rows. The marks do not change how many rows are inserted.
         """
         marks = np.zeros(len(rows.starts) - 1, np.int8) if expected is None else expected.astype(np.int8)
         total, most = len(marks), self.width if in_order else MOST
@@ -408,7 +410,7 @@ class Echelon:
         return np.equal(marks, DEPENDENT)
 
     def _grow(self) -> None:
-        """Make longer those arrays in which one row more might not have room."""
+        """Extend the arrays that may lack room for another row."""
         (pivots, starts, columns, values), origin, (use_starts, use_rows, factors), state, _, _ = self.form
         rows, entries, uses = state[ROWS] + 2, state[ENTRIES] + self.width + 1, state[USES] + self.width + 1
         basis = Basis(pivots, _longer(starts, rows), _longer(columns, entries), _longer(values, entries))
@@ -416,22 +418,22 @@ class Echelon:
         self.kept = Kept(self.form._replace(basis=basis, origin=_longer(origin, rows), uses=used))
 
     def ranks_within(self, widths: Sequence[int]) -> list[int]:
-        """The numbers of independent consequences on the first columns, for ascending widths."""
+        """The number of independent consequences on the first columns, for each of the ascending widths."""
         pivots = (self.form.basis.pivot_of[: widths[-1]] >= 0).nonzero()[0]
         return cast(list[int], pivots.searchsorted(widths).tolist())
 
     def random_solution(self, number: int, width: int) -> list[int]:
-        """The first entries of the `number`-th random vector on which all rows vanish; what is unknown is random."""
+        """The first entries of the `number`-th random vector on which all rows vanish; free entries are random."""
         solve_at_random(number, width, self.form, self._field)
         return cast(list[int], self.form.solution[:width].tolist())
 
     def rows_within(self, first: int, width: int) -> dict[int, dict[int, int]]:
-        """{basis row: {column: value}} for rows whose pivot is in columns first … width - 1."""
+        """{basis row: {column: value}} for rows with pivots in columns first … width - 1."""
         numbers = [int(k) for k in self.form.basis.pivot_of[first:width] if k >= 0]
         return {number: self._row(number) for number in numbers}
 
     def cut_rows(self, first: int, width: int) -> SparseRows:
-        """The rows whose pivot is in columns first … width - 1, cut to these columns, each in Montgomery form."""
+        """The rows with pivots in columns first … width - 1, restricted to these columns, in Montgomery form."""
         basis = self.form.basis
         numbers = basis.pivot_of[first:width]
         numbers = numbers[numbers >= 0]
@@ -448,7 +450,7 @@ class Echelon:
         return {int(c): int(v) * inverse % self.prime for c, v in zip(columns[part], values[part], strict=True)}
 
     def trace(self, weights: Mapping[int, int]) -> list[int]:
-        """The original rows of which a combination of basis rows is made, in order of insertion."""
+        """The original rows that occur in a combination of basis rows, in order of insertion."""
         vector = np.zeros(self.count, np.uint64)
         for number, weight in weights.items():
             vector[number] = weight % self.prime
@@ -457,7 +459,7 @@ class Echelon:
 
 
 def _room() -> Kept[Growing]:
-    """That of a form that is gone, emptied, or new."""
+    """The emptied storage of a deleted form, or new storage."""
     try:
         kept = _free.pop()
     except IndexError:
@@ -477,13 +479,13 @@ def _without_rows() -> Growing:
 
 
 def _of_columns(room: int) -> tuple[Indices, Dense, Words]:
-    """What has a place for each column: no pivots, the row in work, the vector for tests."""
+    """Arrays by column: pivots (none), the current row, and the vector for tests."""
     dense = Dense(np.zeros(room, np.uint64), np.zeros((room >> 6) + 1, np.uint64))
     return np.full(room, -1, np.int64), dense, np.empty(room, np.uint64)
 
 
 def _longer(array: npt.NDArray[Kind], needed: int) -> npt.NDArray[Kind]:
-    """The array with room for so many elements: doubled until it has."""
+    """The array, doubled until it has room for `needed` elements."""
     length = len(array)
     while length < needed:
         length *= 2

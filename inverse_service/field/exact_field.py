@@ -1,23 +1,23 @@
-"""The exact field over Q in which a system is differentiated: quotients, derivations, formulas in, trees out.
+"""The exact field over Q in which a system is differentiated: quotients, derivations, and conversion from and to trees.
 
 A `QuotientField` has quotients N / (D_1^e_1 ... D_m^e_m) in a fixed supply of generators (lexicographic order, the
 first one greatest), and two growing lists: monic relations g^q = P, P in smaller generators (a root,
-sin^2 = 1 - cos^2), and denominators. Denominators are never multiplied out: a derivation only raises exponents of
-known ones, so trial division replaces the gcd, which dominates for n = 4 systems when fractions are kept expanded
-(Phi, nabla Phi and R of a rational n = 4 system: about 20 ms). The relations have coprime leading terms g^q, so they
-are a Groebner basis, and the remainder decides zero whenever the ideal is prime; where atoms have relations that were
-not found, zero may go unrecognized but every identity stays true.
+sin^2 = 1 - cos^2), and denominators. Denominators are never expanded: a derivation only raises exponents of known ones,
+so trial division replaces the gcd, which dominates for n = 4 systems when fractions are expanded (Phi, nabla Phi and R
+of a rational n = 4 system: about 20 ms). The relations have coprime leading terms g^q, so they are a Groebner basis,
+and the remainder decides zero whenever the ideal is prime. If atoms satisfy undiscovered relations, zero may remain
+unrecognized, but every identity found is true.
 
-An `ExactRing` adds what its generators print as, and their derivatives. `quotient_tree` writes an element for people:
-factored, roots and exponentials merged.
+An `ExactRing` adds the trees of its generators and their derivatives. `quotient_tree` converts an element to a readable
+tree: factored, with roots and exponentials merged.
 
 `exact_ring` takes formulas into the field. Their functions become generators, level by level of nesting; each partial
-derivative of an arbitrary function is one of its own. exp(2x) and exp(x), sin(a - b) and sin a, sin b are dependent
-because their arguments are: within a level the arguments of exp, log and the trigonometric functions are first written
-in a basis over Q, scaled so that each is an integer combination, which gives independent generators. sin and cos, and
-sinh and cosh, are one pair (s, c) for each argument of the basis, with sign = -1 for the trigonometric and +1 for the
-hyperbolic one: ds = c du, dc = sign s du, c^2 - sign s^2 = 1. Where only the tangent of an argument occurs it is the
-generator itself: dT = (1 - sign T^2) du.
+derivative of an arbitrary function is a separate generator. exp(2x) and exp(x), sin(a - b) and sin a, sin b are
+dependent because their arguments are: within a level the arguments of exp, log and the trigonometric functions are
+first written in a basis over Q, scaled so that each is an integer combination, which gives independent generators. sin
+and cos, and sinh and cosh, are one pair (s, c) for each argument of the basis, with sign = -1 for the trigonometric and
++1 for the hyperbolic one: ds = c du, dc = sign s du, c^2 - sign s^2 = 1. If only the tangent of an argument occurs, the
+tangent itself is the generator: dT = (1 - sign T^2) du.
 """
 
 from __future__ import annotations
@@ -38,13 +38,14 @@ from inverse_service.deadline import end, now
 from inverse_service.expressions import tree as ex
 
 Exponents = tuple[tuple[int, int], ...]
-# What a step costs besides its terms.
+# The cost of a step in addition to its terms.
 _WORK_OF_A_STEP = 20
-# In one variable, of a polynomial that is factored: at 400 that takes 0.2 s at most, at 800 half a minute.
+# The largest degree in one variable of a factored polynomial: factoring takes at most 0.2 s at 400, half a minute at
+# 800.
 LARGEST_DEGREE = 500
-# Integer powers beyond this are refused: their expansion would be useless to a reader.
+# Larger integer powers raise TooLarge, because their expansion would be unreadable.
 LARGEST_EXPONENT = 64
-# Factoring costs more than it helps the reader beyond this many terms, or this degree.
+# Beyond this many terms, or this degree, factoring is not worth its cost.
 FACTORED_TERMS = 120
 FACTORED_DEGREE = 60
 
@@ -60,7 +61,7 @@ INVERSE: dict[str, tuple[int, int, int, Fraction]] = {
 }
 
 Coordinates = Mapping[Any, Fraction]
-# Of a basis element; powers of a generator are expanded.
+# The largest multiple of a basis element; powers of a generator are expanded.
 _LARGEST_MULTIPLE = 1_000
 TRIGONOMETRIC = frozenset(["sin", "cos", "tan", "cot", "sec", "csc"])
 HYPERBOLIC = frozenset(["sinh", "cosh", "tanh", "coth", "sech", "csch"])
@@ -70,7 +71,7 @@ LARGEST_MULTIPLE = 64
 
 
 class TooLarge(ArithmeticError):
-    """A computation passed its budget of terms or of time; its text is the reason for the reader."""
+    """A computation exceeded its budget of terms or time; its text is the reason shown to users."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,9 +85,9 @@ class Relation:
 
 @dataclass(slots=True)
 class Budget:
-    """Limits: the size of one polynomial, the deadline (`now`), and the total amount of work.
+    """Limits on the size of one polynomial, the time (`now`), and the total work.
 
-    `work` counts the terms of all polynomials together, so it ends at the same place on every machine.
+    `work` counts the terms of all polynomials, so a computation ends at the same place on every machine.
     """
 
     terms: int = 20_000
@@ -96,16 +97,16 @@ class Budget:
 
     @classmethod
     def short(cls) -> Budget:
-        """The budget of one optional step among many, within the outer time limit: longer results are of no use."""
+        """The budget of one optional step among many, within the outer time limit; longer results would be useless."""
         return cls(500, end(), 75_000)
 
     @classmethod
     def long(cls) -> Budget:
-        """For a step without which a whole way of searching ends, within the time set outside."""
+        """The budget of a step without which a whole search method ends, within the outer time limit."""
         return cls(4_000, end(), 150_000)
 
     def charge(self, terms: int) -> None:
-        """Raise TooLarge where a polynomial of about so many terms is beyond the budget."""
+        """Raise TooLarge if a polynomial of about `terms` terms exceeds the budget."""
         self.done += terms + _WORK_OF_A_STEP
         if terms > self.terms:
             raise TooLarge(f"an expression would have more than {self.terms} terms")
@@ -117,7 +118,7 @@ class Budget:
 
 @dataclass(slots=True)
 class QuotientField:
-    """The generators' polynomial ring, their relations, and the denominators met so far."""
+    """The polynomial ring of the generators, their relations, and the denominators so far."""
 
     context: fmpq_mpoly_ctx
     relations: dict[int, Relation] = field(default_factory=dict)
@@ -138,7 +139,7 @@ class QuotientField:
         return Quotient(self, self.context.gen(index), ())
 
     def relate(self, generator: int, degree: int, right: fmpq_mpoly) -> None:
-        """Impose g^degree = right; right must hold smaller generators (larger indices) only."""
+        """Impose g^degree = right; right must contain only smaller generators (larger indices)."""
         used = [index for index, power in enumerate(right.degrees()) if power]
         if any(index <= generator for index in used):
             raise ValueError("a relation must reduce a generator to smaller ones")
@@ -154,13 +155,14 @@ class QuotientField:
         return polynomial
 
     def product(self, left: fmpq_mpoly, right: fmpq_mpoly) -> fmpq_mpoly:
-        """The reduced product; charged before it is formed, at a tenth of the worst case."""
+        """The reduced product; a tenth of the worst case is charged before it is computed."""
         if len(left) > 1 and len(right) > 1:
             self.budget.charge(len(left) * len(right) // 10)
         return self.reduce(left * right)
 
     def denominator_powers(self, polynomial: fmpq_mpoly) -> tuple[Fraction, Exponents]:
-        """polynomial = constant * product of listed denominators, new irreducible ones being listed.
+        """(constant, exponents) with polynomial = constant * product of listed denominators; new irreducible ones are
+        added.
 
         Radicands (1 - cos^2 among them) become powers of their generator before anything is factored.
         """
@@ -193,16 +195,16 @@ class QuotientField:
         return len(self.denominators) - 1
 
     def expand(self, exponents: Exponents) -> fmpq_mpoly:
-        """The product D^e, multiplied out (used to bring fractions to one denominator)."""
+        """The expanded product D^e (used to bring fractions to one denominator)."""
         result = self.context.constant(1)
         for index, power in exponents:
-            self.budget.charge(power)  # a step costs something even where a monomial is multiplied
+            self.budget.charge(power)  # a step has a cost even if a monomial is multiplied
             for _ in range(power):
                 result = self.product(result, self.denominators[index])
         return result
 
     def quotient(self, numerator: fmpq_mpoly, exponents: Exponents) -> Quotient:
-        """numerator / D^exponents, cancelled by trial division."""
+        """numerator / D^exponents, canceled by trial division."""
         if numerator.is_zero():
             return Quotient(self, numerator, ())
         remaining = []
@@ -217,7 +219,7 @@ class QuotientField:
         return Quotient(self, numerator, tuple(remaining))
 
     def _divided(self, numerator: fmpq_mpoly, denominator: fmpq_mpoly) -> fmpq_mpoly | None:
-        """numerator / denominator where it is a polynomial, by the relation g^q = P if D is g."""
+        """numerator / denominator if it is a polynomial, by the relation g^q = P if D is g; else None."""
         exact = _exact_division(numerator, denominator)
         relation = self._relation_of(denominator)
         if exact is not None or relation is None:
@@ -241,9 +243,9 @@ def as_fraction(value: fmpq) -> Fraction:
 
 
 def factor_polynomial(polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq_mpoly, int]]]:
-    """(rational content, [(irreducible factor, multiplicity)]); TooLarge where exponents are too large for flint.
+    """(rational content, [(irreducible factor, multiplicity)]); TooLarge if exponents are too large for flint.
 
-    x^4001 - x takes it minutes: what remains without the product of powers of the generators has a bounded degree.
+    flint takes minutes for x^4001 - x, so the degree without the product of generator powers is bounded.
     """
     lowest = polynomial.term_content().degrees() if len(polynomial) > 1 else polynomial.degrees()
     if any(high - low > LARGEST_DEGREE for high, low in zip(polynomial.degrees(), lowest, strict=True)):
@@ -263,7 +265,7 @@ def _exact_division(numerator: fmpq_mpoly, denominator: fmpq_mpoly) -> fmpq_mpol
 
 
 def divided_out(polynomial: fmpq_mpoly, factor: fmpq_mpoly) -> tuple[fmpq_mpoly, int]:
-    """polynomial = rest * factor^power, power greatest; power 0 for a constant factor, and for 0, which has all."""
+    """(rest, power) with polynomial = rest * factor^power, power maximal; power 0 for a constant factor and for 0."""
     power = 0
     if factor.is_constant() or not polynomial:
         return polynomial, power
@@ -308,7 +310,7 @@ def pseudo_division(
 
 
 def _constant_ratio(left: fmpq_mpoly, right: fmpq_mpoly) -> Fraction | None:
-    """left / right where that is a number."""
+    """left / right if that is a number, else None."""
     if len(left) != len(right) or left.is_zero():
         return None
     ratio = left.leading_coefficient() / right.leading_coefficient()
@@ -329,7 +331,7 @@ class Quotient:
 
     @property
     def constant_value(self) -> Fraction | None:
-        """The value where it is a rational number."""
+        """The value if it is a rational number, else None."""
         if self.exponents or not self.numerator.is_constant():
             return None
         return Fraction(0) if self.is_zero else as_fraction(self.numerator.leading_coefficient())
@@ -360,7 +362,7 @@ class Quotient:
         return self.field.quotient(product, combined(self.exponents, other.exponents))
 
     def parts(self, generators: Sequence[int]) -> dict[tuple[int, ...], Quotient]:
-        """The sum of terms of the numerator that hold the same powers of some generators, for each of these."""
+        """The sum of the terms with the same powers of some generators, for each combination of powers."""
         found, gen = {}, self.field.context.gen
         for powers, part in coefficients_of(self.numerator, generators).items():
             for index, power in zip(generators, powers, strict=True):
@@ -369,7 +371,7 @@ class Quotient:
         return found
 
     def scaled(self, factor: int | Fraction) -> Quotient:
-        """factor times self, factor a rational number."""
+        """factor times self."""
         if not factor:
             return self.field.constant(0)
         fraction = Fraction(factor)
@@ -397,7 +399,7 @@ class Quotient:
 
 
 def rationalised(quotient: Quotient) -> Quotient:
-    """The same quotient, each denominator a + b g with g^2 = P times a - b g: cos^2/(1 + sin) is 1 - sin."""
+    """The quotient with each denominator a + b g, g^2 = P, multiplied by a - b g: cos^2/(1 + sin) is 1 - sin."""
     owner = quotient.field
     for index in sorted(owner.relations):
         for place, power in quotient.exponents:
@@ -432,7 +434,7 @@ def _difference(left: Exponents, right: Exponents) -> Exponents:
 
 
 def common_factor(coefficients: Sequence[Quotient]) -> Quotient:
-    """A quotient by which all can be divided, so that polynomials without a common factor remain."""
+    """The quotient that divides all coefficients so that polynomials without a common factor remain."""
     owner = coefficients[0].field
     numerator = functools.reduce(lambda a, b: a.gcd(b), (c.numerator for c in coefficients))
     worst: dict[int, int] = {}
@@ -446,13 +448,13 @@ def common_factor(coefficients: Sequence[Quotient]) -> Quotient:
 
 
 def primitive(vector: Sequence[Quotient]) -> list[Quotient]:
-    """Polynomials without a common factor, a multiple of a vector that is not 0."""
+    """The multiple of a nonzero vector that consists of polynomials without a common factor."""
     inverse = common_factor([entry for entry in vector if not entry.is_zero]).inverse()
     return [entry * inverse for entry in vector]
 
 
 def sum_of(zero: Quotient, terms: Iterable[Quotient]) -> Quotient:
-    """The sum, terms of equal denominators first, so that few fractions are brought together."""
+    """The sum; terms with equal denominators are added first, so that few fractions are combined."""
     groups: dict[Exponents, Quotient] = {}
     for term in terms:
         if not term.is_zero:
@@ -468,9 +470,9 @@ def sum_of(zero: Quotient, terms: Iterable[Quotient]) -> Quotient:
 
 @dataclass(frozen=True, slots=True)
 class Derivation:
-    """A derivation X, given by X(g) for the generators where that is not zero.
+    """A derivation X, given by its nonzero values X(g) on the generators.
 
-    `undefined` are generators whose derivative was not provided for: meeting one raises TooLarge.
+    `undefined` are generators whose derivative was not prepared; differentiating one raises TooLarge.
     """
 
     images: Mapping[int, Quotient]
@@ -505,11 +507,10 @@ class Derivation:
 class ExactRing:
     """A quotient field whose generators are the atoms of given formulas.
 
-    `variables` are t, coordinates and velocities; `atoms` gives the value of each atom's tree;
-    `trees[index]` is what generator `index` prints as; `images[k][index]` is its derivative by
-    `variables[k]`, where the ring has `slopes`; `undefined` are generators whose derivatives lie beyond the
-    order asked for.
-    Generators are handed out from the last, so that a later one is greater in the order.
+    `variables` are t, coordinates, and velocities; `atoms` maps the tree of each atom to its value; `trees[index]` is
+    the tree of generator `index`; `images[k][index]` is its derivative by `variables[k]` if the ring has `slopes`;
+    `undefined` are generators whose derivatives exceed the requested order. Generators are assigned from the last index
+    down, so that later ones are greater in the order.
     """
 
     field: QuotientField
@@ -522,7 +523,7 @@ class ExactRing:
     undefined: set[int] = dataclasses.field(default_factory=set)
 
     def new_generator(self, tree: ex.Expression) -> int:
-        """The next unused generator, printing as `tree`."""
+        """The next unused generator, with this tree."""
         if self.free == 0:
             raise TooLarge("the formulas hold more functions than were counted")
         self.free -= 1
@@ -545,7 +546,7 @@ class ExactRing:
                 self.images[variable][index] = total
 
     def partial(self, variable: int) -> Derivation:
-        """The partial derivative by variables[variable]; ValueError where the ring has no slopes."""
+        """The partial derivative by variables[variable]; ValueError if the ring has no slopes."""
         self._need_slopes()
         return Derivation(self.images[variable], frozenset(self.undefined))
 
@@ -566,7 +567,7 @@ class ExactRing:
             raise ValueError("this ring was made without derivatives")
 
     def value(self, tree: ex.Expression) -> Quotient:
-        """The tree as a ring element; ZeroDivisionError for a division by identically zero."""
+        """The tree as a ring element; ZeroDivisionError for a division by an element that is identically zero."""
         if tree in self.atoms:
             return self.atoms[tree]
         match tree:
@@ -604,7 +605,7 @@ def scaled_tree(tree: ex.Expression, divisor: int) -> ex.Expression:
 
 
 def quotient_tree(ring: ExactRing, quotient: Quotient) -> ex.Expression:
-    """The element as constant * factors / denominators, or a sum of such where that is shorter."""
+    """The element as constant * factors / denominators, or a sum of such quotients if that is shorter."""
     if quotient.is_zero:
         return ex.number(0)
     return ex.add(*(_factored(ring, part) for part in _split_by_roots(ring, quotient)))
@@ -639,13 +640,13 @@ def _factored(ring: ExactRing, quotient: Quotient) -> ex.Expression:
 
 
 def factor_trees(ring: ExactRing, quotient: Quotient) -> list[ex.Expression]:
-    """The factors of the numerator that are not numbers, each once: where the element can vanish."""
+    """The distinct nonconstant factors of the numerator, which determine where the element can vanish."""
     _, factors = _factors(ring, quotient.numerator)
     return [polynomial_tree(ring, factor) for factor, _ in factors if not factor.is_constant()]
 
 
 def _factors(ring: ExactRing, polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq_mpoly, int]]]:
-    """constant and factors; radicands and 1 - cos^2 are taken out whole, as powers of their generator."""
+    """The constant and the factors; radicands and 1 - cos^2 are taken out whole, as powers of their generator."""
     found = []
     for relation in ring.field.relations.values():
         polynomial, exponent = divided_out(polynomial, relation.right)
@@ -658,7 +659,7 @@ def _factors(ring: ExactRing, polynomial: fmpq_mpoly) -> tuple[Fraction, list[tu
 
 
 def _collect(ring: ExactRing, table: dict[ex.Expression, Fraction], factor: fmpq_mpoly, exponent: int) -> None:
-    """Multiply the power of a factor into the table of trees and exponents."""
+    """Multiply a power of a factor into the table of trees and exponents."""
     for base, inner in ex.powers_of(polynomial_tree(ring, factor)):
         table[base] = table.get(base, Fraction(0)) + inner * exponent
 
@@ -678,7 +679,7 @@ def _monomial_tree(
     exponents: Sequence[int],
     coefficient: Fraction,
 ) -> ex.Expression:
-    """One term; `powers` keeps the powers of generators built so far."""
+    """One term; `powers` caches the powers of generators."""
     parts = []
     for index in order:
         exponent = int(exponents[index])
@@ -690,7 +691,7 @@ def _monomial_tree(
 
 
 def _place(ring: ExactRing, index: int) -> tuple[int, int]:
-    """Parameters first, then coordinates and velocities, then functions."""
+    """A sort key: parameters first, then coordinates and velocities, then functions."""
     tree = ring.trees.get(index)
     if isinstance(tree, ex.Symbol) and tree not in ring.variables:
         return (0, index)
@@ -710,9 +711,9 @@ def generator_power(tree: ex.Expression, exponent: Fraction) -> ex.Expression:
 
 
 def adjoin_arbitrary(ring: ExactRing, nodes: Sequence[ex.Arbitrary], further: int) -> None:
-    """Generators for the functions in `nodes` and for their derivatives of up to `further` more orders.
+    """Add generators for the functions in `nodes` and for their derivatives of up to `further` more orders.
 
-    Derivatives of the highest order have no derivatives here and are marked undefined.
+    The derivatives of the highest order are marked undefined, because their derivatives are not in the ring.
     """
     families: dict[Family, int] = {}
     for node in nodes:
@@ -749,7 +750,7 @@ def _next(ring: ExactRing, indices: dict[tuple[int, ...], int], orders: tuple[in
 
 
 def adjoin_roots(ring: ExactRing, powers: Sequence[ex.Power]) -> None:
-    """Generators for rational powers; powers of one base share the root of the common denominator."""
+    """Add generators for rational powers; powers of one base share the root of the common denominator."""
     degrees: dict[ex.Expression, int] = {}
     for node in powers:
         assert isinstance(node.exponent, ex.Number)
@@ -787,7 +788,7 @@ def _is_root(ring: ExactRing, index: int) -> bool:
 
 
 def adjoin_inverse(ring: ExactRing, node: ex.Apply) -> None:
-    """A generator for asin, acos, atan, asinh, acosh or atanh of an argument."""
+    """Add a generator for asin, acos, atan, asinh, acosh, or atanh of an argument."""
     sign, constant, quadratic, exponent = INVERSE[node.function]
     argument = ring.value(node.argument)
     below = ring.constant(constant) + (argument * argument).scaled(quadratic)
@@ -809,12 +810,12 @@ def exact_ring(
     spare: bool = False,
     slopes: bool = True,
 ) -> ExactRing:
-    """A ring that holds the trees and can differentiate them `orders` times by the variables.
+    """A ring that contains the trees and can differentiate them `orders` times by the variables.
 
-    `further` are constants to be adjoined that do not occur in the trees. With `spare` the ring may keep
-    generators without use, which saves making it again for work that is short; without `slopes` it cannot
-    differentiate, which saves the derivatives of all generators. Raises TooLarge where the budget ends and
-    ZeroDivisionError for a division by zero in a tree.
+    `further` are additional constants that do not occur in the trees. With `spare`, the ring may keep unused
+    generators, which avoids rebuilding it for short work. Without `slopes`, it cannot differentiate, which saves the
+    derivatives of all generators. Raises TooLarge if the budget is exhausted, and ZeroDivisionError for a division by
+    zero in a tree.
     """
     symbols = [*further, *_symbols(trees, variables)]
     size = len(symbols) + _generators_needed(trees, orders)
@@ -832,10 +833,10 @@ def factored(
     *,
     without_roots: bool = False,
 ) -> list[ex.Expression]:
-    """The trees, each over its common denominator with numerator and denominator factored.
+    """The trees, each over its common denominator with factored numerator and denominator.
 
     `without_roots`: the denominators have no square roots and sines, so that equal trees are equal fractions.
-    TooLarge where the budget ends, ZeroDivisionError where a denominator vanishes, KeyError for an unknown atom.
+    TooLarge if the budget is exhausted, ZeroDivisionError if a denominator vanishes, KeyError for an unknown atom.
     """
     ring = exact_ring(trees, symbols, 0, budget, spare=True, slopes=False)
     values = map(ring.value, trees)
@@ -862,14 +863,14 @@ def _build(
 def _symbols(
     trees: Sequence[ex.Expression], variables: Sequence[ex.Symbol | ex.Velocity]
 ) -> list[ex.Symbol | ex.Velocity]:
-    """Parameters and numbers such as pi last, so that they get the smallest place in the order."""
+    """All symbols, with parameters and numbers such as pi last, so that they are smallest in the order."""
     found = dict.fromkeys(node for node in ex.distinct_nodes(trees) if isinstance(node, ex.Symbol | ex.Velocity))
     constants = [symbol for symbol in found if symbol not in variables]
     return constants + list(reversed(variables))
 
 
 def _occurring(trees: Sequence[ex.Expression]) -> frozenset[str]:
-    """Names of the functions in the trees, and "power" for a power with a symbolic exponent."""
+    """The names of the functions in the trees, and "power" for a power with a symbolic exponent."""
     names = set()
     for node in ex.distinct_nodes(trees):
         if isinstance(node, ex.Apply):
@@ -884,7 +885,7 @@ def _is_function(node: ex.Expression) -> bool:
 
 
 def _generators_needed(trees: Sequence[ex.Expression], orders: int) -> int:
-    """An upper bound; exact counting would need the arguments' relations."""
+    """An upper bound of the number of generators; an exact count would require the arguments' relations."""
     atoms = {node for node in ex.distinct_nodes(trees) if _is_function(node)}
     total = 0
     for node in atoms:
@@ -895,7 +896,7 @@ def _generators_needed(trees: Sequence[ex.Expression], orders: int) -> int:
 
 
 def _levels(trees: Sequence[ex.Expression]) -> list[list[ex.Expression]]:
-    """The functions in the trees by nesting: arguments of level k hold levels below k only."""
+    """The functions in the trees by nesting level: arguments at level k contain only levels below k."""
     depth: dict[ex.Expression, int] = {}
 
     def measure(node: ex.Expression) -> int:
@@ -910,7 +911,7 @@ def _levels(trees: Sequence[ex.Expression]) -> list[list[ex.Expression]]:
 
 
 def _adjoin_level(ring: ExactRing, level: Sequence[ex.Expression], orders: int, names: frozenset[str]) -> None:
-    """Generators for all functions of one level."""
+    """Add generators for all functions of one level."""
     adjoin_roots(ring, [node for node in level if isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number)])
     symbolic = [node for node in level if isinstance(node, ex.Power) and not isinstance(node.exponent, ex.Number)]
     _adjoin_logarithms(ring, [*_applied(level, {"log"}), *(ex.Apply("log", node.base) for node in symbolic)])
@@ -932,7 +933,7 @@ def _applied(level: Sequence[ex.Expression], names: Iterable[str]) -> list[ex.Ap
 
 
 def _adjoin_logarithms(ring: ExactRing, nodes: Sequence[ex.Apply]) -> None:
-    """log of products: a basis of the arguments' exponent vectors over Q."""
+    """Add generators for logarithms of a basis over Q of the arguments' exponent vectors."""
     nodes = list(dict.fromkeys(node for node in nodes if node not in ring.atoms))
     arguments = [ring.value(node.argument) for node in nodes]
     basis = argument_basis([factor_coordinates(argument) for argument in arguments])
@@ -950,7 +951,7 @@ def _adjoin_logarithms(ring: ExactRing, nodes: Sequence[ex.Apply]) -> None:
 
 
 def _adjoin_exponentials(ring: ExactRing, nodes: Sequence[ex.Apply], powers: Sequence[ex.Power]) -> None:
-    """exp(u), u^e = exp(e log u), and hyperbolic functions through exp(u); u^(e + 1) is u u^e."""
+    """Add generators for exp(u), u^e = exp(e log u), and hyperbolic functions by exp(u); u^(e + 1) is u u^e."""
     parts = [ex.split_exponent(node.exponent) for node in powers]
     symbolic = [ex.Power(node.base, rest) for node, (rest, _) in zip(powers, parts, strict=True)]
     arguments = [ring.value(node.argument) for node in nodes]
@@ -987,7 +988,7 @@ def _of_exponential(function: str, e: Quotient) -> Quotient:
 
 @dataclass(frozen=True, slots=True)
 class ArgumentBasis:
-    """Arguments u_k = sum_b coefficients[k][b] * u_(chosen[b]) / scales[b], coefficients integer."""
+    """Arguments u_k = sum_b coefficients[k][b] * u_(chosen[b]) / scales[b] with integer coefficients."""
 
     chosen: tuple[int, ...]
     scales: tuple[int, ...]
@@ -1011,7 +1012,7 @@ def factor_coordinates(argument: Quotient) -> Coordinates:
 
 
 def argument_basis(vectors: Sequence[Coordinates]) -> ArgumentBasis:
-    """A basis taken from the vectors themselves, simplest first."""
+    """A basis chosen from the vectors, simplest first."""
 
     def size(index: int) -> tuple[int, int, int]:
         values = vectors[index].values()
@@ -1073,7 +1074,7 @@ def adjoin_pairs(ring: ExactRing, nodes: Sequence[ex.Apply], sign: int) -> None:
 
 
 def _quarter_turns(ring: ExactRing, argument: Quotient) -> int:
-    """k where the argument holds k pi/2, k an integer; otherwise 0."""
+    """k if the argument contains k pi/2 with an integer k, else 0."""
     if ex.PI not in ring.atoms:
         return 0
     (key,) = coordinates_of(ring.atoms[ex.PI])
@@ -1086,7 +1087,7 @@ def _quarters(ring: ExactRing, count: int) -> Quotient:
 
 
 def _only_tangents(nodes: Sequence[ex.Apply], turns: Sequence[int], basis: ArgumentBasis, users: Sequence[int]) -> bool:
-    """Whether a basis argument occurs alone and under tan and cot (tanh and coth) only."""
+    """Whether a basis argument occurs only alone and only under tan and cot (tanh and coth)."""
     return all(
         nodes[index].function in ("tan", "cot", "tanh", "coth")
         and not turns[index]
@@ -1105,7 +1106,7 @@ def _adjoin_tangent(ring: ExactRing, nodes: Sequence[ex.Apply], argument: Quotie
 
 
 def _new_pair(ring: ExactRing, plain: ex.Expression | None, argument: Quotient, scale: int, sign: int) -> Pair:
-    """Generators for the argument divided by `scale`; the sine squared is the one that is reduced."""
+    """Generators for the argument divided by `scale`; the square of the sine is reduced."""
     names = ("sin", "cos") if sign < 0 else ("sinh", "cosh")
     tree = scaled_tree(plain if plain is not None else quotient_tree(ring, argument), scale)
     below = argument.scaled(Fraction(1, scale))
@@ -1114,7 +1115,7 @@ def _new_pair(ring: ExactRing, plain: ex.Expression | None, argument: Quotient, 
     pair = Pair(ring.generator(sine_index), ring.generator(cosine_index))
     square = (pair.cosine * pair.cosine - ring.constant(1)).scaled(sign)
     ring.field.relate(sine_index, 2, square.numerator)
-    # Both slopes need no derivative of the other, so the order of these two lines does not matter.
+    # Neither slope needs the derivative of the other, so the order of these two lines does not matter.
     ring.set_slopes(sine_index, [(pair.cosine, below)])
     ring.set_slopes(cosine_index, [(pair.sine.scaled(sign), below)])
     return pair

@@ -6,13 +6,14 @@ where Gamma is d/ds:
 
     N = -J/2,  Phi = J' - 2 K - J^2/2 (twice the Jacobi endomorphism),  nabla T = T' + N T - T N.
 
-No derivative is taken in symbols, and f is never multiplied out. All points of a batch are one array: a `Jet` has the
-shape (1 + directions, order, points), its first row the value.
+There are no symbolic derivatives, and f is never expanded. All points of a batch are in one array: a `Jet` has the
+shape (1 + directions, order, points), and its first row is the value.
 
-A formula consists of generators with independent random values: t, coordinates, velocities, parameters; for the angles
-of circular functions a rational point (2 u, 1 - u^2)/(1 + u^2) of the circle and the coordinate's own value;
-for exponentials, logarithms, and arctangents a residue; for arbitrary functions each partial derivative. Roots are true
-roots: the prime is a safe one, so that a square has one root that is a square, and a point without it is dropped.
+A formula consists of generators with independent random values: t, coordinates, velocities, and parameters; for the
+angles of circular functions, a rational point (2 u, 1 - u^2)/(1 + u^2) of the circle and the value of the coordinate;
+for exponentials, logarithms, and arctangents, a residue; for arbitrary functions, each partial derivative. Roots are
+true roots: the prime is a safe prime, so that a square has exactly one root that is a square, and points without roots
+are dropped.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from inverse_service.expressions import collecting, derivative, tree as ex
 from inverse_service.field import tower
 
 Numbers = npt.NDArray[np.int64]
-# 2 q + 1 with q prime, modulo which 2, 3, 5, 7, 11, 13 and 17 have roots.
+# 2 q + 1 with q prime, modulo which 2, 3, 5, 7, 11, 13, and 17 are squares.
 PRIME = 2_147_454_839
 _HALF = (PRIME - 1) // 2
 # ("variable" | "root", itself), ("angle" | "exp", its unit), ("function", a derivative of it), (name, argument) else.
@@ -101,7 +102,7 @@ def _times(a: Numbers, b: Numbers) -> Numbers:
 
 
 def _power(a: Numbers, exponent: int, start: Numbers, least: Numbers) -> Numbers:
-    """a^e with e a residue, the given constant term, least = 1/a_0: k a_0 y_k = sum_j (e j - (k - j)) a_j y_(k-j)."""
+    """a^e, e a residue, with constant term `start`, least = 1/a_0: k a_0 y_k = sum_j (e j - (k - j)) a_j y_(k-j)."""
     result = np.zeros_like(a)
     result[0] = start
     for k in range(1, a.shape[0]):
@@ -113,7 +114,7 @@ def _power(a: Numbers, exponent: int, start: Numbers, least: Numbers) -> Numbers
 
 
 def _primitive(rate: Numbers, start: Numbers) -> Numbers:
-    """The series with this derivative in s, of which the last coefficient is not asked."""
+    """The series with this derivative in s, whose last coefficient is not used."""
     result = np.zeros_like(rate)
     result[0] = start
     for k in range(1, rate.shape[0]):
@@ -131,9 +132,9 @@ def _derivative(a: Numbers) -> Numbers:
 
 @dataclass(slots=True)
 class Units:
-    """How fine the generators of angles and exponentials have to be: for each unit the common denominator.
+    """The common denominator of each unit of the generators of angles and exponentials.
 
-    `roots` are the variables whose square roots occur: these are the generators.
+    `roots` are the variables whose square roots occur and serve as generators.
     """
 
     angles: dict[ex.Expression, int] = field(default_factory=dict)
@@ -142,7 +143,7 @@ class Units:
 
     @classmethod
     def of(cls, trees: Iterable[ex.Expression]) -> Units:
-        """Of all circular functions, exponentials and roots in these kernels."""
+        """The units of all circular functions, exponentials, and roots in these kernels."""
         found = cls()
         for node in ex.distinct_nodes(trees):
             match node:
@@ -157,10 +158,10 @@ class Units:
 
 @dataclass(slots=True)
 class Points:
-    """A batch of points: the values of all generators, drawn when asked for, and which points are still good.
+    """A batch of points: the values of all generators, drawn on demand, and which points are still good.
 
-    `fixed` are generators with given values, one for all points or one for each; the others are random. Where `moving`
-    are given, generators that hold none of them have one value for all points.
+    `fixed` are generators with given values, one for all points or one per point; the others are random. If `moving` is
+    given, generators that contain none of its variables have one value for all points.
     """
 
     coordinates: tuple[str, ...]
@@ -197,7 +198,7 @@ class Points:
         return 2 * u % PRIME * below % PRIME, (1 - square) % PRIME * below % PRIME
 
     def again(self, velocities: Sequence[Numbers | None]) -> Points:
-        """The same points with other velocities; random ones where None is given."""
+        """The same points with other velocities; None stands for random ones."""
         names = [("variable", ex.Velocity(name)) for name in self.coordinates]
         kept = {key: value for key, value in self.values.items() if ("variable", key[1]) not in names}
         other = Points(self.coordinates, self.units, self.count, self.random, self.fixed, kept)
@@ -207,7 +208,7 @@ class Points:
 
 
 class Flow:
-    """f along the motion at a batch of points; `order` coefficients in s are kept."""
+    """f along the motion at a batch of points, to `order` coefficients in s."""
 
     def __init__(self, points: Points, forces: Sequence[ex.Expression], order: int, gradients: bool = True) -> None:
         self.points, self.order, n = points, order, len(forces)
@@ -226,7 +227,7 @@ class Flow:
         self.forces = [self.evaluation.jet(f) for f in kernels]
 
     def tree(self, tree: ex.Expression) -> Jet:
-        """The series of any formula in the same generators."""
+        """The series of a formula in the same generators."""
         return self.evaluation.jet(tower.to_kernels(tree))
 
     def slopes(self) -> tuple[Numbers, Numbers]:
@@ -411,7 +412,7 @@ class Evaluation:
         return sines, cosines
 
     def _arbitrary(self, tree: ex.Arbitrary) -> Jet:
-        """Taylor's series about the place of the arguments, their partial derivatives as generators."""
+        """The Taylor series about the values of the arguments, with the partial derivatives as generators."""
         inner = [self.jet(argument) for argument in tree.arguments]
         moved = [jet.data[0].copy() for jet in inner]
         for series in moved:

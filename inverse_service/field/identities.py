@@ -1,4 +1,4 @@
-"""Do formulas vanish identically, and what is the generic rank of a matrix: seen at random points modulo primes."""
+"""Test at random points modulo primes whether formulas vanish identically, and compute generic ranks of matrices."""
 
 from collections.abc import Sequence
 
@@ -14,9 +14,9 @@ from inverse_service.field.tower import draw_point, to_kernels
 def values_modulo_primes(
     expressions: Sequence[ex.Expression], variables: Sequence[Variable], points: int = 2, seed: int = 1
 ) -> list[tuple[Point, list[int]]] | None:
-    """The residues of all expressions at `points` random points, each over a prime of its own.
+    """The residues of all expressions at `points` random points, each over a separate prime.
 
-    None where the relations among their functions cannot be settled or no point is found.
+    None if the relations among their functions cannot be determined or no point is found.
     """
     kernels = [to_kernels(expression) for expression in expressions]
     try:
@@ -38,7 +38,7 @@ def values_modulo_primes(
 
 
 def vanish(expressions: Sequence[ex.Expression], variables: Sequence[Variable], seed: int = 1) -> bool | None:
-    """True where all vanish at two points, False where one does not, None where it was not settled.
+    """True if all vanish at two points, False if one does not, None if that cannot be decided.
 
     A nonzero rational function of degree d vanishes at a random point with probability about d/2^61.
     """

@@ -1,14 +1,13 @@
-"""Linear algebra over an exact field: reduced rows, determinants, solutions, relations, definite matrices.
+"""Linear algebra over an exact field: reduced rows, determinants, solutions, relations, and definite matrices.
 
-`null_vectors` finds linear relations with constant coefficients among elements of a ring. Constants are numbers
-and elements that depend on no variable of the ring: parameters, their functions and roots. The coefficient of each
+`null_vectors` finds linear relations with constant coefficients among elements of a ring. Constants are numbers and
+elements that depend on no variable of the ring: parameters and their functions and roots. The coefficient of each
 product of the other generators gives one linear equation for the coefficients, over the field of constants.
 
 `definite_or_orthogonal`: a linear space of symmetric matrices has no definite element exactly if some Y >= 0, not 0,
-has tr(Y w) = 0 for all w of the space. An interior point method for max {s : sum c_k w_k - s >= 0, |c| <= 1} comes
-near a w with s > 0 or, where s = 0, near the Y of largest rank (Y = mu (sum c_k w_k - s)^-1 on the central path). It
-only proposes: w, or Y on the face of its own kernel (facial reduction), are rounded to fractions inside their spaces
-and tested exactly.
+has tr(Y w) = 0 for all w of the space. An interior point method for max {s : sum c_k w_k - s >= 0, |c| <= 1} approaches
+a w with s > 0 or, if s = 0, the Y of largest rank (Y = mu (sum c_k w_k - s)^-1 on the central path). It only proposes:
+w, or Y on the face of its own kernel (facial reduction), is rounded to fractions inside its space and tested exactly.
 """
 
 from collections import Counter, defaultdict
@@ -33,14 +32,14 @@ MOST = 8  # rows
 _ROUNDING = (1, 2, 6, 60, 1_000, 100_000, 10**8)
 _STEPS, _FINEST, _SHRINK = 40, 1e-9, 0.2
 _SOON, _INSIDE = 1e-3, 0.05
-_SMALL = 1e-4  # of the largest eigenvalue, those of Y that go to zero with mu
+_SMALL = 1e-4  # relative to the largest eigenvalue; smaller ones of Y go to zero with mu
 
 
 @dataclass(frozen=True, slots=True)
 class ReducedRows:
     """Rows with a leading 1 in the columns `pivots`.
 
-    `dropped` are the given rows that became zero in the columns reduced, each as (row, what is left of it).
+    `dropped` are the given rows that became zero in the reduced columns, each as (row, its remainder).
     """
 
     rows: tuple[tuple[Quotient, ...], ...]
@@ -49,7 +48,7 @@ class ReducedRows:
 
 
 def weight(element: Quotient) -> int:
-    """How long an element is when it is written down."""
+    """The length of an element when printed."""
     return len(element.numerator) + sum(len(element.field.denominators[index]) for index, _ in element.exponents)
 
 
@@ -89,7 +88,7 @@ def _cleared(row: Row, pivot_row: Row, column: int) -> Row:
 
 
 def solve_square(matrix: Sequence[Sequence[Quotient]], right: Sequence[Quotient]) -> tuple[Quotient, ...] | None:
-    """x with matrix x = right, None where the matrix is singular."""
+    """x with matrix x = right; None if the matrix is singular."""
     size = len(matrix)
     found = reduced_rows([[*row, value] for row, value in zip(matrix, right, strict=True)], range(size))
     if len(found.pivots) < size:
@@ -98,12 +97,12 @@ def solve_square(matrix: Sequence[Sequence[Quotient]], right: Sequence[Quotient]
 
 
 def determinant(matrix: Sequence[Sequence[Quotient]], one: Quotient) -> Quotient:
-    """The determinant, by expansion along the rows, those with fewest entries first, each minor once."""
+    """The determinant by expansion along the rows, those with fewest entries first, with each minor computed once."""
     order = sorted(range(len(matrix)), key=lambda i: sum(not entry.is_zero for entry in matrix[i]))
 
     @cache
     def minor(columns: tuple[int, ...]) -> Quotient:
-        """That of the last rows of the order and of `columns`."""
+        """The minor of the last rows of the order and of `columns`."""
         if not columns:
             return one
         row = matrix[order[len(matrix) - len(columns)]]
@@ -116,12 +115,12 @@ def determinant(matrix: Sequence[Sequence[Quotient]], one: Quotient) -> Quotient
 
 
 def null_vectors(ring: ExactRing, columns: Sequence[Sequence[Quotient]]) -> list[list[Quotient]]:
-    """A basis of the constant c with sum_k c_k columns[k] = 0, entry by entry."""
+    """A basis of the constants c with sum_k c_k columns[k] = 0, entry by entry."""
     return list(null_space(_equations(ring, columns), len(columns), ring.constant(1)).values())
 
 
 def null_space(rows: Sequence[Sequence[Quotient]], size: int, one: Quotient) -> dict[int, list[Quotient]]:
-    """A basis of the vectors orthogonal to all rows, one for each column that is free: the one it has to itself."""
+    """A basis of the vectors orthogonal to all rows, by free column, which is nonzero in its own vector only."""
     found = _reduced_numbers(rows, size, one) or reduced_rows(rows, range(size))
     basis, zero = {}, one - one
     for free in (k for k in range(size) if k not in found.pivots):
@@ -133,7 +132,7 @@ def null_space(rows: Sequence[Sequence[Quotient]], size: int, one: Quotient) -> 
 
 
 def _reduced_numbers(rows: Sequence[Sequence[Quotient]], size: int, one: Quotient) -> ReducedRows | None:
-    """The same of rational numbers, as a matrix of these; None where some entry is none."""
+    """The reduced rows computed as a matrix of rational numbers; None if some entry is not a rational number."""
     values = [[entry.constant_value for entry in row] for row in rows]
     known = [[value for value in row if value is not None] for row in values]
     if any(len(row) < size for row in known):
@@ -145,7 +144,7 @@ def _reduced_numbers(rows: Sequence[Sequence[Quotient]], size: int, one: Quotien
 def solution(
     ring: ExactRing, columns: Sequence[Sequence[Quotient]], right: Sequence[Quotient]
 ) -> list[Quotient] | None:
-    """Constant c with sum_k c_k columns[k] = right, free ones 0; None where there are none."""
+    """Constants c with sum_k c_k columns[k] = right, free ones 0; None if there are none."""
     size = len(columns)
     found = reduced_rows(_equations(ring, [*columns, right]), range(size + 1))
     if size in found.pivots:
@@ -155,10 +154,10 @@ def solution(
 
 
 def numerators(ring: ExactRing, elements: Iterable[Quotient]) -> list[fmpq_mpoly]:
-    """The elements times the least product of listed denominators that all of theirs divide, as polynomials.
+    """The elements times the least common multiple of their denominators, as polynomials.
 
-    Numerators are multiplied by what they lack: where r^2 = x^2 + y^2, trial division does not see that
-    (r + x^2 + y^2)/(r + 1) is r.
+    Numerators are multiplied by the missing factors, because with r^2 = x^2 + y^2 trial division does not see that (r +
+    x^2 + y^2)/(r + 1) is r.
     """
     elements, greatest = list(elements), Counter[int]()
     for element in elements:
@@ -183,7 +182,7 @@ def _equations(ring: ExactRing, columns: Sequence[Sequence[Quotient]]) -> list[l
 
 
 def definite_or_orthogonal(space: Sequence[Matrix], size: int) -> tuple[Matrix | None, Matrix | None]:
-    """(w, None) with w definite in the space, (None, Y) with Y orthogonal to it, (None, None) where rounding fails."""
+    """(w, None) with w definite in the space, (None, Y) with Y orthogonal to it, (None, None) if rounding fails."""
     space = [w for w in space if any(map(any, w))]
     if not space:
         return None, _matrix([1 if i == j else 0 for i, j in _places(size)], size)
@@ -202,7 +201,7 @@ def definite_or_orthogonal(space: Sequence[Matrix], size: int) -> tuple[Matrix |
 
 
 def definite_weights(space: Sequence[Floats]) -> list[float] | None:
-    """Weights of a definite sum, far from singular ones; None where none is found."""
+    """Weights of a definite sum, far from singular ones; None if none is found."""
     sizes = [float(np.abs(w).max()) for w in space]
     units = np.array([w / size for w, size in zip(space, sizes, strict=True)])
     with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):
@@ -214,7 +213,7 @@ def definite_weights(space: Sequence[Floats]) -> list[float] | None:
 
 
 def rank_if_semidefinite(matrix: Sequence[Sequence[Fraction]]) -> int | None:
-    """By symmetric elimination: no pivot is negative, and where one is zero its whole row is."""
+    """The rank by symmetric elimination; None if a pivot is negative, or zero in a nonzero row."""
     rows, rank = [list(row) for row in matrix], 0
     for k, row in enumerate(rows):
         if row[k] < 0 or (not row[k] and any(row[k:])):
@@ -227,7 +226,7 @@ def rank_if_semidefinite(matrix: Sequence[Sequence[Fraction]]) -> int | None:
 
 
 def _central_path(space: Floats) -> Iterator[tuple[Floats, Floats]]:
-    """(sum c_k w_k, Y) on the path of max s/mu + log det(sum c_k w_k - s) + log(1 - |c|^2): soon, and at its end.
+    """(sum c_k w_k, Y) on the path of max s/mu + log det(sum c_k w_k - s) + log(1 - |c|^2), early and at its end.
 
     w_k are an orthonormal basis of the space.
     """
@@ -264,7 +263,7 @@ def _is_inside(x: Floats, directions: Floats) -> bool:
 
 
 def _on_faces(y: Floats, space: Sequence[Matrix], size: int) -> Iterator[Matrix]:
-    """Y rounded among the matrices orthogonal to the space that have its kernel, then among all."""
+    """Y rounded within the matrices orthogonal to the space that have Y's kernel, then within all orthogonal ones."""
     values, vectors = np.linalg.eigh(y / np.trace(y))
     rows = [[w[i][j] * (1 if i == j else 2) for i, j in _places(size)] for w in space]
     null = vectors[:, values < _SMALL * values[-1]].T
@@ -297,7 +296,7 @@ def _echelon(vectors: Floats, denominator: int) -> list[list[Fraction]]:
 
 
 def _rounded(near: Floats, space: Sequence[Matrix], size: int) -> Iterator[Matrix]:
-    """Members of the space near a matrix, those with small denominators first."""
+    """Members of the space near a matrix, small denominators first."""
     if not space:
         return
     columns = np.array([[float(x) for row in w for x in row] for w in space]).T

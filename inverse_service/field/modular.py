@@ -7,7 +7,7 @@ Taking every root there respects all multiplicative relations among roots withou
 the prime l a residue, so that sqrt(2), sqrt(3), … exist.
 
 In Montgomery form x stands for x R modulo P, R = 2^64; a product costs three multiplications (Montgomery, Math. Comp.
-44 (1985) 519). The functions are compiled by numba, whose wheels carry their compiler, and kept.
+44 (1985) 519). numba, whose wheels contain the compiler, compiles the functions; the code is cached.
 """
 
 import math
@@ -23,12 +23,12 @@ from flint import fmpz
 
 from inverse_service.kernels.machine_code.kernels import compiled as compiled, intrinsic
 
-# -1 modulo this: 2, 3, 5, 7, 11 and 13 are residues.
+# For primes that are -1 modulo this, 2, 3, 5, 7, 11, and 13 are residues.
 _MODULUS = 8 * 3 * 5 * 7 * 11 * 13
 _BITS = 61
-# splitmix64 (Steele, Lea and Flood, OOPSLA 2014), for numbers that need no more than to be unforeseen.
+# splitmix64 (Steele, Lea and Flood, OOPSLA 2014), for numbers that only need to be unpredictable.
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
-# One table of each prime is enough for most.
+# The size of the first table of a prime, which is enough for most purposes.
 _LEAST = 512
 
 
@@ -36,7 +36,7 @@ _LEAST = 512
 def safe_prime(seed: int, residues: frozenset[int] = frozenset(), order: int = 2) -> int:
     """A random safe prime of 61 bits modulo which 2 … 13 and all of `residues` (primes) are residues.
 
-    `order` divides the number of points of the circle, which is the prime and one.
+    `order` divides the number of points of the circle, which is the prime plus one.
     """
     generator, modulus = random.Random(f"prime {seed}"), math.lcm(_MODULUS, order)
     low, high = 2 ** (_BITS - 1) // modulus, 2**_BITS // modulus
@@ -61,9 +61,9 @@ def is_positive(value: int, prime: int) -> bool:
 
 
 def positive_power(value: int, exponent: Fraction | int, prime: int) -> int:
-    """value^exponent; for a fraction the root that is itself a square (odd roots: the only root).
+    """value^exponent; for a fraction, the root that is itself a square (odd roots are unique).
 
-    Raises ValueError where no such root exists: an even root of a nonsquare, 0 to a negative power.
+    Raises ValueError if no such root exists: an even root of a nonsquare, 0 to a negative power.
     """
     if value % prime == 0:
         if exponent <= 0:
@@ -96,7 +96,7 @@ def reconstruct(residue: int, prime: int, bound: int = 10**6) -> Fraction | None
     return Fraction(r1, s1)
 
 
-# numba and LLVM are imported where an operation is compiled: they take 0.3 s, and stored code needs neither.
+# numba and LLVM are imported only to compile an operation: the import takes 0.3 s, and stored code needs neither.
 
 
 def _upper_word(typing_context: Any, a: Any, b: Any) -> Any:
@@ -182,7 +182,7 @@ def power(base: np.uint64, exponent: np.uint64, field: Field) -> np.uint64:
 
 @compiled
 def mixed(state: np.uint64) -> np.uint64:
-    """The random word of a state, to which GOLDEN is added for the next."""
+    """The random word of a state; the next state is this one plus GOLDEN."""
     word = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return word ^ (word >> np.uint64(31))

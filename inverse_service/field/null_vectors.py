@@ -1,7 +1,7 @@
-"""Elimination modulo a prime: leading columns, null vectors, and those of them that are rational.
+"""Elimination modulo a prime: leading columns, null vectors, and rational null vectors.
 
-A common factor of all entries does not matter, so matrices may be in Montgomery form. Bases are in reduced form: each
-vector has the last of its columns to itself, with entry 1.
+A common factor of all entries does not matter, so matrices may be in Montgomery form. Bases are in reduced form: the
+last column of each vector has the entry 1, and 0 in all other vectors.
 """
 
 import random
@@ -18,13 +18,14 @@ from inverse_service.field import modular
 from inverse_service.field.echelon import Words
 
 Numbers = npt.NDArray[np.int64]
-# So many equations more than unknowns: a random one holds by accident with the probability 1/P, P the prime.
+# The number of equations minus the number of unknowns; a random equation is satisfied by accident with probability 1/P,
+# P the prime.
 SPARE = 12
 
 
 @dataclass(frozen=True, slots=True)
 class Kernel:
-    """A basis modulo the prime, (nullity, width), and the column that each vector has to itself."""
+    """A basis modulo the prime, (nullity, width), and the own column of each vector, where the others are 0."""
 
     basis: nmod_mat
     columns: tuple[int, ...]
@@ -34,7 +35,7 @@ class Kernel:
         return len(self.columns)
 
     def rational_vectors(self) -> list[dict[int, Fraction]]:
-        """Those whose entries are small rationals, as tables of the entries that are not 0."""
+        """The vectors with small rational entries, as tables of the nonzero entries."""
         vectors = [_rational([int(x) for x in row], int(self.basis.modulus())) for row in self.basis.tolist()]
         return [vector for vector in vectors if vector is not None]
 
@@ -71,7 +72,7 @@ def null_rows(rows: Sequence[Sequence[int]], width: int, prime: int) -> list[lis
 
 
 def table_of(rows: Collection[Mapping[int, int]], width: int, prime: int) -> nmod_mat:
-    """Rows given by their entries that are not 0."""
+    """The matrix of rows given by their nonzero entries."""
     found = nmod_mat(max(len(rows), 1), width, prime)
     for i, row in enumerate(rows):
         for column, value in row.items():
@@ -80,7 +81,7 @@ def table_of(rows: Collection[Mapping[int, int]], width: int, prime: int) -> nmo
 
 
 def _check_work(rows: int, columns: int) -> None:
-    """What an elimination costs, in units of the search."""
+    """Charge the cost of an elimination, in units of the search."""
     deadline.check(1 + rows * columns // 100 + rows * columns * min(rows, columns) // 10_000)
 
 
@@ -109,7 +110,7 @@ def pivots(matrix: Words | Numbers, prime: int) -> list[int]:
 
 
 def kernel_of(matrix: nmod_mat) -> Kernel:
-    """The same of a matrix of flint."""
+    """The kernel of a flint matrix."""
     reduced, rank = matrix.rref()
     width, leading = matrix.ncols(), leading_columns(reduced, rank)
     taken = set(leading)
@@ -126,16 +127,16 @@ def kernel_of(matrix: nmod_mat) -> Kernel:
 
 
 def restricted(known: Kernel, matrix: Words) -> Kernel:
-    """The vectors of a kernel that further equations annihilate too."""
+    """The vectors of a kernel that also satisfy more equations."""
     further = _over_field(matrix, int(known.basis.modulus()))
     inside = kernel_of(further * known.basis.transpose())
     return Kernel(inside.basis * known.basis, tuple(known.columns[k] for k in inside.columns))
 
 
 def settled_kernel(unknowns: int, equations: Callable[[int, int], Words], width: int, prime: int) -> Kernel:
-    """The kernel of the equations at so many samples that more of them no longer shrink it.
+    """The kernel of the equations at enough samples that more samples do not shrink it.
 
-    `equations(begin, end)` gives `width` of them for each of these samples.
+    `equations(begin, end)` returns `width` equations for each of these samples.
     """
     taken = (unknowns + SPARE) // width + 1
     found = kernel(equations(0, taken), prime)

@@ -1,4 +1,4 @@
-"""Points over a prime field at which all atoms of a system have consistent random values."""
+"""Points over a prime field with consistent random values of all atoms of a system."""
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,17 +13,17 @@ Variable = ex.Symbol | ex.Velocity
 
 
 class SingularPoint(ArithmeticError):
-    """A division by 0, or by a series without constant term: the point is not generic enough."""
+    """A division by 0 or by a series without constant term, because the point is not generic."""
 
 
 @dataclass(slots=True)
 class Point:
     """Values of variables and atoms modulo `prime`; atoms are added innermost first.
 
-    `signs` gives for a variable the sign of the residue symbol that its value is to have (the sign
-    of the variable at the real point that represents the domain of the answer); `salts` choose
-    among the random values of single variables and of the free generators that contain them.
-    The square roots of the prime numbers in `flipped` have the other sign: a conjugate of what is meant.
+    `signs` maps a variable to the required residue symbol of its value (the sign of the variable at the real point that
+    represents the domain of the answer). `salts` select other random values of single variables and of the free
+    generators that contain them. The square roots of the primes in `flipped` have the other sign, which gives a
+    conjugate point.
     """
 
     prime: int
@@ -35,12 +35,12 @@ class Point:
     atoms: dict[ex.Expression, int] = field(default_factory=dict)
 
     def draw(self, key: Hashable) -> int:
-        """A random nonzero residue that depends on the seed and the key alone."""
+        """A random nonzero residue that depends only on the seed and the key."""
         text = f"{self.seed}|{_text(key)}".encode()
         return int.from_bytes(blake2b(text, digest_size=16).digest()) % (self.prime - 3) + 2
 
     def draw_free(self, atom: ex.Expression) -> int:
-        """A random nonzero residue for a free generator; the salts of its variables change it too."""
+        """A random nonzero residue for a free generator; it also depends on the salts of its variables."""
         return self.draw((atom, tuple(self.salts.get(name, 0) for name in variables_in(atom))))
 
     def atom(self, atom: ex.Apply) -> int:
@@ -50,7 +50,7 @@ class Point:
         return self.atoms[atom]
 
     def variable(self, name: Variable) -> int:
-        """The value of a coordinate, velocity, parameter, of t, or of pi."""
+        """The value of a coordinate, velocity, or parameter, of t, or of pi."""
         if name not in self.variables:
             value = self.draw((name, self.salts.get(name, 0)))
             sign = self.signs.get(name, 0)
@@ -60,12 +60,12 @@ class Point:
         return self.variables[name]
 
     def jet(self, name: str, arguments: tuple[int, ...], orders: tuple[int, ...]) -> int:
-        """A partial derivative of an arbitrary function at a place: equal places, equal values."""
+        """A partial derivative of an arbitrary function at a place; equal places give equal values."""
         return self.draw((name, arguments, orders))
 
 
 def _text(key: Hashable) -> str:
-    """What distinguishes a key of `Point.draw`: of a tree with salts only the salts are new at each point."""
+    """The text that identifies a key of `Point.draw`; of a tree with salts, only the salts change between points."""
     if isinstance(key, tuple):
         return f"({_known_text(key[0])}, {', '.join(map(repr, key[1:]))})"
     return _known_text(key)
@@ -73,13 +73,13 @@ def _text(key: Hashable) -> str:
 
 @lru_cache(maxsize=4096)
 def _known_text(key: Hashable) -> str:
-    """The text of a tree takes longer than all else in a draw."""
+    """The text of a tree, cached because it is the slowest part of a draw."""
     return repr(key)
 
 
 @lru_cache(maxsize=1024)
 def variables_in(expression: ex.Expression) -> tuple[Variable, ...]:
-    """The coordinates, velocities and parameters in a tree, in the order of their first places."""
+    """The coordinates, velocities, and parameters in a tree, in order of first occurrence."""
     return tuple(dict.fromkeys(node for node in ex.walk(expression) if isinstance(node, ex.Symbol | ex.Velocity)))
 
 
@@ -104,9 +104,9 @@ def number_value(value: Fraction, prime: int) -> int:
 
 
 def evaluate(expression: ex.Expression, point: Point, known: dict[ex.Expression, int] | None = None) -> int:
-    """The value at the point; SingularPoint where a denominator vanishes, ValueError for a missing root.
+    """The value at the point; SingularPoint if a denominator vanishes, ValueError for a missing root.
 
-    `known` keeps the values found at this point, for trees that share parts.
+    `known` caches values at this point, for trees with common parts.
     """
     known = {} if known is None else known
     value = known.get(expression)
@@ -139,7 +139,7 @@ def _evaluate(expression: ex.Expression, point: Point, known: dict[ex.Expression
 
 
 def gradient(expression: ex.Expression, variables: Sequence[Variable], point: Point) -> list[int]:
-    """The partial derivatives at the point, of a tree in kernels."""
+    """The partial derivatives of a tree in kernels at the point."""
     known: dict[ex.Expression, int] = {}
     return [evaluate(derivative.differentiate(expression, x), point, known) for x in variables]
 

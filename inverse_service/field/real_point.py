@@ -1,6 +1,7 @@
-"""One real point at which f is defined: it says on which branch of its roots a verdict holds.
+"""Find a real point at which f is defined; it selects the branch of the roots on which a verdict is valid.
 
-Where formulas are defined, and stay on one branch of their roots, logarithms and inverse functions.
+The module also computes where formulas are defined and remain on one branch of their roots, logarithms, and inverse
+functions.
 """
 
 import math
@@ -20,10 +21,10 @@ _DIGITS = 40
 _TRIES_PER_SCALE = 60
 _SCALES = ("1.7", "0.9", "0.4", "0.1", "5", "0.01", "30")
 _LARGEST = 10_000
-_STARTS, _NODES = 4, (0, 1, -1, 2, -2, 3)  # of walks along the axes
+_STARTS, _NODES = 4, (0, 1, -1, 2, -2, 3)  # for walks along the axes
 _FINEST = 720  # of parts of pi
 _TINY = mpmath.mpf(10) ** -12
-_HUGE = mpmath.mpf(10) ** 2000  # the balls of the checker tell numbers apart up to 2^8192 = 10^2466
+_HUGE = mpmath.mpf(10) ** 2000  # the checker's balls distinguish numbers up to 2^8192 = 10^2466
 
 RealTable = dict[ex.Expression, mpmath.mpf]
 
@@ -60,7 +61,7 @@ def find_real_point(
 
 
 def _off_axes(table: RealTable, positive: Sequence[ex.Expression], expressions: Sequence[ex.Expression]) -> RealTable:
-    """The point with a small number in the place of each 0."""
+    """The point with a small number in place of each 0."""
     for name in [name for name, value in table.items() if not value]:
         for k in range(1, 4 * _DIGITS):
             moved = table | {name: mpmath.mpf(10) ** -k}
@@ -71,9 +72,9 @@ def _off_axes(table: RealTable, positive: Sequence[ex.Expression], expressions: 
 
 
 def _move_along(name: Variable, positive: Sequence[ex.Expression], table: RealTable) -> None:
-    """Move the point along the axis of a name to make most of the trees positive, the least as large as possible.
+    """Move the point along the axis of a name so that most trees are positive and the smallest is as large as possible.
 
-    Only trees that are polynomials of degree at most 4 along it are used: this finds small sets between zeros.
+    Only trees that are polynomials of degree at most 4 along the axis are used; this finds small sets between zeros.
     """
     places, trees = [mpmath.mpf(0)], [tree for tree in positive if name in ex.walk(tree)]
     for tree in trees:
@@ -115,7 +116,7 @@ def _sizes(trees: Iterable[ex.Expression]) -> list[int]:
 
 
 def table_at(near: Mapping[str, str]) -> RealTable:
-    """The point that is named by the texts of its values: x, x', t, a, ..."""
+    """The point given by texts of the values of x, x', t, a, ..."""
     values = {name: mpmath.mpf(text) for name, text in near.items()}
     named: RealTable = {ex.Velocity(n[:-1]) if n.endswith("'") else ex.Symbol(n): x for n, x in values.items()}
     return {tower.RADIAN: mpmath.mpf(1)} | named
@@ -127,7 +128,7 @@ def _draw(generator: random.Random, scale: mpmath.mpf, positive: bool) -> mpmath
 
 
 def is_defined(expressions: Sequence[ex.Expression], table: RealTable, most: mpmath.mpf = mpmath.inf) -> bool:
-    """Whether all have finite values at the point, below `most`."""
+    """Whether all expressions have finite values below `most` at the point."""
     known = dict(table)
     try:
         return all(abs(evaluation.evaluate_once(expression, known)) < most for expression in expressions)
@@ -136,7 +137,7 @@ def is_defined(expressions: Sequence[ex.Expression], table: RealTable, most: mpm
 
 
 def are_positive(trees: Sequence[ex.Expression], table: RealTable) -> bool:
-    """Whether all are, by more than rounding."""
+    """Whether all trees are positive at the point by more than rounding errors."""
     try:
         return all(real_sign(tree, table) > 0 for tree in trees)
     except (evaluation.NoRealValue, errors.IrreducibleAtoms):
@@ -169,7 +170,7 @@ def real_sign(expression: ex.Expression, table: RealTable) -> int:
 
 
 def _may_be_tiny(expression: ex.Expression) -> bool:
-    """Whether it is positive however small its value is."""
+    """Whether it is positive even if its value is tiny."""
     return isinstance(expression, ex.Power) or (
         isinstance(expression, ex.Apply) and expression.function in ("exp", "cosh")
     )
@@ -178,10 +179,11 @@ def _may_be_tiny(expression: ex.Expression) -> bool:
 def turns(
     table: RealTable | None, atom: ex.Expression, known: tower.Combination, constants: Sequence[ex.Expression]
 ) -> tower.Combination | None:
-    """What an arctangent relation leaves open: atom - sum a_j u_j as a combination of pi and constant arctangents.
+    """The undetermined part of an arctangent relation: atom - sum a_j u_j as a combination of pi and constant
+    arctangents.
 
-    None where it is none. IrreducibleAtoms where there is no real point. It is a guess of the solver, from 30 digits:
-    nothing that follows from it is shown before the checker, which proves such relations itself, agrees.
+    None if it is not such a combination. IrreducibleAtoms if there is no real point. This is a guess from 30 digits: no
+    consequence of it is shown before the checker, which proves such relations itself, agrees.
     """
     if table is None:
         raise errors.IrreducibleAtoms("an arctangent depends on other angles and no real point of f was found")
@@ -202,10 +204,10 @@ def turns(
 
 
 def requirements(formulas: Iterable[ex.Expression], table: RealTable) -> list[ex.Expression]:
-    """What has to be positive for the functions with several branches in the formulas to stay on theirs.
+    """The trees that must be positive for the multivalued functions in the formulas to remain on their branches.
 
-    Bases of roots and of symbolic powers, arguments of logarithms, distances of those of inverse functions from the
-    ends of their domains, and what is divided by inside any of these.
+    These are bases of roots and symbolic powers, arguments of logarithms, distances of the arguments of inverse
+    functions from the ends of their domains, and denominators inside any of these.
     """
     formulas = tuple(formulas)
     found = dict.fromkeys(own_requirements(formulas))
@@ -216,7 +218,7 @@ def requirements(formulas: Iterable[ex.Expression], table: RealTable) -> list[ex
 
 
 def own_requirements(formulas: Iterable[ex.Expression]) -> list[ex.Expression]:
-    """What is positive wherever the formulas have a real value: radicands and the like."""
+    """The trees, such as radicands, that are positive wherever the formulas have a real value."""
     found = dict.fromkeys(tree for node in ex.distinct_nodes(formulas) for tree in _own_requirements(node))
     return [tree for tree in found if varies(tree)]
 
@@ -256,7 +258,7 @@ def _branch_arguments(node: ex.Expression) -> tuple[ex.Expression, ...]:
 
 
 def poles(formulas: Iterable[ex.Expression]) -> list[ex.Expression]:
-    """What must not vanish in the formulas."""
+    """The trees that must not vanish in the formulas."""
     found = dict.fromkeys(tree for node in ex.distinct_nodes(formulas) for tree in _own_poles(node))
     return [tree for tree in found if varies(tree)]
 

@@ -1,19 +1,19 @@
-"""All atoms of expressions reduced to independent generators on the branch of one real point.
+"""Reduce all atoms of expressions to independent generators on the branch of one real point.
 
 Trees become fractions of polynomials over Q, so that radicands can be factored. Generators are the variables, e^(u/m)
 for free exponentials, tan(phi/2m) for free angles (sin and cos are rational in it), the other free atoms, and roots of
 irreducible factors. Without roots the generators are algebraically independent and the ring is factorial.
 
-Branches of even roots say which residues must be "positive" for a point to represent the real domain. Every
-irreducible factor of a radicand gets the sign it has at the real point. A factor that itself contains roots may be a
-square in disguise (5 + 2 sqrt(6)); it shows by having a constant residue symbol. Then sqrt(A + B r), r^2 = c, is
-sqrt((A + e)/2) +- sqrt((A - e)/2) with e^2 = A^2 - B^2 c where e exists (Landau, SIAM J. Comput. 21 (1992), section
-2), and the sign of that sum is fixed too.
+Branches of even roots determine which residues must be "positive" for a point to represent the real domain. Every
+irreducible factor of a radicand gets its sign at the real point. A factor that itself contains roots may be a hidden
+square (5 + 2 sqrt(6)), which its constant residue symbol reveals. Then sqrt(A + B r), r^2 = c, is sqrt((A + e)/2) +-
+sqrt((A - e)/2) with e^2 = A^2 - B^2 c if e exists (Landau, SIAM J. Comput. 21 (1992), section 2), and the sign of that
+sum is fixed too.
 
-`sign_cases` lists what has another formula on the two sides of a zero. sqrt(u^2) is u where u > 0 and -u where u < 0;
-|u| is written sqrt(u^2) and sign(u) is u/sqrt(u^2). A root of T^2 O is |T| sqrt(O); its sides are those of the part of
-T with odd exponents. Roots whose product is a root of a square (sqrt(xy) and sqrt(x/y)) are taken apart in the same
-way: the signs of their factors are cases. asin(sin u) and similar are u and pi - u on neighboring intervals.
+`sign_cases` lists the cases of formulas that differ on the two sides of a zero. sqrt(u^2) is u where u > 0 and -u where
+u < 0; |u| is written sqrt(u^2), and sign(u) is u/sqrt(u^2). A root of T^2 O is |T| sqrt(O); its sides are those of the
+part of T with odd exponents. Roots whose product is a root of a square (sqrt(xy) and sqrt(x/y)) are split in the same
+way, with the signs of their factors as cases. asin(sin u) and similar are u and pi - u on neighboring intervals.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ from inverse_service.expressions.pieces import STEP
 from inverse_service.field import exact_field, modular, point as ps, real_point, tower as towers
 
 _MOST_TERMS, _CAPACITY = 3_000, 48
-# Of an angle under a root: its sine has twice this degree in the tangent of the half angle.
+# The largest multiple of an angle under a root; the degree of its sine in the tangent of the half angle is twice this.
 _LARGEST_MULTIPLE = 24
 
 _SAMPLES = 24
 _DEEPEST = 6
 
 Factors = dict[ex.Expression, int]
-# Numbers under roots are factored up to here.
+# The largest number under a root that is factored.
 _LARGEST_NUMBER = 10**40
 Way = tuple[ex.Expression, tuple[ex.Expression, ...]]
 _INVERSE_PAIRS = frozenset((("asin", "sin"), ("acos", "cos"), ("atan", "tan")))
@@ -48,16 +48,16 @@ _INVERSE_PAIRS = frozenset((("asin", "sin"), ("acos", "cos"), ("atan", "tan")))
 
 @dataclass(slots=True)
 class Generators(exact_field.ExactRing):
-    """A ring that adjoins functions and roots as they come; a square root gets its relation.
+    """A ring that adjoins functions and roots on demand; a square root gets its relation.
 
-    If `opaque`, functions and roots are generators unchanged, and their relations are ignored.
+    If `opaque`, functions and roots become generators unchanged, and their relations are ignored.
     """
 
     tower: towers.Tower = field(default_factory=lambda: towers.Tower(()))
     opaque: bool = False
 
     def letter(self, tree: ex.Expression, square: fmpq_mpoly | None = None) -> exact_field.Quotient:
-        """The tree as a generator; IrreducibleAtoms where there are too many."""
+        """The tree as a generator; IrreducibleAtoms if there are too many."""
         if tree not in self.atoms:
             if not self.free:
                 raise errors.IrreducibleAtoms("too many different atoms occur under roots")
@@ -67,7 +67,7 @@ class Generators(exact_field.ExactRing):
         return self.atoms[tree]
 
     def value(self, tree: ex.Expression) -> exact_field.Quotient:
-        """The tree (in kernels) over the generators; TooLarge where it grows out of bounds."""
+        """The tree (in kernels) over the generators; TooLarge if it becomes too large."""
         match tree:
             case ex.Symbol() | ex.Velocity() | ex.Arbitrary():
                 return self.letter(tree)
@@ -90,14 +90,14 @@ class Generators(exact_field.ExactRing):
         return ex.add(*parts)
 
     def sign(self, factor: ex.Expression) -> int:
-        """The sign of an irreducible factor at the real point, as far as branches are fixed by now."""
+        """The sign of an irreducible factor at the real point, on the branches fixed so far."""
         if isinstance(factor, ex.Symbol | ex.Velocity):
             return self.tower.real_signs.get(factor, 1)
         return next((sign for known, sign in self.tower.signs if known == factor), 1)
 
 
 def _generators(tower: towers.Tower | None = None) -> Generators:
-    """None yet; opaque where there is no tower."""
+    """A ring without generators, opaque if there is no tower."""
     field = exact_field.QuotientField.with_generators(_CAPACITY)
     return Generators(field, (), _CAPACITY, False, tower=tower or towers.Tower(()), opaque=tower is None)
 
@@ -107,7 +107,7 @@ def used_generators(polynomial: fmpq_mpoly) -> list[int]:
 
 
 def factors(polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq_mpoly, int]]]:
-    """(rational content, [(irreducible factor, multiplicity)]); IrreducibleAtoms where it grows out of bounds."""
+    """(rational content, [(irreducible factor, multiplicity)]); IrreducibleAtoms if it becomes too large."""
     try:
         return exact_field.factor_polynomial(polynomial)
     except exact_field.TooLarge as error:
@@ -115,7 +115,7 @@ def factors(polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq_mpoly, in
 
 
 def to_quotient(ring: Generators, expression: ex.Expression) -> exact_field.Quotient:
-    """The tree (in kernels) over the generators; IrreducibleAtoms where it has no value or grows out of bounds."""
+    """The tree (in kernels) over the generators; IrreducibleAtoms if it has no value or becomes too large."""
     try:
         found = ring.value(expression)
     except (exact_field.TooLarge, ZeroDivisionError) as error:
@@ -126,7 +126,7 @@ def to_quotient(ring: Generators, expression: ex.Expression) -> exact_field.Quot
 
 
 def _root(ring: Generators, base: ex.Expression, exponent: Fraction) -> exact_field.Quotient:
-    """prod p_i^(k_i exponent) over the irreducible factors of the base; under even roots all |p_i|."""
+    """prod p_i^(k_i exponent) over the irreducible factors of the base, with |p_i| under even roots."""
     quotient = ring.value(base)
     even = exponent.denominator % 2 == 0
     negative = not even and factors(quotient.numerator)[0] < 0
@@ -213,7 +213,7 @@ def _sine_cosine(ring: Generators, rule: towers.AngleRule) -> tuple[exact_field.
 
 
 def fix_branches(tower: towers.Tower, table: real_point.RealTable | None) -> None:
-    """Add to the tower the signs of all factors of its radicands; IrreducibleAtoms if that fails."""
+    """Add the signs of all factors of its radicands to the tower; IrreducibleAtoms if that fails."""
     radicands, tower.radicands = tower.radicands, []
     if radicands and table is None:
         raise errors.IrreducibleAtoms("f contains roots and no real point was found at which all of them are defined")
@@ -235,7 +235,7 @@ def _fix(ring: Generators, radicand: ex.Expression, table: real_point.RealTable,
 
 def _fix_factor(ring: Generators, factor: ex.Expression, table: real_point.RealTable, depth: int) -> None:
     known = ring.tower.signs
-    # Variables have their sign already, and a root is positive by construction.
+    # Variables already have a sign, and a root is positive by construction.
     if (
         isinstance(factor, ex.Number | ex.Symbol | ex.Velocity)
         or towers.is_root(factor)
@@ -265,7 +265,7 @@ def _has_constant_symbol(tower: towers.Tower, factor: ex.Expression) -> bool:
 
 
 def _denested(ring: Generators, factor: ex.Expression, table: real_point.RealTable, depth: int) -> ex.Expression:
-    """A tree whose square is the factor, in roots of simpler quantities."""
+    """A tree in roots of simpler quantities whose square is the factor."""
     polynomial = to_quotient(ring, factor).numerator
     for k in used_generators(polynomial):
         root = _split_root(ring, polynomial, k) if k in ring.field.relations else None
@@ -297,7 +297,7 @@ def _split_root(
 
 
 def _square_root(ring: Generators, polynomial: fmpq_mpoly) -> ex.Expression | None:
-    """sqrt(content) prod p^(k/2) where all multiplicities are even and the content is positive."""
+    """sqrt(content) prod p^(k/2) if all multiplicities are even and the content is positive, else None."""
     content, found = factors(polynomial)
     if content <= 0 or any(k % 2 for _, k in found):
         return None
@@ -310,8 +310,8 @@ def reduce_atoms(
 ) -> towers.Tower:
     """The tower of expressions in kernels; raises IrreducibleAtoms if it cannot be determined.
 
-    Relations may depend on branches: exp(sqrt((x - y)^2)) is exp(x - y) where x > y. So where a
-    function has a root in its argument they are searched for again when the branches are known.
+    Relations may depend on branches: exp(sqrt((x - y)^2)) is exp(x - y) where x > y. If a function has a root in its
+    argument, they are therefore searched for again once the branches are known.
     """
     signs = {} if table is None else {name: real_point.real_sign(name, table) for name in variables}
     tower = towers.build_tower(expressions, variables, signs, partial(real_point.turns, table))
@@ -330,29 +330,29 @@ def _have_root_inside(expressions: Sequence[ex.Expression]) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Formulas where every tree of `positive` is > 0; `roots` says what each rewritten root is there."""
+    """Formulas valid where every tree of `positive` is > 0; `roots` maps each rewritten root to its value there."""
 
     formulas: tuple[ex.Expression, ...]
     positive: tuple[ex.Expression, ...] = ()
     roots: tuple[tuple[ex.Expression, ex.Expression], ...] = ()
 
     def rewritten(self, node: ex.Expression, value: ex.Expression, positive: Iterable[ex.Expression]) -> Case:
-        """The formulas with `value` in the place of `node`, where these trees are positive too."""
+        """The case with `value` in place of `node`, where these trees are positive too."""
         formulas = tuple(ex.substitute(formula, {node: value}) for formula in self.formulas)
         return Case(formulas, tuple(dict.fromkeys((*self.positive, *positive))), (*self.roots, (node, value)))
 
     def assuming(self, tree: ex.Expression) -> Case:
-        """The same where this tree is positive too."""
+        """The case in which this tree is positive too."""
         return replace(self, positive=(*self.positive, tree))
 
 
 def sign_cases(formulas: Sequence[ex.Expression]) -> Iterator[Case]:
-    """The cases in order, that of positive signs first; some may have no point all the same."""
+    """The cases in order, positive signs first; some may still be empty."""
     yield from _split(Case(tuple(formulas)))
 
 
 def _split(case: Case) -> Iterator[Case]:
-    """One step at a time: an innermost root is rewritten in each of its ways."""
+    """Yield the final cases by rewriting one innermost root at a time in each of its ways."""
     ways = _ways(case)
     if ways is None:
         yield case
@@ -363,7 +363,7 @@ def _split(case: Case) -> Iterator[Case]:
 
 
 def is_empty(positive: Sequence[ex.Expression]) -> bool:
-    """Whether these are seen not to be positive at once: one is negative, or two have a sum that is not positive."""
+    """Whether the trees obviously cannot all be positive: one is negative, or two have a sum that is not positive."""
     if any(inequalities.is_positive(collecting.collect(-tree)) for tree in positive):
         return True
     sums = (collecting.collect(one + other) for one, other in combinations(positive, 2))
@@ -371,7 +371,7 @@ def is_empty(positive: Sequence[ex.Expression]) -> bool:
 
 
 def _ways(case: Case) -> list[Case] | None:
-    """The cases that follow from the next root which can be rewritten, None where there is none."""
+    """The cases from the next root that can be rewritten; None if there is none."""
     atoms = towers.atoms_in_order(case.formulas)
     for node in atoms:
         found = _inverse_ways(node) if isinstance(node, ex.Apply) else _root_ways(node, case.positive)
@@ -400,12 +400,12 @@ def _inverse_ways(node: ex.Apply) -> list[Way]:
 
 
 def root_ways(node: ex.Expression) -> list[tuple[tuple[ex.Expression, ...], ex.Expression]]:
-    """(what is positive, what the root is there) for each way to write a root of a square without it."""
+    """(positive trees, the value of the root there) for each way to write a root of a square without a root."""
     return [(side, value) for value, side in _root_ways(node, ())]
 
 
 def _root_ways(node: ex.Expression, positive: Sequence[ex.Expression]) -> list[Way]:
-    """|T|^(2e) (c O)^e for (c T^2 O)^e, on both sides of the zeros of T; [] where T is 1."""
+    """|T|^(2e) (c O)^e for (c T^2 O)^e, on both sides of the zeros of T; [] if T is 1."""
     if (
         not isinstance(node, ex.Power)
         or not isinstance(node.exponent, ex.Number)
@@ -436,7 +436,7 @@ def _power(content: Fraction, found: Factors, exponent: Fraction) -> ex.Expressi
 
 
 def _odd_root(content: Fraction, found: Factors, exponent: Fraction) -> list[Way]:
-    """Odd roots of perfect powers, where these are positive, as bases of roots are."""
+    """Odd roots of perfect powers where these are positive, because bases of roots are positive."""
     degree = exponent.denominator
     if not found or any(k % degree for k in found.values()):
         return []
@@ -448,7 +448,7 @@ def _odd_root(content: Fraction, found: Factors, exponent: Fraction) -> list[Way
 
 
 def root_factors(tree: ex.Expression) -> tuple[Fraction, Factors]:
-    """(rational content, {factor: multiplicity}) of a tree; what cannot be factored is one factor."""
+    """(rational content, {factor: multiplicity}) of a tree; a tree that cannot be factored is one factor."""
     content, found = Fraction(1), Factors()
     for part in ex.factors_of(tree):
         k = 1
@@ -470,7 +470,7 @@ def signed_factors(trees: Iterable[ex.Expression], table: real_point.RealTable) 
 
 
 def _factored(tree: ex.Expression) -> tuple[Fraction, Factors]:
-    """The irreducible factors over Q, functions and roots taken as generators."""
+    """The irreducible factors over Q, with functions and roots as generators."""
     if isinstance(tree, ex.Number):
         return (tree.value, {}) if tree.value else (Fraction(1), {tree: 1})
     ring = _generators()
@@ -496,7 +496,7 @@ def _square_parts(found: Factors) -> tuple[Factors, Factors]:
 
 
 def _number_parts(content: Fraction) -> tuple[Fraction, Fraction]:
-    """(t, c) with content = t^2 c, c free of squares."""
+    """(t, c) with content = t^2 c and c squarefree."""
     square = Fraction(1)
     for value, side in ((abs(content.numerator), 1), (content.denominator, -1)):
         if 0 < value <= _LARGEST_NUMBER:
@@ -510,7 +510,7 @@ def _product(found: Factors) -> ex.Expression:
 
 
 def _dependent_ways(case: Case, roots: Sequence[ex.Power]) -> list[Case] | None:
-    """Roots that depend on each other as products, taken apart for each choice of the signs of their factors."""
+    """The cases that split multiplicatively dependent roots, one for each choice of the signs of their factors."""
     for node in _dependent(roots):
         content, found = root_factors(node.base)
         for factor in found:
@@ -528,7 +528,7 @@ def _dependent_ways(case: Case, roots: Sequence[ex.Power]) -> list[Case] | None:
 
 
 def _dependent(roots: Sequence[ex.Power]) -> list[ex.Power]:
-    """The roots of several factors that are, up to rational factors, products of powers of the others."""
+    """The roots with several factors that are, up to rational factors, products of powers of the others."""
     degrees: dict[ex.Expression, int] = {}
     for node in roots:
         assert isinstance(node.exponent, ex.Number)
@@ -545,7 +545,7 @@ def _dependent(roots: Sequence[ex.Power]) -> list[ex.Power]:
 
 
 def _vector(base: ex.Expression) -> Factors:
-    """The exponents of prime numbers and factors in a base."""
+    """The exponents of the primes and factors in a base."""
     content, found = root_factors(base)
     return {ex.number(ell): k for ell, k in _primes(content).items()} | found
 
@@ -557,7 +557,7 @@ def _primes(content: Fraction) -> dict[int, int]:
 
 
 def _order(vectors: Mapping[ex.Expression, Factors], degrees: Mapping[ex.Expression, int]) -> int:
-    """The order of the group that the vectors over their degrees generate modulo integers."""
+    """The order of the group generated modulo integers by the vectors divided by their degrees."""
     columns = list(dict.fromkeys(key for vector in vectors.values() for key in vector))
     if not columns:
         return 1

@@ -1,4 +1,4 @@
-"""Random points over one prime, drawn in order, and the generators with their logarithmic derivatives there.
+"""Random points over one prime, drawn in order, and the generators' logarithmic derivatives there.
 
 The ansätze of a ladder use the same generators at the same points, and each ansatz adds a few.
 """
@@ -23,13 +23,13 @@ from inverse_service.field.real_point import RealTable
 Integers = npt.NDArray[np.int64]
 Words = npt.NDArray[np.uint64]
 Matrix = list[list[int]]
-# A seed, and the variables that move while the others keep their values at one point.
+# A seed, and the variables that change while the others keep their values at one point.
 Drawn = tuple[int, tuple[ex.Symbol | ex.Velocity, ...]]
 
 
 @dataclass(frozen=True, slots=True)
 class _LetterProgram:
-    """The series of generators in the same variables, those at `names` among (t, q, v), and their final registers."""
+    """The series of generators in the same variables, at places `names` of (t, q, v), and their final registers."""
 
     letters: tuple[ex.Expression, ...]
     series: SeriesProgram
@@ -43,7 +43,7 @@ class _LetterProgram:
 def _programs(
     letters: tuple[ex.Expression, ...], variables: tuple[ps.Variable, ...], order: int
 ) -> list[_LetterProgram]:
-    """One for each set of variables: only the variables of a generator are displaced, usually a single one."""
+    """One program per set of variables: only the variables of a generator are displaced, usually a single one."""
     groups: dict[tuple[int, ...], list[ex.Expression]] = {}
     for letter in letters:
         names = set(ps.variables_in(letter))
@@ -91,7 +91,7 @@ class _Slopes(NamedTuple):
 
 @compiled
 def _slope(r: int, degree: int, place: int, factor: np.uint64, m: Machine) -> np.uint64:
-    """A Taylor coefficient of a letter times a factor."""
+    """A Taylor coefficient of a generator times a factor."""
     if degree > m.registers.tops[r]:
         return np.uint64(0)
     value = m.registers.values[r * m.registers.stride + m.tables.starts[degree] + place]
@@ -157,7 +157,7 @@ def _fill(displaced: _Displaced, d: _Slopes, n: int, k: int, found: Words, field
 
 @compiled
 def _logarithmic(chosen: Integers, displaced: _Displaced, m: Machine, d: _Slopes, found: Words) -> bool:
-    """The value of each letter and its logarithmic derivatives (`_fill`) as residues; False where one is 0."""
+    """The value of each generator and its logarithmic derivatives (`_fill`) as residues; False if one value is 0."""
     n, one = len(displaced.drift) // 2, np.uint64(1)
     for k in range(len(chosen)):
         r = chosen[k]
@@ -191,7 +191,7 @@ def _letter_rows(program: _LetterProgram, point: ps.Point, drift: Words, order: 
 
 @dataclass(slots=True)
 class _AtPoint:
-    """What is known at one point; `drift` is (1, v, f) in Montgomery form, empty where f has no value."""
+    """The cached values at one point; `drift` is (1, v, f) in Montgomery form, empty if f has no value."""
 
     point: ps.Point
     drift: Words
@@ -201,9 +201,9 @@ class _AtPoint:
 
 @dataclass(slots=True)
 class SamplePoints:
-    """The points of a tower that follow from a seed, on the constraints if any; `variables` are t, q, v.
+    """The points of a tower generated from a seed, on the constraints if any; `variables` are t, q, v.
 
-    With `base` only what is `moving` differs from there.
+    With `base`, the points differ from it only in the `moving` variables.
     """
 
     forces: Sequence[ex.Expression]
@@ -242,8 +242,7 @@ class SamplePoints:
         return np.array([(value << 64) % self.prime for value in drift], np.uint64)
 
     def letters(self, k: int, kernels: Sequence[ex.Expression], order: int) -> list[Words] | None:
-        """A row for each letter at a point (see `_logarithmic`), with third derivatives to order 3; None where one
-        has none."""
+        """A row for each generator at a point (see `_logarithmic`), to order 3 with third derivatives; else None."""
         place = self.place(k)
         if not len(place.drift):
             return None
@@ -278,7 +277,7 @@ class SamplePoints:
 
 @dataclass(frozen=True, slots=True)
 class KnownTower:
-    """A tower of the atoms of f and of an ansatz, on the branch of a real point, with the points that were drawn."""
+    """A tower of the atoms of f and of an ansatz on the branch of a real point, with the points drawn so far."""
 
     atoms: frozenset[ex.Expression]
     real_point: RealTable

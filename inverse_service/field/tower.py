@@ -1,18 +1,17 @@
-"""Independent generators of all atoms of a system, and points at which all atoms have values.
+"""Find independent generators of all atoms of a system, and evaluate the atoms at points.
 
 `to_kernels` writes elementary functions by exp, log, sin, cos, atan and rational powers (real domain): tan u = sin u /
 cos u and similar; cosh u = (e^u + e^-u)/2 and similar; asin u = atan(u / sqrt(1 - u^2)), acos u = pi/2 - asin u, asinh
 u = log(u + sqrt(u^2 + 1)), acosh u = log(u + sqrt(u^2 - 1)), atanh u = log((1 + u)/(1 - u))/2; b^e = exp(e log b) for
-an exponent that is not a rational number; (e^u)^r = e^(r u). Each holds where the left side is real.
+an exponent that is not a rational number; (e^u)^r = e^(r u). Each identity is valid where the left side is real.
 
-A rule says how the value of a transcendental atom follows from free generators. By the structure theorem (Risch 1979;
+A rule computes the value of a transcendental atom from free generators. By the structure theorem (Risch 1979;
 Ax 1971) exponentials and logarithms are algebraically independent over the functions below them unless their
 arguments, or logarithms, are linearly dependent over Q; angles and arctangents likewise (they are the imaginary part).
-A rule states the dependence found, or that there is none: then the atom is a free generator.
+A rule states the dependence found, or that there is none, in which case the atom is a free generator.
 
-A tower lists these rules, innermost first. Roots need no rule (`modular.py`) but for the
-branch: `signs` lists the quantities that must have the residue symbol that is their sign at a real
-point of the domain (`reduction.py` finds them).
+A tower lists these rules, innermost first. Roots need no rule (`modular.py`) except for the branch: `signs` lists the
+quantities whose residue symbol must equal their sign at a real point of the domain (`reduction.py` finds them).
 
 `build_tower` finds the rules. Atoms are taken innermost first. For each transcendental one the linear dependence over
 Q of its argument (exp, angles) or its logarithmic differential (log, atan) on those before it is computed at random
@@ -42,7 +41,7 @@ _SEARCH_SCALE = 2520
 _DRAWS = 4_000
 # A quantity and the sign of its residue symbol.
 Requirement = tuple[ex.Expression, int]
-# A residue of 61 bits is a fraction below the bound by chance with probability 10^-6.
+# A residue of 61 bits equals a fraction below the bound by chance with probability 10^-6.
 _COEFFICIENT_BOUND = 10**6
 
 _CONSTANT_BOUND = 10**8
@@ -53,7 +52,7 @@ Turns = Callable[[ex.Expression, Combination, Sequence[ex.Expression]], Combinat
 
 @lru_cache(maxsize=8192)
 def to_kernels(expression: ex.Expression) -> ex.Expression:
-    """The same function of the same variables, written with the six kernels only."""
+    """The expression written with the six kernels only."""
     inner = ex.rebuild(expression, to_kernels)
     if isinstance(inner, ex.Apply) and inner.function in _REWRITE:
         return _REWRITE[inner.function](inner.argument)
@@ -159,7 +158,7 @@ class ExponentialRule:
 
     @property
     def tree(self) -> ex.Expression:
-        """The product, where it is not free."""
+        """The product, if it is not free."""
         primes = (ex.number(ell) ** exponent for ell, exponent in self.prime_powers)
         atoms = (tree**exponent for tree, exponent in (*self.exponentials, *self.arguments_of_logarithms))
         constant = [ex.Apply("exp", ex.number(self.constant))] if self.constant else []
@@ -253,7 +252,7 @@ Rule = ExponentialRule | LogarithmRule | AngleRule | ArctangentRule
 
 
 def replay(rule: Rule, point: ps.Point, scale: Scale) -> None:
-    """Give the rule's atom its value at the point."""
+    """Set the value of the rule's atom at the point."""
     if isinstance(rule, AngleRule):
         cosine, sine = rule.value(point, scale)
         point.atoms[ex.Apply("cos", rule.angle)] = cosine
@@ -294,7 +293,7 @@ def _random_turn(point: ps.Point, angle: ex.Expression) -> tuple[int, int]:
 
 
 def _random_tangent(point: ps.Point, angle: ex.Expression) -> int:
-    """That of half the angle, in its scale: never the number that is drawn for an angle such as e^x or log x itself."""
+    """The tangent of half the angle in its scale; never the number drawn for an angle such as e^x or log x itself."""
     return point.draw_free(ex.Apply("tan", angle))
 
 
@@ -314,13 +313,13 @@ def _arctangent_turn(atom: ex.Expression, point: ps.Point) -> tuple[int, int]:
 def _circle_part(turn: tuple[int, int], number: int, prime: int) -> tuple[int, int]:
     """(cos, sin) of phi/number, |phi| < pi/2: halves by cos(phi/2) = sqrt((1 + cos phi)/2).
 
-    Odd parts are in the group of the circle's elements of an order prime to the number, where they exist once.
-    Raises ValueError where there is none.
+    Odd parts are unique in the group of the circle's elements whose order is coprime to the number. Raises ValueError
+    if there is none.
     """
     while number % 2 == 0:
         square = (1 + turn[0]) * pow(2, -1, prime) % prime
         if not modular.is_positive(square, prime):
-            return 1, 0  # the point is refused for what is under its roots
+            return 1, 0  # the point is rejected because of its radicands
         cosine = modular.positive_power(square, Fraction(1, 2), prime)
         turn, number = (cosine, turn[1] * pow(2 * cosine, -1, prime) % prime), number // 2
     order = prime + 1
@@ -333,7 +332,7 @@ def _circle_part(turn: tuple[int, int], number: int, prime: int) -> tuple[int, i
 
 @lru_cache(maxsize=1024)
 def circle_turn(turns: Fraction, prime: int) -> tuple[int, int]:
-    """(cos, sin) of pi turns, where twice the denominator divides prime + 1, the order of the circle."""
+    """(cos, sin) of pi turns; twice the denominator must divide prime + 1, the order of the circle."""
     whole, total = 2 * turns.denominator, (1, 0)
     if (prime + 1) % whole:
         raise errors.IrreducibleAtoms(
