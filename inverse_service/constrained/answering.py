@@ -1,8 +1,8 @@
-"""The answer about a motion: whether any Lagrangian has it, which one, its Hamiltonian, the proof, checked.
+"""Answer whether any Lagrangian has a motion, with the Lagrangian, its Hamiltonian, and a checked proof.
 
-First the decision, for L(q, q') and where that has none for L(t, q, q'); then a Lagrangian in closed form, of an
-associated system that is known to have one, or by an ansatz. No verdict leaves unconfirmed by the checker. Where a
-Lagrangian exists and none is known in closed form, the sentences show the beginning of the power series of l and
+The decision comes first, for L(q, q') and, if there is none, for L(t, q, q'). Then the module looks for a Lagrangian in
+closed form, from an associated system known to have one or by an ansatz. The checker confirms every verdict. If a
+Lagrangian exists but none is known in closed form, the sentences show the beginning of the power series of l and
 lambda_a.
 """
 
@@ -32,10 +32,10 @@ from inverse_service.linear_pde.involution import Finding, Unknown, halved_squar
 from inverse_service.mechanics import constrained_motion, second_order_system
 from inverse_service.mechanics.legendre import legendre
 
-# Of the time, what the decisions may take; the rest is for a closed form, H and the checks.
+# The shares of the time that the decisions may use; the remaining time is for a closed form, H, and the checks.
 _SHARE_OF_DECISION, _SHARE_OF_REDUCED, _SHARE_OF_ANSATZ = 0.4, 0.3, 0.5
 _STEEP = -3
-# Seconds without which no closed form is looked for: its parts do not look at the clock at every step.
+# The least time, in seconds, for a closed form, because its parts do not check the time at every step.
 _LEAST_FOR_ANSATZ = 6.0
 OUT_OF_TIME = "The time for this question was over."
 _NOT_CONFIRMED = "the independent check could not confirm it"
@@ -56,7 +56,7 @@ class KnownLagrangian:
 
 @dataclass(frozen=True, slots=True)
 class MotionLagrangian:
-    """L on the tangent bundle, its 1-jet along the constraints, the associated system it belongs to, its report."""
+    """L on the tangent bundle, its 1-jet along the constraints, its associated system, and its report."""
 
     lagrangian: Lagrangian
     jet: on_constraints.JetOnConstraints
@@ -65,16 +65,16 @@ class MotionLagrangian:
     report: Hamiltonisation | None
 
     def on_its_set(self, certificate: Mapping[str, Any], proof: CheckResult) -> MotionLagrangian:
-        """With the set on which the checker proved L."""
+        """The same Lagrangian with the set on which the checker proved L."""
         where = certify.where_of(proof.formulas, certify.names_of(certificate["system"], certificate))
         return replace(self, lagrangian=replace(self.lagrangian, positive=where.positive, nonzero=where.nonzero))
 
 
 @dataclass(frozen=True, slots=True)
 class MotionAnswer:
-    """`certificates` prove the verdicts, that of L(q, q') first; one may prove both.
+    """The verdicts, with `certificates` that prove them, the one for L(q, q') first; one may prove both.
 
-    They do for general parameters: `exceptions` are equations between them where one proves nothing.
+    The proofs are valid for general parameters: `exceptions` are equations between parameters for which one fails.
     """
 
     verdict: Verdict
@@ -95,7 +95,7 @@ class _Work:
     deadline: float
     progress: Callable[[str], None]
     tell: Callable[[MotionAnswer], None]
-    # The answer for L(q, q') while L(t, q, q') is asked for, and what was said last.
+    # The answer for L(q, q') while L(t, q, q') is decided, and the last reported answer.
     first: MotionAnswer | None = None
     told: MotionAnswer | None = None
 
@@ -114,11 +114,11 @@ def answer_motion(
     reduced: Answer | None = None,
     tell: Callable[[MotionAnswer], None] = lambda _: None,
 ) -> MotionAnswer:
-    """Both questions where all of `positive` are > 0; `known` are Lagrangians of associated systems.
+    """Answer both questions where all of `positive` are > 0; `known` are Lagrangians of associated systems.
 
-    `reduced` answers for the equations of the free coordinates, where these contain no others. There is a report on
-    H for EquationsOfMotion. `tell` hears of a verdict that the checker confirmed while a Lagrangian is looked for; it
-    stands where the time for that is over.
+    `reduced` is the answer for the equations of the free coordinates if these contain no others. EquationsOfMotion get
+    a report on H. `tell` receives a confirmed verdict while the search for a Lagrangian continues; this verdict remains
+    if the time expires.
     """
     work = _Work(motion, known, seed, deadline, progress, tell)
     try:
@@ -177,9 +177,9 @@ def _of_both(first: MotionAnswer, other: MotionAnswer) -> MotionAnswer:
 
 
 def _carry_reduced_answer(work: _Work, analyzed: existence.AnalyzedMotion, reduced: Answer) -> MotionAnswer | None:
-    """The yes of the reduced system carried on to the motion, once the checker agrees.
+    """The yes of the reduced system transferred to the motion, if the checker agrees.
 
-    Without a Lagrangian in closed form the certificate is that of the free coordinates alone.
+    Without a Lagrangian in closed form, the certificate is about the free coordinates only.
     """
     if reduced.verdict != "variational" or reduced.checked != "valid" or reduced.certificate is None:
         return None
@@ -233,7 +233,7 @@ def _answer_question(work: _Work, analyzed: existence.AnalyzedMotion, found: Fin
 
 
 def _tell(work: _Work, answer: MotionAnswer) -> None:
-    """Say what is proven, before the values of parameters are looked for that the proof leaves out."""
+    """Report what is proven, before the search for parameter values that the proof excludes."""
     work.told = replace(answer, exceptions=not_found(work.motion.parameters))
     if answer.certificates:
         work.tell(work.told)
@@ -255,7 +255,7 @@ def _prove_verdict(
 def _confirm_certificate(
     work: _Work, analyzed: existence.AnalyzedMotion, certificate: dict[str, Any], more: Sequence[Expression] = ()
 ) -> tuple[dict[str, Any], CheckResult] | None:
-    """The certificate that the checker finds valid, as it is or about one side of roots, and what it proves."""
+    """The certificate that the checker finds valid, unchanged or restricted to one side of roots, and the result."""
     found = check_certificate(certificate, time_limit=max(1.0, work.left()))
     if found.verdict == "incomplete":
         certificate = existence.on_one_side(analyzed, certificate, more)
@@ -264,7 +264,7 @@ def _confirm_certificate(
 
 
 def _propose_lagrangians(work: _Work, with_time: bool) -> Sequence[MotionLagrangian]:
-    """Those of associated systems, else of the reduced system, of other closed functions, what an ansatz finds."""
+    """Lagrangians of associated systems, else of the reduced system, of other closed functions, or from an ansatz."""
     fitting = [one for one in work.known if with_time or not one.with_time]
     if fitting:
         jets = [on_constraints.jet_of(one.lagrangian.expression, work.motion) for one in fitting]
@@ -297,7 +297,7 @@ def _find_for_closed(
 
 
 def _is_steep(lagrangian: Expression) -> bool:
-    """Whether velocities stand under large powers: no closed form of H is attempted then."""
+    """Whether velocities have large negative powers, in which case no closed form of H is attempted."""
     return any(
         isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value <= _STEEP
         for node in walk(lagrangian)
@@ -306,7 +306,7 @@ def _is_steep(lagrangian: Expression) -> bool:
 
 
 def _complete_lagrangian(work: _Work, lagrangian: Lagrangian) -> MotionLagrangian:
-    """To its own equations, H, and the constraints in phase space."""
+    """Add its own equations, H, and the constraints in phase space."""
     tree, report = lagrangian.expression, None
     system = on_constraints.own_system(tree, work.motion, now() + _SHARE_OF_ANSATZ * work.left())
     if system is not None and isinstance(work.motion, constrained_motion.EquationsOfMotion) and work.left() > 0:
@@ -317,7 +317,7 @@ def _complete_lagrangian(work: _Work, lagrangian: Lagrangian) -> MotionLagrangia
 
 
 def finding_steps(analyzed: existence.AnalyzedMotion, found: Finding, with_time: bool) -> tuple[Step, ...]:
-    """What is asked, and why the answer is what it is."""
+    """The steps that state the question and prove the answer."""
     k = len(analyzed.motion.free)
     steps = [
         said(
@@ -349,12 +349,12 @@ def finding_steps(analyzed: existence.AnalyzedMotion, found: Finding, with_time:
 
 
 def _bivector_steps(found: Finding) -> list[Step]:
-    """Why the equations of the bivectors hold, where the proof uses them."""
+    """The steps that justify the bivector equations, if the proof uses them."""
     rows = [row for row in found.rows if str(row[0]).startswith("B")]
     orders = [int(str(name)[1:].partition("_")[0]) for name, *_ in rows]
     if not orders:
         return []
-    # Without derivatives they are equations for the values of the 2-form, which are arbitrary but for these.
+    # Without derivatives these are equations for the values of the 2-form, which are otherwise arbitrary.
     alone = rows == list(found.rows) and not any(any(row[-1]) for row in rows if isinstance(row[-1], tuple))
     return [
         said(
@@ -366,7 +366,7 @@ def _bivector_steps(found: Finding) -> list[Step]:
 
 
 def lagrangian_steps(lagrangian: Expression, jet: on_constraints.JetOnConstraints) -> tuple[Step, ...]:
-    """L and its 1-jet along the constraints."""
+    """The steps that show L and its 1-jet along the constraints."""
     momenta = [row(f"lambda_{k} = ", tree) for k, tree in enumerate(jet.transverse_momenta, 1)]
     return (
         said("A Lagrangian, found by an ansatz or known for an associated system: ", shown=[row("L = ", lagrangian)]),
@@ -375,7 +375,7 @@ def lagrangian_steps(lagrangian: Expression, jet: on_constraints.JetOnConstraint
 
 
 def reduced_steps(names: Sequence[str]) -> tuple[Step, ...]:
-    """Why a Lagrangian of the free coordinates is one of the motion."""
+    """The step that explains why a Lagrangian of the free coordinates gives one of the motion."""
     listed = ", ".join(names)
     return (
         said(
@@ -386,7 +386,7 @@ def reduced_steps(names: Sequence[str]) -> tuple[Step, ...]:
 
 
 def open_reason(found: Finding) -> str:
-    """How far the decision came."""
+    """A sentence on how far the decision got."""
     if not found.history:
         return found.reason
     dimensions = ", ".join(map(str, found.history[-1][:3]))
@@ -397,9 +397,9 @@ def open_reason(found: Finding) -> str:
 
 
 def freedom(found: Finding, n: int, with_time: bool) -> str:
-    """On how many functions of how many variables L along the constraints depends, total derivatives not counted.
+    """The number of functions and variables on which L along the constraints depends, up to total derivatives.
 
-    The dimension of the symbol in degree d + j is sum alpha_k C(k - 1 + j, k - 1); `_gauge` says what F takes away.
+    The dimension of the symbol in degree d + j is sum alpha_k C(k - 1 + j, k - 1); `_gauge` is the part due to F.
     """
     if found.symbol is None:
         return ""
@@ -422,13 +422,13 @@ def freedom(found: Finding, n: int, with_time: bool) -> str:
 def _gauge(degree: int, variables: int) -> int:
     """The dimension of l = Gamma(F), lambda_a = dF/ds^a, F of so many variables, in unknowns up to a degree.
 
-    Those of F of degree up to d + 1, but for F = 1, and the derivatives along Gamma, in l, of those of degree d + 2.
+    It counts the F of degree up to d + 1 except F = 1, and the derivatives along Gamma, in l, of those of degree d + 2.
     """
     return comb(variables + degree + 1, variables) - 1 + comb(variables + degree, variables - 1)
 
 
 def series_steps(analyzed: existence.AnalyzedMotion, found: Finding, with_time: bool) -> tuple[Step, ...]:
-    """One step with l and lambda_a to the degree at which the system is involutive; none where they are not rational.
+    """One step with l and lambda_a to the degree at which the system is involutive; none if they are not rational.
 
     Every solution of the projected system to this degree is the beginning of an analytic one.
     """
@@ -458,7 +458,7 @@ def _coefficients(
 
 
 def _residues(card: existence.ConstrainedAt, found: Finding, seed: int) -> tuple[int, dict[Unknown, int] | None]:
-    """A solution of full rank modulo a prime; squares have the coefficient 1/2, all else that is free is zero."""
+    """A solution of full rank modulo a prime; squares have the coefficient 1/2, all other free coefficients are 0."""
     prolongation = prolonged(card, seed, found.order)
     prime, generic = prolongation.local.prime, found.history[found.order][found.degree]
     if prolongation.dimension(found.degree) != generic:

@@ -1,6 +1,6 @@
-"""Whether a motion on constraints can be given a Hamiltonian at all: the constrained card settled for one motion.
+"""Decide whether any Lagrangian has a given motion on constraints (the question of `kinds.constrained`).
 
-`of_lagrangian` and `of_finding` write certificates as certificate/FORMAT.md says; nothing is judged here.
+`of_lagrangian` and `of_finding` write certificates as in certificate/FORMAT.md; nothing is judged here.
 """
 
 import itertools
@@ -33,7 +33,7 @@ from inverse_service.mechanics.constrained_motion import ConstrainedMotion
 
 Integers = npt.NDArray[np.int64]
 _HIGHEST_ORDER, _MOST_UNKNOWNS = 16, 120_000
-# With fewer coordinates of D the prolongation alone is as fast. To which j the brackets are tried first.
+# With fewer coordinates of D, the prolongation alone is as fast. Brackets are first tried up to this j.
 _ALONG_FROM, _FIRST_BRACKETS = 6, 8
 
 _SEED = 3
@@ -56,7 +56,7 @@ class AnalyzedMotion:
 
 
 def analyze_motion(motion: ConstrainedMotion, positive: Sequence[Expression] = ()) -> AnalyzedMotion:
-    """The motion where all of `positive` are > 0; IrreducibleAtoms where relations of atoms cannot be settled."""
+    """The motion where all of `positive` are > 0; IrreducibleAtoms if relations of atoms cannot be determined."""
     velocities, forces = (
         tuple(map(towers.to_kernels, motion.dependent_velocities)),
         tuple(map(towers.to_kernels, motion.free_accelerations)),
@@ -67,13 +67,13 @@ def analyze_motion(motion: ConstrainedMotion, positive: Sequence[Expression] = (
 
 
 def variables_of(motion: ConstrainedMotion) -> list[Variable]:
-    """t, the coordinates, the free velocities and the parameters."""
+    """t, the coordinates, the free velocities, and the parameters."""
     coordinates, velocities = map(Symbol, motion.coordinates), map(Velocity, motion.free)
     return [TIME, *coordinates, *velocities, *map(Symbol, motion.parameters)]
 
 
 class ConstrainedAt:
-    """The card for one motion, at random points or those that `draw` gives."""
+    """The equations for one motion, at random points or the points that `draw` returns."""
 
     __slots__ = ("_first", "_series", "_shape", "matrix", "others", "unknowns")
 
@@ -100,7 +100,7 @@ class ConstrainedAt:
         )
 
     def at(self, seed: int, order: int) -> equations.LocalEquations:
-        """Raises TooLarge where the series would take too many words."""
+        """The local equations; TooLarge if the series would take too many words."""
         prime, registers = self._series.at(seed, order)
         own = constrained.compiled_equations(self._shape, prime, order, registers)
         given = (registers, self._first, self._shape.slope(0, 0))
@@ -112,7 +112,7 @@ class ConstrainedAt:
 def decide_motion(
     analyzed: AnalyzedMotion, with_time: bool, seed: int, deadline: float, progress: Callable[[str], None]
 ) -> involution.Finding:
-    """Is the motion that of a regular L(q, v) on the constraints, or of an L(t, q, v)? Two points must agree."""
+    """Decide whether a regular L(q, v), or L(t, q, v), has the motion on the constraints; two points must agree."""
     limits = involution.Limits(_HIGHEST_ORDER, deadline, _MOST_UNKNOWNS)
     try:
         refused = refused_along_a_solution(analyzed, with_time, seed, deadline, progress)
@@ -126,12 +126,13 @@ def decide_motion(
 def refused_along_a_solution(
     analyzed: AnalyzedMotion, with_time: bool, seed: int, deadline: float, progress: Callable[[str], None]
 ) -> involution.Finding | None:
-    """A no from the brackets along one solution, by power series in t alone; None where they leave a yes possible.
+    """A no from the brackets along one solution, by power series in t only; None if a yes remains possible.
 
-    Gamma keeps the 2-form Omega of `bivectors`, which vanishes on d/du^alpha ^ d/du^beta. With Phi(t) the derivative of
-    the flow and V_alpha(t) = Phi(t)^-1 d/du^alpha, so Omega(V_alpha(t), V_beta(t)) = 0 at the start, for all t: each
-    coefficient is a linear equation for the values of Omega there. It is a no if every solution of those up to t^j has
-    a vertical vector in its kernel, whether L may depend on t or not. Rows are named as those of `bivectors`.
+    The 2-form Omega of the bivectors is invariant under Gamma and vanishes on d/du^alpha ^ d/du^beta. With Phi(t) the
+    derivative of the flow and V_alpha(t) = Phi(t)^-1 d/du^alpha, so Omega(V_alpha(t), V_beta(t)) = 0 at the start, for
+    all t: each coefficient is a linear equation for the values of Omega there. It is a no if every solution of those up
+    to t^j has a vertical vector in its kernel, whether L may depend on t or not. Rows are named as those of
+    `bivectors`.
     """
     free, size = len(analyzed.motion.free), len(analyzed.names) + len(analyzed.motion.free)
     if free < 2 or size < _ALONG_FROM:
@@ -153,7 +154,7 @@ def refused_along_a_solution(
 
 
 def last_bracket(analyzed: AnalyzedMotion, point: Point, deadline: float) -> int | None:
-    """The j up to which the equations have to be taken for a no; None where further ones follow from those before."""
+    """The j up to which the equations are needed for a no; None if later ones follow from earlier ones first."""
     size, free = len(analyzed.names) + len(analyzed.motion.free), len(analyzed.motion.free)
     rows, rank, done, degree = list[list[int]](), 0, -1, _FIRST_BRACKETS
     while now() < deadline and done < math.comb(size, 2):
@@ -179,7 +180,7 @@ def _bracket(left: Sequence[Sequence[int]], right: Sequence[Sequence[int]], j: i
 
 
 def _leaves_a_vertical_kernel(matrix: nmod_mat, size: int, free: int) -> bool:
-    """Whether a random 2-form that solves the rows is zero on some vertical vector and everything."""
+    """Whether a random 2-form that satisfies the rows has a vertical vector in its kernel."""
     prime, (basis, nullity) = matrix.modulus(), matrix.nullspace()
     generator = random.Random(prime)
     weights = [generator.randrange(prime) for _ in range(nullity)]
@@ -233,7 +234,7 @@ class _Along:
 
 
 def of_lagrangian(analyzed: AnalyzedMotion, lagrangian: Expression, with_time: bool) -> dict[str, Any]:
-    """L itself is the proof, near a point at which it is defined."""
+    """The certificate whose proof is L itself, near a point at which it is defined."""
     on = substitute(
         towers.to_kernels(lagrangian),
         dict(zip(map(Velocity, analyzed.motion.dependent), analyzed.velocities, strict=True)),
@@ -247,7 +248,7 @@ def of_lagrangian(analyzed: AnalyzedMotion, lagrangian: Expression, with_time: b
 
 
 def of_finding(analyzed: AnalyzedMotion, found: involution.Finding, with_time: bool) -> dict[str, Any]:
-    """The rows used for a no, the involution data of a yes."""
+    """The certificate with the rows used for a no, or the involution data of a yes."""
     if found.exists is None:
         raise ValueError("only what was settled has a certificate")
     if found.symbol is None:
@@ -280,7 +281,7 @@ def _squares(motion: ConstrainedMotion) -> list[Expression]:
 def on_one_side(
     analyzed: AnalyzedMotion, certificate: dict[str, Any], more: Sequence[Expression] = ()
 ) -> dict[str, Any]:
-    """The certificate with the signs that all that is under roots has at its point, for those that depend on them."""
+    """The certificate with the signs of all radicands at its point, for claims that depend on them."""
     motion, table = analyzed.motion, analyzed.real_point
     if table is None:
         return certificate
@@ -293,7 +294,7 @@ def on_one_side(
 
 
 def _system(analyzed: AnalyzedMotion) -> dict[str, Any]:
-    """As of a second-order system, with velocities of the dependent coordinates besides the accelerations."""
+    """The system as for second-order systems, plus the velocities of the dependent coordinates."""
     motion = analyzed.motion
     return {
         "coordinates": list(analyzed.names),

@@ -1,8 +1,8 @@
-"""From a free Lagrangian of an associated system to its Hamiltonian, with proof that it holds the motion.
+"""From a free Lagrangian of an associated system to its Hamiltonian, with a proof that its flow contains the motion.
 
 The claim: the flow of H~, restricted to the image of the constraints under p = dL~/dv, is the
-nonholonomic motion. It is taken apart into identities; each is tested at random points modulo primes.
-`compare` integrates both flows in floats, for people.
+nonholonomic motion. It consists of identities, each tested at random points modulo primes. `compare` integrates both
+flows in floating point as an illustration.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ State = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """One part of the claim, formulas of the theory between grave accents, and what the test said."""
+    """One part of the claim, with formulas of the theory between grave accents, and the test result."""
 
     text: str
     verdict: Verdict
@@ -54,10 +54,10 @@ class Statement:
 
 @dataclass(frozen=True, slots=True)
 class Hamiltonisation:
-    """H~ and the images of the constraints, the parts of the claim, and both flows side by side.
+    """H~ and the images of the constraints, the parts of the claim, and a comparison of both flows.
 
-    `transform` is None where L~ is degenerate; `comparison` is None where H~ has no closed form, t
-    occurs, or no start was found.
+    `transform` is None if L~ is degenerate; `comparison` is None if H~ has no closed form, t occurs, or no start was
+    found.
     """
 
     lagrangian: ex.Expression
@@ -82,8 +82,8 @@ def hamiltonise(
 ) -> Hamiltonisation:
     """The report for one Lagrangian of one associated system.
 
-    `known` is its Legendre transform where that is known, `known_images` are the constraints in phase
-    space; both are tested like everything else.
+    `known` is its Legendre transform if available, `known_images` are the constraints in phase space; both are tested
+    like everything else.
     """
     names = associated.coordinates
     try:
@@ -124,7 +124,7 @@ class _Work:
 
     @property
     def variables(self) -> list[ex.Symbol | ex.Velocity]:
-        """t, q, v and the parameters."""
+        """t, q, v, and the parameters."""
         return [*self.associated.variables, *map(ex.Symbol, self.associated.parameters)]
 
     @property
@@ -192,7 +192,7 @@ class _Work:
         return self._tested("The flow of H keeps the constraints in phase space.", trees)
 
     def comparison(self) -> Comparison | None:
-        """Both flows in floats from one start."""
+        """Both flows in floating point from one start."""
         if any(node == ex.TIME for f in (*self.motion.accelerations, self.lagrangian) for node in ex.walk(f)):
             return None
         positions = tuple(map(ex.Symbol, self.names))
@@ -218,7 +218,7 @@ class Flow:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """What was seen along both flows from one start, over `time` with Runge-Kutta steps of order 4.
+    """The differences along both flows from one start, over `time`, with Runge-Kutta steps of order 4.
 
     `difference` is the largest of |q_H - q| over all positions, `constraint` the largest of the
     constraints' images along the flow of H, `energy` the largest change of H.
@@ -235,7 +235,7 @@ class Comparison:
 
 
 def sample_functions(trees: Sequence[ex.Expression], seed: int = 1) -> derivative.Definitions:
-    """A polynomial for each arbitrary function that occurs, over symbols of its own."""
+    """A polynomial, over separate symbols, for each arbitrary function that occurs."""
     source = random.Random(f"functions {seed}")
     found: dict[str, tuple[tuple[str, ...], ex.Expression]] = {}
     for node in (node for tree in trees for node in ex.walk(tree)):
@@ -254,7 +254,7 @@ def numerical(trees: Sequence[ex.Expression], variables: Sequence[ex.Expression]
     places: dict[ex.Expression, int] = {}
     steps: list[Callable[[list[float]], float]] = []
     for tree in trees:
-        for node in reversed(list(ex.walk(tree))):  # parts before what they are parts of
+        for node in reversed(list(ex.walk(tree))):  # parts before the nodes that contain them
             if node not in places and node not in variables:
                 steps.append(_step(node, places, variables))
                 places[node] = len(variables) + len(steps) - 1
@@ -272,7 +272,7 @@ def numerical(trees: Sequence[ex.Expression], variables: Sequence[ex.Expression]
 def _step(
     node: ex.Expression, places: Mapping[ex.Expression, int], variables: Sequence[ex.Expression]
 ) -> Callable[[list[float]], float]:
-    """The value of a node from those before it."""
+    """A function that computes a node from the values before it."""
 
     def place(part: ex.Expression) -> int:
         return variables.index(part) if part in variables else places[part]
@@ -299,7 +299,7 @@ def _step(
 
 
 def integrated(flow: Flow, start: State) -> list[State]:
-    """The states at 0, h, 2h, … by Runge-Kutta steps of order 4; ArithmeticError where the flow leaves its domain."""
+    """The states at 0, h, 2h, … by Runge-Kutta steps of order 4; ArithmeticError if the flow leaves its domain."""
     slope = numerical(flow.rates, flow.variables)
     states = [start]
     for _ in range(STEPS):
@@ -321,10 +321,10 @@ def compare(
     constants: Sequence[ex.Symbol],
     seed: int = 1,
 ) -> Comparison | None:
-    """Both flows from the same random point of the constraints; None where no start was found.
+    """Compare both flows from the same random point of the constraints; None if no start was found.
 
-    `nonholonomic` is a flow of (q, u), `hamiltonian` one of (q, p) with the same q first; `momenta`
-    are p over (q, u); `observed` are H and the constraints' images over (q, p).
+    `nonholonomic` is a flow of (q, u), `hamiltonian` a flow of (q, p) with the same q first; `momenta` are p as
+    functions of (q, u); `observed` are H and the constraints' images as functions of (q, p).
     """
     trees = [*nonholonomic.rates, *hamiltonian.rates, *momenta, *observed]
     samples, source = sample_functions(trees, seed), random.Random(f"flow {seed}")

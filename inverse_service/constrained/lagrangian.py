@@ -1,9 +1,9 @@
-"""A Lagrangian whose flow on the constraints is a nonholonomic motion: its 1-jet there, its own equations, H.
+"""Find Lagrangians whose flow on the constraints is a nonholonomic motion, with their 1-jets, own equations, and H.
 
 The ansatz finds such Lagrangians in closed form by linear algebra. The Euler-Lagrange expressions of a term at a point
 of D, with the accelerations of the motion, are linear in its coefficient. The terms are T and T s', with T a Laurent
-monomial in the free velocities times a product of functions of position: l less lambda_a w^a, and lambda_a. Products
-of two constraints may be added at will: they change the associated system, not the motion.
+monomial in the free velocities times a product of functions of position; they form l - lambda_a w^a and lambda_a.
+Products of two constraints may be added: they change the associated system but not the motion.
 """
 
 import itertools
@@ -38,23 +38,23 @@ from inverse_service.solving import solving
 
 # With 4,000 terms the inclined knife edge, which needs v^-3, has none.
 _MOST_TERMS, _MOST_PRODUCTS = 6_000, 30_000
-# In units of `deadline`: all that were found took up to 750,000; without an end, 15 to 37 s find none.
+# In units of `deadline`: every Lagrangian found took at most 750,000; without a limit, 15 to 37 s find none.
 _MOST_WORK = 2_000_000
 # The widest ansatz last: degree in the free velocities that change, lowest and highest power of those that do not,
-# letters of position in a product, degree in the coordinates.
+# generators of position in a product, degree in the coordinates.
 _WIDTHS = ((2, -1, 2, 2, 0), (2, -1, 2, 2, 1), (2, -2, 2, 2, 1), (2, -3, 2, 3, 1), (2, -3, 2, 2, 2), (2, -3, 3, 4, 2))
 
 
 @dataclass(frozen=True, slots=True)
 class JetOnConstraints:
-    """L = l + lambda_a (s^a' - w^a) + …: l and the lambda_a along the constraints."""
+    """l and the lambda_a of L = l + lambda_a (s^a' - w^a) + … along the constraints."""
 
     on_constraints: ex.Expression
     transverse_momenta: tuple[ex.Expression, ...]
 
 
 def jet_of(lagrangian: ex.Expression, motion: ConstrainedMotion) -> JetOnConstraints:
-    """Of any L on the tangent bundle."""
+    """The 1-jet of any L on the tangent bundle."""
     rates = motion.on_constraints
     momenta = [derivative.differentiate(lagrangian, ex.Velocity(name)) for name in motion.dependent]
     on, *transverse = (_short(ex.substitute(tree, rates)) for tree in (lagrangian, *momenta))
@@ -69,7 +69,7 @@ def _short(tree: ex.Expression) -> ex.Expression:
 
 
 def own_system(lagrangian: ex.Expression, motion: ConstrainedMotion, deadline: float) -> SecondOrderSystem | None:
-    """The Euler-Lagrange equations of a regular L, solved for the accelerations; None where that is too large."""
+    """The Euler-Lagrange equations of a regular L, solved for the accelerations; None if they are too large."""
     names = motion.coordinates
     matrix = euler_lagrange.hessian(lagrangian, names)
     right = [-tree for tree in euler_lagrange.euler_lagrange_sums(lagrangian, names, [ex.ZERO] * len(names))]
@@ -89,7 +89,7 @@ def own_system(lagrangian: ex.Expression, motion: ConstrainedMotion, deadline: f
 
 @dataclass(frozen=True, slots=True)
 class ClosedFunctions:
-    """As many functions R(q) as velocities are free, with R'' = G(R, R') along the motion: this system, and each R."""
+    """The system R'' = G(R, R') along the motion, for as many functions R(q) as free velocities, and each R."""
 
     system: SecondOrderSystem
     functions: Mapping[str, ex.Expression]
@@ -103,7 +103,7 @@ def closed_coordinates(motion: ConstrainedMotion) -> Iterator[ClosedFunctions]:
 
 
 def closed_functions(motion: ConstrainedMotion, deadline: float) -> Iterator[ClosedFunctions]:
-    """Other coordinates of which that holds, or factors of the forces such as x cos(phi) + y sin(phi)."""
+    """Other coordinates with closed equations, or factors of the forces such as x cos(phi) + y sin(phi)."""
     found = dict[str, ex.Expression]({name: ex.Symbol(name) for name in motion.coordinates})
     taken = {*motion.coordinates, *motion.parameters, *dict(motion.functions)}
     with suppress(exact_field.TooLarge, ZeroDivisionError, OutOfTime), until(deadline):
@@ -121,7 +121,7 @@ def closed_functions(motion: ConstrainedMotion, deadline: float) -> Iterator[Clo
 
 
 def _position_factors(motion: ConstrainedMotion, budget: exact_field.Budget) -> list[ex.Expression]:
-    """What the parts of the forces of each degree in the velocities are products of, if it is a sum."""
+    """The factors, if sums, of the parts of the forces of each degree in the velocities."""
     velocities = [ex.Velocity(name) for name in motion.free]
     still: dict[ex.Expression, ex.Expression] = dict.fromkeys(velocities, ex.ZERO)
     slopes = [derivative.differentiate(f, v) for f in motion.free_accelerations for v in velocities]
@@ -144,7 +144,7 @@ def _solved_for(tree: ex.Expression, names: Sequence[str]) -> str | None:
 def _system_of(
     motion: ConstrainedMotion, functions: Mapping[str, ex.Expression], budget: exact_field.Budget
 ) -> SecondOrderSystem | None:
-    """R'' = G(R, R') for R at the place of coordinates; None where G contains others."""
+    """R'' = G(R, R') with R in place of coordinates; None if G contains other coordinates."""
     table: dict[ex.Expression, ex.Expression] = {}
     others = [name for name in motion.coordinates if name not in functions]
     for name, tree in functions.items():
@@ -166,7 +166,7 @@ def _system_of(
 def _free_velocities(
     motion: ConstrainedMotion, rates: Sequence[ex.Expression], names: Sequence[str], budget: exact_field.Budget
 ) -> dict[ex.Expression, ex.Expression] | None:
-    """The free velocities by those of the functions; None where these do not fix them."""
+    """The free velocities in terms of those of the functions; None if these do not determine them."""
     free: list[ex.Symbol | ex.Velocity] = [ex.Velocity(name) for name in motion.free]
     matrix = [[derivative.differentiate(rate, u) for u in free] for rate in rates]
     still: dict[ex.Expression, ex.Expression] = dict.fromkeys(free, ex.ZERO)
@@ -201,10 +201,11 @@ def _without(
 def lagrangian_of_closed(
     motion: ConstrainedMotion, closed: Iterable[ClosedFunctions], with_time: bool, seed: int, time_limit: float
 ) -> Lagrangian | None:
-    """That of R'' = G(R, R'), with half the squares of the constraints: its equations hold wherever R follows its own.
+    """The Lagrangian of R'' = G(R, R') plus half the squares of the constraints.
 
-    l(R, R') with lambda = 0 solves the equations along the constraints where R are coordinates that are free. None
-    where none of the first few has one in closed form.
+    Its equations are satisfied whenever R follows its system. If R are free coordinates, l(R, R') with lambda = 0
+    satisfies the equations along the constraints. None if none of the first few systems has a Lagrangian in closed
+    form.
     """
     end = now() + time_limit
     for one in islice(closed, bounds.FEW):
@@ -216,7 +217,7 @@ def lagrangian_of_closed(
 
 
 def on_whole_motion(motion: ConstrainedMotion, closed: ClosedFunctions, lagrangian: Lagrangian) -> Lagrangian:
-    """L(R, R') with half the squares of the constraints: regular, and its flow keeps the constraints."""
+    """L(R, R') plus half the squares of the constraints, which is regular and whose flow preserves the constraints."""
     table: dict[ex.Expression, ex.Expression] = {}
     for name, tree in closed.functions.items():
         slopes = [derivative.differentiate(tree, ex.Symbol(q)) * ex.Velocity(q) for q in motion.coordinates]
@@ -235,7 +236,7 @@ def on_whole_motion(motion: ConstrainedMotion, closed: ClosedFunctions, lagrangi
 
 
 def first_system(motion: ConstrainedMotion) -> SecondOrderSystem:
-    """The accelerations of all coordinates, by the free velocities."""
+    """The accelerations of all coordinates as functions of the free velocities."""
     table = dict(zip(motion.free, motion.free_accelerations, strict=True))
     table |= {name: motion.rate(w) for name, w in zip(motion.dependent, motion.dependent_velocities, strict=True)}
     accelerations = tuple(table[name] for name in motion.coordinates)
@@ -244,7 +245,7 @@ def first_system(motion: ConstrainedMotion) -> SecondOrderSystem:
 
 
 def find_lagrangians(motion: ConstrainedMotion, with_time: bool, seed: int, deadline: float) -> list[Lagrangian]:
-    """Lagrangians on the whole tangent bundle, simplest first, of the first ansatz that has any within the time."""
+    """Lagrangians on the whole tangent bundle, simplest first, from the first successful ansatz within the time."""
     try:
         with until(deadline), within(_MOST_WORK):
             constrained = {
@@ -257,7 +258,7 @@ def find_lagrangians(motion: ConstrainedMotion, with_time: bool, seed: int, dead
 
 
 def _plain(system: SecondOrderSystem, deadline: float) -> SecondOrderSystem:
-    """The same accelerations over sines and cosines, all relations used: 1/(1 + tan(x)^2) as cos(x)^2."""
+    """The same accelerations in sines and cosines, simplified by all relations: 1/(1 + tan(x)^2) as cos(x)^2."""
     trees = [tower.to_kernels(f) for f in system.accelerations]
     budget = exact_field.Budget(bounds.TERMS, deadline)
     try:
@@ -283,8 +284,8 @@ def _first_found(
 def _solve_ansatz(sampler: ansatz.Sampler, candidates: Sequence[Monomial], seed: int) -> ansatz.LagrangianSpace:
     """The space of Lagrangians in the span of the candidates (simple ones first).
 
-    Each basis element has its most complicated candidate to itself. Combinations whose coefficients
-    are not small rationals are left out; the checker confirms what is chosen of the others.
+    The most complicated candidate of each basis element occurs in no other one. Combinations with coefficients other
+    than small rationals are omitted; the checker confirms those chosen from the others.
     """
     letters, n = ansatz.letters_of(candidates), len(sampler.analysis.accelerations)
 
@@ -331,7 +332,7 @@ def _fill(values: Words, candidates: ansatz.Exponents, d: ansatz.Derivatives, fi
 
 
 def _squares(motion: ConstrainedMotion) -> list[dict[Monomial, Fraction]]:
-    """Half the square of each constraint: a Lagrangian of nothing on the constraints."""
+    """Half the square of each constraint, which contributes nothing to the equations on the constraints."""
     found = []
     for v, w in motion.on_constraints.items():
         constraint = v - w
@@ -361,7 +362,7 @@ def _families(motion: ConstrainedMotion, material: Material) -> Iterator[list[Mo
 
 
 def _is_reduced(key: Monomial) -> bool:
-    """Whether neither sin^2 + cos^2 = 1 nor (u^a)^(1/a) = u makes it a sum of others that are there too."""
+    """Whether neither sin^2 + cos^2 = 1 nor (u^a)^(1/a) = u expresses the monomial by other candidates."""
     return not any(
         (isinstance(letter, ex.Sum) and e >= 1) or (isinstance(letter, ex.Apply) and letter.function == "sin" and e > 1)
         for letter, e in key
@@ -371,7 +372,7 @@ def _is_reduced(key: Monomial) -> bool:
 def _shapes(
     motion: ConstrainedMotion, inverted: Sequence[ex.Velocity], degree: int, low: int, high: int
 ) -> list[Monomial]:
-    """Powers low … high of the inverted free velocities, products of the others to a degree."""
+    """Powers low … high of the inverted free velocities times products of the others up to a degree."""
     moving = [ex.Velocity(name) for name in motion.free if ex.Velocity(name) not in inverted]
     found = [EMPTY]
     for v in inverted:
@@ -385,7 +386,7 @@ def _shapes(
 
 
 def _inverted(motion: ConstrainedMotion) -> list[tuple[ex.Velocity, ...]]:
-    """Which free velocities may stand in denominators: those that move by themselves, or those that keep their sign."""
+    """The free velocities allowed in denominators: those with an independent motion, or those that keep their sign."""
     pairs = [(ex.Velocity(name), name, f) for name, f in zip(motion.free, motion.free_accelerations, strict=True)]
     alone = tuple(v for v, name, f in pairs if _is_alone(motion, name, f))
     kept = tuple(v for v, _, f in pairs if collecting.collect(ex.substitute(f, {v: ex.ZERO})) == ex.ZERO)
@@ -393,7 +394,7 @@ def _inverted(motion: ConstrainedMotion) -> list[tuple[ex.Velocity, ...]]:
 
 
 def _is_alone(motion: ConstrainedMotion, name: str, f: ex.Expression) -> bool:
-    """Whether the motion of a coordinate depends on no other."""
+    """Whether the motion of a coordinate depends on no other coordinate."""
     every: list[ex.Expression] = [*map(ex.Symbol, motion.coordinates), *map(ex.Velocity, motion.free)]
     return not ex.holds(f, *(leaf for leaf in every if leaf not in (ex.Symbol(name), ex.Velocity(name))))
 
@@ -401,7 +402,7 @@ def _is_alone(motion: ConstrainedMotion, name: str, f: ex.Expression) -> bool:
 def _functions(
     motion: ConstrainedMotion, material: Material, letters: int, coordinates: int
 ) -> tuple[list[Monomial], list[Monomial], list[Monomial]]:
-    """Parameters as f holds them, products of letters of the motion, and of coordinates: to be multiplied."""
+    """Factors to multiply: parameters as in f, products of generators of the motion, and products of coordinates."""
     names = [monomial(ex.Symbol(name)) for name in motion.coordinates]
     powers: list[Monomial] = [EMPTY]
     for degree in range(1, coordinates + 1):
@@ -413,7 +414,7 @@ def _functions(
 
 
 def _constants(motion: ConstrainedMotion, material: Material) -> list[Monomial]:
-    """What each term of f holds of parameters, such as g*sin(alpha)."""
+    """The parametric part of each term of f, such as g*sin(alpha)."""
     moving: list[ex.Expression] = [ex.TIME, *map(ex.Symbol, motion.coordinates), *map(ex.Velocity, motion.coordinates)]
     found: list[Monomial] = []
     for terms in material.motion.forces:

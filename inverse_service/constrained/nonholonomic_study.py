@@ -1,4 +1,4 @@
-"""A nonholonomic system studied as a whole: motion, what it keeps, associated systems, Hamiltonisation."""
+"""Study a nonholonomic system: its motion, conserved quantities, associated systems, and Hamiltonization."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -28,14 +28,14 @@ from inverse_service.mechanics.legendre import LegendreTransform
 from inverse_service.solving import solving
 from inverse_service.solving.solving import Progress
 
-# Of the time left, what the associated systems may take; the rest is for the Hamiltonisation report.
+# The share of the time for the associated systems; the remaining time is for the Hamiltonization report.
 _SHARE_OF_SOLVING = 0.85
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
 class MotionReport:
-    """The motion and what it keeps; `reason` says why the system is outside the paper's class, if it is."""
+    """The motion and its conserved quantities; `reason` says why the system is outside the paper's class, if it is."""
 
     exact: constrained_motion.EliminatedMotion
     motion: constrained_motion.EquationsOfMotion
@@ -47,7 +47,7 @@ class MotionReport:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """The Hamiltonisation by one Lagrangian; `checked` is the checker's verdict on that Lagrangian."""
+    """The Hamiltonization by one Lagrangian; `checked` is the checker's verdict on that Lagrangian."""
 
     kind: str
     label: str
@@ -57,7 +57,7 @@ class Report:
 
 @dataclass(frozen=True, slots=True)
 class AssociatedAnswer:
-    """An associated system, its solution (None where it is not defined) and its Hamiltonisations."""
+    """An associated system, its solution (None if it is not defined), and its Hamiltonizations."""
 
     associated: paper_class.AssociatedSystem
     solution: solutions.Solution | None
@@ -65,7 +65,7 @@ class AssociatedAnswer:
 
     @property
     def answer(self) -> solutions.Answer | None:
-        """The answer for L(q, q'), or for L(t, q, q') where that is the only question."""
+        """The answer for L(q, q'), or for L(t, q, q') if that is the only question."""
         if self.solution is None:
             return None
         return self.solution.autonomous or self.solution.with_time
@@ -73,7 +73,7 @@ class AssociatedAnswer:
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """All that was found; `main` is the place in `answers` of the associated system of the main fields."""
+    """All results; `main` is the index in `answers` of the associated system shown in the main fields."""
 
     report: MotionReport
     answers: tuple[AssociatedAnswer, ...]
@@ -83,9 +83,9 @@ class Study:
 def motion_report(
     system: constrained_motion.NonholonomicSystem, time_limit: float = constrained_motion.TIME_LIMIT
 ) -> MotionReport:
-    """The motion and what it keeps, in the coordinates of the paper's class where the system belongs to it.
+    """The motion and its conserved quantities, in the coordinates of the paper's class if the system belongs to it.
 
-    What cannot be found in `time_limit` seconds is left out; LimitError where that is the motion itself.
+    Results not found in `time_limit` seconds are omitted; LimitError if the motion itself is not found.
     """
     parts = constrained_motion.geometry(system, time_limit)
     try:
@@ -105,20 +105,20 @@ def motion_report(
         member,
         reason,
     )
-    # What follows is short work over the same ring, at any later time.
+    # Later work over the same ring is short and may happen at any time.
     parts.ring.field.budget.deadline = math.inf
     return found
 
 
 def first_integrals(report: MotionReport, seed: int, time_limit: float) -> tuple[kept.FirstIntegral, ...]:
-    """What is constant along the motion; velocities that only stretch are proposed."""
+    """The first integrals of the motion; velocities with proportional rates are proposed."""
     motion, exact = report.motion, report.exact
     proposed = or_none(lambda: tuple(nonholonomic_integrals.scaled_velocities(exact))) or ()
     return kept.first_integrals(motion, motion.system.lagrangian, seed, time_limit, proposed)
 
 
 def or_none(work: Callable[[], T]) -> T | None:
-    """What the work gives; None where the budget for exact expressions was used up before it, or by a division by 0."""
+    """The result of the work; None if it exceeds the budget for exact expressions or divides by 0."""
     try:
         return work()
     except (exact_field.TooLarge, ZeroDivisionError):
@@ -128,9 +128,9 @@ def or_none(work: Callable[[], T]) -> T | None:
 def associated_systems(
     report: MotionReport, kind: paper_class.Kind | None, families: Sequence[Sequence[ex.Expression]] = ()
 ) -> tuple[paper_class.AssociatedSystem, ...]:
-    """The systems asked for: one kind, all three, or one kind with each of the families of multiples added.
+    """The requested systems: one kind, all three, or one kind with each family of multiples added.
 
-    InputError where a multiple does not vanish on the constraints.
+    InputError if a multiple does not vanish on the constraints.
     """
     if not families:
         return tuple(_associated(report, each) for each in ([kind] if kind else paper_class.KINDS))
@@ -155,7 +155,7 @@ def _associated(report: MotionReport, kind: paper_class.Kind) -> paper_class.Ass
 def _require_vanishing(
     motion: constrained_motion.EquationsOfMotion, family: Sequence[ex.Expression], place: int, count: int
 ) -> Sequence[ex.Expression]:
-    """The family, each member zero on the constraints; InputError where one is not, or where that is not settled."""
+    """The family, whose members vanish on the constraints; InputError if one does not, or this cannot be decided."""
     system = motion.system
     for name, tree in zip(system.coordinates, family, strict=True):
         pointer = "/multiples" + (f"/{place}" if count > 1 else "") + f"/{name}"
@@ -179,9 +179,9 @@ def study(
     progress: Progress | None = None,
     told: Callable[[Study], None] = lambda _: None,
 ) -> Study:
-    """Each system decided and, where it is variational, carried to H and the constraints in phase space.
+    """Decide each system and, if it is variational, compute H and the constraints in phase space.
 
-    The conditions are written out for the main one only. `told` hears of it before the reasons are said.
+    The conditions are written out for the main system only. `told` receives the study before its reasons are explained.
     """
     quiet = replace(options, conditions=False, reasons=False)
     end = now() + options.time_limit
@@ -203,7 +203,7 @@ def study(
 
 
 def _for_general(one: AssociatedAnswer) -> AssociatedAnswer:
-    """The answer before the values of parameters are looked for that its proofs leave out."""
+    """The answer before the search for parameter values that its proofs exclude."""
     if one.solution is None:
         return one
 
@@ -222,9 +222,10 @@ def study_branches(
     progress: Progress | None = None,
     told: Callable[[Study], None] = lambda _: None,
 ) -> Iterator[Study]:
-    """A study on each of the branches of the system that is the main one on the first; each has its share of the time.
+    """A study on each branch of the system that is the main one on the first branch; each gets a share of the time.
 
-    On a further branch only the systems are decided that have it too. `told` hears of one that has no other branches.
+    On other branches, only systems that have the branch too are decided. `told` receives a study without other
+    branches.
     """
     branches = [on_branches(one) for one in systems]
     share = replace(options, time_limit=options.time_limit / max(map(len, branches)))
@@ -239,7 +240,7 @@ def study_branches(
 
 
 def on_branches(one: paper_class.AssociatedSystem) -> tuple[paper_class.AssociatedSystem, ...]:
-    """The system on each of its branches, that of the first answer first; itself where they are too many to solve."""
+    """The system on each of its branches, starting with the first answer's; the system itself if there are too many."""
     branches = () if one.system is None else second_order_system.branches_of(one.system)
     return tuple(
         replace(one, system=each) for each in branches if len(branches) <= second_order_system.MOST_BRANCHES
@@ -254,7 +255,7 @@ def answer_about(
     reduced: solutions.Answer | None = None,
     tell: Callable[[answering.MotionAnswer], None] = lambda _: None,
 ) -> answering.MotionAnswer:
-    """Whether any associated system has a Lagrangian; those found for the known ones are answers.
+    """Whether any associated system has a Lagrangian; Lagrangians found for the known systems are used.
 
     `reduced` is the answer for the reduced system.
     """

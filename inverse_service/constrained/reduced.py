@@ -1,12 +1,12 @@
-"""The reduced system of a motion on constraints, as it is and with Chaplygin's clock dtau = N(r) dt.
+"""The reduced system of a motion on constraints, unchanged and with Chaplygin's time change dtau = N(r) dt.
 
-Where neither the motion of the free coordinates r nor the constraints contain the others, r'' = F(r, r') is a system of
-its own. Where its measure rho(r) dr dr' is invariant, N = (rho/det G)^(1/(k - 1)), G the Hessian of the constrained
-Lagrangian l_c in the k free velocities; the measure is unique, so no other clock makes a natural L of G. For k = 2, L
-natural and the constraints homogeneous l_c(r, N r') is one (Chaplygin 1911; for k > 2 where it happens to be:
-Fernandez, Mestdag, Bloch, arXiv:0909.4018; Garcia-Naranjo, Marrero, arXiv:1812.01422).
+If neither the motion of the free coordinates r nor the constraints contain the other coordinates, r'' = F(r, r') is an
+independent system. If its measure rho(r) dr dr' is invariant, N = (rho/det G)^(1/(k - 1)), G the Hessian of the
+constrained Lagrangian l_c in the k free velocities. The measure is unique, so no other time change gives a natural L
+with G. For k = 2, natural L, and homogeneous constraints, l_c(r, N r') is a Lagrangian (Chaplygin 1911; for some
+systems with k > 2: Fernandez, Mestdag, Bloch, arXiv:0909.4018; Garcia-Naranjo, Marrero, arXiv:1812.01422).
 
-Where Lagrangians are known beforehand, `solution_with` decides and lets the checker confirm, without a search.
+If Lagrangians are known in advance, `solution_with` decides without a search and lets the checker confirm them.
 """
 
 from collections.abc import Sequence
@@ -33,17 +33,17 @@ from inverse_service.search import protocol
 from inverse_service.solving import clock, solving
 
 CONSTRAINED = "constrained Lagrangian"
-# What looking for a clock among factors of f may take, s: each of some 26 candidates is decided.
+# The seconds for the search for a time change among factors of f: each of about 26 candidates is decided.
 LONGEST_FOR_CLOCK = 5.0
 
-# Characters of the verification that a person may still read.
+# The largest number of characters of a readable verification.
 _LONGEST_STEPS = 12_000
-_LONGEST_CHECK = 60.0  # s, of a Lagrangian that was confirmed before
+_LONGEST_CHECK = 60.0  # seconds, for a Lagrangian that was confirmed before
 
 
 @dataclass(frozen=True, slots=True)
 class Decided:
-    """A system and the answer to its question for L(q, q'), for L(t, q, q') where t occurs."""
+    """A system, and the answer for L(q, q'), or for L(t, q, q') if t occurs."""
 
     system: SecondOrderSystem
     answer: solutions.Answer
@@ -51,7 +51,7 @@ class Decided:
 
 @dataclass(frozen=True, slots=True)
 class Reduced:
-    """The reduced system; with the clock `factor`, N(r), where there is one, else `reason`."""
+    """The reduced system, with the time change `factor`, N(r), if there is one, else `reason`."""
 
     plain: Decided
     others: tuple[tuple[str, ex.Expression], ...]
@@ -61,7 +61,7 @@ class Reduced:
 
 
 def reduced_system(motion: constrained_motion.ConstrainedMotion) -> SecondOrderSystem | None:
-    """r'' = F(r, r'), if F and the velocities of the other coordinates do not contain these."""
+    """r'' = F(r, r') if F and the velocities of the other coordinates contain none of the other coordinates."""
     others = {ex.Symbol(name) for name in motion.dependent}
     trees = (*motion.free_accelerations, *motion.dependent_velocities)
     if any(ex.holds(tree, *others) for tree in trees):
@@ -72,7 +72,7 @@ def reduced_system(motion: constrained_motion.ConstrainedMotion) -> SecondOrderS
 def decide_reduced(
     motion: constrained_motion.ConstrainedMotion, lagrangian: ex.Expression | None, options: solutions.SolveOptions
 ) -> Decided | None:
-    """The answer for r'' = F(r, r'); None where the motion does not reduce. `lagrangian` is that of the system."""
+    """The answer for r'' = F(r, r'); None if the motion does not reduce. `lagrangian` is that of the system."""
     system = reduced_system(motion)
     if system is None:
         return None
@@ -83,9 +83,9 @@ def decide_reduced(
 def closed_subsystem(
     exact: constrained_motion.EliminatedMotion, motion: constrained_motion.EquationsOfMotion
 ) -> SecondOrderSystem | None:
-    """q_S'' = F(q_S, q_S') for a largest set S of coordinates whose accelerations hold no others, None without one.
+    """q_S'' = F(q_S, q_S') for a largest set S of coordinates whose accelerations contain no others, or None.
 
-    S is closed where the differentials of its accelerations are combinations of those of q_S and q_S', at a point.
+    S is closed if the differentials of its accelerations are combinations of those of q_S and q_S' at a point.
     """
     names, parts = motion.coordinates, exact.geometry
     velocities = [motion.on_constraints.get(ex.Velocity(name), ex.Velocity(name)) for name in names]
@@ -118,7 +118,7 @@ def _rank(rows: Sequence[Sequence[int]], prime: int) -> int:
 
 
 def _with_free(parts: constrained_motion.Geometry, chosen: Sequence[int]) -> SecondOrderSystem | None:
-    """The equations of these coordinates, over a frame in which they are free; None where they hold others."""
+    """The equations of these coordinates in a frame in which they are free; None if they contain others."""
     system, frame = (
         parts.system,
         next((one for one in constrained_motion.frames(parts) if set(chosen) <= set(one.free)), None),
@@ -139,7 +139,7 @@ def _with_free(parts: constrained_motion.Geometry, chosen: Sequence[int]) -> Sec
 
 
 def answer_closed(system: SecondOrderSystem, options: solutions.SolveOptions) -> Reduced:
-    """The answer for a closed subsystem, which has no reconstruction by quadratures and no clock from a measure."""
+    """The answer for a closed subsystem, without reconstruction by quadratures or a time change from a measure."""
     end, asked = now() + options.time_limit, replace(options, time_dependent=False, ansatz=(), given=())
     alone = _decided(system, None, replace(asked, time_limit=options.time_limit / 2))
     return _searched(system, alone, (), "", asked, end)
@@ -152,7 +152,7 @@ def answer_reduced(
     options: solutions.SolveOptions,
     plain: Decided,
 ) -> Reduced:
-    """With another clock besides; `lagrangian` is that of the whole system, `density` its invariant measure."""
+    """The answer, also with a time change; `lagrangian` is the full system's, `density` its invariant measure."""
     system = plain.system
     end, asked = now() + options.time_limit, replace(options, time_dependent=False, ansatz=(), given=())
     candidate = None if lagrangian is None else _on_constraints(motion, lagrangian)
@@ -180,7 +180,7 @@ def _searched(
     asked: solutions.SolveOptions,
     end: float,
 ) -> Reduced:
-    """With the first clock made of factors of f, where there is no Lagrangian without one."""
+    """The answer with the first time change from factors of f, if there is no Lagrangian without one."""
     if plain.answer.verdict != "not_variational" or len(system.coordinates) == 1 or system.depends_on_time:
         return Reduced(plain, others, None, None, reason)
     factor, _ = clock.find_clock(system, asked.seed, min((now() + end) / 2, now() + LONGEST_FOR_CLOCK))
@@ -192,7 +192,7 @@ def _searched(
 
 
 def chaplygin_factor(system: SecondOrderSystem, density: MeasureDensity | None) -> ex.Expression | str:
-    """N, or why there is none."""
+    """N, or the reason why there is none."""
     names = system.coordinates
     if len(names) == 1:
         return "One equation has a Lagrangian with any clock."
@@ -209,18 +209,18 @@ def chaplygin_factor(system: SecondOrderSystem, density: MeasureDensity | None) 
     ):
         return "The measure of the momenta itself is invariant, which asks for no other clock."
     root = Fraction(1, len(names) - 1)
-    # The density is positive, so that the root of a power is a power.
+    # The density is positive, so the root of a power is a power.
     return ex.multiply(*(base ** (exponent * root) for base, exponent in ex.powers_of(density.momenta)))
 
 
 def _on_constraints(motion: constrained_motion.ConstrainedMotion, lagrangian: ex.Expression) -> ex.Expression | None:
-    """l_c(r, r'), unless it contains another coordinate."""
+    """l_c(r, r'), or None if it contains another coordinate."""
     found = writing.tidied(ex.substitute(lagrangian, motion.on_constraints))
     return None if any(ex.Symbol(name) in set(ex.walk(found)) for name in motion.dependent) else found
 
 
 def _decided(system: SecondOrderSystem, candidate: ex.Expression | None, options: solutions.SolveOptions) -> Decided:
-    """By the candidate, if the checker confirms it, else by the solver."""
+    """The answer from the candidate if the checker confirms it, else from the solver."""
     end = now() + options.time_limit
     without_time = candidate is not None and not system.depends_on_time and not ex.holds(candidate, ex.TIME)
     if candidate is not None and without_time and any(confirmed(system, [candidate], end)):
@@ -234,7 +234,7 @@ def _decided(system: SecondOrderSystem, candidate: ex.Expression | None, options
 
 
 def confirmed(system: SecondOrderSystem, proposals: Sequence[ex.Expression], deadline: float) -> tuple[bool, ...]:
-    """Which of them the independent checker finds to be regular Lagrangians of the system."""
+    """Whether the independent checker finds each proposal to be a regular Lagrangian of the system."""
     try:
         analysis = deciding.analyze(system)
     except errors.IrreducibleAtoms:
@@ -252,7 +252,7 @@ def solution_with(
 ) -> solutions.Solution:
     """The solution whose Lagrangian is the first of `known`; all of them must be confirmed.
 
-    The decision is made all the same: it says how large the space of multipliers is.
+    The decision is still made, because it determines the size of the space of multipliers.
     """
     began = now()
     found, left_out = wording.printed_conditions(system) if options.conditions else (None, "")
@@ -304,7 +304,7 @@ def _answer(analysis: deciding.Analysis, decision: deciding.Decision, known: Seq
 
 
 def _short(steps: Sequence[solutions.Step]) -> tuple[solutions.Step, ...]:
-    """The steps, unless they fill pages; the checker has confirmed the same."""
+    """The steps, or one sentence if they are too long; the checker has confirmed the same."""
     length = sum(len(step.text) for step in steps)
     if length <= _LONGEST_STEPS:
         return tuple(steps)

@@ -1,4 +1,5 @@
-"""The reasons of a verdict for people, step by step, and the same verdict as theorems for Coq.
+"""Explain verdicts step by step, and state them as theorems for Coq.
 
-Others use `positive` and `negative` (explanations), `hierarchy` (which conditions suffice), `proofs`, and `wording`.
+Other packages use `positive` and `negative` (explanations), `hierarchy` (sufficient conditions), `proofs`, and
+`wording`.
 """

@@ -1,6 +1,6 @@
-"""Which conditions on the multiplier g suffice for a negative verdict, and their exact elimination.
+"""Find conditions on the multiplier g that suffice for a negative verdict, and eliminate them exactly.
 
-Each tensor T of type (1, 1) of the hierarchy says that g T is symmetric, each curvature R that
+Each tensor T of type (1, 1) of the hierarchy requires g T to be symmetric, each curvature R that
 g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0:
 
     Phi, nabla Phi, nabla^2 Phi, …;   R, nabla R, …;   R[nabla Phi], R[nabla^2 Phi], …
@@ -9,13 +9,13 @@ with the tensors of `mechanics.conditions`. At a point each is a linear conditio
 suffices if every symmetric g that satisfies it at a generic point is singular; values are taken at random points
 modulo a prime, from Taylor series of f.
 
-`eliminate` solves chosen conditions for g_11, g_12, … one after the other, exactly, as by hand. Every pivot is checked
+`eliminate` solves chosen conditions exactly for g_11, g_12, … one after another, as by hand. Every pivot is checked
 modulo a prime: the minor of the used equations and solved unknowns must not vanish at the random point, so that no
-coefficient whose vanishing went unrecognized is divided by.
+unrecognized zero is used as a divisor.
 
-`contradiction` is for a multiplier that is known up to a factor, g = e^u G, where the factor does not exist: there is
-a multiplier only if all mixed derivatives of u agree (`conditions.factor_slopes` gives the first ones), and
-u_t = 0 where L may not contain t.
+`contradiction` treats a multiplier known up to a factor, g = e^u G, whose factor does not exist: a multiplier exists
+only if all mixed derivatives of u agree (`conditions.factor_slopes` returns the first ones), and u_t = 0 if L must not
+contain t.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from inverse_service.field import dense_series as machine, exact_field, matrices
 from inverse_service.mechanics import conditions as cd
 from inverse_service.mechanics.conditions import S, Tensor11, Tensor12
 
-# In larger sets than this, no smallest subset is sought; all conditions of the depth are listed.
+# The largest set searched for; beyond it, all conditions of the depth are listed.
 LARGEST_SET = 4
 DEEPEST = 3
 _TRIALS = 3
@@ -52,7 +52,7 @@ Matrix = tuple[tuple[exact_field.Quotient, ...], ...]
 
 @dataclass(frozen=True, slots=True)
 class ConditionName:
-    """A tensor of the hierarchy; `order` counts the derivatives of f that it needs."""
+    """A tensor of the hierarchy; `order` is the number of derivatives of f that it needs."""
 
     name: str
     order: int
@@ -69,7 +69,7 @@ class EquationName:
 
 @dataclass(frozen=True, slots=True)
 class SufficientSet:
-    """Conditions that leave only singular g, the equations needed among them, and the remaining space.
+    """Conditions that allow only singular g, the equations needed among them, and the remaining space.
 
     `dimension` is that of the space of symmetric g that satisfy the equations at a generic point.
     """
@@ -152,7 +152,7 @@ class PointwiseConditions:
 
 @dataclass(frozen=True, slots=True)
 class LocalTensors:
-    """The tensors of the hierarchy to a depth, and the equations, as series about a point: registers of a program."""
+    """The tensors and equations of the hierarchy to a depth, as series about a point in registers of a program."""
 
     size: int
     program: machine.SeriesProgram
@@ -161,7 +161,7 @@ class LocalTensors:
 
     @classmethod
     def of(cls, analysis: deciding.Analysis, depth: int) -> LocalTensors:
-        """Raises TooLarge where the series would take too much memory."""
+        """The tensors of a system; TooLarge if the series would take too much memory."""
         variables = deciding.moving_variables(analysis.system, analysis.system.depends_on_time)
         program, _, motion = helmholtz.motion_of_series(variables, analysis.accelerations, depth + 2)
         tensors = tensors_to_depth(motion, depth)
@@ -173,7 +173,7 @@ class LocalTensors:
         return cls(motion.size, program, tensors, written)
 
     def at(self, point: ps.Point) -> tuple[machine.Registers, PointwiseConditions]:
-        """All series about the point, and the equations there; SingularPoint where a denominator vanishes."""
+        """All series about the point, and the equations there; SingularPoint if a denominator vanishes."""
         instructions = self.program.listed
         constants = machine.constants_at(self.program, point)
         registers = machine.run(self.program, instructions, constants, point.prime, self.program.order)
@@ -190,8 +190,8 @@ class LocalTensors:
 def tensors_at(analysis: deciding.Analysis, seed: int, depth: int) -> PointwiseConditions:
     """The equations of the hierarchy to `depth` at the random point of this seed.
 
-    A point where a denominator vanishes is passed over for the next one. Raises IrreducibleAtoms
-    where no point was found, and TooLarge where the series would take too much memory.
+    Points where a denominator vanishes are skipped. Raises IrreducibleAtoms if no point is found, and TooLarge if the
+    series would take too much memory.
     """
     tensors = LocalTensors.of(analysis, depth)
     for attempt in range(bounds.ATTEMPTS):
@@ -218,11 +218,10 @@ def all_singular(basis: Sequence[Sequence[int]], n: int, prime: int) -> bool:
 
 
 def smallest_sufficient_set(analysis: deciding.Analysis, seed: int = 1, depth: int = DEEPEST) -> SufficientSet | None:
-    """The cheapest conditions that leave only singular g, confirmed at a second point.
+    """The cheapest conditions that allow only singular g, confirmed at a second point.
 
-    The least depth that suffices is taken, there the fewest tensors, among these the lowest orders.
-    None where the hierarchy to `depth` does not suffice: then differential consequences decide.
-    Raises IrreducibleAtoms where no generic point is found.
+    The choice minimizes the depth, then the number of tensors, then the orders. None if the hierarchy to `depth` does
+    not suffice, in which case differential consequences decide. Raises IrreducibleAtoms if no generic point is found.
     """
     with suppress(exact_field.TooLarge):
         for level in range(depth + 1):
@@ -236,7 +235,7 @@ def smallest_sufficient_set(analysis: deciding.Analysis, seed: int = 1, depth: i
 
 
 def unique_direction(analysis: deciding.Analysis, seed: int) -> SufficientSet | None:
-    """Conditions, cheap ones first, that fix g at a generic point up to one factor; None where there are none."""
+    """Conditions, cheap ones first, that determine g at a generic point up to a factor; None if there are none."""
     for level in range(DEEPEST + 1):
         table = tensors_at(analysis, seed, level)
         kept: list[EquationName] = []
@@ -276,7 +275,7 @@ def _suffices(table: PointwiseConditions, names: Sequence[EquationName]) -> bool
 
 
 def _pruned(table: PointwiseConditions, names: Sequence[EquationName]) -> SufficientSet:
-    """Leave out every equation that is not needed, those of high order first."""
+    """The set without unnecessary equations, dropping high orders first."""
     kept = list(names)
     for name in sorted(names, key=lambda item: -item.condition.order):
         without = [other for other in kept if other != name]
@@ -291,8 +290,8 @@ def _pruned(table: PointwiseConditions, names: Sequence[EquationName]) -> Suffic
 class Solved:
     """One equation used: its original form, its form after substitution of the solved unknowns, and its result.
 
-    The coefficients of `reduced` are content times polynomials without a common factor, that of
-    `pivot` being content * divisor; `pivot` equals the combination `value` of other entries.
+    The coefficients of `reduced` are content times polynomials without a common factor, and the coefficient of `pivot`
+    is content * divisor; `pivot` equals the combination `value` of other entries.
     """
 
     name: EquationName
@@ -306,13 +305,13 @@ class Solved:
 
 @dataclass(frozen=True, slots=True)
 class Elimination:
-    """All steps, and the entries that are still expressed by free ones."""
+    """All steps, and the solved entries in terms of free ones."""
 
     solved: tuple[Solved, ...]
     values: Mapping[Unknown, Linear]
 
     def matrix(self, n: int, one: exact_field.Quotient) -> list[list[Linear]]:
-        """g, shape (n, n), each entry as a combination of free ones."""
+        """g, shape (n, n), each entry a combination of free ones."""
         pairs = [[_pair(i, j) for j in range(n)] for i in range(n)]
         return [[self.values.get(pair, {pair: one}) for pair in row] for row in pairs]
 
@@ -336,14 +335,14 @@ def eliminate(equations: Mapping[EquationName, Linear], table: PointwiseConditio
 
 
 def substituted(row: Linear, values: Mapping[Unknown, Linear]) -> dict[Unknown, exact_field.Quotient]:
-    """The combination with known unknowns replaced, zero coefficients left out."""
+    """The combination with solved unknowns replaced, without zero coefficients."""
     parts = [(unknown, coefficient) for unknown, coefficient in row.items() if unknown not in values]
     known = [(values[unknown], coefficient) for unknown, coefficient in row.items() if unknown in values]
     return collected([*parts, *((other, c * factor) for value, c in known for other, factor in value.items())])
 
 
 def collected(terms: Iterable[tuple[Unknown, exact_field.Quotient]]) -> dict[Unknown, exact_field.Quotient]:
-    """The terms of one equation by unknown, zero coefficients left out."""
+    """The terms of one equation by unknown, without zero coefficients."""
     parts: dict[Unknown, list[exact_field.Quotient]] = {}
     for unknown, coefficient in terms:
         parts.setdefault(unknown, []).append(coefficient)
@@ -354,7 +353,7 @@ def collected(terms: Iterable[tuple[Unknown, exact_field.Quotient]]) -> dict[Unk
 def _choose(
     reduced: Mapping[EquationName, Linear], solved: Sequence[Solved], table: PointwiseConditions
 ) -> tuple[EquationName, Unknown] | None:
-    """The shortest equation and in it the unknown of the simplest coefficient that is a true pivot."""
+    """The shortest equation, and its unknown with the simplest coefficient that is a true pivot."""
     order = sorted(reduced, key=lambda name: (len(reduced[name]), _length(reduced[name])))
     for name in order:
         row = reduced[name]
@@ -406,7 +405,7 @@ def vanishing_block(values: Mapping[Unknown, Linear], n: int) -> tuple[tuple[int
 def remaining_determinant(
     elimination: Elimination, n: int, symbols: Mapping[Unknown, exact_field.Quotient], one: exact_field.Quotient
 ) -> exact_field.Quotient:
-    """det g of what remains (n <= 4)."""
+    """det g of the remaining multiplier (n <= 4)."""
 
     def entry(row: Linear) -> exact_field.Quotient:
         return exact_field.sum_of(one - one, [c * symbols[unknown] for unknown, c in row.items()])
@@ -416,7 +415,7 @@ def remaining_determinant(
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A derivative of u, how it is found (with formulas of the theory between grave accents), and its value."""
+    """A derivative of u, its derivation (with formulas of the theory between grave accents), and its value."""
 
     reason: str
     formula: notation.Formula
@@ -425,7 +424,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Contradiction:
-    """The derivatives of u, and an expression in them that must be zero and is not; `note` says why it must."""
+    """The derivatives of u, and a nonzero expression in them that must be zero; `note` says why it must."""
 
     lines: tuple[Line, ...]
     formula: notation.Formula
@@ -434,14 +433,14 @@ class Contradiction:
 
 
 def direction_matrix(result: Elimination, n: int, one: exact_field.Quotient) -> Matrix:
-    """G: the entries of g divided by the one that stayed free."""
+    """G: the entries of g divided by the free entry."""
     return tuple(tuple(next(iter(row.values()), one - one) for row in line) for line in result.matrix(n, one))
 
 
 def contradiction(
     analysis: deciding.Analysis, exact: cd.MotionInRing, direction: Matrix, with_time: bool, seed: int
 ) -> Contradiction:
-    """The first integrability condition of u that fails; TooLarge where none is found."""
+    """The first integrability condition of u that fails; TooLarge if none is found."""
     slopes = cd.factor_slopes(exact, direction)
     point = tower.draw_point(analysis.tower, seed)
     names = analysis.system.coordinates
@@ -482,7 +481,7 @@ def _mixed(inner: ex.Symbol | ex.Velocity, outer: ex.Symbol | ex.Velocity) -> no
 def _lines(
     slopes: cd.FactorSlopes, with_time: bool, held: frozenset[ex.Symbol | ex.Velocity], names: tuple[str, ...]
 ) -> tuple[Line, ...]:
-    """The known derivatives of u in the order in which they are found, with those that they depend on."""
+    """The known derivatives of u in the order of derivation, with those on which they depend."""
     of_velocities = all(isinstance(variable, ex.Velocity) for variable in held)
     lines = [
         Line("Since `dg_ij/dv^k` is symmetric in `j` and `k`", _slope(ex.Velocity(x)), slopes.by_velocity[k])
@@ -503,7 +502,7 @@ def _lines(
 
 
 def _is_nonzero(ring: exact_field.ExactRing, element: exact_field.Quotient, point: ps.Point) -> bool:
-    """Whether the value at the random point is not zero; TooLarge where it cannot be formed."""
+    """Whether the value at the random point is nonzero; TooLarge if it cannot be evaluated."""
     numerator = tower.to_kernels(exact_field.polynomial_tree(ring, element.numerator))
     try:
         return ps.evaluate(numerator, point) % point.prime != 0

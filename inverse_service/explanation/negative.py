@@ -1,16 +1,15 @@
-"""Why a system is not variational, in steps for pencil and paper.
+"""Explain why a system is not variational, in steps that can be followed with pencil and paper.
 
-Conditions that are too long to write out are shown in numbers at one point. A minor that is not zero there is not zero
-on an open dense set (f is analytic), so g = 0 at the point is g = 0 at every generic point. The same holds for values
-that no real point has but that satisfy all algebraic relations among the functions: the minor is not the zero element
-of their field. If some g remain, all singular, the numbers show how; `hierarchy` checked at random points that this is
-generic.
+Conditions that are too long to write out are shown with numbers at one point. A minor that is nonzero there is nonzero
+on an open dense set (f is analytic), so g = 0 at the point implies g = 0 at every generic point. The same is true for
+values that belong to no real point but satisfy all algebraic relations among the functions, because the minor is then a
+nonzero element of their field. If only singular g remain, the numbers show why; `hierarchy` has checked at random
+points that this is generic.
 
 `rational_points` finds points at which variables and atoms of f have small rational values that respect all relations
 among them. Coordinates, velocities, parameters and the free generators of f (tan of a half angle, the root of an
-exponential, an arbitrary function and its derivatives) get small integers. Roots must come out rational, or the next
-point is tried. Values are found modulo a prime and reconstructed as fractions (Wang 1981); a second prime confirms
-them.
+exponential, an arbitrary function and its derivatives) get small integers. If a root is not rational, the next point is
+tried. Values are found modulo a prime and reconstructed as fractions (Wang 1981); a second prime confirms them.
 """
 
 from __future__ import annotations
@@ -39,13 +38,13 @@ Tensors = Mapping[hierarchy.ConditionName, Tensor11[exact_field.Quotient] | Tens
 TIME_LIMIT = 1.0
 NUMBERS_LIMIT = 5.0
 LARGEST_N = 5
-# Characters of one step, beyond which numbers at one point are easier to follow.
+# The number of characters of one step beyond which numbers at one point are easier to follow.
 LONGEST_SHOWN = 2_000
 
 Row = tuple[Fraction, ...]
 Values = Mapping[Any, Fraction]
 
-# Small numbers first; larger ones, where roots have to come out, later.
+# Small numbers come first; larger ones, needed for rational roots, come later.
 _SMALL, _LARGER, _PATIENCE = 5, 12, 20
 _PLAIN = tuple(tuple(map(Fraction, values.split())) for values in ("0 0 1 2", "0 0 1 2", "0 0 1 -1", "0 0 1 2"))
 _SPEEDS = tuple(map(Fraction, ("0", "3/5", "4/5", "-3/5")))
@@ -61,9 +60,8 @@ def explain_negative(
 ) -> tuple[Step, ...]:
     """From the chosen conditions of the hierarchy to det g = 0; for None, the differential consequence.
 
-    Where the expressions are too large for pencil and paper, or more than one direction is left, the conditions
-    in numbers at one point, or else their ranks.
-    `with_time` says that the question was for L(t, q, v).
+    If the expressions are too large, or more than one direction remains, the steps show the conditions with numbers at
+    one point, or else their ranks. `with_time` says that the question was for L(t, q, v).
     """
     system = analysis.system
     budget = exact_field.Budget(bounds.TERMS, now() + time_limit)
@@ -85,7 +83,7 @@ def explain_negative(
 
 
 def _length(steps: Sequence[Step]) -> int:
-    """Characters of the longest step: a step of thousands of characters is of no use to a reader."""
+    """The number of characters of the longest step; steps of thousands of characters are useless to readers."""
     return max(len(step.text) for step in steps)
 
 
@@ -122,7 +120,7 @@ def exact_rows(
 ) -> ExactRows:
     """The rows of a set of conditions; the ring allows `further_orders` derivations of them.
 
-    Raises TooLarge where the budget ends.
+    Raises TooLarge if the budget is exhausted.
     """
     depth = max(condition.order for condition in chosen.conditions) - 2
     symbols = entry_symbols(analysis.system)
@@ -145,7 +143,7 @@ def solve_conditions(
 
 
 def _by_differentiation(analysis: Analysis, with_time: bool, seed: int, budget: exact_field.Budget) -> tuple[Step, ...]:
-    """The multiplier known up to a factor, and the equations for the factor that contradict each other."""
+    """The steps that determine the multiplier up to a factor, and contradictory equations for the factor."""
     chosen = hierarchy.unique_direction(analysis, seed) if len(analysis.system.coordinates) > 1 else None
     if chosen is None:
         raise exact_field.TooLarge("the algebraic conditions leave more than one direction")
@@ -263,7 +261,7 @@ def _echelon(rows: Sequence[Row]) -> list[tuple[int, Row]]:
 
 
 def _whole(row: Row) -> Row:
-    """The row times a number, its entries whole without a common divisor."""
+    """The multiple of the row with integer entries without a common divisor."""
     scale = math.lcm(*(value.denominator for value in row))
     divisor = math.gcd(*(int(value * scale) for value in row)) or 1
     return tuple(value * scale / divisor for value in row)
@@ -291,7 +289,7 @@ def _point_step(analysis: Analysis, chosen: hierarchy.SufficientSet, values: Val
 
 
 def _closing_step_at_point(free: Sequence[ex.Symbol]) -> Step:
-    """A rank is generic where it is full; that a determinant vanishes might be an accident of one point.
+    """The conclusion: a full rank is generic, but a vanishing determinant might be special to one point.
 
     `free` are the entries of g that the solution leaves free.
     """
@@ -321,9 +319,9 @@ class SmallPoint(ps.Point):
 
 @dataclass(slots=True)
 class PlainPoint(ps.Point):
-    """A point where variables and tangents of half angles are 0 as often as not: fewer terms remain.
+    """A point where variables and tangents of half angles are often 0, so that fewer terms remain.
 
-    Every fourth has velocities such as 3/5, at which roots like (1 - v^2)^(1/2) come out.
+    Every fourth point has velocities such as 3/5, at which roots like (1 - v^2)^(1/2) are rational.
     """
 
     def draw(self, key: object) -> int:
@@ -335,7 +333,7 @@ class PlainPoint(ps.Point):
 
 
 def has_points(analysis: Analysis) -> bool:
-    """Whether values can be put for all atoms: not where numbers such as pi, sin(1) or exp(2) occur."""
+    """Whether all atoms can have rational values; False if numbers such as pi, sin(1), or exp(2) occur."""
     radians = any(isinstance(rule, tower.AngleRule) and rule.radians for rule in analysis.tower.rules)
     bare = bare_variables(analysis.accelerations)
     numbers = any(
@@ -348,9 +346,9 @@ def has_points(analysis: Analysis) -> bool:
 def is_real(analysis: Analysis) -> bool:
     """Whether the values drawn for variables and free generators are those of one real point.
 
-    They are where each free generator is the exponential, sine or cosine of a rational combination of
-    variables that occur nowhere else, and these combinations are independent: they can then be chosen to fit.
-    Else they are values that the same algebraic relations allow.
+    They are if each free generator is the exponential, sine, or cosine of a rational combination of variables that
+    occur nowhere else, and these combinations are independent, because the variables can then be chosen accordingly.
+    Otherwise they are values allowed by the same algebraic relations.
     """
     bare = bare_variables(analysis.accelerations)
     arguments: list[Mapping[ps.Variable, Fraction]] = []
@@ -408,7 +406,7 @@ def atoms_and_jets(analysis: Analysis, further: int) -> list[ex.Expression]:
 
 
 def _with_partners(atoms: Iterable[ex.Expression]) -> Iterator[ex.Expression]:
-    """The atoms, with the sine of an angle its cosine too, which derivatives of f contain."""
+    """The atoms, and with the sine of an angle also its cosine, which derivatives of f contain."""
     seen: set[ex.Expression] = set()
     for atom in atoms:
         both: list[ex.Expression] = [atom]
@@ -419,10 +417,10 @@ def _with_partners(atoms: Iterable[ex.Expression]) -> Iterator[ex.Expression]:
 
 
 def numbers_at_a_point(analysis: Analysis, chosen: hierarchy.SufficientSet, deadline: float) -> Values | None:
-    """Values at a point where the chosen equations still leave only singular g.
+    """Values at a point where the chosen equations allow only singular g.
 
-    By the variables, the atoms, (condition, i, k) of the tensors (n, n) and (name, column) of the equations. None where
-    none was met before the deadline (`now`), or numbers such as pi have no value.
+    The keys are the variables, the atoms, (condition, i, k) of the tensors (n, n), and (name, column) of the equations.
+    None if no point is found before the deadline (`now`), or numbers such as pi have no value.
     """
     if not has_points(analysis):
         return None
@@ -449,7 +447,7 @@ def _rows(values: Values, chosen: hierarchy.SufficientSet, width: int) -> dict[h
 def _in_fractions(
     analysis: Analysis, chosen: hierarchy.SufficientSet, tensors: hierarchy.LocalTensors, attempt: int
 ) -> Values | None:
-    """Everything at the point of this number as fractions of small numbers, from one prime and confirmed by another."""
+    """All values at point number `attempt` as fractions of small numbers, from one prime and confirmed by another."""
     prime, second = (modular.safe_prime(k, analysis.tower.residues) for k in (7_001, 7_002))
     found: dict[Any, Fraction] = {}
     for key, residue in (_residues(analysis, chosen, tensors, attempt, prime) or {}).items():
@@ -466,7 +464,7 @@ def _in_fractions(
 def _residues(
     analysis: Analysis, chosen: hierarchy.SufficientSet, tensors: hierarchy.LocalTensors, attempt: int, prime: int
 ) -> dict[Any, int] | None:
-    """Everything at the point number `attempt`, modulo the prime; None where f or its roots have no value there."""
+    """All values at point number `attempt` modulo the prime; None if f or its roots have no value there."""
     kind = PlainPoint if attempt % 2 else SmallPoint
     point = kind(prime, attempt // 2, dict(analysis.tower.real_signs))
     try:
