@@ -1,1 +1,1 @@
-"""Linear overdetermined systems of partial differential equations about a point, completed to involution."""
+"""Complete linear overdetermined systems of partial differential equations to involution about a point."""

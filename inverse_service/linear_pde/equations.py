@@ -1,11 +1,11 @@
-"""The unknown functions of a linear system, tables of their Taylor coefficients, and the prolonged equations as rows.
+"""The unknown functions of a linear system, tables of their Taylor coefficients, and the rows of prolonged equations.
 
 An unknown y of order k counts modulo polynomials of degree < k in the displacements from `first` on: only its
 derivatives of order k by these occur. Its coefficient of a monomial of degree d + k has degree d. So
 g_ij = d2L/dv_i dv_j is one unknown L of order 2 from the velocities on, and dl one of order 1.
 Columns: by degree, then by function, then by monomial.
 
-The entries of the prolonged rows are written by compiled loops, many products of a term and an unknown at a time.
+Compiled loops write the entries of the prolonged rows, many products of a term and an unknown at a time.
 """
 
 import math
@@ -43,7 +43,7 @@ _KEPT = 256
 # A derivative of an unknown: which function, by which displacements.
 Derivative = tuple[int, tuple[int, ...]]
 NO_DERIVATIVE = -1
-# Of a row, before they are counted; and of a prolongation, before it needs more.
+# The initial room for the entries of a row, and for the rows of a prolongation.
 _ENTRIES, _ROWS = 32, 256
 # (kind, *indices, alpha): which equation, which Taylor coefficient of it.
 RowName = tuple[str | int | tuple[int, ...], ...]
@@ -63,7 +63,7 @@ class Unknowns:
     """Unknown functions of `size` displacements, and those derivatives of them that the equations contain.
 
     `entries` are of the order of their functions; equations contain them and their first derivatives.
-    Tables are kept for each object, so equal questions should share one.
+    Tables are cached per object, so equal questions should share one.
     """
 
     size: int
@@ -86,7 +86,7 @@ def unknown_exponents(size: int, function: Function, degree: int) -> Exponents:
 
 @lru_cache(maxsize=_KEPT)
 def starts_of_functions(unknowns: Unknowns, degree: int) -> tuple[int, ...]:
-    """Where the unknowns of each function begin among those of this degree; last, how many there are."""
+    """The first index of each function's unknowns among those of this degree, followed by their total number."""
     counts = [len(unknown_exponents(unknowns.size, function, degree)) for function in unknowns.functions]
     return tuple(sum(counts[:k]) for k in range(len(counts) + 1))
 
@@ -103,7 +103,7 @@ def width_below(unknowns: Unknowns, degree: int) -> int:
 
 
 def column_of(unknowns: Unknowns, derivative: Derivative) -> tuple[int, int]:
-    """The unknown that a derivative is a multiple of at the point, and the multiple."""
+    """(column, factor): at the point, the derivative is the factor times this unknown."""
     number, by = derivative
     function, powers = unknowns.functions[number], Counter(by)
     degree = len(by) - function.order
@@ -168,7 +168,7 @@ def entry_columns(unknowns: Unknowns, degree: int) -> EntryColumns:
         block = unknown_exponents(size, unknowns.functions[number], degree)
         steps = np.array([[sum(1 << (monomials.bits * a) for a in by)] for _, by in entries], np.int64)
         columns.append(places_among(size, block, keys + steps) + starts[number] + below)
-    # The derivative by x_a, x_b, … of the monomial: each takes its exponent down.
+    # The derivative of the monomial by x_a, x_b, …: each lowers its exponent.
     factors = [
         math.prod((e[:, a] + by[: k + 1].count(a) for k, a in enumerate(by)), start=ones) for _, by in unknowns.entries
     ]
@@ -251,7 +251,7 @@ class TermTable:
 
 
 def term_table(unknowns: Unknowns, terms: Sequence[Term], equations: int, registers: Registers, most: int) -> TermTable:
-    """The terms, their series to degree `most` after a run."""
+    """The table of the terms, with their series to degree `most` after a run."""
     used = dict.fromkeys(term.register for term in terms)
     places = {register: place for place, register in enumerate(used)}
     rows = [(t.equation, places[t.register], t.negative, t.entry, t.derivative) for t in terms]
@@ -264,7 +264,7 @@ def _emit(
     fill: bool, degree: int, series: SparseSeries, terms: Integers, tables: RowTables, small: Words, field: Field,
     rows: SparseRows,
 ) -> None:  # fmt: skip
-    """Entries of term * (d_a) entry in the rows of one degree, for all terms; counted or filled in.
+    """Count or fill in the entries of term * (d_a) entry in the rows of one degree, for all terms.
 
     The entries of row k are counted in starts[k + 1]; then starts[k], their sum before row k, is where its next
     entry goes, and in the end where row k + 1 begins.
@@ -304,7 +304,7 @@ def _emit_rows(
     number: int, degree: int, series: SparseSeries, terms: Integers, tables: RowTables, small: Words, field: Field,
     rows: SparseRows,
 ) -> int:  # fmt: skip
-    """The `number` rows of one degree, where there is room for their entries; how many entries these are."""
+    """Write the `number` rows of one degree if there is room for their entries; return the number of entries."""
     starts = rows.starts
     starts[: number + 1] = 0
     _emit(False, degree, series, terms, tables, small, field, rows)
@@ -320,9 +320,9 @@ def _emit_rows(
 
 
 def rows_of_degree(table: TermTable, degree: int, prime: int, room: Kept[SparseRows] | None = None) -> Kept[SparseRows]:
-    """The coefficients of all monomials of one degree, equation after equation, in this room or a larger one."""
+    """The coefficients of all monomials of one degree, equation by equation, in this room or a larger one."""
     tables = row_tables(table.unknowns, degree)
-    # A factor is a product of one exponent more than the order, of a monomial of that much more degree.
+    # A factor is a product of order + 1 exponents of a monomial whose degree is larger by as much.
     most = table.unknowns.most + 1
     small = modular.small_numbers(prime, (degree + most + 1) ** most)
     number = table.equations * int(tables.counts[degree])
@@ -341,7 +341,7 @@ def _room(number: int, entries: int) -> Kept[SparseRows]:
 
 @dataclass(frozen=True, slots=True)
 class Equations:
-    """The equations of one kind: their indices, their order, and the terms of all."""
+    """The equations of one kind: their indices, their order, and all their terms."""
 
     kind: str
     indices: tuple[Indices, ...]
@@ -351,7 +351,7 @@ class Equations:
 
 @dataclass(frozen=True, slots=True)
 class LocalEquations:
-    """A system at a point modulo a prime; `order` is how far its series let it be prolonged."""
+    """A system at a point modulo a prime; `order` is the highest order to which its series allow prolongation."""
 
     unknowns: Unknowns
     prime: int
@@ -362,8 +362,8 @@ class LocalEquations:
 class Prolongation:
     """The echelon form of all rows up to `order`, columns in ascending degree.
 
-    `dependent` marks, for each kind and degree, the rows that depend on those before; `expected` those that
-    did elsewhere. `rows` are those inserted last.
+    `dependent` marks, for each kind and degree, the rows that depend on previous rows; `expected` marks those that did
+    at another point. `rows` are the rows inserted last.
     """
 
     local: LocalEquations
@@ -410,12 +410,12 @@ class Prolongation:
 
 
 def start(local: LocalEquations, expected: Mapping[tuple[str, int], Flags] | None = None) -> Prolongation:
-    """No rows yet; `advance` makes order 0, 1, … `expected` marks rows that depended on others elsewhere."""
+    """A prolongation without rows; `advance` adds order 0, 1, … `expected` marks rows that were dependent elsewhere."""
     return Prolongation(local, Echelon(local.prime), expected=expected or {})
 
 
 def advance(prolongation: Prolongation) -> None:
-    """One order more: the rows of degree r - 1 of equations of order 1, of degree r of those of order 0."""
+    """Add one order: the rows of degree r - 1 of equations of order 1, and of degree r of equations of order 0."""
     prolongation.order += 1
     order = prolongation.order
     prolongation.echelon.widen(prolongation.width(order))
@@ -431,7 +431,7 @@ def advance(prolongation: Prolongation) -> None:
 
 
 def _expected(prolongation: Prolongation, block: Equations, degree: int) -> Flags:
-    """Which rows will depend on those before them: those that did elsewhere, or by the degree below.
+    """Predict the rows that depend on previous ones, from another point or from the degree below.
 
     Near a generic point a dependence holds identically; its derivative d_a makes the row of alpha + e_a
     depend on rows that come before it, since their order is one of shifts. So dependence passes

@@ -1,6 +1,6 @@
-"""The decision: prolong, project, test, order by order, at one random point, then at a second.
+"""Decide by prolongation, projection, and tests, order by order, at one random point and then at a second.
 
-No: in every solution of the order-r system a matrix of derivatives stays below the rank asked for. Yes: for
+No: in every solution of the order-r system, a matrix of derivatives has less than the required rank. Yes: for
 some degree d >= 1, not below that of the matrix, the projection has stopped falling, D_d(r - 1) = D_d(r), its symbol
 is involutive, and the rank is reached; the projected system is then formally integrable and, the
 coefficients being analytic, solutions exist through every element left (Cartan, Kuranishi, Goldschmidt).
@@ -28,23 +28,23 @@ from inverse_service.linear_pde import equations as pde
 
 Rows = list[dict[int, int]]
 
-# Most negative verdicts fall at order 1, most positive ones at order 3: series are made for these first.
+# Most negative verdicts occur at order 1 and most positive ones at order 3, so series are first made for these.
 _FIRST_ORDER, SECOND_ORDER = 1, 3
 _POINTS = 4
 MOST_UNKNOWNS = 60_000
-# An order takes so many times as long as the one before: none is begun that would pass the deadline.
+# The growth of the time from one order to the next; an order that would exceed the deadline is not begun.
 _GROWTH = 3
-# The beginning of the reason of a finding that the deadline left undetermined.
+# The beginning of the reason if the deadline leaves a finding undetermined.
 OUT_OF_TIME = "the time limit came before order"
 Integers = npt.NDArray[np.int64]
-# A Taylor coefficient: of which function, of which monomial. The value of one that is free, modulo a prime.
+# A Taylor coefficient (function, monomial), and the choice of a free coefficient's value modulo a prime.
 Unknown = tuple[int, tuple[int, ...]]
 Choice = Callable[[Unknown, int], int]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Matrix:
-    """Derivatives of the unknowns at the point, a matrix that must reach a given rank."""
+    """A matrix of derivatives of the unknowns at the point that must have a given rank."""
 
     entries: tuple[tuple[pde.Derivative, ...], ...]
     rank: int
@@ -52,13 +52,13 @@ class Matrix:
 
 @lru_cache(maxsize=64)
 def degree_of(unknowns: pde.Unknowns, matrix: Matrix) -> int:
-    """The degree of the unknowns that the matrix is made of."""
+    """The degree of the unknowns in the matrix."""
     return max(len(by) - unknowns.functions[number].order for row in matrix.entries for number, by in row)
 
 
 @lru_cache(maxsize=64)
 def _places(unknowns: pde.Unknowns, matrix: Matrix) -> tuple[tuple[int, int, int, int], ...]:
-    """Row, column, unknown and factor of each entry."""
+    """Row, column, unknown, and factor of each entry."""
     return tuple(
         (i, j, *pde.column_of(unknowns, derivative))
         for i, row in enumerate(matrix.entries)
@@ -77,7 +77,7 @@ def matrix_at(
 
 
 def consequences(prolongation: pde.Prolongation, degree: int) -> dict[int, dict[int, int]]:
-    """All consequences on the unknowns to this degree: {number of basis row: {column: value}}."""
+    """All consequences on the unknowns up to this degree: {number of basis row: {column: value}}."""
     return prolongation.echelon.rows_within(0, prolongation.width(degree))
 
 
@@ -88,7 +88,7 @@ def generic_rank(prolongation: pde.Prolongation, matrix: Matrix) -> int:
 
 
 def rank_of_rows(prolongation: pde.Prolongation, matrix: Matrix, rows: Rows, seed: int) -> int:
-    """The same at the generic solution of some consequences on the unknowns that the matrix is made of."""
+    """The rank at the generic solution of some consequences on the unknowns in the matrix."""
     prime, width = prolongation.local.prime, prolongation.width(degree_of(prolongation.unknowns, matrix))
     basis = null_vectors.kernel_of(null_vectors.table_of(rows, width, prime)).basis
     if basis.nrows() == 0:
@@ -127,7 +127,7 @@ class Symbol:
 def symbol_of(prolongation: pde.Prolongation, degree: int, seed: int) -> Symbol:
     """M_d of the projected system at degree d = `degree` >= 1, tested in random directions.
 
-    M_d^(k) are the elements killed by k random constant derivatives; alpha_k = dim M^(k-1) - dim
+    M_d^(k) are the elements annihilated by k random constant derivatives; alpha_k = dim M^(k-1) - dim
     M^(k); involutive iff dim M_(d+1) = sum k alpha_k (Cartan; Bryant et al., Exterior Differential
     Systems, chapter VIII).
     """
@@ -180,7 +180,7 @@ def _derive(state: np.uint64, factors: Indices, small: Words, directions: Words,
 
 
 def _characters(prolongation: pde.Prolongation, degree: int, rows: SparseRows, seed: int) -> tuple[int, ...]:
-    """alpha_1, …, alpha_m: how many of the equations D_k y = 0 are new, D_k the k-th random derivative.
+    """alpha_1, …, alpha_m: the number of new equations among D_k y = 0, with D_k the k-th random derivative.
 
     The equations for the coefficient of a monomial m in D y, m of one degree less.
     """
@@ -199,7 +199,7 @@ def _characters(prolongation: pde.Prolongation, degree: int, rows: SparseRows, s
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """How far to prolong: the highest order, a deadline (`now`), the most unknowns."""
+    """The limits of prolongation: the highest order, a deadline (`now`), and the largest number of unknowns."""
 
     order: int = 7
     deadline: float = float("inf")
@@ -207,7 +207,7 @@ class Limits:
 
 
 class Card(Protocol):
-    """A question: unknown functions, a matrix of their derivatives that has to reach a rank, and the equations."""
+    """A question: unknown functions, a matrix of their derivatives with a required rank, and the equations."""
 
     @property
     def unknowns(self) -> pde.Unknowns: ...
@@ -225,12 +225,12 @@ class Card(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Whether there is a solution of the rank, or None with the reason, and what proves it.
+    """Whether there is a solution of the required rank, or None with the reason, and the proof.
 
     `rows` name the prolonged equations used for a no; `symbol` at `degree`, and `history`, D_0, D_1, … at each
     order, are the involution data of a yes; `ranks` those of the matrix and of the others at the generic
-    solution; `points` the primes and seeds used. A no by series along one solution has in `along` the last coefficient
-    that it takes, and no order.
+    solution; `points` the primes and seeds used. For a no by series along one solution, `along` is the last coefficient
+    used, and there is no order.
     """
 
     exists: bool | None
@@ -256,7 +256,7 @@ class _Run:
     expected: int = _FIRST_ORDER
     lasted: float = 0.0  # seconds of the last order
     history: list[tuple[int, ...]] = field(default_factory=list)
-    # Rows that depend on others: where another run found them, and where this one did.
+    # Dependent rows: as found by another run, and as found by this one.
     expected_rows: Mapping[tuple[str, int], Flags] = field(default_factory=dict)
     dependent_rows: Mapping[tuple[str, int], Flags] = field(default_factory=dict)
 
@@ -268,7 +268,7 @@ def settle(card: Card, seed: int, limits: Limits, progress: Callable[[str], None
         first = _settle_once(run)
         if first.exists is None:
             return first
-        # The second run will go as far as the first: it makes its series once, to that order, and tests at once
+        # The second run reaches the order of the first: it makes its series once, to that order, and immediately tests
         # that the rows that were redundant there are redundant here.
         again = _Run(card, 2 * seed + 1, limits, progress, first.order)
         again.expected_rows = run.dependent_rows
