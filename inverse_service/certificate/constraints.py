@@ -126,7 +126,7 @@ class FlowExpansion(MotionExpansion):
         self.read()
 
     def multiply(self, left: Series, right: Series, degree: int) -> Series:
-        """The product to first order in the displacements."""
+        """To first order in the displacements."""
         displaced = (1 << 8 * len(self.units)) - 1
         moved = {key: part for key, part in left.items() if key & displaced}
         if not moved:

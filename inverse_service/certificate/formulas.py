@@ -10,7 +10,7 @@ FORMAT, RESULT_FORMAT = "inverse-service/certificate/2", "inverse-service/result
 OLD_FORMAT, OLD = "inverse-service/certificate/1", "Format 1 proves too little; solve again."
 MAX_TEXT, MAX_DEPTH, MAX_MEMBERS, MAX_LISTED = 60_000, 200, 1000, 100
 MAX_COORDINATES, MAX_NAMES, MAX_ORDER, MAX_ROWS = 64, 200, 20, 200_000
-MAX_POWER = 4096  # larger integer powers are atoms
+MAX_POWER = 4096  # of an integral power, beyond which it is an atom
 DEFINED = {
     "sqrt": "u^(1/2)",
     "abs": "sqrt(u^2)",

@@ -29,8 +29,8 @@ MAX_SCALE = 4096
 MAX_TURNS = 720
 MAX_RELATED = 24
 MAX_SEARCHES = 12
-MAX_SIZE = arb(2) ** 20_000  # of numbers written as fractions
-SPARE = 4  # number of points minus the number of independent atoms
+MAX_SIZE = arb(2) ** 20_000  # of numbers that are written as fractions
+SPARE = 4  # points more than there are independent atoms
 # Pairs (l, e): (1, e), (i, e^i), (pi i, -1), (log 2, 2), (log 3, 3); see Pair.
 CONSTANTS = (
     (False, False, 1), (True, False, 1), (True, False, -1, 12), (False, True, 2, 2),

@@ -22,11 +22,11 @@ from .formulas import NAME, NUMBER, TEXT, Incomplete, check_shape, read_tokens, 
 from .numbers import Atom, Balls, Plan, Residues, Undefined, Unsettled
 from .series import Elimination, Expansion, Row, Step, Symbol
 
-PRECISIONS = (192, 512, 2048, 8192)  # of balls, in bits
+PRECISIONS = (192, 512, 2048, 8192)  # bits of balls
 NOT_SHOWN = "Balls at the real point do not show that"
-MAX_RARITY = 1 << 18  # one in about so many primes has all required roots
-MAX_VISITS = 64  # of a root that is not one of a power, before it is considered dependent
-LOOKS = 64  # searches for points at which a formula is not defined
+MAX_RARITY = 1 << 18  # one of about so many primes has all roots that are needed of it
+MAX_VISITS = 64  # of a root that is none of a power, before it is taken for dependent
+LOOKS = 64  # for points at which a formula is not defined
 MAX_ATOMS = 80  # atoms among which all linear relations are searched
 Tokens = tuple[str, ...]
 
@@ -117,7 +117,7 @@ class Question:
     `claim` contains the set of the claim: `near`, `conditions`, `roots`.
     """
 
-    jet, where = 2, ""  # the order of the required derivatives of L
+    jet, where = 2, ""  # the derivatives of L that are needed
 
     def __init__(self, tools: Tools, document: Any, timed: bool = True, claim: Any = None) -> None:
         self.generator, self.deadline = tools

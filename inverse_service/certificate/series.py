@@ -358,7 +358,7 @@ class Expansion:
         return table
 
     def row(self, kind: str, place: tuple[int, ...], alpha: int) -> Series:
-        """The coefficient alpha of a condition, as a row in the coefficients of L."""
+        """The coefficient alpha of a condition, in the coefficients of L."""
         exponents = [self.exponent(alpha, a) for a in range(len(self.units))]
         table, row = self.table(kind, *place), Series()
         powers = [[unit * e for e in range(most + 1)] for unit, most in zip(self.units, exponents, strict=True) if most]
