@@ -191,6 +191,7 @@ def test_a_second_service_on_the_same_database_says_so(guarded: Guarded) -> None
 def test_the_log_is_json_with_the_ids_of_jobs(client: httpx.Client, guarded: Guarded) -> None:
     response = client.post("/v1/solve", json=EASY, headers=BOB | {"Prefer": "wait=20"})
     identifier = response.headers["location"].rpartition("/")[2]
+    until(lambda: f'"job": "{identifier}"' in guarded.log.read_text())  # the answer may be sent before it is logged
     records = [json.loads(line) for line in guarded.log.read_text().splitlines()]
     ended = [record for record in records if record.get("job") == identifier]
     assert ended[-1]["what"] == "job ended"
