@@ -206,6 +206,7 @@ def test_every_request_has_an_id_in_its_answer_and_in_the_access_log(client: htt
     assert (ids[0], ids[1]) == ("mine-1", trace)
     assert len(ids[2]) == 32
     assert client.get("/v1/limits", headers={"X-API-Key": "guess"}).status_code == 401
+    until(lambda: '"status": 401' in guarded.log.read_text())
     records = [json.loads(line) for line in guarded.log.read_text().splitlines()]
     lines = {record.get("request"): record for record in records if record["what"] == "request"}
     assert {lines[id]["client"] for id in ids} == {"alice"}
