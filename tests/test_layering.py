@@ -2,6 +2,7 @@
 
 import ast
 from functools import cache
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -58,6 +59,18 @@ def faults(path: Path, source: str) -> list[str]:
 
 def test_imports_point_down_only() -> None:
     assert [fault for path in MODULES for fault in faults(path, (ROOT / path).read_text(encoding="utf-8"))] == []
+
+
+def test_no_file_imports_another_in_a_circle() -> None:
+    """At the head of a file: a function imports when all files are loaded. `prepare` raises CycleError."""
+    names = {".".join(path.with_suffix("").parts): path for path in MODULES}
+    imports: dict[str, set[str]] = {}
+    for name, path in names.items():
+        body = ast.parse((ROOT / path).read_text(encoding="utf-8")).body
+        head = "\n".join(ast.unparse(node) for node in body if isinstance(node, ast.Import | ast.ImportFrom))
+        found = imported(head, name.rpartition(".")[0])
+        imports[name] = names.keys() & {*found, *(each.rpartition(".")[0] for each in found)}
+    TopologicalSorter(imports).prepare()
 
 
 def test_schemas_know_nothing_of_the_engine() -> None:

@@ -63,10 +63,8 @@ def _holds_many(tokens: Sequence[Token]) -> bool:
 
 def _is_given(statement: Tokens) -> bool:
     r"""Whether this is \mathbf{r} = (x, y, z) with scalar components that do not contain r."""
-    name, shape = (
-        tk.at(statement, 0),
-        [(token.kind, token.text) for token in statement[1:]] == [("operator", "="), ("bracket", "(")],
-    )
+    name = tk.at(statement, 0)
+    shape = [(token.kind, token.text) for token in statement[1:]] == [("operator", "="), ("bracket", "(")]
     parts = tk.split_at(",", statement[2].inside) if shape and not _holds_many(statement[1:]) else []
     own = name.kind == "name" and name.text in {token.text for part in parts for token in part}
     return len(parts) > 1 and all(parts) and name.kind in ("name", "vector") and not own
