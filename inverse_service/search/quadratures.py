@@ -261,6 +261,8 @@ def primitive(x: ps.Variable, wanted: tm.Terms, table: real_point.RealTable | No
     The coefficients are rational if possible; otherwise they contain generators without x. The result is real at the
     point of a table; None if none is found.
     """
+    if _has_function_without_slope((letter for key in wanted for letter, _ in key), x):
+        return None
     columns: dict[tm.Monomial, tm.Terms] = {}
     wanted = _proper(wanted, x)
     poles = {p for key in wanted for p, e in key if e < 0 and isinstance(p, ex.Sum) and ex.holds(p, x)}
@@ -284,6 +286,16 @@ def primitive(x: ps.Variable, wanted: tm.Terms, table: real_point.RealTable | No
         if found is not None:
             return _in_logarithms(found)
     return _by_partial_fractions(x, wanted)
+
+
+def _has_function_without_slope(trees: Iterable[ex.Expression], x: ps.Variable) -> bool:
+    """Whether an arbitrary function of x occurs, but no derivative of it.
+
+    Such a formula has no elementary antiderivative: with f in it, its slope contains f'.
+    """
+    found = [node for node in ex.distinct_nodes(trees) if isinstance(node, ex.Arbitrary) and ex.holds(node, x)]
+    derived = {node.name for node in found if any(node.orders)}
+    return not any(isinstance(node, ex.Integral) for node in found) and any(node.name not in derived for node in found)
 
 
 def _in_logarithms(tree: ex.Expression) -> ex.Expression:
@@ -378,6 +390,8 @@ def antiderivative(
     system: SecondOrderSystem, slope: ex.Expression, variable: ex.Expression, table: real_point.RealTable | None
 ) -> ex.Expression | None:
     """An elementary antiderivative of a formula in one variable; None if none is found."""
+    if _has_function_without_slope((slope,), variable):
+        return None
     names = fresh_names(system, slope)
     letter, inner, deeper = (ex.Symbol(next(names)) for _ in range(3))
     plain = writing.joined(ex.substitute(slope if table is None else real_form(slope, table), {variable: letter}))
