@@ -43,6 +43,24 @@ def with_clock(
     return None
 
 
+def with_real_clock(
+    system: second_order_system.SecondOrderSystem,
+    factor: ex.Expression,
+    written: Callable[[ex.Expression], ex.Expression] = terms.collected,
+) -> tuple[ex.Expression, second_order_system.SecondOrderSystem | None]:
+    """(N, the system with this clock), with sqrt(-u) for sqrt(u) in N where only that has real values."""
+    changed = with_clock(system, factor, written)
+    if changed is None:
+        powers = ex.powers_of(factor)
+        trees = [tower.to_kernels(tree) for tree in (*system.accelerations, *(base**-1 for base, _ in powers))]
+        table = real_point.find_real_point(trees, deciding.variables_of(system), _SEED, system.positive)
+        if table is not None:
+            even = {base for base, e in powers if e.denominator % 2 == 0 and real_point.real_sign(base, table) < 0}
+            factor = ex.multiply(*((ex.negated(base) if base in even else base) ** e for base, e in powers))
+            changed = with_clock(system, factor, written)
+    return factor, changed
+
+
 def find_clock(
     system: second_order_system.SecondOrderSystem, seed: int, deadline: float
 ) -> tuple[ex.Expression | None, tuple[ex.Expression, ...]]:
@@ -55,7 +73,9 @@ def find_clock(
     for factor in _clocks(system, deadline):
         if now() > deadline:
             break
-        changed = system if factor == ex.ONE else with_clock(system, factor, lambda tree: tree)  # for a decision
+        changed: second_order_system.SecondOrderSystem | None = system
+        if factor != ex.ONE:
+            factor, changed = with_real_clock(system, factor, lambda tree: tree)  # for a decision
         if changed is None:
             continue
         if deciding.decide(changed, False, seed, Limits(_ORDER, deadline)).verdict == "variational":
