@@ -137,7 +137,7 @@ def terms_of(expression: ex.Expression) -> Terms:
         case ex.Product(factors):
             return _product(list(map(terms_of, factors)))
         case ex.Power(base, ex.Number(exponent)):
-            return _power(terms_of(base), exponent)
+            return dict(_power_of_tree(base, exponent))
         case ex.Power(base, exponent) if ex.split_exponent(exponent)[1]:
             rest, whole = ex.split_exponent(exponent)
             if not (inside := terms_of(base)):
@@ -184,6 +184,12 @@ def _with_leading_plus(function: str, argument: Terms) -> Terms:
     turned = {key: -value for key, value in argument.items()} if negative else argument
     sign = _PARITY[function] if negative else 1
     return {monomial(ex.Apply(function, tree_of(turned))): Fraction(sign)}
+
+
+@lru_cache(maxsize=4096)
+def _power_of_tree(base: ex.Expression, exponent: Fraction) -> Terms:
+    """The power, cached because roots and denominators occur in many terms; it must not be changed."""
+    return _power(terms_of(base), exponent)
 
 
 def _power(base: Terms, exponent: Fraction) -> Terms:
