@@ -336,6 +336,8 @@ class _Integrals:
         one[0] = 1
         powers = {key: reduce(product, (pairs[k] for k in key), one) for key in {key for key, _ in ansatz.terms}}
         values = np.array([one, *(product(powers[key], pairs[forms + k]) for key, k in ansatz.terms)])
+        if not null_vectors.kernel(values[1:, 1].T, flow.PRIME).nullity:
+            return []
         # Terms that are combinations of 1 and of those before them add nothing.
         own = [place - 1 for place in null_vectors.pivots(values[:, 0].T, flow.PRIME) if place]
         vectors = null_vectors.null_rows(values[1:, 1][own].T.tolist(), len(own), flow.PRIME)

@@ -387,7 +387,7 @@ def _is_quadratic(letter: ex.Expression, x: ps.Variable) -> bool:
 
 
 def antiderivative(
-    system: SecondOrderSystem, slope: ex.Expression, variable: ex.Expression, table: real_point.RealTable | None
+    system: SecondOrderSystem, slope: ex.Expression, variable: ps.Variable, table: real_point.RealTable | None
 ) -> ex.Expression | None:
     """An elementary antiderivative of a formula in one variable; None if none is found."""
     if _has_function_without_slope((slope,), variable):
