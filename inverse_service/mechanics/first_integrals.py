@@ -484,7 +484,7 @@ def _squared_forms(lagrangian: Expression) -> tuple[Expression, ...]:
             case ex.Power(base, ex.Number(exponent)) if exponent == 2:
                 for factor in ex.factors_of(base):
                     parts = euler_lagrange.linear_parts(factor, ex.Velocity)
-                    if isinstance(factor, ex.Sum) and isinstance(parts, tuple) and parts[0]:
+                    if isinstance(parts, tuple) and parts[0]:
                         found[factor] = None
     return tuple(found)
 
