@@ -288,7 +288,7 @@ def moments_between(run: observing.Observed) -> Array:
     pairs = [
         (node, node.argument if isinstance(node, ex.Apply) else node.base)
         for node in ex.distinct_nodes(tree for tree in given if tree is not None)
-        if isinstance(node, ex.Apply | ex.Power) and ex.holds(node, *moving)
+        if isinstance(node, ex.Apply | ex.Power) and ex.holds(node, *moving) and not _is_square_or_cube(node)
     ]
     count = min(len(at.times), MOST_VALUES // max(1, len(pairs)))
     times, places, speeds = at.times[:count], at.positions[:count], velocities[:count]
@@ -325,6 +325,12 @@ def moments_between(run: observing.Observed) -> Array:
             far = np.flatnonzero(np.abs(np.diff(along)) > np.pi)[:1]
             found.append((times[far] + times[far + 1]) / 2)
     return np.unique(np.concatenate(found))[:MOST_MOMENTS]
+
+
+def _is_square_or_cube(node: ex.Expression) -> bool:
+    """Whether it is one of sums and products, whose peaks are as wide as those of the motion."""
+    is_low = isinstance(node, ex.Power) and node.exponent in (ex.TWO, ex.number(3))
+    return is_low and not any(isinstance(part, ex.Apply | ex.Power) for part in list(ex.walk(node))[1:])
 
 
 def between_points(times: Array, positions: Array, velocities: Array, moments: Array) -> tuple[Array, Array]:
