@@ -402,10 +402,11 @@ def rationalised(quotient: Quotient) -> Quotient:
     """The quotient with each denominator a + b g, g^2 = P, multiplied by a - b g: cos^2/(1 + sin) is 1 - sin."""
     owner = quotient.field
     for index in sorted(owner.relations):
-        for place, power in quotient.exponents:
+        for place, _ in quotient.exponents:
+            power = dict(quotient.exponents).get(place, 0)  # none of it is left where a step before has canceled it
             denominator = owner.denominators[place]
             lowest = denominator.subs({index: 0})
-            if owner.relations[index].degree == 2 and not lowest.is_zero() and lowest != denominator:
+            if power and owner.relations[index].degree == 2 and not lowest.is_zero() and lowest != denominator:
                 conjugate = Quotient(owner, 2 * lowest - denominator, ())
                 norm = Quotient(owner, denominator, ()) * conjugate
                 without = tuple(item for item in quotient.exponents if item[0] != place)

@@ -193,8 +193,13 @@ def quotient(
     `symbols` are its variables in the order used for polynomials; by default those that occur in it.
     """
     held = dict.fromkeys(node for node in ex.walk(tree) if isinstance(node, ex.Symbol | ex.Velocity))
+    symbols = list(held) if symbols is None else symbols
     try:
-        return exact_field.factored([tree], list(held) if symbols is None else symbols, budget)[0]
+        ring = exact_field.exact_ring([tree], symbols, 0, budget, spare=True, slopes=False)
+        value = ring.value(tree)
+        plain = exact_field.rationalised(value)  # the shorter one may be that with sines in its denominator
+        forms = (exact_field.quotient_tree(ring, one) for one in ((value,) if plain is value else (value, plain)))
+        return min(forms, key=ex.node_count)
     except (exact_field.TooLarge, ZeroDivisionError, KeyError, errors.IrreducibleAtoms):
         return tree
 

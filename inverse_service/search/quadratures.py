@@ -268,6 +268,8 @@ def primitive(x: ps.Variable, wanted: tm.Terms, table: real_point.RealTable | No
     poles = {p for key in wanted for p, e in key if e < 0 and isinstance(p, ex.Sum) and ex.holds(p, x)}
     if len(poles) == 1 and (found := _by_partial_fractions(x, wanted)) is not None:
         return found  # the steps below divide by the discriminant of the sum, which is slow if it contains symbols
+    if len(wanted) > bounds.FEW and (found := _by_logarithms(x, wanted, sorted(poles, key=ex.node_count))) is not None:
+        return found
     fresh, most = list(wanted), 2 * bounds.COLUMNS + 4 * len(wanted)
     for _ in range(bounds.FEW):
         raised = dict.fromkeys(m for key in fresh for m in material.antiderivatives(key, x))
@@ -307,6 +309,18 @@ def _in_logarithms(tree: ex.Expression) -> ex.Expression:
             high, low = (_primitive_part(node.argument * below + sign * below) for sign in (1, -1))
             table[node] = _HALF * (ex.Apply("log", high) - ex.Apply("log", low))
     return ex.substitute(tree, table) if table else tree
+
+
+def _by_logarithms(x: ps.Variable, wanted: tm.Terms, poles: Sequence[ex.Expression]) -> ex.Expression | None:
+    """sum c_p log p over denominators p, by the relations of a ring: one fraction of sines of one angle is short in
+    one variable only."""
+    trees = [tm.tree_of(wanted), *(derivative.differentiate(p, x) / p for p in poles)]
+    with suppress(exact_field.TooLarge, errors.IrreducibleAtoms, ZeroDivisionError, KeyError):
+        ring = exact_field.exact_ring(trees, [x], 1, exact_field.Budget.short())
+        right, *columns = ([ring.value(tree)] for tree in trees)
+        if (found := matrices.solution(ring, columns, right)) is not None:
+            return ex.dot((exact_field.quotient_tree(ring, c) for c in found), (ex.Apply("log", p) for p in poles))
+    return None
 
 
 def _with_constants(x: ps.Variable, columns: Iterable[tm.Monomial], wanted: tm.Terms) -> ex.Expression | None:
@@ -390,8 +404,6 @@ def antiderivative(
     system: SecondOrderSystem, slope: ex.Expression, variable: ps.Variable, table: real_point.RealTable | None
 ) -> ex.Expression | None:
     """An elementary antiderivative of a formula in one variable; None if none is found."""
-    if _has_function_without_slope((slope,), variable):
-        return None
     names = fresh_names(system, slope)
     letter, inner, deeper = (ex.Symbol(next(names)) for _ in range(3))
     plain = writing.joined(ex.substitute(slope if table is None else real_form(slope, table), {variable: letter}))

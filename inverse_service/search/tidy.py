@@ -425,6 +425,8 @@ def _by_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     for rates, inner in tm.grouped(_without_squares(_terms_of(tree), _parameters(system)), tm.has_velocity).items():
         terms = {key | rates: value for key, value in inner.items()}
         forms = [tm.tree_of(terms), *([_by_both(system, terms)] if len(terms) > 1 else [])]
+        inside = {node for key in terms for p, _ in key if isinstance(p, ex.Sum) for node in ex.walk(p)}
+        forms += [_by_letters(system, terms, _parameters(system) - inside)] if inside else []
         whole = _part(rates, inner, system)
         brackets = sum(isinstance(factor, ex.Sum) for factor in ex.factors_of(writing.joined(whole)))
         if rates or (_MUCH if brackets < 2 else 1) * _size(whole) < min(map(_size, forms)):
@@ -440,12 +442,11 @@ def _by_both(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
     groups = tm.grouped(terms, lambda letter: letter not in parameters)
     several = {key | c: value for key, inner in groups.items() for c, value in inner.items() if len(inner) > 1}
     rest = {key: value for key, value in terms.items() if key not in several}
-    return _by_parameters(system, tm.tree_of(several)) + _by_letters(system, rest)
+    return _by_parameters(system, tm.tree_of(several)) + _by_letters(system, rest, parameters)
 
 
-def _by_letters(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
-    """The sum grouped by velocities and parameters, with each coefficient in its shortest form."""
-    parameters = _parameters(system)
+def _by_letters(system: SecondOrderSystem, terms: tm.Terms, parameters: frozenset[ex.Symbol]) -> ex.Expression:
+    """The sum grouped by velocities and these parameters, with each coefficient in its shortest form."""
     groups = tm.grouped(terms, lambda letter: letter in parameters or tm.has_velocity(letter))
     return ex.add(*(_part(outer, inner, system) for outer, inner in groups.items()))
 
