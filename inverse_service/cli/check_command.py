@@ -232,7 +232,7 @@ def batch(
     """
     if (expect or junit) and str(output) == "-":
         raise errors.InputError("--expect and --junit read the output again: give a file with --output.")
-    # Before the night, not after it.
+    # A wrong file is refused before a batch that may run for hours.
     wanted = {} if expect is None else _wanted(expect)
     if junit is not None:
         _refuse_report(junit, [file, output, *([expect] if expect else [])])

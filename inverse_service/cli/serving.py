@@ -118,7 +118,7 @@ def _server(application: Any, settings: Settings) -> Any:
             timeout_keep_alive=int(KEEP_ALIVE),
         )
     )
-    _tell_of_the_end(server, application.state.engine.close_streams)
+    _end_streams_at_a_signal(server, application.state.engine.close_streams)
     return server
 
 
@@ -135,10 +135,10 @@ def _most_connections(wanted: int) -> int:
     return max(10, min(wanted, max(soft, largest) - OWN_DESCRIPTORS))
 
 
-def _tell_of_the_end(server: Any, close_streams: Callable[[], None]) -> None:
+def _end_streams_at_a_signal(server: Any, close_streams: Callable[[], None]) -> None:
     """End open streams at the first signal; uvicorn waits for them for a limited time.
 
-    It is woken then, so that it need not look ten times a second whether it is to end.
+    The main loop waits for that signal; that of uvicorn looks for it ten times a second.
     """
     handle, wake = server.handle_exit, list[Callable[[], Any]]()
 

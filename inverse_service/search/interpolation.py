@@ -63,7 +63,7 @@ class Interpolation:
                     continue
                 done.append(variable)
                 added = _basis(variable, degrees[variable])
-                candidates = [[(*old, power) for power in added for old in olds] for olds in support]
+                candidates = [[(*one, power) for power in added for one in products] for products in support]
                 support, vector = self._fitted(candidates, entries, done, fixed)
             if not done:
                 support, vector = self._fitted(support, entries, done, fixed)
@@ -122,10 +122,10 @@ class Interpolation:
             raise NoFit("the vector is not the only one in its support")
         (vector,), place = kernel, 0
         kept, coefficients = list[list[tuple[Power, ...]]](), list[int]()
-        for olds in candidates:
-            values = vector[place : place + len(olds)]
-            place += len(olds)
-            kept.append([old for old, value in zip(olds, values, strict=True) if value])
+        for products in candidates:
+            values = vector[place : place + len(products)]
+            place += len(products)
+            kept.append([one for one, value in zip(products, values, strict=True) if value])
             coefficients += [value for value in values if value]
         return kept, coefficients
 
@@ -147,17 +147,18 @@ class Interpolation:
     def _trees(
         self, support: Sequence[Sequence[tuple[Power, ...]]], vector: Sequence[int], done: Sequence[Generator]
     ) -> list[Terms]:
+        """The entries with these products of powers and coefficients, scaled so that the first coefficient is 1."""
         unit = pow(vector[0], -1, PRIME)
         numbers = [modular.reconstruct(value * unit % PRIME, PRIME, _LARGEST) for value in vector]
         if any(number is None for number in numbers):
             raise NoFit("the coefficients are not small rational numbers")
         found, place = list[Terms](), 0
         letters = [letters_of(variable, self.units) for variable in done]
-        for olds in support:
+        for products in support:
             total: Terms = {}
-            for old in olds:
+            for one in products:
                 key: Monomial = frozenset()
-                for power, pair in zip(old, letters, strict=True):
+                for power, pair in zip(one, letters, strict=True):
                     for letter, e in zip(pair, power, strict=True):
                         key = times(key, letter, e) if e else key
                 number = numbers[place]
@@ -184,13 +185,13 @@ def _powers(
 ) -> dict[tuple[Power, ...], Numbers]:
     """The value of each product of powers at the good points."""
     found = {}
-    for old in dict.fromkeys(old for olds in candidates for old in olds):
+    for one in dict.fromkeys(one for products in candidates for one in products):
         result = np.ones(int(points.good.sum()), np.int64)
-        for power, variable in zip(old, done, strict=True):
+        for power, variable in zip(one, done, strict=True):
             for base, e in zip(letters_at(variable, points), power, strict=True):
                 for _ in range(e):
                     result = result * base[points.good] % PRIME
-        found[old] = result
+        found[one] = result
     return found
 
 
@@ -209,10 +210,10 @@ def _fits(
         if k == reference:
             continue
         block = np.zeros((len(chosen), int(starts[-1])), np.int64)
-        for j, old in enumerate(candidates[reference]):
-            block[:, starts[reference] + j] = values[e][chosen] * powers[old][chosen] % PRIME
-        for j, old in enumerate(candidates[k]):
-            block[:, starts[k] + j] = (PRIME - values[entries[reference]][chosen]) * powers[old][chosen] % PRIME
+        for j, one in enumerate(candidates[reference]):
+            block[:, starts[reference] + j] = values[e][chosen] * powers[one][chosen] % PRIME
+        for j, one in enumerate(candidates[k]):
+            block[:, starts[k] + j] = (PRIME - values[entries[reference]][chosen]) * powers[one][chosen] % PRIME
         blocks.append(block)
     return kernel_of(np.concatenate(blocks))
 

@@ -175,6 +175,7 @@ def holds_numerically(analysis: deciding.Analysis, tree: ex.Expression, seed: in
 
 
 def _small(generator: random.Random) -> mpmath.mpf:
+    """A random multiple of 1/1000 between 0 and 1."""
     return mpmath.mpf(generator.randrange(1, 1000)) / 1000
 
 

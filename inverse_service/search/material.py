@@ -12,9 +12,7 @@ from inverse_service.decision.deciding import Analysis
 from inverse_service.expressions import evaluation, tree as ex
 from inverse_service.field import exact_field, real_point
 from inverse_service.mechanics import conditions
-from inverse_service.search import terms as tm
-
-_COMPANIONS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
+from inverse_service.search import angles, terms as tm
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,8 +108,8 @@ def _letters(forces: Iterable[tm.Terms]) -> list[ex.Expression]:
 def companions(letter: ex.Expression) -> list[ex.Expression]:
     """cos for sin, sin for cos, cosh for sinh, sinh for cosh, and A for A' or A''."""
     match letter:
-        case ex.Apply(function, argument) if function in _COMPANIONS:
-            return [ex.Apply(_COMPANIONS[function], argument)]
+        case ex.Apply(function, argument) if function in angles.SQUARES:
+            return [ex.Apply(angles.SQUARES[function][0], argument)]
         case ex.Arbitrary(name, arguments, orders) if any(orders):
             place = next(k for k, order in enumerate(orders) if order)
             lower = tuple(order - (k == place) for k, order in enumerate(orders))

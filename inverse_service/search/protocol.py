@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 
 _LONGEST_CHECK = 60.0  # seconds per described Lagrangian
+# Two Hessians are compared at a point and where its coordinates and velocities are larger by this factor.
 _TINY, _STEP = mpmath.mpf(10) ** -20, mpmath.mpf(129) / 128
 
 
@@ -126,7 +127,7 @@ def is_definite(lagrangian: ex.Expression, names: Sequence[str], table: real_poi
 def _kind(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[int, bool]:
     """Its `reading_class`, and whether its degree in the velocities exceeds 2."""
     moving = {*map(ex.Velocity, names)}
-    held = any(
+    is_higher = any(
         node in moving for row in euler_lagrange.hessian(lagrangian, names) for entry in row for node in ex.walk(entry)
     )
-    return ex.reading_class(lagrangian, ex.TIME), held
+    return ex.reading_class(lagrangian, ex.TIME), is_higher

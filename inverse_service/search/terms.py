@@ -403,7 +403,7 @@ def _letter_weight(letter: ex.Expression) -> int:
 
 
 def _is_moving_sum(tree: ex.Expression) -> bool:
-    return isinstance(tree, ex.Sum) and any(isinstance(node, ex.Velocity) for node in ex.walk(tree))
+    return isinstance(tree, ex.Sum) and has_velocity(tree)
 
 
 def derivative(key: Monomial, variable: ex.Expression) -> Terms:

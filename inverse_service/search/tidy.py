@@ -306,6 +306,7 @@ def _preference(tree: ex.Expression) -> tuple[int, int]:
 
 
 def _sign(node: ex.Expression) -> int:
+    """What the factor -1 of a product counts: a minus before a term less than its nodes, before a bracket more."""
     if not isinstance(node, ex.Product) or node.factors[0] != ex.MINUS_ONE:
         return 0
     if len(node.factors) > 2:
