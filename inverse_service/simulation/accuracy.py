@@ -322,7 +322,7 @@ def moments_between(run: observing.Observed) -> Array:
             low, high = np.where(np.abs(values(middle, node)[0] - before) < above / 2, (middle, high), (low, middle))
         found.append(high)
         if isinstance(node, ex.Apply) and node.function in ("sin", "cos"):
-            far = np.flatnonzero(np.abs(np.diff(along)) > np.pi)[:1]
+            far = np.flatnonzero(np.abs(np.diff(along)) > np.pi * scene.grid.record_every)[:1]
             found.append((times[far] + times[far + 1]) / 2)
     return np.unique(np.concatenate(found))[:MOST_MOMENTS]
 
