@@ -4,10 +4,10 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, Field, RootModel
 
-from api_schemas import base, nonholonomic
-from api_schemas.result import ForwardResult, LagrangianDocument, ResultDocument
+from api_schemas import base
+from api_schemas.result import ForwardResult, ResultDocument
 from api_schemas.scene import SimulationResult, WorkPrecisionResult
-from api_schemas.system import SystemDocument
+from api_schemas.system import LagrangianDocument, NonholonomicDocument, SystemDocument
 
 JobStatus = Literal["accepted", "running", "successful", "failed", "dismissed"]
 FINAL: Final[frozenset[str]] = frozenset({"successful", "failed", "dismissed"})
@@ -114,14 +114,14 @@ class JobResult(RootModel[Annotated[Solved | SimulationResult | WorkPrecisionRes
 class ResultOfDocument(base.Document):
     """A result with the document that it is to be of."""
 
-    document: SystemDocument | nonholonomic.NonholonomicDocument | LagrangianDocument
+    document: SystemDocument | NonholonomicDocument | LagrangianDocument
     result: Annotated[Solved, ByFormat]
 
 
 class OwnLagrangian(base.Document):
     """A Lagrangian that may yield the equations of a system."""
 
-    system: SystemDocument | nonholonomic.NonholonomicDocument
+    system: SystemDocument | NonholonomicDocument
     lagrangian: str
 
 

@@ -1,13 +1,13 @@
-"""The Result document, and the answer to a Lagrangian without constraints: the forward problem."""
+"""What is answered to the documents of `system`: about a system of equations, about a motion on constraints, and to a
+Lagrangian without constraints (the forward problem)."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final, Literal
+from typing import Any, Final, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from api_schemas import base
-from api_schemas.system import Name, NamedDocument, Text
 
 FORMAT: Final = "inverse-service/result/1"
 Verdict = Literal["variational", "not_variational", "undetermined"]
@@ -310,14 +310,215 @@ class ResultDocument(OtherAnswer):
     provenance: dict[str, Any] = Field(default_factory=dict)
 
 
+class NonholonomicParseAnswer(base.ParseAnswer):
+    """What was understood; `equations` are the accelerations of the motion, by the free velocities."""
+
+    lagrangian: base.ParsedFormula
+    constraints: list[base.ParsedFormula]
+
+
+class MotionPart(base.Document):
+    """The reduced equations: first order for `dependent` coordinates, second order for `free` ones.
+
+    `accelerations` are those of all coordinates, `multipliers` the lambda_a of d/dt(dL/dv) - dL/dq =
+    lambda_a w^a, one for each constraint; all contain the velocities of free coordinates only.
+    """
+
+    free: list[str]
+    dependent: list[str]
+    first_order: dict[str, Formula]
+    second_order: dict[str, Formula]
+    accelerations: dict[str, Formula]
+    multipliers: list[Formula]
+
+
+class IntegrabilityPart(base.Document):
+    """How many of the constraints are holonomic in disguise; `growth` are the ranks of the derived flag."""
+
+    holonomic: bool
+    integrable: int
+    count: int
+    growth: list[int]
+    integrals: list[Formula]
+    statement: str
+    parts: list[str] = Field(default_factory=list)
+
+
+class MeasurePart(base.Document):
+    """The invariant measure: `density` N for dq dp, p the momenta of the free velocities; `in_velocities` for dq du."""
+
+    status: Literal["found", "does_not_exist", "not_found"]
+    density: Formula | None = None
+    in_velocities: Formula | None = None
+    statement: str
+    parts: list[str] = Field(default_factory=list)
+
+
+class ClassPart(base.Document):
+    """Membership of the class s' = -A(r1) r2'; the roles of the coordinates, A, N and K if it is a member."""
+
+    member: bool
+    statement: str
+    parts: list[str] = Field(default_factory=list)
+    r1: str | None = None
+    r2: str | None = None
+    s: list[str] = Field(default_factory=list)
+    A: dict[str, Formula] = Field(default_factory=dict)
+    N: Formula | None = None
+    K: Formula | None = None
+    potential: bool = False
+
+
+class AssociatedPart(base.Document):
+    """One associated second-order system and its answer; `verdict` is null where the kind is not defined."""
+
+    kind: str
+    defined: bool
+    explanation: str
+    equations: dict[str, str] = Field(default_factory=dict)
+    latex: dict[str, str] = Field(default_factory=dict)
+    verdict: Verdict | None = None
+    verdict_with_time: Verdict | None = None
+    reason: str = ""
+    checked: Checked | None = None
+    lagrangian: LagrangianPart | None = None
+    hamiltonian: HamiltonianPart | None = None
+    certificate: dict[str, Any] | None = None
+    domain: list[str] = Field(default_factory=list)
+    steps: list[ExplanationStep] = Field(default_factory=list)
+
+
+class StatementPart(base.Document):
+    """One part of the claim that the flow of H holds the motion, and what its test said."""
+
+    text: str
+    verdict: Literal["holds", "fails", "not settled"]
+    parts: list[str] = Field(default_factory=list)
+
+
+class TrajectoryPart(base.Document):
+    """Both flows in floats from one start: largest difference of positions, of the constraints and of H."""
+
+    time: float
+    step: float
+    parameters: dict[str, float]
+    functions: dict[str, str]
+    start: dict[str, float]
+    difference: float
+    constraint: float
+    energy: float
+
+
+class HamiltonisationPart(base.Document):
+    """L, H and the constraints in phase space of one Lagrangian of an associated system, with proof.
+
+    `checked` is the independent checker's verdict on the Lagrangian, `holds` says that every statement
+    was confirmed.
+    """
+
+    associated: str
+    label: str
+    lagrangian: Formula
+    hamiltonian: HamiltonianPart | None
+    constraints: list[Formula]
+    checked: Checked
+    statements: list[StatementPart]
+    holds: bool
+    trajectory: TrajectoryPart | None = None
+
+
+class NonholonomicPart(base.Document):
+    """Everything found out about a nonholonomic system; `main` names the associated system of the main fields."""
+
+    lagrangian: Formula
+    constraints: list[Formula]
+    main: str
+    equations_of_motion: MotionPart
+    integrable: IntegrabilityPart
+    measure_density: MeasurePart
+    first_integrals: list[FirstIntegralPart]
+    paper_class: ClassPart
+    associated: list[AssociatedPart]
+    hamiltonisation: list[HamiltonisationPart]
+
+
+class MotionLagrangianPart(LagrangianPart):
+    """L on the tangent bundle; along the constraints it is l, its transverse momenta are lambda_a, one a constraint."""
+
+    on_constraints: Formula
+    transverse_momenta: list[Formula]
+
+
+class BelongsTo(base.Document):
+    """The associated system that a Lagrangian belongs to; `equations` is empty where it is too long to be solved."""
+
+    kind: str
+    equations: dict[str, str] = Field(default_factory=dict)
+
+
+class AnyAssociatedPart(base.Document):
+    """Whether any associated system whatsoever has a regular Lagrangian, and so whether the motion has one.
+
+    `certificate` proves `verdict`, and `verdict_with_time` too unless there is `certificate_with_time`; `image` are the
+    constraints in phase space, `freedom` says on how many functions L depends along the constraints.
+    """
+
+    statement: str
+    parts: list[str] = Field(default_factory=list)
+    verdict: Verdict
+    verdict_with_time: Verdict
+    reason: str = ""
+    checked: Checked | None = None
+    lagrangian: MotionLagrangianPart | None = None
+    associated: BelongsTo | None = None
+    hamiltonian: HamiltonianPart | None = None
+    image: list[Formula] = Field(default_factory=list)
+    freedom: str = ""
+    certificate: dict[str, Any] | None = None
+    certificate_with_time: dict[str, Any] | None = None
+    exceptions: list[str] = Field(default_factory=list)
+    explanation: list[ExplanationStep] = Field(default_factory=list)
+
+
+class ReducedPart(base.Document):
+    """The equations of the free coordinates alone, where these do not contain the others, and their own answer.
+
+    `reconstruction` gives the velocities of the others, as `statement` says; `with_clock` is the answer with
+    dtau = N dt, N from the invariant measure (Chaplygin), `without_clock` why there is none.
+    """
+
+    coordinates: list[str]
+    equations: dict[str, str]
+    verdict: Verdict
+    lagrangian: LagrangianPart | None = None
+    hamiltonian: HamiltonianPart | None = None
+    certificate: dict[str, Any] | None = None
+    checked: Checked | None = None
+    reason: str = ""
+    domain: list[str] = Field(default_factory=list)
+    reconstruction: dict[str, str]
+    statement: str
+    with_clock: ClockPart | None = None
+    without_clock: str = ""
+
+
+class NonholonomicBranch(BranchPart):
+    """The answers about the associated system `nonholonomic.main` and about the motion on one of the branches."""
+
+    any_associated: AnyAssociatedPart | None = None
+
+
+class NonholonomicResult(ResultDocument):
+    """The result of a Nonholonomic document: its main fields answer the associated system `nonholonomic.main`."""
+
+    branches: list[NonholonomicBranch] = Field(default_factory=list)  # type: ignore[assignment]
+
+    nonholonomic: NonholonomicPart | None = None
+    any_associated: AnyAssociatedPart | None = None
+    reduced: ReducedPart | None = None
+
+
 FORWARD_FORMAT: Final = "inverse-service/forward/1"
-
-
-class LagrangianDocument(NamedDocument):
-    """A Lagrangian L(t, q, q') alone: its equations of motion, momenta and Hamiltonian are asked for."""
-
-    coordinates: Annotated[list[Name], Field(min_length=1, max_length=base.MAX_FORWARD)] | None = None
-    lagrangian: Text
 
 
 class ForwardParseAnswer(base.ParseAnswer):

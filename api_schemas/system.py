@@ -1,4 +1,4 @@
-"""The System document: q'' = f(t, q, q') in any form of the contract."""
+"""The documents that ask: q'' = f(t, q, q') in any form of the contract; Lagrangians with constraints, or without."""
 
 from decimal import Decimal
 from typing import Annotated, Any, Literal
@@ -9,6 +9,7 @@ from api_schemas import base
 
 MAX_ANSATZ_TERMS = 50
 MAX_KINDS = 12
+MAX_FAMILIES = 20
 # Beyond this order the series of a multiplier fills pages.
 MAX_SERIES_ORDER = 8
 TAGS = ("<mapping>", "<list>", "<text>")
@@ -128,3 +129,54 @@ class SystemDocument(QuestionDocument):
     clock: Text | None = None
     kinds: Annotated[list[Kind], Field(max_length=MAX_KINDS)] = Field(default_factory=list)
     near: Annotated[dict[Name, Value], Field(max_length=base.MAX_PARAMETERS)] = Field(default_factory=dict)
+
+
+Associated = Literal["first", "second", "third", "search", "any"]
+Constraints = Annotated[
+    Annotated[list[Text], Field(min_length=1, max_length=base.MAX_EQUATIONS), Tag("<list>")]
+    | Annotated[Text, Tag("<text>")],
+    Discriminator(shape),
+]
+Multiples = Annotated[dict[Name, Formula], Field(min_length=1, max_length=base.MAX_COORDINATES)]
+Families = Annotated[
+    Annotated[Multiples, Tag("<mapping>")]
+    | Annotated[list[Multiples], Field(min_length=1, max_length=MAX_FAMILIES), Tag("<list>")],
+    Discriminator(shape),
+]
+
+
+class NonholonomicDocument(QuestionDocument):
+    """A Lagrangian with constraints linear in the velocities.
+
+    `constraints`: formulas that are zero, or equations; a list, or one text with semicolons.
+    `associated`: which associated system is decided; left out: first, second and third, and whether any is
+    variational; "any" asks that alone.
+    `multiples`: what is added to the accelerations of the associated system (the first, if none is named), for each
+    coordinate a formula that vanishes on the constraints; a list of such objects is a list of systems, each decided.
+    "search" and `search`, with which families of associated systems once were gone through, are accepted: since all
+    of them are decided at once they ask what leaving `associated` out asks.
+    """
+
+    lagrangian: Text
+    constraints: Constraints
+    associated: Associated | None = None
+    search: dict[str, Any] | None = None
+    multiples: Families | None = None
+
+
+class MotionDocument(QuestionDocument):
+    """A motion on constraints as it is: `motion` gives the accelerations of the free coordinates on the constraints.
+
+    The velocities of the other coordinates follow from the constraints, which may be affine and depend on t.
+    """
+
+    motion: Multiples
+    constraints: Constraints
+    associated: Literal["any"] | None = None
+
+
+class LagrangianDocument(NamedDocument):
+    """A Lagrangian L(t, q, q') alone: its equations of motion, momenta and Hamiltonian are asked for."""
+
+    coordinates: Annotated[list[Name], Field(min_length=1, max_length=base.MAX_FORWARD)] | None = None
+    lagrangian: Text

@@ -21,7 +21,7 @@ from inverse_service.certificate import checker
 from inverse_service.deadline import now
 from inverse_service.decision import certify
 from inverse_service.decision.deciding import analyze, decide
-from inverse_service.decision.kinds.helmholtz import invariant, kind_named
+from inverse_service.decision.helmholtz import invariant, kind_named
 from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import number

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from inverse_service.service.figures.drawing import shown
+from inverse_service.service.scenes.drawing import shown
 from paper import pictures
 from paper.inclined_edge import inclined_edge
 from paper.scenes import DISK, PARTICLE, run, scene

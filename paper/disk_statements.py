@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.service.figures.drawing import shown
+from inverse_service.service.scenes.drawing import shown
 from paper import pictures
 from paper.scenes import DISK, Run, both, run, scene
 from paper.statement import Progress, Statement, Table, finding

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from inverse_service.service.figures.drawing import shown
+from inverse_service.service.scenes.drawing import shown
 from paper import pictures
 from paper.scenes import KNIFE_EDGE, PARTICLE, Run, both, run, scene
 from paper.statement import Progress, Statement, Table, finding

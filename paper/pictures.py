@@ -7,8 +7,8 @@ from pathlib import Path
 
 import matplotlib
 
-from inverse_service.service.figures import views
-from inverse_service.service.figures.drawing import (
+from inverse_service.service.scenes import views
+from inverse_service.service.scenes.drawing import (
     SETTINGS,
     TRUE_COLOR,
     new_figure,

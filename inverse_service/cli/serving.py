@@ -58,7 +58,7 @@ def serve(
         # Another name would be a page elsewhere that lets its own name point here.
         settings = dataclasses.replace(settings, hosts=LOOPBACK)
     listener = _listen(host, port)
-    from inverse_service.service.compiling import warming
+    from inverse_service.service import warming
     from inverse_service.service.jobs import monitoring, workers
     from inverse_service.web import middleware, pages
 

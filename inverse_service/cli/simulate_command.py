@@ -40,7 +40,7 @@ def simulate(
     found = value_in_time(tasks.simulate_task, document, time_limit or DEFAULT_SECONDS)
     summary = without_points(found["result"])
     if moving is not None:
-        from inverse_service.service.figures.drawing import animate
+        from inverse_service.service.scenes.drawing import animate
 
         animate(moving, summary, found["tables"])
     if folder is not None:
@@ -105,7 +105,7 @@ def write_files(folder: Path, document: Any, found: Mapping[str, Any], summary: 
             (folder / f"{name}-events.csv").write_bytes(csv_bytes(found["events"][label]))
             method["files"].append(f"{name}-events.csv")
     if figures:
-        from inverse_service.service.figures.drawing import draw_simulation
+        from inverse_service.service.scenes.drawing import draw_simulation
 
         summary["figures"] = draw_simulation(folder, summary, tables, found["truth"])
     (folder / "summary.json").write_text(cli.in_json(summary | {"scene": document}), encoding="utf-8")
@@ -208,7 +208,7 @@ def work_precision(
     if folder is None:
         cli.write(price_list(result) if sys.stdout.isatty() else cli.in_json(result))
         return cli.ExitCode.DONE
-    from inverse_service.service.figures.drawing import precision_figure, save
+    from inverse_service.service.scenes.drawing import precision_figure, save
 
     figure, caption = precision_figure(result, evaluations)
     result["figures"] = [{"files": save(figure, folder, "work-precision", caption), "caption": caption}]

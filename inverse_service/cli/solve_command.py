@@ -15,7 +15,7 @@ from inverse_service import catalogue as catalog, errors
 from inverse_service.cli import command_line as cli
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.reading import document_names
-from inverse_service.service.compiling import warming
+from inverse_service.service import warming
 from inverse_service.service.documents import growing, plain_data
 from inverse_service.service.jobs import model, tasks, workers
 from inverse_service.settings import read_settings

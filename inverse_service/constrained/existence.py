@@ -16,8 +16,8 @@ import numpy.typing as npt
 from flint import nmod_mat
 
 from inverse_service.deadline import now
+from inverse_service.decision import constrained
 from inverse_service.decision.certify import conditions_of, head_of, involution_data, near_of
-from inverse_service.decision.kinds import constrained
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import NoRealValue

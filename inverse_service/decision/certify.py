@@ -20,7 +20,7 @@ from inverse_service.mechanics import euler_lagrange, implicit_equations, short_
 from inverse_service.reading import names as nm, reader
 
 if TYPE_CHECKING:
-    from inverse_service.decision.kinds.helmholtz import LagrangianKind
+    from inverse_service.decision.helmholtz import LagrangianKind
     from inverse_service.linear_pde import involution
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
 

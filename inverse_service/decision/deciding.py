@@ -24,8 +24,7 @@ from math import comb, isqrt
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.decision import solutions
-from inverse_service.decision.kinds import helmholtz
+from inverse_service.decision import helmholtz, solutions
 from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import dense_series as machine, modular, point as ps, reduction
 from inverse_service.field.real_point import RealTable, find_real_point

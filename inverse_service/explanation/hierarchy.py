@@ -30,8 +30,7 @@ from typing import Any, cast
 from flint import nmod_mat
 
 from inverse_service import bounds, errors
-from inverse_service.decision import deciding
-from inverse_service.decision.kinds import helmholtz
+from inverse_service.decision import deciding, helmholtz
 from inverse_service.expressions import notation, tree as ex
 from inverse_service.field import dense_series as machine, exact_field, matrices, null_vectors, point as ps, tower
 from inverse_service.mechanics import conditions as cd

@@ -14,6 +14,8 @@ sum is fixed too.
 u < 0; |u| is written sqrt(u^2), and sign(u) is u/sqrt(u^2). A root of T^2 O is |T| sqrt(O); its sides are those of the
 part of T with odd exponents. Roots whose product is a root of a square (sqrt(xy) and sqrt(x/y)) are split in the same
 way, with the signs of their factors as cases. asin(sin u) and similar are u and pi - u on neighboring intervals.
+
+`vanish` and `rank_at_point` test formulas at random points modulo primes.
 """
 
 from __future__ import annotations
@@ -25,9 +27,9 @@ from fractions import Fraction
 from functools import partial
 from itertools import combinations
 
-from flint import fmpq_mpoly, fmpz_mat
+from flint import fmpq_mpoly, fmpz_mat, nmod_mat
 
-from inverse_service import errors
+from inverse_service import bounds, errors
 from inverse_service.expressions import collecting, inequalities, tree as ex
 from inverse_service.expressions.pieces import STEP
 from inverse_service.field import exact_field, modular, point as ps, real_point, tower as towers
@@ -567,3 +569,54 @@ def _order(vectors: Mapping[ex.Expression, Factors], degrees: Mapping[ex.Express
     echelon = fmpz_mat(rows).hnf()
     volume = math.prod(int(echelon[k, k]) for k in range(len(columns)))
     return int(common ** len(columns)) // volume
+
+
+def values_modulo_primes(
+    expressions: Sequence[ex.Expression], variables: Sequence[ps.Variable], points: int = 2, seed: int = 1
+) -> list[tuple[ps.Point, list[int]]] | None:
+    """The residues of all expressions at `points` random points, each over a separate prime.
+
+    None if the relations among their functions cannot be determined or no point is found.
+    """
+    kernels = [towers.to_kernels(expression) for expression in expressions]
+    try:
+        table = real_point.find_real_point(kernels, variables, seed)
+        tower = reduce_atoms(kernels, variables, table)
+        found = []
+        for attempt in range(bounds.ATTEMPTS):
+            point = towers.draw_point(tower, seed * bounds.ATTEMPTS + attempt)
+            known: dict[ex.Expression, int] = {}
+            try:
+                found.append((point, [ps.evaluate(kernel, point, known) for kernel in kernels]))
+            except (ps.SingularPoint, ValueError, ZeroDivisionError, KeyError):
+                continue
+            if len(found) == points:
+                return found
+    except (errors.IrreducibleAtoms, KeyError):
+        return None
+    return None
+
+
+def vanish(expressions: Sequence[ex.Expression], variables: Sequence[ps.Variable], seed: int = 1) -> bool | None:
+    """True if all vanish at two points, False if one does not, None if that cannot be decided.
+
+    A nonzero rational function of degree d vanishes at a random point with probability about d/2^61.
+    """
+    if not expressions:
+        return True
+    found = values_modulo_primes(expressions, variables, 2, seed)
+    return None if found is None else all(not any(values) for _, values in found)
+
+
+def rank_at_point(
+    matrix: Sequence[Sequence[ex.Expression]], variables: Sequence[ps.Variable], seed: int = 1
+) -> int | None:
+    """The rank of a matrix of expressions at a random point, which is its generic rank (almost surely)."""
+    flat = [entry for row in matrix for entry in row]
+    if not flat:
+        return 0
+    found = values_modulo_primes(flat, variables, 1, seed)
+    if found is None:
+        return None
+    ((point, values),) = found
+    return int(nmod_mat(len(matrix), len(matrix[0]), values, point.prime).rank())

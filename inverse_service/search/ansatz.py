@@ -18,7 +18,7 @@ import numpy as np
 from inverse_service import bounds
 from inverse_service.deadline import STEP, check
 from inverse_service.decision.deciding import Analysis, variables_of
-from inverse_service.decision.kinds.helmholtz import Written, tensors_after, written
+from inverse_service.decision.helmholtz import Written, tensors_after, written
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import PI, Apply, Expression, Symbol, Velocity, distinct_nodes, node_count

@@ -1,4 +1,5 @@
 """Answer the questions about one system: decide, search, certify, check, explain.
 
-Other packages use `solving.solve`; `kind_answers`, `clock`, and `special_cases` answer additional questions.
+Other packages use `solving.solve`; `kind_answers`, `clock`, and `case_tree` answer additional
+questions. `strata` and `side_conditions` serve the tree of special cases.
 """

@@ -23,10 +23,9 @@ import numpy as np
 from inverse_service import bounds, errors
 from inverse_service.certificate import checker
 from inverse_service.deadline import left, now
-from inverse_service.decision import certify, deciding, solutions
+from inverse_service.decision import certify, deciding, helmholtz, solutions
 from inverse_service.decision.deciding import Analysis, Decision
-from inverse_service.decision.kinds import helmholtz
-from inverse_service.decision.kinds.helmholtz import ANY_FRICTION, LagrangianKind
+from inverse_service.decision.helmholtz import ANY_FRICTION, LagrangianKind
 from inverse_service.expressions import collecting, derivative, printing, tree as ex
 from inverse_service.field import exact_field, matrices, modular, null_vectors, point as ps, real_point
 from inverse_service.linear_pde import equations, involution

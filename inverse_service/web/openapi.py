@@ -15,10 +15,15 @@ from fastapi.openapi.utils import get_openapi
 
 from api_schemas.base import ParseAnswer, ProblemDocument
 from api_schemas.job import CheckedDocument, JobEvent, JobOptions, JobResult, SolveResult
-from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicParseAnswer, NonholonomicResult
-from api_schemas.result import ForwardParseAnswer, ForwardResult, LagrangianDocument, ResultDocument
+from api_schemas.result import (
+    ForwardParseAnswer,
+    ForwardResult,
+    NonholonomicParseAnswer,
+    NonholonomicResult,
+    ResultDocument,
+)
 from api_schemas.scene import SceneDocument, SimulationResult, WorkPrecisionResult
-from api_schemas.system import SystemDocument
+from api_schemas.system import LagrangianDocument, NonholonomicDocument, SystemDocument
 from inverse_service import catalogue
 from inverse_service.service.documents.answers import TITLES
 from inverse_service.web.problems import MEDIA_TYPE

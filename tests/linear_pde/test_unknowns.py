@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from inverse_service.decision.kinds import helmholtz
+from inverse_service.decision import helmholtz
 from inverse_service.field import dense_series
 from inverse_service.linear_pde import equations as pde
 

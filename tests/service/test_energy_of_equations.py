@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from inverse_service import solve
-from inverse_service.service.figures.drawing import series_figure
-from inverse_service.service.figures.views import figures_of
+from inverse_service.service.scenes.drawing import series_figure
 from inverse_service.service.scenes.simulating import simulate
+from inverse_service.service.scenes.views import figures_of
 from tests.values import slow
 
 

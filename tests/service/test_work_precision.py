@@ -10,7 +10,7 @@ import pytest
 
 from inverse_service.errors import InputError
 from inverse_service.service.documents.plain_data import read_json
-from inverse_service.service.figures.drawing import precision_figure
+from inverse_service.service.scenes.drawing import precision_figure
 from inverse_service.service.scenes.prices import price_sentences
 from inverse_service.service.scenes.simulating import simulate
 from inverse_service.service.scenes.work_precision import _targets, work_precision

@@ -16,13 +16,20 @@ from dataclasses import dataclass, field, replace
 from itertools import combinations
 from math import perm
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from api_schemas import base
-from api_schemas.system import MAX_SERIES_ORDER, TAGS, NamedDocument, SystemDocument
+from api_schemas.system import (
+    MAX_SERIES_ORDER,
+    TAGS,
+    MotionDocument,
+    NamedDocument,
+    NonholonomicDocument,
+    SystemDocument,
+)
 from inverse_service import errors
 from inverse_service.expressions import collecting, derivative, letters, notation, printing, refusals, tree as ex
 from inverse_service.field import reduction
@@ -32,12 +39,8 @@ from inverse_service.reading import components, document_names, names as nm, rea
 from inverse_service.reading.tokens import at, spelled, walk
 from inverse_service.service.documents import plain_data
 
-if TYPE_CHECKING:
-    from api_schemas.nonholonomic import MotionDocument, NonholonomicDocument
-
-    Asking = SystemDocument | NonholonomicDocument | MotionDocument
-
 Read = TypeVar("Read", bound=base.Document)
+Asking = SystemDocument | NonholonomicDocument | MotionDocument
 Steps = tuple[int | str, ...]
 FORMULAS = ("equations", "lagrangian", "constraints", "ansatz", "multiples", "where", "clock", "motion", "kinds")
 SCENE_FORMULAS = ("forces", "rayleigh", "observe", "events", "terms", "functions", "free_lagrangian")

@@ -85,7 +85,7 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
     The constraints hold with its velocities, and its accelerations are the motion, as of an associated system.
     """
     from inverse_service.constrained.lagrangian import first_system
-    from inverse_service.field.identities import vanish
+    from inverse_service.field.reduction import vanish
 
     try:
         document = accepting.prepared(document).document
@@ -383,7 +383,7 @@ def image_agrees(document: Any, shown: Mapping[str, Any], names: nm.Names) -> bo
 
     As many as those, and independent; None where the document has none or it is undecided.
     """
-    from inverse_service.field.identities import rank_at_point
+    from inverse_service.field.reduction import rank_at_point
     from inverse_service.mechanics.constrained_motion import equations_of_motion
 
     if not isinstance(document, dict) or "lagrangian" not in document:
@@ -403,7 +403,7 @@ def image_agrees(document: Any, shown: Mapping[str, Any], names: nm.Names) -> bo
 
 
 def _vanish(trees: Sequence[ex.Expression], names: nm.Names, moving: Sequence[str]) -> bool | None:
-    from inverse_service.field.identities import vanish
+    from inverse_service.field.reduction import vanish
 
     constants = [ex.Symbol(name) for name in names.parameters]
     return vanish(trees, [ex.TIME, *map(ex.Symbol, names.coordinates), *map(ex.Velocity, moving), *constants])

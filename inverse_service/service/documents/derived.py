@@ -16,7 +16,7 @@ from api_schemas import result as schemas
 from api_schemas.system import InvariantKind, SystemDocument
 from inverse_service import deadline
 from inverse_service.decision import deciding
-from inverse_service.decision.kinds.helmholtz import LagrangianKind, invariant, kind_named
+from inverse_service.decision.helmholtz import LagrangianKind, invariant, kind_named
 from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.errors import InputError
 from inverse_service.explanation import positive
@@ -29,9 +29,8 @@ from inverse_service.service.documents import accepting, translate
 from inverse_service.solving import solving
 
 if TYPE_CHECKING:
-    from api_schemas.nonholonomic import ReducedPart
+    from inverse_service.solving.case_tree import Node, Progress
     from inverse_service.solving.kind_answers import KindAnswer
-    from inverse_service.solving.special_cases.case_tree import Node, Progress
 
 SEARCH = "search"
 SHARE_OF_TREE = 0.7  # of the time for special cases; the remainder is for their Lagrangians
@@ -109,7 +108,7 @@ def special_cases(
     system: SecondOrderSystem, asked: SolveOptions, end: float, progress: Progress | None
 ) -> schemas.SpecialCasesPart:
     """The tree of special cases found until the end, with a Lagrangian for each *yes* as far as time goes."""
-    from inverse_service.solving.special_cases import case_tree
+    from inverse_service.solving import case_tree
 
     limit = deadline.now() + SHARE_OF_TREE * (end - deadline.now())
     found = case_tree.special_cases(system, asked.time_dependent, limit, progress, asked.seed)
@@ -144,7 +143,7 @@ def _node(node: Node, seed: int, end: float) -> schemas.CaseNode:
 
 def _lagrangian_there(node: Node, seed: int, end: float) -> dict[str, Any] | None:
     """Equations and a Lagrangian that was checked, of a special case that has one; None where there is no time."""
-    from inverse_service.solving.special_cases import case_tree
+    from inverse_service.solving import case_tree
 
     pairs = case_tree.conditions(node.case)
     if "variational" not in node.case.verdicts or not pairs or deadline.now() > end:
@@ -176,7 +175,7 @@ def _variational(node: Node, timed: bool, inside: bool) -> Iterator[schemas.Vari
 
 
 def _conditions_of(node: Node) -> list[schemas.Formula]:
-    from inverse_service.solving.special_cases import case_tree
+    from inverse_service.solving import case_tree
 
     writers = {"text": printing.to_text, "latex": printing.to_latex}
     pairs = case_tree.conditions(node.case)
@@ -254,7 +253,7 @@ def _with_parameters(system: SecondOrderSystem, seed: int, end: float) -> schema
     """The first of the special cases, parameters given by others, where a Lagrangian is found."""
     if not system.parameters or system.functions or deadline.now() > end:
         return None
-    from inverse_service.solving.special_cases import case_tree
+    from inverse_service.solving import case_tree
 
     waiting = [case_tree.special_cases(system, False, end, None, seed, _MOST_CASES).root]
     while waiting:
@@ -266,7 +265,7 @@ def _with_parameters(system: SecondOrderSystem, seed: int, end: float) -> schema
     return None
 
 
-def of_reduced(reduced: ReducedPart | None) -> schemas.InsteadPart | None:
+def of_reduced(reduced: schemas.ReducedPart | None) -> schemas.InsteadPart | None:
     """Of a motion on constraints: the reduced system, with Chaplygin's clock where it needs one."""
     for part in (reduced, reduced and reduced.with_clock):
         if part is not None and part.lagrangian is not None and part.checked == "valid":

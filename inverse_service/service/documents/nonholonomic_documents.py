@@ -9,8 +9,9 @@ from fractions import Fraction
 from functools import partial
 from typing import Any, TypeVar
 
-from api_schemas import base, nonholonomic as schemas
+from api_schemas import base, result as schemas
 from api_schemas.result import AdvicePart, HamiltonianPart
+from api_schemas.system import MotionDocument, NonholonomicDocument
 from inverse_service import errors
 from inverse_service.constrained import answering, hamiltonise, nonholonomic_study, reduced, reduced as deciding
 from inverse_service.constrained.lagrangian import first_system
@@ -53,12 +54,12 @@ FOR_INTEGRALS, SHARE_OF_INTEGRALS = 5.0, 0.1
 SHARE_LEFT = 0.1
 
 
-def to_nonholonomic_schema(document: Any) -> schemas.NonholonomicDocument:
+def to_nonholonomic_schema(document: Any) -> NonholonomicDocument:
     """The document in its schema; raises DocumentRefused with every fault found."""
     if isinstance(document, dict) and "equations" in document:
         sentence = "'equations' and a Lagrangian or constraints are both given: keep only one of the two."
         raise errors.DocumentRefused((errors.Place(sentence, "/equations"),))
-    return accepting.validated(document, schemas.NonholonomicDocument)
+    return accepting.validated(document, NonholonomicDocument)
 
 
 def nonholonomic_of(document: Any) -> constrained_motion.NonholonomicSystem:
@@ -66,14 +67,14 @@ def nonholonomic_of(document: Any) -> constrained_motion.NonholonomicSystem:
     return to_nonholonomic(to_nonholonomic_schema(document))
 
 
-def to_nonholonomic(schema: schemas.NonholonomicDocument) -> constrained_motion.NonholonomicSystem:
+def to_nonholonomic(schema: NonholonomicDocument) -> constrained_motion.NonholonomicSystem:
     """The system that a document describes; raises InputError with pointer and column."""
     declared = accepting.declared(schema, constrained_motion.MOST_CONSTRAINED)
     return constrained_motion.read_nonholonomic(declared, schema.lagrangian, schema.constraints, schema.name)
 
 
 def to_families(
-    schema: schemas.NonholonomicDocument, system: constrained_motion.NonholonomicSystem
+    schema: NonholonomicDocument, system: constrained_motion.NonholonomicSystem
 ) -> list[tuple[ex.Expression, ...]]:
     """The families of multiples, each one tree for each coordinate; raises InputError."""
     given = [] if schema.multiples is None else schema.multiples
@@ -94,9 +95,9 @@ def to_families(
     return found
 
 
-def look_motion(document: Any) -> schemas.MotionDocument:
+def look_motion(document: Any) -> MotionDocument:
     """The document in its schema; raises DocumentRefused with every fault found."""
-    return accepting.validated(document, schemas.MotionDocument)
+    return accepting.validated(document, MotionDocument)
 
 
 def motion_of(document: Any) -> constrained_motion.ConstrainedMotion:
@@ -104,13 +105,13 @@ def motion_of(document: Any) -> constrained_motion.ConstrainedMotion:
     return read_given_motion(look_motion(document))
 
 
-def read_given_motion(schema: schemas.MotionDocument) -> constrained_motion.ConstrainedMotion:
+def read_given_motion(schema: MotionDocument) -> constrained_motion.ConstrainedMotion:
     """The motion that a document describes; raises InputError."""
     declared = accepting.declared(schema, constrained_motion.MOST_CONSTRAINED)
     return constrained_motion.read_motion(declared, schema.motion, schema.constraints)
 
 
-def parse(schema: schemas.NonholonomicDocument) -> schemas.NonholonomicParseAnswer:
+def parse(schema: NonholonomicDocument) -> schemas.NonholonomicParseAnswer:
     """Lagrangian, constraints, and the accelerations that follow; raises InputError."""
     system = to_nonholonomic(schema)
     to_families(schema, system)
@@ -123,7 +124,7 @@ def parse(schema: schemas.NonholonomicDocument) -> schemas.NonholonomicParseAnsw
     )
 
 
-def system_of(schema: schemas.NonholonomicDocument) -> SecondOrderSystem:
+def system_of(schema: NonholonomicDocument) -> SecondOrderSystem:
     """The first associated system; raises InputError."""
     first, *_ = nonholonomic_study.associated_systems(
         nonholonomic_study.motion_report(to_nonholonomic(schema)), "first"
@@ -132,12 +133,12 @@ def system_of(schema: schemas.NonholonomicDocument) -> SecondOrderSystem:
     return first.system
 
 
-def parse_motion(schema: schemas.MotionDocument) -> base.ParseAnswer:
+def parse_motion(schema: MotionDocument) -> base.ParseAnswer:
     """The interpretation of the document; raises InputError."""
     return translate.to_parse_answer(system_of_motion(schema), schema)
 
 
-def system_of_motion(schema: schemas.MotionDocument) -> SecondOrderSystem:
+def system_of_motion(schema: MotionDocument) -> SecondOrderSystem:
     """The accelerations on the constraints, by the free velocities, as a system; raises InputError."""
     return first_system(read_given_motion(schema))
 
@@ -491,7 +492,7 @@ class _Made:
     `check` makes the document of the whole result, with the time that it may take.
     """
 
-    schema: schemas.NonholonomicDocument
+    schema: NonholonomicDocument
     report: nonholonomic_study.MotionReport
     options: solutions.SolveOptions
     grow: Growing
@@ -576,7 +577,7 @@ class _Made:
 
 def _about_the_motion(
     report: nonholonomic_study.MotionReport,
-    schema: schemas.NonholonomicDocument,
+    schema: NonholonomicDocument,
     options: solutions.SolveOptions,
     end: float,
     grow: Growing,

@@ -8,7 +8,8 @@ from typing import Any
 import mpmath
 
 from api_schemas.base import CHECK_FORMAT, MAX_FORWARD
-from api_schemas.result import ConservedQuantity, ForwardParseAnswer, ForwardResult, LagrangianDocument
+from api_schemas.result import ConservedQuantity, ForwardParseAnswer, ForwardResult
+from api_schemas.system import LagrangianDocument
 from inverse_service import deadline, errors
 from inverse_service.decision import cells, certify, deciding
 from inverse_service.decision.solutions import Hamiltonian, SolveOptions

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import mpmath
 
 from api_schemas import base, result as schemas
-from api_schemas.system import SystemDocument
+from api_schemas.system import LagrangianDocument, MotionDocument, NonholonomicDocument, SystemDocument
 from inverse_service import __version__
 from inverse_service.decision import certify, solutions
 from inverse_service.decision.cells import Left
@@ -19,13 +19,11 @@ from inverse_service.mechanics import method_advice, second_order_system
 from inverse_service.reading import document_names, names as nm
 
 if TYPE_CHECKING:
-    from api_schemas.nonholonomic import MotionDocument, NonholonomicDocument
-    from api_schemas.result import LagrangianDocument
     from inverse_service.mechanics.constrained_motion import NonholonomicSystem
     from inverse_service.mechanics.first_integrals import FirstIntegral
     from inverse_service.service.documents.accepting import Asking
 
-    AnyDocument = SystemDocument | NonholonomicDocument | MotionDocument | LagrangianDocument
+AnyDocument = SystemDocument | NonholonomicDocument | MotionDocument | LagrangianDocument
 
 Part = TypeVar("Part", bound=base.Document)
 

@@ -47,7 +47,7 @@ NO_BOUND: Final = 1_000_000
 LARGEST_BODY: Final = 2**31 - 1
 DIGITS = 40
 # A new page or command does not make an answer another one.
-NOT_THE_ENGINE = frozenset({"web", "cli", "client", "benchmark", "service/jobs", "service/compiling"})
+NOT_THE_ENGINE = ("web/", "cli/", "client.py", "service/jobs/", "service/shipping.py", "service/warming.py")
 SMALLEST_MEMORY = 512
 LARGEST_SEED = 2**31 - 1
 KEYS = "time_limit, memory_limit, seed"
@@ -206,7 +206,7 @@ def engine_version() -> str:
     digest = hashlib.sha256()
     for path in sorted(root.rglob("*.py")):
         name = path.relative_to(root).as_posix()
-        if not any(name.startswith(part + "/") for part in NOT_THE_ENGINE):
+        if not name.startswith(NOT_THE_ENGINE):
             digest.update(name.encode() + b"\x00" + path.read_bytes())
     return f"{__version__}+{digest.hexdigest()[:12]}"
 

@@ -10,7 +10,7 @@ import gc
 import importlib
 
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.service.compiling import warming
+from inverse_service.service import warming
 from inverse_service.service.jobs import tasks, workers
 
 SMALL = {"coordinates": ["x"], "equations": {"x": "-x"}}

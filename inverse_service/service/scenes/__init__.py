@@ -1,4 +1,4 @@
-"""Scene documents in, results of simulations out.
+"""Scene documents in, results of simulations out, and their figures for files: SVG and PNG.
 
-Others use `scene_reading`, `simulating`, `work_precision`, and `prices`.
+Others use `scene_reading`, `simulating`, `work_precision`, `prices`, `views`, and `drawing`.
 """

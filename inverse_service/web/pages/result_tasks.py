@@ -19,8 +19,8 @@ from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.reading import document_names, names as nm
 from inverse_service.service.documents import plain_data, printed_pages, sheets
-from inverse_service.service.figures import views
 from inverse_service.service.jobs import model, opening, tasks
+from inverse_service.service.scenes import views
 from inverse_service.web.pages import WORDS, forms, preview, rendering, simulations, typesetting
 
 T = TypeVar("T")
@@ -184,7 +184,7 @@ def figure_data_task(store: str, id: str) -> bytes:
 
 def picture_task(store: str, id: str, name: str, ending: str) -> bytes | None:
     """A figure as a file; None if the result does not have it."""
-    from inverse_service.service.figures.drawing import picture
+    from inverse_service.service.scenes.drawing import picture
 
     return picture(_result(store, id), name, ending)
 

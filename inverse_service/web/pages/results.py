@@ -19,9 +19,9 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service.reading import document_names
 from inverse_service.service.documents import printed_pages, sheets
-from inverse_service.service.figures import views
 from inverse_service.service.jobs import model, monitoring, statements, tasks
 from inverse_service.service.jobs.batch import answer_line
+from inverse_service.service.scenes import views
 from inverse_service.web import asking, clients, job_answers, problems, routes
 from inverse_service.web.engine import LONG_DEADLINE, QUICK_DEADLINE, Engine
 from inverse_service.web.pages import forms, result_tasks, simulations

@@ -12,8 +12,7 @@ from starlette.responses import HTMLResponse
 
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import printed_pages, sheets
-from inverse_service.service.figures import views
-from inverse_service.service.scenes import prices
+from inverse_service.service.scenes import prices, views
 from inverse_service.web.pages import preview, rendering, typesetting
 
 PICTURES = {"svg": "image/svg+xml", "png": "image/png"}

@@ -1,4 +1,4 @@
-"""Compile the kernels ahead of time: `python -m inverse_service.service.compiling.shipping [FOLDER [MACHINE]]`.
+"""Compile the kernels ahead of time: `python -m inverse_service.service.shipping [FOLDER [MACHINE]]`.
 
 The systems of `warming` are solved, which needs every kernel; each kernel is compiled for each target of
 `shipped.TARGETS`, and all are linked to one shared library. MACHINE is x86_64 or aarch64, this one if it is not given.
@@ -18,7 +18,7 @@ from typing import Any
 import llvmlite.binding as llvm
 
 from inverse_service.kernels.machine_code import building, kernels, shipped
-from inverse_service.service.compiling import warming
+from inverse_service.service import warming
 
 # What numba says of the processor at hand: attributes of each function, two lines at the head of a module.
 HOST = re.compile(

@@ -22,7 +22,7 @@ from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import conditions, euler_lagrange
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import reductions
-from inverse_service.solving.special_cases import strata
+from inverse_service.solving import strata
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,8 @@ from inverse_service.field import exact_field
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.conditions import motion_in_ring
-from inverse_service.solving.special_cases import side_conditions, strata
-from inverse_service.solving.special_cases.strata import ParameterSpace, Stratum
+from inverse_service.solving import side_conditions, strata
+from inverse_service.solving.strata import ParameterSpace, Stratum
 
 MOST_CASES = 120
 DEEPEST = 8

@@ -1,1 +1,0 @@
-"""Figures of simulations for files: SVG and PNG, drawn from result documents and tables of columns."""

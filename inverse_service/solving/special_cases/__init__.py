@@ -1,1 +1,0 @@
-"""Determine for which parameter values, and which functions, a system is variational."""
