@@ -65,14 +65,19 @@ def answered(
                 waiting.append(other)
     unreached = second_order_system.unreached(system)
     left += [Left(tuple(map(collecting.collect, one.positive)), None, NO_POINT) for one in unreached]
-    beyond = list[Left]()
-    for outside in islice(product(*known_sides), _MOST_OUTSIDE) if system.branch is None else ():
-        other = second_order_system.on_side(system, [collecting.collect(-side) for side in outside])
-        point = None if other is None else point_of(other)
-        listed = point is not None and any(real_point.are_positive(one.positive, point) for one in beyond)
-        if other is not None and point is not None and not listed:
-            beyond.append(Left(other.positive, point, BEYOND))
-    return found, left + beyond
+    return found, left + (_in_no_cell(system, known_sides) if system.branch is None else [])
+
+
+def _in_no_cell(system: second_order_system.SecondOrderSystem, sides: Sequence[Sequence[ex.Expression]]) -> list[Left]:
+    """The sets with a known point that no cell contains: of the trees positive on each cell, one is negative there."""
+    found = list[Left]()
+    for outside in islice(product(*sides), _MOST_OUTSIDE):
+        beyond = second_order_system.on_side(system, [collecting.collect(-side) for side in outside])
+        point = None if beyond is None else point_of(beyond)
+        if beyond is None or point is None or any(real_point.are_positive(one.positive, point) for one in found):
+            continue
+        found.append(Left(beyond.positive, point, BEYOND))
+    return found
 
 
 def other_part(
@@ -82,10 +87,10 @@ def other_part(
     end: float,
     wanted: Sequence[str] = ("invalid", "incomplete"),
 ) -> tuple[real_point.RealTable, checker.CheckResult] | None:
-    """A point of a cell at which a claim checked on one part of the cell has a wanted verdict, and the checker's
-    result.
+    """Repeat the check of a claim at points on other connected parts of its cell, where all `sides` are > 0.
 
-    Earlier entries of `wanted` take precedence; None if no tried point has such a verdict.
+    The point with the wanted verdict and the checker's result; earlier entries of `wanted` take precedence. None if no
+    tried point has such a verdict.
     """
     found = dict[str, tuple[real_point.RealTable, checker.CheckResult]]()
     for point in (one for seed in _OTHER_POINTS for one in _points(analysis.system, seed)):
@@ -107,5 +112,6 @@ def _points(system: second_order_system.SecondOrderSystem, seed: int) -> list[re
 
 
 def point_of(system: second_order_system.SecondOrderSystem, seed: int = 1) -> real_point.RealTable | None:
+    """A real point at which f has a value and everything in `system.positive` is > 0."""
     kernels = tuple(map(tower.to_kernels, system.accelerations))
     return real_point.find_real_point(kernels, deciding.variables_of(system), seed, system.positive)

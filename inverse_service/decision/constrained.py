@@ -116,6 +116,7 @@ def written(shape: Shape, variables: Sequence[ps.Variable], field: Sequence[Expr
 
 
 def _write_coefficients(shape: Shape, series: SeriesProgram, minus: int) -> None:
+    """w^a_alpha, X_alpha(w^b) - Gamma(w^b_alpha), and dw^b/ds^a; `minus` is the number -1 of the program."""
     last, m = shape.one + 1, range(shape.dependent)
     for b in m:
         for alpha in range(shape.free):
@@ -126,12 +127,12 @@ def _write_coefficients(shape: Shape, series: SeriesProgram, minus: int) -> None
         for alpha in range(shape.free):
             out = shape.curvature(b, alpha)
             series.write(machine.DERIVATIVE, last, shape.s(b), shape.r(alpha))
-            series.instructions.append((machine.ADD, out, last, 0, 0, 2))
+            series.write(machine.ADD, out, last, lost=2)
             for a in m:
-                series.instructions.append((machine.PRODUCT, out, shape.slope(a, alpha), shape.gradient(a, b), 0, 2))
+                series.write(machine.PRODUCT, out, shape.slope(a, alpha), shape.gradient(a, b), lost=2)
             for x in range(shape.size):
                 series.write(machine.DERIVATIVE, last, shape.slope(b, alpha), x)
-                series.instructions.append((machine.PRODUCT, out, x, last, minus, 2))
+                series.write(machine.PRODUCT, out, x, last, minus, lost=2)
 
 
 def compiled_equations(shape: Shape, prime: int, order: int, registers: Registers) -> LocalEquations:
@@ -198,10 +199,10 @@ def write_brackets(shape: Shape, series: SeriesProgram) -> int:
             out = before + size * shape.free + x
             for y in range(size):
                 series.write(machine.DERIVATIVE, spare, before + x, y)
-                series.instructions.append((machine.PRODUCT, out, y, spare, 0, j))
+                series.write(machine.PRODUCT, out, y, spare, lost=j)
             for y in own:
                 series.write(machine.DERIVATIVE, spare, x, y)
-                series.instructions.append((machine.PRODUCT, out, before + y, spare, minus, j))
+                series.write(machine.PRODUCT, out, before + y, spare, minus, lost=j)
     return first
 
 
@@ -221,7 +222,11 @@ class _Program:
 
 @dataclass(slots=True)
 class _Writing:
-    """A program under construction: `first` and `slopes` are registers as in `equations`, `free` is the next one."""
+    """A program under construction: `first` and `slopes` are registers as in `equations`, `free` is the next one.
+
+    The registers before `kept` are those of `write_brackets`; components along the ds^a - w^a_alpha dr^alpha follow,
+    then, from `bends` on, the derivatives of the w^a_alpha. A line is (operation, result, left, right, number, order).
+    """
 
     shape: Shape
     first: int

@@ -17,7 +17,7 @@ remainder theorem, and reconstructed as fractions (Wang 1981); one more prime co
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from math import comb, isqrt
@@ -84,21 +84,24 @@ def analyze(system: second_order_system.SecondOrderSystem) -> Analysis:
     """The analysis of the system's first branch; IrreducibleAtoms if relations among the atoms cannot be decided."""
     system = second_order_system.branches_of(system)[0]
     kernels = tuple(to_kernels(f) for f in system.accelerations)
-    variables = variables_of(system)
+    table = _real_point(system, kernels)
+    return Analysis(system, kernels, reduction.reduce_atoms(kernels, variables_of(system), table), table)
+
+
+def _real_point(system: second_order_system.SecondOrderSystem, kernels: Sequence[ex.Expression]) -> RealTable | None:
+    """A real point of a branch; IrreducibleAtoms if its formula cannot be separated from other pieces without one."""
+    variables, positive = variables_of(system), system.positive
     # The other pieces of a piecewise formula need not be defined on this piece.
     roots = system.branch.roots if system.branch else ()
-    steps: dict[ex.Expression, ex.Expression] = {node: one for node, one in roots if isinstance(node, ex.Apply)}
-    given = [to_kernels(ex.substitute(f, steps)) for f in system.given] if system.positive else []
-    if steps and find_real_point(tuple(map(to_kernels, system.given)), variables, 1, system.positive) is None:
+    pieces: dict[ex.Expression, ex.Expression] = {node: one for node, one in roots if isinstance(node, ex.Apply)}
+    if pieces and find_real_point(tuple(map(to_kernels, system.given)), variables, 1, positive) is None:
         raise errors.IrreducibleAtoms(_alone(system))
+    given = [to_kernels(ex.substitute(f, pieces)) for f in system.given] if positive else []
     # First-order equations in which one unknown became the velocity: choose positive unknowns and rates if possible, as
     # for predators and prey.
-    positive = [*map(ex.Symbol, system.parameters), *(tree for _, tree in system.others)] if system.others else []
-    sides = [*system.positive, *positive]
-    points = (find_real_point([*kernels, *given], variables, 1, tuple(side)) for side in (sides, system.positive))
-    table = next((point for point in points if point is not None), None)
-    tower = reduction.reduce_atoms(kernels, variables, table)
-    return Analysis(system, kernels, tower, table)
+    wanted = [*map(ex.Symbol, system.parameters), *(tree for _, tree in system.others)] if system.others else []
+    points = (find_real_point([*kernels, *given], variables, 1, side) for side in ((*positive, *wanted), positive))
+    return next((point for point in points if point is not None), None)
 
 
 def _alone(system: second_order_system.SecondOrderSystem) -> str:
@@ -136,7 +139,10 @@ class Decision:
 
 
 class HelmholtzAt:
-    """The Helmholtz conditions of one system at random points, or at the points that `draw` returns."""
+    """The Helmholtz conditions of one system at random points, or at the points that `draw` returns.
+
+    `involution.settle` asks for the `unknowns`, the `matrix` that must be regular, and the equations `at` each point.
+    """
 
     others: tuple[involution.Matrix, ...] = ()
 

@@ -220,20 +220,23 @@ class Added:
 
 def added_equations(among: Among, given: Written) -> tuple[Added, ...]:
     """K and S of each derivation, or C and D; their series require two orders more than the prolongation."""
-    program, gamma = given.program, list(enumerate(given.field))
-    n, size = len(given.tensors[0]), len(gamma)
+    program, n = given.program, len(given.tensors[0])
     found = [*_curl(given, n)] if ANY_FRICTION in among else []
     for place, derivation in enumerate(each for each in among if not isinstance(each, str)):
         field = {program.places[x]: machine.series_of(program, part) for x, part in derivation.parts.items()}
         found.append(Added(f"K{place}", pairs_of("H2", n), 1, tuple(_lie(program, field, derivation.weight, n))))
-        if derivation.exact:  # g_ij s^j for s = Y(f) - Gamma(Y_v) - c f/2
-            shifts = []
-            for k, (_, f) in enumerate(gamma[size - n :]):
-                turned = machine.along(gamma, field.get(size - n + k, machine.Series(program)))
-                shifts.append(machine.along(field.items(), f) - turned - f.scaled(Fraction(derivation.weight, 2)))
-            terms = [pde.Term(i, entry, pde.NO_DERIVATIVE, shifts[k].register) for (i, k), entry in _entries(n).items()]
-            found.append(Added(f"S{place}", tuple((i, i) for i in range(n)), 0, tuple(terms)))
+        if derivation.exact:
+            found.append(Added(f"S{place}", tuple((i, i) for i in range(n)), 0, _symmetry(given, field, derivation)))
     return tuple(found)
+
+
+def _symmetry(given: Written, field: Mapping[int, machine.Series], derivation: Derivation) -> tuple[pde.Term, ...]:
+    """S: g_ij s^j = 0 for s = Y(f) - Gamma(Y_v) - c f/2, with `field` the components of Y by place."""
+    gamma, n, shifts = list(enumerate(given.field)), len(given.tensors[0]), []
+    for place, f in gamma[len(gamma) - n :]:
+        turned = machine.along(gamma, field.get(place, machine.Series(given.program)))
+        shifts.append(machine.along(field.items(), f) - turned - f.scaled(Fraction(derivation.weight, 2)))
+    return tuple(pde.Term(i, at, pde.NO_DERIVATIVE, shifts[k].register) for (i, k), at in _entries(n).items())
 
 
 def _curl(given: Written, n: int) -> Iterator[Added]:
@@ -264,6 +267,7 @@ def _curl(given: Written, n: int) -> Iterator[Added]:
 def _lie(
     program: machine.SeriesProgram, field: Mapping[int, machine.Series], weight: int, n: int
 ) -> Iterator[pde.Term]:
+    """K: Y(g_ij) + g_ik dY_v^k/dv^j + g_jk dY_v^k/dv^i - c g_ij, with `field` the components of Y by place."""
     size, entry = len(program.variables), _entries(n)
     for equation, (i, j) in enumerate(pairs_of("H2", n)):
         yield from (pde.Term(equation, equation, a, part.register) for a, part in field.items())

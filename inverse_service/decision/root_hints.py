@@ -72,30 +72,40 @@ def _with_roots_inside(formulas: Sequence[ex.Expression], table: real_point.Real
 
     If b = 0 after replacing r^2 by v, it is the root of the square a.
     """
-    found, letter = list[Entry](), ex.Symbol("_r")
+    found = list[Entry]()
     for node in ex.distinct_nodes(formulas) if table is not None else ():
-        under = node.base if isinstance(node, ex.Power) and node.exponent == ex.HALF else ex.ZERO
-        inner = [one for one in ex.distinct_nodes([under]) if isinstance(one, ex.Power) and tower.is_even_root(one)]
-        if len(inner) != 1 or inner[0].exponent != ex.HALF:
+        nested = _nested_root(node)
+        if nested is None:
             continue
-        terms = collecting.expand(ex.substitute(under, {inner[0]: letter}))
-        powers = [dict(monomial).get(letter, Fraction(0)) for monomial, _ in terms]
-        if any(power.denominator > 1 or power < 0 for power in powers):
-            continue
-        v, parts = inner[0].base, list[ex.Expression]([ex.ZERO, ex.ZERO])
-        for power, (monomial, coefficient) in zip(powers, terms, strict=True):
-            rest = [atom ** ex.number(exponent) for atom, exponent in monomial if atom != letter]
-            parts[int(power % 2)] += ex.multiply(ex.number(coefficient), v ** ex.number(power // 2), *rest)
-        a, b = map(collecting.collect, parts)
+        a, b, v = nested
         value: ex.Expression | None
         with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
             value = _root_here(a if b == ex.ZERO else a**2 - b**2 * v, table or {})
             if value is not None and b != ex.ZERO:
                 first, second = (ex.square_root(collecting.collect((a + d) / 2)) for d in (value, -value))
                 value = first + second if real_point.are_positive([b], table or {}) else first - second
-            if value is not None and not any(letter in ex.walk(part) for part in (a, b)):
-                found.append(_entry(ex.square_root(under), collecting.collect(value)))
+            if value is not None:
+                found.append(_entry(node, collecting.collect(value)))
     return found
+
+
+def _nested_root(node: ex.Expression) -> tuple[ex.Expression, ex.Expression, ex.Expression] | None:
+    """(a, b, v) of sqrt(a + b sqrt(v)), in which a and b contain no other even root; None if it has another form."""
+    if not (isinstance(node, ex.Power) and node.exponent == ex.HALF):
+        return None
+    inner = [one for one in ex.distinct_nodes([node.base]) if isinstance(one, ex.Power) and tower.is_even_root(one)]
+    if len(inner) != 1 or inner[0].exponent != ex.HALF:
+        return None
+    letter, v = ex.Symbol("_r"), inner[0].base
+    parts = list[ex.Expression]([ex.ZERO, ex.ZERO])
+    for monomial, coefficient in collecting.expand(ex.substitute(node.base, {inner[0]: letter})):
+        power = dict(monomial).get(letter, Fraction(0))
+        if power.denominator > 1 or power < 0:
+            return None
+        rest = [atom ** ex.number(exponent) for atom, exponent in monomial if atom != letter]
+        parts[int(power % 2)] += ex.multiply(ex.number(coefficient), v ** ex.number(power // 2), *rest)
+    a, b = map(collecting.collect, parts)
+    return None if ex.holds(a, letter) or ex.holds(b, letter) else (a, b, v)
 
 
 def _root_here(square: ex.Expression, table: real_point.RealTable) -> ex.Expression | None:

@@ -473,9 +473,9 @@ class SeriesProgram:
             self.numbers[key] = self.constant(lambda point, known: ps.number_value(Fraction(value), point.prime))
         return self.numbers[key]
 
-    def write(self, operation: int, out: int, a: int = 0, b: int = 0, c: int = _ONE) -> int:
-        """Append an instruction; return its register `out`."""
-        self.instructions.append((operation, out, a, b, c, 0))
+    def write(self, operation: int, out: int, a: int = 0, b: int = 0, c: int = _ONE, lost: int = 0) -> int:
+        """Append an instruction; return its register `out`, known to `lost` orders less than the program's."""
+        self.instructions.append((operation, out, a, b, c, lost))
         return out
 
     def expand(self, tree: ex.Expression) -> int:
@@ -683,8 +683,8 @@ class Series:
     def _written(self) -> int:
         out = self.program.register()
         for factor, a, b in self.terms:
-            operation = (ADD, out, a, 0) if b is None else (PRODUCT, out, a, b)
-            self.program.instructions.append((*operation, self.program.number(factor), self.lost))
+            operation, right = (ADD, 0) if b is None else (PRODUCT, b)
+            self.program.write(operation, out, a, right, self.program.number(factor), self.lost)
         return out
 
 
@@ -705,7 +705,7 @@ def along(components: Iterable[tuple[int, Series]], series: Series) -> Series:
     spare = program.known["spare"]
     for place, _, times, x in parts:
         program.write(DERIVATIVE, spare, y, place)
-        program.instructions.append((PRODUCT, out, x, spare, program.number(factor * times), lost))
+        program.write(PRODUCT, out, x, spare, program.number(factor * times), lost)
     return Series(program, ((1, out, None),), lost)
 
 

@@ -273,7 +273,7 @@ def _is_rational(formulas: Iterable[ex.Expression]) -> bool:
 
 
 def _is_irrational(text: GivenText) -> bool:
-    """Whether the checker's reader meets more than rational operations in it, or does not read it."""
+    """Whether the checker's reader meets more than rational operations in it; what it cannot read is not compared."""
     try:
         return any(
             fm.is_irrational(fm.read_tokens(part, "formula")) for part in (text.left, text.right, *text.values.values())
