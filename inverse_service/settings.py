@@ -5,8 +5,10 @@ import hashlib
 import ipaddress
 import os
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from functools import partial
+from typing import Any
 
 from inverse_service import errors
 
@@ -18,6 +20,82 @@ _KEYS = "it is a list such as alice:HASH, bob:HASH with the SHA-256 of each key 
 _KEY_NAME = re.compile(r"[A-Za-z0-9._-]{1,40}")
 _ORIGIN = re.compile(r"\*|https?://[^\s;,'\"/]+")
 _DIGEST = re.compile(r"[0-9a-f]{64}")
+
+
+def read_key(text: str) -> tuple[str, str]:
+    """(client, SHA-256 of the key) from `name:HASH`; raises InputError."""
+    name, _, digest = text.lower().rpartition(":")
+    name = name or digest[:8]
+    if not _KEY_NAME.fullmatch(name) or not _DIGEST.fullmatch(digest):
+        raise errors.InputError(f"The setting {PREFIX}API_KEYS has an entry that is not a key; {_KEYS}.")
+    return name, digest
+
+
+def _whole(low: int, high: int, name: str, text: str) -> int:
+    if not (text.isascii() and text.isdigit() and len(text) < 12 and low <= int(text) <= high):
+        raise errors.InputError(f"The setting {PREFIX}{name} must be an integer from {low} to {high}.")
+    return int(text)
+
+
+def _bound(high: int, name: str, text: str) -> int | None:
+    """A number, of which 0 is none."""
+    return _whole(0, high, name, text) or None
+
+
+def _number(low: float, high: float, unit: str, name: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not low <= value <= high:
+        raise errors.InputError(f"The setting {PREFIX}{name} must be a number of {unit} from {low:g} to {high:g}.")
+    return value
+
+
+def _text(name: str, text: str) -> str:
+    return text
+
+
+def _list(name: str, text: str) -> tuple[str, ...]:
+    return tuple(part.strip() for part in text.split(",") if part.strip())
+
+
+def _addresses(name: str, text: str) -> tuple[str, ...]:
+    try:
+        for each in _list(name, text):
+            ipaddress.ip_network(each)
+    except ValueError:
+        raise errors.InputError(
+            f"The setting {PREFIX}{name} must be a list of addresses or networks such as 127.0.0.1, 10.0.0.0/8."
+        ) from None
+    return _list(name, text)
+
+
+def _origins(name: str, text: str) -> tuple[str, ...]:
+    if not all(map(_ORIGIN.fullmatch, _list(name, text))):
+        raise errors.InputError(
+            f"The setting {PREFIX}{name} must be a list such as https://a.example, https://b.example, or *."
+        )
+    return _list(name, text)
+
+
+def _api_keys(name: str, text: str) -> tuple[tuple[str, str], ...]:
+    """`name:HASH, ...`; HASH is the SHA-256 of the key in hexadecimal digits; without a name it names the client."""
+    found = tuple(map(read_key, _list(name, text)))
+    if not found:
+        raise errors.InputError(f"The setting {PREFIX}{name} has no key; {_KEYS}. Unset it to require none.")
+    return found
+
+
+def _log_level(name: str, text: str) -> str:
+    if text.lower() not in LOG_LEVELS:
+        raise errors.InputError(f"The setting {PREFIX}{name} must be one of {', '.join(LOG_LEVELS)}.")
+    return text.lower()
+
+
+def _setting(default: Any, read: Callable[..., Any], *bounds: Any) -> Any:
+    """A field with its default, and how the text of the environment is read: `read(*bounds, name, text)`."""
+    return field(default=default, metadata={"read": partial(read, *bounds)})
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,29 +113,29 @@ class Settings:
     (empty: any). Pages of `frame_origins` may show results in frames.
     """
 
-    workers: int = 2
-    time_limit: float = 60.0
-    memory_limit: int = 4096
-    max_body: int = 1_000_000
-    queue: int = 100_000
-    client_queue: int = 50_000
-    client_running: int | None = None
-    client_daily_seconds: int | None = None
-    waiting: int = 1024
-    max_lines: int = 10_000
-    database: str | None = None
-    retention_days: float = 365.0
-    store_size: int = 10_240
-    api_keys: tuple[tuple[str, str], ...] = ()
-    api_keys_file: str | None = None
-    cors_origins: tuple[str, ...] = ()
-    cluster: str | None = None
-    connections: int = 2000
-    client_connections: int = 256
-    frame_origins: tuple[str, ...] = ()
-    proxies: tuple[str, ...] = ()
-    hosts: tuple[str, ...] = ()
-    log_level: str = "info"
+    workers: int = _setting(2, _whole, 1, 256)
+    time_limit: float = _setting(60.0, _number, 0.1, 86_400.0, "seconds")
+    memory_limit: int = _setting(4096, _whole, 1024, 1_048_576)
+    max_body: int = _setting(1_000_000, _whole, 1_000, 1_000_000_000)
+    queue: int = _setting(100_000, _whole, 1, 10_000_000)
+    client_queue: int = _setting(50_000, _whole, 1, 10_000_000)
+    client_running: int | None = _setting(None, _bound, 100_000)
+    client_daily_seconds: int | None = _setting(None, _bound, 100_000_000)
+    waiting: int = _setting(1024, _whole, 1, 100_000)
+    max_lines: int = _setting(10_000, _whole, 1, 1_000_000)
+    database: str | None = _setting(None, _text)
+    retention_days: float = _setting(365.0, _number, 0.001, 100_000.0, "days")
+    store_size: int = _setting(10_240, _whole, 1, 100_000_000)
+    api_keys: tuple[tuple[str, str], ...] = _setting((), _api_keys)
+    api_keys_file: str | None = _setting(None, _text)
+    cors_origins: tuple[str, ...] = _setting((), _origins)
+    cluster: str | None = _setting(None, _text)
+    connections: int = _setting(2000, _whole, 10, 1_000_000)
+    client_connections: int = _setting(256, _whole, 1, 1_000_000)
+    frame_origins: tuple[str, ...] = _setting((), _origins)
+    proxies: tuple[str, ...] = _setting((), _addresses)
+    hosts: tuple[str, ...] = _setting((), _list)
+    log_level: str = _setting("info", _log_level)
 
 
 def cores() -> int:
@@ -77,104 +155,18 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
     a misspelled key or limit must not go unnoticed.
     """
     _refuse_unknown(environment)
-    return Settings(
-        workers=_whole(environment, "WORKERS", default_workers(), 1, 256),
-        time_limit=_seconds(environment, "TIME_LIMIT", 60.0, 0.1, 86_400.0),
-        memory_limit=_whole(environment, "MEMORY_LIMIT", 4096, 1024, 1_048_576),
-        max_body=_whole(environment, "MAX_BODY", 1_000_000, 1_000, 1_000_000_000),
-        queue=_whole(environment, "QUEUE", 100_000, 1, 10_000_000),
-        client_queue=_whole(environment, "CLIENT_QUEUE", 50_000, 1, 10_000_000),
-        client_running=_whole(environment, "CLIENT_RUNNING", 0, 0, 100_000) or None,
-        client_daily_seconds=_whole(environment, "CLIENT_DAILY_SECONDS", 0, 0, 100_000_000) or None,
-        waiting=_whole(environment, "WAITING", 1024, 1, 100_000),
-        max_lines=_whole(environment, "MAX_LINES", 10_000, 1, 1_000_000),
-        database=environment.get(PREFIX + "DATABASE", "").strip() or None,
-        retention_days=_seconds(environment, "RETENTION_DAYS", 365.0, 0.001, 100_000.0, "days"),
-        store_size=_whole(environment, "STORE_SIZE", 10_240, 1, 100_000_000),
-        api_keys=_api_keys(environment),
-        api_keys_file=environment.get(PREFIX + "API_KEYS_FILE", "").strip() or None,
-        cors_origins=_origins(environment, "CORS_ORIGINS"),
-        frame_origins=_origins(environment, "FRAME_ORIGINS"),
-        cluster=environment.get(PREFIX + "CLUSTER", "").strip() or None,
-        connections=_whole(environment, "CONNECTIONS", 2000, 10, 1_000_000),
-        client_connections=_whole(environment, "CLIENT_CONNECTIONS", 256, 1, 1_000_000),
-        proxies=_addresses(environment),
-        hosts=tuple(_listed(environment, "HOSTS")),
-        log_level=_log_level(environment),
-    )
+    found: dict[str, Any] = {"workers": default_workers()}
+    for each in fields(Settings):
+        name = each.name.upper()
+        text = environment.get(PREFIX + name, "").strip()
+        if text or (name == "API_KEYS" and PREFIX + name in environment):
+            found[each.name] = each.metadata["read"](name, text)
+    return Settings(**found)
 
 
 def hash_of_key(key: str) -> str:
     """The stored hash of an API key: 64 hexadecimal digits."""
     return hashlib.sha256(key.encode()).hexdigest()
-
-
-def _whole(environment: Mapping[str, str], name: str, default: int, low: int, high: int) -> int:
-    text = environment.get(PREFIX + name, "").strip()
-    if not text:
-        return default
-    if not (text.isascii() and text.isdigit() and len(text) < 12 and low <= int(text) <= high):
-        raise errors.InputError(f"The setting {PREFIX}{name} must be an integer from {low} to {high}.")
-    return int(text)
-
-
-def _seconds(
-    environment: Mapping[str, str], name: str, default: float, low: float, high: float, unit: str = "seconds"
-) -> float:
-    text = environment.get(PREFIX + name, "").strip()
-    if not text:
-        return default
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not low <= value <= high:
-        raise errors.InputError(f"The setting {PREFIX}{name} must be a number of {unit} from {low:g} to {high:g}.")
-    return value
-
-
-def _listed(environment: Mapping[str, str], name: str) -> list[str]:
-    return [part.strip() for part in environment.get(PREFIX + name, "").split(",") if part.strip()]
-
-
-def _addresses(environment: Mapping[str, str]) -> tuple[str, ...]:
-    found = tuple(_listed(environment, "PROXIES"))
-    for text in found:
-        try:
-            ipaddress.ip_network(text)
-        except ValueError:
-            raise errors.InputError(
-                f"The setting {PREFIX}PROXIES must be a list of addresses or networks such as 127.0.0.1, 10.0.0.0/8."
-            ) from None
-    return found
-
-
-def _origins(environment: Mapping[str, str], name: str) -> tuple[str, ...]:
-    origins = tuple(_listed(environment, name))
-    for origin in origins:
-        if not _ORIGIN.fullmatch(origin):
-            raise errors.InputError(
-                f"The setting {PREFIX}{name} must be a list such as https://a.example, https://b.example, or *."
-            )
-    return origins
-
-
-def _api_keys(environment: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
-    """`name:HASH, ...`; HASH is the SHA-256 of the key in hexadecimal digits; without a name it names the client."""
-    text = environment.get(PREFIX + "API_KEYS")
-    found = tuple(read_key(part.strip()) for part in (text or "").split(",") if part.strip())
-    if text is not None and not found:
-        raise errors.InputError(f"The setting {PREFIX}API_KEYS has no key; {_KEYS}. Unset it to require none.")
-    return found
-
-
-def read_key(text: str) -> tuple[str, str]:
-    """(client, SHA-256 of the key) from `name:HASH`; raises InputError."""
-    name, _, digest = text.lower().rpartition(":")
-    name = name or digest[:8]
-    if not _KEY_NAME.fullmatch(name) or not _DIGEST.fullmatch(digest):
-        raise errors.InputError(f"The setting {PREFIX}API_KEYS has an entry that is not a key; {_KEYS}.")
-    return name, digest
 
 
 def _refuse_unknown(environment: Mapping[str, str]) -> None:
@@ -184,10 +176,3 @@ def _refuse_unknown(environment: Mapping[str, str]) -> None:
             near = difflib.get_close_matches(name.removeprefix(PREFIX), known, 1)
             hint = f"did you mean {PREFIX}{near[0]}?" if near else "docs/reference/settings.md lists all."
             raise errors.InputError(f"There is no setting {name[:80]}; {hint}")
-
-
-def _log_level(environment: Mapping[str, str]) -> str:
-    text = environment.get(PREFIX + "LOG_LEVEL", "").strip().lower() or "info"
-    if text not in LOG_LEVELS:
-        raise errors.InputError(f"The setting {PREFIX}LOG_LEVEL must be one of {', '.join(LOG_LEVELS)}.")
-    return text
