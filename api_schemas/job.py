@@ -1,6 +1,6 @@
 """Jobs and batches as the service reports them, the answers of the atlas, and unions of documents by `format`."""
 
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field, RootModel
 
@@ -10,7 +10,6 @@ from api_schemas.scene import SimulationResult, WorkPrecisionResult
 from api_schemas.system import LagrangianDocument, NonholonomicDocument, SystemDocument
 
 JobStatus = Literal["accepted", "running", "successful", "failed", "dismissed"]
-FINAL: Final[frozenset[str]] = frozenset({"successful", "failed", "dismissed"})
 
 
 class Job(base.Document):
@@ -37,11 +36,6 @@ class Job(base.Document):
     usage: dict[str, float] = Field(default_factory=dict)
     links: dict[str, str] = Field(default_factory=dict)
 
-    @property
-    def is_final(self) -> bool:
-        """Whether nothing about the job will change any more."""
-        return self.status in FINAL
-
 
 class JobList(base.Document):
     """One page of jobs, newest first; `next` is the cursor of the page after it."""
@@ -61,11 +55,6 @@ class Batch(base.Document):
     created: float | None = None
     accepted_at: str | None = None
     links: dict[str, str] = Field(default_factory=dict)
-
-    @property
-    def is_final(self) -> bool:
-        """Whether every line has its answer."""
-        return self.status in FINAL
 
 
 class StatusEvent(BaseModel):

@@ -65,6 +65,16 @@ class HamiltonianPart(Formula):
     domain: list[str] = Field(default_factory=list)
 
 
+class ProvenPart(base.Document):
+    """A verdict with what proves it: `checked` is the independent checker's verdict on the certificate."""
+
+    verdict: Verdict
+    reason: str = ""
+    lagrangian: LagrangianPart | None = None
+    certificate: dict[str, Any] | None = None
+    checked: Checked | None = None
+
+
 class IntegralPart(base.Document):
     """A function in L that is known by its partial derivatives: {"arguments": ["t"], "derivatives": {"t": "f(t)"}}."""
 
@@ -119,7 +129,7 @@ class UnderstoodSystem(base.Document):
     time: str = "t"
 
 
-class CaseNode(base.Document):
+class CaseNode(ProvenPart):
     """The system where all conditions hold and none of those of its children.
 
     A condition is an equation between parameters, or what a function is. `dimension` counts the parameters that stay
@@ -129,16 +139,11 @@ class CaseNode(base.Document):
     """
 
     conditions: list[Formula]
-    verdict: Verdict
     verdict_with_time: Verdict | None = None
     dimension: int
     statement: str = ""
-    reason: str = ""
     equations: dict[str, str] = Field(default_factory=dict)
-    lagrangian: LagrangianPart | None = None
     hamiltonian: HamiltonianPart | None = None
-    certificate: dict[str, Any] | None = None
-    checked: Checked | None = None
     children: list[CaseNode] = Field(default_factory=list)
 
 
@@ -167,25 +172,20 @@ class SpecialCasesPart(base.Document):
     reasons: list[str] = Field(default_factory=list)
 
 
-class OtherAnswer(base.Document):
+class OtherAnswer(ProvenPart):
     """The answer to the other question, L(t, q, q'), where it differs from the main one; `domain` as in a result.
 
     `explanation` are the steps that convince, `details` those that say how it was found and what else proves it; those
     among the main `details` are not repeated.
     """
 
-    verdict: Verdict
-    lagrangian: LagrangianPart | None = None
     other_lagrangians: list[LagrangianPart] = Field(default_factory=list)
     multiplier: TextMatrix | None = None
     hamiltonian: HamiltonianPart | None = None
     integrals: dict[str, IntegralPart] = Field(default_factory=dict)
     solution_space: SolutionSpacePart | None = None
-    certificate: dict[str, Any] | None = None
     explanation: list[ExplanationStep] = Field(default_factory=list)
     details: list[ExplanationStep] = Field(default_factory=list)
-    checked: Checked | None = None
-    reason: str = ""
     domain: list[str] = Field(default_factory=list)
     exceptions: list[str] = Field(default_factory=list)
     near: dict[str, str] = Field(default_factory=dict)
@@ -207,18 +207,13 @@ class NotAnsweredPart(base.Document):
     reason: str
 
 
-class KindPart(base.Document):
+class KindPart(ProvenPart):
     """Whether there is a regular Lagrangian of a kind; with friction, `dissipation` is D in E_i = dD/dv_i.
 
     `near` is the real point that the certificate speaks of, `exceptions` as in the result.
     """
 
-    verdict: Verdict
-    reason: str = ""
-    lagrangian: LagrangianPart | None = None
     dissipation: Formula | None = None
-    certificate: dict[str, Any] | None = None
-    checked: Checked | None = None
     near: dict[str, str] = Field(default_factory=dict)
     exceptions: list[str] = Field(default_factory=list)
 
@@ -241,17 +236,12 @@ class InsteadPart(base.Document):
     checked: Checked
 
 
-class ClockPart(base.Document):
+class ClockPart(ProvenPart):
     """The answer for L(q, q') with dtau = `factor` dt: the equations for d2q/dtau2, q' being dq/dtau."""
 
     factor: str
     equations: dict[str, str]
-    verdict: Verdict
-    lagrangian: LagrangianPart | None = None
     hamiltonian: HamiltonianPart | None = None
-    certificate: dict[str, Any] | None = None
-    checked: Checked | None = None
-    reason: str = ""
     domain: list[str] = Field(default_factory=list)
 
 
@@ -369,7 +359,7 @@ class ClassPart(base.Document):
     potential: bool = False
 
 
-class AssociatedPart(base.Document):
+class AssociatedPart(ProvenPart):
     """One associated second-order system and its answer; `verdict` is null where the kind is not defined."""
 
     kind: str
@@ -377,13 +367,9 @@ class AssociatedPart(base.Document):
     explanation: str
     equations: dict[str, str] = Field(default_factory=dict)
     latex: dict[str, str] = Field(default_factory=dict)
-    verdict: Verdict | None = None
+    verdict: Verdict | None = None  # type: ignore[assignment]
     verdict_with_time: Verdict | None = None
-    reason: str = ""
-    checked: Checked | None = None
-    lagrangian: LagrangianPart | None = None
     hamiltonian: HamiltonianPart | None = None
-    certificate: dict[str, Any] | None = None
     domain: list[str] = Field(default_factory=list)
     steps: list[ExplanationStep] = Field(default_factory=list)
 
@@ -456,7 +442,7 @@ class BelongsTo(base.Document):
     equations: dict[str, str] = Field(default_factory=dict)
 
 
-class AnyAssociatedPart(base.Document):
+class AnyAssociatedPart(ProvenPart):
     """Whether any associated system whatsoever has a regular Lagrangian, and so whether the motion has one.
 
     `certificate` proves `verdict`, and `verdict_with_time` too unless there is `certificate_with_time`; `image` are the
@@ -465,22 +451,18 @@ class AnyAssociatedPart(base.Document):
 
     statement: str
     parts: list[str] = Field(default_factory=list)
-    verdict: Verdict
     verdict_with_time: Verdict
-    reason: str = ""
-    checked: Checked | None = None
     lagrangian: MotionLagrangianPart | None = None
     associated: BelongsTo | None = None
     hamiltonian: HamiltonianPart | None = None
     image: list[Formula] = Field(default_factory=list)
     freedom: str = ""
-    certificate: dict[str, Any] | None = None
     certificate_with_time: dict[str, Any] | None = None
     exceptions: list[str] = Field(default_factory=list)
     explanation: list[ExplanationStep] = Field(default_factory=list)
 
 
-class ReducedPart(base.Document):
+class ReducedPart(ProvenPart):
     """The equations of the free coordinates alone, where these do not contain the others, and their own answer.
 
     `reconstruction` gives the velocities of the others, as `statement` says; `with_clock` is the answer with
@@ -489,12 +471,7 @@ class ReducedPart(base.Document):
 
     coordinates: list[str]
     equations: dict[str, str]
-    verdict: Verdict
-    lagrangian: LagrangianPart | None = None
     hamiltonian: HamiltonianPart | None = None
-    certificate: dict[str, Any] | None = None
-    checked: Checked | None = None
-    reason: str = ""
     domain: list[str] = Field(default_factory=list)
     reconstruction: dict[str, str]
     statement: str

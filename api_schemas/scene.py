@@ -19,31 +19,13 @@ MAX_EVENTS = 16
 MAX_MEMBERS = 1_000_000
 
 MethodName = Literal[
-    "variational",
-    "nonholonomic",
-    "modified",
-    "exact",
-    "reference",
-    "runge-kutta",
-    "stormer-verlet",
-    "adaptive",
-    "stiff",
-    "heyoka",
-]
+    "variational", "nonholonomic", "modified", "exact", "reference", "runge-kutta", "stormer-verlet", "adaptive",
+    "stiff", "heyoka",
+]  # fmt: skip
 Observed = Literal[
-    "trajectory",
-    "energy",
-    "constraints",
-    "momenta",
-    "matching_circle",
-    "phase",
-    "error",
-    "velocities",
-    "cost",
-    "lyapunov",
-    "constraint_forces",
-    "period",
-]
+    "trajectory", "energy", "constraints", "momenta", "matching_circle", "phase", "error", "velocities", "cost",
+    "lyapunov", "constraint_forces", "period",
+]  # fmt: skip
 Beginning = Literal["momenta", "discrete_constraint"]
 Word = Annotated[str, StringConstraints(min_length=1, max_length=base.MAX_NAME_CHARACTERS)]
 FreeLagrangian = Annotated[str, StringConstraints(min_length=1, max_length=base.MAX_FORMULA_CHARACTERS)]

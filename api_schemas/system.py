@@ -104,10 +104,7 @@ VectorField = Annotated[
 class InvariantKind(base.Document):
     """Lagrangians that are invariant: under translations along coordinates ("x"), and along vector fields."""
 
-    invariant: Annotated[
-        list[VectorField],
-        Field(min_length=1, max_length=MAX_KINDS),
-    ]
+    invariant: Annotated[list[VectorField], Field(min_length=1, max_length=MAX_KINDS)]
 
 
 Kind = Annotated[Annotated[InvariantKind, Tag("<mapping>")] | Annotated[KindName, Tag("<text>")], Discriminator(shape)]

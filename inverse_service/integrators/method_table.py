@@ -140,7 +140,6 @@ METHODS = {
     for name, given in _data("methods.toml").items()
 }
 # In scenes; "stormer-verlet" is a form of the variational method inside.
-NAMES = tuple(name.replace("_", "-") for name, method in METHODS.items() if not method.scipy)
 OWN_STEPS = frozenset(name for name, method in METHODS.items() if method.own_steps and not method.scipy)
 SCIPY = {name: method.scipy for name, method in METHODS.items() if method.scipy}
 GEOMETRIC = frozenset(name for name, method in METHODS.items() if method.alpha)

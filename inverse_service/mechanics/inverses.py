@@ -39,7 +39,6 @@ from inverse_service.expressions import collecting, derivative, tree as ex
 from inverse_service.mechanics import euler_lagrange, implicit_equations, sampling, second_order_system, short_forms
 
 Matrix = tuple[tuple[ex.Expression, ...], ...]
-Rule = Callable[[ex.Expression], ex.Expression]
 _INVERSES: dict[str, str] = {
     "exp": "log", "log": "exp", "tan": "atan", "sinh": "asinh", "tanh": "atanh", "asin": "sin", "acos": "cos",
     "atan": "tan", "asinh": "sinh", "acosh": "cosh", "atanh": "tanh",
@@ -141,7 +140,6 @@ class Branch:
     conditions: tuple[ex.Expression, ...] = ()
 
 
-Family = Callable[[Block], Iterator[Branch]]
 Solver = Callable[[ex.Expression, Sequence[str], Mapping[str, ex.Symbol]], Iterator[Branch]]
 
 

@@ -25,7 +25,6 @@ _CAPITALS = {
     "ArcTanh": "atanh", "Abs": "abs", "Sign": "sign", "HeavisideTheta": "Heaviside", "UnitStep": "Heaviside",
 }  # fmt: skip
 _PIECES = "Piecewise[{"  # a head that cannot be a name
-_WORD = re.compile(r"[A-Z]")
 # Derivatives written with d.
 _ABOVE = re.compile(r"d([2-9]?)([A-Za-z]\w*)?")
 _BELOW = re.compile(r"d([A-Za-z]\w*?)([2-9]?)")

@@ -55,7 +55,6 @@ _CONSTANT = re.compile(r"\b(?:is|are)\s+(?:an?\s+)?const(?:ant)?s?$")  # h = r^2
 _LETTER = r"[^\W\d_\u00b2\u00b3]"
 _MARKS = "'\u2032\u2033\u2019\u0307\u0308\u00a8\u02d9"
 _WRAPPED = r"\\(?:text|textrm|textbf|textit|emph|mbox|intertext)\s*\{(?P<said>[^{}]*)\}"
-_NUMBER = r"\(?\d[\d.]*[a-z]?\)?"
 _PIECES = re.compile(
     rf"(?P<comment>#.*)|(?P<wrapped>(?<![_^])(?<![_^]\{{){_WRAPPED})"
     rf"|(?P<numbered>[\[(]?\b(?:[Ee]q(?:uation|n)?s?(?=[.\s(])|Sect(?:ion)?|Problem|Example|Exercise|Ex|Fig|Chapter)\.?\s*"

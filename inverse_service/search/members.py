@@ -25,7 +25,6 @@ Matrix = NDArray[np.float64]
 # The smallest eigenvalue that counts as positive.
 _POSITIVE = 1e-3
 _DENOMINATORS = (1, 2, 3, 4, 6, 12)
-_SEED = 1
 
 
 def hessians(space: ansatz.LagrangianSpace, points: SamplePoints, first: int = 0) -> tuple[int, list[Residues]]:

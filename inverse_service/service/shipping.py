@@ -45,10 +45,7 @@ def ship(folder: Path, machine: str) -> list[Path]:
     index = folder / "kernels.json"
     digests = {name: shipped.digest(name) for name in sorted(sources)}
     index.write_text(json.dumps({"kernels": listed, "sources": digests}), encoding="utf-8")
-    return [
-        index,
-        *(linked(texts, machine, cpu, folder / f"kernels-{cpu}.so") for cpu, _ in shipped.TARGETS[machine]),
-    ]
+    return [index, *(linked(texts, machine, cpu, folder / f"kernels-{cpu}.so") for cpu, _ in shipped.TARGETS[machine])]
 
 
 def linked(texts: list[tuple[str, str]], machine: str, cpu: str, path: Path) -> Path:

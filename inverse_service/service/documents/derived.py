@@ -37,7 +37,6 @@ SHARE_OF_TREE = 0.7  # of the time for special cases; the remainder is for their
 _MOST_CASES = 6
 _SHOWN = ("lagrangian", "hamiltonian", "certificate", "checked")
 OF_REDUCED = (*_SHOWN, "equations", "clock")  # what `instead` repeats of the reduced system
-Values = Mapping[ex.Expression, ex.Expression]
 _RATIONAL = (ex.Number, ex.Power, ex.Product, ex.Sum, ex.Symbol)
 
 

@@ -7,7 +7,7 @@ import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 from api_schemas import base, result as schemas
 from api_schemas.result import AdvicePart, HamiltonianPart
@@ -28,7 +28,6 @@ from inverse_service.service.documents.growing import Growing
 
 # What looking at a document again may take for an associated system that is only shown, s.
 SHOWN_AT_ONCE = 0.3
-T = TypeVar("T")
 _MEASURE = {
     "found": "N times the volume of phase space is invariant; its momenta are those of the free velocities.",
     "does_not_exist": "No density `N(q)` makes a volume invariant: the equations for log N contradict each other.",

@@ -203,12 +203,6 @@ def _between(before: Sequence[str], text: str) -> str:
     return found + '<mspace width="0.17em"/>' if found.endswith("</mfrac>") else found
 
 
-def matrix(rows: Sequence[Sequence[str]], names: nm.Names) -> Markup:
-    """A matrix of texts."""
-    found = matrix_inner(rows, names)
-    return math(found, display=True) if found is not None else code(str([list(row) for row in rows]))
-
-
 def matrix_inner(rows: Sequence[Sequence[str]], names: nm.Names) -> str | None:
     """The MathML of a matrix in round brackets; None if an entry cannot be parsed."""
     entries = [[inner_mathml(entry, names) for entry in row] for row in rows]
