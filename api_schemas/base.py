@@ -149,23 +149,20 @@ class LimitsAnswer(Document):
     service: dict[str, float]
 
 
-class CatalogueEntry(Document):
-    """One named system with what is known about it."""
-
-    name: str
-    title: str
-    group: str = ""
-    source: str = ""
-    document: dict[str, Any]
-    expected: dict[str, Any] = Field(default_factory=dict)
-
-
 class CatalogueLine(Document):
     """One line of the list of named systems."""
 
     name: str
     title: str
     group: str = ""
+
+
+class CatalogueEntry(CatalogueLine):
+    """One named system with what is known about it."""
+
+    source: str = ""
+    document: dict[str, Any]
+    expected: dict[str, Any] = Field(default_factory=dict)
 
 
 class CatalogueList(Document):

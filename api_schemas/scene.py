@@ -408,16 +408,21 @@ class SimulationResult(base.Document):
     provenance: dict[str, Any]
 
 
-class RunPart(base.Document):
-    """One method at one step size, or at one tolerance: its error and what it cost; null where it was not measured."""
+class MeasuredPart(base.Document):
+    """A method with its step or its tolerance, and the seconds it took; null where it was not measured."""
 
     method: str
-    order: int | None
     step: float | None
-    steps: int | None
     tolerance: float | None
-    error: float | None
     seconds: float | None
+
+
+class RunPart(MeasuredPart):
+    """One method at one step size, or at one tolerance: its error and what it cost; null where it was not measured."""
+
+    order: int | None
+    steps: int | None
+    error: float | None
     evaluations: int | None
     median_seconds: float | None
     first_seconds: float | None
@@ -438,15 +443,11 @@ class PrecisionMethod(base.Document):
     measured_order: float | None
 
 
-class PricePart(base.Document):
+class PricePart(MeasuredPart):
     """What an error costs by one method; null where the method does not reach it. `at_most`: it is better than that at
     its coarsest setting."""
 
-    method: str
     order: int | None
-    step: float | None
-    tolerance: float | None
-    seconds: float | None
     ratio: float | None
     evaluations: float | None
     at_most: bool | None
@@ -459,13 +460,9 @@ class TargetPart(base.Document):
     rows: list[PricePart]
 
 
-class LongPart(base.Document):
+class LongPart(MeasuredPart):
     """A method over a hundred times the time: errors of the energy and the constraints, and of the shape."""
 
-    method: str
-    step: float | None
-    tolerance: float | None
-    seconds: float | None
     energy_error: float | None
     energy_drift: float | None
     constraint_error: float | None
