@@ -27,16 +27,10 @@ KILL = getattr(signal, "SIGKILL", None)
 OVER_CPU = getattr(signal, "SIGXCPU", None)
 # What a command loads only for the questions that need it, and a worker before its first.
 ENGINE = (
-    "service.documents.documents",
-    "service.documents.nonholonomic_documents",
-    "service.documents.checking",
-    "solving.kind_answers",
-    "service.documents.derived",
-    "service.jobs.batch",
-    "explanation.negative",
-    "explanation.proofs",
-    "search.ladder",
-)
+    "service.documents.documents", "service.documents.nonholonomic_documents", "service.documents.checking",
+    "solving.kind_answers", "service.documents.derived", "service.jobs.batch", "explanation.negative",
+    "explanation.proofs", "search.ladder",
+)  # fmt: skip
 Report = Callable[[Any], None]
 Work = Callable[[Any, model.JobOptions, Report], Any]
 Look = Callable[[Any], Any]

@@ -45,31 +45,23 @@ WORTH_COMPRESSING = 2_000
 OK, NOT_MODIFIED = 200, 304
 
 
-@dataclass(frozen=True, slots=True)
-class Asset:
-    """A file with its compressed form."""
-
-    data: bytes
-    compressed: bytes
-
-
 @lru_cache(maxsize=len(NAMES))
-def asset(name: str) -> Asset:
-    """The file of this name; KeyError for any other."""
+def asset(name: str) -> tuple[bytes, bytes]:
+    """The file of this name, and compressed; KeyError for any other."""
     if name not in NAMES:
         raise KeyError(name)
     folder = chart_folder() if name in CHARTS else resources.files("inverse_service.web") / "static"
     if folder is None:
         raise KeyError(name)
     data = (folder / name).read_bytes()
-    return Asset(data, gzip.compress(data, 6, mtime=0))
+    return data, gzip.compress(data, 6, mtime=0)
 
 
 @lru_cache(maxsize=1)
 def mark() -> str:
     """A hash of the content of all files."""
     shown = NAMES if chart_folder() is not None else NAMES[: -len(CHARTS)]
-    return hashlib.sha256(b"".join(asset(name).data for name in shown)).hexdigest()[:12]
+    return hashlib.sha256(b"".join(asset(name)[0] for name in shown)).hexdigest()[:12]
 
 
 @lru_cache(maxsize=1)
@@ -83,7 +75,7 @@ def chart_folder() -> Path | None:
 @lru_cache(maxsize=1)
 def style() -> Markup:
     """The style sheet, included in each page so that its first paint waits for nothing else."""
-    return Markup(asset("style.css").data.decode().replace(FONT, address(FONT)))
+    return Markup(asset("style.css")[0].decode().replace(FONT, address(FONT)))
 
 
 @lru_cache(maxsize=1)
@@ -101,15 +93,15 @@ async def static(request: Request, asked: str, name: str) -> Response:
     """One file; a request with an old hash gets the current file, which must be revalidated."""
     if name not in NAMES or (name in CHARTS and chart_folder() is None):
         raise Refusal(404, "not-found", "There is no such file.")
-    found = asset(name)
+    data, compressed = asset(name)
     keep = FOREVER if asked == mark() else "no-cache"
     headers = {"Cache-Control": keep, "ETag": f'"{mark()}"', "Vary": "Accept-Encoding"}
     if request.headers.get("if-none-match") == headers["ETag"]:
         return Response(status_code=304, headers=headers)
     media_type = TYPES[name.rpartition(".")[2]]
     if "gzip" in request.headers.get("accept-encoding", ""):
-        return Response(found.compressed, headers={**headers, "Content-Encoding": "gzip"}, media_type=media_type)
-    return Response(found.data, headers=headers, media_type=media_type)
+        return Response(compressed, headers={**headers, "Content-Encoding": "gzip"}, media_type=media_type)
+    return Response(data, headers=headers, media_type=media_type)
 
 
 @dataclass(frozen=True, slots=True)

@@ -92,31 +92,31 @@ class SceneForm:
         return is_constrained or name not in OF_CONSTRAINTS or name in (*self.methods, *self.observe)
 
 
-def form_for(document: Mapping[str, Any], title: str, system: str = "", job: str = "", scene: str = "") -> SceneForm:
+def form_for(document: Mapping[str, Any], title: str, **address: Any) -> SceneForm:
     """The form for a system, filled so that it can be run as it is.
 
     The velocities beyond the first two are left to the constraints, or zero where there are none.
     """
     coordinates = tuple(document["coordinates"])
-    has_constraints = bool(document.get("constraints"))
     given = document.get("parameters") or []
     parameters = given if isinstance(given, dict) else dict.fromkeys(given)
     functions = {name: tuple(arguments) for name, arguments in (document.get("functions") or {}).items()}
-    has_plane = set(PLANE) <= set(coordinates) and "z" not in coordinates
+    others = "0"  # velocities that are not determined by constraints
+    methods: tuple[str, ...] = ("variational", "reference")
+    observe: tuple[str, ...] = ("trajectory", "energy")
+    if document.get("constraints"):
+        has_plane = set(PLANE) <= set(coordinates) and "z" not in coordinates
+        others, methods, observe = "", TICKED_METHODS, (*TICKED_OBSERVABLES, *["matching_circle"] * has_plane)
     return SceneForm(
-        system,
-        job,
-        scene,
-        title,
-        coordinates,
-        {name: str(value or "1") for name, value in parameters.items()},
-        {name: (f"{name}({', '.join(of)})", f"1 + {of[0]}^2/4") for name, of in functions.items()},
-        {name: "0.1" if place == 0 else "0" for place, name in enumerate(coordinates)},
-        {name: "1" if k < 2 else ("" if has_constraints else "0") for k, name in enumerate(coordinates)},
-        methods=TICKED_METHODS if has_constraints else ("variational", "reference"),
-        observe=(*TICKED_OBSERVABLES, *(("matching_circle",) if has_plane and has_constraints else ()))
-        if has_constraints
-        else ("trajectory", "energy"),
+        **address,
+        title=title,
+        coordinates=coordinates,
+        parameters={name: str(value or "1") for name, value in parameters.items()},
+        functions={name: (f"{name}({', '.join(of)})", f"1 + {of[0]}^2/4") for name, of in functions.items()},
+        positions={name: "0" if place else "0.1" for place, name in enumerate(coordinates)},
+        velocities={name: "1" if place < 2 else others for place, name in enumerate(coordinates)},
+        methods=methods,
+        observe=observe,
         parts=parts_of(document),
         effects=tuple(name for name, _ in parts_of(document)),
         formulas=formulas_of(document),
@@ -280,15 +280,8 @@ def with_good_start(
         return form
     whole = steps_lasted[best] == int(form.steps)
     steps = int(form.steps) if whole else max(1, int(SHARE * steps_lasted[best]))
-    return _as_long_as_it_runs(
-        replace(
-            form,
-            positions=_texts(scene.coordinates, q[best]),
-            velocities=_texts(scene.coordinates, v[best]),
-            steps=str(steps),
-        ),
-        system,
-    )
+    positions, velocities = (_texts(scene.coordinates, values[best]) for values in (q, v))
+    return _as_long_as_it_runs(replace(form, positions=positions, velocities=velocities, steps=str(steps)), system)
 
 
 def _with_velocities_that_fit(form: SceneForm, system: Mapping[str, Any]) -> SceneForm:
