@@ -688,11 +688,13 @@ class FormulaParser:
         return formula is not None and names & moving <= listed <= moving
 
     def _defined_motion(self, node: ex.Expression, token: Token, what: str) -> ex.Expression:
-        """z' for z = a*r^2; InputError for U' or U'(x), usually a slope, and for a constant with a prime as a mark."""
+        """z' for z = a*r^2, and 0 for r = a beside L; InputError for U'(x), usually a slope, and for a mark on a constant."""
         name = token.text
         self._skip_time_argument()
         found = carry_out(node, [Variable(ex.TIME, token.order, token.primed)], self._names)
-        if name in nm.MAY_BE_FUNCTIONS or self._opens_arguments() or found == ex.ZERO:
+        moves = nm.looks_like_a_coordinate(name) or name in nm.GREEK_NAMES
+        marked = found == ex.ZERO and not (self._names.energy and moves)
+        if name in nm.MAY_BE_FUNCTIONS or self._opens_arguments() or marked:
             raise refusal(what, token.primed, f"write diff({name}, t), or diff({name}, x) for a slope")
         return found
 

@@ -244,11 +244,11 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
     formulas = [*(line for _, line in others), *(text for _, text, _ in energies.values())]
     moves = "kinetic" in energies and any(map(_MOVES.search, formulas))
     if not ("whole" in energies or moves) or any(map(_BARE.search, formulas)):
-        return (
-            _with_multipliers(plain, texts)
-            if key == "equations" and any(map(_LAMBDA.search, texts.values()))
-            else (plain, {}, {})
-        )
+        if key == "lagrangian" or "constraints" in plain:
+            return plain, {}, {}
+        if any(map(_LAMBDA.search, texts.values())):
+            return _with_multipliers(plain, texts)
+        return (plain, {}, {}) if energies else _as_motion(plain, others)
     lagrangian = ""
     if "whole" in energies:
         others += [
@@ -421,19 +421,47 @@ def _with_multipliers(
     lines = [(pointer, line) for pointer, text in texts.items() for line in _lines(text)]
     # dz = y dx, without a derivative dx/dt
     forms = [_FORM.search(line) is not None and not re.search(r"d\s*t|''", line) for _, line in lines]
-    pointers = [f"/{'constraints' if form else 'equations'}/{k}" for k, form in enumerate(forms)] if any(forms) else []
-    origins = dict(zip(pointers, (pointer for pointer, _ in lines), strict=False))
-    texts = dict(zip(pointers, (line for _, line in lines), strict=False)) or texts
+    pointers = [f"/{'constraints' if form else 'equations'}/{k}" for k, form in enumerate(forms)]
+    origins = dict(zip(pointers, (pointer for pointer, _ in lines), strict=True))
+    texts = dict(zip(pointers, (line for _, line in lines), strict=True))
     try:
-        found = None if "constraints" in plain else _constrained(texts, document_names.Declared(**given))
+        found = _constrained(texts, document_names.Declared(**given))
     except (TypeError, AttributeError):  # the shapes of declarations are refused by the schemas
         found = None
     if found is None:
         return plain, {}, {}
     made, held, multipliers = found
     kept = {key: part for key, part in plain.items() if key != "equations"}
-    places = {f"/constraints/{k}": origins.get(pointer, pointer) for k, pointer in enumerate(held)}
+    places = {f"/constraints/{k}": origins[pointer] for k, pointer in enumerate(held)}
     return {**kept, **made}, places, dict.fromkeys(multipliers, "a multiplier of the constraints")
+
+
+def _as_motion(
+    plain: dict[str, Any], lines: Sequence[tuple[str, str]]
+) -> tuple[dict[str, Any], dict[str, str], dict[str, str]]:
+    """The same for x'' = 0, y'' = -x*x'*y'/(1 + x^2), z' = -x*y': the line of first order is a constraint."""
+    motion: dict[str, str] = {}
+    held: dict[str, str] = {}  # by the constraint
+    places: dict[str, str] = {}
+    moving: dict[str, None] = {}
+    for pointer, line in lines:
+        tokens, equal = reader.tokens_if_any(line, nm.Names()), line.find("=") + 1
+        velocities = dict.fromkeys(document_names.moving_names(tokens, 1))
+        accelerations = document_names.moving_names(tokens, 2)
+        moving |= velocities
+        if not accelerations and len(velocities) > 1:
+            places[f"/constraints/{len(held)}"] = pointer
+            held[line] = "a constraint"
+        elif accelerations == [at(tokens, 0).text] and at(tokens, 1).is_operator("="):
+            places[f"/motion/{tokens[0].text}"] = pointer
+            motion[tokens[0].text] = line[equal:].rjust(len(line))
+        else:
+            return plain, {}, {}
+    if not motion or not held or len(motion) + len(held) != len(moving):
+        return plain, {}, {}
+    kept = {"coordinates": list(moving)} | {key: part for key, part in plain.items() if key != "equations"}
+    notes = {line.strip(): words for line, words in held.items()}
+    return {**kept, "motion": motion, "constraints": list(held)}, places, notes
 
 
 def _velocity(differential: re.Match[str]) -> str:
@@ -778,9 +806,15 @@ def _constrained(
         lines = [(at, *pair) for at, text in texts.items() for pair in reader.read_equations(text, kinds[at])]
     except errors.InputError:
         return None
-    moving = [left - right for _, left, right in lines if _holds(left - right, ex.Acceleration)]
-    held = [line for line in lines if not _holds(line[1] - line[2], ex.Acceleration)]
-    rows = _rows([left - right for _, left, right in held], names.coordinates)
+    trees = [(pointer, left - right) for pointer, left, right in lines]
+    moving = [tree for _, tree in trees if _holds(tree, ex.Acceleration)]
+    held = [(pointer, tree) for pointer, tree in trees if not _holds(tree, ex.Acceleration)]
+    of_positions = [not _holds(tree, ex.Velocity) for _, tree in held]
+    rates = [
+        derivative.differentiate_in_time(tree, names.coordinates) if still else tree
+        for (_, tree), still in zip(held, of_positions, strict=True)
+    ]
+    rows = _rows(rates, names.coordinates)
     multipliers = [
         ex.Symbol(name)
         for name in names.parameters
@@ -794,9 +828,13 @@ def _constrained(
     made = {
         "coordinates": list(names.coordinates),
         "lagrangian": printing.to_text(lagrangian),
-        "constraints": [f"{printing.to_text(left)} = {printing.to_text(right)}" for _, left, right in held],
+        # x^2 + y^2 = l^2 is refused, with its derivative, where it was written
+        "constraints": [
+            texts[pointer] if still else f"{printing.to_text(tree)} = 0"
+            for (pointer, tree), still in zip(held, of_positions, strict=True)
+        ],
     }
-    return made, [pointer for pointer, _, _ in held], [multiplier.name for multiplier in multipliers]
+    return made, [pointer for pointer, _ in held], [multiplier.name for multiplier in multipliers]
 
 
 def _rows(trees: Iterable[ex.Expression], coordinates: Sequence[str]) -> list[list[ex.Expression]]:
