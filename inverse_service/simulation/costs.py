@@ -57,7 +57,6 @@ def _price(derived: derivation.Derived, requested: data.Requested) -> tuple[floa
     the best of several: to call a kernel takes longer than many steps."""
     scene = derived.scene
     own, observation = observing.observed_problem(scene, derivation.problem_of(requested, derived))
-    execution.check(own, requested.choice)
     values, start = observing.beginning(scene, requested, derivation.free_of(requested, derived))
     ready = execution.prepared(own, requested.choice, start, scene.grid, values, observation)
     if isinstance(ready, trajectory.Trajectory):
@@ -70,7 +69,7 @@ def _price(derived: derivation.Derived, requested: data.Requested) -> tuple[floa
             if (turn >= LEAST_REPEATS and spent > LONG_ENOUGH) or (turn and derived.is_over):
                 break
             ran = ready.go(replace(scene.grid, steps=steps))
-            least, spent, done = min(least, ran.seconds), spent + ran.seconds, ran.done
+            least, spent, done = min(least, ran.seconds), spent + ran.seconds, ran.outcome().step or 0
         return least, done
 
     begun, steps = fastest(1), min(scene.grid.steps, TIMED_STEPS)

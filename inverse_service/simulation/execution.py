@@ -59,7 +59,6 @@ Columns = dict[str, Any]  # numbers by name, each one or (N,)
 NEARER, NEARER_BY = (1e-4, 1e-7, 1e-10), 3
 FLAT, STRAIGHT, SAME_POWER = 0.02, 0.97, 0.02
 LATER = 1e-3
-BY_SLOPES = ("stiff",)
 BEGIN_ELSEWHERE = "begin elsewhere, or at another start_time"
 WORTH_THREADS = 2_000  # steps of groups that take as long as starting a thread
 STEPS_AT_ONCE = 100_000  # steps of groups between two checks for a request to stop
@@ -98,7 +97,6 @@ def run(
     If the method cannot continue, the outcome says so and the rows up to there are kept. InputError for a choice
     that the problem does not allow. `stop` is asked about ten times a second; True ends the run as "cancelled".
     """
-    check(problem, choice)
     if choice.method == "heyoka":
         return peers.run_heyoka(problem, start, grid, values, observation, choice.tolerance, stop)
     if choice.method in method_table.SCIPY:
@@ -134,33 +132,30 @@ class Prepared:
         least = _FIRST_OWN if programs.TRIAL in card.layout.persistent else _FIRST_PIECE
         at_once, seconds = max(1, STEPS_AT_ONCE // max(1, grid.steps * len(substeps))), [0.0]
 
-        def work(groups: slice) -> tuple[int, bool]:
-            """The steps made, and whether it was stopped."""
+        def work(groups: slice) -> None:
             piece, done = least, 0
             for end in (whole * every, grid.steps):
                 until_record[groups] = min(every, grid.steps - done)  # the last step is always recorded
                 while done < end:
                     if stop is not None and stop():
-                        return done, True
+                        return
                     steps[groups], made[groups] = (todo := min(piece, end - done)), 0
                     clock = time.perf_counter()
                     kernel.machine.call(memory[groups], substeps, control[groups], record[groups])
                     seconds.append(time.perf_counter() - clock)
                     done += int(made[groups].max())
                     if made[groups].max() < todo:
-                        return done, False
+                        return
                     piece = max(least, min(4 * piece, int(piece * _SECONDS_PER_PIECE / max(seconds[-1], 1e-6))))
-            return done, False
 
         parts = [slice(k, min(k + at_once, len(memory))) for k in range(0, len(memory), at_once)]
         if len(memory) * grid.steps * len(substeps) < WORTH_THREADS or len(parts) == 1:
-            ran = list(map(work, parts))
+            for part in parts:
+                work(part)
         else:
             with ThreadPoolExecutor(settings.cores()) as pool:
-                ran = list(pool.map(work, parts))
-        iterations = int(control[:, CONTROL.index("iterations")].sum())
-        done, ends = max(done for done, _ in ran), any(ended for _, ended in ran)
-        return Run(self, grid, record, memory, iterations, sum(seconds), ends, done)
+                list(pool.map(work, parts))
+        return Run(self, grid, record, memory, int(control[:, CONTROL.index("iterations")].sum()), sum(seconds))
 
 
 def prepared(
@@ -168,12 +163,17 @@ def prepared(
     observation: Observation,
 ) -> Prepared | Trajectory:  # fmt: skip
     """The run made ready, or the start alone where it cannot begin."""
+    check(problem, choice)
     formulas = formulas_of(problem)
     begin = initial(formulas, choice, start, arguments_of(problem, choice, grid, values))
     if isinstance(begin, Outcome):
         return Trajectory.of_start(grid.begin, start.positions, None, begin)
     found = Prepared(formulas, choice, kernel_of(formulas, choice, observation), begin)
-    if choice.method != "adaptive" or formulas.depends_on_velocities or not _takes_many(found, grid):
+    if choice.method != "adaptive" or formulas.depends_on_velocities:
+        return found
+    # More than MANY steps from one point of the grid to the next: a few show it, where they are a small part of all.
+    steps = min(_FIRST_OWN, grid.steps // FEW)
+    if steps and found.go(replace(grid, steps=steps)).iterations <= BEGINNING + MANY * steps:
         return found
     highest = replace(choice, order=method_table.PAIRS[-1])
     return replace(found, choice=highest, kernel=kernel_of(formulas, highest, observation))
@@ -186,20 +186,11 @@ def arguments_of(problem: Problem, choice: MethodChoice, grid: Grid, values: Map
     return {"h": grid.step, str(MOMENT): grid.begin, "a": setting, **parameters}
 
 
-def _takes_many(ready: Prepared, grid: Grid) -> bool:
-    """Whether a method that chooses its steps tries more than MANY of them from one point of the grid to the next; the
-    first ones show it, where they are a small part of all."""
-    steps = min(_FIRST_OWN, grid.steps // FEW)
-    return not steps or ready.go(replace(grid, steps=steps)).iterations > BEGINNING + MANY * steps
-
-
 @dataclass(frozen=True)
 class Run:
     """What kernels did from each start, in groups of their lanes: `record` (groups, rows, columns, lanes) at the
-    recorded steps after the start, and the `memory` (groups, places, lanes) at the end.
-
-    `done` are the steps of the longest; where `cancelled`, none reached the end. `remedy` replaces those of kernels.
-    """
+    recorded steps after the start, and the `memory` (groups, places, lanes) at the end. `remedy` replaces those of
+    kernels."""
 
     ready: Prepared
     grid: Grid
@@ -207,8 +198,6 @@ class Run:
     memory: Array
     iterations: int
     seconds: float
-    cancelled: bool
-    done: int
     remedy: str = ""
 
     @property
@@ -231,10 +220,8 @@ class Run:
             found[:, :, k] = np.reshape(self.ready.begin.get(f"{letter}{k}", math.nan), (-1, 1))
             if f"{letter}{k}" in self.card.layout.columns:
                 found[:, 1:, k] = self.column(f"{letter}{k}")
-        ended = (self.last(programs.STATUS) != 0)[:, None] & (
-            self.grid.recorded > self.last(programs.STOPPED_AT)[:, None]
-        )
-        found[ended] = np.nan
+        last = np.where(self.last(programs.STATUS) != 0, self.last(programs.STOPPED_AT), np.inf)
+        found[self.grid.recorded > last[:, None]] = np.nan
         return found
 
     @property
@@ -253,21 +240,60 @@ class Run:
     @cached_property
     def completed(self) -> NDArray[np.bool_]:
         """Which reached the end, (N,)."""
-        found: NDArray[np.bool_] = self.last(programs.STATUS) == 0
-        return found & (not self.cancelled)
+        found: NDArray[np.bool_] = (self.last(programs.CLOCK) == self.grid.steps) & (self.last(programs.STATUS) == 0)
+        return found
+
+    @property
+    def cancelled(self) -> bool:
+        """Whether one was neither completed nor ended by its formulas."""
+        return bool((~self.completed & (self.last(programs.STATUS) == 0)).any())
 
     def numbers(self, member: int = 0) -> dict[str, float]:
         """State variables, rates, arguments and what the kernel notes, after the last good step."""
         layout, (group, lane) = self.card.layout, divmod(member, self.card.lanes)
         return dict(zip((*layout.persistent, *layout.arguments), self.memory[group, :, lane].tolist(), strict=True))
 
-    def outcome(self, member: int) -> Outcome:
+    def outcome(self, member: int = 0) -> Outcome:
         """How one ended."""
-        found = stopped(self, member)
-        if found is None:
-            kind = "cancelled" if self.cancelled else "completed"
-            return Outcome(kind, self.grid.steps, float(self.grid.times[-1]))
-        return replace(found, remedy=self.remedy or found.remedy)
+        card, grid, last, problem = self.card, self.grid, self.numbers(member), self.ready.formulas.problem
+        code, done = int(last[programs.STATUS]), int(last[programs.CLOCK])
+        if not code:
+            return Outcome("completed" if done == grid.steps else "cancelled", done, grid.begin + done * grid.step)
+        step, value = int(last[programs.STOPPED_AT]), last[programs.STOPPED_VALUE]
+
+        def ends(kind: str, quantity: str, value: float, remedy: str) -> Outcome:
+            return Outcome(kind, step, grid.begin + step * grid.step, quantity, value, self.remedy or remedy)
+
+        if code >= programs.UNOBSERVABLE:
+            quantity = f"{card.observed[code - programs.UNOBSERVABLE]}, which has no finite value"
+            if max(abs(last.get(name, 0.0)) for name in card.layout.columns) > _SQUARE_OVERFLOWS:
+                return ends("not_finite", quantity, value, _REMEDY)
+            return ends("off_domain", quantity, value, _UNDEFINED)
+        if code >= programs.WATCHED:
+            kind, quantity, remedy = card.watches[code - programs.WATCHED]
+            value = abs(value) if kind == "bound" else value
+            return ends(_KINDS.get(kind, "singular"), quantity, value, remedy)
+        if code >= programs.GUARDED:
+            quantity = f"1 - det/det(h -> 0): {_determinant(card, code - programs.GUARDED, problem)}"
+            return ends("guard", quantity, value, _REMEDY)
+        if code >= programs.SINGULAR:
+            return ends("singular", _determinant(card, code - programs.SINGULAR, problem), value, _REMEDY)
+        if code >= programs.NO_CONVERGENCE:
+            place = code - programs.NO_CONVERGENCE
+            quantity = _determinant(card, place, problem)
+            if place < len(card.solves) and abs(last[f"last_{place}"]) < NEARLY_SINGULAR * abs(last[f"first_{place}"]):
+                return ends("singular", quantity, last[f"last_{place}"], _REMEDY)
+            remedy = _NO_VALUE if math.isnan(value) else _REMEDY
+            return ends("no_convergence", quantity, value if place < len(card.solves) else math.nan, remedy)
+        if code == programs.NO_START:
+            return ends("off_domain", "the state at the start, which has no finite value", value, _UNDEFINED)
+        if code == programs.TOO_MANY:
+            quantity = f"the step chosen by the method: {MOST_TRIES} such steps do not reach the next point"
+            return ends("unresolved", quantity, value, _FASTER)
+        if code == programs.TOO_SHORT:
+            return ends("singular", "a step within the tolerance", value, _ENDS)
+        assert code == programs.NOT_FINITE
+        return ends("not_finite", "a coordinate or momentum", math.nan, _REMEDY)
 
 
 def memory_of(card: Card, numbers: Mapping[str, float | Array], count: int = 1) -> Array:
@@ -288,49 +314,6 @@ def memory_of(card: Card, numbers: Mapping[str, float | Array], count: int = 1) 
     return memory
 
 
-def stopped(run: Run, member: int = 0) -> Outcome | None:
-    """Why a run stopped; None if it reached the end."""
-    card, grid, last, problem = run.card, run.grid, run.numbers(member), run.ready.formulas.problem
-    if not (code := int(last[programs.STATUS])):
-        return None
-    step, value = int(last[programs.STOPPED_AT]), last[programs.STOPPED_VALUE]
-
-    def ends(kind: str, quantity: str, value: float, remedy: str) -> Outcome:
-        return Outcome(kind, step, grid.begin + step * grid.step, quantity, value, remedy)
-
-    if code >= programs.UNOBSERVABLE:
-        quantity = f"{card.observed[code - programs.UNOBSERVABLE]}, which has no finite value"
-        if max(abs(last.get(name, 0.0)) for name in card.layout.columns) > _SQUARE_OVERFLOWS:
-            return ends("not_finite", quantity, value, _REMEDY)
-        return ends("off_domain", quantity, value, _UNDEFINED)
-    if code >= programs.WATCHED:
-        kind, quantity, remedy = card.watches[code - programs.WATCHED]
-        value = abs(value) if kind == "bound" else value
-        return ends(_KINDS.get(kind, "singular"), quantity, value, remedy)
-    if code >= programs.GUARDED:
-        quantity = f"1 - det/det(h -> 0): {_determinant(card, code - programs.GUARDED, problem)}"
-        return ends("guard", quantity, value, _REMEDY)
-    if code >= programs.SINGULAR:
-        return ends("singular", _determinant(card, code - programs.SINGULAR, problem), value, _REMEDY)
-    if code >= programs.NO_CONVERGENCE:
-        place = code - programs.NO_CONVERGENCE
-        quantity = _determinant(card, place, problem)
-        if place < len(card.solves) and abs(last[f"last_{place}"]) < NEARLY_SINGULAR * abs(last[f"first_{place}"]):
-            return ends("singular", quantity, last[f"last_{place}"], _REMEDY)
-        remedy = _NO_VALUE if math.isnan(value) else _REMEDY
-        return ends("no_convergence", quantity, value if place < len(card.solves) else math.nan, remedy)
-    if code == programs.NO_START:
-        step = 0
-        return ends("off_domain", "the state at the start, which has no finite value", value, _UNDEFINED)
-    if code == programs.TOO_MANY:
-        quantity = f"the step chosen by the method: {MOST_TRIES} such steps do not reach the next point"
-        return ends("unresolved", quantity, value, _FASTER)
-    if code == programs.TOO_SHORT:
-        return ends("singular", "a step within the tolerance", value, _ENDS)
-    assert code == programs.NOT_FINITE
-    return ends("not_finite", "a coordinate or momentum", math.nan, _REMEDY)
-
-
 def _determinant(card: Card, place: int, problem: Problem) -> str:
     """The equations of a block, by its unknowns in the user's names."""
     if place >= len(card.solves):
@@ -344,14 +327,13 @@ def _determinant(card: Card, place: int, problem: Problem) -> str:
 
 def trajectory_of(run: Run) -> Trajectory:
     """The first run as a trajectory."""
-    card, choice, halt = run.card, run.ready.choice, stopped(run)
-    done = run.done if halt is None else halt.step or 0
+    card, choice, outcome = run.card, run.ready.choice, run.outcome()
+    done = outcome.step or 0
     rows = run.grid.recorded <= done
     carried = run.rates[0, rows]
-    taken = int(run.last(programs.CLOCK)[0]) if halt is None else done
     # Of forces: in every trial step where the method chooses its own, else in every substep and iteration.
     each = 6 if choice.method == "reference" else 1
-    evaluations = card.forces * taken * len(weights_of(choice)) + run.iterations * each
+    evaluations = card.forces * done * len(weights_of(choice)) + run.iterations * each
     own_steps = choice.method in method_table.OWN_STEPS
     # The first value of an observed quantity is repeated in front, because no step leads to the start.
     seen = {name: run.column(f"observed_{k}")[0] for k, name in enumerate(card.observed)}
@@ -360,7 +342,7 @@ def trajectory_of(run: Run) -> Trajectory:
         positions=run.positions[0, rows],
         momenta=carried if run.letter == "p" and not np.isnan(carried).any() else None,
         velocities=carried if run.letter == "v" else None,
-        outcome=_outcome(run, halt),
+        outcome=_explained(run, outcome),
         force_evaluations=card.forces * run.iterations if own_steps else evaluations,
         newton_iterations=0 if own_steps else run.iterations,
         compile_seconds=sum(run.ready.kernel.seconds.values()),
@@ -374,11 +356,9 @@ def weights_of(choice: MethodChoice) -> tuple[float, ...]:
     return method_table.composition(choice.order) if choice.method in method_table.GEOMETRIC else (1.0,)
 
 
-def _outcome(run: Run, halt: Outcome | None) -> Outcome:
+def _explained(run: Run, halt: Outcome) -> Outcome:
+    """The outcome with its cause where that lies in the formulas of L~, and with the step that passes a guard."""
     f, choice, grid = run.ready.formulas, run.ready.choice, run.grid
-    if halt is None:
-        kind = "cancelled" if run.cancelled and run.done < grid.steps else "completed"
-        return Outcome(kind, run.done, grid.begin + run.done * grid.step)
     if choice.method == "modified" and halt.kind == "singular" and len(schemes.parts_of(choice)) == 1:
         # It has its own singular set: it is smooth through the zeros of A_alpha, even if other factors vanish nearby.
         return replace(halt, remedy=_remedy(f, choice))
@@ -459,7 +439,7 @@ def initial(f: Formulas, choice: MethodChoice, start: Start, arguments: Columns)
     table = {**arguments, **_named("q", start.positions), **_named("v", start.velocities)}
     if choice.method in method_table.POINT_METHODS:
         at = tuple((name, value) for name, value in table.items() if name not in ("h", "a"))
-        return no_one_motion(f, choice.method in BY_SLOPES, at) or table
+        return no_one_motion(f, choice.method == "stiff", at) or table
     momenta = None if start.momenta is None or choice.method == "modified" else np.array(start.momenta)
     if start.convention == "discrete_constraint":
         if choice.order > 2:
@@ -483,23 +463,18 @@ def initial(f: Formulas, choice: MethodChoice, start: Start, arguments: Columns)
 
 def carried(f: Formulas, choice: MethodChoice, columns: Columns, momenta: Array | None) -> Columns:
     """Columns with q and v as a method on (q, p) carries them: momenta, those given or dL/dv, and rates."""
-    found = (start_momenta(f, choice, columns) if momenta is None else momenta).T
+    if momenta is None:  # of L~ with the constraints put in, which hold, so that common factors A_alpha cancel
+        given = f.on_constraints if choice.method != "nonholonomic" else {}
+        momenta = f.rows([f.discretized(choice.method).diff(v).subs(given) for v in f.symbols("v")], columns)
     kept = [k for k in range(f.size) if choice.method != "modified" or k not in f.dependent]
     others = {name: value for name, value in columns.items() if name[0] != "v"}
     rates = {f"d{k}_rate": columns[f"v{k}"] for k in range(f.size)}
-    return others | {f"p{k}": found[k] for k in kept} | rates
+    return others | {f"p{k}": momenta[..., k] for k in kept} | rates
 
 
 def _named(letter: str, values: Sequence[float] | Array) -> Columns:
     """The entries of (n,) numbers, or of each of (N, n), by name."""
     return {f"{letter}{k}": value for k, value in enumerate(np.asarray(values, dtype=float).T)}
-
-
-def start_momenta(f: Formulas, choice: MethodChoice, columns: Columns) -> Array:
-    """dL/dv of the Lagrangian that the method discretizes, (N, n); of L~ with the constraints put in, which hold, so
-    that common factors A_alpha cancel."""
-    given = f.on_constraints if choice.method != "nonholonomic" else {}
-    return f.rows([f.discretized(choice.method).diff(v).subs(given) for v in f.symbols("v")], columns)
 
 
 def _on_discrete_constraint(f: Formulas, choice: MethodChoice, table: Numbers, step: float) -> tuple[Array, Array]:
@@ -599,11 +574,9 @@ def run_ensemble(
     if choice.method in ("heyoka", "modified"):
         raise InputError(ALL_METHODS)
     f = Formulas(problem)
-    kernel = kernel_of(
-        f, choice, (), 8 if "+avx512f" in processor_features() else 4
-    )  # doubles that a core takes at once
+    lanes = 8 if "+avx512f" in processor_features() else 4  # doubles that a core takes at once
     columns = arguments_of(problem, choice, grid, values) | _named("q", positions) | _named("v", velocities)
     columns |= ({} if steps is None else {"h": steps}) | ({} if begins is None else {str(MOMENT): begins})
     if choice.method not in method_table.POINT_METHODS:
         columns = carried(f, choice, columns, momenta)
-    return Prepared(f, choice, kernel, columns, len(positions)).go(grid, stop)
+    return Prepared(f, choice, kernel_of(f, choice, (), lanes), columns, len(positions)).go(grid, stop)
