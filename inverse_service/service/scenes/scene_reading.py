@@ -28,6 +28,7 @@ from inverse_service.expressions import collecting, derivative, pieces, refusals
 from inverse_service.field import tower
 from inverse_service.integrators.method_table import GEOMETRIC, METHODS, OWN_STEPS, RUNGE_KUTTA
 from inverse_service.integrators.trajectory import Array
+from inverse_service.mechanics import paper_class
 from inverse_service.mechanics.constrained_motion import read_nonholonomic
 from inverse_service.mechanics.reading import read_system
 from inverse_service.reading import names as nm, reader
@@ -37,10 +38,6 @@ from inverse_service.service.documents.plain_data import escape
 from inverse_service.simulation import derivation, numeric_formulas, scene_data as data
 from inverse_service.simulation.initial import System, check_constraints, initial_velocities, velocities_from_momenta
 
-SYSTEM = (
-    'an object: {"catalogue": name}, {"document": {...}}, {"result": {...}} or a document with coordinates and '
-    "lagrangian or equations"
-)
 LAGRANGIAN_KEYS = "name, coordinates, lagrangian, constraints, parameters, functions, where, time"
 # Keys of a nonholonomic document that are options of `solve` and do not affect the motion.
 SOLVE_ONLY = frozenset({
@@ -60,19 +57,9 @@ TABLE = tomllib.loads((Path(__file__).parent / "wording.toml").read_text(encodin
 FILLED = {
     "methods": ", ".join(get_args(schemas.MethodName)), "quantities": ", ".join(get_args(schemas.Observed)),
     "orders": ", ".join(map(str, RUNGE_KUTTA)), "most steps": schemas.MAX_STEPS, "most methods": schemas.MAX_METHODS,
-    "system": SYSTEM,
 }  # fmt: skip
 TAKEN = frozenset({"t", "energy", "discrete_energy", "error", "phase_error", "power", "work"})
-NO_INITIAL = "The key 'initial' is missing; it must be an object with positions and velocities or momenta."
 Constraints = tuple[ex.Expression, ...]
-TIME_REFUSED = (
-    "constraints that depend on the time t are not simulated: add a coordinate for t with its own kinetic "
-    "energy, and start it at 0 with velocity 1."
-)
-BACKWARDS = (
-    "the step must be a positive number: to run backwards, write -t for t in the system, which flips the signs of the "
-    "velocities and of all terms that are odd in them."
-)
 POSITIVE = 5e-324  # the smallest positive number
 DISSIPATION = frozenset({"friction", "drag", "damping", "dissipation"})
 MOST_RECORDED = 100_000
@@ -80,9 +67,13 @@ MOST_WITH_EVENTS = 2_000_000
 _DECIMAL = re.compile(r"[-+]?[0-9]{1,40}(\.[0-9]{0,40})?([eE][-+]?[0-9]{1,3})?")
 INSIDE = {"runge-kutta": "runge_kutta", "stormer-verlet": "variational"}
 MOST_NUMBERS = 40_000_000
-TOO_LARGE = "the ensemble is too large (the limit is {} numbers): take fewer members or a larger record_every."
 PARTS = ("positions", "velocities", "momenta")  # of the initial data
 OF_MEMBERS = ("trajectory", "velocities", "energy")
+
+
+def refusal(key: str, pointer: str, kind: type[InputError] = InputError, **words: object) -> InputError:
+    """The error of this key in `wording.toml`, with its words, at a place of the scene."""
+    return kind(TABLE["refused"][key].format(**words), pointer)
 
 
 def read_definitions(given: Mapping[str, str], names: nm.Names) -> derivative.Definitions:
@@ -93,7 +84,7 @@ def read_definitions(given: Mapping[str, str], names: nm.Names) -> derivative.De
         name = names.spelling(key)
         if name not in names.functions:
             known = ", ".join(names.functions) or "none"
-            raise InputError(f"'{key[:40]}' is not a function of this system: its functions are {known}.", pointer)
+            raise refusal("no_function", pointer, name=key[:40], known=known)
         arguments = names.functions[name]
         with reader.placed_at(pointer):
             tree = reader.read_formula(text, nm.Names(names.coordinates, names.parameters))
@@ -101,7 +92,7 @@ def read_definitions(given: Mapping[str, str], names: nm.Names) -> derivative.De
         tree = ex.substitute(tree, {ex.Velocity(name): ex.Symbol(word) for word, name in words.items()})
         others = (ex.Symbol(other) for other in names.coordinates if other not in arguments)
         if ex.holds(tree, *others, *map(ex.Velocity, names.coordinates)):
-            raise InputError(f"{name} depends on {', '.join(arguments)} only: use only these.", pointer)
+            raise refusal("other_arguments", pointer, name=name, arguments=", ".join(arguments))
         found[name] = (arguments, tree)
     return found
 
@@ -109,13 +100,9 @@ def read_definitions(given: Mapping[str, str], names: nm.Names) -> derivative.De
 def refuse_open_functions(formulas: Sequence[ex.Expression], names: nm.Names) -> None:
     """InputError if a formula contains an arbitrary function for which the scene gives no formula."""
     missing = sorted({node.name for tree in formulas for node in ex.walk(tree) if isinstance(node, ex.Arbitrary)})
-    if not missing:
-        return
-    example = f'{{"{missing[0]}": "cos({names.functions[missing[0]][0]})"}}'
-    raise InputError(
-        f"the functions {', '.join(missing)} are arbitrary: give each a formula in 'functions', as in {example}.",
-        "/functions",
-    )
+    if missing:
+        first, argument = missing[0], names.functions[missing[0]][0]
+        raise refusal("open_functions", "/functions", missing=", ".join(missing), first=first, argument=argument)
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +163,7 @@ def _of_result(result: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSys
     result = accepting.inward(result)
     system = result.get("system")
     if not isinstance(system, Mapping):
-        raise InputError("The result has no part 'system': give the whole result of solve.")
+        raise refusal("no_system", "")
     given = system.get("given")
     if isinstance(given, Mapping) and "lagrangian" in given:
         found = _of_document(given, extra)
@@ -213,10 +200,10 @@ def _is_part(value: Any) -> bool:
 def _of_document(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
     ready = accepting.prepared(document)
     if accepting.uses_the_letter_t(ready):
-        raise InputError("the motion already has a column t for the time: rename the coordinate t.", "/coordinates")
+        raise refusal("letter_t", "/coordinates")
     document = ready.document
     if "lagrangian" in document and "equations" in document:
-        raise InputError("The system has both 'lagrangian' and 'equations': keep only one of them.")
+        raise refusal("two_systems", "")
     try:
         if "lagrangian" in document:
             return _of_lagrangian(document, extra)
@@ -224,7 +211,7 @@ def _of_document(document: Mapping[str, Any], extra: Sequence[str]) -> Mechanica
             return _of_equations(document, extra)
     except InputError as error:
         raise ready.error(error) from None
-    raise InputError(f"The system has neither 'lagrangian' nor 'equations'; it must be {SYSTEM}.")
+    raise refusal("neither_system", "", what=TABLE["expected"]["system"])
 
 
 def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
@@ -349,7 +336,7 @@ def read_observables(schema: schemas.SceneDocument, system: MechanicalSystem) ->
         for name, text in item.items() if isinstance(item, dict) else ():
             pointer = f"/observe/{place}/{escape(name)}"
             if name in taken or name in found:
-                raise InputError("another column already has this name: rename the observable.", pointer)
+                raise refusal("taken", pointer)
             found[name] = data.Observable(name, read_expression(text, system, pointer))
     for body, texts in schema.points.items():
         for axis, text in zip("xy", texts, strict=True):
@@ -370,14 +357,13 @@ def read_events(schema: schemas.SceneDocument, system: MechanicalSystem) -> tupl
         pointer = f"/events/{place}/when"
         left, equals, right = event.when.partition("=")
         if equals and right.strip() not in ("0", "0.0"):
-            raise InputError('write the event as a formula, or as "formula = 0".', pointer)
+            raise refusal("equation", pointer)
         when, names, sets = read_expression(left, system, pointer), system.names, []
         for key, text in () if isinstance(event.do, str) else event.do.set.items():
             pointer = f"/events/{place}/do/set/{escape(key)}"
             target, known = formula(key, names, pointer), names.coordinates
             if target not in (*map(ex.Symbol, known), *map(ex.Velocity, known)):
-                detail = f"an event sets coordinates and velocities: {', '.join(known)}, {known[0]}'."
-                raise InputError(detail, pointer)
+                raise refusal("sets", pointer, known=", ".join(known), first=known[0])
             sets.append((target, read_expression(text, system, pointer)))
         stops = event.do == "stop" or (event.do == "record" and event.count is not None)
         most = event.count or (MOST_ACTS if sets else 1)
@@ -389,12 +375,11 @@ def beginning(schema: schemas.SceneDocument) -> tuple[float, schemas.SceneInitia
     """The start time and initial data of the scene, given directly or taken from the end of the restarted result."""
     if schema.restart is None:
         if schema.initial is None:
-            raise InputError(NO_INITIAL, "/initial")
+            raise refusal("no_initial", "/initial")
         begin = 0.0 if schema.start_time is None else number_of(schema.start_time, "/start_time")
         return begin, schema.initial
     if schema.initial is not None or schema.start_time is not None:
-        raise InputError("a scene that restarts begins where the result ended: leave out initial and start_time.",
-                         "/restart")  # fmt: skip
+        raise refusal("begins_twice", "/restart")
     methods = schema.restart.get("methods")
     for method in methods if isinstance(methods, list) else []:
         with suppress(InputError, AttributeError, KeyError, TypeError, ValueError):  # it has no last point
@@ -404,8 +389,7 @@ def beginning(schema: schemas.SceneDocument) -> tuple[float, schemas.SceneInitia
             )
             begin = number_of(repr(float(final["t"])), "/restart")
             return begin, schemas.SceneInitial(positions=positions, velocities=velocities, project=True)
-    raise InputError("no method of this result has a last point with velocities: give the result of simulate.",
-                     "/restart")  # fmt: skip
+    raise refusal("no_end", "/restart")
 
 
 def read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSystem]:
@@ -421,10 +405,10 @@ def read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSys
     _refuse_unknown(system, given, has_formulas or any(isinstance(item, dict) for item in schema.observe))
     names = system.names
     if taken := _columns(names.coordinates).intersection(names.coordinates):
-        raise InputError(f"the motion already has a column {min(taken)}: rename the coordinate.", "/system")
+        raise refusal("column", "/system", name=min(taken))
     texts = dict(system.values) | {names.spelling(name): text for name, text in given.items()}
     if missing := [name for name in names.parameters if name not in texts]:
-        raise InputError(f"the parameters {', '.join(missing)} have no value: add them to 'parameters'.", "/parameters")
+        raise refusal("no_value", "/parameters", missing=", ".join(missing))
     values = {name: number_of(texts[name], f"/parameters/{name}") for name in names.parameters}
     system = replace(system, definitions=read_definitions(schema.functions, names))
     lagrangian, constraints, forces, effects, parts = _with_effects(schema, system)
@@ -432,18 +416,14 @@ def read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSys
     formulas = [tree for tree in (lagrangian, *constraints, *accelerations) if tree is not None]
     refuse_open_functions(formulas, names)
     if any(ex.holds(tree, ex.TIME) for tree in constraints):
-        raise InputError(TIME_REFUSED, "/system")
+        raise refusal("time", "/system")
     begin, initial = beginning(schema)
     # A start of p in first-order equations x' = h, p' = F, of which x alone is a coordinate.
     equations, known = str((system.document or {}).get("equations")), ", ".join(names.coordinates)
     for kind in PARTS:
         for name in getattr(initial, kind) or {}:
             if name not in names.coordinates and f"{name}'" in equations:
-                raise InputError(
-                    f"in these first-order equations only {known} has a position; the other variables are velocities: "
-                    f"leave '{escape(name)}' out, and give positions and velocities of {known}.",
-                    f"/initial/{kind}/{escape(name)}",
-                )
+                raise refusal("first_order", f"/initial/{kind}/{escape(name)}", known=known, name=escape(name))
     what = data.Problem(names.coordinates, (), lagrangian, constraints)
     positions, velocities = read_initial(initial, names, what, values)
     grid, notes = read_grid(schema, begin)
@@ -483,8 +463,7 @@ def _refuse_unknown(system: MechanicalSystem, extra: Iterable[str], formulas: bo
     for name in extra:
         if system.names.spelling(name) not in known:
             names = ", ".join(name for name in parameters if name in known) or "none"
-            detail = f"the system has no parameter '{name}': its parameters are {names}."
-            raise InputError(detail, f"/parameters/{escape(name)}")
+            raise refusal("no_parameter", f"/parameters/{escape(name)}", name=name, known=names)
 
 
 def _with_effects(
@@ -494,24 +473,17 @@ def _with_effects(
     system has turned round."""
     for name in schema.terms:
         if name.casefold() in DISSIPATION and not schema.as_lagrangian:  # masses change and no energy is dissipated
-            detail = (
-                f"a term of L called '{name}' changes the masses and dissipates no energy: write the force in "
-                """"forces", as in {"x": "-c*x'"}, or "rayleigh": "c*x'^2/2"; or set "as_lagrangian": true."""
-            )
-            raise InputError(detail, f"/terms/{escape(name)}")
+            raise refusal("dissipation", f"/terms/{escape(name)}", name=name)
     terms = {name: read_expression(text, system, f"/terms/{escape(name)}") for name, text in schema.terms.items()}
     further = [name for name, given in ((FORCES, schema.forces), (RAYLEIGH, schema.rayleigh)) if given]
     known = (*derivation.BUILT_IN, *terms, *further)
     named = tuple(dict.fromkeys(schema.effects if schema.effects is not None else known))
     for place, name in enumerate(named):
         if name not in known:
-            detail = f"'{escape(name)}' is not an effect of this scene: use {', '.join(known)}."
-            raise InputError(detail, f"/effects/{place}")
+            raise refusal("no_effect", f"/effects/{place}", name=escape(name), known=", ".join(known))
     if system.lagrangian is None:
         if terms or further or schema.effects is not None:
-            pointer = "/terms" if terms else f"/{further[0]}" if further else "/effects"
-            detail = "effects, terms and forces need a Lagrangian, and this system has equations: leave them out."
-            raise InputError(detail, pointer)
+            raise refusal("no_lagrangian", "/terms" if terms else f"/{further[0]}" if further else "/effects")
         return None, (), (), (), ()
     whole = derivative.define_functions(system.lagrangian, system.definitions)
     parts = [*derivation.lagrangian_parts(whole, system.names.coordinates).items(), *terms.items()]
@@ -533,40 +505,37 @@ def _with_effects(
     return *whole_scene, named, tuple(found)
 
 
-def number_of(text: str, pointer: str, what: str = "", low: float = -math.inf, high: float = math.inf) -> float:
+def number_of(text: str, pointer: str, key: str = "", low: float = -math.inf, high: float = math.inf) -> float:
     """A number written as 0.1, "1/2" or "pi/4"; InputError for all other values and for values that are not finite, and
-    for one that is not from `low` to `high`, which says `what` is wanted."""
+    for one that is not from `low` to `high`, whose refusal has the `key`."""
     value = float(text) if _DECIMAL.fullmatch(text) else math.nan
     if not math.isfinite(value):
         with suppress(InputError, numeric_formulas.NoValue, OverflowError):
             value = float(numeric_formulas.array_value(reader.read_formula(text, nm.Names(time=False)), {})[0])
     if not math.isfinite(value):
-        shown = refusals.shorten(text)
-        raise InputError(f'\'{shown}\' is not a number: write it as in 0.25, "1/4" or "pi/4".', pointer)
+        raise refusal("no_number", pointer, text=refusals.shorten(text))
     if not low <= value <= high:
-        raise InputError(what, pointer)
+        raise refusal(key, pointer)
     return value
 
 
 def read_grid(schema: schemas.SceneDocument, begin: float = 0.0) -> tuple[data.Grid, tuple[str, ...]]:
     """The step, the number of steps and which are recorded, with a note if not all requested ones are."""
-    step = number_of(schema.step, "/step", BACKWARDS, POSITIVE)
+    step = number_of(schema.step, "/step", "backwards", POSITIVE)
     if (schema.steps is None) == (schema.time is None):
-        raise InputError("give either 'steps' or 'time' with 'step'.", "")
+        raise refusal("two_lengths", "")
     notes: tuple[str, ...] = ()
     steps = schema.steps or 0
     if schema.time is not None:
-        length = number_of(schema.time, "/time", "the time must be a positive number.", POSITIVE)
+        length = number_of(schema.time, "/time", "no_length", POSITIVE)
         if (count := length / step) > schemas.MAX_STEPS:
-            detail = f"the scene has more than {schemas.MAX_STEPS} steps: take a larger step or a shorter time."
-            raise LimitError(detail, "/time")
+            raise refusal("most_steps", "/time", LimitError, most=schemas.MAX_STEPS)
         steps = max(1, round(count) if abs(count - round(count)) < 1e-9 * count else math.ceil(count))
         if abs(steps * step - length) > 1e-9 * length:
             notes = (f"The run takes {steps * step:.10g}, up to the first grid point beyond {length:.10g}.",)
     every = schema.record_every or 1
     if schema.events and (every > 1 or steps > MOST_WITH_EVENTS):
-        detail = f"events need every step, and at most {MOST_WITH_EVENTS} of them: leave out record_every."
-        raise InputError(detail, "/events")
+        raise refusal("every_step", "/events", most=MOST_WITH_EVENTS)
     if not schema.events and steps // every > MOST_RECORDED:
         every = math.ceil(steps / MOST_RECORDED)
         notes += (f"One step in {every} is recorded, so that at most {MOST_RECORDED} points are kept.",)
@@ -587,22 +556,21 @@ def read_methods(schema: schemas.SceneDocument) -> tuple[data.Requested, ...]:
 def _requested(schema: schemas.SceneDocument, given: schemas.SceneMethod, pointer: str) -> data.Requested:
     verlet = given.method == "stormer-verlet"
     method = INSIDE.get(given.method, given.method)
-    alpha = number_of(given.alpha or "0.5", f"{pointer}/alpha", "alpha must be a number from 0 to 1.", 0, 1)
+    alpha = number_of(given.alpha or "0.5", f"{pointer}/alpha", "alpha", 0, 1)
     allowed = METHODS[method].orders
     if given.order is not None and given.order not in allowed:
         choice = f"takes the orders {METHODS[method].listed_orders}" if allowed else "has no order to choose"
-        raise InputError(f"the method {given.method} {choice}.", f"{pointer}/order")
+        raise refusal("order", f"{pointer}/order", method=given.method, choice=choice)
     if method == data.EXACT:
         return data.Requested(given.label or method, data.MethodChoice(method))
     order = given.order or (allowed[0] if allowed else 2)
     tolerance = METHODS[method].tolerance or 0.0
     if given.tolerance is not None:
         if method not in OWN_STEPS:
-            raise InputError(f"the method {given.method} takes steps, not a tolerance.", f"{pointer}/tolerance")
-        what = "the tolerance must be a number from 1e-18 to 0.1."
-        tolerance = number_of(given.tolerance, f"{pointer}/tolerance", what, 1e-18, 0.1)
+            raise refusal("takes_steps", f"{pointer}/tolerance", method=given.method)
+        tolerance = number_of(given.tolerance, f"{pointer}/tolerance", "tolerance", 1e-18, 0.1)
     if verlet and (given.alpha is not None or given.symmetrised or given.form != "hamiltonian"):
-        raise InputError("stormer-verlet accepts an order, but not alpha, form or symmetrised.", pointer)
+        raise refusal("verlet", pointer)
     alpha, symmetrised, form = (0.0, True, "verlet") if verlet else (alpha, given.symmetrised, given.form)
     short = f"{alpha:g}"
     written = short if float(short) == alpha else given.alpha or short  # as it is written: 1/3
@@ -622,31 +590,26 @@ def _requested(schema: schemas.SceneDocument, given: schemas.SceneMethod, pointe
 
 def _label(given: schemas.SceneMethod, alpha: str | None, order: int) -> str:
     shown = alpha is not None and given.method != "stormer-verlet"
-    parts = [given.method, *([str(alpha).replace("/", "_")] if shown else [])]
-    if given.order is not None and given.order != 2:
-        parts.append(f"order{order}")
-    if given.symmetrised:
-        parts.append("symmetrised")
-    if given.method == "variational" and given.form == "raw":
-        parts.append("raw")
-    if given.free_lagrangian in ("first", "second", "third"):
-        parts.append(str(given.free_lagrangian))
-    return "-".join(parts)
+    parts = {
+        given.method: True,
+        str(alpha).replace("/", "_"): shown,
+        f"order{order}": given.order not in (None, 2),
+        "symmetrised": given.symmetrised,
+        "raw": given.method == "variational" and given.form == "raw",
+        str(given.free_lagrangian): given.free_lagrangian in paper_class.KINDS,
+    }
+    return "-".join(word for word, is_shown in parts.items() if is_shown)
 
 
 def read_circle(schema: schemas.SceneDocument, names: nm.Names) -> tuple[int, int] | None:
     """The pair of coordinates named, else x and y, else the last two."""
+    known = names.coordinates
+    pair = ["x", "y"] if {"x", "y"} <= set(known) else known[-2:]
     if schema.circle is not None:
         pair = [_coordinate(name, names, f"/circle/{place}") for place, name in enumerate(schema.circle)]
         if pair[0] == pair[1]:
-            raise InputError("the two coordinates of the circle are the same: name two different ones.", "/circle")
-    elif {"x", "y"} <= set(names.coordinates):
-        pair = ["x", "y"]
-    elif len(names.coordinates) >= 2:
-        pair = list(names.coordinates[-2:])
-    else:
-        return None
-    return names.coordinates.index(pair[0]), names.coordinates.index(pair[1])
+            raise refusal("circle", "/circle")
+    return (known.index(pair[0]), known.index(pair[1])) if len(pair) == 2 else None
 
 
 def read_initial(
@@ -655,7 +618,7 @@ def read_initial(
     """Positions and velocities, (n,) each, the velocities on the constraints."""
     start = _of_all(given.positions, names, "position", "/initial/positions")
     if (given.velocities is None) == (given.momenta is None):
-        raise InputError("give either 'velocities' or 'momenta' with the positions.", "/initial")
+        raise refusal("two_speeds", "/initial")
     speeds = _by_coordinate(given.velocities or {}, names, "/initial/velocities")
     if given.momenta is not None:
         target = _of_all(given.momenta, names, "momentum", "/initial/momenta")
@@ -669,7 +632,7 @@ def _of_all(given: Mapping[str, str], names: nm.Names, what: str, pointer: str) 
     found = _by_coordinate(given, names, pointer)
     missing = ", ".join(name for name in names.coordinates if name not in found)
     if missing:
-        raise InputError(f"the initial {what} of {missing} is missing: add it.", pointer)
+        raise refusal("missing", pointer, what=what, missing=missing)
     return np.array([found[name] for name in names.coordinates])
 
 
@@ -685,8 +648,7 @@ def _by_coordinate(given: Mapping[str, str], names: nm.Names, pointer: str) -> d
 def _coordinate(key: str, names: nm.Names, pointer: str) -> str:
     """The coordinate of this name, as the system writes it."""
     if (name := names.spelling(key)) not in names.coordinates:
-        known = ", ".join(names.coordinates)
-        raise InputError(f"'{escape(key)}' is not a coordinate: the coordinates are {known}.", pointer)
+        raise refusal("no_coordinate", pointer, name=escape(key), known=", ".join(names.coordinates))
     return name
 
 
@@ -696,15 +658,13 @@ def read_members(
     """Starts times combinations of parameters, the parameters running fastest; each start on the constraints."""
     unseen = [name for name in scene.observe if name not in OF_MEMBERS]
     if scene.events or unseen:
-        what = f"'{unseen[0]}' is" if unseen else "events are"
-        raise InputError(f"{what} observed in single runs: an ensemble has {', '.join(OF_MEMBERS)} and formulas.",
-                         "/events" if scene.events else "/observe")  # fmt: skip
+        what, pointer = f"'{unseen[0]}' is" if unseen else "events are", "/events" if scene.events else "/observe"
+        raise refusal("of_members", pointer, what=what, known=", ".join(OF_MEMBERS))
     axes = {}
     for key, texts in given.parameters.items():
         name, pointer = names.spelling(key), f"/ensemble/parameters/{escape(key)}"
         if name not in scene.values:
-            known = ", ".join(scene.values) or "none"
-            raise InputError(f"the system has no parameter '{escape(key)}': its parameters are {known}.", pointer)
+            raise refusal("no_parameter", pointer, name=escape(key), known=", ".join(scene.values) or "none")
         axes[name] = [number_of(text, f"{pointer}/{k}") for k, text in enumerate(texts)]
     grid, columns = list(product(*axes.values())), list[list[str]]()
     starts = given.initial
@@ -713,18 +673,17 @@ def read_members(
     elif isinstance(starts, schemas.MemberColumns):
         columns = [*starts.positions.values(), *starts.velocities.values()]
         if base.momenta is not None:
-            raise InputError("columns of starts need velocities: give velocities in the scene instead of momenta.",
-                             "/ensemble/initial")  # fmt: skip
+            raise refusal("momenta", "/ensemble/initial")
     count, each = len(starts) if isinstance(starts, list) else len(next(iter(columns), [""])), len(grid)
     rows = scene.grid.steps // scene.grid.record_every + 2
     if 2.0 * count * each * rows * len(names.coordinates) > MOST_NUMBERS:
-        raise LimitError(TOO_LARGE.format(MOST_NUMBERS), "/ensemble")
+        raise refusal("large_ensemble", "/ensemble", LimitError, most=MOST_NUMBERS)
     values = {name: np.tile([row[k] for row in grid], count) for k, name in enumerate(axes)}
     where = "/ensemble/initial"
     try:
         if isinstance(starts, schemas.MemberColumns):
             if given.initial is not None and len({*map(len, columns)}) != 1:
-                raise InputError("the columns of an ensemble must have the same length.", "/initial")
+                raise refusal("columns", "/initial")
             return _together(starts, base, names, scene, values, count)
         found = []
         for place, one in enumerate(starts):

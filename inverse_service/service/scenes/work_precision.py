@@ -72,12 +72,10 @@ def _suitable(derived: derivation.Derived) -> list[SceneMethod]:
 
 
 def _steps(schema: SceneDocument) -> tuple[float, ...]:
-    sizes, what = schema.step_sizes, "a step size must be a positive number."
-    if sizes is not None and len(sizes) < FEWEST_STEPS:
-        raise errors.InputError(f"give at least {FEWEST_STEPS} step sizes, or none.", "/step_sizes")
-    pointers = {f"/step_sizes/{k}": text for k, text in enumerate(sizes or ())}
-    positive = scene_reading.POSITIVE
-    return tuple(scene_reading.number_of(text, pointer, what, positive) for pointer, text in pointers.items())
+    sizes, least = schema.step_sizes or (), scene_reading.POSITIVE
+    if 0 < len(sizes) < FEWEST_STEPS:
+        raise scene_reading.refusal("few_sizes", "/step_sizes", least=FEWEST_STEPS)
+    return tuple(scene_reading.number_of(text, f"/step_sizes/{k}", "step_size", least) for k, text in enumerate(sizes))
 
 
 def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> dict[str, Any]:
