@@ -172,8 +172,7 @@ def estimated(run: observing.Observed, derived: derivation.Derived) -> dict[str,
         early = count < len(at.times) and kind not in GOES_ON
         if early and again.how == HALF:
             quantity = ENDS.format(kind.replace("_", " "))
-            lost = Outcome("unresolved", int(scene.grid.recorded[count - 1]), end, quantity, None, SHORTER)
-            return numbers | {"lost": lost, "doubt": ""}
+            return numbers | {"lost": _unresolved(run, count - 1, quantity), "doubt": ""}
         errors, shares = errors_of(at.positions[:count], found.positions[:count], turns, again.part)
         greatest, expected = observing.greatest(errors), numbers.get("estimated_error") or 0.0
         is_own = run.requested.method in method_table.OWN_STEPS
@@ -200,6 +199,12 @@ def _at_peaks(run: observing.Observed, derived: derivation.Derived) -> Iterator[
             yield again, derived.motion(), (*run.scene.events, *events)
 
 
+def _unresolved(run: observing.Observed, row: int, quantity: str) -> Outcome:
+    """The outcome of a run whose steps are too long from a recorded point on."""
+    step, time = int(run.scene.grid.recorded[row]), float(run.trajectory.times[row])
+    return Outcome("unresolved", step, time, quantity, None, SHORTER)
+
+
 def _is_guarded(run: observing.Observed) -> bool:
     """Whether a guarded run is recorded at every step of its grid, and not made of pieces."""
     return run.requested.choice.guard and run.scene.grid.record_every == 1 and not run.in_pieces
@@ -213,7 +218,7 @@ def _lost(run: observing.Observed, shares: Array) -> Outcome | None:
     if not len(places) or not _is_guarded(run):
         return None
     k = int(places[0])
-    return Outcome("unresolved", k, float(run.trajectory.times[k]), LOST.format(shares[k + 1]), None, SHORTER)
+    return _unresolved(run, k, LOST.format(shares[k + 1]))
 
 
 def _with_made_energy(run: observing.Observed, energies: Array, kinetic: Array) -> Outcome | None:
@@ -233,7 +238,7 @@ def _with_made_energy(run: observing.Observed, energies: Array, kinetic: Array) 
     if end is None:
         return None
     part = changes[end] / max(about[end], float(kinetic[: end + 2].mean()))
-    return Outcome("unresolved", end, float(run.trajectory.times[end]), NOT_CONSTANT.format(part), None, SHORTER)
+    return _unresolved(run, end, NOT_CONSTANT.format(part))
 
 
 def _elsewhere(run: observing.Observed, errors: Array, shares: Array, which: str, part: float = 1.0) -> str:
@@ -283,11 +288,10 @@ def moments_between(run: observing.Observed) -> Array:
     at, scene, velocities = run.trajectory, run.scene, run.velocities
     if run.problem is None or not run.requested.choice.guard or velocities is None:
         return np.empty(0)
-    given = (scene.lagrangian, *scene.constraints, *(scene.accelerations or ()), *scene.forces)
     moving = nf.changing(scene.coordinates)
     pairs = [
         (node, node.argument if isinstance(node, ex.Apply) else node.base)
-        for node in ex.distinct_nodes(tree for tree in given if tree is not None)
+        for node in ex.distinct_nodes(scene.formulas)
         if isinstance(node, ex.Apply | ex.Power) and ex.holds(node, *moving) and not _is_square_or_cube(node)
     ]
     count = min(len(at.times), MOST_VALUES // max(1, len(pairs)))
@@ -384,7 +388,9 @@ def _references(derived: derivation.Derived) -> data.Truth:
         steps, every = refinement * grid.steps, refinement * grid.record_every
         finer = replace(grid, step=grid.step / refinement, steps=steps, record_every=every)
         found = np.full((2, len(times), len(scene.coordinates)), np.nan)
-        ran = _part(derived, problem, choice, start, finer)
+        acting = tuple(event for event in scene.events if event.acts)
+        own = derived.but(grid=finer, events=acting, observe=())
+        ran = run_motion(own, data.Requested("", choice), problem, start, scene.values).trajectory
         if ran.velocities is not None:
             found[:, : len(ran.times)] = ran.positions, ran.velocities
         return found
@@ -422,15 +428,6 @@ def _collocation(states: Callable[..., Array], other: Array, derived: derivation
             break
         nearest, refinement = min(apart, nearest), 2 * refinement
     return best
-
-
-def _part(
-    derived: derivation.Derived, problem: data.Problem, choice: data.MethodChoice, start: data.Start, grid: data.Grid
-) -> Trajectory:
-    """A part of the run, with the events that act and the switches in it."""
-    acting = tuple(event for event in derived.scene.events if event.acts)
-    own = derived.but(grid=grid, events=acting, observe=())
-    return run_motion(own, data.Requested("", choice), problem, start, own.scene.values).trajectory
 
 
 def _size(states: Array) -> float:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from inverse_service import errors
 from inverse_service.expressions import tree as ex
 from inverse_service.integrators import method_table, trajectory
+from inverse_service.integrators.trajectory import Trajectory
 from inverse_service.simulation import (
     execution,
     initial,
@@ -97,22 +98,19 @@ def located(run: observing.Observed, events: Sequence[data.Event], motion: Motio
     return tuple(_located(run, event, follow) for event in events)
 
 
-def with_events(run: observing.Observed, motion: Motion) -> tuple[trajectory.Trajectory, tuple[Found, ...]]:
-    """The run, which ends at the first event that stops it, and all events found up to there."""
+def first_of(found: Sequence[Found]) -> Point | None:
+    """The first point of all of them."""
+    return min((one.first for one in found if len(one.times)), key=lambda point: point[0], default=None)
+
+
+def with_events(run: observing.Observed, motion: Motion) -> tuple[Trajectory, tuple[Found, ...], Point | None]:
+    """The run, which ends at the first event that stops it, all events found up to there, and its end if one did."""
     ran, found = run.trajectory, located(run, run.scene.events, motion)
-    ends = [float(one.times[0]) for one in found if one.event.stops and len(one.times)]
-    if not ends:
-        return ran, found
-    end = min(ends)
-    kept = ran.times < end
+    if (final := first_of([one for one in found if one.event.stops])) is None:
+        return ran, found, None
+    end, kept = final[0], ran.times < final[0]
     outcome = trajectory.Outcome("completed", int(kept.sum()) - 1, end, note=ENDED.format(end))
-    return ran.ended(kept, outcome), tuple(one.part(one.times <= end) for one in found)
-
-
-def where_ended(found: tuple[Found, ...], outcome: trajectory.Outcome) -> Point | None:
-    """(t, q, v) of the event that ended the run; None if no event did."""
-    stops = (one for one in found if one.event.stops and len(one.times) and one.times[0] == outcome.time)
-    return next((one.first for one in stops), None)
+    return ran.ended(kept, outcome), tuple(one.part(one.times <= end) for one in found), final
 
 
 def _follower(run: observing.Observed, motion: Motion) -> Follow | None:

@@ -169,9 +169,8 @@ def _times(matrices: Array, vectors: Array) -> Array:
 
 def angles(scene: Scene) -> NDArray[np.bool_]:
     """Which coordinates are angles, (n,): they occur only in sines and cosines of their integer multiples."""
-    given = (scene.lagrangian, *scene.constraints, *(scene.accelerations or ()), *scene.forces)
-    trees = [tree for tree in given if tree is not None]
-    waves = [node for node in ex.distinct_nodes(trees) if isinstance(node, ex.Apply) and node.function in PERIODIC]
+    known = ex.distinct_nodes(scene.formulas)
+    waves = [node for node in known if isinstance(node, ex.Apply) and node.function in PERIODIC]
 
     def is_angle(name: ex.Symbol) -> bool:
         turns: dict[ex.Expression, ex.Expression] = {}
@@ -179,7 +178,7 @@ def angles(scene: Scene) -> NDArray[np.bool_]:
             slope = derivative.differentiate(wave.argument, name)
             if isinstance(slope, ex.Number) and slope != ex.ZERO and slope.value.denominator == 1:
                 turns[wave] = ex.PI
-        return bool(turns) and not any(ex.holds(ex.substitute(tree, turns), name) for tree in trees)
+        return bool(turns) and not any(ex.holds(ex.substitute(tree, turns), name) for tree in scene.formulas)
 
     return np.array([is_angle(ex.Symbol(name)) for name in scene.coordinates])
 

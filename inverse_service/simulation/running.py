@@ -45,7 +45,7 @@ class MethodRun:
 
     `seconds` says what compiling, running and each observed quantity cost; `trajectory` is None where the
     method could not start, and `outcome` says why. `events` are those found, `observed` is the run with what
-    velocities at its points need.
+    velocities at its points need, `final` where an event ended it or its last piece.
     """
 
     requested: data.Requested
@@ -57,7 +57,8 @@ class MethodRun:
     free: data.FreeLagrangian | None = None
     events: tuple[happening.Found, ...] = ()
     observed: observing.Observed | None = None
-    ran: switching.Run | None = None
+    switches: tuple[switching.Switch, ...] = ()
+    final: happening.Point | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,13 +114,13 @@ def run_scene(
             runs.append(MethodRun(requested, Outcome("cancelled", remedy=LATE), None))
             continue
         try:
+            members = scene.ensemble
+            run = run_method(derived, requested, truth) if members is None else run_members(derived, members, requested)
+            runs.append(run)
+        except InputError as error:
             if scene.ensemble is None:
-                runs.append(run_method(derived, requested, truth))
-                continue
-            try:
-                runs.append(run_members(derived, scene.ensemble, requested))
-            except InputError as error:
-                runs.append(MethodRun(requested, Outcome("unavailable", remedy=error.detail), None))
+                raise
+            runs.append(MethodRun(requested, Outcome("unavailable", remedy=error.detail), None))
         except (ArithmeticError, ValueError, LookupError, TypeError, RuntimeError) as error:
             logging.getLogger(__name__).exception("the method %s failed", requested.method)
             runs.append(MethodRun(requested, Outcome("failed", remedy=FAULT.format(type(error).__name__)), None))
@@ -149,7 +150,7 @@ def run_method(
             numbers, series = observing.observed_quantities(shorter, seconds)
             return replace(
                 run, outcome=lost, trajectory=shorter.trajectory, numbers=numbers, series=series, seconds=seconds,
-                events=tuple(one.part(one.times <= end) for one in run.events), observed=shorter,
+                events=tuple(one.part(one.times <= end) for one in run.events), observed=shorter, final=None,
             )  # fmt: skip
         outcome = replace(outcome, doubt=numbers.pop("doubt"))
     if "cost" in derived.scene.observe:
@@ -180,14 +181,14 @@ def observed_run(
     found = ran.trajectory
     seconds = {"compile": found.compile_seconds, "run": found.run_seconds}
     observed = observing.Observed(scene, requested, found, problem, values, truth, ran.in_pieces)
-    events = ran.events
+    events, final = ran.events, ran.final
     if not ran.in_pieces:
         if found.outcome.completed and (other := accuracy.other_motion(observed)) is not None:
             found = found.ended(found.times <= (other.time or 0.0), other)
             observed = replace(observed, trajectory=found)
         if watched.scene.events and len(found.times) > 1:
             with derivation.timed(seconds, "events"):
-                found, events = happening.with_events(replace(observed, scene=watched.scene), derived.motion)
+                found, events, final = happening.with_events(replace(observed, scene=watched.scene), derived.motion)
                 observed = replace(observed, trajectory=found)
     if not found.outcome.completed and len(found.times) < 2:  # it did not make a step: nothing to observe
         return MethodRun(requested, found.outcome, found, seconds=seconds, free=free)
@@ -199,7 +200,8 @@ def observed_run(
             elif events:
                 *others, returns = events
                 numbers, events = numbers | happening.period_of(observed, returns, others), tuple(others)
-    return MethodRun(requested, found.outcome, found, numbers, series, seconds, free, events, observed, ran)
+    run = MethodRun(requested, found.outcome, found, numbers, series, seconds, free, events, observed)
+    return replace(run, switches=ran.switches, final=final)
 
 
 def run_members(derived: derivation.Derived, members: data.Members, requested: data.Requested) -> EnsembleRun:
@@ -226,36 +228,28 @@ def run_members(derived: derivation.Derived, members: data.Members, requested: d
     run = EnsembleRun(requested, Outcome("cancelled", scene.grid.steps), many, velocities, series, numbers, seconds)
     if many.cancelled:
         return run
-    numbers["estimated_error"], doubt = _estimated(scene, members, problem, run, values, momenta)
+    # With half the step, or a smaller tolerance: as many members as MOST_SHARPER allows, nan for others.
+    again, count = accuracy.finer(requested, scene.grid), len(many.positions)
+    most = max(1, MOST_SHARPER // max(again.grid.steps, 1))
+    rows = np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))
+    own = {name: value[rows] if isinstance(value, np.ndarray) else value for name, value in values.items()}
+    found = execution.run_ensemble(
+        problem, again.requested.choice, start[0][rows], start[1][rows], again.grid, own,
+        None if momenta is None else momenta[rows],
+    )  # fmt: skip
+    points = many.positions[rows, : found.positions.shape[1]]
+    errors, shares = accuracy.errors_of(points, found.positions, initial.angles(scene), again.part)
+    numbers["estimated_error"] = estimates = np.full(count, np.nan)
+    estimates[rows] = np.where(many.completed[rows], errors.max(axis=(1, 2)), np.nan)
+    far = (shares > accuracy.TOO_LARGE).any(axis=(1, 2)) & many.completed[rows]
+    looked = f"{len(rows):,}" if len(rows) == count else f"{len(rows):,} examined (of {count:,})"
+    doubt = ELSEWHERE.format(f"{far.sum():,}", looked, again.how, rows[far.argmax()]) if far.any() else ""
     doubt = doubt or _missed(derived, members, problem, run, values)
     kind = "completed" if many.completed.all() else "partly"
     if not many.completed.any():  # the most frequent outcome
         kinds = Counter(many.outcome(member).kind for member in range(len(many.positions)))
         kind = kinds.most_common(1)[0][0]
     return replace(run, outcome=Outcome(kind, scene.grid.steps, doubt=doubt))
-
-
-def _estimated(
-    scene: data.Scene, members: data.Members, problem: data.Problem, run: EnsembleRun, values: dict[str, Any],
-    momenta: Array | None,
-) -> tuple[Array, str]:  # fmt: skip
-    """The estimated errors (N,), and how many members differ with half the step, or a smaller tolerance, for as many
-    members as MOST_SHARPER allows; nan for other members and those that did not reach the end."""
-    many, again = run.many, accuracy.finer(run.requested, scene.grid)
-    count, most = len(many.positions), max(1, MOST_SHARPER // max(again.grid.steps, 1))
-    rows = np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))
-    own = {name: value[rows] if isinstance(value, np.ndarray) else value for name, value in values.items()}
-    found = execution.run_ensemble(
-        problem, again.requested.choice, members.positions[rows], members.velocities[rows], again.grid, own,
-        None if momenta is None else momenta[rows],
-    )  # fmt: skip
-    points, estimates = many.positions[rows, : found.positions.shape[1]], np.full(count, np.nan)
-    errors, shares = accuracy.errors_of(points, found.positions, initial.angles(scene), again.part)
-    estimates[rows] = np.where(many.completed[rows], errors.max(axis=(1, 2)), np.nan)
-    far = (shares > accuracy.TOO_LARGE).any(axis=(1, 2)) & many.completed[rows]
-    looked = f"{len(rows):,}" if len(rows) == count else f"{len(rows):,} examined (of {count:,})"
-    doubt = ELSEWHERE.format(f"{far.sum():,}", looked, again.how, rows[far.argmax()]) if far.any() else ""
-    return estimates, doubt
 
 
 def _missed(

@@ -255,6 +255,12 @@ class Scene:
     conserved: tuple[Observable, ...] = ()
     bodies: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
+    @property
+    def formulas(self) -> tuple[ex.Expression, ...]:
+        """Those of its motion: L, constraints, accelerations and forces, as far as it has them."""
+        lagrangian = () if self.lagrangian is None else (self.lagrangian,)
+        return (*lagrangian, *self.constraints, *(self.accelerations or ()), *self.forces)
+
 
 @dataclass(frozen=True, slots=True)
 class Truth:

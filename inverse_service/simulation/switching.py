@@ -19,7 +19,6 @@ from itertools import combinations, product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from inverse_service.expressions import collecting, derivative, printing, tree as ex
 from inverse_service.integrators import method_table
@@ -33,7 +32,7 @@ from inverse_service.simulation import (
     observing,
     scene_data as data,
 )
-from inverse_service.simulation.events import CONTINUED, ENDED, NOISE, Found, Point, joined, located, nowhere
+from inverse_service.simulation.events import CONTINUED, ENDED, NOISE, Found, Point, first_of, joined, located, nowhere
 
 FIRST, MOST = 16, 4096  # steps of a piece that is looked at for events at once
 SAME = 1e-12  # of a step: events at one time; of the size of a state: what does not move
@@ -372,11 +371,11 @@ class _Pieces:
                 sides = None  # it left a zero at which it began, to the other side
                 break
             if found is None and share < 1:
-                self._keep(ran, np.arange(len(ran.times)) == 0)
+                self._keep(ran, 1)
                 state, tries = arrived, tries + 1
                 continue
             if found is None:
-                self._keep(ran, np.ones(len(ran.times), dtype=bool))
+                self._keep(ran, len(ran.times))
                 place += len(ran.times) - 1
                 state = (grid.begin + place * grid.step, *arrived[1:])
                 count = min(2 * count, MOST)
@@ -385,13 +384,11 @@ class _Pieces:
                 continue
             share, tries, failed = 1.0, 0, None
             state, kinds = found
-            kept = ran.times < state[0] - SAME * abs(grid.step)
-            kept[0] = True
-            self._keep(ran, kept)
-            place += int(kept.sum()) - 1
-            count = max(FIRST // 2, 2 * int(kept.sum()))
+            row = max(1, int((ran.times < state[0] - SAME * abs(grid.step)).sum()))
+            self._keep(ran, row)
+            place, count = place + row - 1, max(FIRST // 2, 2 * row)
             state, ended = self._act(state, kinds, sides)
-            here, row = grid.begin + (place + 1) * grid.step, int(kept.sum())
+            here = grid.begin + (place + 1) * grid.step
             if abs(state[0] - here) <= SAME * (abs(grid.step) + abs(here)) and row < len(ran.times):
                 # The event is at a grid point, which is recorded with the state after the event.
                 at = ran.part(slice(row, row + 1))
@@ -472,12 +469,9 @@ class _Pieces:
         motion = replace(self.motion.problem, accelerations=self.motion.forces(sides))
         found = located(run, [event for _, event in watched], lambda: motion)
         later = [one.part(one.times > begin + (least if self.parts else -least)) for one in found]
-        ends = [
-            (kind, one)
-            for (kind, event), one in zip(watched, later, strict=True)
-            if (event.acts or event.stops) and len(one.times)
-        ]
-        first = min((one.first for _, one in ends), key=lambda state: state[0], default=None)
+        pairs = zip(watched, later, strict=True)
+        ends = [(kind, one) for (kind, event), one in pairs if (event.acts or event.stops) and len(one.times)]
+        first = first_of([one for _, one in ends])
         end = np.inf if first is None else first[0]
         for k, (event, one) in enumerate(zip(events, later, strict=False)):
             if one.note:
@@ -555,12 +549,9 @@ class _Pieces:
         formulas = {k: self.scene.events[k].formula for k in held} if after[0] < until else {}
         return any(held[k] * self.motion.at([formula], after)[0] > 0 for k, formula in formulas.items())
 
-    def _keep(self, ran: Trajectory, rows: NDArray[np.bool_]) -> None:
-        """The points of a piece, without its start unless it is the first."""
-        if self.parts:
-            rows = rows.copy()
-            rows[0] = False
-        self.parts.append(ran.part(np.flatnonzero(rows)))
+    def _keep(self, ran: Trajectory, count: int) -> None:
+        """So many points of a piece, without its start unless it is the first."""
+        self.parts.append(ran.part(slice(1 if self.parts else 0, count)))
 
     def _joined(self, outcome: Outcome, start: data.Start) -> Trajectory:
         parts = self.parts

@@ -21,7 +21,7 @@ from inverse_service.integrators.trajectory import Array
 from inverse_service.service.scenes import scene_lagrangian, scene_reading
 from inverse_service.simulation import accuracy, derivation
 from inverse_service.simulation.advice import advice, by_itself
-from inverse_service.simulation.events import Found, where_ended
+from inverse_service.simulation.events import Found
 from inverse_service.simulation.observing import columns_of, last_point, why_energy_varies
 from inverse_service.simulation.running import EnsembleRun, MethodRun, SceneRun, run_scene
 from inverse_service.simulation.scene_data import Progress, Requested, Scene, Truth
@@ -183,7 +183,7 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
 
 
 def _method(scene: Scene, run: MethodRun) -> dict[str, Any]:
-    requested, trajectory, switches = run.requested, run.trajectory, run.ran.switches if run.ran is not None else ()
+    requested, trajectory, switches = run.requested, run.trajectory, run.switches
     document = {**_requested(requested), **_outcome(scene, run), **run.numbers}
     if run.events:
         document["events"] = [
@@ -193,8 +193,7 @@ def _method(scene: Scene, run: MethodRun) -> dict[str, Any]:
             for one in run.events
         ]
     if run.observed is not None:
-        known = None if run.ran is None else run.ran.final
-        at, *states = known or where_ended(run.events, run.outcome) or last_point(run.observed)
+        at, *states = run.final or last_point(run.observed)
         positions, velocities = (None if row is None else columns_of(scene, row) for row in states)
         document["final"] = {"t": at, "positions": positions, "velocities": velocities}
     if switches:
