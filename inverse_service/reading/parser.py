@@ -688,7 +688,10 @@ class FormulaParser:
         return formula is not None and names & moving <= listed <= moving
 
     def _defined_motion(self, node: ex.Expression, token: Token, what: str) -> ex.Expression:
-        """z' for z = a*r^2, and 0 for r = a beside L; InputError for U'(x), usually a slope, and for a mark on a constant."""
+        """z' for z = a*r^2, and 0 for r = a beside L.
+
+        InputError for U' or U'(x), usually a slope, and for a constant with a prime as a mark.
+        """
         name = token.text
         self._skip_time_argument()
         found = carry_out(node, [Variable(ex.TIME, token.order, token.primed)], self._names)
