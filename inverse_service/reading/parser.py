@@ -370,6 +370,8 @@ class FormulaParser:
         exponent, slash = self._exponent(), self._stream.ahead
         if self._stream.look(-1).text == "1" and slash.is_operator("/") and self._stream.look(1).kind == "number":
             raise refusal("the end of the exponent is not clear", slash.column, "write x^(1/2) for a root, or x/2")
+        if exponent == ex.ONE and isinstance(base, ex.Velocity | ex.Acceleration):
+            raise refusal("a raised 1 occurs", ahead.column, "an index? write it below, as in q_1 and q_2")
         found = raised(base, exponent, ahead.column)
         if isinstance(base, ex.Velocity | ex.Acceleration) or base in [
             ex.Symbol(name) for name in self._names.coordinates

@@ -11,6 +11,8 @@ from __future__ import annotations
 import difflib
 import json
 import re
+import unicodedata
+from collections import defaultdict
 from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
@@ -111,6 +113,13 @@ _DEFINED = re.compile(
 _IS_NUMBER = re.compile(r"[^=]*=[\s\d./-]*")
 _LAMBDA = re.compile(r"lambda|Lambda|\bmu|\\mu|[\u03bb\u03bc\u039b]")
 _STRUCTURE = frozenset(("text", "latex"))
+# A letter with its derivatives and the digit above it: \ddot{q}^1, q\u0307\u00b9, x^{1}''
+_HIGH = "\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"
+_ABOVE = re.compile(
+    rf"(?P<dot>\\d?dot[\s{{]*)?(?P<letter>\\[A-Za-z]+|[^\W\d_{_HIGH}])(?P<dots>[\u0307\u0308]*)(?:[\s}}]{{0,9}}"
+    rf"(?:\^\s?(?:\{{(?=\d\}}))?(?=\d)|(?=[{_HIGH}]))(?P<digit>\w)(?!\.?[\d{_HIGH}])\}}?(?P<primes>'*))?"
+)
+_LOWERED = str.maketrans(f"^{_HIGH}", "_\u2081\u2082\u2083\u2084\u2085\u2086\u2087\u2088\u2089")
 # Equations of motion with multipliers as L and constraints: x'' = lambda sin(u), ..., x' sin(u) = y' cos(u). Without
 # multipliers the lines are the Euler-Lagrange equations of a Lagrangian L, each times a factor. The force with each
 # multiplier has to be a multiple of the form w_i v^i of one constraint (d'Alembert's principle): then the motion is
@@ -513,7 +522,7 @@ def prepared(document: Any) -> Prepared:
     formulas = [plain[key] for key in FORMULAS if key in plain]
     if any(len(text) > refusals.most_characters() for text in _texts(formulas)):
         return Prepared(plain)  # too long a text is refused before it is read
-    plain, places, read = _with_lagrangian(plain)
+    plain, places, read = _with_lagrangian(_with_indices_below(plain))
     if is_forward(plain):
         plain.pop("constraints", None)
     extra = {key: document[key] for key in ("id", "metadata") if key in document}
@@ -537,6 +546,26 @@ def prepared(document: Any) -> Prepared:
     other = next(letter for letter in _LETTERS if letter not in "".join(_texts(plain)))
     inside = {key: _changed(plain[key], {time: "t", "t": other}, True) for key in (*FORMULAS, *NAMES) if key in plain}
     return Prepared({**plain, **inside}, time, other, extra, notes | products, places)
+
+
+def _with_indices_below(plain: dict[str, Any]) -> dict[str, Any]:
+    """The document with q_1 and q_2, at the same columns, for the coordinates q^1 and q^2 of its texts.
+
+    These are letters that always have a digit above them, with a 1 among the digits, each of which moves somewhere.
+    """
+    texts = {key: plain[key] for key in FORMULAS if isinstance(plain.get(key), str)}
+    every, moving = defaultdict[str, set[str]](set), defaultdict[str, set[str]](set)
+    for found in _ABOVE.finditer(unicodedata.normalize("NFD", " ; ".join(texts.values()))):
+        every[found["letter"]].add(found["digit"] or "")
+        if found["dot"] or found["dots"] or found["primes"]:
+            moving[found["letter"]].add(found["digit"] or "")
+    indexed = {one for one in moving if moving[one] == every[one] and "" not in every[one] and every[one] & {*"1¹"}}
+
+    def lowered(found: re.Match[str]) -> str:
+        letter = found["letter"] if found["letter"][0] == "\\" else unicodedata.normalize("NFD", found["letter"])[0]
+        return found[0].translate(_LOWERED) if letter in indexed else found[0]
+
+    return plain | {key: _ABOVE.sub(lowered, text) for key, text in texts.items()} if indexed else plain
 
 
 def prepared_scene(scene: Any) -> Any:
