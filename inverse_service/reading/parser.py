@@ -15,6 +15,7 @@ shows both ways to write the formula. `limits.depth` bounds the recursion.
 
 import itertools
 import math
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -33,6 +34,7 @@ _LARGEST_FACTORIAL = 20
 _EXPONENTIAL = ex.Apply("exp", ex.ONE)
 OF_SECOND_ORDER = "write equations of second order. Those of a Lagrangian L(t, q, q') have no higher derivatives"
 _OPERAND, _PIECE = "a number, a name or '('", "a piece such as (x^2, x > 0)"
+_KINETIC = re.compile(r"p\w*\^\(?2\)?/2(?!\d)")  # of p^2/2m and p_phi^2/2ml^2, which are divided by m
 _OF_ANGLES = frozenset(("sin", "cos", "tan", "cot"))
 
 
@@ -254,7 +256,7 @@ class FormulaParser:
         return [ex.MINUS_ONE] if negative else []
 
     def _operation(self, previous: str | None, start: int, slash: int) -> str | None:
-        """'*', '/', '' for an implicit product, or None at the end of the term.
+        """'*', '/', '' for an implicit product, or None at the end of the term; '/' before the m of p^2/2m.
 
         The term begins at `start`, and `slash` is the place before its last factor, which follows the operation
         `previous`.
@@ -266,6 +268,8 @@ class FormulaParser:
             return None
         self._check_adjacent()
         if previous == "/" and not self._ends_quotient(start, slash):
+            if _KINETIC.match(tk.source(self._stream.part(start))) and not self._stream.ahead.space_before:
+                return "/"
             raise self._unclear_quotient(start, slash)
         return ""
 
