@@ -331,7 +331,7 @@ def compare(
     m, n, count = len(nonholonomic.rates), len(hamiltonian.rates), len(momenta)
     for _ in range(_STARTS):
         values = {name: Fraction(source.randrange(50, 200), 100) for name in constants}
-        table: dict[ex.Expression, ex.Expression] = {name: ex.number(value) for name, value in values.items()}
+        table = {name: ex.number(value) for name, value in values.items()}
         placed = [ex.substitute(derivative.define_functions(tree, samples), table) for tree in trees]
         first = Flow(nonholonomic.variables, tuple(placed[:m]))
         second = Flow(hamiltonian.variables, tuple(placed[m : m + n]))

@@ -123,7 +123,7 @@ def closed_functions(motion: ConstrainedMotion, deadline: float) -> Iterator[Clo
 def _position_factors(motion: ConstrainedMotion, budget: exact_field.Budget) -> list[ex.Expression]:
     """The factors, if sums, of the parts of the forces of each degree in the velocities."""
     velocities = [ex.Velocity(name) for name in motion.free]
-    still: dict[ex.Expression, ex.Expression] = dict.fromkeys(velocities, ex.ZERO)
+    still = dict.fromkeys(velocities, ex.ZERO)
     slopes = [derivative.differentiate(f, v) for f in motion.free_accelerations for v in velocities]
     trees = [ex.substitute(f, still) for f in (*motion.free_accelerations, *slopes)]
     ring = exact_field.exact_ring(trees, [ex.Symbol(name) for name in motion.coordinates], 0, budget, slopes=False)
@@ -169,7 +169,7 @@ def _free_velocities(
     """The free velocities in terms of those of the functions; None if these do not determine them."""
     free: list[ex.Symbol | ex.Velocity] = [ex.Velocity(name) for name in motion.free]
     matrix = [[derivative.differentiate(rate, u) for u in free] for rate in rates]
-    still: dict[ex.Expression, ex.Expression] = dict.fromkeys(free, ex.ZERO)
+    still = dict.fromkeys(free, ex.ZERO)
     right = [ex.Velocity(name) - ex.substitute(rate, still) for name, rate in zip(names, rates, strict=True)]
     trees = [*right, *(entry for row in matrix for entry in row)]
     ring = exact_field.exact_ring(trees, [ex.Symbol(name) for name in motion.coordinates], 0, budget, slopes=False)
@@ -193,7 +193,7 @@ def _without(
     values = [ring.value(force) for force in forces]
     if not all(ring.partial(place)(value).is_zero for place in range(len(others)) for value in values):
         return None
-    nowhere: dict[ex.Expression, ex.Expression] = {ex.Symbol(name): ex.ZERO for name in others}
+    nowhere = {ex.Symbol(name): ex.ZERO for name in others}
     plain = [ex.substitute(exact_field.quotient_tree(ring, value), nowhere) for value in values]
     return system_of(names, plain, motion.parameters, motion.functions)
 

@@ -161,7 +161,7 @@ def answer_reduced(
     if isinstance(found, str):
         return _searched(system, plain, others, found, asked, end)
     found, faster_system = clock.with_real_clock(system, found)
-    faster: dict[ex.Expression, ex.Expression] = {ex.Velocity(r): found * ex.Velocity(r) for r in system.coordinates}
+    faster = {ex.Velocity(r): found * ex.Velocity(r) for r in system.coordinates}
     known = None if candidate is None else writing.tidied(ex.substitute(candidate, faster))
     if faster_system is None:
         return _searched(system, plain, others, "The clock of the invariant measure has no real values.", asked, end)

@@ -93,7 +93,7 @@ def _real_point(system: second_order_system.SecondOrderSystem, kernels: Sequence
     variables, positive = variables_of(system), system.positive
     # The other pieces of a piecewise formula need not be defined on this piece.
     roots = system.branch.roots if system.branch else ()
-    pieces: dict[ex.Expression, ex.Expression] = {node: one for node, one in roots if isinstance(node, ex.Apply)}
+    pieces = {node: one for node, one in roots if isinstance(node, ex.Apply)}
     if pieces and find_real_point(tuple(map(to_kernels, system.given)), variables, 1, positive) is None:
         raise errors.IrreducibleAtoms(_alone(system))
     given = [to_kernels(ex.substitute(f, pieces)) for f in system.given] if positive else []

@@ -8,12 +8,12 @@ system that holds the tree.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from operator import attrgetter
-from typing import Any, TypeGuard, cast
+from typing import Any, TypeGuard, TypeVar, cast
 
 
 class _Node:
@@ -175,6 +175,7 @@ class Integral(Arbitrary):
 
 Expression = Number | Symbol | Velocity | Acceleration | Sum | Product | Power | Apply | Arbitrary
 Operand = _Node | int | Fraction
+Leaf = TypeVar("Leaf", bound=Expression)
 _FIELDS: dict[type[_Node], Callable[[Any], object]] = {
     kind: attrgetter(*kind.__match_args__)
     for kind in (Number, Symbol, Velocity, Acceleration, Sum, Product, Power, Apply, Arbitrary, Integral)
@@ -405,14 +406,15 @@ def rebuild(expression: Expression, change: Callable[[Expression], Expression]) 
             return expression
 
 
-def substitute(expression: Expression, table: dict[Expression, Expression]) -> Expression:
+def substitute(expression: Expression, table: Mapping[Leaf, Expression]) -> Expression:
     """Every node that is a key of `table` replaced by its value, all at once."""
+    values: Mapping[Any, Expression] = table
     known: dict[Expression, Expression] = {}
 
     def replaced(part: Expression) -> Expression:
         """The part with its replacements; shared parts are rebuilt only once."""
-        if part in table:
-            return table[part]
+        if part in values:
+            return values[part]
         if part not in known:
             known[part] = rebuild(part, replaced)
         return known[part]

@@ -47,7 +47,7 @@ def linear_parts(tree: ex.Expression, leaves: type[L]) -> tuple[dict[L, ex.Expre
     for part in ex.distinct_nodes([*slopes.values(), *inner]):
         if isinstance(part, leaves):
             return part
-    still = dict[ex.Expression, ex.Expression](dict.fromkeys(found, ex.ZERO))
+    still = dict(dict.fromkeys(found, ex.ZERO))
     terms = (ex.substitute(term, still) if ex.holds(term, *found) else term for term in ex.summands(tree))
     rest = ex.add(*terms)
     return {leaf: slopes.get(leaf, ex.ZERO) for leaf in found}, rest

@@ -156,7 +156,7 @@ class _Integrals:
         multiplies each logarithm or arctangent together, and what is left. 0 without L."""
         velocities, lagrangian = self.velocities, ex.ZERO if self.lagrangian is None else self.lagrangian
         moving = [a for a in ex.distinct_nodes((lagrangian,)) if isinstance(a, ex.Apply) and ex.holds(a, *velocities)]
-        letters: dict[Expression, Expression] = {a: ex.Symbol(f"_{place}") for place, a in enumerate(moving)}
+        letters = {a: ex.Symbol(f"_{place}") for place, a in enumerate(moving)}
         found: list[Expression] = []
         others: dict[Expression, list[Expression]] = {}
         for term in lagrangian.terms if isinstance(lagrangian, ex.Sum) else (lagrangian,):
@@ -169,7 +169,7 @@ class _Integrals:
             for part in rest.terms if isinstance(rest, ex.Sum) else (rest,):
                 atoms = ex.multiply(*(f for f in ex.factors_of(part) if f in letters.values()))
                 others.setdefault(atoms, []).append(part / atoms)
-        back: dict[Expression, Expression] = {letter: a for a, letter in letters.items()}
+        back = {letter: a for a, letter in letters.items()}
         whole = (
             self._shortest(ex.substitute(ex.add(*parts), back)) * ex.substitute(atoms, back)
             for atoms, parts in others.items()
@@ -374,7 +374,7 @@ class _Integrals:
         In the field of a magnetic pole the momenta have a string where they are singular, the velocities have none.
         """
         forms = () if self.lagrangian is None else _squared_forms(self.lagrangian)
-        at_rest: dict[Expression, Expression] = {ex.Velocity(name): ex.ZERO for name in self.names}
+        at_rest = {ex.Velocity(name): ex.ZERO for name in self.names}
         shifted = not self.constraints and any(ex.substitute(p, at_rest) != ex.ZERO for p in self.momenta)
         frames = [self.momenta, self.velocities if shifted or not self.momenta else (), forms]
         seen: set[frozenset[Expression]] = set()
@@ -586,7 +586,7 @@ class _Units:
         lagrangian = self.work.lagrangian
         if lagrangian is None:
             return []
-        at_rest: dict[Expression, Expression] = {ex.Velocity(name): ex.ZERO for name in self.names}
+        at_rest = {ex.Velocity(name): ex.ZERO for name in self.names}
         rest = collecting.collect(ex.substitute(lagrangian, at_rest))
         terms = rest.terms if isinstance(rest, ex.Sum) else (rest,)
         parameters = {*map(ex.Symbol, self.work.motion.parameters)}
@@ -649,6 +649,6 @@ class _Units:
 
     def _is_even(self) -> bool:
         """Whether the motion is the same backwards."""
-        back: dict[Expression, Expression] = {v: ex.negate(v) for v in map(ex.Velocity, self.names)}
+        back = {v: ex.negate(v) for v in map(ex.Velocity, self.names)}
         turned = [collecting.collect(ex.substitute(f, back) - f) for f in self.work.motion.free_accelerations]
         return not self.work.moves and all(tree == ex.ZERO for tree in turned)

@@ -29,7 +29,7 @@ H = (p_k + p_w^T S^-1 p_w/2)^2 / (2 a).
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
 from itertools import combinations, combinations_with_replacement, product
@@ -46,9 +46,8 @@ _INVERSES: dict[str, str] = {
 _NAME = "the cubic's unknown"
 _LARGEST_BLOCK = 3
 Equation = tuple[ex.Symbol, ex.Expression]
-Solved = tuple[dict[str, ex.Expression], tuple[ex.Expression, ...]]
+Solved = tuple[dict[ex.Velocity, ex.Expression], tuple[ex.Expression, ...]]
 Form = tuple[ex.Expression, ...]
-Table = dict[ex.Expression, ex.Expression]
 # A space is in no name that a user can declare.
 _S, _W, _PI_W = ex.Symbol("S of v"), ex.Velocity("w of v"), ex.Symbol("momentum of w")
 
@@ -60,6 +59,15 @@ class Block:
     function: ex.Expression
     names: tuple[str, ...]
     momenta: Mapping[str, ex.Symbol]
+
+    @property
+    def velocities(self) -> tuple[ex.Velocity, ...]:
+        return tuple(map(ex.Velocity, self.names))
+
+    @property
+    def symbols(self) -> tuple[ex.Symbol, ...]:
+        """The momenta in the order of the names."""
+        return tuple(self.momenta[name] for name in self.names)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +96,7 @@ def split(function: ex.Expression, names: Sequence[str], momenta: Mapping[str, e
         only = next(iter(found)) if len(found) == 1 else ""
         if not found:
             free.append((monomial, value))
-        elif (ex.Velocity(only), Fraction(1)) in monomial and degrees(monomial, [only]) is not None:
+        elif degrees(monomial, [only]) == {only: Fraction(1)}:
             linear.setdefault(only, []).append((without(monomial, [only]), value))
         else:
             coupled.append((found, (monomial, value)))
@@ -139,13 +147,18 @@ class Branch:
     hamiltonian: ex.Expression
     conditions: tuple[ex.Expression, ...] = ()
 
+    def changed(self, change: Rule) -> "Branch":
+        """The branch with every formula changed."""
+        velocities, conditions = (tuple(map(change, trees)) for trees in (self.velocities, self.conditions))
+        return Branch(velocities, change(self.hamiltonian), conditions)
+
 
 Solver = Callable[[ex.Expression, Sequence[str], Mapping[str, ex.Symbol]], Iterator[Branch]]
 
 
 def resolved(velocities: Sequence[ex.Expression], names: Sequence[str]) -> tuple[ex.Expression, ...]:
     """The velocities of a branch over (t, q, p) alone: no Velocity of `names` is left."""
-    table: dict[ex.Expression, ex.Expression] = dict(zip(map(ex.Velocity, names), velocities, strict=True))
+    table = dict(zip(map(ex.Velocity, names), velocities, strict=True))
     return tuple(ex.substitute(tree, table) for tree in velocities)
 
 
@@ -163,9 +176,8 @@ def quadratic_branches(block: Block) -> Iterator[Branch]:
     matrix = form_matrix(collecting.expand(block.function), block.names)
     inverse = invert(matrix) if matrix else None
     if inverse:
-        momenta = [block.momenta[name] for name in block.names]
-        velocities = tuple(_shorter_row(inverse, row, momenta) for row in range(len(momenta)))
-        yield Branch(velocities, multiply_out(ex.HALF, quadratic_form(inverse, momenta)))
+        velocities = tuple(_row_times(inverse, row, block.symbols) for row in range(len(block.names)))
+        yield Branch(velocities, multiply_out(ex.HALF, quadratic_form(inverse, block.symbols)))
 
 
 def form_matrix(terms: Sequence[collecting.Term], names: Sequence[str]) -> Matrix | None:
@@ -228,22 +240,23 @@ def _tree(
 
 
 def quadratic_form(inverse: Inverse, momenta: Sequence[ex.Symbol]) -> ex.Expression:
-    """p^T G^-1 p: one quotient, or a sum of such where that is shorter."""
+    """p^T G^-1 p."""
     pairs = list(combinations_with_replacement(enumerate(momenta), 2))
-    forms = [
-        ex.add(*(matrix[i][j] * (p**2 if i == j else 2 * p * q) for (i, p), (j, q) in pairs))
-        for matrix in (inverse.adjugate, inverse.entries)
-    ]
-    return short_forms.shortest([forms[1], over(forms[0], inverse.determinant)])
+
+    def form(matrix: Matrix) -> ex.Expression:
+        return ex.add(*(matrix[i][j] * (p**2 if i == j else 2 * p * q) for (i, p), (j, q) in pairs))
+
+    return _shorter(inverse, form)
 
 
-def _shorter_row(inverse: Inverse, row: int, momenta: Sequence[ex.Symbol]) -> ex.Expression:
+def _row_times(inverse: Inverse, row: int, momenta: Sequence[ex.Symbol]) -> ex.Expression:
     """One row of G^-1 p."""
-    sums = [
-        ex.add(*(entry * p for entry, p in zip(matrix[row], momenta, strict=True) if entry != ex.ZERO))
-        for matrix in (inverse.adjugate, inverse.entries)
-    ]
-    return short_forms.shortest([sums[1], over(sums[0], inverse.determinant)])
+    return _shorter(inverse, lambda matrix: ex.dot(matrix[row], momenta))
+
+
+def _shorter(inverse: Inverse, linear: Callable[[Matrix], ex.Expression]) -> ex.Expression:
+    """What is linear in G^-1: a sum of quotients, or one quotient where that is shorter."""
+    return short_forms.shortest([linear(inverse.entries), over(linear(inverse.adjugate), inverse.determinant)])
 
 
 def over(numerator: ex.Expression, denominator: ex.Expression) -> ex.Expression:
@@ -274,30 +287,27 @@ def isolate(tree: ex.Expression, leaf: ex.Velocity, known: Root) -> Iterator[Roo
     if tree == leaf:
         yield known
     elif occurrences(tree, leaf) == 1:
-        for inner, root in peeled(tree, leaf, known):
-            yield from isolate(inner, leaf, root)
+        for inner, root in peeled(tree, leaf, known.value):
+            yield from isolate(inner, leaf, Root(root.value, known.conditions + root.conditions))
 
 
-def peeled(tree: ex.Expression, leaf: ex.Velocity, known: Root) -> Iterator[tuple[ex.Expression, Root]]:
-    """The part that holds the leaf, with what it must be equal to."""
-    target = known.value
+def peeled(tree: ex.Expression, leaf: ex.Velocity, target: ex.Expression) -> Iterator[tuple[ex.Expression, Root]]:
+    """The part that holds the leaf, with each value of it for which the tree is the target."""
     match tree:
         case ex.Sum(terms):
             holder = next(term for term in terms if occurrences(term, leaf))
             rest = ex.add(*(term for term in terms if term is not holder))
-            yield holder, Root(target - rest, known.conditions)
+            yield holder, Root(target - rest)
         case ex.Product(factors):
             holder = next(factor for factor in factors if occurrences(factor, leaf))
             rest = ex.multiply(*(factor for factor in factors if factor is not holder))
-            yield holder, Root(target / rest, known.conditions)
+            yield holder, Root(target / rest)
         case ex.Power(base, exponent) if occurrences(base, leaf):
-            for root in roots_of_power(base, exponent, target):
-                yield base, Root(root.value, (*known.conditions, *root.conditions))
+            yield from ((base, root) for root in roots_of_power(base, exponent, target))
         case ex.Power(base, exponent):
-            yield exponent, Root(ex.Apply("log", target) / ex.Apply("log", base), known.conditions)
+            yield exponent, Root(ex.Apply("log", target) / ex.Apply("log", base))
         case ex.Apply(function, argument):
-            for root in _roots_of_function(function, argument, target):
-                yield argument, Root(root.value, (*known.conditions, *root.conditions))
+            yield from ((argument, root) for root in _roots_of_function(function, argument, target))
 
 
 def roots_of_power(base: ex.Expression, exponent: ex.Expression, target: ex.Expression) -> Iterator[Root]:
@@ -392,20 +402,12 @@ def _is_generator(base: ex.Expression, leaf: ex.Velocity) -> bool:
     match base:
         case ex.Apply("exp", argument):
             terms = collecting.expand(argument)
-            return (
-                len(terms) == 1 and collecting.monomial_tree(terms[0][0]) == argument and _is_linear(terms[0][0], leaf)
-            )
+            is_monomial = len(terms) == 1 and collecting.monomial_tree(terms[0][0]) == argument
+            return is_monomial and degrees(terms[0][0], [leaf.coordinate]) == {leaf.coordinate: Fraction(1)}
         case ex.Apply("log" | "atan" | "asinh" | "atanh"):
             return occurrences(base, leaf) == 1
         case _:
             return base == leaf
-
-
-def _is_linear(monomial: collecting.Monomial, leaf: ex.Velocity) -> bool:
-    rest = tuple(pair for pair in monomial if pair != (leaf, Fraction(1)))
-    return len(rest) < len(monomial) and not short_forms.velocities_in(
-        collecting.monomial_tree(rest), [leaf.coordinate]
-    )
 
 
 def _quadratic(coefficients: Sequence[ex.Expression], y: ex.Expression) -> Iterator[Root]:
@@ -451,7 +453,7 @@ def scalar_branches(block: Block, _: Solver) -> Iterator[Branch]:
     """All branches found of a block of one velocity."""
     if len(block.names) != 1:
         return
-    rate, momentum = ex.Velocity(block.names[0]), block.momenta[block.names[0]]
+    (rate,), (momentum,) = block.velocities, block.symbols
     energies = list(_energies(block, rate))
     for root in roots_for(derivative.differentiate(block.function, rate), rate, momentum):
         velocity = short_forms.simplified(root.value)
@@ -466,7 +468,7 @@ def scalar_branches(block: Block, _: Solver) -> Iterator[Branch]:
 
 def _energies(block: Block, rate: ex.Velocity) -> Iterator[ex.Expression]:
     """H in v, then p v - L with one term T of L written by p: T = (p - (L - T)') T/T'."""
-    function, momentum = block.function, block.momenta[block.names[0]]
+    function, (momentum,) = block.function, block.symbols
     yield short_forms.simplified(rate * derivative.differentiate(function, rate) - function)
     yield momentum * rate - function
     logs = _log_of_quotient(collecting.collect(derivative.differentiate(function, rate)), rate, momentum)
@@ -554,8 +556,8 @@ def _linear_parts(tree: ex.Expression, rate: ex.Velocity) -> tuple[ex.Expression
 def _with_a_root(tree: ex.Expression, rate: ex.Velocity, known: Root) -> Iterator[Root]:
     """F(u) = p for u that holds v in one square root besides: A + B sqrt(S) = 0 for the numerator of u - p'."""
     if sum(1 for part in ex.children(tree) if occurrences(part, rate)) == 1:
-        for inner, root in peeled(tree, rate, known):
-            yield from _with_a_root(inner, rate, root)
+        for inner, root in peeled(tree, rate, known.value):
+            yield from _with_a_root(inner, rate, Root(root.value, known.conditions + root.conditions))
         return
     squared = _without_root(ex.multiply(*_numerator(tree - known.value, rate)), rate)
     for factor in _numerator(squared, rate):
@@ -590,44 +592,36 @@ def elimination_branches(block: Block) -> Iterator[Branch]:
     """The branches of a block of two or three velocities; H is the energy p v - L at v(p)."""
     if not 1 < len(block.names) <= _LARGEST_BLOCK:
         return
-    functions = [
-        short_forms.simplified(derivative.differentiate(block.function, ex.Velocity(name))) for name in block.names
-    ]
-    works = [ex.Velocity(name) * p for name, p in zip(block.names, functions, strict=True)]
-    energy = short_forms.simplified(ex.add(*works) - block.function)
-    equations = [(block.momenta[name], p) for name, p in zip(block.names, functions, strict=True)]
-    for rates, conditions in _solutions(equations, block.names):
-        table: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): tree for name, tree in rates.items()}
-        velocities = tuple(short_forms.simplified(rates[name]) for name in block.names)
-        yield Branch(velocities, short_forms.simplified(ex.substitute(energy, table)), conditions)
+    functions = [short_forms.simplified(derivative.differentiate(block.function, v)) for v in block.velocities]
+    energy = short_forms.simplified(ex.dot(block.velocities, functions) - block.function)
+    for rates, conditions in _solutions(list(zip(block.symbols, functions, strict=True)), block.velocities):
+        velocities = tuple(short_forms.simplified(rates[v]) for v in block.velocities)
+        yield Branch(velocities, short_forms.simplified(ex.substitute(energy, rates)), conditions)
 
 
-def _solutions(equations: Sequence[Equation], names: Sequence[str]) -> Iterator[Solved]:
+def _solutions(equations: Sequence[Equation], unknowns: Sequence[ex.Velocity]) -> Iterator[Solved]:
     """Every way to solve the equations one after the other, each by one of the unknowns."""
-    if len(names) == 1:
-        momentum, function = equations[0]
-        for root in roots_for(factored_inside(function), ex.Velocity(names[0]), momentum):
-            yield {names[0]: root.value}, root.conditions
+    if len(unknowns) == 1:
+        ((momentum, function),), (v,) = equations, unknowns
+        for root in roots_for(factored_inside(function), v, momentum):
+            yield {v: root.value}, root.conditions
         return
-    for name, root, reduced, left in _isolated(equations, names):
-        for rates, others in _solutions(reduced, left):
-            table: dict[ex.Expression, ex.Expression] = {ex.Velocity(other): tree for other, tree in rates.items()}
-            yield {**rates, name: ex.substitute(root.value, table)}, root.conditions + others
+    for v, root, reduced in _isolated(equations, unknowns):
+        for rates, others in _solutions(reduced, [other for other in unknowns if other != v]):
+            yield {**rates, v: ex.substitute(root.value, rates)}, root.conditions + others
 
 
 def _isolated(
-    equations: Sequence[Equation], names: Sequence[str]
-) -> Iterator[tuple[str, Root, list[Equation], list[str]]]:
-    """One velocity isolated in one equation, the other equations after substituting it, and the other velocities."""
-    for momentum, function in equations:
-        others = [equation for equation in equations if equation[0] != momentum]
-        for name in names:
-            for root in isolate(function, ex.Velocity(name), Root(momentum)):
-                table: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): root.value}
-                left = [other for other in names if other != name]
-                reduced = [(p, short_forms.simplified(ex.substitute(f, table))) for p, f in others]
-                if all(short_forms.velocities_in(f, left) for _, f in reduced):
-                    yield name, root, reduced, left
+    equations: Sequence[Equation], unknowns: Sequence[ex.Velocity]
+) -> Iterator[tuple[ex.Velocity, Root, list[Equation]]]:
+    """One velocity isolated in one equation, and the other equations after substituting it; each holds another one."""
+    for (momentum, function), v in product(equations, unknowns):
+        left = [other for other in unknowns if other != v]
+        for root in isolate(function, v, Root(momentum)):
+            others = [(p, ex.substitute(f, {v: root.value})) for p, f in equations if p != momentum]
+            reduced = [(p, short_forms.simplified(f)) for p, f in others]
+            if all(ex.holds(f, *left) for _, f in reduced):
+                yield v, root, reduced
 
 
 @lru_cache(maxsize=512)
@@ -651,24 +645,16 @@ def linear_branches(block: Block, solve: Solver) -> Iterator[Branch]:
 
 def _after_change(block: Block, forms: Sequence[Form], inverse: Inverse, solve: Solver) -> Iterator[Branch]:
     """The branches with the forms in the place of velocities."""
-    velocities = [ex.Velocity(name) for name in block.names]
-    symbols = [block.momenta[name] for name in block.names]
-    rates = _table(velocities, [ex.dot(row, velocities) for row in inverse.entries])
-    changed = ex.substitute(block.function, rates)
+    velocities, symbols = block.velocities, block.symbols
+    old = {v: ex.dot(row, velocities) for v, row in zip(velocities, inverse.entries, strict=True)}
+    new = {v: ex.dot(row, velocities) for v, row in zip(velocities, forms, strict=True)}
     columns = zip(*inverse.entries, strict=True)
-    momenta = _table(symbols, [short_forms.simplified(ex.dot(column, symbols)) for column in columns])
-    new = _table(velocities, [ex.dot(row, velocities) for row in forms])
-    for branch in solve(changed, block.names, block.momenta):
-        found = [ex.substitute(tree, momenta) for tree in branch.velocities]
-        yield Branch(
-            tuple(short_forms.simplified(ex.dot(row, found)) for row in inverse.entries),
-            ex.substitute(branch.hamiltonian, momenta),
-            tuple(ex.substitute(condition, {**new, **momenta}) for condition in branch.conditions),
+    momenta = {p: short_forms.simplified(ex.dot(column, symbols)) for p, column in zip(symbols, columns, strict=True)}
+    for branch in solve(ex.substitute(block.function, old), block.names, block.momenta):
+        found = branch.changed(lambda tree: ex.substitute(tree, {**new, **momenta}))
+        yield replace(
+            found, velocities=tuple(short_forms.simplified(ex.dot(row, found.velocities)) for row in inverse.entries)
         )
-
-
-def _table(keys: Sequence[ex.Symbol | ex.Velocity], values: Sequence[ex.Expression]) -> Table:
-    return dict(zip(keys, values, strict=True))
 
 
 def _forms(block: Block) -> tuple[Form, ...]:
@@ -680,7 +666,7 @@ def _forms(block: Block) -> tuple[Form, ...]:
             return ()
         found.update(dict.fromkeys(forms))
     if not found:  # that of a square, (z' - y x')^2/2, is its slope by z'
-        slopes = (derivative.differentiate(block.function, ex.Velocity(name)) for name in block.names)
+        slopes = (derivative.differentiate(block.function, v) for v in block.velocities)
         linear = (linear_coefficients(slope, block.names) for slope in slopes)
         found.update((form, None) for one in linear if one and len(one) > 1 and (form := _monic(one, block.names)))
         return tuple(found)[:1]
@@ -770,9 +756,7 @@ def _recognized(block: Block, form: ex.Expression) -> _Radial | None:
     matrix, slopes = parts
     shift = tuple(short_forms.simplified(ex.dot(row, slopes)) for row in inverse.entries)
     # The function of u, written with the velocities of v.
-    pairs = zip(block.names, shift, strict=True)
-    table: dict[ex.Expression, ex.Expression] = {ex.Velocity(n): ex.Velocity(n) - h for n, h in pairs}
-    centered = ex.substitute(block.function, table)
+    centered = ex.substitute(block.function, {v: v - h for v, h in zip(block.velocities, shift, strict=True)})
     along = _along_a_ray(centered, block.names, matrix)
     if along is None:
         return None
@@ -806,10 +790,8 @@ def _along_a_ray(function: ex.Expression, names: Sequence[str], matrix: Matrix) 
         if entry == ex.ZERO or (i != j and matrix[i][i] != ex.ZERO):
             continue
         length = ex.square_root(2 * _S / entry)
-        table: dict[ex.Expression, ex.Expression] = {
-            ex.Velocity(name): length if place in (i, j) else ex.ZERO for place, name in enumerate(names)
-        }
-        return short_forms.simplified(ex.substitute(function, table))
+        ray = {ex.Velocity(name): length if place in (i, j) else ex.ZERO for place, name in enumerate(names)}
+        return short_forms.simplified(ex.substitute(function, ray))
     return None
 
 
@@ -838,7 +820,7 @@ def _holds_s(tree: ex.Expression) -> bool:
 
 def _of_root(block: Block, radial: _Radial, k: ex.Expression, b: ex.Expression, s: ex.Expression) -> Iterator[Branch]:
     """F = k sqrt(b + s S): H_u^2 = b (k^2 - 2 R/s), sign(H_u) = -sign(k b), u = -2 b G^-1 p/(s H_u)."""
-    momenta = [block.momenta[name] for name in block.names]
+    momenta = block.symbols
     form = quadratic_form(radial.inverse, momenta)
     apart = b * k**2 + collecting.collect(-2 * b * form / s)
     square = short_forms.shortest([short_forms.simplified(apart), apart])
@@ -854,9 +836,8 @@ def _of_root(block: Block, radial: _Radial, k: ex.Expression, b: ex.Expression, 
 
 def _shifted(block: Block, shift: Sequence[ex.Expression], branch: Branch) -> Branch:
     """A branch in u = v + h as one in v: H = H_u - p h."""
-    plain = branch.hamiltonian - ex.dot([block.momenta[name] for name in block.names], shift)
-    pairs = zip(block.names, shift, strict=True)
-    place: dict[ex.Expression, ex.Expression] = {ex.Velocity(n): ex.Velocity(n) + h for n, h in pairs}
+    plain = branch.hamiltonian - ex.dot(block.symbols, shift)
+    place = {v: v + h for v, h in zip(block.velocities, shift, strict=True)}
     return Branch(
         tuple(short_forms.simplified(u - h) for u, h in zip(branch.velocities, shift, strict=True)),
         short_forms.shortest([plain, short_forms.simplified(plain)]),
@@ -868,14 +849,14 @@ def _of_length(block: Block, radial: _Radial, solve: Solver) -> Iterator[Branch]
     """Any other F, through w = sqrt(2 e S), for both signs e of S and d of F'."""
     if len(block.names) == 1:
         return
-    momenta = [block.momenta[name] for name in block.names]
+    momenta = block.symbols
     form = quadratic_form(radial.inverse, momenta)
     whole = _form_of_velocities(radial.matrix, block.names)
     for e, d in product((1, -1), repeat=2):
         length = ex.square_root(short_forms.simplified(e * form))
         squared = Fraction(e, 2) * ex.Power(_W, ex.number(2))
         for inner in solve(ex.substitute(radial.function, {_S: squared}), [_W.coordinate], {_W.coordinate: _PI_W}):
-            known: dict[ex.Expression, ex.Expression] = {_PI_W: e * d * length}
+            known = {_PI_W: e * d * length}
             w, energy = (ex.substitute(tree, known) for tree in (inner.velocities[0], inner.hamiltonian))
             rates = [d * w * length**-1 * ex.dot(row, momenta) for row in radial.inverse.entries]
             size = ex.square_root(e * whole)
@@ -901,10 +882,10 @@ def _ratio_parts(block: Block, pivot: str) -> tuple[ex.Expression, ex.Expression
     """(g, phi(u)), u_j being written as the velocity of w_j; None where the block is not of the form."""
     rate = ex.Velocity(pivot)
     others = [name for name in block.names if name != pivot]
-    table: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): rate * ex.Velocity(name) for name in others}
     alone: list[collecting.Term] = []
     homogeneous: list[collecting.Term] = []
-    for monomial, value in collecting.expand(ex.substitute(block.function, table)):
+    whole = ex.substitute(block.function, {v: rate * v for v in block.velocities if v != rate})
+    for monomial, value in collecting.expand(whole):
         rest = without(monomial, [pivot])
         if not short_forms.velocities_in(collecting.monomial_tree(monomial), others):
             alone.append((monomial, value))
@@ -918,13 +899,11 @@ def _ratio_parts(block: Block, pivot: str) -> tuple[ex.Expression, ex.Expression
 
 
 def _with_ratios(block: Block, pivot: str, inner: Branch, outer: Branch) -> Branch:
-    others = [name for name in block.names if name != pivot]
-    momentum = block.momenta[pivot]
-    shifted: dict[ex.Expression, ex.Expression] = {momentum: momentum + inner.hamiltonian}
-    velocities = {name: rate * ex.Velocity(pivot) for name, rate in zip(others, inner.velocities, strict=True)}
-    velocities[pivot] = ex.substitute(outer.velocities[0], shifted)
-    ratios: dict[ex.Expression, ex.Expression] = {ex.Velocity(n): ex.Velocity(n) / ex.Velocity(pivot) for n in others}
-    conditions = [ex.substitute(condition, ratios) for condition in inner.conditions]
-    conditions += [ex.substitute(condition, shifted) for condition in outer.conditions]
-    rates = tuple(velocities[name] for name in block.names)
-    return Branch(rates, ex.substitute(outer.hamiltonian, shifted), tuple(conditions))
+    """The branch of v_k(p_k + phi*(p_w)) and w = v_k u(p_w), in which v_k is left as the velocity of the pivot."""
+    momentum, rate = block.momenta[pivot], ex.Velocity(pivot)
+    whole = outer.changed(lambda tree: ex.substitute(tree, {momentum: momentum + inner.hamiltonian}))
+    others = [v for v in block.velocities if v != rate]
+    velocities = {v: u * rate for v, u in zip(others, inner.velocities, strict=True)} | {rate: whole.velocities[0]}
+    ratios = {v: v / rate for v in others}
+    conditions = (*(ex.substitute(condition, ratios) for condition in inner.conditions), *whole.conditions)
+    return Branch(tuple(velocities[v] for v in block.velocities), whole.hamiltonian, conditions)

@@ -6,7 +6,7 @@ not pass is never returned. Where p = dL/dv has several inverses, `note` says on
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice, product
@@ -132,7 +132,7 @@ def _energy(parts: inverses.Parts) -> ex.Expression:
     """sum v dL/dv - L block by block, in the velocities; linear terms drop out."""
     terms = [-parts.free]
     for block in parts.blocks:
-        slopes = euler_lagrange.gradient(block.function, map(ex.Velocity, block.names))
+        slopes = euler_lagrange.gradient(block.function, block.velocities)
         works = [rate * slope for rate, slope in slopes.items()]
         terms.append(short_forms.inside(short_forms.related(short_forms.simplified(ex.add(*works) - block.function))))
     return ex.add(*terms[1:], terms[0])
@@ -145,9 +145,9 @@ def _of_blocks(
     known: dict[ex.Expression, tuple[inverses.Block, _Chosen | None]] = {}
     found: dict[tuple[str, ...], _Chosen | None] = {}
     for block in given:
-        single = ex.Velocity(block.names[0]) if len(block.names) == 1 else None
-        key = ex.substitute(block.function, {single: _ANY}) if single else block.function
-        if single is None or key not in known:
+        alone = len(block.names) == 1
+        key = ex.substitute(block.function, {block.velocities[0]: _ANY}) if alone else block.function
+        if not alone or key not in known:
             known[key] = block, best(block)
         first, chosen = known[key]
         found[block.names] = chosen and _renamed(chosen, first, block)
@@ -158,19 +158,10 @@ def _renamed(chosen: _Chosen, first: inverses.Block, block: inverses.Block) -> _
     """The branch of the first block for another that is the same function of its velocity."""
     if first is block:
         return chosen
-    (old,), (new,) = first.names, block.names
-    table: dict[ex.Expression, ex.Expression] = {
-        ex.Velocity(old): ex.Velocity(new),
-        first.momenta[old]: block.momenta[new],
-    }
-
-    def renamed(trees: Iterable[ex.Expression]) -> tuple[ex.Expression, ...]:
-        return tuple(ex.substitute(tree, table) for tree in trees)
-
-    branch, judgment = chosen.branch, chosen.judgment
-    (energy,) = renamed([branch.hamiltonian])
-    moved = inverses.Branch(renamed(branch.velocities), energy, renamed(branch.conditions))
-    return _Chosen(moved, replace(judgment, conditions=renamed(judgment.conditions)))
+    table: Table = dict(zip((*first.velocities, *first.symbols), (*block.velocities, *block.symbols), strict=True))
+    conditions = tuple(ex.substitute(tree, table) for tree in chosen.judgment.conditions)
+    moved = chosen.branch.changed(lambda tree: ex.substitute(tree, table))
+    return _Chosen(moved, replace(chosen.judgment, conditions=conditions))
 
 
 def _best(
@@ -182,8 +173,7 @@ def _best(
 ) -> _Chosen | None:
     """A branch with conditions on constants and coordinates alone, then one that holds at most points, then short."""
     functions = euler_lagrange.momenta(block.function, block.names)
-    known = {block.momenta[name]: tree for name, tree in zip(block.names, functions, strict=True)}
-    at = dict[ex.Expression, ex.Expression](zip(known, functions, strict=True))
+    known = dict(zip(block.symbols, functions, strict=True))
     found: list[_Chosen] = []
     for branch in _with_variants(islice(block_branches(block, reach), bounds.CANDIDATES)):
         velocities = inverses.resolved(branch.velocities, block.names)
@@ -195,7 +185,7 @@ def _best(
         if not judgment.conditions:
             return _Chosen(branch, judgment)
         # Of the points few may lie where the conditions hold: more are drawn there.
-        inside = [*positive, *(ex.substitute(condition, at) for condition in judgment.conditions)]
+        inside = [*positive, *(ex.substitute(condition, known) for condition in judgment.conditions)]
         if sampling.judge(claim, (), sampling.sample_points([block.function, *functions], inside)) is not None:
             found.append(_Chosen(branch, judgment))
 

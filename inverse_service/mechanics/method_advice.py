@@ -40,7 +40,7 @@ def for_constraints(
     The method keeps the energy of regular motions for long, and nearly that of others, where the motion is
     reversible: L is even in the velocities and the constraints are odd.
     """
-    turned: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): -ex.Velocity(name) for name in coordinates}
+    turned = {ex.Velocity(name): -ex.Velocity(name) for name in coordinates}
     why = f"and the energy drifts little, because the motion is reversible{EXACT}"
     if collecting.collect(lagrangian - ex.substitute(lagrangian, turned)) != ex.ZERO:
         why = f"but the energy may drift, since L has terms of odd degree in the velocities{EXACT}"

@@ -91,7 +91,7 @@ def _slopes(
 def _solved(slopes: Mapping[str, ex.Expression], chosen: tuple[str, ...]) -> Pairs | None:
     """The system for these coordinates; None where their equations cannot be solved for the other names."""
     momenta = [name for name in slopes if name not in chosen]
-    unknowns: dict[ex.Expression, ex.Expression] = {ex.Symbol(name): ex.Acceleration(name) for name in momenta}
+    unknowns = {ex.Symbol(name): ex.Acceleration(name) for name in momenta}
     try:
         linear = [
             implicit_equations.linear_equation(ex.substitute(slopes[q], unknowns) - ex.Velocity(q)) for q in chosen
@@ -99,7 +99,7 @@ def _solved(slopes: Mapping[str, ex.Expression], chosen: tuple[str, ...]) -> Pai
         values = implicit_equations.solve_accelerations(linear, momenta)
     except errors.InputError:
         return None
-    known: dict[ex.Expression, ex.Expression] = dict(zip(map(ex.Symbol, momenta), values, strict=True))
+    known = dict(zip(map(ex.Symbol, momenta), values, strict=True))
     found = tuple(ex.substitute(_along(slopes[q], slopes, chosen), known) for q in chosen)
     return Pairs(chosen, found, tuple(zip(momenta, values, strict=True)))
 

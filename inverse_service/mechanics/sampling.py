@@ -76,14 +76,12 @@ def sample_points(trees: Sequence[ex.Expression], positive: Sequence[ex.Expressi
     return found
 
 
-def _leaves(trees: Sequence[ex.Expression]) -> tuple[list[ex.Expression], dict[ex.Expression, ex.Expression]]:
+def _leaves(trees: Sequence[ex.Expression]) -> tuple[list[ex.Expression], dict[ex.Arbitrary, ex.Expression]]:
     """What is drawn, and for every call of an arbitrary function its canonical form, which is drawn too."""
     nodes = dict.fromkeys(ex.distinct_nodes(trees))
     if any(isinstance(node, ex.Arbitrary) for node in nodes):  # calls that only collecting brings to light
         nodes |= dict.fromkeys(ex.distinct_nodes(map(collecting.collect, trees)))
-    calls: dict[ex.Expression, ex.Expression] = {
-        node: collecting.collect(node) for node in nodes if isinstance(node, ex.Arbitrary)
-    }
+    calls = {node: collecting.collect(node) for node in nodes if isinstance(node, ex.Arbitrary)}
     drawn = [node for node in nodes if isinstance(node, ex.Symbol | ex.Velocity) and node != ex.PI]
     return [*drawn, *dict.fromkeys(calls.values())], calls
 

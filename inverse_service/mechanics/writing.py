@@ -383,7 +383,7 @@ def by_short_angles(
         waves, old = _exchanged(waves, place, wave), _exchanged(old, place, wave)
     if basis == angles:
         return None
-    table: dict[ex.Expression, ex.Expression] = {
+    table = {
         ex.Apply(name, angle): value
         for angle, turns in zip(angles, old, strict=True)
         for name, value in zip(("sin", "cos"), _sine_and_cosine(turns, basis), strict=True)

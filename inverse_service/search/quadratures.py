@@ -425,8 +425,8 @@ def _by_roots(slope: ex.Expression, x: ex.Symbol, w: ex.Symbol) -> Iterator[tupl
         rate = derivative.differentiate(base, x)
         if rate != ex.ZERO and not ex.holds(rate, x):
             q = math.lcm(*(e.denominator for node, e in roots if node.base == base))
-            values: dict[ex.Expression, ex.Expression] = {node: w ** (q * e) for node, e in roots if node.base == base}
-            place: dict[ex.Expression, ex.Expression] = {x: (w**q - ex.substitute(base, {x: ex.ZERO})) / rate}
+            values = {node: w ** (q * e) for node, e in roots if node.base == base}
+            place = {x: (w**q - ex.substitute(base, {x: ex.ZERO})) / rate}
             yield q * w ** (q - 1) / rate * ex.substitute(ex.substitute(slope, values), place), base ** Fraction(1, q)
 
 
@@ -489,7 +489,7 @@ def _circular(
         if x not in ex.walk(form):
             yield form, meant
     below = 1 + w**2
-    halves: dict[ex.Expression, ex.Expression] = {sine: 2 * w / below, cosine: (1 - w**2) / below}
+    halves = {sine: 2 * w / below, cosine: (1 - w**2) / below}
     form = ex.substitute(2 * plain / (below * derivative.differentiate(angle, x)), halves)
     if x not in ex.walk(form):
         yield form, ex.Apply("tan", ex.HALF * angle)

@@ -187,7 +187,7 @@ def _along(material: Material) -> Iterator[tuple[str, SecondOrderSystem, SecondO
         rate, others = ex.Velocity(u), tuple(name for name in names if name != u)
         if not _coordinates_in(f, names) <= {u}:
             continue
-        table: dict[ex.Expression, ex.Expression] = {ex.Velocity(x): ex.Velocity(x) * rate for x in others}
+        table = {ex.Velocity(x): ex.Velocity(x) * rate for x in others}
         forces = []
         for x, force in zip(names, system.accelerations, strict=True):
             if x != u:
@@ -207,6 +207,6 @@ def _homogeneous(u: str, found: Sequence[Sequence[ex.Expression]]) -> list[ex.Ex
     rate, lagrangians = ex.Velocity(u), []
     for tree in found[0]:
         velocities = [node for node in ex.walk(tree) if isinstance(node, ex.Velocity)]
-        table: dict[ex.Expression, ex.Expression] = {v: v / rate for v in velocities}
+        table = {v: v / rate for v in velocities}
         lagrangians.append(tm.collected(rate * ex.substitute(tree, {**table, ex.TIME: ex.Symbol(u)})))
     return [one + found[1][0] for one in lagrangians]

@@ -39,7 +39,7 @@ def forms_of(what: System) -> list[tuple[ex.Expression, ...]]:
 
 def drifts_of(what: System) -> list[ex.Expression]:
     """c(q): what is free of the velocities in each constraint."""
-    rest: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): ex.ZERO for name in what.coordinates}
+    rest = {ex.Velocity(name): ex.ZERO for name in what.coordinates}
     return [collecting.collect(ex.substitute(w, rest)) for w in what.constraints]
 
 

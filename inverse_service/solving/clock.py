@@ -34,7 +34,7 @@ def with_clock(
         table = real_point.find_real_point([*map(tower.to_kernels, forces), 1 / clock], variables, _SEED, case.positive)
         if table is None:
             continue
-        faster: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): clock * ex.Velocity(name) for name in names}
+        faster = {ex.Velocity(name): clock * ex.Velocity(name) for name in names}
         rate = ex.add(*(ex.Velocity(q) * derivative.differentiate(clock, ex.Symbol(q)) for q in names)) / clock
         pushes = (ex.substitute(f, faster) / clock**2 for f in forces)
         found = tuple(written(ex.subtract(f, rate * ex.Velocity(name))) for f, name in zip(pushes, names, strict=True))

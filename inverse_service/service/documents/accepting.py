@@ -885,7 +885,7 @@ def _lagrangian(
 ) -> ex.Expression | None:
     from inverse_service.search.row_factors import lagrangian_as_given
 
-    none = dict[ex.Expression, ex.Expression](dict.fromkeys(multipliers, ex.ZERO))
+    none = dict(dict.fromkeys(multipliers, ex.ZERO))
     free = [ex.substitute(line, none) for line in lines]
     found = lagrangian_as_given(second_order_system.unsolved_system(names, free), free)
     if found is None:

@@ -392,9 +392,7 @@ def image_agrees(document: Any, shown: Mapping[str, Any], names: nm.Names) -> bo
     listed = [reader.read_formula(text, names) for text in shown["constraints"]]
     if len(listed) != len(motion.dependent):
         return False
-    momenta: dict[ex.Expression, ex.Expression] = {
-        ex.Symbol(name): reader.read_formula(text, names) for name, text in shown["momenta"].items()
-    }
+    momenta = {ex.Symbol(name): reader.read_formula(text, names) for name, text in shown["momenta"].items()}
     held = [ex.substitute(ex.substitute(tree, momenta), motion.on_constraints) for tree in listed]
     good = _vanish(held, names, motion.free)
     slopes = [[derivative.differentiate(tree, ex.Symbol(p)) for p in shown["momenta"]] for tree in listed]
