@@ -397,13 +397,13 @@ class OpaqueRing:
         """The content, with the sign of the leading term."""
         scale = polynomial.term_content().leading_coefficient()
         sign = -1 if polynomial.leading_coefficient() < 0 else 1
-        return sign * abs(Fraction(int(scale.p), int(scale.q)))
+        return sign * abs(exact_field.as_fraction(scale))
 
     def _sum_tree(self, polynomial: Polynomial, scale: Fraction) -> ex.Expression:
         terms = []
         for exponents, value in polynomial.to_dict().items():
             powers = [self.atoms[k] ** int(e) for k, e in enumerate(exponents) if e]
-            terms.append(ex.multiply(ex.number(Fraction(int(value.p), int(value.q)) / scale), *powers))
+            terms.append(ex.multiply(ex.number(exact_field.as_fraction(value) / scale), *powers))
         return ex.add(*terms)
 
 

@@ -117,13 +117,10 @@ def trigonometric(tree: ex.Expression) -> ex.Expression:
 
 def with_cosines(tree: ex.Expression) -> ex.Expression:
     """The tree with 1/cos^2 for 1 + tan^2."""
-    inner = ex.rebuild(tree, with_cosines)
-    match inner:
-        case ex.Sum((ex.Power(ex.Apply("tan", argument), ex.Number(value)), rest)) | ex.Sum(
-            (rest, ex.Power(ex.Apply("tan", argument), ex.Number(value)))
-        ) if value == 2 and rest == ex.ONE:
-            return ex.Apply("cos", argument) ** -2
-        case _:
+    match ex.rebuild(tree, with_cosines):
+        case ex.Sum((ex.Power(ex.Apply("tan", u), ex.TWO), ex.ONE) | (ex.ONE, ex.Power(ex.Apply("tan", u), ex.TWO))):
+            return ex.Apply("cos", u) ** -2
+        case inner:
             return inner
 
 
@@ -160,13 +157,12 @@ def roots_apart(tree: ex.Expression) -> ex.Expression:
 
 
 def _apart(tree: ex.Expression) -> ex.Expression:
-    inner = ex.rebuild(tree, _apart)
-    match inner:
-        case ex.Power(ex.Product(factors), exponent) if not _is_whole(exponent):
+    match ex.rebuild(tree, _apart):
+        case ex.Power(ex.Product(factors), exponent) as inner if not exact_field.is_integer_power(inner):
             return ex.multiply(*(_apart(factor**exponent) for factor in factors))
         case ex.Power(ex.Power(base, ex.Number(value)), ex.Number(exponent)):
             return base ** (value * exponent)
-        case _:
+        case inner:
             return inner
 
 
@@ -184,12 +180,12 @@ def _cancelled(tree: ex.Expression, sign: int) -> ex.Expression:
         case ex.Power(ex.Product(factors), ex.Number(e)) if e.denominator == 1:
             return ex.multiply(*(factor**e for factor in factors))
         case ex.Power(ex.Product(factors), ex.Number(e)) if e.denominator == 2:
-            squares = [factor for factor in factors if _is_square(factor)]
-            rest = ex.multiply(*(factor for factor in factors if not _is_square(factor)))
-            whole = ex.multiply(ex.number(sign), *(_root_of_square(factor) for factor in squares))
-            return whole**e.numerator * rest**e if squares else inner
-        case ex.Power(ex.Power() as square, ex.Number(e)) if e.denominator == 2 and _is_square(square):
-            return (sign * _root_of_square(square)) ** e.numerator
+            roots = [_root_of_square(factor) for factor in factors]
+            rest = ex.multiply(*(factor for factor, root in zip(factors, roots, strict=True) if root is None))
+            whole = ex.multiply(ex.number(sign), *(root for root in roots if root is not None))
+            return whole**e.numerator * rest**e if any(roots) else inner
+        case ex.Power(ex.Power() as square, ex.Number(e)) if e.denominator == 2 and (root := _root_of_square(square)):
+            return (sign * root) ** e.numerator
         case ex.Power(ex.Sum() as base, ex.Number(e)) if e.denominator == 2 and not isinstance(
             short := quotient(writing.one_square(base)), ex.Sum
         ):
@@ -198,30 +194,15 @@ def _cancelled(tree: ex.Expression, sign: int) -> ex.Expression:
             return inner
 
 
-def _is_square(factor: ex.Expression) -> bool:
+def _root_of_square(factor: ex.Expression) -> ex.Expression | None:
+    """u^k for u^(2 k), and the root of the square of a rational number; else None."""
     match factor:
-        case ex.Power(_, ex.Number(value)):
-            return value.denominator == 1 and value % 2 == 0
-        case ex.Number(value):
-            return (
-                value > 0
-                and isqrt(value.numerator) ** 2 == value.numerator
-                and (isqrt(value.denominator) ** 2 == value.denominator)
-            )
-    return False
-
-
-def _root_of_square(factor: ex.Expression) -> ex.Expression:
-    match factor:
-        case ex.Power(base, ex.Number(value)):
+        case ex.Power(base, ex.Number(value)) if value.denominator == 1 and value % 2 == 0:
             return base ** (value / 2)
-        case ex.Number(value):
-            return ex.number(Fraction(isqrt(value.numerator), isqrt(value.denominator)))
-    raise ValueError("the factor is not a square")
-
-
-def _is_whole(exponent: ex.Expression) -> bool:
-    return isinstance(exponent, ex.Number) and exponent.value.denominator == 1
+        case ex.Number(value) if value > 0:
+            root = Fraction(isqrt(value.numerator), isqrt(value.denominator))
+            return ex.number(root) if root**2 == value else None
+    return None
 
 
 def sign_part(tree: ex.Expression) -> ex.Expression:
@@ -456,7 +437,7 @@ def _factors(terms: Sequence[Term]) -> list[tuple[Expression, int]] | None:
         parts = [
             (
                 tuple((base, int(e) * unit) for (base, unit), e in zip(units, powers, strict=True) if e),
-                Fraction(int(value.p), int(value.q)),
+                exact_field.as_fraction(value),
             )
             for powers, value in factor.to_dict().items()
         ]

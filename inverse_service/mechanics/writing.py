@@ -163,7 +163,7 @@ def with_sums_as_in(tree: ex.Expression, models: Sequence[ex.Expression]) -> ex.
 def with_one_coefficient(tree: ex.Expression, letters: Collection[ex.Expression]) -> ex.Expression:
     """(p^2 + q^2)/(2 m) for p^2/(2 m) + q^2/(2 m): squares with letters in one bracket."""
     groups = dict[ex.Expression, list[ex.Expression]]()
-    for term in tree.terms if isinstance(tree, ex.Sum) else (tree,):
+    for term in ex.summands(tree):
         factors = ex.factors_of(term)
         squares = [f for f in factors if isinstance(f, ex.Power) and f.exponent == ex.TWO and ex.holds(f, *letters)]
         outside = ex.multiply(*(f for f in factors if f not in squares))
@@ -192,16 +192,23 @@ def quotient(
 
     `symbols` are its variables in the order used for polynomials; by default those that occur in it.
     """
-    held = dict.fromkeys(node for node in ex.walk(tree) if isinstance(node, ex.Symbol | ex.Velocity))
-    symbols = list(held) if symbols is None else symbols
     try:
-        ring = exact_field.exact_ring([tree], symbols, 0, budget, spare=True, slopes=False)
-        value = ring.value(tree)
+        ring, value = _in_ring(tree, budget, symbols)
         plain = exact_field.rationalised(value)  # the shorter one may be that with sines in its denominator
         forms = (exact_field.quotient_tree(ring, one) for one in ((value,) if plain is value else (value, plain)))
         return min(forms, key=ex.node_count)
     except (exact_field.TooLarge, ZeroDivisionError, KeyError, errors.IrreducibleAtoms):
         return tree
+
+
+def _in_ring(
+    tree: ex.Expression, budget: exact_field.Budget, symbols: Sequence[ex.Symbol | ex.Velocity] | None = None
+) -> tuple[exact_field.ExactRing, exact_field.Quotient]:
+    """The tree as an element of the ring of its formulas."""
+    held = dict.fromkeys(node for node in ex.walk(tree) if isinstance(node, ex.Symbol | ex.Velocity))
+    symbols = list(held) if symbols is None else symbols
+    ring = exact_field.exact_ring([tree], symbols, 0, budget, spare=True, slopes=False)
+    return ring, ring.value(tree)
 
 
 def shorten(
@@ -223,10 +230,8 @@ def collected_inside(tree: ex.Expression, cost: Callable[[ex.Expression], int] =
 @lru_cache(maxsize=1024)
 def tidied(tree: ex.Expression) -> ex.Expression:
     """The tree as one exact quotient, roots and trigonometric functions reduced; as it is where that is too large."""
-    variables = list(dict.fromkeys(node for node in ex.walk(tree) if isinstance(node, ex.Symbol | ex.Velocity)))
     try:
-        ring = exact_field.exact_ring([tree], variables, 0, exact_field.Budget(work=_WORK), spare=True, slopes=False)
-        return readable(ring, ring.value(tree))
+        return readable(*_in_ring(tree, exact_field.Budget(work=_WORK)))
     except (exact_field.TooLarge, ZeroDivisionError):
         return tree
 
@@ -243,7 +248,7 @@ def much_shorter(tree: ex.Expression) -> ex.Expression:
 def one_square(tree: ex.Expression) -> ex.Expression:
     """a sin(u)^2 for a - a cos(u)^2 in each sum, a cos(u)^2 for a - a sin(u)^2."""
     tree = ex.rebuild(tree, one_square)
-    terms = list(tree.terms) if isinstance(tree, ex.Sum) else []
+    terms = list(ex.summands(tree))
     for k, term in enumerate(terms):
         for base, exponent in ex.powers_of(term):
             if isinstance(base, ex.Apply) and base.function in _CIRCULAR and exponent == 2:
