@@ -204,9 +204,7 @@ def chaplygin_factor(system: SecondOrderSystem, density: MeasureDensity | None) 
     held = {node for node in ex.walk(density.momenta) if isinstance(node, ex.Symbol | ex.Velocity)}
     if not held <= own:
         return "The density of the invariant measure contains other coordinates."
-    if held.isdisjoint(map(ex.Symbol, names)) and not any(
-        isinstance(node, ex.Arbitrary) for node in ex.walk(density.momenta)
-    ):
+    if held.isdisjoint(map(ex.Symbol, names)) and not ex.has(density.momenta, ex.Arbitrary):
         return "The measure of the momenta itself is invariant, which asks for no other clock."
     root = Fraction(1, len(names) - 1)
     # The density is positive, so the root of a power is a power.

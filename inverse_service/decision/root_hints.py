@@ -40,7 +40,7 @@ def of_formulas(formulas: Sequence[ex.Expression], table: real_point.RealTable |
 def of_signs(analysis: deciding.Analysis) -> list[Entry]:
     """The signs of functions under roots, as sqrt(u^2) = u: sqrt(1 + tan(x)^2) is 1/cos(x) where cos(x) > 0."""
     signed = (factor if sign > 0 else -factor for factor, sign in analysis.tower.signs)
-    return [_of_square(u) for u in signed if any(isinstance(node, ex.Apply) for node in ex.walk(u))]
+    return [_of_square(u) for u in signed if ex.has(u, ex.Apply)]
 
 
 def _hidden_radicands(formulas: Sequence[ex.Expression]) -> list[ex.Expression]:

@@ -20,7 +20,7 @@ from inverse_service.explanation.wording import Piece, said, separated
 from inverse_service.expressions import collecting, derivative, inequalities
 from inverse_service.expressions.notation import Formula, listed, matrix, partial_derivative, row, theory
 from inverse_service.expressions.tree import ONE, TIME, ZERO, Acceleration, Expression, Symbol, Velocity, node_count
-from inverse_service.field.exact_field import Budget, Quotient, TooLarge, quotient_tree, sum_of
+from inverse_service.field.exact_field import Budget, Quotient, TooLarge, quotient_tree
 from inverse_service.field.matrices import determinant
 from inverse_service.mechanics import conditions
 from inverse_service.mechanics.legendre import legendre
@@ -65,16 +65,17 @@ def explain_positive(system: SecondOrderSystem, multiplier: Sequence[Sequence[Ex
         )
 
 
-def _worked_out(exact: conditions.MotionInRing, g: Matrix) -> tuple[Step, ...]:
+def _worked_out(exact: conditions.MotionInRing, g: conditions.Tensor11[Quotient]) -> tuple[Step, ...]:
     motion, span = exact.motion, range(exact.motion.size)
     n = conditions.connection(motion)
-    product = _product(exact, g, n)
+    product = conditions.product(motion, g, n)
     forced = [[product[i][j] + product[j][i] for j in span] for i in span]
     moved = [[motion.along(entry) for entry in row] for row in g]
-    lowered = _product(exact, g, conditions.jacobi_endomorphism(motion))
+    lowered = conditions.product(motion, g, conditions.jacobi_endomorphism(motion))
     one = exact.ring.constant(1)
     size = determinant(g, one)
-    _require_zero([*_asymmetry(g), *_curl(exact, g), *_asymmetry(lowered)])
+    slopes = [entry for matrix in conditions.curvature(motion, g) for row in matrix for entry in row]
+    _require_zero([*_asymmetry(g), *slopes, *_asymmetry(lowered)])
     _require_zero([moved[i][j] - forced[i][j] for i in span for j in span])
     if size.is_zero:
         raise TooLarge("the determinant was seen to vanish")
@@ -97,19 +98,8 @@ def _worked_out(exact: conditions.MotionInRing, g: Matrix) -> tuple[Step, ...]:
     )
 
 
-def _product(exact: conditions.MotionInRing, left: Matrix, right: Matrix) -> list[list[Quotient]]:
-    span = range(exact.motion.size)
-    return [[sum_of(exact.motion.zero, [left[i][m] * right[m][j] for m in span]) for j in span] for i in span]
-
-
 def _asymmetry(matrix: Matrix) -> list[Quotient]:
     return [matrix[i][j] - matrix[j][i] for i, j in itertools.combinations(range(len(matrix)), 2)]
-
-
-def _curl(exact: conditions.MotionInRing, g: Matrix) -> list[Quotient]:
-    """dg_ij/dv^k - dg_ik/dv^j."""
-    by, span = exact.motion.by_velocity, range(exact.motion.size)
-    return [by[k](g[i][j]) - by[j](g[i][k]) for i in span for j, k in itertools.combinations(span, 2)]
 
 
 def _require_zero(differences: Sequence[Quotient]) -> None:

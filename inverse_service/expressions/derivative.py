@@ -115,7 +115,7 @@ def differentiate_in_time(expression: ex.Expression, coordinates: Collection[str
 
     ValueError if the expression contains an acceleration (there is no node for third derivatives).
     """
-    if any(isinstance(node, ex.Acceleration) for node in ex.walk(expression)):
+    if ex.has(expression, ex.Acceleration):
         raise ValueError("third derivatives are not accepted")
 
     def rate(leaf: ex.Expression) -> ex.Expression:

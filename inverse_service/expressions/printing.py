@@ -344,7 +344,7 @@ class _Latex(_Notation):
 
     def arbitrary(self, function: ex.Arbitrary) -> str:
         known = function.integrand if isinstance(function, ex.Integral) else None
-        if known and not any(isinstance(node, ex.Apply) for node in ex.walk(known[1])):
+        if known and not ex.has(known[1], ex.Apply):
             slope, variable = known
             inside = self.brackets(slope) if isinstance(slope, ex.Sum) else to_latex(slope)
             return f"\\left(\\int {inside} \\, d{to_latex(variable)}\\right)"

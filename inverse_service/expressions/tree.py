@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from operator import attrgetter
+from types import UnionType
 from typing import Any, TypeGuard, TypeVar, cast
 
 
@@ -357,11 +358,16 @@ def holds(tree: Expression, *leaves: Expression) -> bool:
     return not frozenset(leaves).isdisjoint(walk(tree))
 
 
+def has(tree: Expression, kind: type[_Node] | UnionType) -> bool:
+    """Whether a node of this kind occurs in the tree."""
+    return any(isinstance(node, kind) for node in walk(tree))
+
+
 def reading_class(tree: Expression, time: Expression) -> int:
     """0 for a polynomial in the velocities, 1 if it also contains t, 2 for a rational function of them, 3 otherwise."""
     kind = int(holds(tree, time))
     for node in walk(tree):
-        if isinstance(node, Power | Apply | Arbitrary) and any(isinstance(part, Velocity) for part in walk(node)):
+        if isinstance(node, Power | Apply | Arbitrary) and has(node, Velocity):
             exponent = node.exponent if isinstance(node, Power) else None
             if not isinstance(exponent, Number) or exponent.value.denominator != 1:
                 return 3

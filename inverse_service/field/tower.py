@@ -537,7 +537,7 @@ def _replayed(tower: Tower, point: ps.Point) -> list[tuple[ps.Variable, ...]]:
 
 @lru_cache(maxsize=1024)
 def _has_no_atoms(expression: ex.Expression) -> bool:
-    return not any(isinstance(node, ex.Apply) for node in ex.walk(expression))
+    return not ex.has(expression, ex.Apply)
 
 
 def _hold(requirements: Iterable[Requirement], point: ps.Point, known: dict[ex.Expression, int]) -> bool:

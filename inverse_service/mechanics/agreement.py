@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from fractions import Fraction
 from functools import reduce
 from itertools import chain
 from time import thread_time
@@ -25,8 +24,9 @@ if TYPE_CHECKING:
 Ring = Any  # one of the checker's, and an element of it
 Value = Any
 Table = dict[ex.Expression, Value]
-# Elements of a ring that have to vanish, each with what is wrong otherwise, and the matrix to be regular.
-_Parts = tuple[list[tuple[Value, str]], list[list[Value]]]
+Matrix = Sequence[Sequence[ex.Expression]]
+# Elements of a ring that have to vanish, each with what is wrong otherwise, and the values of all leaves there.
+_Vanishing = tuple[list[tuple[Value, str]], Table]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,11 +64,9 @@ def equations_agree(
     slopes = [
         [derivative.differentiate(equation, ex.Acceleration(name)) for name in coordinates] for equation in equations
     ]
+    candidates: dict[int, list[tuple[int, int]]] = {}
 
-    def matrix(ring: Ring, table: Table) -> list[list[Value]]:
-        return [[_value(slope, ring, table) for slope in row] for row in slopes]
-
-    def parts(ring: Ring) -> _Parts:
+    def vanishing(ring: Ring) -> _Vanishing:
         table, zeros = _table(ring, coordinates, ring.names), list[tuple[Value, str]]()
         for number, equation in enumerate(equations, 1):
             value = _value(equation, ring, table)
@@ -78,19 +76,12 @@ def equations_agree(
             if second is not None:
                 difference = ring.add([second, value], [1, -1])
                 zeros.append((difference, f"Two readers understand equation {number} as given differently."))
-        return zeros, matrix(ring, table)
-
-    def where(question: checks.Question) -> cell.Cell:
-        if question.unsolved or not any(map(moving.intersection, map(ex.walk, chain(*slopes)))):
-            return cell.Cell()
-        return cell.where_regular(question, lambda ring: matrix(ring, _leaves(coordinates, ring.names)))
+        return zeros, table
 
     found = "The accelerations satisfy the equations as given, which determine them."
     wrong = "The equations as given do not determine the accelerations."
     plain = _is_rational(equations) and not any(_is_irrational(text) for text in texts if text is not None)
-    moving = {ex.TIME, *map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates)}
-    candidates: dict[int, list[tuple[int, int]]] = {}
-    return _examined(canonical, parts, plain, (found, wrong), time_limit, where)
+    return _examined(canonical, coordinates, vanishing, slopes, plain, (found, wrong), time_limit)
 
 
 def _against(value: Value, ring: Ring, candidates: list[tuple[int, int]]) -> Value:
@@ -133,21 +124,11 @@ def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: f
         derivative.differentiate_in_time(momentum, names) - derivative.differentiate(given.lagrangian, ex.Symbol(name))
         for momentum, name in zip(momenta, names, strict=True)
     ]
+    bordered = [[*masses[i], *(row[i] for row in slopes)] for i in range(len(names))]
+    bordered += [[*row, *[ex.ZERO] * len(slopes)] for row in slopes]
     pivots: list[int] = []
-    moving = {ex.TIME, *map(ex.Symbol, names)}
 
-    def matrix(ring: Ring, table: Table) -> list[list[Value]]:
-        rows, above = ([[_value(entry, ring, table) for entry in row] for row in part] for part in (slopes, masses))
-        columns = [[row[k] for row in rows] for k in range(len(names))]
-        nothing = [ring.constant(Fraction(0))] * len(rows)
-        return [a + b for a, b in zip(above, columns, strict=True)] + [row + nothing for row in rows]
-
-    def where(question: checks.Question) -> cell.Cell:
-        if not any(map(moving.intersection, map(ex.walk, chain(*slopes, *masses)))):
-            return cell.Cell()
-        return cell.where_regular(question, lambda ring: matrix(ring, _leaves(names, ring.names)))
-
-    def parts(ring: Ring) -> _Parts:
+    def vanishing(ring: Ring) -> _Vanishing:
         table = _table(ring, names, _on_constraints(given, slopes, ring, pivots))
         leaving = "The accelerations leave the constraints as given."
         zeros = [(_value(each, ring, table), leaving) for each in (*given.constraints, *rates)]
@@ -158,46 +139,64 @@ def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: f
             left = [ring.add([a, ring.multiply(left[pivot], b, 0)], [1, -1]) for a, b in zip(left, row, strict=True)]
         wrong = "On the constraints these are not the accelerations of the Lagrangian as given."
         zeros += [(entry, wrong) for entry in left]
-        return zeros, matrix(ring, table)
+        return zeros, table
 
     found = "On the constraints the accelerations are the motion of the Lagrangian as given, which determines it."
     wrong = "The Lagrangian and the constraints as given do not determine the motion."
     plain = _is_rational((given.lagrangian, *given.constraints))
-    return _examined(canonical, parts, plain, (found, wrong), time_limit, where)
+    return _examined(canonical, names, vanishing, bordered, plain, (found, wrong), time_limit)
 
 
 def _examined(
     canonical: Canonical,
-    parts: Callable[[Ring], _Parts],
+    coordinates: Sequence[str],
+    vanishing: Callable[[Ring], _Vanishing],
+    regular: Matrix,
     rational: bool,
     sentences: tuple[str, str],
     time_limit: float,
-    where: Callable[[checks.Question], cell.Cell],
 ) -> checker.CheckResult:
-    """The verdict on the parts by the checker's two rules; never raises."""
+    """The verdict by the checker's two rules on what has to vanish, and on the matrix to be regular; never raises.
+
+    `sentences` say what a valid claim means, and what is wrong where the matrix is singular.
+    """
+    moving = {ex.TIME, *map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates)}
+    is_constant = moving.isdisjoint(ex.distinct_nodes(chain(*regular)))
+
+    def matrix(ring: Ring, table: Table) -> list[list[Value]]:
+        return [[_value(entry, ring, table) for entry in row] for row in regular]
+
+    def parts(ring: Ring) -> tuple[list[tuple[Value, str]], list[list[Value]]]:
+        zeros, table = vanishing(ring)
+        return zeros, matrix(ring, table)
 
     def claims(ring: Ring) -> checks.Claims:
         zeros, rows = parts(ring)
-        matrix = [[entry.get(0, 0) for entry in row] for row in rows]
-        return checks.Claims([checks.Zero(*pair) for pair in zeros], [checks.Regular(matrix, sentences[1])])
+        numbers_of_rows = [[entry.get(0, 0) for entry in row] for row in rows]
+        return checks.Claims([checks.Zero(*pair) for pair in zeros], [checks.Regular(numbers_of_rows, sentences[1])])
+
+    def where(question: checks.Question) -> cell.Cell:
+        if question.unsolved or is_constant:
+            return cell.Cell()
+        return cell.where_regular(question, lambda ring: matrix(ring, _leaves(coordinates, ring.names)))
 
     def work(tools: Any) -> list[str]:
         question = checks.Question(tools, canonical.system, True, canonical.claim)
         question.prepare(parts, (), rational)
         question.settle(0, claims)
         try:
-            regular.append(where(question))
+            cells.append(where(question))
         except fm.Ended:
-            regular.append(cell.Cell(unknown=True))
+            cells.append(cell.Cell(unknown=True))
         return [sentences[0]]
 
-    regular, begun = list[cell.Cell](), thread_time()
+    cells, begun = list[cell.Cell](), thread_time()
     found = checker.judged(work, time_limit, None)
     left = time_limit - (thread_time() - begun)
     # The points are drawn at random: other points may decide what these did not.
     if found.verdict == "incomplete" and left > time_limit / 2:
         found = checker.judged(work, left, None)
-    return replace(found, cell=regular[-1]) if found.verdict == "valid" else found
+    return replace(found, cell=cells[-1]) if found.verdict == "valid" else found
 
 
 def _on_constraints(

@@ -75,6 +75,16 @@ def _times(motion: Motion[S], left: S, right: S) -> S:
     return motion.zero if left.is_zero or right.is_zero else left * right
 
 
+def product(motion: Motion[S], left: Tensor11[S], right: Tensor11[S]) -> Tensor11[S]:
+    """The matrix product, shape (n, n)."""
+    span = range(motion.size)
+
+    def entry(i: int, j: int) -> S:
+        return total(motion.zero, [_times(motion, left[i][m], right[m][j]) for m in span])
+
+    return tuple(tuple(entry(i, j) for j in span) for i in span)
+
+
 def velocity_slopes(motion: Motion[S]) -> Tensor11[S]:
     """df^i/dv^j, shape (n, n)."""
     return tuple(tuple(by(f) for by in motion.by_velocity) for f in motion.accelerations)
@@ -88,10 +98,10 @@ def connection(motion: Motion[S]) -> Tensor11[S]:
 def jacobi_endomorphism(motion: Motion[S]) -> Tensor11[S]:
     """Phi^i_j, shape (n, n); the Jacobi endomorphism as in MBF, twice -df/dq - N N - Gamma(N)."""
     slopes, span = velocity_slopes(motion), range(motion.size)
+    square = product(motion, slopes, slopes)
 
     def entry(i: int, j: int) -> S:
-        square = total(motion.zero, [_times(motion, slopes[i][m], slopes[m][j]) for m in span])
-        rest = motion.by_coordinate[j](motion.accelerations[i]).scaled(2) + square.scaled(Fraction(1, 2))
+        rest = motion.by_coordinate[j](motion.accelerations[i]).scaled(2) + square[i][j].scaled(Fraction(1, 2))
         return motion.along(slopes[i][j]) - rest
 
     return tuple(tuple(entry(i, j) for j in span) for i in span)
@@ -99,13 +109,8 @@ def jacobi_endomorphism(motion: Motion[S]) -> Tensor11[S]:
 
 def nabla(motion: Motion[S], n: Tensor11[S], tensor: Tensor11[S]) -> Tensor11[S]:
     """nabla T = Gamma(T) + N T - T N, shape (n, n)."""
-    span = range(motion.size)
-
-    def entry(i: int, j: int) -> S:
-        plus = total(motion.along(tensor[i][j]), [_times(motion, n[i][m], tensor[m][j]) for m in span])
-        return plus - total(motion.zero, [_times(motion, tensor[i][m], n[m][j]) for m in span])
-
-    return tuple(tuple(entry(i, j) for j in span) for i in span)
+    span, plus, minus = range(motion.size), product(motion, n, tensor), product(motion, tensor, n)
+    return tuple(tuple(motion.along(tensor[i][j]) + plus[i][j] - minus[i][j] for j in span) for i in span)
 
 
 def nabla_of_curvature(motion: Motion[S], n: Tensor11[S], tensor: Tensor12[S]) -> Tensor12[S]:

@@ -194,7 +194,7 @@ def _holds_velocity(
     """Whether a velocity enters, if only by its sign as in v/sqrt(v^2), whose derivative is zero."""
     if any(not derivative(element).is_zero for derivative in by):
         return True
-    return any(isinstance(node, Velocity) for node in walk(exact_field.quotient_tree(ring, element)))
+    return ex.has(exact_field.quotient_tree(ring, element), Velocity)
 
 
 def _constraint_parts(
@@ -594,7 +594,7 @@ def read_lagrangian(text: str, names: nm.Names) -> Expression:
     """L(t, q, q') of a text; InputError where an acceleration is in it, or no velocity."""
     pointer = "/lagrangian"
     tree = _formula(text, replace(names, energy=True), "the Lagrangian", pointer)
-    if not any(isinstance(node, Velocity) for node in walk(tree)):
+    if not ex.has(tree, Velocity):
         raise InputError("the Lagrangian contains no velocity: write kinetic minus potential energy.", pointer)
     return _smooth(tree, pointer)
 
@@ -642,9 +642,7 @@ def _multiplied_out(tree: Expression) -> Expression:
     below: dict[Expression, None] = {}
     for node in walk(tree):
         match node:
-            case ex.Power(base, ex.Number(exponent)) if exponent < 0 and any(
-                isinstance(v, Velocity) for v in walk(base)
-            ):
+            case ex.Power(base, ex.Number(exponent)) if exponent < 0 and ex.has(base, Velocity):
                 below[base**-exponent] = None
     return collecting.collect(ex.multiply(tree, *below)) if below else tree
 

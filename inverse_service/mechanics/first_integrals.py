@@ -159,14 +159,14 @@ class _Integrals:
         letters = {a: ex.Symbol(f"_{place}") for place, a in enumerate(moving)}
         found: list[Expression] = []
         others: dict[Expression, list[Expression]] = {}
-        for term in lagrangian.terms if isinstance(lagrangian, ex.Sum) else (lagrangian,):
+        for term in ex.summands(lagrangian):
             work = ex.add(*(v * derivative.differentiate(term, v) for v in velocities if ex.holds(term, v)))
             degree = next((d for d in (0, 1, 2, 3, 4) if collecting.collect(work - d * term) == ex.ZERO), None)
             if degree is not None:
                 found.append((degree - 1) * term)
                 continue
             rest = collecting.collect(ex.substitute(work - term, letters))
-            for part in rest.terms if isinstance(rest, ex.Sum) else (rest,):
+            for part in ex.summands(rest):
                 atoms = ex.multiply(*(f for f in ex.factors_of(part) if f in letters.values()))
                 others.setdefault(atoms, []).append(part / atoms)
         back = {letter: a for a, letter in letters.items()}
@@ -374,8 +374,8 @@ class _Integrals:
         In the field of a magnetic pole the momenta have a string where they are singular, the velocities have none.
         """
         forms = () if self.lagrangian is None else _squared_forms(self.lagrangian)
-        at_rest = {ex.Velocity(name): ex.ZERO for name in self.names}
-        shifted = not self.constraints and any(ex.substitute(p, at_rest) != ex.ZERO for p in self.momenta)
+        at_rest = (ex.substitute(p, dict.fromkeys(self.velocities, ex.ZERO)) for p in self.momenta)
+        shifted = not self.constraints and any(p != ex.ZERO for p in at_rest)
         frames = [self.momenta, self.velocities if shifted or not self.momenta else (), forms]
         seen: set[frozenset[Expression]] = set()
         for frame in frames:
@@ -526,7 +526,7 @@ class _Units:
 
     def _add(self, node: Expression) -> None:
         """What a node of f or L brings in: its functions, and roots of sums that f divides by."""
-        if any(isinstance(leaf, ex.Velocity) for leaf in ex.walk(node)):
+        if ex.has(node, ex.Velocity):
             return
         held = [q for q in self.positions if ex.holds(node, q)]
         if not held:
@@ -568,7 +568,7 @@ class _Units:
                 if isinstance(node, ex.Apply)
                 and ex.holds(node, ex.TIME)
                 and not ex.holds(node, *self.positions)
-                and not any(isinstance(leaf, ex.Velocity) for leaf in ex.walk(node))
+                and not ex.has(node, ex.Velocity)
             }
             tables.append(times)
         found: list[tuple[Expression, int]] = [(ex.ONE, 0)]
@@ -586,13 +586,11 @@ class _Units:
         lagrangian = self.work.lagrangian
         if lagrangian is None:
             return []
-        at_rest = {ex.Velocity(name): ex.ZERO for name in self.names}
-        rest = collecting.collect(ex.substitute(lagrangian, at_rest))
-        terms = rest.terms if isinstance(rest, ex.Sum) else (rest,)
+        rest = collecting.collect(ex.substitute(lagrangian, dict.fromkeys(self.work.velocities, ex.ZERO)))
         parameters = {*map(ex.Symbol, self.work.motion.parameters)}
         plain = [
             ex.multiply(*(f for f in ex.factors_of(term) if not isinstance(f, ex.Number) and f not in parameters))
-            for term in terms
+            for term in ex.summands(rest)
             if ex.holds(term, *self.positions)
         ]
         small = [tree for tree, d in self._factors(min(degree, 2), moving) if d <= degree]
@@ -636,7 +634,7 @@ class _Units:
         plain = [q for q, table in self.single.items() if q in table]
         degree = 3
         for tree in self.work.trees:
-            for term in tree.terms if isinstance(tree, ex.Sum) else (tree,):
+            for term in ex.summands(tree):
                 powers = dict(ex.powers_of(term))
                 degree = max(degree, *(int(sum(powers.get(q, 0) for q in plain)) + 1, 0))
         while math.comb(len(plain) + degree, degree) > self.most // 4:
@@ -649,6 +647,6 @@ class _Units:
 
     def _is_even(self) -> bool:
         """Whether the motion is the same backwards."""
-        back = {v: ex.negate(v) for v in map(ex.Velocity, self.names)}
+        back = {v: ex.negate(v) for v in self.work.velocities}
         turned = [collecting.collect(ex.substitute(f, back) - f) for f in self.work.motion.free_accelerations]
         return not self.work.moves and all(tree == ex.ZERO for tree in turned)

@@ -14,7 +14,6 @@ zero function.
 from __future__ import annotations
 
 import math
-import random
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -27,11 +26,9 @@ from mpmath import mp, mpf
 from inverse_service import bounds, errors
 from inverse_service.expressions import evaluation, graphs, inequalities, tree as ex
 from inverse_service.field import exact_field
-from inverse_service.mechanics import euler_lagrange, writing
+from inverse_service.mechanics import euler_lagrange, sampling, writing
 
 _POINTS = 3
-_ATTEMPTS = 60
-_SEED = 20_040_229
 
 Polynomial = Any  # python-flint has no types
 Rows = list[list[Polynomial]]
@@ -60,40 +57,19 @@ def linear_equation(residual: ex.Expression, pointer: str = "") -> LinearEquatio
     return LinearEquation({leaf.coordinate: slope for leaf, slope in parts[0].items()}, parts[1], pointer)
 
 
-def has_acceleration(expression: ex.Expression) -> bool:
-    return any(isinstance(node, ex.Acceleration) for node in ex.walk(expression))
-
-
 def vanishes(tree: ex.Expression) -> bool:
     """True where the tree is 0 at several random points, relative to the size of its terms.
 
-    InputError where no point is found at which it has a real value.
+    InputError where fewer points are found at which it has a real value.
     """
-    source = random.Random(_SEED)
-    values = []
+    points = sampling.sample_points([tree], most=_POINTS)
+    if len(points) < _POINTS:
+        raise errors.InputError(
+            "no point was found at which the coefficients of the accelerations are real: check roots and logarithms.",
+            "/equations",
+        )
     with mp.workdps(bounds.DIGITS):
-        for attempt in range(_ATTEMPTS):
-            try:
-                values.append(is_small(tree, _point(tree, source, 1 + attempt % 5)))
-            except evaluation.NoRealValue:
-                continue
-            if not values[-1] or len(values) == _POINTS:
-                return values[-1]
-    raise errors.InputError(
-        "no point was found at which the coefficients of the accelerations are real: check roots and logarithms.",
-        "/equations",
-    )
-
-
-def _point(tree: ex.Expression, source: random.Random, width: int) -> dict[ex.Expression, evaluation.Real]:
-    """Random values of all leaves; the first attempts are positive, later ones of both signs."""
-    table: dict[ex.Expression, evaluation.Real] = {}
-    for node in ex.distinct_nodes([tree]):
-        if isinstance(node, ex.Symbol | ex.Velocity | ex.Acceleration | ex.Arbitrary) and node != ex.PI:
-            value = mpf(source.randrange(1, 10**18)) / 10**18
-            low = 0 if width <= 2 else -width
-            table[node] = low + (width - low) * value
-    return table
+        return all(is_small(tree, point) for point in points)
 
 
 def is_small(tree: ex.Expression, table: Mapping[ex.Expression, evaluation.Real]) -> bool:

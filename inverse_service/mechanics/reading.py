@@ -423,7 +423,7 @@ def _right_side(text: str, coordinate: str, names: Names, pointer: str) -> ex.Ex
 
 def _solved_for(found: Sequence[_Equation], coordinates: tuple[str, ...]) -> implicit_equations.Solved:
     explicit = {left.coordinate: right for left, right, _ in found if isinstance(left, ex.Acceleration)}
-    solved = not any(implicit_equations.has_acceleration(right) for right in explicit.values())
+    solved = not any(ex.has(right, ex.Acceleration) for right in explicit.values())
     if solved and len(explicit) == len(found) == len(coordinates):
         return implicit_equations.Solved(tuple(explicit[coordinate] for coordinate in coordinates))
     residuals = [implicit_equations.linear_equation(left - right, pointer) for left, right, pointer in found]

@@ -41,16 +41,18 @@ class Judgment:
     conditions: tuple[ex.Expression, ...]
 
 
-def sample_points(trees: Sequence[ex.Expression], positive: Sequence[ex.Expression] = ()) -> list[Point]:
+def sample_points(
+    trees: Sequence[ex.Expression], positive: Sequence[ex.Expression] = (), most: int = _MOST_POINTS
+) -> list[Point]:
     """Up to 20 points (8 of many names) at which every tree is real, up to six of them with all names positive.
 
-    All trees of `positive` are so at each of them.
+    All trees of `positive` are so at each of them. `most` is a lower limit on their number.
 
     Equal calls of an arbitrary function get the same value however their arguments are written.
     """
     leaves, calls = _leaves((*trees, *positive))
     source, boxes = random.Random(_SEED), _boxes(positive)
-    most = _MOST_POINTS if len(leaves) <= _MANY_NAMES else _FEWER_POINTS
+    most = most if len(leaves) <= _MANY_NAMES else min(most, _FEWER_POINTS)
     found: list[Point] = []
     in_all = 0
     with mp.workdps(bounds.DIGITS):
@@ -222,7 +224,7 @@ def signs_of_momenta(
 
     x' = 4 p^2/9 of p = 3 sqrt(x')/2 has values for p < 0 as well, which belong to another motion.
     """
-    every = _is_polynomial_in_velocities(claim.lagrangian) and not any(map(_holds_velocities, positive))
+    every = _is_polynomial_in_velocities(claim.lagrangian) and not any(ex.has(tree, ex.Velocity) for tree in positive)
     bounded = {p: tree for p, tree in claim.momenta.items() if not (every and _is_affine(tree))}
     if not bounded:
         return ()
@@ -242,7 +244,7 @@ def _is_polynomial_in_velocities(tree: ex.Expression) -> bool:
         match node:
             case ex.Power(_, ex.Number(exponent)) if exponent > 0 and exponent.denominator == 1:
                 continue
-            case ex.Power() | ex.Apply() | ex.Arbitrary() if _holds_velocities(node):
+            case ex.Power() | ex.Apply() | ex.Arbitrary() if ex.has(node, ex.Velocity):
                 return False
     return True
 
@@ -251,13 +253,9 @@ def _is_affine(tree: ex.Expression) -> bool:
     """Whether a polynomial in the velocities is of degree 1, so that it takes all values."""
     for node in ex.distinct_nodes((tree,)):
         factors = node.factors if isinstance(node, ex.Product) else (node, node) if isinstance(node, ex.Power) else ()
-        if sum(map(_holds_velocities, factors)) > 1:
+        if sum(ex.has(factor, ex.Velocity) for factor in factors) > 1:
             return False
-    return _holds_velocities(tree)
-
-
-def _holds_velocities(tree: ex.Expression) -> bool:
-    return any(isinstance(node, ex.Velocity) for node in ex.walk(tree))
+    return ex.has(tree, ex.Velocity)
 
 
 def _sign_at(tree: ex.Expression, points: Sequence[Point]) -> int:

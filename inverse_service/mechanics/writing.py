@@ -404,9 +404,7 @@ def by_short_angles(
 def _angle_of(tree: ex.Expression, functions: Container[str]) -> ex.Expression | None:
     """The argument of one of the functions, if it is an angle without functions."""
     match tree:
-        case ex.Apply(name, angle) if name in functions and not any(
-            isinstance(node, ex.Apply | ex.Arbitrary | ex.Power) for node in ex.walk(angle)
-        ):
+        case ex.Apply(name, angle) if name in functions and not ex.has(angle, ex.Apply | ex.Arbitrary | ex.Power):
             return angle
     return None
 

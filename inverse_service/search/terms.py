@@ -479,7 +479,7 @@ def at_constant_velocity(terms: Mapping[Monomial, Fraction], coordinates: Iterab
 
 @lru_cache(maxsize=4096)
 def has_velocity(letter: ex.Expression) -> bool:
-    return any(isinstance(node, ex.Velocity) for node in ex.walk(letter))
+    return ex.has(letter, ex.Velocity)
 
 
 def grouped(terms: Mapping[Monomial, Fraction], is_outside: Callable[[ex.Expression], bool]) -> dict[Monomial, Terms]:

@@ -113,7 +113,7 @@ def _finite(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
         return tree
     potential = ex.add(*rest)
     start = collecting.collect(ex.substitute(potential, {ex.Symbol(name): ex.ZERO for name in system.coordinates}))
-    if any(isinstance(node, ex.Apply) for node in ex.walk(start)):
+    if ex.has(start, ex.Apply):
         return tree
     symbols: list[ex.Symbol | ex.Velocity] = [*map(ex.Symbol, (*system.parameters, *system.coordinates))]
     (moved,) = exact_field.factored([potential - start], symbols, exact_field.Budget.short())
@@ -275,7 +275,7 @@ def _velocity_sums(tree: ex.Expression) -> int:
                 found.add(inner)
             case ex.Apply(_, ex.Sum() as inner):
                 found.add(inner)
-    moving = [inner for inner in found if any(isinstance(node, ex.Velocity) for node in ex.walk(inner))]
+    moving = [inner for inner in found if ex.has(inner, ex.Velocity)]
     return sum(isinstance(collecting.collect(inner), ex.Sum) for inner in moving)
 
 

@@ -37,7 +37,7 @@ def lagrangian_parts(lagrangian: ex.Expression, coordinates: Sequence[str]) -> d
     for term in ex.summands(lagrangian):
         parts, found = ex.summands(collecting.collect(term)), []
         for part in parts:
-            moves = any(isinstance(node, ex.Velocity) for node in ex.walk(part))
+            moves = ex.has(part, ex.Velocity)
             has_mass = moves and any({*row} != {ex.ZERO} for row in euler_lagrange.hessian(part, coordinates))
             found.append(KINETIC if has_mass else MAGNETIC if moves else POTENTIAL)
         for kind, part in zip(found, parts, strict=True) if len(set(found)) > 1 else ((found[0], term),):

@@ -270,7 +270,7 @@ class Formulas:
         return [defect for defect in defects if defect.expand() != se.ZERO]
 
     def _denominator(self, base: ex.Expression) -> Denominator:
-        moves = any(isinstance(node, ex.Velocity) for node in ex.walk(base))
+        moves = ex.has(base, ex.Velocity)
         return Denominator(se.translate(base, self.table), printing.to_text(base), moves)
 
 

@@ -836,9 +836,9 @@ def _constrained(
     except errors.InputError:
         return None
     trees = [(pointer, left - right) for pointer, left, right in lines]
-    moving = [tree for _, tree in trees if _holds(tree, ex.Acceleration)]
-    held = [(pointer, tree) for pointer, tree in trees if not _holds(tree, ex.Acceleration)]
-    of_positions = [not _holds(tree, ex.Velocity) for _, tree in held]
+    moving = [tree for _, tree in trees if ex.has(tree, ex.Acceleration)]
+    held = [(pointer, tree) for pointer, tree in trees if not ex.has(tree, ex.Acceleration)]
+    of_positions = [not ex.has(tree, ex.Velocity) for _, tree in held]
     rates = [
         derivative.differentiate_in_time(tree, names.coordinates) if still else tree
         for (_, tree), still in zip(held, of_positions, strict=True)
@@ -871,10 +871,6 @@ def _rows(trees: Iterable[ex.Expression], coordinates: Sequence[str]) -> list[li
     forms = [euler_lagrange.linear_parts(tree, ex.Velocity) for tree in trees]
     linear = [form[0] for form in forms if isinstance(form, tuple) and form[0]]
     return [[row.get(ex.Velocity(name), ex.ZERO) for name in coordinates] for row in linear]
-
-
-def _holds(tree: ex.Expression, kind: type[ex.Expression]) -> bool:
-    return any(isinstance(node, kind) for node in ex.walk(tree))
 
 
 def _lagrangian(

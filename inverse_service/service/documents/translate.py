@@ -229,10 +229,7 @@ def hamiltonian_part(
 ) -> schemas.HamiltonianPart:
     """With the conditions on the positions under which the Lagrangian is one: H holds only where L does."""
     conditions = ((), ()) if lagrangian is None else (lagrangian.nonzero, lagrangian.positive)
-    nonzero, positive = (
-        [tree for tree in trees if not any(isinstance(node, ex.Velocity) for node in ex.walk(tree))]
-        for trees in conditions
-    )
+    nonzero, positive = ([tree for tree in trees if not ex.has(tree, ex.Velocity)] for trees in conditions)
     pairs = zip(hamiltonian.symbols, hamiltonian.momenta, strict=True)
     return schemas.HamiltonianPart(
         **formula_fields(hamiltonian.expression),

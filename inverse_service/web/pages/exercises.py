@@ -99,7 +99,7 @@ def lagrangian_of(hamiltonian: str, names: Any) -> str:
     text = forms.right_side(hamiltonian.replace("H =", "L =").replace("H=", "L="))
     tree = reader.read_formula(text, names)
     momenta = {ex.Symbol(f"p_{name}"): ex.Velocity(name) for name in names.coordinates}
-    if any(isinstance(node, ex.Velocity) for node in ex.walk(tree)):
+    if ex.has(tree, ex.Velocity):
         raise errors.InputError("A Hamiltonian has momenta such as p_x, and no velocities.")
     document = {
         "coordinates": list(names.coordinates),
