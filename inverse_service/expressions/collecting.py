@@ -242,14 +242,7 @@ def _function(tree: ex.Apply) -> Terms:
     if special:
         return special(_expand(inner))
     inner = _canonical(inner)
-    first = ex.factors_of(inner)[0]
-    if (
-        row is not None
-        and row.parity
-        and isinstance(inner, ex.Product)
-        and isinstance(first, ex.Number)
-        and first.value < 0
-    ):
+    if row is not None and row.parity and isinstance(inner, ex.Product) and ex.coefficient(inner) < 0:
         return _scaled(_atom(ex.Apply(tree.function, -inner)), Fraction(row.parity))
     return _atom(ex.Apply(tree.function, inner))
 
@@ -327,8 +320,10 @@ def monomial_tree(monomial: Monomial) -> ex.Expression:
     argument: list[ex.Expression] = []
     numbers: dict[Fraction, Fraction] = {}
     for base, exponent in monomial:
-        if ex.is_exponential(base):
-            _split_exponential(base.argument, exponent, argument, exponents)
+        if ex.is_exponential(base) and (power := _as_power(base.argument, exponent)):
+            exponents[power[0]] = exponents.get(power[0], ex.ZERO) + power[1]
+        elif ex.is_exponential(base):
+            argument.append(exponent * base.argument)
         elif isinstance(base, ex.Number) and base.value > 0 and exponent.denominator != 1:
             numbers[exponent] = numbers.get(exponent, Fraction(1)) * base.value
         else:
@@ -339,18 +334,13 @@ def monomial_tree(monomial: Monomial) -> ex.Expression:
     return ex.multiply(*roots, *factors, *([ex.Apply("exp", total)] if total != ex.ZERO else []))
 
 
-def _split_exponential(
-    argument: ex.Expression, scale: Fraction, plain: list[ex.Expression], exponents: dict[ex.Expression, ex.Expression]
-) -> None:
-    """Add exp(scale * argument) to the plain exponentials, or as a power of u if argument = k log(u)."""
+def _as_power(argument: ex.Expression, scale: Fraction) -> tuple[ex.Expression, ex.Expression] | None:
+    """(u, k scale) for exp(scale * k log(u)) = u^(k scale); None without a single logarithm."""
     factors = ex.factors_of(argument)
     logs = [factor for factor in factors if isinstance(factor, ex.Apply) and factor.function == "log"]
     if len(logs) != 1:
-        plain.append(scale * argument)
-        return
-    rest = ex.multiply(ex.number(scale), *(factor for factor in factors if factor is not logs[0]))
-    base = logs[0].argument
-    exponents[base] = exponents.get(base, ex.ZERO) + rest
+        return None
+    return logs[0].argument, ex.multiply(ex.number(scale), *(factor for factor in factors if factor is not logs[0]))
 
 
 @lru_cache(maxsize=1024)

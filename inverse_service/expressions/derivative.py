@@ -166,15 +166,12 @@ def _of_power(base: ex.Expression, exponent: ex.Expression, rate: Rule) -> ex.Ex
     terms = []
     inner = rate(base)
     if inner != ex.ZERO:
-        terms.append(exponent * _lowered(base, exponent) * inner)
+        lowered = base ** Fraction(-1, 2) if exponent == ex.HALF else base ** (exponent - 1)
+        terms.append(exponent * lowered * inner)
     outer = rate(exponent)
     if outer != ex.ZERO:
         terms.append(ex.Power(base, exponent) * ex.Apply("log", base) * outer)
     return ex.add(*terms)
-
-
-def _lowered(base: ex.Expression, exponent: ex.Expression) -> ex.Expression:
-    return base ** Fraction(-1, 2) if exponent == ex.HALF else base ** (exponent - 1)
 
 
 def _of_function(function: ex.Arbitrary, rate: Rule) -> ex.Expression:

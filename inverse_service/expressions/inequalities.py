@@ -11,6 +11,7 @@ from time import thread_time
 from inverse_service.certificate import cell, formulas, question
 from inverse_service.expressions import collecting, notation, printing, tree as ex
 
+Trees = Iterable[ex.Expression]
 _LONGEST = 1.0  # seconds per deduction
 
 
@@ -37,14 +38,12 @@ def inequality_text(tree: ex.Expression) -> str:
     return inequality(tree).text
 
 
-def is_positive(tree: ex.Expression, known: Iterable[ex.Expression] = ()) -> bool:
+def is_positive(tree: ex.Expression, known: Trees = ()) -> bool:
     """Whether the tree provably is > 0 wherever it is defined and all of `known` are > 0: 1 + x^2, exp(u)."""
     return _follows(tree, " > 0", (), tuple(known))
 
 
-def is_nonzero(
-    tree: ex.Expression, nonzero: Iterable[ex.Expression] = (), positive: Iterable[ex.Expression] = ()
-) -> bool:
+def is_nonzero(tree: ex.Expression, nonzero: Trees = (), positive: Trees = ()) -> bool:
     """Whether the tree provably is defined and not 0 where none of `nonzero` is 0 and all of `positive` are > 0.
 
     sqrt(x) requires x > 0, because it vanishes at the boundary of its domain.
@@ -53,9 +52,7 @@ def is_nonzero(
 
 
 @lru_cache(maxsize=4096)
-def _follows(
-    tree: ex.Expression, ending: str, nonzero: tuple[ex.Expression, ...], positive: tuple[ex.Expression, ...]
-) -> bool:
+def _follows(tree: ex.Expression, ending: str, nonzero: Trees, positive: Trees) -> bool:
     def follows(ring: cell.Letters) -> bool:
         stated = [*texts(nonzero, " != 0"), *texts(positive, " > 0")]
         known = [*(need for text in stated for need in cell.needs_of_text(ring, text)), *ring.needs]
@@ -70,11 +67,11 @@ def _follows(
         return False
 
 
-def texts(trees: Iterable[ex.Expression], ending: str) -> list[str]:
+def texts(trees: Trees, ending: str) -> list[str]:
     return [f"{printing.to_text(tree)}{ending}" for tree in trees]
 
 
-def question_about(trees: Iterable[ex.Expression]) -> question.Question:
+def question_about(trees: Trees) -> question.Question:
     """A question to the checker that declares all names in the trees; formulas.Ended if the checker rejects a name."""
     nodes = [*ex.distinct_nodes(trees)]
     moving = [*dict.fromkeys(node.coordinate for node in nodes if isinstance(node, ex.Velocity))]
@@ -92,7 +89,7 @@ def question_about(trees: Iterable[ex.Expression]) -> question.Question:
 
 def _sides(tree: ex.Expression) -> tuple[ex.Expression, ex.Expression, bool]:
     """(a, b, True) for a > b, (a, b, False) for a < b; one side is a single term, and a number is on the right."""
-    terms = getattr(tree, "terms", (tree,))
+    terms = ex.summands(tree)
     varying = [term for term in terms if not _is_number(term)]
     if len(varying) == 1:
         return _bound(varying[0], ex.add(*(term for term in terms if _is_number(term))))
@@ -106,12 +103,8 @@ def _sides(tree: ex.Expression) -> tuple[ex.Expression, ex.Expression, bool]:
 def _bound(term: ex.Expression, rest: ex.Expression) -> tuple[ex.Expression, ex.Expression, bool]:
     """c u + rest > 0 solved for u."""
     coefficient = ex.coefficient(term)
-    parts = rest.terms if isinstance(rest, ex.Sum) else (rest,)
-    return (
-        1 / coefficient * term,
-        ex.add(*(-1 / coefficient * part for part in parts)),
-        coefficient > 0,
-    )
+    bound = ex.add(*(-1 / coefficient * part for part in ex.summands(rest)))
+    return 1 / coefficient * term, bound, coefficient > 0
 
 
 def _is_number(term: ex.Expression) -> bool:

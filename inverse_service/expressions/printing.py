@@ -19,9 +19,10 @@ arguments, diff(B(x, y), x) if they are different names, else B[1,0](u, w) with 
 argument.
 """
 
+import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from html import escape
@@ -31,7 +32,8 @@ from inverse_service.expressions import derivative, letters, tree as ex
 _EXPONENTIAL = ex.Apply("exp", ex.ONE)
 # The denominator from which a decimal number can be much shorter than a fraction, and how many digits shorter.
 _LEAST_DECIMAL, _MUCH = 1000, 2
-_Side = tuple[str, tuple[ex.Expression, ...]]  # the number and the factors above or below a fraction line
+_Factors = tuple[ex.Expression, ...]
+_Side = tuple[str, _Factors]  # the number and the factors above or below a fraction line
 # LaTeX.
 _WITHOUT_COMMAND = ("omicron", "Alpha", "Beta", "Epsilon", "Zeta", "Eta", "Iota", "Kappa", "Mu", "Nu", "Omicron")
 _NO_COMMAND = frozenset((*_WITHOUT_COMMAND, "Rho", "Tau", "Chi"))
@@ -54,8 +56,8 @@ class Ratio:
     negative: bool
     over: int
     under: int
-    numerators: tuple[ex.Expression, ...]
-    denominators: tuple[ex.Expression, ...]
+    numerators: _Factors
+    denominators: _Factors
 
     @property
     def numbers(self) -> tuple[str, str]:
@@ -72,26 +74,20 @@ class Ratio:
         return (decimal, "1") if digits and len(decimal) + _MUCH < sum(map(len, plain)) else plain
 
 
-@dataclass(slots=True)
-class _Parts:
-    coefficient: Fraction = Fraction(1)
-    numerators: list[ex.Expression] = field(default_factory=list)
-    denominators: list[ex.Expression] = field(default_factory=list)
-
-
 @lru_cache(maxsize=4096)  # printed expressions often occur in expressions that were printed before
 def ratio(expression: ex.Expression) -> Ratio:
     """The expression, one term of a sum, as a fraction."""
-    parts = _Parts()
-    _collect(expression, False, parts)
-    coefficient = abs(parts.coefficient)
-    above, below = _with_signs(_gather(parts.numerators), _gather(parts.denominators))
-    return Ratio(parts.coefficient < 0, coefficient.numerator, coefficient.denominator, above, below)
+    parts = [*_factors(expression)]
+    coefficient = math.prod((factor for factor, _ in parts if isinstance(factor, Fraction)), start=Fraction(1))
+    above, below = (
+        _gather(factor for factor, inverse in parts if not isinstance(factor, Fraction) and inverse is side)
+        for side in (False, True)
+    )
+    size = abs(coefficient)
+    return Ratio(coefficient < 0, size.numerator, size.denominator, *_with_signs(above, below))
 
 
-def _with_signs(
-    above: tuple[ex.Expression, ...], below: tuple[ex.Expression, ...]
-) -> tuple[tuple[ex.Expression, ...], tuple[ex.Expression, ...]]:
+def _with_signs(above: _Factors, below: _Factors) -> tuple[_Factors, _Factors]:
     """sign(u) for u/sqrt(u^2)."""
     kept: list[ex.Expression] = []
     for factor in below:
@@ -103,19 +99,20 @@ def _with_signs(
     return above, tuple(kept)
 
 
-def _collect(expression: ex.Expression, inverse: bool, parts: _Parts) -> None:
+def _factors(expression: ex.Expression, inverse: bool = False) -> Iterator[tuple[ex.Expression | Fraction, bool]]:
+    """The numbers and the other factors, each with whether it is below the fraction line."""
     match expression:
         case ex.Number(value) if value or not inverse:
-            parts.coefficient *= 1 / value if inverse else value
+            yield (1 / value if inverse else value), False
         case ex.Product(factors):
             for factor in factors:
-                _collect(factor, inverse, parts)
+                yield from _factors(factor, inverse)
         case ex.Power(base, ex.Number(exponent)) if exponent < 0:
-            _collect(base**-exponent, not inverse, parts)
+            yield from _factors(base**-exponent, not inverse)
         case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1 and (plain := _as_written(base)) != base:
-            _collect(plain**exponent, inverse, parts)
+            yield from _factors(plain**exponent, inverse)
         case _:
-            (parts.denominators if inverse else parts.numerators).append(expression)
+            yield expression, inverse
 
 
 @lru_cache(maxsize=512)  # without the cache, each level of nested powers doubles the work
@@ -132,7 +129,7 @@ def _as_written(base: ex.Expression) -> ex.Expression:
     return parts.numerators[0] if alone else base
 
 
-def _gather(factors: Iterable[ex.Expression]) -> tuple[ex.Expression, ...]:
+def _gather(factors: Iterable[ex.Expression]) -> _Factors:
     """The factors with equal bases combined, for positive integer exponents, at the place of the first."""
     table: dict[ex.Expression, tuple[int, ex.Expression | None]] = {}  # the count, and the factor if it is unchanged
     for factor in factors:
@@ -166,7 +163,7 @@ def signed_terms(expression: ex.Expression, within: bool = False) -> list[Ratio]
 
     With `within` (inside brackets, roots, functions, and fractions), a nonnegative term comes first: 4 k m - c^2.
     """
-    terms = [ratio(term) for term in (expression.terms if isinstance(expression, ex.Sum) else (expression,))]
+    terms = [ratio(term) for term in ex.summands(expression)]
     if terms[0].negative:
         chosen = [term for term in terms if not term.negative and (within or not term.numerators + term.denominators)]
         terms.sort(key=lambda term: term not in chosen[:1])

@@ -24,6 +24,10 @@ class _Node:
     _hash: int
     _size: int
 
+    def __init_subclass__(cls) -> None:
+        """A dataclass keeps this hash instead of one of its own."""
+        cls.__hash__ = _Node.__hash__  # type: ignore[method-assign]
+
     def __hash__(self) -> int:
         try:
             return self._hash
@@ -69,8 +73,6 @@ class Number(_Node):
 
     value: Fraction
 
-    __hash__ = _Node.__hash__
-
     def __eq__(self, other: object) -> bool:
         """The usual equality, written out because numbers are compared most often and Fraction's comparison is slow."""
         if self is other or type(other) is not Number:
@@ -85,16 +87,12 @@ class Symbol(_Node):
 
     name: str
 
-    __hash__ = _Node.__hash__
-
 
 @dataclass(frozen=True, slots=True)
 class Velocity(_Node):
     """The first time derivative of a coordinate."""
 
     coordinate: str
-
-    __hash__ = _Node.__hash__
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,8 +101,6 @@ class Acceleration(_Node):
 
     coordinate: str
 
-    __hash__ = _Node.__hash__
-
 
 @dataclass(frozen=True, slots=True)
 class Sum(_Node):
@@ -112,16 +108,12 @@ class Sum(_Node):
 
     terms: tuple[Expression, ...]
 
-    __hash__ = _Node.__hash__
-
 
 @dataclass(frozen=True, slots=True)
 class Product(_Node):
     """a b …, at least two factors, none a Product, at most one a Number and that one first."""
 
     factors: tuple[Expression, ...]
-
-    __hash__ = _Node.__hash__
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,8 +123,6 @@ class Power(_Node):
     base: Expression
     exponent: Expression
 
-    __hash__ = _Node.__hash__
-
 
 @dataclass(frozen=True, slots=True)
 class Apply(_Node):
@@ -140,8 +130,6 @@ class Apply(_Node):
 
     function: str
     argument: Expression
-
-    __hash__ = _Node.__hash__
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,8 +139,6 @@ class Arbitrary(_Node):
     name: str
     arguments: tuple[Expression, ...]
     orders: tuple[int, ...]
-
-    __hash__ = _Node.__hash__
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,8 +150,6 @@ class Integral(Arbitrary):
     """
 
     slopes: tuple[Expression | None, ...] = ()
-
-    __hash__ = _Node.__hash__
 
     @property
     def integrand(self) -> tuple[Expression, Expression] | None:

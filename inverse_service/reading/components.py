@@ -13,15 +13,19 @@ from fractions import Fraction
 from inverse_service.errors import InputError
 from inverse_service.expressions.refusals import refusal
 from inverse_service.reading import tokens as tk
-from inverse_service.reading.tokens import Token, Tokens, bracket
+from inverse_service.reading.tokens import Line, Token, Tokens, bracket
 
 MATRICES = ("matrix", "pmatrix", "bmatrix")
 BOLD = ("mathbf", "boldsymbol", "bm", "pmb", "textbf", "vec", "overrightarrow", "underline")
+_JOINS = (*tk.JOINING, *tk.CONDITIONAL)  # r'' = -r for r = (x, y)
 Value = list[list[Tokens]]  # rows of cells; a scalar is one cell
 
 
 def by_components(tokens: Tokens, latex: bool) -> Tokens:
     """The tokens with each matrix or vector equation replaced by its rows; InputError if shapes differ."""
+    for place, token in enumerate(tokens):
+        if token.text in _JOINS and _is_given(tokens[place + 1 : place + 4]):
+            tokens = [*tokens[:place], replace(token, kind="operator", text=";"), *tokens[place + 1 :]]
     statements = tk.split_at(";,", tokens)
     named = {line[0].text for line in statements if _is_given(line) and line[0].kind == "name"}
     if not named and not (latex and _holds_many(tokens)):
@@ -50,14 +54,14 @@ def holds_vector(text: str) -> bool:
     return any(f"\\{command}" in text for command in BOLD)
 
 
-def _with_vectors(line: Sequence[Token], names: Collection[str]) -> Tokens:
+def _with_vectors(line: Line, names: Collection[str]) -> Tokens:
     """The tokens with these names as vectors."""
     kinds: tuple[tk.Kind, ...] = tuple("vector" if token.text in names else token.kind for token in line)
     inside = [tuple(_with_vectors(token.inside, names)) for token in line]
     return [replace(*part[:1], kind=part[1], inside=part[2]) for part in zip(line, kinds, inside, strict=True)]
 
 
-def _holds_many(tokens: Sequence[Token]) -> bool:
+def _holds_many(tokens: Line) -> bool:
     return any(token.kind == "vector" or token.is_bracket("[") for token in tk.walk(tokens))
 
 
@@ -70,7 +74,7 @@ def _is_given(statement: Tokens) -> bool:
     return len(parts) > 1 and all(parts) and name.kind in ("name", "vector") and not own
 
 
-def _with_length(name: str, parts: list[Tokens], line: Sequence[Token]) -> Tokens:
+def _with_length(name: str, parts: list[Tokens], line: Line) -> Tokens:
     """The line with (x^2 + y^2)^(1/2) for a plain r used together with the bold vector r."""
     found: Tokens = []
     for token in line:
@@ -114,9 +118,10 @@ class _Reader:
         instead = "write sums and products that fit, or an equation for each component"
         return refusal("the rows and columns of vectors or matrices do not fit", self._first.column, instead)
 
-    def _sum(self, line: Sequence[Token]) -> Value:
+    def _sum(self, line: Line) -> Value:
         line = _with_lengths(line)
-        parts = tk.split(line, lambda place, token: token.is_operator("+", "-") and _ends_term(line, place))
+        inner = ("*", "/", "^")  # a sign after them belongs to a factor or an exponent
+        parts = tk.split(line, lambda k, one: one.is_operator("+", "-") and not tk.at(line, k - 1).is_operator(*inner))
         total: Value | None = None
         for (part, _), sign in zip(parts, [None, *(sign for _, sign in parts)], strict=False):
             if not part and sign is None and len(parts) > 1:
@@ -131,7 +136,7 @@ class _Reader:
                 raise self._refused()
         return total or []
 
-    def _term(self, line: Sequence[Token]) -> Value:
+    def _term(self, line: Line) -> Value:
         value: Value | None = None
         scalar: Tokens = []
         place = 0
@@ -160,7 +165,7 @@ class _Reader:
             return [[scalar]]
         return [[_bracketed(cell) + scalar for cell in row] for row in value] if scalar else value
 
-    def _power(self, base: Value, power: Sequence[Token]) -> Value:
+    def _power(self, base: Value, power: Line) -> Value:
         """A power of a scalar, or v . v for v^2; InputError for other powers of vectors."""
         if len(base) == len(base[0]) == 1:
             return [[[*_bracketed(base[0][0]), *power]]]
@@ -241,12 +246,7 @@ class _Reader:
         return [[part] for part in parts]
 
 
-def _ends_term(line: Sequence[Token], place: int) -> bool:
-    """Whether a sign joins terms of a sum, rather than belonging to a factor or exponent."""
-    return not tk.at(line, place - 1).is_operator("*", "/", "^")
-
-
-def _with_lengths(line: Sequence[Token]) -> Tokens:
+def _with_lengths(line: Line) -> Tokens:
     """The line with each length |r| of a vector as one bracket."""
     parts = tk.split(line, lambda _, token: token.is_operator("|"))
     found: Tokens = []

@@ -16,10 +16,12 @@ from inverse_service import errors
 from inverse_service.expressions import collecting, derivative, graphs, tree as ex
 from inverse_service.expressions.refusals import LIMITS, joined, refusal, shorten
 from inverse_service.reading import names as nm, reader
-from inverse_service.reading.tokens import Token, after_power, at, flat, places, source, spelled, split_at, walk
+from inverse_service.reading.tokens import Line, Token, after_power, at, flat, places, source, spelled, split_at, walk
 
 ParameterValue = str | int | float | None
 Parameters = Sequence[str] | Mapping[str, ParameterValue] | str
+Words = tuple[str, ...]
+Texts = Mapping[str, str]  # formulas by name or pointer
 GUESS = "guess"
 AND_GUESS = "..."
 NO_ACCELERATION = (
@@ -50,12 +52,10 @@ NEVER_GUESSED = (
     | (nm.REFUSED_UNLESS_DECLARED.keys() - {"I", "gamma", "Gamma", "zeta", *nm.MAY_BE_CONSTANTS})
 )
 CALLED_LETTERS = nm.FUNCTION_LETTERS | {"g", "G", "phi", "Phi", "psi", "Psi", "P", "Q"}
-Call = tuple[str, tuple[str, ...]]  # a name with the names in the brackets after it
 _PROGRAMS = re.compile(r"\b(?:Eq|diff|Derivative|Mul|Add)\s*\(|\[")  # in these notations E is Euler's number
 # As functions of t, these usually denote impulses and steps.
 _IMPULSES = frozenset(("delta", "theta", "Theta", "H"))
-# Parameters in order of appearance, functions with their arguments, and runs of letters that are products.
-_Guess = tuple[tuple[str, ...], dict[str, tuple[str, ...]], dict[str, tuple[str, ...]]]
+_Found = tuple[str, Token, int]  # pointer, token, and the column after the arguments
 _ONE_UNIT = r"(?:k?[gmNJW]|[cm]m|m?s|V|Hz|rad|k?Pa)(?:\^\(?-?\d\)?)?"
 _UNIT = re.compile(rf"{_ONE_UNIT}(?:[*/]{_ONE_UNIT})*")  # of k = 3 N/m
 _MOST_ROUNDS = 4  # splitting one run may reveal a name that splits other runs
@@ -72,22 +72,18 @@ def parameter_values(parameters: Sequence[str] | Mapping[str, ParameterValue]) -
     A value is a number or a constant such as "1/2", "sqrt(2)" or "2*pi"; a float stands for its
     shortest decimal form. InputError with the pointer of the parameter for anything else.
     """
-    if not isinstance(parameters, Mapping):
-        return {}
-    values = {}
-    for name, value in parameters.items():
-        pointer = f"/parameters/{nm.escaped(name)}"
-        if value is not None:
-            values[nm.declared_name(name, pointer, "parameter")] = _constant(value, pointer)
-    return values
+    pairs = parameters.items() if isinstance(parameters, Mapping) else ()
+    given = [(name, f"/parameters/{nm.escaped(name)}", value) for name, value in pairs if value is not None]
+    return {nm.declared_name(name, at, "parameter"): _constant(value, at) for name, at, value in given}
 
 
 def _constant(value: str | int | float, pointer: str) -> ex.Expression:
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         raise errors.InputError('the value of a parameter is not a number: write it as in "1/2".', pointer)
-    text = value if isinstance(value, str) else repr(value) if isinstance(value, float) else _digits(value, pointer)
+    if isinstance(value, int) and value.bit_length() > 4_000:  # Python refuses to convert a huge integer to str
+        raise errors.InputError("the value of a parameter has too many digits: write a smaller number.", pointer)
     try:
-        return reader.read_formula(text, nm.Names(time=False))
+        return reader.read_formula(value if isinstance(value, str) else repr(value), nm.Names(time=False))
     except errors.InputError as error:
         if error.declare:
             detail = 'the value of a parameter contains a name: write a number as in "1/2" or "2*pi", or use "where".'
@@ -95,36 +91,27 @@ def _constant(value: str | int | float, pointer: str) -> ex.Expression:
         raise error.at(pointer) from None
 
 
-def _digits(value: int, pointer: str) -> str:
-    if value.bit_length() > 4_000:  # Python refuses to convert a huge integer to str
-        raise errors.InputError("the value of a parameter has too many digits: write a smaller number.", pointer)
-    return str(value)
-
-
 def with_values(expression: ex.Expression, values: Mapping[str, ex.Expression]) -> ex.Expression:
     """The tree with the values substituted; InputError if it then has no value (1/0, log of 0)."""
     if not values:
         return expression
     result = ex.substitute(expression, {ex.Symbol(name): value for name, value in values.items()})
-    for node in ex.walk(result):
-        _check_defined(node)
-    return result
-
-
-def _check_defined(node: ex.Expression) -> None:
-    match node:
-        case ex.Power(ex.Number(base), ex.Number(exponent)):
-            defined = exponent >= 0 if base == 0 else base > 0 or exponent.denominator == 1
-        case ex.Apply(function, argument):
-            defined = nm.is_defined(function, argument)
-        case _:
-            return
-    if not defined:
+    if not all(map(_is_defined, ex.walk(result))):
         raise errors.InputError(
             "with these values of the parameters a formula has no real value (a division by zero, a root or a "
             "logarithm): give other values.",
             "/parameters",
         )
+    return result
+
+
+def _is_defined(node: ex.Expression) -> bool:
+    match node:
+        case ex.Power(ex.Number(base), ex.Number(exponent)):
+            return exponent >= 0 if base == 0 else base > 0 or exponent.denominator == 1
+        case ex.Apply(function, argument):
+            return nm.is_defined(function, argument)
+    return True
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +124,7 @@ class Declared:
     coordinates: Sequence[str] | None = None
     parameters: Parameters = ()
     functions: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    where: Mapping[str, str] = field(default_factory=dict)
+    where: Texts = field(default_factory=dict)
     most: int = LIMITS.coordinates
 
     @property
@@ -177,7 +164,7 @@ class Known:
 
 
 def known_names(
-    declared: Declared, texts: Mapping[str, str], order: int = 2, keys: Sequence[str] = (), pairs: bool = False
+    declared: Declared, texts: Texts, order: int = 2, keys: Sequence[str] = (), pairs: bool = False
 ) -> Known:
     """The names that the formulas of a document may use, with their substitutions; see `document_names`."""
     where = {f"/where/{nm.escaped(name)}": text for name, text in declared.where.items()}
@@ -194,8 +181,8 @@ def defined_name(key: str) -> str:
 
 
 def _definitions(
-    where: Mapping[str, str], names: nm.Names
-) -> tuple[dict[ex.Expression, ex.Expression], dict[str, tuple[tuple[str, ...], ex.Expression]]]:
+    where: Texts, names: nm.Names
+) -> tuple[dict[ex.Expression, ex.Expression], dict[str, tuple[Words, ex.Expression]]]:
     """The formulas of `where` with their definitions expanded: one map for names, one for functions with their
     arguments.
 
@@ -206,10 +193,12 @@ def _definitions(
         raise errors.InputError("two entries define the same name: leave one of them out.", "/where")
     texts = dict(zip(pointers, where.values(), strict=True))
     found: dict[ex.Expression, ex.Expression] = {}
-    calls: dict[str, tuple[tuple[str, ...], ex.Expression]] = {}
+    calls: dict[str, tuple[Words, ex.Expression]] = {}
     name = ""
     try:
-        used = {name: _names_in(text, names) & texts.keys() for name, text in texts.items()}
+        used = dict[str, set[str]]()
+        for name, text in texts.items():
+            used[name] = {names.spelling(token.text) for token in walk(reader.read_tokens(text, names))} & texts.keys()
         for name in _ordered(used):
             arguments = names.functions.get(name, ())
             known = (*names.parameters, *(argument for argument in arguments if names.role(argument) is None))
@@ -246,13 +235,8 @@ def _ordered(used: Mapping[str, set[str]]) -> list[str]:
     return [name for (name,) in groups]
 
 
-def _names_in(text: str, names: nm.Names) -> set[str]:
-    """The names in a formula."""
-    return {names.spelling(token.text) for token in walk(reader.read_tokens(text, names)) if token.kind == "name"}
-
-
 def document_names(
-    declared: Declared, texts: Mapping[str, str], order: int = 2, keys: Sequence[str] = (), pairs: bool = False
+    declared: Declared, texts: Texts, order: int = 2, keys: Sequence[str] = (), pairs: bool = False
 ) -> nm.Names:
     """The names that the formulas of a document may use; InputError with the pointer of an invalid one.
 
@@ -284,7 +268,7 @@ def document_names(
     return replace(names, functions=_checked_functions(names, texts))
 
 
-def with_products(names: nm.Names, declared: Declared, texts: Mapping[str, str], order: int = 2) -> nm.Names:
+def with_products(names: nm.Names, declared: Declared, texts: Texts, order: int = 2) -> nm.Names:
     """The names, including the m and x of mx'' if undeclared names may be guessed."""
     if not declared.guesses:
         return names
@@ -299,7 +283,7 @@ def bounded(words: list[str], pointer: str, what: str, most: int) -> list[str]:
     return words
 
 
-def _arguments(function: str, words: Sequence[str]) -> tuple[str, ...]:
+def _arguments(function: str, words: Sequence[str]) -> Words:
     pointer = f"/functions/{nm.escaped(function)}"
     if isinstance(words, str) or not words:
         raise errors.InputError(
@@ -314,7 +298,7 @@ def _arguments(function: str, words: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-def _checked_functions(names: nm.Names, texts: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
+def _checked_functions(names: nm.Names, texts: Texts) -> dict[str, Words]:
     """The functions of coordinates; InputError for a function of other names in a formula; others are omitted."""
     foreign: dict[str, int] = {}
     for function, arguments in names.functions.items():
@@ -348,15 +332,11 @@ def _always_called(function: str, text: str, names: nm.Names) -> bool | None:
     return all(called) if called else (not tokens and function in text) or None
 
 
-def _coordinates(
-    declared: Declared, names: nm.Names, texts: Mapping[str, str], order: int, keys: Sequence[str]
-) -> tuple[str, ...]:
+def _coordinates(declared: Declared, names: nm.Names, texts: Texts, order: int, keys: Sequence[str]) -> Words:
     if declared.coordinates is not None:
         pointer = "/coordinates"
-        found = tuple(
-            nm.declared_name(word, f"{pointer}/{place}", "coordinate")
-            for place, word in enumerate(declared.coordinates)
-        )
+        pointers = [(word, f"/coordinates/{place}") for place, word in enumerate(declared.coordinates)]
+        found = tuple(nm.declared_name(*pair, "coordinate") for pair in pointers)
     else:
         pointer = "/equations" if order == 2 else "/lagrangian"
         found = tuple(dict.fromkeys(key_name(key, names) for key in keys)) or inferred_coordinates(texts, names, order)
@@ -372,7 +352,7 @@ def _coordinates(
     return tuple(bounded(list(found), pointer, "coordinates", declared.most))
 
 
-def _moved_by_definitions(texts: Mapping[str, str], names: nm.Names) -> list[str]:
+def _moved_by_definitions(texts: Texts, names: nm.Names) -> list[str]:
     """The theta of x = l sin(theta) and the r of x = r cos(phi) if L has x': angles, and names such as r, rho, and x.
 
     An angle is the argument of a sine or cosine with numbers as its only factors: nothing moves in cos(omega t + phi).
@@ -400,12 +380,12 @@ def _moved_by_definitions(texts: Mapping[str, str], names: nm.Names) -> list[str
     return list(found)
 
 
-def _is_angle(line: Sequence[Token], place: int, outer: Token) -> bool:
+def _is_angle(line: Line, place: int, outer: Token) -> bool:
     """Whether the name is the argument of a sine or cosine, or a term of one without t, with numeric factors only."""
     start = place - 1
-    while at(line, start).text not in nm.FUNCTIONS and (
-        at(line, start).kind in ("name", "number") or at(line, start).is_operator("+", "-", "*")
-    ):
+    while at(line, start).kind in ("name", "number") or at(line, start).is_operator("+", "-", "*"):
+        if at(line, start).text in nm.FUNCTIONS:
+            break
         start -= 1
     bracket = start < 0
     inside = line if bracket else line[start + 1 : place + 2]
@@ -416,7 +396,7 @@ def _is_angle(line: Sequence[Token], place: int, outer: Token) -> bool:
     return alone and bare and not timed and (outer if bracket else line[start]).text in ("sin", "cos", "tan")
 
 
-def _nothing_moves(texts: Mapping[str, str], names: nm.Names, order: int) -> errors.InputError | None:
+def _nothing_moves(texts: Texts, names: nm.Names, order: int) -> errors.InputError | None:
     """Why no coordinates were found: a declaration of the name or a spelling of derivatives; else None."""
     for name in inferred_coordinates(texts, nm.Names(), order):
         known = names.spelling(name)
@@ -442,12 +422,12 @@ def _nothing_moves(texts: Mapping[str, str], names: nm.Names, order: int) -> err
     return None if alone is None else errors.InputError(_NO_MOTION, alone)
 
 
-def moving_products(texts: Mapping[str, str], declared: nm.Names, order: int = 2) -> dict[str, tuple[str, ...]]:
+def moving_products(texts: Texts, declared: nm.Names, order: int = 2) -> dict[str, Words]:
     """The products among the runs of letters with primes: mx'' is m x''; likewise yy'' and LI''."""
     lines = [line for text in texts.values() if (line := reader.tokens_if_any(text, declared))]
     words = [(token.text, token.order > 0) for line in lines for token in walk(line) if token.kind == "name"]
     alone, primed = ({word for word, moves in words if moves is which} for which in (False, True))
-    found: dict[str, tuple[str, ...]] = {}
+    found: dict[str, Words] = {}
     for line in lines:
         for name in moving_names(line, order):
             if name in nm.GREEK_NAMES or declared.role(declared.spelling(name)) or not name.replace("_", "").isalnum():
@@ -468,7 +448,7 @@ def moving_products(texts: Mapping[str, str], declared: nm.Names, order: int = 2
     return found
 
 
-def _refuse_products(tokens: Sequence[Token], products: Mapping[str, tuple[str, ...]]) -> None:
+def _refuse_products(tokens: Line, products: Mapping[str, Words]) -> None:
     """InputError for mx'', which means m*x''."""
     for token in walk(tokens):
         if token.text in products and token.order:
@@ -477,7 +457,7 @@ def _refuse_products(tokens: Sequence[Token], products: Mapping[str, tuple[str, 
             raise refusal(f"{token.text}{primes} occurs", token.column, instead, (meant,), declare="coordinates")
 
 
-def inferred_coordinates(texts: Mapping[str, str], declared: nm.Names, order: int = 2) -> tuple[str, ...]:
+def inferred_coordinates(texts: Texts, declared: nm.Names, order: int = 2) -> Words:
     """The names with this many time derivatives (x'', x_ddot, diff(x, t, 2), …), each once, in order.
 
     `texts` maps pointers to formulas; `declared` holds parameters and functions, which are not coordinates.
@@ -488,16 +468,15 @@ def inferred_coordinates(texts: Mapping[str, str], declared: nm.Names, order: in
             tokens = reader.read_tokens(text, declared)
             if not declared.guesses:
                 _refuse_products(tokens, moving_products({pointer: text}, declared, order))
-        moving = moving_names(tokens, order)
-        moving += reader.moving_in_forms(tokens, declared) if pointer.startswith("/constraints") else []
-        names = [name for name in moving if declared.role(declared.spelling(name)) is None]
-        with reader.placed_at(pointer):
+            moving = moving_names(tokens, order)
+            moving += reader.moving_in_forms(tokens, declared) if pointer.startswith("/constraints") else []
+            names = [name for name in moving if declared.role(declared.spelling(name)) is None]
             _refuse_sums(tokens, names, order)
         found.update(dict.fromkeys(nm.declared_name(name, pointer, "coordinate") for name in names))
     return tuple(found)
 
 
-def _refuse_sums(tokens: Sequence[Token], moving: Sequence[str], order: int) -> None:
+def _refuse_sums(tokens: Line, moving: Sequence[str], order: int) -> None:
     """InputError for x_i'x_i', which may be a sum over i, as may each term of a Lagrangian with x_i."""
     words = [*walk(tokens)]
     for place, token in enumerate(words):
@@ -531,12 +510,12 @@ def key_name(key: str, names: nm.Names) -> str:
     return nm.declared_name(key, pointer, "coordinate")
 
 
-def moving_names(tokens: Sequence[Token], order: int) -> list[str]:
+def moving_names(tokens: Line, order: int) -> list[str]:
     """The names with at least this many time derivatives, in order of appearance; V''(x) does not count."""
     return [name for name, by, times in derivatives(tokens) if by == "t" and times >= order]
 
 
-def derivatives(line: Sequence[Token]) -> list[tuple[str, str, int]]:
+def derivatives(line: Line) -> list[tuple[str, str, int]]:
     """(y, x, k) for each y differentiated k times by x, including nested ones, diff(x diff(y, x), x); y'' is by t."""
     found: list[tuple[str, str, int]] = []
     for place, token in enumerate(line):
@@ -552,7 +531,7 @@ def derivatives(line: Sequence[Token]) -> list[tuple[str, str, int]]:
     return found
 
 
-def _differentiated(operand: Sequence[Token], words: Sequence[str]) -> list[tuple[str, str, int]]:
+def _differentiated(operand: Line, words: Sequence[str]) -> list[tuple[str, str, int]]:
     """The derivatives in diff(operand, x, x), (x, 2) or ((x, 2)); primes in the operand also differentiate by x."""
     variable, *more = [word for word in words if word not in ("(", ",")] or [""]
     if {*more} - {variable} and not (len(more) == 1 and more[0].isdigit()):
@@ -578,128 +557,181 @@ def _multiplies_a_sum(name: Token, bracket: Token) -> bool:
     return plain and any(token.is_operator("+", "-") for token in [*walk(bracket.inside)][1:])
 
 
-def _with_guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[str]) -> nm.Names:
-    """The names plus the undeclared ones that the texts use; InputError as in `_guessed`."""
+def _with_guessed(texts: Texts, declared: nm.Names, dummies: Collection[str]) -> nm.Names:
+    """The names plus the undeclared ones that the texts use; InputError as in `_Guesser`."""
     for _ in range(_MOST_ROUNDS):
-        parameters, functions, splits = _guessed(texts, declared, dummies)
-        if not splits:
+        found = _Guesser(texts, declared, dummies)
+        parameters = found.parameters()
+        if not found.splits:
             break
-        declared = replace(declared, splits={**declared.splits, **splits})
+        declared = replace(declared, splits={**declared.splits, **found.splits})
     both = (*declared.parameters, *parameters)
-    return replace(declared, parameters=both, functions={**declared.functions, **functions})
+    return replace(declared, parameters=both, functions={**declared.functions, **found.functions})
 
 
-def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[str]) -> _Guess:
+class _Guesser:
     """The undeclared names in the texts (formulas by pointer) that are not coordinates.
 
     `dummies` are the arguments of functions that the texts define. A text that cannot be tokenized adds nothing: its
-    error is reported when it is parsed. InputError with suggestions for a suspicious name.
+    error is reported when it is parsed. InputError with suggestions for a suspicious name. Found are `functions` with
+    their arguments, and `splits`, the runs of letters that are products.
     """
-    lines = {
-        pointer: reader.tokens_if_any(text, replace(declared, forms=pointer.startswith("/constraints")))
-        for pointer, text in texts.items()
-    }
-    coordinates = declared.coordinates
-    found_functions: dict[str, tuple[str, ...]] = {}
-    found_parameters: dict[str, tuple[str, Token, int]] = {}  # pointer, token, and the column after the arguments
-    called: dict[str, tuple[str, Token, int]] = {}  # U_x(x, y) may be a derivative
-    splits: dict[str, tuple[str, ...]] = {}
-    slopes = _slopes(lines.values(), declared)
-    known = {*coordinates, *declared.declared(), *NEVER_GUESSED, *dummies}
-    everywhere = [place for line in lines.values() for place in places(line)]
-    raised = {
-        line[place].text: at(line, place + 2).kind == "number"
-        for line, place, _ in everywhere
-        if at(line, place + 1).is_operator("^") and not line[place].order
-    }
-    if not ("E" in raised or declared.role("E")) and not any(_PROGRAMS.search(text) for text in texts.values()):
-        known -= {"E"}  # a field
-    calls = {
-        (line[place].text, arguments)
-        for line, place, _ in everywhere
-        if (arguments := _call_arguments(at(line, place + 1), (*coordinates, "t"))) and not _is_apart(line, place)
-    }
-    alone = {line[place].text for line, place, outer in everywhere if _is_constant(line, place, outer)}
-    defined = {declared.spelling(place.removeprefix("/where/")) for place in texts if place.startswith("/where/")}
 
-    factors_alone = reader.alone(lines.values())
+    def __init__(self, texts: Texts, declared: nm.Names, dummies: Collection[str]) -> None:
+        self._declared, self._coordinates = declared, declared.coordinates
+        self._texts, self._lines = texts, dict[str, Line]()
+        for pointer, text in texts.items():
+            kind = replace(declared, forms=pointer.startswith("/constraints"))
+            self._lines[pointer] = reader.tokens_if_any(text, kind)
+        everywhere = [place for line in self._lines.values() for place in places(line)]
+        self._raised = {
+            line[place].text: at(line, place + 2).kind == "number"
+            for line, place, _ in everywhere
+            if at(line, place + 1).is_operator("^") and not line[place].order
+        }
+        programmed = any(map(_PROGRAMS.search, texts.values()))
+        field = {"E"} if not (programmed or "E" in self._raised or declared.role("E")) else set()
+        self._known = {*declared.declared(), *NEVER_GUESSED, *dummies} - field
+        together = [(line[k].text, at(line, k + 1)) for line, k, _ in everywhere if not _is_apart(line, k)]
+        self._calls = {(name, called) for name, bracket in together if (called := self._call(bracket, True))}
+        self._factors = {line[place].text for line, place, outer in everywhere if _is_constant(line, place, outer)}
+        self._defined = {declared.spelling(key.removeprefix("/where/")) for key in texts if key.startswith("/where/")}
+        self._alone = reader.alone(self._lines.values())
+        self._slopes = _slopes(self._lines.values(), declared)
+        self._constants = dict[str, _Found]()
+        self._subscripted = dict[str, _Found]()  # U_x(x, y) may be a derivative
+        self.functions, self.splits = dict[str, Words](), dict[str, Words]()
 
-    def is_known(token: Token) -> bool:
-        return token.kind != "name" or not known.isdisjoint((token.text, declared.spelling(token.text)))
+    def parameters(self) -> Words:
+        """The names of constants, in order of appearance."""
+        for pointer, tokens in self._lines.items():
+            with reader.placed_at(pointer):
+                for line, place, outer in places(tokens):
+                    unknown = not self._is_known(line[place])
+                    marked = unknown or (line is tokens and not all(map(self._is_known, line[place].inside)))
+                    if marked and not nm.only_split(line[place].text, self._declared):  # cosx sinx is not a remark
+                        reader.refuse_remark(line, place, self._alone)
+                    if unknown:
+                        self._refuse_other_meanings(line, place, outer, pointer)
+                        self._add(line, place, pointer)
+        self.functions = {**self.functions, **self._slopes, **self.functions}
+        names = replace(self._declared, functions={**self._declared.functions, **self.functions})
+        _ask_back(self._subscripted, replace(names, parameters=()), {})
+        guessed = {name: found for name, found in self._constants.items() if name not in self.functions}
+        asked = {name: found for name, found in guessed.items() if name != "r" or not self._has_wheel()}
+        self.splits |= _ask_back(asked, names, self._raised)
+        return _as_in_products([name for name in guessed if name not in self.splits], self._lines.values())
 
-    for pointer, tokens in lines.items():
-        for line, place, outer in places(tokens):
-            token, after = line[place], at(line, place + 1)
-            unknown = not is_known(token)
-            marked = unknown or (not all(map(is_known, token.inside)) and line is tokens)
-            if (
-                marked
-                and not nm.only_split(token.text, declared)
-                and (error := reader.remark(line, place, factors_alone))
-            ):
-                raise error.at(pointer)  # cosx sinx is not one
-            if not unknown:
-                continue
-            if error := _refused_operator(line, place, outer, coordinates, calls, slopes):
-                raise error.at(pointer)
-            typed = texts[pointer][token.column - 1 : token.column + 1]
-            if "u" in coordinates and typed == token.text and token.text in ("mu", "nu"):  # 3mu^2
-                raise nm.undeclared(token.text, token.column, (f"{token.text[0]}*u",)).at(pointer)
-            if count := _elliptic_arguments(line, place):
-                wanted = '["u", "k"]' if count > 1 else '["u"]'
-                if error := nm.reason_against(token.text, token.column, wanted):
-                    raise error.at(pointer)
-            if after.is_bracket() and not after.space_before and nm.misspelt(token.text):
-                raise nm.unknown_name(token.text, declared, token.column, "(").at(pointer)
-            timed = (*coordinates, "t") if _may_depend_on_time(token.text) else coordinates
-            arguments = _call_arguments(_after_power_of_time(line, place + 1), timed)
-            if not arguments and token.text not in alone and (count := _called_with(line, place, declared, defined)):
-                arguments = tuple(f"u{number}" for number in range(1, count + 1))
-                arguments = found_functions.get(token.text, arguments)
-            factors = nm.only_split(token.text, declared) if arguments else ()
-            if factors and declared.role(factors[-1]) == "function":  # qA(x), A declared
-                splits[token.text] = factors
-                continue
-            if len(arguments) == 1 and _is_apart(line, place):
-                raise _product_or_function(token, after, arguments[0], texts[pointer]).at(pointer)
-            parts = nm.split_at_function(token.text, declared)
-            ends = token.text.endswith(nm.ENDINGS)
-            if parts and (not ends or _takes_argument(line, place)):
-                splits[token.text] = parts
-                continue
-            if ends and not parts and not after.is_bracket() and _takes_argument(line, place):
-                function = next(each for each in nm.ENDINGS if token.text.endswith(each))
-                meant = f"{token.text.removesuffix(function)}*{function}"
-                raise nm.undeclared(token.text, token.column, (meant,)).at(pointer)
-            if arguments and "_" in token.text:
-                called.setdefault(token.text, (pointer, token, after.end + 1))
-            if arguments and not _looks_like_a_function(token.text):
-                found_functions.setdefault(token.text, arguments)
-            elif not arguments and token.order:
-                if parts := nm.only_split(token.text, declared):
-                    splits[token.text] = parts
-            elif not arguments and not (token.text in nm.FUNCTION_LETTERS and after.is_bracket()):  # f (x - y)
-                found_parameters.setdefault(token.text, (pointer, token, 0))
-    for name, arguments in slopes.items():
-        found_functions.setdefault(name, arguments)
-    guessed = {name: at for name, at in found_parameters.items() if name not in found_functions}
-    _ask_back(called, nm.Names(coordinates, (), {**declared.functions, **found_functions}))
-    known_names = nm.Names(coordinates, declared.parameters, {**declared.functions, **found_functions})
-    held = [
-        token.text
-        for pointer, line in lines.items()
-        for part in split_at(";,", line)
-        if pointer.startswith("/constraints") or (pointer.startswith("/equations") and not moving_names(part, 2))
-        for token in walk(part)
-    ]
-    angles = nm.GREEK_NAMES & {name.rstrip("_0123456789") for name in coordinates}
-    rolls = "r" in held and angles  # r is then the radius of a wheel
-    splits |= _ask_back({name: at for name, at in guessed.items() if name != "r" or not rolls}, known_names, raised)
-    found = [name for name in guessed if name not in splits]
-    return _as_in_products(found, lines.values()), found_functions, splits
+    def _has_wheel(self) -> bool:
+        """Whether r is in a constraint next to an angle: then it is the radius of a wheel."""
+        held = [
+            token.text
+            for pointer, line in self._lines.items()
+            for part in split_at(";,", line)
+            if pointer.startswith("/constraints") or (pointer.startswith("/equations") and not moving_names(part, 2))
+            for token in walk(part)
+        ]
+        return "r" in held and not nm.GREEK_NAMES.isdisjoint(name.rstrip("_0123456789") for name in self._coordinates)
+
+    def _is_known(self, token: Token) -> bool:
+        return token.kind != "name" or not self._known.isdisjoint((token.text, self._declared.spelling(token.text)))
+
+    def _call(self, bracket: Token, timed: bool) -> Words:
+        """The coordinates (and t) in brackets after a name; empty if the brackets contain anything else."""
+        names = tuple(spelled(part).removesuffix("(t)") for part in split_at(",", bracket.inside))  # x(t) is x
+        distinct = len(names) == len({*names}) and {*self._coordinates, *["t"] * timed}.issuperset(names)
+        return names if bracket.is_bracket() and distinct else ()
+
+    def _arguments(self, line: Line, place: int) -> Words:
+        """The arguments after an undeclared name: coordinates, or u1, u2 of any formulas; empty for a factor."""
+        name, after = line[place].text, at(line, after_power(line, place + 1))
+        bracket = after if spelled(after.inside) == "t" else at(line, place + 1)  # omega^2(t)
+        found = self._call(bracket, _may_depend_on_time(name))
+        count = 0 if found or name in self._factors else _called_with(line, place, self._declared, self._defined)
+        numbered = tuple(f"u{number}" for number in range(1, count + 1))
+        return found or (numbered and self.functions.get(name, numbered))
+
+    def _add(self, line: Line, place: int, pointer: str) -> None:
+        """Add the undeclared name as a function, a product, or a constant."""
+        token, after, arguments = line[place], at(line, place + 1), self._arguments(line, place)
+        name = token.text
+        factors, parts = nm.only_split(name, self._declared), nm.split_at_function(name, self._declared)
+        of_function = bool(arguments and factors) and self._declared.role(factors[-1]) == "function"  # qA(x)
+        if len(arguments) == 1 and _is_apart(line, place) and not of_function:
+            raise _product_or_function(token, after, arguments[0], self._texts[pointer])
+        ends = next(filter(name.endswith, nm.ENDINGS), "")
+        takes = bool(ends) and _takes_argument(line, place)
+        if ends and takes and not (parts or of_function or after.is_bracket()):
+            raise nm.undeclared(name, token.column, (f"{name.removesuffix(ends)}*{ends}",))
+        if of_function or (parts and (takes or not ends)):
+            self.splits[name] = factors if of_function else parts
+            return
+        if arguments and "_" in name:
+            self._subscripted.setdefault(name, (pointer, token, after.end + 1))
+        if arguments and not _looks_like_a_function(name):
+            self.functions.setdefault(name, arguments)
+        elif not arguments and token.order and factors:
+            self.splits[name] = factors
+        elif not (arguments or token.order or (name in nm.FUNCTION_LETTERS and after.is_bracket())):
+            self._constants.setdefault(name, (pointer, token, 0))
+
+    def _refuse_other_meanings(self, line: Line, place: int, outer: Token, pointer: str) -> None:
+        """InputError for x^T, Delta x (usually a difference), diff(V, x) of a constant V, 2j, 3mu^2, and cn(u, k)."""
+        token, before, after = line[place], at(line, place - 1), at(line, place + 1)
+        name, column = token.text, token.column
+        if name == "T" and (before.is_operator("^") or (outer.is_operator("^") and len(line) == 1)):
+            raise refusal("a raised T occurs", column, "a transpose? write components", declare="parameters")
+        by = at(line, place + 2).text if not place and outer.text in nm.DERIVATIVE_NAMES and after.text == "," else ""
+        if by in self._coordinates and name not in self._slopes:
+            what, called = f"a derivative of {name} by {by} occurs", f"{name}({by})"
+            raise refusal(what, column, f"write diff({called}, {by})", (called,), declare="parameters")
+        if name == "j" and not token.space_before and before.kind == "number":
+            reason = nm.REFUSED_UNLESS_DECLARED["i"]
+            raise nm.refused(f"j {reason.problem}", reason, column)
+        of_base = nm.reason_against(name, column) if name.startswith("log_") else None
+        if error := of_base or _half_a_number(line, place):
+            raise error
+        if before.kind == "number" and (unit := _unit(line, place, self._coordinates)):
+            number, span = before.text, (before.column, column + len(unit))
+            instead = f"leave units out, or write {number}*{unit} for a product"
+            raise refusal(f"{unit} could be a unit", column, instead, (number, f"{number}*{unit}"), span)
+        self._refuse_raised_call(*(at(line, place + k) for k in range(4)))
+        if name == "d" and after.text == "t":
+            raise refusal("a differential occurs", column, "write x' or dx/dt for a derivative")
+        if name == "Delta" and after.kind == "name":
+            instead = f"a product? declare the constant Delta and write Delta*{after.text}"
+            what = f"Delta {after.text} usually means a difference or a Laplacian; it occurs"
+            raise refusal(what, column, instead, (f"Delta*{after.text}",))
+        typed = self._texts[pointer][column - 1 : column + 1]
+        if "u" in self._coordinates and typed == name and name in ("mu", "nu"):
+            raise nm.undeclared(name, column, (f"{name[0]}*u",))
+        arguments = _elliptic_arguments(line, place)
+        if arguments and (error := nm.reason_against(name, column, '["u", "k"]' if arguments > 1 else '["u"]')):
+            raise error
+        if after.is_bracket() and not after.space_before and nm.misspelt(name):
+            raise nm.unknown_name(name, self._declared, column, "(")
+
+    def _refuse_raised_call(self, name: Token, caret: Token, exponent: Token, bracket: Token) -> None:
+        """InputError for k^2(x), which may be (k(x))^2 or a product, and for f^(2)(x), a derivative.
+
+        k^2(x - y) is a product, k^2(t) the square of k(t), and k^2(x) that of k(x) if k(x) occurs in the texts.
+        """
+        if not caret.is_operator("^") or not bracket.is_bracket():
+            return
+        raised = at(exponent.inside, 0)
+        inside = [each.text for each in walk(bracket.inside) if each.kind != "bracket" and not each.is_operator(",")]
+        if raised.kind == "number" and raised.column > exponent.column:  # typed by the writer, not from LaTeX
+            derivative = f"write {name.text}''({spelled(bracket.inside[:1])}) for a derivative"
+            what = f"{name.text}^({raised.text})( could be a derivative"
+            raise refusal(what, name.column, f"{derivative}, ^{raised.text}* for a product")
+        called = inside == ["t"] or (name.text, tuple(inside)) in self._calls
+        if inside and not called and {"t", *self._coordinates}.issuperset(inside):
+            power, of = spelled([exponent]).strip("()"), inside[0]
+            instead = f"write {name.text}({of})^({power}) for a function, {name.text}^({power})*({of}) for a product"
+            raise refusal(f"{name.text} to a power before ( could be a function", name.column, instead)
 
 
-def _as_in_products(names: Sequence[str], lines: Iterable[Sequence[Token]]) -> tuple[str, ...]:
+def _as_in_products(names: Sequence[str], lines: Iterable[Line]) -> Words:
     """The names ordered as in the products: m, g, l for m l^2 theta'' = -m g l sin(theta); otherwise as they appear."""
     products = list[list[str]]()
     for line in lines:
@@ -720,7 +752,7 @@ def _product_or_function(name: Token, bracket: Token, argument: str, text: str) 
     return refusal(f"{what} a product or a function", name.column, instead, both if plain else (), span)
 
 
-def _slopes(lines: Iterable[Sequence[Token]], declared: nm.Names) -> dict[str, tuple[str, ...]]:
+def _slopes(lines: Iterable[Line], declared: nm.Names) -> dict[str, Words]:
     """Each undeclared V as a function of the coordinates that its derivatives use: all, or r alone for dV/dr.
 
     A potential U or V depends on no momenta.
@@ -757,21 +789,21 @@ def _is_one_of_many(name: str, coordinates: Sequence[str]) -> bool:
     return nm.looks_like_a_coordinate(numbered[1]) or numbered[1] in nm.GREEK_NAMES
 
 
-def _takes_argument(line: Sequence[Token], place: int) -> bool:
+def _takes_argument(line: Line, place: int) -> bool:
     """Whether an argument follows the cos of Rcos: a bracket, a name, or a number; after ln, one without a space."""
     after = at(line, place + 1)
     touches = not after.space_before or (after.kind == "name" and not line[place].text.endswith("ln"))
     return after.is_bracket() or (after.kind in ("name", "number") and touches)
 
 
-def _is_constant(line: Sequence[Token], place: int, outer: Token) -> bool:
+def _is_constant(line: Line, place: int, outer: Token) -> bool:
     """Whether the g here precedes no bracket and is not differentiated; if so, g( is a product everywhere."""
     after = at(line, after_power(line, place + 1))
     differentiated = not place and outer.text in nm.DERIVATIVE_NAMES
     return line[place].text in ("g", "G") and not differentiated and after.kind != "bracket"
 
 
-def _called_with(line: Sequence[Token], place: int, declared: nm.Names, defined: Collection[str]) -> int:
+def _called_with(line: Line, place: int, declared: nm.Names, defined: Collection[str]) -> int:
     """The number of arguments of an undeclared F in F(x*y), F(x, x') or f(y/x); 0 if it may be a factor.
 
     V(r) also counts for a `defined` r, as in r = sqrt(x^2 + y^2).
@@ -788,9 +820,7 @@ def _called_with(line: Sequence[Token], place: int, declared: nm.Names, defined:
     return 0 if bracket.space_before or not moves or product else count
 
 
-def _ask_back(
-    guessed: Mapping[str, tuple[str, Token, int]], names: nm.Names, raised: Mapping[str, bool] | None = None
-) -> dict[str, tuple[str, ...]]:
+def _ask_back(guessed: Mapping[str, _Found], names: nm.Names, raised: Mapping[str, bool]) -> dict[str, Words]:
     """The runs of letters that are clearly products; InputError for the first name that may not be a constant."""
     words = [name for name in guessed if 1 < len(name) < 4 and name.isalpha() and name[0] != "d"]
     shared = {letter for first, second in itertools.combinations(words, 2) for letter in {*first} & {*second}}
@@ -798,12 +828,10 @@ def _ask_back(
     letters = (*plain, *shared)  # ml and mgl are products
     together = nm.Names(names.coordinates, (*names.parameters, *letters), names.functions)
     seen: dict[str, str] = {}
-    splits: dict[str, tuple[str, ...]] = {}
-    ends: dict[str, set[str]] = {}  # first letter F to the coordinates x and y of Fx and Fy
-    for name in guessed:
-        if name[0] in _COMPONENTS and name[1:] in names.coordinates:
-            ends.setdefault(name[0], set()).add(name)
-    components = {name for both in ends.values() if len(both) > 1 for name in both}
+    splits: dict[str, Words] = {}
+    ends = [name for name in guessed if name[0] in _COMPONENTS and name[1:] in names.coordinates]
+    heads = [name[0] for name in ends]
+    components = {name for name in ends if heads.count(name[0]) > 1}  # Fx and Fy
     for name, (pointer, token, end) in guessed.items():
         column = token.column
         if name not in components and (parts := nm.only_split(name, together)):
@@ -811,15 +839,14 @@ def _ask_back(
             continue
         parts = nm.factors_of(name)
         mixed = not (name.islower() or name.istitle() or name.isupper())  # GMm, where m also occurs alone
-        if mixed and {*parts} & {*plain} and _FACTOR_OF_MOTION.fullmatch(name):
+        mechanical = name.removesuffix("e" * (not raised.get(name, True)))  # k e^(-x)
+        of_motion = _FACTOR_OF_MOTION.fullmatch(mechanical) is not None
+        squared = name in raised and name not in plain and parts  # ml^2 is m*l^2
+        if of_motion and (squared or (mixed and {*parts} & {*plain})):
             splits[name] = parts
             continue
-        if raised and name in raised and name not in plain and parts:
-            mechanical = name if raised[name] else name.removesuffix("e")  # k e^(-x)
-            if not _FACTOR_OF_MOTION.fullmatch(mechanical):
-                raise nm.undeclared(name, column, ("*".join(parts),)).at(pointer)
-            splits[name] = parts  # ml^2 is m*l^2
-            continue
+        if squared:
+            raise nm.undeclared(name, column, ("*".join(parts),)).at(pointer)
         if meant := nm.readings(name, together) or _lost_power(name, names.coordinates):
             raise nm.undeclared(name, column, meant, (column, end) if end else None).at(pointer)
         if name == "x" or _is_one_of_many(name, names.coordinates):
@@ -839,7 +866,7 @@ def _ask_back(
     return splits
 
 
-def _lost_power(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
+def _lost_power(name: str, coordinates: Sequence[str]) -> Words:
     """a*x^2 for ax2, which lost its superscript when pasted, or a*q2 for aq2 next to q1; Fx1 is usually a component."""
     cut = re.fullmatch("((?:[A-Za-z][0-9]?){1,3}?)([A-Za-z])([1-9])", name)
     if cut is None or cut[1] in _COMPONENTS:
@@ -849,7 +876,7 @@ def _lost_power(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
     return (f"{cut[1]}*{cut[2]}{cut[3]}",) if _is_one_of_many(cut[2] + cut[3], coordinates) else ()
 
 
-def _may_be_motion(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
+def _may_be_motion(name: str, coordinates: Sequence[str]) -> Words:
     """What a name may mean: t for time, the velocity x' for v, Theta for theta, x for X; R and r may coexist."""
     if name == "time":
         return ("t",)
@@ -859,45 +886,7 @@ def _may_be_motion(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
     return tuple(other for other in coordinates if other != name and other.lower() == meant)
 
 
-def _refused_operator(
-    line: Sequence[Token],
-    place: int,
-    outer: Token,
-    coordinates: Sequence[str],
-    calls: Collection[Call],
-    slopes: Collection[str],
-) -> errors.InputError | None:
-    """The error for x^T, Delta x (usually a difference), diff(V, x) of a constant V, and 2j."""
-    token, before, after = line[place], at(line, place - 1), at(line, place + 1)
-    if token.text == "T" and (before.is_operator("^") or (outer.is_operator("^") and len(line) == 1)):
-        return refusal("a raised T occurs", token.column, "a transpose? write components", declare="parameters")
-    by = at(line, place + 2).text if not place and outer.text in nm.DERIVATIVE_NAMES and after.text == "," else ""
-    if by in coordinates and token.text not in slopes:
-        meant = f"diff({token.text}({by}), {by})"
-        what, called = f"a derivative of {token.text} by {by} occurs", (f"{token.text}({by})",)
-        return refusal(what, token.column, f"write {meant}", called, declare="parameters")
-    if token.text == "j" and not token.space_before and before.kind == "number":
-        reason = nm.REFUSED_UNLESS_DECLARED["i"]
-        return nm.refused(f"j {reason[0]}", reason, token.column)
-    based = nm.reason_against(token.text, token.column) if token.text.startswith("log_") else None
-    if error := based or _half_a_number(line, place):
-        return error
-    if before.kind == "number" and (unit := _unit(line, place, coordinates)):
-        number, span = before.text, (before.column, token.column + len(unit))
-        instead = f"leave units out, or write {number}*{unit} for a product"
-        return refusal(f"{unit} could be a unit", token.column, instead, (number, f"{number}*{unit}"), span)
-    if error := _raised_call(line, place, coordinates, calls):
-        return error
-    if token.text == "d" and after.text == "t":
-        return refusal("a differential occurs", token.column, "write x' or dx/dt for a derivative")
-    if token.text == "Delta" and after.kind == "name":
-        instead = f"a product? declare the constant Delta and write Delta*{after.text}"
-        what = f"Delta {after.text} usually means a difference or a Laplacian; it occurs"
-        return refusal(what, token.column, instead, (f"Delta*{after.text}",))
-    return None
-
-
-def _unit(line: Sequence[Token], place: int, coordinates: Sequence[str]) -> str:
+def _unit(line: Line, place: int, coordinates: Sequence[str]) -> str:
     """The N/m of k = 3 N/m, the m/s of 2 m/s; empty for other names after a number."""
     rest = list(itertools.takewhile(lambda token: not token.is_operator(",", ";"), line[place:]))
     given = (place < 2 or line[place - 2].is_operator("=")) and line[place].space_before
@@ -906,31 +895,7 @@ def _unit(line: Sequence[Token], place: int, coordinates: Sequence[str]) -> str:
     return "m/s" * (spelled(line[place : place + 3]) == "m/s" and "s" not in coordinates)
 
 
-def _raised_call(
-    line: Sequence[Token], place: int, coordinates: Sequence[str], calls: Collection[Call]
-) -> errors.InputError | None:
-    """The error for k^2(x), which may be (k(x))^2 or a product, and for f^(2)(x), a derivative; k^2(x - y) is a
-    product.
-
-    k^2(t) is the square of k(t), and k^2(x) that of k(x) if k(x) is among the `calls` of the texts.
-    """
-    name, caret, exponent, bracket = (at(line, place + k) for k in range(4))
-    if not caret.is_operator("^") or not bracket.is_bracket():
-        return None
-    raised = at(exponent.inside, 0)
-    inside = [token.text for token in walk(bracket.inside) if token.kind != "bracket" and not token.is_operator(",")]
-    if raised.kind == "number" and raised.column > exponent.column:  # typed by the writer, not from LaTeX
-        instead = f"write {name.text}''({spelled(bracket.inside[:1])}) for a derivative, ^{raised.text}* for a product"
-        return refusal(f"{name.text}^({raised.text})( could be a derivative", name.column, instead)
-    called = inside == ["t"] or (name.text, tuple(inside)) in calls
-    if not inside or not {"t", *coordinates}.issuperset(inside) or called:
-        return None
-    power, of = spelled([exponent]).strip("()"), inside[0]
-    instead = f"write {name.text}({of})^({power}) for a function, {name.text}^({power})*({of}) for a product"
-    return refusal(f"{name.text} to a power before ( could be a function", name.column, instead)
-
-
-def _half_a_number(line: Sequence[Token], place: int) -> errors.InputError | None:
+def _half_a_number(line: Line, place: int) -> errors.InputError | None:
     """The error for 1.0d-3 and 2D0 (Fortran), 0.5f (C), 1f0 (Julia), 0o7, whose letters are not factors."""
     token, before = line[place], at(line, place - 1)
     if before.kind != "number" or token.space_before:
@@ -944,7 +909,7 @@ def _half_a_number(line: Sequence[Token], place: int) -> errors.InputError | Non
     return refusal(f"{shown} could be one number", before.column, f"write 2*{text} for a product, 2e-3 for a number")
 
 
-def _is_apart(line: Sequence[Token], place: int) -> bool:
+def _is_apart(line: Line, place: int) -> bool:
     """Whether this is k (x), which may be k*x; f (x) and V (x) are usually functions."""
     after = at(line, place + 1)
     return line[place].text not in nm.FUNCTION_LETTERS and after.is_bracket() and after.space_before
@@ -960,7 +925,7 @@ def _looks_like_a_function(name: str) -> bool:
     return is_word or not known.isdisjoint((name, name.replace("_", "")))
 
 
-def _elliptic_arguments(line: Sequence[Token], place: int) -> int:
+def _elliptic_arguments(line: Line, place: int) -> int:
     """The number of arguments of sn u, cn(u, k) and dn^2(u, k); 0 for a constant, as in cn*x."""
     after = at(line, after_power(line, place + 1))
     if line[place].text not in nm.ELLIPTIC:
@@ -972,19 +937,6 @@ def _may_depend_on_time(name: str) -> bool:
     """Whether name(t) may be a function of time: not x(t), a coordinate without an equation, delta(t), or a word."""
     moves = nm.looks_like_a_coordinate(name) and name not in ("q", "r", "s", "tau")
     return not (moves or name in _IMPULSES or _looks_like_a_function(name))
-
-
-def _after_power_of_time(line: Sequence[Token], place: int) -> Token:
-    """The token after the power in omega^2(t); otherwise the one in this place."""
-    after = at(line, after_power(line, place))
-    return after if spelled(after.inside) == "t" else at(line, place)
-
-
-def _call_arguments(bracket: Token, coordinates: Sequence[str]) -> tuple[str, ...]:
-    """The coordinates (and t) in brackets after a name; empty if the brackets contain anything else."""
-    names = tuple(spelled(part).removesuffix("(t)") for part in split_at(",", bracket.inside))  # x(t) is x
-    plain = bracket.is_bracket() and len(names) == len(set(names)) and set(names) <= set(coordinates)
-    return names if plain else ()
 
 
 def words_of(text: str) -> list[str]:

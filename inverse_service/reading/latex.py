@@ -14,7 +14,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions import letters
 from inverse_service.expressions.refusals import LIMITS, at_most, refusal, shorten
 from inverse_service.reading import components, names as nm, prose, tokens as plain
-from inverse_service.reading.tokens import CASES, FACTOR, FRACTION, MATRIX, PARTIAL, TOTAL, Token, Tokens, bracket
+from inverse_service.reading.tokens import CASES, FACTOR, FRACTION, MATRIX, PARTIAL, TOTAL, Line, Token, Tokens, bracket
 
 _NO_LETTER = "(?![A-Za-z])"
 # Spacing becomes blanks before anything else is parsed; a wide gap is a line end. \\\\ is not spacing.
@@ -34,10 +34,9 @@ _CASES = re.compile(rf"\\(begin|end)\s*\{{\s*(array|d?cases){_COLUMNS}")
 # Words before a condition in the second column of cases.
 _CONDITIONS = {
     **dict.fromkeys(("if", "for", "when", "where")),
-    **{
-        word: Token("operator", sign, 0)
-        for word, sign in (("otherwise", "true"), ("else", "true"), ("and", "&"), ("or", "|"))
-    },
+    **dict.fromkeys(("otherwise", "else"), Token("operator", "true", 0)),
+    "and": Token("operator", "&", 0),
+    "or": Token("operator", "|", 0),
 }
 _CONNECTIVES = {"land": "and", "wedge": "and", "lor": "or", "vee": "or", "forall": "for"}
 _ROW_SPACE = r"(?:\s*\[\s*-?[0-9.]+\s*(?:pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\])?"
@@ -218,9 +217,7 @@ class _Line:
     In `cells` of a matrix, & is a separator; in part of a name (`named`), digits count as letters.
     """
 
-    def __init__(
-        self, line: Sequence[Token], text: str, names: nm.Names, cells: bool = False, named: bool = False
-    ) -> None:
+    def __init__(self, line: Line, text: str, names: nm.Names, cells: bool = False, named: bool = False) -> None:
         self._line = [*line]
         self._text = text
         self._names = names
@@ -322,15 +319,12 @@ class _Line:
         glued = self._named and subscript.isdigit() and name[-1].isalpha()  # k_{B_1} is k_B1
         return f"{name}{subscript}" if glued else f"{name}_{subscript}"
 
-    def _joined(self, line: Sequence[Token]) -> str:
+    def _joined(self, line: Line) -> str:
         """The name that letters, digits, and names form, in braces or not; empty if the line contains anything else."""
         inside = line[0].inside if len(line) == 1 and line[0].is_bracket("{") else line
         parts = _Line(inside, self._text, self._names, self._cells, named=True).read()
-        return (
-            "".join(part.text for part in parts)
-            if all(part.kind == "name" and not part.order for part in parts)
-            else ""
-        )
+        whole = all(part.kind == "name" and not part.order for part in parts)
+        return "".join(part.text for part in parts) if whole else ""
 
     def _braces(self, token: Token) -> Tokens:
         """{ … } as a bracket; { } is empty, a single name in braces is that name, {a \\over b} is \\frac{a}{b}."""
@@ -346,11 +340,8 @@ class _Line:
         after_function = bool(self._found) and self._found[-1].text in nm.FUNCTIONS
         if called:  # the arguments in A^{2}{\left(x \right)}
             return [replace(first, space_before=False)]
-        if len(inner) == 1 and (
-            first.is_operator(",", "=", TOTAL)  # 0{,}5, {\rm d}
-            or first.is_fraction()
-            or (first.kind == "name" and not after_function)
-        ):
+        alone = first.is_operator(",", "=", TOTAL) or first.is_fraction()  # 0{,}5, {\rm d}
+        if len(inner) == 1 and (alone or (first.kind == "name" and not after_function)):
             return inner
         return [self._enclosed(inner, token)] if inner else []
 
@@ -407,21 +398,15 @@ class _Line:
         sign, variable = Token("operator", PARTIAL, token.column), Token("name", by, token.column)
         self._found.append(self._quotient([sign], [sign, variable], token))
 
-    def _upright(self, command: Token, line: Sequence[Token]) -> None:
+    def _upright(self, command: Token, line: Line) -> None:
         r"""Add the name in \mathrm{…} or \text{…}, or the d of a derivative."""
         inside = line[0].inside if line and line[0].is_bracket("{") else line
         words = any(token.space_before for token in inside[1:])
         name = "" if words else self._joined(inside)
-        words = words or (
-            not self._named
-            and command.text.startswith("text")
-            and len(name) > 1
-            and name.isalpha()
-            and name.islower()
-            and not (self._names.role(name) or name in _WORDS | _IN_TEXT or name in letters.LETTER_COMMANDS)
-            and not (self._cells and name in _CONDITIONS)
-        )
-        if words:
+        known = self._names.role(name) or name in _WORDS | _IN_TEXT | letters.LETTER_COMMANDS.keys()
+        known = known or self._named or (self._cells and name in _CONDITIONS)
+        in_text = command.text.startswith("text") and not known
+        if words or (in_text and len(name) > 1 and name.isalpha() and name.islower()):
             raise refusal("words occur", command.column, "write the equations alone, separated by ;")
         if not inside and self._cells:
             return
@@ -478,25 +463,21 @@ class _Line:
         raised = self._ahead
         if raised.kind == "prime":
             return
-        braces, short = (
-            raised.is_bracket("{"),
-            raised.kind in ("name", "number") and self._text[raised.column - 1].isalnum(),
-        )
+        braces = raised.is_bracket("{")
         while braces and plain.at(raised.inside, 0).kind == "prime":
             plain.add_prime(self._found, raised.inside[0])
             raised = replace(raised, inside=raised.inside[1:])
             if not raised.inside:
                 self._place += 1
                 return
+        short = raised.kind in ("name", "number") and self._text[raised.column - 1].isalnum()
         if braces or short:
             self._refuse_exponent(raised)
         self._found.append(caret)
         if braces or short:
             self._take()
             start = len(self._found)
-            self._found += self._braces(raised) if braces else []
-            if not braces:
-                self._one(raised)
+            self._one(raised)
             self._found[start:] = [self._enclosed(self._found[start:], raised, space=False)]
         if self._ahead.is_operator("^"):
             raise refusal("a second power occurs", self._ahead.column, "write x^{a^b} or (x^a)^b")
@@ -520,12 +501,9 @@ class _Line:
     def _refuse_indices(self, caret: Token) -> None:
         r"""InputError for tensor indices, \Gamma^x_{xx} and g^{tt}, which are not powers."""
         base = self._found[-1].text if self._found else ""
-        below = (
-            self._line[self._place + 2 : self._place + 3]
-            if plain.at(self._line, self._place + 1).is_operator("_")
-            else []
-        )
-        indices = [token.text for token in plain.walk([self._ahead, *below]) if token.kind != "bracket"]
+        lowered = plain.at(self._line, self._place + 1).is_operator("_")
+        both = [self._ahead, *self._line[self._place + 2 : self._place + 2 + lowered]]
+        indices = [token.text for token in plain.walk(both) if token.kind != "bracket"]
         moving = {*self._names.coordinates} or {"x", "y", "z", "r", "t", "theta", "phi"}
         if base in _TENSORS and len(indices) > 1 and {*indices} <= moving | {"t", "mu", "nu", "i", "j", "k"}:
             what = f"raised and lowered indices of {base} occur"

@@ -227,28 +227,23 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
         return refusal(shown, column, "write x' and x'' for dx/dt and d^2x/dt^2, diff(u, t) for other derivatives")
     if follows[:1] == "'" and (meant := readings(name, names)):
         return refusal(shown, column, f"did you mean {meant[-1]}'? else add its equation too", meant[-1:])
+    known_coordinates = f"the coordinates are {joined(names.coordinates)}"
     if follows[:1] == "'":
         instead = f"add its equation too, with {name}'' in it, as in (r^2*phi')' = 0 for r^2*phi' = l"
-        return refusal(shown, column, f"{instead}; the coordinates are {joined(names.coordinates)}")
+        return refusal(shown, column, f"{instead}; {known_coordinates}")
     if follows == "(":
         known_functions = sorted(FUNCTIONS | set(names.functions))
         close = misspelt(name) or difflib.get_close_matches(name.lower(), known_functions, 1)
         hint = f" (did you mean {close[0]}?)" if close else ""
-        return refusal(
-            shown,
-            column,
-            f"use a known function{hint} or write * before the bracket",
-            tuple(close),
-            (column, column + len(name)),
-            "functions",
-        )
+        instead, span = f"use a known function{hint} or write * before the bracket", (column, column + len(name))
+        return refusal(shown, column, instead, tuple(close), span, "functions")
     meant = (*difflib.get_close_matches(name, [*names.declared(), *FUNCTIONS], 1, 0.7), *readings(name, names))
     if meant:
         return undeclared(name, column, meant)
     if looks_like_a_coordinate(name):
         return ask_for_the_time(name, column, names.coordinates)
-    shown = f"the name '{shorten(name)}' is not declared, and the coordinates are {joined(names.coordinates)}"
-    return refusal(f"{shown}; it occurs", column, "", declare="parameters")
+    what = f"the name '{shorten(name)}' is not declared, and {known_coordinates}; it occurs"
+    return refusal(what, column, "", declare="parameters")
 
 
 def not_declared(name: str) -> str:
@@ -376,8 +371,7 @@ def only_split(name: str, names: Names) -> tuple[str, ...]:
     doubtful = (
         name[0] == "d"
         or {*letters} & {"e", "i", "j", "d", "D"}
-        or (len(cut) > 1 and cut[-1:] == letters[-1:] and cut[-2] in FUNCTIONS)
-        or (len(cut) > 1 and cut[-1:] == letters[-1:] and cut[-2] in moving)
+        or (len(cut) > 1 and cut[-1:] == letters[-1:] and cut[-2] in FUNCTIONS | moving)
         or any(part[:1] == "a" and part[1:] in FUNCTIONS for part in cut)
         or any(len(part) == 2 and part in GREEK_NAMES and {*part} & moving for part in cut)
     )
@@ -423,10 +417,8 @@ def declared_name(text: str, pointer: str, what: str = "name") -> str:
     if len(text) > LIMITS.name_characters or len(name) > LIMITS.name_characters:
         raise LimitError(f"a {what} has more than {LIMITS.name_characters} characters: choose a shorter one.", pointer)
     if not _NAME.fullmatch(name):
-        raise InputError(
-            f"'{shorten(text)}' cannot be a {what}: write letters and digits, a letter first, as in r1 or x_left.",
-            pointer,
-        )
+        instead = "write letters and digits, a letter first, as in r1 or x_left"
+        raise InputError(f"'{shorten(text)}' cannot be a {what}: {instead}.", pointer)
     if name in RESERVED:
         meaning = {"t": "the time", "pi": "the number pi"}.get(name, "a function")
         raise InputError(f"'{name}' cannot be a {what}, it means {meaning}: choose another name.", pointer)
@@ -447,26 +439,18 @@ def _ascii(text: str) -> str:
 def check_clashes(names: Names, keyed_parameters: bool = False) -> None:
     """InputError for a name that is declared twice or denotes the derivative or momentum of another."""
     seen: dict[str, str] = {}
-    for pointer, name in _places(names, keyed_parameters):
+    members = {"coordinates": names.coordinates, "parameters": names.parameters, "functions": tuple(names.functions)}
+    keyed = ("functions", "parameters")[: 1 + keyed_parameters]
+    for member, place, name in ((key, *pair) for key, found in members.items() for pair in enumerate(found)):
+        pointer = f"/{member}/{name if member in keyed else place}"
         if name in seen:
             raise InputError(f"'{name}' is declared twice: give one of the two another name.", pointer)
         seen[name] = pointer
     for coordinate in names.coordinates:
         for taken in (f"{coordinate}_dot", f"{coordinate}_ddot", f"p_{coordinate}"):
             if taken in seen:
-                meaning = "momentum" if taken.startswith("p_") else "derivative"
-                raise InputError(
-                    f"'{taken}' is the {meaning} of the coordinate {coordinate}: choose another name.", seen[taken]
-                )
-
-
-def _places(names: Names, keyed_parameters: bool) -> list[tuple[str, str]]:
-    """(pointer, name) of every declaration; the pointer of a parameter with a value ends in its name."""
-    coordinates = [(f"/coordinates/{place}", name) for place, name in enumerate(names.coordinates)]
-    parameters = [
-        (f"/parameters/{name if keyed_parameters else place}", name) for place, name in enumerate(names.parameters)
-    ]
-    return [*coordinates, *parameters, *((f"/functions/{name}", name) for name in names.functions)]
+                meaning = f"{'momentum' if taken.startswith('p_') else 'derivative'} of the coordinate {coordinate}"
+                raise InputError(f"'{taken}' is the {meaning}: choose another name.", seen[taken])
 
 
 def refuse_two_spellings(texts: Mapping[str, str], declared: tuple[str, ...] = ()) -> None:

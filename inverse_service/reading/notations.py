@@ -17,7 +17,7 @@ from inverse_service import errors
 from inverse_service.expressions.refusals import LIMITS, at_most, refusal
 from inverse_service.reading import tokens as tk
 from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, Names
-from inverse_service.reading.tokens import Token, Tokens, at
+from inverse_service.reading.tokens import Line, Token, Tokens, at
 
 _MODULES = frozenset(("sp", "sympy", "sym", "np", "numpy", "math", "Math", "jnp"))
 _CAPITALS = {
@@ -42,10 +42,9 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     if marks & {*_HEADS, ".", "@", "Piecewise"}:
         tokens = _rewritten(tokens, names)
     if "I" in marks and names.role("I") is None and (mathematica or tokens != written or marks & DERIVATIVE_NAMES):
+        what = "I is the imaginary unit in this notation; it occurs"
         column = next(token.column for token in tk.walk(tokens) if token.text == "I")
-        raise refusal(
-            "I is the imaginary unit in this notation; it occurs", column, "write real equations", declare="parameters"
-        )
+        raise refusal(what, column, "write real equations", declare="parameters")
     last = len(tokens) - 1 - at(tokens, len(tokens) - 1).is_operator(";")
     given, whole = tokens[: max(last, 0)], at(tokens, last)  # [eq1, eq2] and sys := {eq1, eq2};
     alone = not given or (len(given) == 2 and given[1].value == tk.GIVEN)
@@ -54,7 +53,7 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     return with_derivatives(tokens, names)
 
 
-def _within(token: Token, change: Callable[[Sequence[Token]], Tokens]) -> Token:
+def _within(token: Token, change: Callable[[Line], Tokens]) -> Token:
     """The token with `change` applied to its inside."""
     return replace(token, inside=tuple(change(token.inside))) if token.inside else token
 
@@ -64,7 +63,7 @@ def _with_indices(tokens: Tokens, names: Names) -> Tokens:
     alone = {line[k].text for line, k, _ in tk.places(tokens) if line[k].kind == "name" and not _is_indexed(line, k)}
     known = FUNCTIONS | {word for word in _HEADS if word.isalpha()} | set(names.functions) | alone
 
-    def with_indices(line: Sequence[Token]) -> Tokens:
+    def with_indices(line: Line) -> Tokens:
         found: Tokens = []
         for place, token in enumerate(line):
             before = at(line, place - 1)
@@ -78,28 +77,21 @@ def _with_indices(tokens: Tokens, names: Names) -> Tokens:
     return with_indices(tokens)
 
 
-def _is_indexed(line: Sequence[Token], place: int) -> bool:
+def _is_indexed(line: Line, place: int) -> bool:
     """Whether x[1] is here, not followed by arguments as in x[1](...)."""
-    index, after = at(line, place + 1), at(line, place + 2)
-    name = at(line, place).kind == "name" and not at(line, place).order
-    return (
-        name
-        and index.is_bracket("[")
-        and tk.spelled(index.inside).isdigit()
-        and (not after.is_bracket() or tk.spelled(after.inside) == "t")
-    )
+    name, index, after = (at(line, place + k) for k in range(3))
+    called = after.is_bracket() and tk.spelled(after.inside) != "t"
+    named = name.kind == "name" and not name.order
+    return named and index.is_bracket("[") and tk.spelled(index.inside).isdigit() and not called
 
 
 def _is_mathematica(tokens: Tokens) -> bool:
     """Whether x[t] or Sin[u] occurs."""
-    return any(
-        line[place].is_bracket("[")
-        and (at(line, place - 1).text != _small(at(line, place - 1).text) or at(line[place].inside, 0).text == "t")
-        for line, place, _ in tk.places(tokens)
-    )
+    brackets = [(at(line, k - 1).text, line[k]) for line, k, _ in tk.places(tokens) if line[k].is_bracket("[")]
+    return any(head != _small(head) or at(bracket.inside, 0).text == "t" for head, bracket in brackets)
 
 
-def _with_round_brackets(line: Sequence[Token], names: Names, mathematica: bool) -> Tokens:
+def _with_round_brackets(line: Line, names: Names, mathematica: bool) -> Tokens:
     """Mathematica's f[x] and {x, 2} with round brackets; the orders in B[1,0](x, y) are kept.
 
     If nothing else indicates Mathematica, k[x] is as ambiguous as k (x).
@@ -121,7 +113,7 @@ def _with_round_brackets(line: Sequence[Token], names: Names, mathematica: bool)
     return found
 
 
-def _holds_orders(line: Sequence[Token], place: int) -> bool:
+def _holds_orders(line: Line, place: int) -> bool:
     """Whether [1,0]( is here, rather than Derivative[1][x] or f[2]."""
     plain = all(token.kind == "number" or token.is_operator(",") for token in line[place].inside)
     return plain and line[place - 1].text != "Derivative" and at(line, place + 1).is_bracket()
@@ -135,7 +127,7 @@ def _small(name: str) -> str:
     return known if name in _CAPITALS or (known in FUNCTIONS and name != known and name.istitle()) else name
 
 
-def _rewritten(line: Sequence[Token], names: Names) -> Tokens:
+def _rewritten(line: Line, names: Names) -> Tokens:
     found: Tokens = []
     place = 0
     while place < len(line):
@@ -154,7 +146,7 @@ def _rewritten(line: Sequence[Token], names: Names) -> Tokens:
     return found
 
 
-def _after_dot(line: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
+def _after_dot(line: Line, place: int, found: Tokens, names: Names) -> int:
     """sp.sin is sin; u.diff(t, 2) is diff(u, t, 2)."""
     method, variables = at(line, place + 1), at(line, place + 2)
     if found and found[-1].text in _MODULES:
@@ -162,9 +154,8 @@ def _after_dot(line: Sequence[Token], place: int, found: Tokens, names: Names) -
         return place + 1
     if method.text != "diff" or not variables.is_bracket():
         raise refusal("a dot occurs", line[place].column, "a dot belongs to a number such as 0.5, or to u.diff(t)")
-    start = max(
-        0, len(found) - 1 - (at(found, len(found) - 1).is_bracket() and at(found, len(found) - 2).kind == "name")
-    )
+    called = at(found, len(found) - 1).is_bracket() and at(found, len(found) - 2).kind == "name"
+    start = max(0, len(found) - 1 - called)
     inside = _joined([found[start:], _rewritten(variables.inside, names)], ",", method)
     found[start:] = [replace(method, space_before=True), tk.bracket(inside, method, space=False), *_primes(variables)]
     return place + 3
@@ -179,7 +170,7 @@ def _sign(text: str, at: Token) -> Token:
     return Token("operator", text, at.column)
 
 
-def _derivative_of(line: Sequence[Token], place: int, order: int, found: Tokens) -> int:
+def _derivative_of(line: Line, place: int, order: int, found: Tokens) -> int:
     """(x) after D or Derivative[2] as x with primes; the following (t) is converted separately."""
     operand = at(line, place)
     order += operand.order
@@ -199,7 +190,7 @@ def _is_factor(bracket: Token) -> bool:
     return len(inside) > 1 and len(tk.split_at(",", inside)) == 1 and inside[0].text != "D"
 
 
-def _called(line: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
+def _called(line: Line, place: int, found: Tokens, names: Names) -> int:
     """Convert the call that begins here to this package's notation; return the place after it.
 
     D(x)(t) is x'(t), Derivative[2][x][t] is x''(t), and ModelingToolkit's Differential(t)(u) is diff(u, t).
@@ -282,17 +273,11 @@ def _column(head: Token, parts: Sequence[Tokens]) -> Tokens:
 
 _HEADS: dict[str, Callable[[Token, list[Tokens]], Tokens]] = {
     **dict.fromkeys(("Symbol", "Dummy", "Function"), _quoted),
-    **{
-        head: partial(_operation, sign=sign)
-        for sign, heads in (
-            ("+", "Add Plus"),
-            ("*", "Mul Times"),
-            ("^", "Pow Power pow"),
-            ("/", "Integer Rational"),
-            (",", "Tuple List Hold"),
-        )
-        for head in heads.split()
-    },
+    **dict.fromkeys(("Add", "Plus"), partial(_operation, sign="+")),
+    **dict.fromkeys(("Mul", "Times"), partial(_operation, sign="*")),
+    **dict.fromkeys(("Pow", "Power", "pow"), partial(_operation, sign="^")),
+    **dict.fromkeys(("Integer", "Rational"), partial(_operation, sign="/")),
+    **dict.fromkeys(("Tuple", "List", "Hold"), partial(_operation, sign=",")),
     **dict.fromkeys(("Eq", "Equal", "Equality"), _equality),
     **dict.fromkeys(("Float", "RealNumber"), _float),
     **dict.fromkeys(("Diff", "Dt", "D", "Differential"), partial(_call, name="diff")),  # Maple's and Mathematica's
@@ -315,7 +300,7 @@ class _Quotient:
     fraction: bool
 
 
-def with_derivatives(line: Sequence[Token], names: Names, beyond: Token | None = None) -> Tokens:
+def with_derivatives(line: Line, names: Names, beyond: Token | None = None) -> Tokens:
     """The tokens with each derivative as primes on its name or as diff( ); ambiguous ones are refused later.
 
     `beyond` is the token after the bracket that holds the line.
@@ -337,7 +322,7 @@ def with_derivatives(line: Sequence[Token], names: Names, beyond: Token | None =
 
 
 def _derivative(
-    line: Sequence[Token], place: int, names: Names, beyond: Token | None = None, depth: int = 0
+    line: Line, place: int, names: Names, beyond: Token | None = None, depth: int = 0
 ) -> tuple[Tokens, int] | None:
     """The derivative that begins here, in this package's grammar, and the place after it; None if there is none."""
     token = line[place]
@@ -365,7 +350,7 @@ def _derivative(
     return _of_operand(line, quotient, place, names, beyond)
 
 
-def _gradient(line: Sequence[Token], place: int, names: Names) -> tuple[Tokens, int]:
+def _gradient(line: Line, place: int, names: Names) -> tuple[Tokens, int]:
     """The gradient of V as diff(V, x) if there is one coordinate; V itself if no coordinate is known yet."""
     sign, name = line[place], at(line, place + 1)
     if name.kind != "name" or len(names.coordinates) > 1:
@@ -377,7 +362,7 @@ def _gradient(line: Sequence[Token], place: int, names: Names) -> tuple[Tokens, 
 
 
 def _of_operand(
-    line: Sequence[Token], quotient: _Quotient, place: int, names: Names, beyond: Token | None
+    line: Line, quotient: _Quotient, place: int, names: Names, beyond: Token | None
 ) -> tuple[Tokens, int] | None:
     """dx/dt as x', dV/dx as diff(V, x)."""
     variables, first, after = quotient.variables, line[place], quotient.after
@@ -424,7 +409,7 @@ def _of_operand(
     return None
 
 
-def _is_point(follows: Token, variables: Sequence[Token]) -> bool:
+def _is_point(follows: Token, variables: Line) -> bool:
     """Whether the bracket after a derivative by these variables is the point (x, y) at which it is evaluated."""
     listed = tk.spelled(follows.inside).split(",")
     named = follows.is_bracket() and all(map(str.isidentifier, listed))
@@ -433,10 +418,8 @@ def _is_point(follows: Token, variables: Sequence[Token]) -> bool:
 
 def _slope(name: Token, by: Token, at: Token) -> Tokens:
     """(y'/x') for the dy/dx of a constraint."""
-    above, below = (
-        replace(word, column=at.column, space_before=False, order=1, primed=at.column) for word in (name, by)
-    )
-    return [tk.bracket([above, _sign("/", at), below], at, tk.FACTOR)]
+    primed = [replace(word, column=at.column, space_before=False, order=1, primed=at.column) for word in (name, by)]
+    return [tk.bracket([primed[0], _sign("/", at), primed[1]], at, tk.FACTOR)]
 
 
 def _of_what(
@@ -452,9 +435,7 @@ def _of_what(
     return refusal(what, name.column, f"write {primed}{slope}", (slope,), span)
 
 
-def _applied(
-    line: Sequence[Token], quotient: _Quotient, place: int, names: Names, depth: int
-) -> tuple[Tokens, int] | None:
+def _applied(line: Line, quotient: _Quotient, place: int, names: Names, depth: int) -> tuple[Tokens, int] | None:
     """d/dt ( u ) as diff(u, t); also d/dt x' if no following factor could belong to the operand."""
     ends = quotient.after >= len(line) and (not quotient.fraction or names.role("d"))
     operand = None if ends else _differentiated(line, quotient, names, depth)
@@ -468,7 +449,7 @@ def _applied(
     return _carried_out(inner, quotient.variables, line[place]), after
 
 
-def _differentiated(line: Sequence[Token], quotient: _Quotient, names: Names, depth: int) -> tuple[Tokens, int] | None:
+def _differentiated(line: Line, quotient: _Quotient, names: Names, depth: int) -> tuple[Tokens, int] | None:
     """The operand of an operator: a bracket, a derivative, or a name without a following factor."""
     place = quotient.after
     if place == len(line):
@@ -504,7 +485,7 @@ def _are_arguments(after: Token, name: Token, names: Names) -> bool:
     return called or tk.spelled(after.inside) == "t"
 
 
-def _quotient(line: Sequence[Token], place: int, names: Names) -> _Quotient | None:
+def _quotient(line: Line, place: int, names: Names) -> _Quotient | None:
     """The quotient of differentials that begins here."""
     fraction, after = line[place].is_fraction(), place + 1
     if fraction:
@@ -520,7 +501,7 @@ def _quotient(line: Sequence[Token], place: int, names: Names) -> _Quotient | No
     return _Quotient(operand, below[0], after if fraction else below[1], partial, fraction)
 
 
-def _above(line: Sequence[Token], place: int, names: Names, fraction: bool) -> tuple[int, bool, Tokens, int] | None:
+def _above(line: Line, place: int, names: Names, fraction: bool) -> tuple[int, bool, Tokens, int] | None:
     """The order of d^k u, whether it is partial, the tokens of u, and the place after it."""
     first = at(line, place)
     known = names.role(first.text) is not None and not (fraction and first.text == "d")
@@ -541,7 +522,7 @@ def _above(line: Sequence[Token], place: int, names: Names, fraction: bool) -> t
     return order, first.text == tk.PARTIAL, operand, after
 
 
-def _power(line: Sequence[Token], place: int) -> tuple[int, int]:
+def _power(line: Line, place: int) -> tuple[int, int]:
     """The k of ^k or ^(k) here, 1 if there is no exponent, and the place after it."""
     raised = at(line, place + 1)
     while len(raised.inside) == 1:
@@ -550,7 +531,7 @@ def _power(line: Sequence[Token], place: int) -> tuple[int, int]:
     return (int(raised.text), place + 2) if found else (1, place)
 
 
-def _below(line: Sequence[Token], place: int, order: int, fraction: bool) -> tuple[tuple[Token, ...], int] | None:
+def _below(line: Line, place: int, order: int, fraction: bool) -> tuple[tuple[Token, ...], int] | None:
     """The variables of dt^2, dt2, d t, dx dy, whose orders add up to `order`, and the place after them."""
     found: Tokens = []
     while len(found) < order and place < len(line):
@@ -580,7 +561,7 @@ def _below(line: Sequence[Token], place: int, order: int, fraction: bool) -> tup
     return (tuple(found), place) if len(found) == order else None
 
 
-def _power_of_operator(line: Sequence[Token], place: int, names: Names, depth: int) -> tuple[Tokens, int] | None:
+def _power_of_operator(line: Line, place: int, names: Names, depth: int) -> tuple[Tokens, int] | None:
     """(d/dt)^2 u as diff(u, t, t)."""
     inside = line[place].inside
     operator = _quotient(inside, 0, names) if inside else None
@@ -607,7 +588,7 @@ def _refuse_fraction(token: Token, names: Names) -> None:
         raise refusal(f"a derivative by {by} occurs", column, instead)
 
 
-def _carried_out(inner: Sequence[Token], variables: Sequence[Token], at: Token, total: bool = False) -> Tokens:
+def _carried_out(inner: Line, variables: Line, at: Token, total: bool = False) -> Tokens:
     """diff(u, x, …) with all tokens at column `at`; `total` marks dV/dr of a V that depends on r alone."""
     if not inner:
         raise tk.unexpected(at, "what is differentiated")

@@ -150,10 +150,11 @@ def _once(expression: ex.Expression, variable: Variable, names: nm.Names) -> ex.
     nodes = ex.node_count(expression)
     at_most(nodes, LIMITS.derivative_nodes, "the formula to differentiate is too large", variable.column)
     if variable.node != ex.TIME:
-        result = derivative.differentiate(expression, variable.node)
-    else:
-        result = _along_motion(expression, variable, names)
-    return check_depth(result, variable.column)
+        return check_depth(derivative.differentiate(expression, variable.node), variable.column)
+    try:
+        return check_depth(derivative.differentiate_in_time(expression, names.coordinates), variable.column)
+    except ValueError:
+        raise _third(variable.column) from None
 
 
 def _refuse_two_meanings(function: ex.Arbitrary, column: int) -> None:
@@ -165,13 +166,6 @@ def _refuse_two_meanings(function: ex.Arbitrary, column: int) -> None:
     partial = f"{function.name}[{orders}]({arguments})"
     what = f"a derivative of {function.name} by t could be the partial one or the one along the motion; it occurs"
     raise refusal(what, column, f"write {partial} for the partial one, and with the other terms for the other")
-
-
-def _along_motion(expression: ex.Expression, variable: Variable, names: nm.Names) -> ex.Expression:
-    try:
-        return derivative.differentiate_in_time(expression, names.coordinates)
-    except ValueError:
-        raise _third(variable.column) from None
 
 
 def _third(column: int) -> errors.InputError:
@@ -192,18 +186,10 @@ class FormulaParser:
 
     def formula(self) -> ex.Expression:
         """The whole stream as one formula; InputError if any tokens remain."""
-        result = self._expression()
-        rest = self._stream.ahead
+        column = self._stream.ahead.column
+        result, rest = self._expression(), self._stream.ahead
         if rest.kind == "end":
-            return result
-        if rest.is_operator("=", ";"):
-            raise refusal("an equation occurs where a formula is expected", rest.column, "write one side only")
-        if rest.is_bracket("["):
-            raise refusal("square brackets are not accepted here", rest.column, "write ( and )")
-        if rest.is_operator("<", ">", "\u2260"):
-            raise refusal("a comparison occurs", rest.column, "write an equation with one =")
-        if rest.is_operator(","):
-            raise refusal("a comma occurs outside a function", rest.column, "write a decimal point, or * for a product")
+            return check_depth(result, column)
         raise tk.unexpected(rest, tk.END)
 
     @contextmanager
@@ -377,9 +363,8 @@ class FormulaParser:
         if exponent == ex.ONE and isinstance(base, ex.Velocity | ex.Acceleration):
             raise refusal("a raised 1 occurs", ahead.column, "an index? write it below, as in q_1 and q_2")
         found = raised(base, exponent, ahead.column)
-        if isinstance(base, ex.Velocity | ex.Acceleration) or base in [
-            ex.Symbol(name) for name in self._names.coordinates
-        ]:
+        moves = isinstance(base, ex.Symbol) and base.name in self._names.coordinates
+        if moves or isinstance(base, ex.Velocity | ex.Acceleration):
             self._skip_time_argument()  # x^2(t) is the square of x(t)
         return found
 
@@ -585,11 +570,9 @@ class FormulaParser:
         if (rest := self._source_of_factors(place)) is None:
             return refusal(*said)
         inner, first = tk.source(stream.part(start, end)), stream.look(start - stream.position)
-        separate = (f"({inner}){sign}{rest}",) * (
-            first.kind != "number" or written is not None or name in ("sqrt", "cbrt")
-        )
-        span = (first.column, stream.ahead.column)
-        return refusal(*said, (*separate, f"({inner}{sign}{rest})"), span)
+        both = first.kind != "number" or written or name in ("sqrt", "cbrt")
+        meant = (f"({inner}){sign}{rest}", f"({inner}{sign}{rest})")
+        return refusal(*said, meant if both else meant[1:], (first.column, stream.ahead.column))
 
     def _source_of_factors(self, place: int) -> str | None:
         """Consume the factors from this position on and return their text; None if they cannot be parsed."""
@@ -662,8 +645,7 @@ class FormulaParser:
         """Whether the exponent after the ^ ahead is a single number, possibly with signs or in brackets."""
         signs = itertools.takewhile(lambda k: self._stream.look(k).is_operator("+", "-"), itertools.count(1))
         raised = tk.walk([self._stream.look(1 + len(list(signs)))])
-        kinds = [token.kind for token in raised if not token.is_bracket() and not token.is_operator("+", "-")]
-        return kinds == ["number"]
+        return [token.kind for token in raised if not (token.is_bracket() or token.is_operator("+", "-"))] == ["number"]
 
     def _single(self, node: ex.Expression, token: Token) -> ex.Expression:
         """A name without arguments; InputError if a bracket makes it look like a function."""
@@ -872,18 +854,11 @@ def _prime(token: Token) -> errors.InputError:
     return refusal("a prime occurs", token.primed or token.column, instead)
 
 
-def _refuse_stray_signs(line: Sequence[Token]) -> None:
-    """InputError for the * of x +* 3, before any name is looked up."""
-    for before, token in itertools.pairwise(line):
-        if before.is_operator(*"+-*/^") and token.is_operator(*"*/^"):
-            raise tk.unexpected(token, _OPERAND)
-    for token in line:
-        _refuse_stray_signs(token.inside)
-
-
 def parse_tokens(tokens: Tokens, end_column: int, names: nm.Names) -> ex.Expression:
     """The formula that the tokens form; errors about a missing end have the column `end_column`."""
-    _refuse_stray_signs(tokens)
+    for line, place, _ in tk.places(tokens):  # the * of x +* 3, before any name is looked up
+        if line[place].is_operator(*"*/^") and at(line, place - 1).is_operator(*"+-*/^"):
+            raise tk.unexpected(line[place], _OPERAND)
     try:
         return FormulaParser(tokens, end_column, names).formula()
     except RecursionError:  # only if the caller is itself deeply nested, since the depth limit leaves ample room

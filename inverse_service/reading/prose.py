@@ -10,10 +10,12 @@ with a colon. Everything else remains: a single word may be a name, and the pars
 factor. Separators and blanks replace the removed text, so that columns stay correct.
 """
 
+import json
 import re
 from collections.abc import Callable, Collection, Container, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 
 from inverse_service.expressions import letters
 from inverse_service.reading import names as nm
@@ -21,30 +23,11 @@ from inverse_service.reading import names as nm
 Note = Callable[[str], None]
 
 
-def _words(text: str) -> frozenset[str]:
-    return frozenset(text.split())
-
-
+_ROWS = map(json.loads, Path(__file__).with_name("words.ndjson").read_text(encoding="utf-8").splitlines())
+_WORDS: dict[str, frozenset[str]] = {row["of"]: frozenset(row["words"]) for row in _ROWS}
+# Words that make a sentence, that can begin a clause alone, and that a formula may follow.
+_OF_SENTENCES, _BEGINNINGS, _OPENERS = (_WORDS[kind] for kind in ("sentences", "beginnings", "openers"))
 SHORTEST_WORD = 4  # letters from which on a word is unlikely to be a product of constants
-_OF_SENTENCES = _words(
-    """
-    is are be being has have had was were which that this these those such an the its their of on at to by from as
-    we us it in our into let suppose assume where here with under and or then so thus hence whose using since say
-    see obtain study denote denotes consider find given solve moves move slides rolls reads read obeys satisfies
-    subject describe describes acts gives yields becomes cannot must can may will does do also both well all any
-    each every some stands means called impose imposing imposes look no two for
-    """
-)
-# Words that can begin a clause alone.
-_BEGINNINGS = _words(
-    """
-    let suppose consider find solve minimize minimise study given problem example exercise lagrangian lagrange
-    hamiltonian constraint constraints subject and with where under kinetic potential energy solutions solution
-    but the as
-    """
-)
-_PREFIXES = _words("non one van co")
-_OPENERS = _words("that where so thus then hence if and let have")  # a formula may follow
 # Words that may change the meaning of a formula, so they are not removed.
 _BINDING = re.compile(
     r"\b(?:if|when|while|for(?!\s+(?:an?|the|this|all|small|large|every|any|some)\b)|unless|provided|otherwise|else|except|either"
@@ -209,16 +192,13 @@ def is_word(text: str) -> bool:
     plain = re.sub("['\u2019]s$", "", text)
     parts = re.split("[-\u2010\u2013]", plain)
     if len(parts) > 1:
-        return all(is_word(part) or part.lower() in _PREFIXES for part in parts)
+        return all(is_word(part) or part.lower() in _WORDS["prefixes"] for part in parts)
     if plain.lower() in _OF_SENTENCES | _BEGINNINGS or (plain != text and len(plain) > 2):
         return True
     known = plain in nm.FUNCTIONS | nm.DERIVATIVE_NAMES | nm.REFUSED.keys() | letters.LETTER_COMMANDS.keys()
     if not plain.isascii():  # Painlevé, but not Greek letters
-        return (
-            len(plain) > 2
-            and not any(letter in letters.GREEK for letter in plain)
-            and not all(map(letters.letter, plain))
-        )
+        symbols = any(letter in letters.GREEK for letter in plain) or all(map(letters.letter, plain))
+        return len(plain) > 2 and not symbols
     if known or len(plain) < SHORTEST_WORD or not plain.isalpha() or not (plain.islower() or plain.istitle()):
         return False
     product = _PRODUCT.fullmatch(plain) or plain.endswith("dot") or re.search("[xyz]{2}|[wxyz]{3}", plain)
@@ -270,9 +250,8 @@ def _names_among(pieces: Sequence[Piece], text: str, declared: Container[str]) -
             continue
         before, after = pieces[place - 1] if place else None, pieces[place + 1] if place + 1 < len(pieces) else None
         apart = after and after.text in ("-", "+", "\u2212") and text[after.end : after.end + 1].strip()  # is -sin(x)
-        touches = (
-            after and after.start == piece.end and (after.kind in ("mark", "opening", "number") or after.text == "_")
-        )
+        glued = after if after and after.start == piece.end else None
+        touches = glued and (glued.kind in ("mark", "opening", "number") or glued.text == "_")
         signed = any(beside and beside.kind in ("sign", "relation") for beside in (before, None if apart else after))
         behind = before and before.end == piece.start and (before.kind in ("number", "mark") or before.text == "_")
         if touches or signed or behind or piece.text in declared:

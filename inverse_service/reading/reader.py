@@ -5,7 +5,7 @@ Lists of equations are split, as tokens, into equations and their two sides.
 
 import itertools
 import re
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
@@ -15,9 +15,9 @@ from functools import lru_cache
 from inverse_service import errors
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.refusals import most_characters, refusal, shorten
-from inverse_service.reading import notations, parser, prose, tokens as tk
+from inverse_service.reading import components, latex, notations, parser, prose, tokens as tk
 from inverse_service.reading.names import FUNCTIONS, GREEK_NAMES, MAY_BE_FUNCTIONS, Names, written_product
-from inverse_service.reading.tokens import Token, at
+from inverse_service.reading.tokens import Line, Token, at
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
 # q''_1, \omega^2_0, and \u03c9\u00b2\u2080, which TeX sets like q_1''; \Gamma^x_{xx} is a tensor.
@@ -67,7 +67,7 @@ def is_latex(formula: str) -> bool:
 
 def read_formula(formula: str, names: Names) -> ex.Expression:
     """The formula as a tree; InputError or LimitError with the column."""
-    return _side(read_tokens(formula, names), len(formula) + 1, names)
+    return parser.parse_tokens(read_tokens(formula, names), len(formula) + 1, names)
 
 
 @contextmanager
@@ -133,12 +133,13 @@ def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[s
     with noted() as notes:
         _refuse_lost_backslashes(formula)
         formula = _GREEK_OF_MATHEMATICA.sub(_greek, formula)
-        latex, formula = is_latex(formula), _with_dots_after_letters(without_words(formula, names.declared()))
+        is_tex, formula = is_latex(formula), _with_dots_after_letters(without_words(formula, names.declared()))
         formula = _RAISED_FIRST.sub(r"\2\1", _BY_INDEX.sub(lambda index: index[1].ljust(len(index[0])), formula))
-        in_our_words = notations.with_derivatives if latex else notations.in_our_words
-        tokens = in_our_words(_with_products(_scanned(formula, names, latex), names), names)
+        scanned = latex.tokenize(formula, names) if is_tex else tk.tokenize(formula, names.declared())
+        in_our_words = notations.with_derivatives if is_tex else notations.in_our_words
+        tokens = in_our_words(_with_products(components.by_components(scanned, is_tex), names), names)
         tk.refuse_decimal_commas(tokens)
-        _ask_about_primes(tokens, names.energy, latex)
+        _ask_about_primes(tokens, names.energy, is_tex)
         if names.forms:
             _ask_about_displacements(tokens, names)
             tokens = _with_forms(tokens, names, _moves(tokens))
@@ -146,7 +147,7 @@ def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[s
         return tuple(_without_labels(tokens, names)), notes
 
 
-def _ask_about_primes(tokens: Sequence[Token], energy: bool, latex: bool) -> None:
+def _ask_about_primes(tokens: Line, energy: bool, latex: bool) -> None:
     """InputError for the I' of a Lagrangian that also has dots: the prime may be a mark or a derivative by a position.
 
     Also for theta' in an equation in which theta has two dots.
@@ -162,7 +163,7 @@ def _ask_about_primes(tokens: Sequence[Token], energy: bool, latex: bool) -> Non
             raise refusal(f"a prime occurs next to dots: {name}'", token.column, instead, meant, span)
 
 
-def _with_forms(tokens: Sequence[Token], names: Names, moves: bool) -> list[Token]:
+def _with_forms(tokens: Line, names: Names, moves: bool) -> list[Token]:
     """The tokens with z' for dz and 1 for dt: a Pfaffian form divided by dt."""
     found: list[Token] = []
     for place, length, factor, name in differentials(tokens, names, moves):
@@ -180,7 +181,7 @@ def _with_forms(tokens: Sequence[Token], names: Names, moves: bool) -> list[Toke
     return found
 
 
-def differentials(tokens: Sequence[Token], names: Names, moves: bool) -> Iterator[tuple[int, int, list[Token], str]]:
+def differentials(tokens: Line, names: Names, moves: bool) -> Iterator[tuple[int, int, list[Token], str]]:
     """(place, number of tokens, factor, name) of each dz, y dx, and ydx; each other token separately, without a name.
 
     The d is a constant in d theta', and in d x with a space if anything `moves`.
@@ -202,11 +203,11 @@ def differentials(tokens: Sequence[Token], names: Names, moves: bool) -> Iterato
         place += length
 
 
-def _moves(tokens: Sequence[Token]) -> bool:
+def _moves(tokens: Line) -> bool:
     return any(token.order for token in tk.walk(tokens))
 
 
-def _letters_of_forms(tokens: Sequence[Token], names: Names) -> list[str]:
+def _letters_of_forms(tokens: Line, names: Names) -> list[str]:
     lines = [tokens, *(token.inside for token in tk.walk(tokens) if token.inside)]
     found = [name for line in lines for *_, name in differentials(line, names, _moves(tokens))]
     return [name for name in found if _LETTER_OF_A_FORM.fullmatch(name)]
@@ -217,7 +218,7 @@ def names_in_forms(text: str) -> set[str]:
     return {*_letters_of_forms(tokens_if_any(text, Names()), Names())}
 
 
-def moving_in_forms(tokens: Sequence[Token], names: Names) -> list[str]:
+def moving_in_forms(tokens: Line, names: Names) -> list[str]:
     """The undeclared single-letter names z and x of dz - y dx = 0 and of dz = 0."""
     found: list[str] = []
     for line in tk.split_at(";,", tokens):
@@ -227,7 +228,7 @@ def moving_in_forms(tokens: Sequence[Token], names: Names) -> list[str]:
     return found
 
 
-def _ask_about_displacements(tokens: Sequence[Token], names: Names) -> None:
+def _ask_about_displacements(tokens: Line, names: Names) -> None:
     """InputError for delta z in delta z = y delta x, usually a virtual displacement."""
     if names.role("delta") or _moves(tokens):
         return
@@ -265,13 +266,6 @@ def tokens_if_any(formula: str, names: Names) -> list[Token]:
     with suppress(errors.InputError):
         return read_tokens(formula, names)
     return []
-
-
-def _scanned(formula: str, names: Names, is_latex: bool) -> list[Token]:
-    from inverse_service.reading import components, latex
-
-    tokens = latex.tokenize(formula, names) if is_latex else tk.tokenize(formula, names.declared())
-    return components.by_components(tokens, is_latex)
 
 
 def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[Token]:
@@ -323,7 +317,7 @@ def _with_definitions_apart(tokens: list[Token]) -> list[Token]:
     return found
 
 
-def _joins(tokens: Sequence[Token], place: int, names: Names) -> bool:
+def _joins(tokens: Line, place: int, names: Names) -> bool:
     """Whether the token is a word such as "where" that joins a definition or a condition to an equation."""
     wanted = _JOINS.get(tokens[place].text, ())
     if not wanted or names.role(tokens[place].text):
@@ -335,11 +329,11 @@ def _joins(tokens: Sequence[Token], place: int, names: Names) -> bool:
     return False
 
 
-def _has(group: Sequence[Token], *signs: str) -> bool:
+def _has(group: Line, *signs: str) -> bool:
     return any(token.is_operator(*signs) for token in group)
 
 
-def _is_condition(group: Sequence[Token]) -> bool:
+def _is_condition(group: Line) -> bool:
     """Whether it is k > 0 or 0 < k < 1."""
     return _has(group, *tk.COMPARED) and not _has(group, "=") and not any(token.text in _BRANCHES for token in group)
 
@@ -355,7 +349,7 @@ def _without_condition(group: list[Token], formula: str) -> list[Token]:
     return group[:-1]
 
 
-def _is_initial(group: Sequence[Token]) -> bool:
+def _is_initial(group: Line) -> bool:
     """Whether it is x(0) = 1, x'(t_0) = v, x = x(t), or k = const."""
     first, rest = at(group, 0), tk.spelled(group[1:])
     said = rest.startswith("=") and rest.endswith(("isconstant", "isaconstant"))  # h = r^2 phi' is constant
@@ -396,21 +390,21 @@ def _without_number(group: list[Token], formula: str, names: Names) -> list[Toke
     return group[:-1]
 
 
-def _is_item(group: Sequence[Token]) -> bool:
+def _is_item(group: Line) -> bool:
     """Whether it begins with (a) or (ii) and this text does not occur again."""
     letter = tk.spelled(group[0].inside)
     again = any(token.text == letter for token in tk.walk(group[1:]))
     return group[1].space_before and bool(prose.ITEM.fullmatch(tk.spelled(group[:1]))) and not again
 
 
-def _is_number(group: Sequence[Token]) -> bool:
+def _is_number(group: Line) -> bool:
     """Whether it is (3.2) or (3.2a), as the number of an equation."""
     if len(group) != 1 or not group[0].is_bracket() or group[0].value or group[0].order:
         return False
     return re.fullmatch(r"\([0-9.]+[A-Za-z]?\)", tk.source(group)) is not None
 
 
-def _with_products(tokens: Sequence[Token], names: Names) -> list[Token]:
+def _with_products(tokens: Line, names: Names) -> list[Token]:
     """The tokens with x'' for x_ddot and the runs of letters in `names.splits` split, with brackets after functions."""
     found: list[Token] = []
     for place, token in enumerate(tokens):
@@ -496,7 +490,7 @@ def split_equations(formula: str, names: Names) -> list[EquationTokens]:
     return found
 
 
-def _refuse_bullets(tokens: Sequence[Token], formula: str) -> None:
+def _refuse_bullets(tokens: Line, formula: str) -> None:
     """InputError for lines that all begin with "- ", usually a bullet; -x'' = x in one line is accepted."""
 
     def ends(_: int, token: Token) -> bool:
@@ -505,50 +499,47 @@ def _refuse_bullets(tokens: Sequence[Token], formula: str) -> None:
     full = [line for line, _ in tk.split(tokens, ends) if line]
     listed = (line[0].is_operator("-") and line[1:] and line[1].space_before for line in full)
     if len(full) > 1 and all(listed) and all(any(token.is_operator("=") for token in line) for line in full):
-        raise refusal(
-            "every line begins with a - that may be a bullet", full[0][0].column, "leave it out, or write -1*"
-        )
+        what = "every line begins with a - that may be a bullet"
+        raise refusal(what, full[0][0].column, "leave it out, or write -1*")
 
 
 def read_equation(equation: EquationTokens, names: Names) -> tuple[ex.Expression, ex.Expression]:
     """(left, right); right is 0 if there is no =."""
-    places = [place for place, token in enumerate(equation.tokens) if token.is_operator("=")]
-    if len(places) > 1:
-        column = equation.tokens[places[1]].column
-        raise refusal("a second = occurs", column, "separate equations by ;")
-    if not places:
-        return _side(list(equation.tokens), equation.end_column, names), ex.ZERO
-    left, right = list(equation.tokens[: places[0]]), list(equation.tokens[places[0] + 1 :])
-    return _side(left, equation.tokens[places[0]].column, names), _side(right, equation.end_column, names)
+    parts = tk.split(equation.tokens, lambda _, token: token.is_operator("="))
+    ends = [end.column for _, end in parts if end]
+    if len(ends) > 1:
+        raise refusal("a second = occurs", ends[1], "separate equations by ;")
+    columns = [*ends, equation.end_column]
+    sides = [parser.parse_tokens(part, end, names) for (part, _), end in zip(parts, columns, strict=True)]
+    return sides[0], sides[1] if ends else ex.ZERO
 
 
-def remark(line: Sequence[Token], place: int, alone: Collection[str]) -> errors.InputError | None:
-    """The error for a word next to a factor that is not meant as one, such as damping, unless it is in `alone`.
+def refuse_remark(line: Line, place: int, alone: Collection[str]) -> None:
+    """InputError for a word next to a factor that is not meant as one, such as damping, unless it is in `alone`.
 
     Also for (spring) after an equation and (a) before one.
     """
     token, before, after = line[place], at(line, place - 1), at(line, place + 1)
     shown = shorten(token.text)
-    behind = _ends_factor(before)
+    behind = before.text not in FUNCTIONS and before.kind in ("name", "number", "prime", "bracket")
     ahead = after.kind in ("name", "number") or (after.is_bracket() and after.space_before)
     if token.kind == "name" and prose.is_word(token.text) and token.text not in alone and (behind or ahead):
         short = ["*".join(token.text)] * (len(token.text) <= prose.SHORTEST_WORD + 1)
         meant = (*(f"{'*' * behind}{name}{'*' * ahead}" for name in (token.text, *short)), " ")
         span = (token.column, token.column + len(token.text))
         instead = "leave it out, or write * before a factor"
-        return refusal(f"{shown} could be a remark", token.column, instead, meant, span)
+        raise refusal(f"{shown} could be a remark", token.column, instead, meant, span)
     if not token.is_bracket() or _moves(token.inside) or {each.kind for each in token.inside} != {"name"}:
-        return None
+        return
     begins = _is_edge(before) and after.kind == "name"
-    power = before if before.is_bracket() and at(line, place - 2).is_operator("^") else None
+    power = before.is_bracket() and at(line, place - 2).is_operator("^")
     raised = power and at(line, place - 3).text in FUNCTIONS  # sin^{2} (omega t)
-    if not begins and not (token.space_before and behind and _is_edge(after) and not raised):
-        return None
-    shown = shorten(f"({' '.join(each.text for each in token.inside)})")
-    return refusal(f"{shown} could be a remark", token.column, "leave it out, or write * next to a factor")
+    if begins or (token.space_before and behind and _is_edge(after) and not raised):
+        shown = shorten(f"({' '.join(each.text for each in token.inside)})")
+        raise refusal(f"{shown} could be a remark", token.column, "leave it out, or write * next to a factor")
 
 
-def alone(lines: Iterable[Sequence[Token]]) -> set[str]:
+def alone(lines: Iterable[Line]) -> set[str]:
     """The names that occur between signs, have primes, or occur twice, and are therefore not remarks."""
     found, once = set[str](), set[str]()
     for line, place, _ in (each for tokens in lines for each in tk.places(tokens)):
@@ -563,16 +554,6 @@ def alone(lines: Iterable[Sequence[Token]]) -> set[str]:
 def _is_edge(token: Token) -> bool:
     """Whether an equation ends or begins at this token."""
     return token.kind == "end" or token.is_operator(";", ",")
-
-
-def _ends_factor(token: Token) -> bool:
-    return token.text not in FUNCTIONS and token.kind in ("name", "number", "prime", "bracket")
-
-
-def _side(tokens: list[Token], end_column: int, names: Names) -> ex.Expression:
-    return parser.check_depth(
-        parser.parse_tokens(tokens, end_column, names), tokens[0].column if tokens else end_column
-    )
 
 
 def equation_line(name: str, text: str) -> str:

@@ -45,6 +45,12 @@ JOINING, CONDITIONAL = (
     ("for", "if", "when"),
 )
 END = "an operator or the end"
+# What is wrong with a sign, and what to write instead.
+_NEVER = {
+    TOTAL: ("a differential occurs", "write \\frac{dx}{dt} for a derivative"),
+    "!": ("a factorial occurs", "only factorials of the integers 0 to 20 are accepted"),
+    PARTIAL: ("a partial derivative occurs", "write diff(A(x, y), x), A declared"),
+}
 NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _GROUPED = re.compile(r"[0-9]+(?:_[0-9]+)+|[0-9]{1,3}(?:['\u2019][0-9]{3})+(?![0-9])")  # 1_000, 1'000
 _OTHER_BASE = re.compile(r"0[xX][0-9A-Fa-f]+\b|0[bB][01]+\b|0[oO][0-7]+\b")
@@ -60,6 +66,13 @@ _REFUSED_SIGNS = {
 COMPARISONS = {"!=": "\u2260", "<=": "<", ">=": ">", "<": "<", ">": ">", "\u2264": "<", "\u2265": ">",
                "\u2260": "\u2260", "\u226a": "<", "\u226b": ">"}  # fmt: skip
 COMPARED = ("<", ">", "\u2260")
+_AFTER_A_FORMULA = {
+    **_NEVER,
+    **dict.fromkeys("=;", ("an equation occurs where a formula is expected", "write one side only")),
+    **dict.fromkeys(COMPARED, ("a comparison occurs", "write an equation with one =")),
+    "[": ("square brackets are not accepted here", "write ( and )"),
+    ",": ("a comma occurs outside a function", "write a decimal point, or * for a product"),
+}
 # Signs and their replacements; some are those of other programs, such as .* of MATLAB and ~ of Julia.
 _SIGNS = {sign: sign for sign in "+-*/^()[]{},=;|!" + PARTIAL + TOTAL + NABLA} | OPERATORS | COMPARISONS
 _SIGNS |= {":=": "=", "==": "=", "**": "^", ".*": "*", "./": "/", ".^": "^", "~": "="}
@@ -110,22 +123,23 @@ class Token:
 
 
 Tokens = list[Token]
+Line = Sequence[Token]
 
 
 _BEYOND = Token("end", "", 0)
 
 
-def at(tokens: Sequence[Token], place: int) -> Token:
+def at(tokens: Line, place: int) -> Token:
     """The token at this place, or an end mark beyond either end, so that callers need no bounds check."""
     return tokens[place] if 0 <= place < len(tokens) else _BEYOND
 
 
-def bracket(inside: Sequence[Token], at: Token, value: Fraction = Fraction(0), space: bool = True) -> Token:
+def bracket(inside: Line, at: Token, value: Fraction = Fraction(0), space: bool = True) -> Token:
     """A bracket at the column of the token `at`."""
     return Token("bracket", "(", at.column, space, value, tuple(inside), at.column)
 
 
-def nested(tokens: Sequence[Token], primes: bool = True) -> Tokens:
+def nested(tokens: Line, primes: bool = True) -> Tokens:
     """The tokens with each pair of brackets joined into one token and, with `primes`, primes joined to the token they
     follow.
 
@@ -167,7 +181,7 @@ def add_prime(line: Tokens, prime: Token) -> None:
         line.append(prime)
 
 
-def places(line: Sequence[Token], outer: Token = _BEYOND) -> Iterator[tuple[Sequence[Token], int, Token]]:
+def places(line: Line, outer: Token = _BEYOND) -> Iterator[tuple[Line, int, Token]]:
     """Every token as its line, its place there, and the token before the bracket around the line."""
     for place, token in enumerate(line):
         yield line, place, outer
@@ -209,27 +223,28 @@ def source(tokens: Iterable[Token]) -> str:
     return found.strip()
 
 
-def after_power(tokens: Sequence[Token], place: int) -> int:
+def after_power(tokens: Line, place: int) -> int:
     """The place after the ^k or ^( ... ) that begins here; the same place if there is no power."""
     return place + 2 * at(tokens, place).is_operator("^")
 
 
-def split(tokens: Sequence[Token], ends: Callable[[int, Token], bool]) -> list[tuple[Tokens, Token | None]]:
+def split(tokens: Line, ends: Callable[[int, Token], bool]) -> list[tuple[Tokens, Token | None]]:
     """The parts between separators, each with the separator that ends it."""
-    places = [place for place, token in enumerate(tokens) if ends(place, token)]
-    starts = [0, *(place + 1 for place in places)]
-    return [
-        (list(tokens[start:end]), tokens[end] if end < len(tokens) else None)
-        for start, end in zip(starts, [*places, len(tokens)], strict=True)
-    ]
+    found: list[tuple[Tokens, Token | None]] = []
+    start = 0
+    for place, token in enumerate(tokens):
+        if ends(place, token):
+            found.append((list(tokens[start:place]), token))
+            start = place + 1
+    return [*found, (list(tokens[start:]), None)]
 
 
-def split_at(signs: str, tokens: Sequence[Token]) -> list[Tokens]:
+def split_at(signs: str, tokens: Line) -> list[Tokens]:
     """The parts between these signs."""
     return [part for part, _ in split(tokens, lambda _, token: token.is_operator(*signs))]
 
 
-def with_line_ends(tokens: Sequence[Token], latex: bool = False) -> Tokens:
+def with_line_ends(tokens: Line, latex: bool = False) -> Tokens:
     """The tokens with a ; for each line end between two equations, without the other line ends.
 
     No equation ends next to an operator that lacks an operand. In LaTeX, a formula may be broken anywhere and a wide
@@ -249,7 +264,7 @@ def with_line_ends(tokens: Sequence[Token], latex: bool = False) -> Tokens:
     return found
 
 
-def _is_between(before: Sequence[Token], after: Sequence[Token], latex: bool) -> bool:
+def _is_between(before: Line, after: Line, latex: bool) -> bool:
     """Whether the equation before a line end is complete and the next line begins another one."""
     text = itertools.dropwhile(lambda token: token.kind == "newline", after)
     line = list(itertools.takewhile(lambda token: token.kind != "newline" and not token.is_operator(";"), text))
@@ -261,7 +276,7 @@ def _is_between(before: Sequence[Token], after: Sequence[Token], latex: bool) ->
     return not before[-1].is_operator(";") and (equals or not line[0].is_operator("-"))
 
 
-def refuse_decimal_commas(tokens: Sequence[Token]) -> None:
+def refuse_decimal_commas(tokens: Line) -> None:
     """InputError for 1,5, which may be a decimal comma or two numbers; the orders in B[1,0] are accepted."""
     for token in tokens:
         if token.inside and token.text != "[":
@@ -288,7 +303,7 @@ class TokenStream:
 
     __slots__ = ("_tokens", "position")
 
-    def __init__(self, tokens: Sequence[Token], end: Token) -> None:
+    def __init__(self, tokens: Line, end: Token) -> None:
         self._tokens = [*tokens, end]
         self.position = 0
 
@@ -320,14 +335,8 @@ def unexpected(token: Token, wanted: str) -> InputError:
     """The error for a token that cannot follow here."""
     if token.kind == "end" and not token.text:
         return refusals.refusal("the formula ends", token.column, f"{wanted} is missing")
-    if token.is_operator(TOTAL):
-        return refusals.refusal("a differential occurs", token.column, "write \\frac{dx}{dt} for a derivative")
-    if token.is_operator("!"):
-        return refusals.refusal(
-            "a factorial occurs", token.column, "only factorials of the integers 0 to 20 are accepted"
-        )
-    if token.is_operator(PARTIAL):
-        return refusals.refusal("a partial derivative occurs", token.column, "write diff(A(x, y), x), A declared")
+    if token.kind != "name" and (known := (_AFTER_A_FORMULA if wanted == END else _NEVER).get(token.text)):
+        return refusals.refusal(known[0], token.column, known[1])
     if wanted == END and (opening := _OPENING.get(token.text)):
         instead = f"leave it out, or add the '{opening}' before it"
         return refusals.refusal(f"'{token.text}' is not expected", token.column, instead)
@@ -339,10 +348,8 @@ def check_length(text: str) -> None:
     """LimitError for too many characters, InputError for an empty text."""
     most = refusals.most_characters()
     if len(text) > most:
-        raise LimitError(
-            f"the formula has {len(text):,} characters: the limit is {most:,}; shorten it.",
-            column=most + 1,
-        )
+        detail = f"the formula has {len(text):,} characters: the limit is {most:,}; shorten it."
+        raise LimitError(detail, column=most + 1)
     if not text.strip():
         raise refusals.refusal("the formula is empty", len(text) + 1, "write a formula, 0 if nothing acts")
 
@@ -425,16 +432,10 @@ def next_tokens(text: str, place: int, space: bool, known: Container[str] = ()) 
 def number_token(text: str, column: int, space: bool) -> Token:
     """An exact decimal (0.1 is 1/10); LimitError for too many digits or too large a power of ten."""
     mantissa, _, exponent = text.lower().partition("e")
-    refusals.at_most(
-        sum(character.isdigit() for character in mantissa),
-        refusals.LIMITS.digits,
-        "a number has too many digits",
-        column,
-    )
-    if len(exponent.lstrip("+-0")) > 6 or abs(int(exponent or 0)) > refusals.LIMITS.decimal_exponent:
-        raise refusals.limit_passed(
-            "the power of ten of a number is too large", column, refusals.LIMITS.decimal_exponent
-        )
+    digits, most = sum(map(str.isdigit, mantissa)), refusals.LIMITS.decimal_exponent
+    refusals.at_most(digits, refusals.LIMITS.digits, "a number has too many digits", column)
+    if len(exponent.lstrip("+-0")) > 6 or abs(int(exponent or 0)) > most:
+        raise refusals.limit_passed("the power of ten of a number is too large", column, most)
     value = Fraction(mantissa) * Fraction(10) ** int(exponent or 0)
     return Token("number", text, column, space, value)
 
@@ -444,9 +445,8 @@ def _superscript(text: str, place: int) -> tuple[Tokens, int]:
     raised = _RAISED.match(text, place)
     if raised is None:
         raise refusals.refusal("a raised minus has no digits after it", place + 1, "write a power such as ^(-1)")
-    return written(
-        f"^({''.join(map(_SUPERSCRIPTS.__getitem__, raised[0]))})", Token("name", "", place + 1)
-    ), raised.end()
+    digits = "".join(map(_SUPERSCRIPTS.__getitem__, raised[0]))
+    return written(f"^({digits})", Token("name", "", place + 1)), raised.end()
 
 
 def _name(text: str, place: int, space: bool, known: Container[str]) -> tuple[Tokens, int]:
@@ -464,9 +464,8 @@ def _name(text: str, place: int, space: bool, known: Container[str]) -> tuple[To
     found: Tokens = []
     for name, order, start in runs:
         refusals.at_most(len(name), refusals.LIMITS.name_characters, "a name has too many characters", start + 1)
-        found.append(
-            Token("name", name, start + 1, space and start == place, order=order, primed=(start + 1) * (order > 0))
-        )
+        primed = (start + 1) * (order > 0)
+        found.append(Token("name", name, start + 1, space and start == place, order=order, primed=primed))
     return found, end
 
 
