@@ -147,7 +147,7 @@ class Branch:
     hamiltonian: ex.Expression
     conditions: tuple[ex.Expression, ...] = ()
 
-    def changed(self, change: Rule) -> "Branch":
+    def changed(self, change: derivative.Rule) -> "Branch":
         """The branch with every formula changed."""
         velocities, conditions = (tuple(map(change, trees)) for trees in (self.velocities, self.conditions))
         return Branch(velocities, change(self.hamiltonian), conditions)
