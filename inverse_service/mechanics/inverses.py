@@ -45,6 +45,7 @@ _INVERSES: dict[str, str] = {
 }  # fmt: skip
 _NAME = "the cubic's unknown"
 _LARGEST_BLOCK = 3
+Rule = Callable[[ex.Expression], ex.Expression]
 Equation = tuple[ex.Symbol, ex.Expression]
 Solved = tuple[dict[ex.Velocity, ex.Expression], tuple[ex.Expression, ...]]
 Form = tuple[ex.Expression, ...]
