@@ -7,6 +7,7 @@ import os
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
+from urllib.parse import quote
 
 from fastapi import APIRouter, Depends, FastAPI
 from starlette.middleware.cors import CORSMiddleware
@@ -119,9 +120,8 @@ async def login(request: Request) -> Response:
     if len(key) > clients.LARGEST_KEY or _engine(request).keys.client_of(key) is None:
         return _form(place, "This key is not known here.", 401)
     answer = RedirectResponse(place, 303)
-    answer.set_cookie(
-        clients.COOKIE, clients.cookie_of_key(key), httponly=True, samesite="strict", secure=_is_secure(request)
-    )
+    # The value of a cookie takes no spaces, commas or umlauts.
+    answer.set_cookie(clients.COOKIE, quote(key, safe=""), httponly=True, samesite="strict", secure=_is_secure(request))
     return answer
 
 

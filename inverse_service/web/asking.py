@@ -5,8 +5,8 @@ import math
 import re
 import uuid
 from collections import defaultdict
-from collections.abc import AsyncIterator, Container, Iterable
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Container, Iterable, Iterator
+from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -131,25 +131,12 @@ def end_of(job: str) -> str:
 
 
 class Waiting(asyncio.Event):
-    """A waiting request among `all` those that wait; `job` is the job that ended, if it ended in this process.
+    """A waiting request; `job` is the job that ended, if it ended in this process.
 
     Its user clears it before looking at the store.
     """
 
     job: model.Job | None = None
-
-    def __init__(self, all: dict[str, set["Waiting"]], id: str) -> None:
-        super().__init__()
-        self._all, self._id = all, id
-
-    def __enter__(self) -> "Waiting":
-        self._all[self._id].add(self)
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._all[self._id].discard(self)
-        if not self._all[self._id]:
-            del self._all[self._id]
 
 
 class Hub:
@@ -172,9 +159,17 @@ class Hub:
         self.closing = True
         self._loop.call_soon_threadsafe(lambda: self._set(tuple(self._waiting)))
 
-    def waiting(self, id: str) -> Waiting:
+    @contextmanager
+    def waiting(self, id: str) -> Iterator[Waiting]:
         """An event that is set at each change, within its context."""
-        return Waiting(self._waiting, id)
+        event = Waiting()
+        self._waiting[id].add(event)
+        try:
+            yield event
+        finally:
+            self._waiting[id].discard(event)
+            if not self._waiting[id]:
+                del self._waiting[id]
 
     def _set(self, keys: Iterable[str], job: model.Job | None = None) -> None:
         for key in keys:

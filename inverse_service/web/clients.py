@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from urllib.parse import quote, unquote
+from urllib.parse import unquote
 
 from starlette.requests import Request
 
@@ -155,11 +155,6 @@ def place_of(address: str) -> str:
     if found.ipv4_mapped is not None:
         return str(found.ipv4_mapped)
     return str(ipaddress.ip_network((found, 64), strict=False))
-
-
-def cookie_of_key(key: str) -> str:
-    """A key as the value of a cookie, which takes no spaces, commas or umlauts."""
-    return quote(key, safe="")
 
 
 def is_of_own_page(request: Request) -> bool:

@@ -20,7 +20,7 @@ from inverse_service.certificate import cell, checker, formulas, question as che
 from inverse_service.deadline import now
 from inverse_service.decision.cells import point_of
 from inverse_service.expressions import derivative, printing, tree as ex
-from inverse_service.field import real_point
+from inverse_service.field import real_point, reduction
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.agreement import Canonical, GivenText, equations_agree, motion_agrees
 from inverse_service.reading import document_names, names as nm, reader
@@ -85,7 +85,6 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
     The constraints hold with its velocities, and its accelerations are the motion, as of an associated system.
     """
     from inverse_service.constrained.lagrangian import first_system
-    from inverse_service.field.reduction import vanish
 
     try:
         document = accepting.prepared(document).document
@@ -106,7 +105,7 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
         return checker.CheckResult("invalid", (sentence,))
     positions = [ex.TIME, *map(ex.Symbol, claimed.coordinates)]
     variables: list[ex.Symbol | ex.Velocity] = [*positions, *map(ex.Velocity, claimed.free)]
-    found = None if differ else vanish(trees, [*variables, *map(ex.Symbol, claimed.parameters)])
+    found = None if differ else reduction.vanish(trees, [*variables, *map(ex.Symbol, claimed.parameters)])
     if differ or not found:
         sentence = "The motion of a certificate is not that of the document as given."
         return checker.CheckResult("incomplete" if found is None and not differ else "invalid", (sentence,))
@@ -383,7 +382,6 @@ def image_agrees(document: Any, shown: Mapping[str, Any], names: nm.Names) -> bo
 
     As many as those, and independent; None where the document has none or it is undecided.
     """
-    from inverse_service.field.reduction import rank_at_point
     from inverse_service.mechanics.constrained_motion import equations_of_motion
 
     if not isinstance(document, dict) or "lagrangian" not in document:
@@ -397,14 +395,12 @@ def image_agrees(document: Any, shown: Mapping[str, Any], names: nm.Names) -> bo
     good = _vanish(held, names, motion.free)
     slopes = [[derivative.differentiate(tree, ex.Symbol(p)) for p in shown["momenta"]] for tree in listed]
     variables = [ex.TIME, *map(ex.Symbol, names.coordinates), *map(ex.Symbol, names.parameters)]
-    return good if not good else rank_at_point(slopes, variables) == len(listed) or None
+    return good if not good else reduction.rank_at_point(slopes, variables) == len(listed) or None
 
 
 def _vanish(trees: Sequence[ex.Expression], names: nm.Names, moving: Sequence[str]) -> bool | None:
-    from inverse_service.field.reduction import vanish
-
     constants = [ex.Symbol(name) for name in names.parameters]
-    return vanish(trees, [ex.TIME, *map(ex.Symbol, names.coordinates), *map(ex.Velocity, moving), *constants])
+    return reduction.vanish(trees, [ex.TIME, *map(ex.Symbol, names.coordinates), *map(ex.Velocity, moving), *constants])
 
 
 # What a result goes through before it leaves: checked, one verdict over its cells, its fields in order.

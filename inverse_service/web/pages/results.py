@@ -184,27 +184,24 @@ async def made_file(request: Request, identifier: str, file: str) -> Response:
 
 def _file_of(kind: str, file: str, identifier: str, address: str) -> Made | None:
     """Media type, disposition, task and its arguments of a file; None if a job of this kind has no such file."""
-    folder, slash, rest = file.partition("/")
-    folder, rest = (folder, rest) if slash else ("", file)
-    name, _, ending = rest.rpartition(".")
-    if file == "table.csv":
-        return "text/csv", "", result_tasks.table_task, ()
-    if kind == "solve":
-        if file == "certificate.json":
+    path, _, ending = file.rpartition(".")
+    match kind == "solve", *(path or file).split("/"):
+        case _, "table" if ending == "csv":
+            return "text/csv", "", result_tasks.table_task, ()
+        case True, "certificate" if ending == "json":
             attached = f'attachment; filename="certificate-{identifier[:12]}.json"'
             return "application/json", attached, result_tasks.certificate_task, ()
-        if not folder and name == "picture" and ending in simulations.PICTURES:
+        case True, "picture" if ending in simulations.PICTURES:
             return simulations.PICTURES[ending], "", result_tasks.answer_picture_task, (ending,)
-        if folder == "code" and rest in result_tasks.EXPORTS:
-            inline = f'inline; filename="system.{result_tasks.EXPORTS[rest][1]}"'
-            return "text/plain", inline, result_tasks.code_task, (rest, address)
-        return None
-    if file == "figures.json":
-        return "application/json", "", result_tasks.figure_data_task, ()
-    if folder == "figures" and name in views.NAMES and ending in simulations.PICTURES:
-        return simulations.PICTURES[ending], "", result_tasks.picture_task, (name, ending)
-    if folder == "data" and ending in simulations.TABLES:
-        return simulations.TABLES[ending], "", result_tasks.file_task, (name, ending)
+        case True, "code", language if not path and language in result_tasks.EXPORTS:
+            inline = f'inline; filename="system.{result_tasks.EXPORTS[language][1]}"'
+            return "text/plain", inline, result_tasks.code_task, (language, address)
+        case False, "figures" if ending == "json":
+            return "application/json", "", result_tasks.figure_data_task, ()
+        case False, "figures", name if name in views.NAMES and ending in simulations.PICTURES:
+            return simulations.PICTURES[ending], "", result_tasks.picture_task, (name, ending)
+        case False, "data", *label if label and ending in simulations.TABLES:
+            return simulations.TABLES[ending], "", result_tasks.file_task, ("/".join(map(str, label)), ending)
     return None
 
 
