@@ -14,6 +14,7 @@ import re
 import unicodedata
 from collections import defaultdict
 from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from math import perm
@@ -34,7 +35,7 @@ from api_schemas.system import (
 )
 from inverse_service import errors
 from inverse_service.expressions import collecting, derivative, letters, notation, printing, refusals, tree as ex
-from inverse_service.field import reduction
+from inverse_service.field import exact_field, reduction
 from inverse_service.mechanics import euler_lagrange, reading, second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import components, document_names, names as nm, reader
@@ -257,7 +258,7 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
             return plain, {}, {}
         if any(map(_LAMBDA.search, texts.values())):
             return _with_multipliers(plain, texts)
-        return (plain, {}, {}) if energies else _as_motion(plain, others)
+        return (plain, {}, {}) if energies else _as_motion(plain, texts, others)
     lagrangian = ""
     if "whole" in energies:
         others += [
@@ -304,7 +305,9 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
         "".join([text, *(vector for vector in vectors if bold(text) or not bold(vector))])
         for text in (lagrangian, *constraints)
     )
-    _check_reactions(reactions, lagrangian, constraints)
+    known = _declared(plain) if "whole" in energies else None
+    with reader.placed_at(places["/lagrangian"]):
+        _check_multipliers(reactions, lagrangian, constraints, known)
     made = {**{name: value for name, value in plain.items() if name != key}, "lagrangian": lagrangian}
     if where:
         made["where"] = {**plain.get("where", {}), **where}
@@ -347,14 +350,20 @@ def _determinant(rows: Sequence[Sequence[ex.Expression]]) -> ex.Expression:
     return collecting.collect(ex.add(*minors))
 
 
-def _check_reactions(reactions: Mapping[str, str], lagrangian: str, constraints: Sequence[str]) -> None:
-    """InputError where the lambda y of d/dt dL/dx' - dL/dx = lambda y, by x, is no reaction of a constraint."""
+def _check_multipliers(
+    reactions: Mapping[str, str], lagrangian: str, constraints: Sequence[str], known: Collection[str] | None
+) -> None:
+    """InputError where the lambda y of d/dt dL/dx' - dL/dx = lambda y, by x, is no reaction of a constraint.
+
+    So it is where a lambda that is not known multiplies a constraint in L.
+    """
     texts = {"/lagrangian": lagrangian, **{f"/constraints/{k}": text for k, text in enumerate(constraints)}}
     texts |= {f"/reactions/{name}": text for name, text in reactions.items()}
     try:
         names = document_names.known_names(document_names.Declared(parameters="guess"), texts, 1).names
         pairs = [pair for text in constraints for pair in reader.read_equations(text, replace(names, forms=True))]
         forces = {names.spelling(name): reader.read_formula(text, names) for name, text in reactions.items()}
+        whole = reader.read_formula(lagrangian, replace(names, energy=True))
     except errors.InputError:
         return  # reported where it is read
     places = [place for place, name in enumerate(names.coordinates) if name in forces]
@@ -364,6 +373,32 @@ def _check_reactions(reactions: Mapping[str, str], lagrangian: str, constraints:
         if any(entry != ex.ZERO for entry in force) and not any(_are_parallel(force, form) for form in forms):
             what = f"the right sides with {multiplier.name} are no reaction of a constraint"
             raise errors.InputError(f"{what}: write those of d'Alembert, or leave these equations out.")
+        if known is not None and multiplier.name not in known:
+            _ask_about_multiplied(whole, multiplier, [left - right for left, right in pairs], lagrangian, names)
+
+
+def _ask_about_multiplied(
+    whole: ex.Expression, multiplier: ex.Symbol, held: Sequence[ex.Expression], text: str, names: nm.Names
+) -> None:
+    """InputError for the lambda of L + lambda (x^2 + y^2 - l^2): of this constraint, or a constant.
+
+    A constant would not multiply a term in which nothing moves.
+    """
+    slope = derivative.differentiate(whole, multiplier)
+    parts = slope.factors if isinstance(slope, ex.Product) else (slope,)
+    terms = [term for part in parts if isinstance(part, ex.Sum) for term in part.terms]
+    moving = {ex.TIME, *map(ex.Symbol, names.coordinates), *map(ex.Velocity, names.coordinates)}
+    still = [term for term in terms if not moving & {*ex.walk(term)} and _holds(term, ex.Symbol)]
+    is_held = any(_is_zero(slope - tree) or _is_zero(slope + tree) for tree in held)
+    if not is_held and not (still and all(isinstance(part, ex.Number | ex.Sum) for part in parts)):
+        return
+    rest = printing.to_text(ex.substitute(whole, {multiplier: ex.ZERO}))
+    meant = rest if is_held else f"{rest}; {printing.to_text(slope)} = 0"
+    found = _LAMBDA.search(text)
+    column, span = found.start() + 1 if found else 1, (len(text) - len(text.lstrip()) + 1, len(text.rstrip()) + 1)
+    what = f"{multiplier.name} could be a multiplier of a constraint, or a constant; it occurs"
+    instead = f"write the constraint beside L, and L without {multiplier.name}"
+    raise refusals.refusal(what, column, instead, (meant,), span, "parameters")
 
 
 def _defined(line: str, moving: Collection[str]) -> tuple[str, bool]:
@@ -446,27 +481,29 @@ def _with_multipliers(
 
 
 def _as_motion(
-    plain: dict[str, Any], lines: Sequence[tuple[str, str]]
+    plain: dict[str, Any], texts: Mapping[str, str], lines: Sequence[tuple[str, str]]
 ) -> tuple[dict[str, Any], dict[str, str], dict[str, str]]:
     """The same for x'' = 0, y'' = -x*x'*y'/(1 + x^2), z' = -x*y': the line of first order is a constraint."""
     motion: dict[str, str] = {}
-    held: dict[str, str] = {}  # by the constraint
+    held: dict[str, str] = {}
     places: dict[str, str] = {}
     moving: dict[str, None] = {}
+    accelerated: set[str] = set()
     for pointer, line in lines:
         tokens, equal = reader.tokens_if_any(line, nm.Names()), line.find("=") + 1
         velocities = dict.fromkeys(document_names.moving_names(tokens, 1))
         accelerations = document_names.moving_names(tokens, 2)
         moving |= velocities
+        accelerated.update(accelerations)
         if not accelerations and len(velocities) > 1:
             places[f"/constraints/{len(held)}"] = pointer
             held[line] = "a constraint"
         elif accelerations == [at(tokens, 0).text] and at(tokens, 1).is_operator("="):
             places[f"/motion/{tokens[0].text}"] = pointer
             motion[tokens[0].text] = line[equal:].rjust(len(line))
-        else:
-            return plain, {}, {}
-    if not motion or not held or len(motion) + len(held) != len(moving):
+    if held and len(accelerated) == len(moving) == len(lines) - len(held):
+        return _with_multipliers(plain, texts)
+    if not motion or not held or not len(motion) + len(held) == len(moving) == len(lines):
         return plain, {}, {}
     kept = {"coordinates": list(moving)} | {key: part for key, part in plain.items() if key != "equations"}
     notes = {line.strip(): words for line, words in held.items()}
@@ -844,11 +881,14 @@ def _constrained(
         for (_, tree), still in zip(held, of_positions, strict=True)
     ]
     rows = _rows(rates, names.coordinates)
-    multipliers = [
-        ex.Symbol(name)
+    forces = {
+        name: [derivative.differentiate(line, ex.Symbol(name)) for line in moving]
         for name in names.parameters
-        if _MULTIPLIER.fullmatch(name) and any(ex.holds(line, ex.Symbol(name)) for line in moving)
-    ]
+        if any(ex.holds(line, ex.Symbol(name)) for line in moving)
+    }
+    named = [name for name in forces if _MULTIPLIER.fullmatch(name)]
+    reactions = [name for name, force in forces.items() if any(_are_parallel(force, row) for row in rows)]
+    multipliers = [ex.Symbol(name) for name in named or reactions]
     if len(moving) != len(names.coordinates) or not held or not len(multipliers) == len(held) == len(rows):
         return None
     lagrangian = _lagrangian(names, moving, multipliers, rows)
@@ -920,7 +960,11 @@ def _are_parallel(force: Sequence[ex.Expression], form: Sequence[ex.Expression])
 
 
 def _is_zero(tree: ex.Expression) -> bool:
-    return collecting.collect(tree) == ex.ZERO
+    if collecting.collect(tree) == ex.ZERO:
+        return True
+    with suppress(exact_field.TooLarge, ZeroDivisionError, KeyError):  # sin(x) = cos(x)*tan(x)
+        return exact_field.exact_ring([tree], [], 0, exact_field.Budget.short(), slopes=False).value(tree).is_zero
+    return False
 
 
 # The prepared document to its schema and its system.
