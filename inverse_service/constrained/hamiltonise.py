@@ -7,18 +7,18 @@ flows in floating point as an illustration.
 
 from __future__ import annotations
 
-import math
 import random
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service import errors
-from inverse_service.expressions import derivative, printing, tree as ex
+from inverse_service.expressions import arrays, derivative, printing, tree as ex
 from inverse_service.field import reduction
 from inverse_service.mechanics import constrained_motion, second_order_system, writing
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums
@@ -29,18 +29,6 @@ Verdict = Literal["holds", "fails", "not settled"]
 STEPS, STEP = 100, 0.01
 _STARTS = 12
 _LARGE = 1e6
-_FUNCTIONS: dict[str, Callable[[float], float]] = {
-    **{name: getattr(math, name) for name in derivative.FUNCTION if hasattr(math, name)},
-    "abs": abs,
-    "sign": lambda u: float((u > 0) - (u < 0)),
-    "Heaviside": lambda u: float(u > 0),
-    "cot": lambda u: 1 / math.tan(u),
-    "sec": lambda u: 1 / math.cos(u),
-    "csc": lambda u: 1 / math.sin(u),
-    "coth": lambda u: 1 / math.tanh(u),
-    "sech": lambda u: 1 / math.cosh(u),
-    "csch": lambda u: 1 / math.sinh(u),
-}
 State = NDArray[np.float64]
 
 
@@ -249,58 +237,14 @@ def sample_functions(trees: Sequence[ex.Expression], seed: int = 1) -> derivativ
     return found
 
 
-def numerical(trees: Sequence[ex.Expression], variables: Sequence[ex.Expression]) -> Callable[[State], State]:
-    """The trees as one function of the state; InputError for a name that is not among the variables."""
-    places: dict[ex.Expression, int] = {}
-    steps: list[Callable[[list[float]], float]] = []
-    for tree in trees:
-        for node in reversed(list(ex.walk(tree))):  # parts before the nodes that contain them
-            if node not in places and node not in variables:
-                steps.append(_step(node, places, variables))
-                places[node] = len(variables) + len(steps) - 1
-    wanted = [variables.index(tree) if tree in variables else places[tree] for tree in trees]
-
-    def function(state: State) -> State:
-        values = state.tolist()
-        for step in steps:
-            values.append(step(values))
-        return np.array([values[place] for place in wanted])
-
-    return function
-
-
-def _step(
-    node: ex.Expression, places: Mapping[ex.Expression, int], variables: Sequence[ex.Expression]
-) -> Callable[[list[float]], float]:
-    """A function that computes a node from the values before it."""
-
-    def place(part: ex.Expression) -> int:
-        return variables.index(part) if part in variables else places[part]
-
-    match node:
-        case ex.Number(value):
-            constant = float(value)
-            return lambda values: constant
-        case ex.Sum(terms):
-            parts = [place(term) for term in terms]
-            return lambda values: math.fsum(values[k] for k in parts)
-        case ex.Product(factors):
-            parts = [place(factor) for factor in factors]
-            return lambda values: math.prod(values[k] for k in parts)
-        case ex.Power(base, exponent):
-            below, above = place(base), place(exponent)
-            return lambda values: math.pow(values[below], values[above])
-        case ex.Apply(name, argument) if name in _FUNCTIONS:
-            function, inner = _FUNCTIONS[name], place(argument)
-            return lambda values: function(values[inner])
-        case _ if node == ex.PI:
-            return lambda values: math.pi
-    raise errors.InputError(f"{printing.to_text(node)} has no value in floats.")
+def values_at(trees: Sequence[ex.Expression], variables: Sequence[ex.Expression], state: State) -> State:
+    """The trees at a state; nan or infinite where one has no value, InputError for a name that is no variable."""
+    return np.concatenate(arrays.array_values(trees, dict(zip(variables, state, strict=True))))
 
 
 def integrated(flow: Flow, start: State) -> list[State]:
     """The states at 0, h, 2h, … by Runge-Kutta steps of order 4; ArithmeticError if the flow leaves its domain."""
-    slope = numerical(flow.rates, flow.variables)
+    slope = partial(values_at, flow.rates, flow.variables)
     states = [start]
     for _ in range(STEPS):
         state = states[-1]
@@ -337,11 +281,10 @@ def compare(
         second = Flow(hamiltonian.variables, tuple(placed[m : m + n]))
         start = np.array([source.randrange(20, 90) / 100 for _ in range(m)])
         try:
-            lifted = numerical(placed[m + n : m + n + count], first.variables)(start)
+            lifted = values_at(placed[m + n : m + n + count], first.variables, start)
             one = np.array(integrated(first, start))
             other = np.array(integrated(second, np.concatenate([start[: n // 2], lifted])))
-            observe = numerical(placed[m + n + count :], second.variables)
-            seen = np.array([observe(state) for state in other])
+            seen = np.array([values_at(placed[m + n + count :], second.variables, state) for state in other])
         except (ArithmeticError, ValueError, RuntimeError, errors.InputError):
             continue
         if np.isfinite(seen).all():

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from inverse_service import errors
-from inverse_service.expressions import collecting, derivative, graphs, tree as ex
+from inverse_service.expressions import arrays, collecting, derivative, graphs, tree as ex
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import initial, numeric_formulas, scene_data
@@ -115,7 +115,7 @@ def keeps_motion(
     times = np.random.default_rng(5).uniform(0, scene.grid.step * scene.grid.steps, len(positions)) + scene.grid.begin
     table = numeric_formulas.table_of(scene.coordinates, positions, velocities, values, times)
     worst = distance_of_motion(lagrangian, scene.coordinates, accelerations, table)
-    inside = np.all([numeric_formulas.array_value(end, table) > 0 for end in domain], axis=0)
+    inside = np.all([arrays.array_value(end, table) > 0 for end in domain], axis=0)
     finite = worst[np.isfinite(worst) & inside]
     return None if len(finite) < ENOUGH else bool((finite < SAME_MOTION).all())
 
@@ -130,7 +130,7 @@ def distance_of_motion(
     residuals = euler_lagrange.euler_lagrange_residual(lagrangian, coordinates, accelerations)
     sizes = []
     for residual in residuals:
-        found, *parts = np.abs(numeric_formulas.array_values([residual, *ex.summands(residual)], table))
+        found, *parts = np.abs(arrays.array_values([residual, *ex.summands(residual)], table))
         sizes.append(found / np.max([np.ones(len(found)), *parts], axis=0))
     worst: Array = np.max(sizes, axis=0)
     return worst

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import arrays, tree as ex
 from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation import (
@@ -301,7 +301,7 @@ def moments_between(run: observing.Observed) -> Array:
 
     def values(moments: Array, *trees: ex.Expression) -> list[Array]:
         table = nf.table_of(scene.coordinates, *between_points(times, places, speeds, moments), run.values, moments)
-        return nf.array_values(trees, table)
+        return arrays.array_values(trees, table)
 
     known = values(times, *(tree for pair in pairs for tree in pair))
     found: list[Array] = [np.empty(0)]
@@ -371,7 +371,7 @@ def exact_trajectory(derived: derivation.Derived, values: Mapping[str, float]) -
     begun = time.perf_counter()
     q, v = exact_motion.positions_of(exact, scene.positions, scene.velocities, times - scene.grid.begin)
     seconds, table = time.perf_counter() - begun, nf.table_of(scene.coordinates, q, v, values, times)
-    series = {one.name: nf.array_value(one.expression, table) for one in observing.observables(scene)}
+    series = {one.name: arrays.array_value(one.expression, table) for one in observing.observables(scene)}
     maxima = {name: float(np.abs(column).max()) for name, column in series.items()}
     done = Outcome("completed")
     return Trajectory(times, q, None, np.array(v), done, run_seconds=seconds, series=series, maxima=maxima)

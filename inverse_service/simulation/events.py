@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service import errors
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import arrays, tree as ex
 from inverse_service.integrators import method_table, trajectory
 from inverse_service.integrators.trajectory import Trajectory
 from inverse_service.simulation import (
@@ -149,7 +149,7 @@ def _located(run: observing.Observed, event: data.Event, follow: Follow | None) 
 
     def value(state: State) -> trajectory.Array:
         times, positions, speeds = state
-        return nf.array_value(event.formula, nf.table_of(scene.coordinates, positions, speeds, scene.values, times))
+        return arrays.array_value(event.formula, nf.table_of(scene.coordinates, positions, speeds, scene.values, times))
 
     try:
         along, *parts = run.values_of(event.formula, *ex.summands(event.formula))
@@ -166,7 +166,7 @@ def _located(run: observing.Observed, event: data.Event, follow: Follow | None) 
         if not len(brackets.places):
             return replace(nothing, note=note)
         state = _zeros(brackets, way)
-    except nf.NoValue:
+    except arrays.NoValue:
         return replace(nothing, note=NO_VELOCITIES)
     except errors.InputError as error:
         return replace(nothing, note=error.detail)
@@ -326,7 +326,7 @@ def section_of(scene: data.Scene, motion: Motion) -> data.Event | None:
     terms = [ex.Apply("sin", part) if turn else part for part, turn in zip(parts, turns, strict=True)]
     if not way.any():
         with suppress(data.Unavailable):
-            values = nf.array_values(motion().accelerations or (), initial.at_start(scene, scene.values))
+            values = arrays.array_values(motion().accelerations or (), initial.at_start(scene, scene.values))
             way, terms = np.array(values)[:, 0], [ex.Velocity(name) for name in scene.coordinates]
     if scene.grid.record_every > 1 or not (way.any() and np.isfinite(way).all()):
         return None

@@ -24,10 +24,10 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.expressions import collecting, tree as ex
+from inverse_service.expressions import arrays, collecting, tree as ex
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics import euler_lagrange
-from inverse_service.simulation import accelerations, initial, numeric_formulas, scene_data
+from inverse_service.simulation import accelerations, initial, scene_data
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
 MOST_PIECES = 4096
@@ -67,10 +67,10 @@ def motion_by_quadrature(what: initial.System, values: Mapping[str, float]) -> E
     rates = [ex.Velocity(name) for name in names]
     kinetic = ex.dot(rates, [ex.HALF * ex.dot(row, rates) for row in inertia])
     try:
-        _, *entries = numeric_formulas.array_values(
+        _, *entries = arrays.array_values(
             [collecting.collect(lagrangian - kinetic), *(entry for row in inertia for entry in row)], table
         )
-    except numeric_formulas.NoValue:
+    except arrays.NoValue:
         raise scene_data.Unavailable(
             "The kinetic energy has coefficients that are not constant, or there is a potential."
         ) from None
@@ -167,7 +167,7 @@ def _direction(motion: ExactMotion, turning: Array) -> Array:
     rows = np.empty((len(turning), len(motion.constraints), len(others)))
     for a, row in enumerate(motion.constraints):
         for j, i in enumerate(others):
-            rows[:, a, j] = numeric_formulas.array_value(row[i], table)
+            rows[:, a, j] = arrays.array_value(row[i], table)
     minors = [np.linalg.det(np.delete(rows, j, axis=2)) * (-1) ** j for j in range(len(others))]
     direction = np.column_stack(minors)
     mass = motion.mass[np.ix_(others, others)]
@@ -214,10 +214,10 @@ def class_lagrangian(motion: ExactMotion, given: Mapping[str, float]) -> scene_d
         places, speeds = np.atleast_2d(positions), np.atleast_2d(velocities)
         table, rate = turning_table(replace(motion, values=values), places[:, k]), speeds[:, k]
         d = np.zeros(places.shape)
-        d[:, [*raw]] = np.transpose(numeric_formulas.array_values([*raw.values()], table))
+        d[:, [*raw]] = np.transpose(arrays.array_values([*raw.values()], table))
         length = np.sqrt(np.einsum("mi,ij,mj->m", d, motion.mass, d))
         speed = np.einsum("mi,ij,mj->m", d, motion.mass, speeds) / length
-        size, *known = numeric_formulas.array_values([norm, *directions, *factors], table)
+        size, *known = arrays.array_values([norm, *directions, *factors], table)
         found = speeds.astype(float)
         shift = np.zeros(len(places))
         for i, label, along, ratio in zip(coupled, labels, known, known[len(coupled) :], strict=False):
@@ -255,7 +255,7 @@ def _is_constant(expression: ex.Expression, motion: ExactMotion) -> bool:
     """Whether a function of the turning coordinate has one value at random points, to round-off."""
     points = np.random.default_rng(1).uniform(-3, 3, SAMPLES)
     table = turning_table(motion, points)
-    values = numeric_formulas.array_value(expression, table)
+    values = arrays.array_value(expression, table)
     values = values[np.isfinite(values)]
     return len(values) > 1 and bool(np.ptp(values) <= CONSTANT * np.abs(values).max())
 

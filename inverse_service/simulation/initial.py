@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
-from inverse_service.expressions import collecting, derivative, tree as ex
+from inverse_service.expressions import arrays, collecting, derivative, tree as ex
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.mechanics import euler_lagrange
-from inverse_service.simulation.numeric_formulas import array_value, array_values, table_of
+from inverse_service.simulation.numeric_formulas import table_of
 from inverse_service.simulation.scene_data import Members, Problem, Scene
 
 TOLERANCE = 1e-9
@@ -48,7 +48,7 @@ def saddle(what: System, table: Mapping[ex.Expression, Any]) -> Array:
     assert what.lagrangian is not None  # given equations have no constraints
     rows = [*euler_lagrange.hessian(what.lagrangian, what.coordinates), *forms_of(what)]
     n, size = len(what.coordinates), len(rows)
-    values = np.array(array_values([entry for row in rows for entry in row], table)).reshape(size, n, -1)
+    values = np.array(arrays.array_values([entry for row in rows for entry in row], table)).reshape(size, n, -1)
     whole = np.zeros((values.shape[2], size, size))
     whole[:, :, :n] = values.transpose(2, 0, 1)
     whole[:, :n, n:] = whole[:, n:, :n].transpose(0, 2, 1)
@@ -97,7 +97,7 @@ def without_value(scene: Scene) -> NDArray[np.bool_]:
     moments = np.full(len(starts.positions), scene.grid.begin)
     values: dict[str, float | Array] = {**scene.values, **starts.values}
     table = table_of(scene.coordinates, starts.positions, starts.velocities, values, moments)
-    return ~np.isfinite(array_value(scene.lagrangian, table))
+    return ~np.isfinite(arrays.array_value(scene.lagrangian, table))
 
 
 def ended_at_start(scene: Scene) -> Trajectory | None:
@@ -193,7 +193,8 @@ def velocities_from_momenta(what: System, values: Mapping[str, float], positions
     for attempt in (0.0, 1.0, 0.1):
         velocities = np.full(n, attempt)
         for _ in range(MOST_ITERATIONS):
-            found = np.array(array_values(trees, table_of(names, positions[None], velocities[None], values)))[:, 0]
+            table = table_of(names, positions[None], velocities[None], values)
+            found = np.array(arrays.array_values(trees, table))[:, 0]
             if not np.isfinite(found).all():
                 break
             left = target - found[:n]
@@ -211,8 +212,8 @@ def _linear(what: System, values: Values, positions: Array) -> tuple[Array, Arra
     table = table_of(names, positions, np.zeros(positions.shape), values)
     shape = (len(constraints), len(names), len(positions))
     entries = [entry for row in forms_of(what) for entry in row]
-    rows = np.array(array_values(entries, table)).reshape(shape).transpose(2, 0, 1)
-    offsets = np.array(array_values(constraints, table)).reshape(shape[::2]).T
+    rows = np.array(arrays.array_values(entries, table)).reshape(shape).transpose(2, 0, 1)
+    offsets = np.array(arrays.array_values(constraints, table)).reshape(shape[::2]).T
     if not (np.isfinite(rows).all() and np.isfinite(offsets).all()):
         raise InputError(
             "a constraint has no finite value at the initial positions: start somewhere else.", "/initial/positions"

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.expressions import collecting, derivative, tree as ex
+from inverse_service.expressions import arrays, collecting, derivative, tree as ex
 from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation import derivation, execution, numeric_formulas as nf, scene_data as data
 
@@ -35,7 +35,7 @@ def largest_exponent(derived: derivation.Derived) -> dict[str, Any]:
     def kept(tangent: Array) -> Array:
         """Tangent to motions that keep the constraints, (2 n,): others, which the accelerations have too, may part."""
         table = nf.table_of(scene.coordinates, positions[None], velocities[None], scene.values)
-        rows = np.array(nf.array_values(slopes, table)).reshape(-1, 2 * n)
+        rows = np.array(arrays.array_values(slopes, table)).reshape(-1, 2 * n)
         found: Array = tangent - np.linalg.pinv(rows) @ (rows @ tangent) if slopes else tangent
         return found
 

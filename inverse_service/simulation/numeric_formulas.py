@@ -6,18 +6,16 @@ cos(u) of tan(u). Along a motion it keeps its sign, or the motion has left the d
 `array_value` is the value of a formula along a trajectory: one numpy operation for each node of the tree.
 """
 
-import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
 from inverse_service import errors
-from inverse_service.expressions import derivative, printing, tree as ex
+from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import exact_field
 from inverse_service.integrators.trajectory import Array
 from inverse_service.integrators.variational import Gradient, Vector
@@ -285,12 +283,6 @@ def put(formulas: Vector, table: Mapping[se.Formula, se.Formula]) -> Vector:
     return np.array([formula.subs(table) for formula in formulas.flat], dtype=object).reshape(formulas.shape)
 
 
-class NoValue(errors.InputError):
-    """A formula contains a name without a value."""
-
-    code = "no-value"
-
-
 def table_of(
     coordinates: tuple[str, ...],
     positions: Array,
@@ -308,51 +300,3 @@ def table_of(
     if velocities is not None:
         table |= {ex.Velocity(name): velocities[:, k] for k, name in enumerate(coordinates)}
     return table
-
-
-def array_value(expression: ex.Expression, table: Mapping[ex.Expression, Any]) -> Array:
-    """The formula at every row of the table, as (m,); nan or infinite where it has no real value.
-
-    Raises NoValue for a name or an arbitrary function that the table does not hold.
-    """
-    return array_values([expression], table)[0]
-
-
-def array_values(expressions: Sequence[ex.Expression], table: Mapping[ex.Expression, Any]) -> list[Array]:
-    """The values of several formulas; common subexpressions are computed once."""
-    sizes = [np.shape(value) for value in table.values() if np.ndim(value)]
-    known = dict(table)
-    with np.errstate(all="ignore"):
-        found = [np.asarray(_value(one, known), dtype=float) for one in expressions]
-    return [np.broadcast_to(one, sizes[0] if sizes else (1,)) for one in found]
-
-
-def _value(expression: ex.Expression, known: dict[ex.Expression, Any]) -> Any:
-    if expression in known:
-        return known[expression]
-    found: Any
-    match expression:
-        case ex.Number(value):
-            found = float(value)
-        case ex.Sum(terms):
-            found = sum(_value(term, known) for term in terms)
-        case ex.Product(factors):
-            found = math.prod(_value(factor, known) for factor in factors)
-        case ex.Power(base, ex.Number(value)) if value.denominator == 1 and abs(value) <= 8:
-            found = np.asarray(_value(base, known), dtype=float) ** abs(int(value))
-            found = found if value >= 0 else 1 / found
-        case ex.Power(base, ex.Number(value)) if abs(value) == Fraction(1, 2):
-            found = np.sqrt(_value(base, known))
-            found = found if value > 0 else 1 / found
-        case ex.Power(base, exponent):
-            found = np.power(np.asarray(_value(base, known), dtype=float), _value(exponent, known))
-        case ex.Apply(function, argument):
-            below = derivative.RECIPROCALS.get(function)
-            found = getattr(np, below or function)(_value(argument, known))
-            found = 1 / found if below else found
-        case _ if expression == ex.PI:
-            found = np.pi
-        case _:
-            raise NoValue(f"a formula has no value here: {getattr(expression, 'name', 'a name')} is not given.")
-    known[expression] = found
-    return found

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.expressions import collecting, derivative, printing, tree as ex
+from inverse_service.expressions import arrays, collecting, derivative, printing, tree as ex
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import (
@@ -73,7 +73,7 @@ def energies(scene: data.Scene, table: Mapping[ex.Expression, Any]) -> tuple[Arr
     lagrangian, names = lagrangian_of_energy(scene), scene.coordinates
     assert lagrangian is not None
     double = ex.dot(map(ex.Velocity, names), euler_lagrange.momenta(lagrangian, names))
-    found, powers = nf.array_values([energy(lagrangian, names), double], table)
+    found, powers = arrays.array_values([energy(lagrangian, names), double], table)
     return found, np.abs(powers) / 2
 
 
@@ -144,7 +144,7 @@ def factor_of_time(scene: data.Scene, times: Array) -> Array | None:
         return None
     table: dict[ex.Expression, Any] = {ex.Symbol(name): value for name, value in scene.values.items()}
     table[ex.TIME] = np.concatenate([[scene.grid.begin], times])
-    found = nf.array_value(ex.multiply(*timed), table)
+    found = arrays.array_value(ex.multiply(*timed), table)
     return np.asarray(found[1:] / found[0])
 
 
@@ -160,14 +160,14 @@ def point_velocities(
     if method == "variational" and problem.free_hamiltonian is not None:
         symbols = [ex.Symbol(f"p_{name}") for name in names]
         slopes = [derivative.differentiate(problem.free_hamiltonian, p) for p in symbols]
-        return np.column_stack(nf.array_values(slopes, table | dict(zip(symbols, momenta.T, strict=True))))
+        return np.column_stack(arrays.array_values(slopes, table | dict(zip(symbols, momenta.T, strict=True))))
     if method != "nonholonomic" or scene.lagrangian is None:
         return None
     # g v + w^T s = p - b, w v = -c.
     matrix = euler_lagrange.hessian(scene.lagrangian, names)
     if any(isinstance(node, ex.Velocity) for row in matrix for entry in row for node in ex.walk(entry)):
         return None
-    offsets = nf.array_values([*euler_lagrange.momenta(scene.lagrangian, names), *scene.constraints], table)
+    offsets = arrays.array_values([*euler_lagrange.momenta(scene.lagrangian, names), *scene.constraints], table)
     right = np.pad(momenta, ((0, 0), (0, len(scene.constraints)))) - np.column_stack(offsets)
     try:
         return np.asarray(np.linalg.solve(initial.saddle(scene, table), right[:, :, None])[:, : len(names), 0])
@@ -207,7 +207,7 @@ class Observed:
 
     def values_of(self, *formulas: ex.Expression) -> list[Array]:
         """The formulas at the recorded points, (m,) each."""
-        return nf.array_values(formulas, self.table)
+        return arrays.array_values(formulas, self.table)
 
     @cached_property
     def true(self) -> Array | None:
@@ -243,7 +243,7 @@ def _own(run: Observed) -> Observations:
     for one in run.scene.own:
         try:
             (column,) = run.values_of(one.expression)
-        except nf.NoValue:
+        except arrays.NoValue:
             numbers[one.name] = {"note": _NO_VELOCITIES}
             continue
         series[one.name] = column

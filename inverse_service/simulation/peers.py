@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from inverse_service.errors import InputError
-from inverse_service.expressions import derivative, tree as ex
+from inverse_service.expressions import arrays, derivative, tree as ex
 from inverse_service.integrators.method_table import SCIPY
 from inverse_service.integrators.trajectory import Outcome, Trajectory
 from inverse_service.kernels.codegen.symengine_trees import closure
-from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, array_value, table_of
+from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, table_of
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start
 
 MOST_STEPS = 2_000_000
@@ -80,7 +80,7 @@ def run_heyoka(
         outcome = Outcome("not_finite", *at, "the Taylor series", None, remedy)
     positions, velocities = np.split(shown, 2, axis=1)
     known = table_of(problem.coordinates, positions, velocities, values, times[: len(shown)])
-    series = {item.name: array_value(item.expression, known) for item in observation} if good else {}
+    series = {item.name: arrays.array_value(item.expression, known) for item in observation} if good else {}
     maxima = {name: float(np.abs(column).max()) for name, column in series.items()}
     return Trajectory(times[: len(shown)], positions, None, velocities, outcome, 0, 0, *seconds, series, maxima)
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from inverse_service.errors import InputError
+from inverse_service.expressions import arrays
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation import (
     accuracy,
@@ -22,7 +23,6 @@ from inverse_service.simulation import (
     execution,
     initial,
     lyapunov,
-    numeric_formulas as nf,
     observing,
     scene_data as data,
     switching,
@@ -286,7 +286,7 @@ def _observed(
     series: dict[str, Array] = {}
     numbers: dict[str, Array] = {}
     for one in scene.own:
-        with suppress(nf.NoValue):
+        with suppress(arrays.NoValue):
             series[one.name] = seen.values_of(one.expression)[0].reshape(count, points)
     if flat.velocities is None:
         return None, series, numbers

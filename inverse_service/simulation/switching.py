@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.expressions import collecting, derivative, printing, tree as ex
+from inverse_service.expressions import arrays, collecting, derivative, printing, tree as ex
 from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation import (
@@ -137,7 +137,7 @@ class _Motion:
     def at(self, trees: Sequence[ex.Expression], state: Point) -> Array:
         time, q, v = state
         table = nf.table_of(self.scene.coordinates, q[None], v[None], dict(self.values), np.array([time]))
-        return np.array(nf.array_values(trees, table)).ravel()
+        return np.array(arrays.array_values(trees, table)).ravel()
 
     def value(self, u: ex.Expression, sides: Sides, state: Point) -> float:
         """A switching function there, with those that it contains on their sides."""
@@ -409,7 +409,7 @@ class _Pieces:
     def _passed(self, ran: Trajectory, velocities: Array, sides: Sides) -> int:
         """How many points lead to the first beyond a switch, or all."""
         table = nf.table_of(self.scene.coordinates, ran.positions, velocities, self.motion.values, ran.times)
-        values = [side * nf.array_value(on_sides(u, sides), table) for u, side in sides.items() if side]
+        values = [side * arrays.array_value(on_sides(u, sides), table) for u, side in sides.items() if side]
         passed = np.any([value[1:] < 0 for value in values], axis=0) if values else np.zeros(1, dtype=bool)
         return int(passed.argmax()) + 2 if passed.any() else len(ran.times)
 

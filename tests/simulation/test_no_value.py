@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 from inverse_service.errors import InputError
+from inverse_service.expressions import arrays
 from inverse_service.expressions.tree import Arbitrary, Symbol
 from inverse_service.service.scenes.simulating import simulate
 from inverse_service.service.scenes.work_precision import work_precision
-from inverse_service.simulation.numeric_formulas import array_value
 from inverse_service.web.pages.simulations import notes_of
 
 METHODS = ["variational", "nonholonomic", "runge-kutta", "reference", "adaptive", "stiff", "stormer-verlet"]
@@ -18,7 +18,7 @@ METHODS = ["variational", "nonholonomic", "runge-kutta", "reference", "adaptive"
 
 def test_a_function_without_a_value_is_refused_as_input() -> None:
     with pytest.raises(InputError, match="A is not given"):
-        array_value(Arbitrary("A", (Symbol("x"),), (0,)), {})
+        arrays.array_value(Arbitrary("A", (Symbol("x"),), (0,)), {})
 
 
 def run(lagrangian: str, position: float = 1, **more: Any) -> dict[str, Any]:

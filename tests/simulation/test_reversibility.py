@@ -9,9 +9,10 @@ import pytest
 
 from benchmarks.hard_cases import contact_start
 from benchmarks.problems import CONTACT, CONTACT_ENERGY, CONTACT_REVERSIBLE
+from inverse_service.expressions import arrays
 from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation.execution import run
-from inverse_service.simulation.numeric_formulas import array_value, table_of
+from inverse_service.simulation.numeric_formulas import table_of
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Problem
 
 K = {"k": 0.3}
@@ -28,10 +29,9 @@ def reversors(problem: Problem) -> list[tuple[int, int, int]]:
 
     def accelerations(positions: Array, velocities: Array) -> Array:
         table = table_of(problem.coordinates, positions, velocities, K)
-        return np.stack([array_value(tree, table) for tree in problem.accelerations or ()], axis=1)
+        return np.stack([arrays.array_value(tree, table) for tree in problem.accelerations or ()], axis=1)
 
-    own = accelerations(q, v)
-    return [signs for signs in REFLECTIONS if np.allclose(accelerations(q * signs, -v * signs), own * signs)]
+    return [s for s in REFLECTIONS if np.allclose(accelerations(q * s, -v * s), accelerations(q, v) * s)]
 
 
 def drift(problem: Problem, method: MethodChoice, step: float, length: float) -> float:

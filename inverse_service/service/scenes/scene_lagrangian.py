@@ -15,7 +15,7 @@ import numpy as np
 from api_schemas.scene import SceneDocument
 from inverse_service import catalogue
 from inverse_service.errors import InputError, InverseServiceError
-from inverse_service.expressions import derivative, printing, tree as ex
+from inverse_service.expressions import arrays, derivative, printing, tree as ex
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.mechanics.constrained_motion import eliminate_multipliers, frames, geometry
 from inverse_service.mechanics.legendre import legendre
@@ -24,7 +24,7 @@ from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import plain_data
 from inverse_service.service.scenes import scene_reading
 from inverse_service.simulation import accelerations as accelerating, derivation, exact_motion, initial
-from inverse_service.simulation.numeric_formulas import array_value, switching_functions, walls
+from inverse_service.simulation.numeric_formulas import switching_functions, walls
 from inverse_service.simulation.scene_data import FreeLagrangian, Observable, Scene, Unavailable
 
 SOLVE_SECONDS, CONSERVED_SECONDS = 15.0, 3.0  # of processor time
@@ -147,11 +147,11 @@ def _domain(
     ends = [reader.read_condition(condition, system.names) for condition in conditions]
     ends = [derivative.define_functions(end, system.definitions) for end in ends]
     table = initial.at_start(scene, values)
-    signs = [float(array_value(end, table)[0]) for end in ends]
+    signs = [float(arrays.array_value(end, table)[0]) for end in ends]
     if any(not sign > 0 and " != " not in condition for sign, condition in zip(signs, conditions, strict=True)):
         return None
     inner = [wall for tree in scene.accelerations or () for wall in walls(tree, scene.coordinates)]
-    signs += [float(array_value(wall, table)[0]) for wall in inner]
+    signs += [float(arrays.array_value(wall, table)[0]) for wall in inner]
     pairs = zip([*ends, *inner], signs, strict=True)
     return tuple(dict.fromkeys(end if sign > 0 else -end for end, sign in pairs if sign))
 
@@ -167,8 +167,8 @@ def _with_hamiltonian(scene: Scene, tree: ex.Expression, constants: Mapping[str,
     if not found.implicit and found.velocities is not None and standard:
         values = dict(scene.values) | dict(constants)
         table = initial.at_start(scene, values)
-        table |= {s: array_value(p, table) for s, p in zip(found.symbols, found.momenta, strict=True)}
-        back = np.array([array_value(v, table)[0] for v in found.velocities])
+        table |= {s: arrays.array_value(p, table) for s, p in zip(found.symbols, found.momenta, strict=True)}
+        back = np.array([arrays.array_value(v, table)[0] for v in found.velocities])
         if np.allclose(back, scene.velocities, rtol=1e-8, atol=1e-10):
             hamiltonian = found.hamiltonian
         else:

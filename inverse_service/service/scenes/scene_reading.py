@@ -24,7 +24,7 @@ from api_schemas import base, scene as schemas
 from api_schemas.system import TAGS
 from inverse_service import catalogue
 from inverse_service.errors import DocumentRefused, InputError, LimitError
-from inverse_service.expressions import collecting, derivative, pieces, refusals, tree as ex
+from inverse_service.expressions import arrays, collecting, derivative, pieces, refusals, tree as ex
 from inverse_service.field import tower
 from inverse_service.integrators.method_table import GEOMETRIC, METHODS, OWN_STEPS, RUNGE_KUTTA
 from inverse_service.integrators.trajectory import Array
@@ -510,8 +510,8 @@ def number_of(text: str, pointer: str, key: str = "", low: float = -math.inf, hi
     for one that is not from `low` to `high`, whose refusal has the `key`."""
     value = float(text) if _DECIMAL.fullmatch(text) else math.nan
     if not math.isfinite(value):
-        with suppress(InputError, numeric_formulas.NoValue, OverflowError):
-            value = float(numeric_formulas.array_value(reader.read_formula(text, nm.Names(time=False)), {})[0])
+        with suppress(InputError, arrays.NoValue, OverflowError):
+            value = float(arrays.array_value(reader.read_formula(text, nm.Names(time=False)), {})[0])
     if not math.isfinite(value):
         raise refusal("no_number", pointer, text=refusals.shorten(text))
     if not low <= value <= high:

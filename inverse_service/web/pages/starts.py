@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from inverse_service.errors import InputError
-from inverse_service.expressions import letters, tree as ex
+from inverse_service.expressions import arrays, letters, tree as ex
 from inverse_service.integrators.trajectory import Array
-from inverse_service.simulation.numeric_formulas import array_value, table_of
+from inverse_service.simulation.numeric_formulas import table_of
 from inverse_service.web.pages.preview import moving_of
 
 # Positions and velocities of the first coordinates; the last of each serves for all later ones.
@@ -52,7 +52,7 @@ def lasted(
 
     def values(q: Array, v: Array) -> Array:
         table = table_of(scene.coordinates, q, v, scene.values)
-        columns = [np.broadcast_to(array_value(formula, table), len(q)) for formula in (*formulas, *hessian)]
+        columns = [np.broadcast_to(arrays.array_value(formula, table), len(q)) for formula in (*formulas, *hessian)]
         matrices = np.stack(columns[len(formulas) :], axis=1).reshape(-1, n, n) if hessian else np.ones((len(q), 1, 1))
         return np.stack([*columns[: len(formulas)], np.linalg.det(matrices)], axis=1)
 
@@ -93,7 +93,7 @@ def motion_of(result: Mapping[str, Any]) -> tuple[Array, tuple[str, str]] | None
         q, v = every_start(len(coordinates))
         table = table_of(coordinates, q, v, values)
         for name, slope in moving.velocities.items():
-            v[:, coordinates.index(name)] = array_value(slope, table)
+            v[:, coordinates.index(name)] = arrays.array_value(slope, table)
         scene: Any = SimpleNamespace(coordinates=coordinates, values=values, grid=SimpleNamespace(step=STEP))
         steps, _, motion = lasted(scene, moving.accelerations, (), q, v, STEPS)
     except (InputError, KeyError, ValueError, ArithmeticError):
