@@ -828,20 +828,22 @@ def exact_ring(
 
 
 def factored(
-    trees: Sequence[ex.Expression],
-    symbols: Sequence[ex.Symbol | ex.Velocity],
-    budget: Budget,
-    *,
-    without_roots: bool = False,
+    trees: Sequence[ex.Expression], symbols: Sequence[ex.Symbol | ex.Velocity], budget: Budget
 ) -> list[ex.Expression]:
-    """The trees, each over its common denominator with factored numerator and denominator.
+    """The trees, each over its common denominator with factored numerator and denominator, with all relations used.
 
-    `without_roots`: the denominators have no square roots and sines, so that equal trees are equal fractions.
-    TooLarge if the budget is exhausted, ZeroDivisionError if a denominator vanishes, KeyError for an unknown atom.
+    The shorter of two forms: denominators with square roots and sines, or without them. TooLarge if the budget is
+    exhausted, ZeroDivisionError if a denominator vanishes, KeyError for an unknown atom.
     """
     ring = exact_ring(trees, symbols, 0, budget, spare=True, slopes=False)
-    values = map(ring.value, trees)
-    return [quotient_tree(ring, rationalised(each) if without_roots else each) for each in values]
+    return [shortest_tree(ring, ring.value(tree)) for tree in trees]
+
+
+def shortest_tree(ring: ExactRing, value: Quotient) -> ex.Expression:
+    """The tree of the value or, if it is shorter, of the value with a rationalised denominator."""
+    plain = rationalised(value)
+    trees = (quotient_tree(ring, one) for one in ((value,) if plain is value else (value, plain)))
+    return min(trees, key=ex.node_count)
 
 
 def _build(

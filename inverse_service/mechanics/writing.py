@@ -193,10 +193,7 @@ def quotient(
     `symbols` are its variables in the order used for polynomials; by default those that occur in it.
     """
     try:
-        ring, value = _in_ring(tree, budget, symbols)
-        plain = exact_field.rationalised(value)  # the shorter one may be that with sines in its denominator
-        forms = (exact_field.quotient_tree(ring, one) for one in ((value,) if plain is value else (value, plain)))
-        return min(forms, key=ex.node_count)
+        return exact_field.shortest_tree(*_in_ring(tree, budget, symbols))
     except (exact_field.TooLarge, ZeroDivisionError, KeyError, errors.IrreducibleAtoms):
         return tree
 

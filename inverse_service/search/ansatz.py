@@ -22,16 +22,17 @@ from inverse_service.decision.helmholtz import Written, tensors_after, written
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import PI, Apply, Expression, Symbol, Velocity, distinct_nodes, node_count
-from inverse_service.field import modular, null_vectors, reduction
+from inverse_service.field import matrices, modular, null_vectors, reduction
 from inverse_service.field.dense_series import constants_at, run
 from inverse_service.field.echelon import Words
-from inverse_service.field.exact_field import TooLarge
+from inverse_service.field.exact_field import Budget, TooLarge, primitive, quotient_tree
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus, positive_power
 from inverse_service.field.point import Point, evaluate, number_value
 from inverse_service.field.real_point import RealTable, find_real_point
 from inverse_service.field.sample_points import Drawn, Integers, KnownTower, Matrix, SamplePoints
 from inverse_service.field.tower import Tower, atoms_in_order, draw_point, to_kernels
-from inverse_service.search.terms import Monomial
+from inverse_service.mechanics import conditions
+from inverse_service.search.terms import Monomial, monomial_tree, multiply_terms, sum_of, terms_of
 
 _T = TypeVar("_T")
 Combination = dict[Monomial, Fraction]
@@ -285,6 +286,30 @@ def occurring_terms(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> l
     terms = [terms[k] for k in null_vectors.pivots(monomial_values(values, letters, terms, points.prime), points.prime)]
     used = {k for row in _kernel(sampler, points, terms).basis.tolist() for k, x in enumerate(row) if int(x)}
     return [terms[k] for k in sorted(used)]
+
+
+def with_functions_of_parameters(sampler: Sampler, terms: Sequence[Monomial]) -> LagrangianSpace:
+    """The same with polynomials of the parameters as coefficients; TooLarge where the conditions are long."""
+    products = list(map(monomial_tree, terms))
+    exact = conditions.motion_in_ring(sampler.analysis.system, 2, Budget.long(), trees=products)
+    motion = exact.motion
+    connection, endomorphism = (np.array(f(motion)) for f in (conditions.connection, conditions.jacobi_endomorphism))
+    columns = []
+    for product in map(exact.ring.value, products):
+        hessian = np.array([[by_v(by_u(product)) for by_v in motion.by_velocity] for by_u in motion.by_velocity])
+        bent = hessian @ connection
+        rows = np.vectorize(motion.along, otypes=[object])(hessian) - bent - bent.T
+        turned = hessian @ endomorphism
+        columns.append([*rows.flat, *(turned - turned.T).flat])
+    vectors = map(primitive, matrices.null_vectors(exact.ring, columns))
+    sums = (
+        sum_of(
+            multiply_terms({term: Fraction(1)}, terms_of(quotient_tree(exact.ring, entry)))
+            for term, entry in zip(terms, vector, strict=True)
+        )
+        for vector in vectors
+    )
+    return LagrangianSpace(sampler, tuple(sums))
 
 
 def helmholtz_matrix(

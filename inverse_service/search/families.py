@@ -168,13 +168,12 @@ def with_potential(
         slopes = [tm.derivative_of_terms(combination, q) for q in motion.coordinates]
         return [tm.add_terms(slope, momentum, -1) for slope, momentum in zip(slopes, momenta, strict=True)]
 
-    def over_one_denominator(without_roots: bool = False) -> list[tm.Terms]:
+    def over_one_denominator() -> list[tm.Terms]:
         trees = list(map(tm.tree_of, residuals()))
-        return list(map(tm.terms_of, factored(trees, system.variables, Budget.long(), without_roots=without_roots)))
+        return list(map(tm.terms_of, factored(trees, system.variables, Budget.long())))
 
-    # Unchanged sums are integrated term by term. Over one denominator, terms that are not affine cancel. In cos(v)^2/(1
-    # + sin(v)) nothing cancels, but it is affine in sin(v) once the sine is removed from the denominator.
-    for wanted in (residuals, over_one_denominator, lambda: over_one_denominator(without_roots=True)):
+    # Few terms are integrated one by one. Over one denominator, terms that are not affine cancel.
+    for wanted in (residuals, over_one_denominator):
         deadline.check()
         with suppress(TooLarge, tm.TooManyTerms, ZeroDivisionError, KeyError):
             rest = integrator.linear_terms(wanted())
@@ -326,20 +325,14 @@ def _with_functions(
 
 
 def _functions(material: Material, factors: Factors, room: int) -> list[tm.Monomial]:
-    """The simplest of 1, parameters, integrating factors, and products of generators of position."""
+    """The simplest of 1, integrating factors, and products of generators of position."""
     fitted = list(dict.fromkeys([tm.EMPTY, *factors.plain[: room // 3]]))
-    others = distinct([*material.parameter_monomials[: room // 3], *position_monomials(material, 4, 2 * room)])
+    others = position_monomials(material, 4, 2 * room)
     # A coordinate that does not occur in f can still occur in L.
     plain = [
         tm.monomial(*some) for d in (1, 2) for some in combinations_with_replacement(material.motion.coordinates, d)
     ]
     return list(dict.fromkeys([*fitted, *others, *plain, *products(fitted, plain)]))[: max(room, len(fitted))]
-
-
-def with_parameters(material: Material, terms: Sequence[tm.Monomial], most: int) -> list[tm.Monomial]:
-    """The terms times products of the parametric factors of f, for coefficients that contain parameters."""
-    constants = distinct(products(material.parameter_monomials, material.parameter_monomials))
-    return distinct(products(terms, constants[: max(1, most // len(terms))])) if terms else []
 
 
 def _fitted(material: Material, factors: Factors, shape: tm.Monomial) -> Iterator[tm.Monomial]:

@@ -14,7 +14,7 @@ from inverse_service import bounds, errors
 from inverse_service.deadline import OutOfTime, check, within
 from inverse_service.decision import deciding
 from inverse_service.expressions import evaluation, tree as ex
-from inverse_service.field import point as ps, real_point
+from inverse_service.field import exact_field, point as ps, real_point
 from inverse_service.mechanics import euler_lagrange, implicit_equations
 from inverse_service.search import (
     ansatz,
@@ -31,7 +31,7 @@ from inverse_service.search import (
 )
 from inverse_service.search.factors import NO_FACTORS, Factors, find_factors
 from inverse_service.search.material import Material, gather
-from inverse_service.search.members import best_members, independent
+from inverse_service.search.members import best_members
 from inverse_service.search.terms import Monomial, TooManyTerms, tree_of
 
 Rung = protocol.Leaf | families.Family
@@ -280,13 +280,13 @@ def _solve(material: Material, family: families.Family, terms: Sequence[Monomial
         return None
     try:
         sampler = ansatz.sampler_of(material.analysis, terms)
-        # Short rows only: with more terms, products with monomials of parameters give too many unknowns.
-        if material.analysis.system.parameters and not family.given and len(terms) <= 2 * bounds.SMALL:
-            terms = families.with_parameters(material, ansatz.occurring_terms(sampler, terms, seed), family.terms)
-        space = independent(ansatz.solve_multiplier(sampler, terms, seed), seed)
+        if material.analysis.system.parameters:
+            space = ansatz.with_functions_of_parameters(sampler, ansatz.occurring_terms(sampler, terms, seed))
+        else:
+            space = ansatz.solve_multiplier(sampler, terms, seed)
         best = best_members(space, seed, partial(families.with_potential, material))
         parts = [families.with_potential(material, part) for member in best[:1] for part in member.parts]
-    except _NO_POINTS:
+    except (*_NO_POINTS, exact_field.TooLarge, TooManyTerms):
         return None
     if not best:
         return None

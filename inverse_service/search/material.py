@@ -23,7 +23,6 @@ class Material:
     motion: tm.MotionTerms
     position_letters: tuple[ex.Expression, ...]
     velocity_letters: tuple[ex.Expression, ...]
-    parameter_monomials: tuple[tm.Monomial, ...]
     shared: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
 
@@ -40,11 +39,9 @@ def gather(analysis: Analysis, with_time: bool) -> Material:
         with_time,
     )
     letters = _letters(forces)
-    parameters = frozenset(ex.Symbol(name) for name in system.parameters)
     position = [p for p in letters if not tm.has_velocity(p) and ex.holds(p, ex.TIME, *motion.coordinates)]
     moving = [p for p in letters if tm.has_velocity(p) and not isinstance(p, ex.Velocity)]
-    constants = _parameter_monomials(forces, parameters)
-    return Material(analysis, motion, tuple(position), tuple(moving), constants)
+    return Material(analysis, motion, tuple(position), tuple(moving))
 
 
 def _factored(analysis: Analysis) -> list[ex.Expression]:
@@ -152,22 +149,6 @@ def _is_plain(node: ex.Expression) -> bool:
     exponents = [part.exponent for part in ex.walk(node) if isinstance(part, ex.Power)]
     whole = all(isinstance(e, ex.Number) and e.value.denominator == 1 for e in exponents)
     return whole and ex.node_count(node) <= bounds.NODES
-
-
-def _parameter_monomials(forces: Iterable[tm.Terms], parameters: frozenset[ex.Symbol]) -> tuple[tm.Monomial, ...]:
-    """The parametric parts of the terms of f, their inverses and quotients, simple ones first."""
-    parts: dict[tm.Monomial, None] = {tm.EMPTY: None}
-    for terms in forces:
-        for key in terms:
-            part: tm.Monomial = frozenset(item for item in key if tm.is_constant(item[0], parameters))
-            for letter, e in part:
-                parts[frozenset([(letter, e)])] = None
-                parts[frozenset([(letter, -e)])] = None
-            parts[part] = None
-            parts[tm.times(tm.EMPTY, part, -1)] = None
-    # Constants that occur only in sums, as in 1/(a sqrt(v^2 + 1) - t v).
-    parts |= dict.fromkeys(tm.monomial(p) for p in parameters if not any(p in dict(part) for part in parts))
-    return tuple(sorted(parts, key=tm.rank))
 
 
 @lru_cache(maxsize=8192)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from inverse_service import bounds, deadline
 from inverse_service.expressions import tree as ex
-from inverse_service.field import matrices, null_vectors, point, real_point
+from inverse_service.field import matrices, point, real_point
 from inverse_service.field.sample_points import SamplePoints
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.search import ansatz, terms as tm
@@ -43,20 +43,6 @@ def hessians(space: ansatz.LagrangianSpace, points: SamplePoints, first: int = 0
         return sum(weighted, start=zero) % table.prime
 
     return table.prime, list(map(combined, space.combinations))
-
-
-def independent(space: ansatz.LagrangianSpace, seed: int) -> ansatz.LagrangianSpace:
-    """The space without combinations that are sums of simpler ones times functions of the parameters."""
-    system = space.sampler.analysis.system
-    if not system.parameters or not space.combinations:
-        return space
-    ordered = replace(space, combinations=tuple(sorted(space.combinations, key=complexity)))
-    points = space.sampler.points(seed, tuple(system.variables))
-    count = (len(ordered.combinations) + null_vectors.SPARE) // len(system.coordinates) + 1
-    values = [[m.ravel() for m in hessians(ordered, points, k)[1]] for k in range(count)]
-    table = np.array(values).transpose(0, 2, 1).reshape(-1, len(ordered.combinations))
-    chosen = null_vectors.pivots(table.astype(np.uint64), points.prime)
-    return replace(space, combinations=tuple(ordered.combinations[k] for k in chosen))
 
 
 def _regular_sets(
