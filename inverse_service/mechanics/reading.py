@@ -339,6 +339,7 @@ def _are_pairs(texts: Mapping[str, str], declared: document_names.Declared) -> b
     """Whether no name has two derivatives, and at least two have one."""
     named = (*declared.named_parameters(), *map(document_names.defined_name, declared.where))
     names = document_names.with_products(Names((), named, dict.fromkeys(declared.functions, ())), declared, texts)
+    names = replace(names, guesses=True)  # al'' of declared coordinates is no product; others are refused later
     return (
         not document_names.inferred_coordinates(texts, names, 2)
         and len(document_names.inferred_coordinates(texts, names, 1)) > 1
