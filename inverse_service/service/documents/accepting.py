@@ -388,7 +388,7 @@ def _ask_about_multiplied(
     parts = slope.factors if isinstance(slope, ex.Product) else (slope,)
     terms = [term for part in parts if isinstance(part, ex.Sum) for term in part.terms]
     moving = {ex.TIME, *map(ex.Symbol, names.coordinates), *map(ex.Velocity, names.coordinates)}
-    still = [term for term in terms if not moving & {*ex.walk(term)} and _holds(term, ex.Symbol)]
+    still = [term for term in terms if not moving & {*ex.walk(term)} and ex.has(term, ex.Symbol)]
     is_held = any(_is_zero(slope - tree) or _is_zero(slope + tree) for tree in held)
     if not is_held and not (still and all(isinstance(part, ex.Number | ex.Sum) for part in parts)):
         return
