@@ -9,7 +9,7 @@ import logging
 import re
 import time
 from collections.abc import Callable, Container, Mapping
-from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any, TypeVar, cast
 
 import httpx
@@ -292,24 +292,6 @@ def _address(request: Request) -> str:
 # Many systems at once: upload, progress, and the answers as a table.
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One line of the table; `verdict` is that of the result, or "failed"; without `lagrangian` there is a `reason`.
-
-    The page shows `word`, in the color of `shade`.
-    """
-
-    number: int
-    name: str
-    verdict: str
-    word: str
-    shade: str
-    lagrangian: str = ""
-    reason: str = ""
-    checked: str = ""
-    where: str = ""
-
-
 @router.get("/batch")
 async def form() -> HTMLResponse:
     """The form with four lines in it."""
@@ -349,11 +331,13 @@ async def as_table(request: Request, identifier: str) -> Response:
 
 
 def _csv(answers: list[statements.BatchAnswer]) -> str:
-    rows = sorted(map(row_of, answers), key=lambda row: row.number)
-    return csv_of([
-        ("line", "name", "verdict", "lagrangian or reason", "checked", "where"),
-        *((row.number, row.name, row.verdict, row.lagrangian or row.reason, row.checked, row.where) for row in rows),
-    ])  # fmt: skip
+    heads = ("line", "name", "verdict", "lagrangian or reason", "checked", "where")
+    rows = [row | {"line": row["number"], heads[3]: row["lagrangian"] or row["reason"]} for row in _rows(answers)]
+    return csv_of([heads, *([row[head] for head in heads] for row in rows)])
+
+
+def _rows(answers: list[statements.BatchAnswer]) -> list[dict[str, Any]]:
+    return sorted(map(row_of, answers), key=itemgetter("number"))
 
 
 @router.get("/batch/{identifier}")
@@ -361,7 +345,7 @@ async def batch(request: Request, identifier: str) -> HTMLResponse:
     """The page of a batch with the answers so far."""
     told = (await _found(request, "/v1/batches", identifier)).json()
     answers = await _answers(request, identifier)
-    rows = await routes.engine_of(request).read(lambda: sorted(map(row_of, answers), key=lambda row: row.number))
+    rows = await routes.engine_of(request).read(_rows, answers)
     still = told["counts"].get("accepted", 0) + told["counts"].get("running", 0)
     return page(
         "batch_result.html", active="/batch", batch=told, rows=rows[:SHOWN_LINES], all_rows=len(rows),
@@ -392,17 +376,26 @@ async def _answers(request: Request, identifier: str, most: int = SHOWN_LINES + 
     return await engine.in_thread(engine.store.batch_answers, identifier, 0, most, LARGEST_SHOWN)
 
 
-def row_of(answer: statements.BatchAnswer) -> Row:
-    """An answer as a line of the table; a large one is not read for it."""
+def row_of(answer: statements.BatchAnswer) -> dict[str, Any]:
+    """An answer as a line of the table: a `word` in the color of `shade`, and L or a `reason`.
+
+    `verdict` is that of the result, or "failed"; a large answer is not read for it.
+    """
+    row: dict[str, Any] = dict.fromkeys(("lagrangian", "reason", "checked", "where", "shade"), "")
+    row |= {"number": answer.number, "name": "\u2013", "verdict": "done", "word": "done"}
     if answer.status == "successful" and answer.body is None:
-        return Row(answer.number, str(json.loads(answer.identifier)), "done", "done", "")
+        return row | {"name": str(json.loads(answer.identifier))}
     found = json.loads(answer_line(answer))
-    name = "\u2013" if found["id"] is None else str(found["id"])
+    row |= {} if found["id"] is None else {"name": str(found["id"])}
     if "error" in found:
-        return Row(answer.number, name, "failed", "failed", sheets.NO, reason=found["detail"])
-    row, others = printed_pages.row_of(found), len(found.get("branches") or ()) - 1
-    where = row["where"] + (f"; {others} more {'case' if others == 1 else 'cases'}" if others > 0 else "")
-    verdict = row["verdict"] or "done"  # results of other kinds have none
-    word, shade = (sheets.badge_of(found), sheets.verdict_of(found)) if "verdict" in found else ("done", "")
-    checked = sheets.proof_of(sheets.first_answer(found)) or ""
-    return Row(answer.number, name, verdict, word, shade, row["L"] or "", row["reason"] or "", checked, where)
+        return row | {"verdict": "failed", "word": "failed", "shade": sheets.NO, "reason": found["detail"]}
+    known, others = printed_pages.row_of(found), len(found.get("branches") or ()) - 1
+    where = known["where"] + (f"; {others} more {'case' if others == 1 else 'cases'}" if others > 0 else "")
+    if "verdict" in found:  # results of other kinds have none
+        row |= {
+            "word": sheets.badge_of(found),
+            "shade": sheets.verdict_of(found),
+            "verdict": known["verdict"] or "done",
+        }
+    row |= {"lagrangian": known["L"] or "", "reason": known["reason"] or "", "where": where}
+    return row | {"checked": sheets.proof_of(sheets.first_answer(found)) or ""}

@@ -146,24 +146,11 @@ def _curve(method: Mapping[str, Any], runs: Sequence[Mapping[str, Any]]) -> Curv
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Plot:
-    """Time over error as lines of a picture: ticks (place, text), and of each curve its path and its label."""
+def plot_of(curves: Sequence[Curve], width: int, height: int) -> dict[str, Any]:
+    """Time over error as lines of a picture of this size: ticks (place, text), of each curve its path and its label.
 
-    width: int
-    height: int
-    left: float
-    right: float
-    bottom: float
-    errors: list[tuple[float, str]]
-    times: list[tuple[float, str]]
-    paths: list[str]
-    labels: list[tuple[float, float, str]]
-    leaders: list[str]
-
-
-def plot_of(curves: Sequence[Curve], width: int, height: int) -> Plot:
-    """The curves in a picture of this size, smaller errors to the right, with their names at their ends."""
+    Smaller errors are to the right, the names of the curves at their ends.
+    """
     margin = CHARACTER * max(len(curve.name) for curve in curves) + 12
     left, right, top, bottom = 50.0, width - margin, 22.0, height - 46.0
     errors = [math.log10(error) for curve in curves for error in curve.errors]
@@ -178,19 +165,16 @@ def plot_of(curves: Sequence[Curve], width: int, height: int) -> Plot:
     every = 3 if high - low > 4 else 1
     lines = [[at(*pair) for pair in zip(curve.errors, curve.seconds, strict=True)] for curve in curves]
     labels, leaders = _labels([line[-1] for line in lines], [curve.name for curve in curves], right, top)
-    return Plot(
-        width,
-        height,
-        left,
-        right,
-        bottom,
-        [(at(10.0**k, 1.0)[0], prices.power(10.0**k)) for k in range(0, math.floor(low), -1)
-         if low <= k <= high and k % every == 0],
-        [(at(1.0, 10.0**k)[1], prices.duration(10.0**k)) for k in range(floor, ceiling + 1)],
-        ["M" + "L".join(f"{x} {y}" for x, y in line) for line in lines],
-        labels,
-        leaders,
-    )  # fmt: skip
+    ticks = [10.0**k for k in range(0, math.floor(low), -1) if low <= k <= high and k % every == 0]
+    seconds = [10.0**k for k in range(floor, ceiling + 1)]
+    frame = {"width": width, "height": height, "left": left, "right": right, "bottom": bottom}
+    return frame | {
+        "errors": [(at(error, 1.0)[0], prices.power(error)) for error in ticks],
+        "times": [(at(1.0, time)[1], prices.duration(time)) for time in seconds],
+        "paths": ["M" + "L".join(f"{x} {y}" for x, y in line) for line in lines],
+        "labels": labels,
+        "leaders": leaders,
+    }
 
 
 def _labels(
