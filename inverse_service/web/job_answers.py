@@ -148,14 +148,9 @@ async def problem_of(job: model.Job, engine: Engine) -> bytes:
 
 def job_fields(job: model.Job, engine: Engine) -> dict[str, Any]:
     """The summary of a job in a list."""
-    return {
-        "id": job.id,
-        "kind": job.kind,
-        "status": job.status,
+    fields = ("id", "kind", "status", "created", "started", "finished")
+    return {name: getattr(job, name) for name in fields} | {
         "progress": progress_of(job, engine),
-        "created": job.created,
-        "started": job.started,
-        "finished": job.finished,
         "accepted_at": moment_of(job.created),
         "started_at": moment_of(job.started),
         "ended_at": moment_of(job.finished),
@@ -186,13 +181,8 @@ def progress_of(job: model.Job, engine: Engine) -> Mapping[str, Any] | None:
 def batch_fields(batch: statements.Batch) -> dict[str, Any]:
     """The Batch document."""
     place = f"/v1/batches/{batch.id}"
-    return {
-        "id": batch.id,
-        "status": batch.status,
-        "total": batch.total,
-        "counts": dict(batch.counts),
-        "kind": batch.kind,
-        "created": batch.created,
+    fields = ("id", "status", "total", "counts", "kind", "created")
+    return {name: getattr(batch, name) for name in fields} | {
         "accepted_at": moment_of(batch.created),
         "links": {"self": place, "results": f"{place}/results"},
     }

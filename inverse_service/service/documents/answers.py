@@ -89,9 +89,7 @@ def problem_document(status: int, kind: str, detail: str, places: Sequence[error
         "detail": detail,
         "errors": [
             {"pointer": p.pointer, "column": p.column, "detail": p.detail, "instead": list(p.instead)}
-            | ({"span": list(p.span)} if p.span else {})
-            | ({"plain": p.plain} if p.plain else {})
-            | ({"declare": p.declare} if p.declare else {})
+            | {name: value for name in ("span", "plain", "declare") if (value := getattr(p, name))}
             for p in places
         ],
     }
