@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, StringCo
 
 from api_schemas import base
 from api_schemas.result import AdvicePart
-from api_schemas.system import Formula, Name, Value
+from api_schemas.system import Formula, Name, Text, Value
 
 MAX_STEPS = 100_000_000
 MAX_METHODS = 24
@@ -27,8 +27,6 @@ Observed = Literal[
     "lyapunov", "constraint_forces", "period",
 ]  # fmt: skip
 Beginning = Literal["momenta", "discrete_constraint"]
-Word = Annotated[str, StringConstraints(min_length=1, max_length=base.MAX_NAME_CHARACTERS)]
-FreeLagrangian = Annotated[str, StringConstraints(min_length=1, max_length=base.MAX_FORMULA_CHARACTERS)]
 Numbers = Annotated[dict[Name, Value], Field(max_length=base.MAX_PARAMETERS)]
 Observable = Annotated[
     Annotated[Observed, Tag("quantity")] | Annotated[dict[Name, Formula], Field(max_length=16), Tag("formulas")],
@@ -179,7 +177,7 @@ class SceneMethod(base.Document):
     guard: bool = True
     tolerance: Value | None = None
     start: Beginning | None = None
-    free_lagrangian: FreeLagrangian | None = None
+    free_lagrangian: Text | None = None
     constants: Numbers | None = None
     label: Annotated[str, StringConstraints(max_length=base.MAX_TITLE_CHARACTERS)] = ""
 
@@ -210,7 +208,7 @@ class SceneDocument(base.Document):
     system: SceneSystem
     parameters: Numbers = Field(default_factory=dict)
     functions: Annotated[dict[Name, Formula], Field(max_length=base.MAX_FUNCTIONS)] = Field(default_factory=dict)
-    effects: Annotated[list[Word], Field(max_length=MAX_EFFECTS)] | None = None
+    effects: Annotated[list[Name], Field(max_length=MAX_EFFECTS)] | None = None
     terms: Annotated[dict[Name, Formula], Field(max_length=MAX_EFFECTS)] = Field(default_factory=dict)
     as_lagrangian: bool = False
     forces: Annotated[dict[Name, Formula], Field(max_length=base.MAX_SIMULATED)] = Field(default_factory=dict)
@@ -227,13 +225,13 @@ class SceneDocument(base.Document):
     events: Annotated[list[SceneEvent], Field(max_length=MAX_EVENTS)] = Field(default_factory=list)
     ensemble: SceneEnsemble | None = None
     start: Beginning = "momenta"
-    free_lagrangian: FreeLagrangian | None = None
+    free_lagrangian: Text | None = None
     constants: Numbers = Field(default_factory=dict)
     points: Annotated[dict[Name, Annotated[list[Formula], Field(min_length=2, max_length=2)]], Field(max_length=16)] = (
         Field(default_factory=dict)
     )
     circle: Annotated[list[Name], Field(min_length=2, max_length=2)] | None = None
-    units: Annotated[dict[Name, Word], Field(max_length=64)] = Field(default_factory=dict)
+    units: Annotated[dict[Name, Name], Field(max_length=64)] = Field(default_factory=dict)
     step_sizes: Annotated[list[Value], Field(min_length=1, max_length=MAX_STEP_SIZES)] | None = None
     repeats: Annotated[int, Field(ge=1, le=50), BeforeValidator(_whole)] = 5
     long: bool = False

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from inverse_service import errors
 from inverse_service.expressions import derivative, letters, tree as trees
 from inverse_service.reading import names as nm, reader
-from inverse_service.service.scenes import prices
+from inverse_service.service.scenes import prices, views
 
 if TYPE_CHECKING:
     from inverse_service.simulation.scene_data import Scene
@@ -23,7 +23,6 @@ PERIODIC = frozenset({"sin", "cos", "tan", "cot", "sec", "csc"})
 LONG = "These equations cannot be played with in the browser; Run computes them."
 # The steps of a price: of longer runs the error is that after so many.
 MOST_PRICED, FEW = 2_000, 50
-TRUE = ("exact", "reference")
 
 
 def accelerations_of(document: Mapping[str, Any]) -> tuple[Scene, tuple[trees.Expression, ...] | None]:
@@ -77,7 +76,7 @@ def price_task(document: Mapping[str, Any]) -> dict[str, Any]:
     from inverse_service.service.scenes.simulating import simulate
 
     methods = [one if isinstance(one, dict) else {"method": one} for one in document["methods"]]
-    chosen = next((one for one in methods if one["method"] not in TRUE), None)
+    chosen = next((one for one in methods if one["method"] not in views.TRUE), None)
     if chosen is None:
         return {"reason": ""}
     step, steps = Fraction(str(document["step"])), int(document["steps"])

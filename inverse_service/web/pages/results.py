@@ -43,7 +43,6 @@ PATIENCE = 1.5
 # Formulas confirmed by then are shown while the search continues.
 SOON = 0.2
 ASKED = 20  # lines of a question
-OPEN = frozenset(("accepted", "running"))
 RESULT = "result at this address."
 Made = tuple[str, str, Callable[..., Any], tuple[str, ...]]
 SHOWN_LINES = 300
@@ -226,7 +225,7 @@ async def successful(request: Request, identifier: str, kinds: Container[str] = 
 async def finished(request: Request, identifier: str, patience: float) -> httpx.Response:
     """The job without its result, after a short wait; refused with 404 if there is no such job."""
     answer = await _found(request, "/v1/jobs", identifier)
-    if answer.json()["status"] not in OPEN or not patience:
+    if answer.json()["status"] not in model.OPEN or not patience:
         return answer
     engine, viewer = routes.engine_of(request), clients.viewer_of(request)
     job, end = await engine.job(identifier, viewer), time.monotonic() + patience
@@ -264,12 +263,12 @@ def asked_of(document: Any) -> list[str]:
 
 async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | None = None) -> HTMLResponse:
     """The page of a job by its status."""
-    if job["status"] in OPEN and "so_far" in (job["progress"] or {}):
+    if job["status"] in model.OPEN and "so_far" in (job["progress"] or {}):
         waited = int(time.time() - job["created"])
         told = await quick(request, result_tasks.so_far_task, job, _look(request), waited)
         if told.status == "done":
             return cast(HTMLResponse, told.value)
-    if job["status"] in OPEN:
+    if job["status"] in model.OPEN:
         stored = await stored_job(request, job["id"])
         asked = asked_of(json.loads(stored.document)) if stored is not None else []
         return page("working.html", 200, active="", job=job, asked=asked, waited=int(time.time() - job["created"]))
