@@ -17,15 +17,12 @@ from inverse_service.expressions import arrays, collecting, derivative, graphs, 
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import initial, numeric_formulas, scene_data
+from inverse_service.simulation.sentences import say
 
 POINTS = 24
 ENOUGH = 4
 SAME_MOTION = 1e-7
 NOTICED = 1e-3  # of the motion of a run, whose velocities come from momenta
-DEGENERATE = (
-    "the matrix of the velocities is singular (d2L/dv_i dv_j, or constraints that depend on one another), so no "
-    "accelerations follow: give every coordinate its kinetic energy, with other parameters or effects of the scene."
-)
 MOST_FULL_ROWS = 5  # beyond this size the expansion of a full determinant would fill pages
 
 
@@ -75,7 +72,7 @@ def inverse(matrix: euler_lagrange.Matrix) -> euler_lagrange.Matrix | None:
         inner = tuple(tuple(matrix[i][j] for j in block) for i in block)
         whole = determinant(inner)
         if whole == ex.ZERO:
-            raise errors.InputError(DEGENERATE)
+            raise errors.InputError(say("degenerate"))
         for a, i in enumerate(block):
             for b, j in enumerate(block):
                 found[i][j] = _cofactor(inner, b, a) / whole

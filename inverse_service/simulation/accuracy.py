@@ -37,28 +37,19 @@ from inverse_service.simulation import (
     scene_data as data,
     schemes,
 )
+from inverse_service.simulation.sentences import say
 from inverse_service.simulation.switching import Run, run_motion
 
 MOST_STEPS = 1_000_000
 CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE, ROUND_OFF = 0.1, 0.1, 1e-14, 0.01, 1e-15
-VARIES = (
-    "The energy should be constant but changes by {:.3g}, {:.2g} times the mean kinetic energy (initial energy: "
-    "{:.3g}). Take a smaller step or `adaptive`."
-)
 HALF = "half the step"
 STRICTER, LOOSER = f"{HALF} and a tenth of the tolerance", f"{HALF} and ten times the tolerance"
 AGAIN, TRUE = "With {}, the trajectory", "The true motion"
-ELSEWHERE = "{} differs: from t = {:.6g} on, {} is off by about {:.3g}. Take a smaller step or tolerance."
 GOES_ON = ("completed", "cancelled")
-ENDS_EARLY = "With {}, the run ends at t = {:.6g}: {}."
-_OTHER = "the Euler-Lagrange equations of the free Lagrangian at the motion"
 TOO_LARGE, NOT_CHOSEN, OVER_TOLERANCE = 0.1, 0.01, 100.0  # the first two of the size of the motion
 GOLDEN, GOLDEN_STEPS, MOST_MOMENTS, MOST_VALUES = 0.618033988749895, 75, 64, 2**21  # to the last bit of a step
 CREATED = 0.75  # of the kinetic energy: more from nothing in one step is no motion
-NOT_CONSTANT = "the energy, which is constant, changes in one step by {:.3g} of the kinetic energy"
 LOST, SUDDEN = "one step differs from two of half its length by {:.3g} of the range of a coordinate", 0.05
-ENDS = "the end of the run with half the step: {}"
-SHORTER = "take a smaller step, or `adaptive`"
 ENOUGH = 1e-12  # two solutions agree if their distance over the size of the motion is less
 USELESS = 1e-3  # if they differ by more than this share of the motion, the true motion is unknown
 SAFETY = 4.0  # times the distance of the two: a bound of the error of the better one
@@ -66,8 +57,6 @@ TAYLOR, EXPLICIT, IMPLICIT = (
     data.MethodChoice("heyoka", tolerance=1e-15), data.MethodChoice("adaptive", tolerance=1e-13),
     data.MethodChoice("reference"),
 )  # fmt: skip
-NONE_FOUND = "No reference solution was found: the reference integrators did not complete the run."
-PARTED = "The true motion is known until t = {:.6g} only: {}."
 PEAKS, MISSED = "`adaptive`, stopping at the peaks of the forces", 0.01  # of the usual limits
 BEYOND = 10.0  # times what half the step shows
 ADAPTIVE = data.Requested("", EXPLICIT)
@@ -159,7 +148,7 @@ def estimated(run: observing.Observed, derived: derivation.Derived) -> dict[str,
         mean = max(float(kinetic.mean()), schemes.SMALLEST)
         change, start = float(np.abs(energies - energies[0]).max()), abs(float(energies[0]))
         if change > CHANGED * min(mean, max(start, CHANGED * mean)):
-            doubts = [VARIES.format(change, change / mean, start)]
+            doubts = [say("energy_changes", change, change / mean, start)]
     half = finer(run.requested, scene.grid), run.problem, scene.events
     for again, what, events in (half, *_at_peaks(run, derived)):
         assert what is not None
@@ -171,7 +160,7 @@ def estimated(run: observing.Observed, derived: derivation.Derived) -> dict[str,
         count, end, kind = min(len(found.times), len(at.times)), float(found.times[-1]), found.outcome.kind
         early = count < len(at.times) and kind not in GOES_ON
         if early and again.how == HALF:
-            quantity = ENDS.format(kind.replace("_", " "))
+            quantity = say("end_with_half", kind.replace("_", " "))
             return numbers | {"lost": _unresolved(run, count - 1, quantity), "doubt": ""}
         errors, shares = errors_of(at.positions[:count], found.positions[:count], turns, again.part)
         greatest, expected = observing.greatest(errors), numbers.get("estimated_error") or 0.0
@@ -182,7 +171,7 @@ def estimated(run: observing.Observed, derived: derivation.Derived) -> dict[str,
         numbers |= {"estimated_until": float(at.times[count - 1])} if count < len(at.times) else {}
         doubts.append(_elsewhere(run, errors, shares, AGAIN.format(again.how), MISSED if missed else 1.0))
         if early and not doubts[-1]:
-            doubts.append(ENDS_EARLY.format(again.how, end, kind.replace("_", " ")))
+            doubts.append(say("ends_early", again.how, end, kind.replace("_", " ")))
     if run.true is not None and not any(doubts[1:]):
         doubts.append(_elsewhere(run, *errors_of(at.positions, run.true, turns), TRUE))
     return numbers | {"doubt": " ".join(filter(None, doubts))}
@@ -202,7 +191,7 @@ def _at_peaks(run: observing.Observed, derived: derivation.Derived) -> Iterator[
 def _unresolved(run: observing.Observed, row: int, quantity: str) -> Outcome:
     """The outcome of a run whose steps are too long from a recorded point on."""
     step, time = int(run.scene.grid.recorded[row]), float(run.trajectory.times[row])
-    return Outcome("unresolved", step, time, quantity, None, SHORTER)
+    return Outcome("unresolved", step, time, quantity, None, say("shorter_or_adaptive"))
 
 
 def _is_guarded(run: observing.Observed) -> bool:
@@ -238,7 +227,7 @@ def _with_made_energy(run: observing.Observed, energies: Array, kinetic: Array) 
     if end is None:
         return None
     part = changes[end] / max(about[end], float(kinetic[: end + 2].mean()))
-    return _unresolved(run, end, NOT_CONSTANT.format(part))
+    return _unresolved(run, end, say("energy_in_a_step", part))
 
 
 def _elsewhere(run: observing.Observed, errors: Array, shares: Array, which: str, part: float = 1.0) -> str:
@@ -254,7 +243,7 @@ def _elsewhere(run: observing.Observed, errors: Array, shares: Array, which: str
     first = int(far.any(axis=1).argmax())
     k = int(far[first].argmax())
     worst = float(np.nanmax(errors[:, k]))
-    return ELSEWHERE.format(which, run.trajectory.times[first], run.scene.coordinates[k], worst)
+    return say("other_trajectory", which, run.trajectory.times[first], run.scene.coordinates[k], worst)
 
 
 def other_motion(run: observing.Observed) -> Outcome | None:
@@ -274,7 +263,7 @@ def other_motion(run: observing.Observed) -> Outcome | None:
         return None
     k = int(places[0])
     step, time = int(scene.grid.recorded[k]), float(at.times[k])
-    return Outcome("off_domain", step, time, _OTHER, float(apart[k]), schemes.OTHER_MOTION)
+    return Outcome("off_domain", step, time, say("other_equations"), float(apart[k]), say("other_motion"))
 
 
 def moments_between(run: observing.Observed) -> Array:
@@ -367,7 +356,7 @@ def exact_trajectory(derived: derivation.Derived, values: Mapping[str, float]) -
     except data.Unavailable as error:
         raise data.Unavailable(f"No exact solution is known for this scene. {error.detail}") from None
     if initial.ended_at_start(scene) is not None:
-        raise data.Unavailable(initial.NO_VALUE)
+        raise data.Unavailable(say("no_lagrangian_at_start"))
     begun = time.perf_counter()
     q, v = exact_motion.positions_of(exact, scene.positions, scene.velocities, times - scene.grid.begin)
     seconds, table = time.perf_counter() - begun, nf.table_of(scene.coordinates, q, v, values, times)
@@ -404,13 +393,13 @@ def _references(derived: derivation.Derived) -> data.Truth:
     good = np.isfinite(distances) & (SAFETY * distances <= USELESS * _size(first))
     until = len(good) if good.all() else int(np.argmin(good))
     if until < 2:
-        raise data.Unavailable(NONE_FOUND)
+        raise data.Unavailable(say("no_reference"))
     found, reason = first.copy(), ""
     found[:, until:] = np.nan
     if until < len(times):
         ended = bool(np.isnan([first[0, until], second[0, until]]).any())
         why = "the reference solutions end there" if ended else "from there on, the reference solutions differ"
-        reason = PARTED.format(times[until - 1], why)
+        reason = say("reference_until", times[until - 1], why)
     bounds = SAFETY * np.where(good, distances, np.nan)
     bounds = bounds + ROUND_OFF * np.maximum.accumulate(np.abs(found[0]).max(axis=1))
     return data.Truth(times, found[0], found[1], "reference", bounds, time.perf_counter() - begun, reason, by)

@@ -10,10 +10,10 @@ from inverse_service.expressions import arrays, derivative, tree as ex
 from inverse_service.integrators import method_table
 from inverse_service.mechanics import method_advice
 from inverse_service.simulation import derivation, initial, numeric_formulas, scene_data as data
+from inverse_service.simulation.sentences import say
 
 STIFF = 1e3  # length of a run in decay times beyond which an explicit method spends its steps on decayed components
 SLOWER = 1e6  # decay times beyond which `adaptive` reaches 1e-12 later than `stiff`
-INSTEAD = "What decays fast would hold `adaptive` to short steps, so `stiff` runs."
 SHARE = 10.0  # real parts compared with imaginary ones
 
 
@@ -42,7 +42,7 @@ def by_itself(scene: data.Scene, derived: derivation.Derived) -> data.Scene:
         return scene
     choice = data.MethodChoice("stiff", tolerance=method_table.METHODS["adaptive"].tolerance or 0.0)
     instead = data.Requested("stiff", choice)
-    return replace(scene, methods=(instead,), notes=(*scene.notes, INSTEAD))
+    return replace(scene, methods=(instead,), notes=(*scene.notes, say("stiff_instead")))
 
 
 def is_stiff(derived: derivation.Derived, beyond: float = STIFF) -> bool:

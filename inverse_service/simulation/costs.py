@@ -11,14 +11,12 @@ from inverse_service.errors import InputError
 from inverse_service.integrators import method_table, trajectory
 from inverse_service.kernels.codegen import compiled
 from inverse_service.simulation import derivation, execution, numeric_formulas, observing, scene_data as data, schemes
+from inverse_service.simulation.sentences import say
 
 IN_KERNEL = ("energy", "constraints")
 TIMED_STEPS, MORE_STEPS = 20_000, 8  # steps that are timed at most, and how many times as many where they are too few
 REPEATS, LEAST_REPEATS, LONG_ENOUGH = 15, 3, 0.03  # runs for one measurement, and their seconds
 LARGE = 8  # coordinates beyond which the operations of effects are counted where the cost is observed only
-NOT_IN_STEPS = "The cost of parts is measured only for methods that step with a kernel."
-TOO_SHORT = "The run is too short to time its steps: take more steps."
-TOGETHER = "The free Lagrangian belongs to all effects together, so single effects cannot be removed from it."
 _OPERATION = re.compile(r"= (?:fadd|fsub|fmul|fdiv|fneg|fcmp|(?:tail )?call)\b")
 
 
@@ -26,7 +24,7 @@ def part_costs(derived: derivation.Derived, requested: data.Requested) -> dict[s
     """The key `cost` of a method: the whole step, and each part of it as the difference to the scene without it; no
     time where that is below the noise."""
     if not method_table.METHODS[requested.method].has_kernel:
-        return {"note": NOT_IN_STEPS}
+        return {"note": say("no_kernel_to_time")}
     scene = derived.scene
     try:
         whole = _price(derived, requested)
@@ -47,7 +45,8 @@ def part_costs(derived: derivation.Derived, requested: data.Requested) -> dict[s
         except InputError as error:
             part["note"] = f"Without it: {error.detail}"
         parts.append(part)
-    note = TOO_SHORT if np.isnan(whole[0]) else TOGETHER if together and scene.parts else ""
+    note = say("effects_together") if together and scene.parts else ""
+    note = say("too_short_to_time") if np.isnan(whole[0]) else note
     numbers = dict(zip(("step_ns", "operations", "steps"), whole, strict=True))
     return numbers | ({"note": note} if note else {}) | {"parts": parts}
 

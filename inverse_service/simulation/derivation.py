@@ -20,12 +20,13 @@ from inverse_service.integrators.method_table import USES_ACCELERATIONS, USES_FR
 from inverse_service.mechanics import constrained_motion, euler_lagrange
 from inverse_service.simulation import accelerations as accelerating, exact_motion, initial
 from inverse_service.simulation.scene_data import FreeLagrangian, Problem, Requested, Scene, Stop, Unavailable
+from inverse_service.simulation.sentences import say
 
 KINETIC, POTENTIAL, MAGNETIC, CONSTRAINTS = "kinetic", "potential", "magnetic", "constraints"
 BUILT_IN = (CONSTRAINTS, POTENTIAL, MAGNETIC, KINETIC)
 COMPARED = frozenset({"error", "phase"})
 USES_EXACT = COMPARED | {"matching_circle"}
-_DEGENERATE = accelerating.DEGENERATE[:1].upper() + accelerating.DEGENERATE[1:]
+_DEGENERATE = say("degenerate")[:1].upper() + say("degenerate")[1:]
 Part = TypeVar("Part")
 Find = Callable[[Scene, str | None, exact_motion.ExactMotion | None], FreeLagrangian]
 
@@ -117,7 +118,7 @@ class Derived:
         """The problem for methods that integrate q'' = f."""
         scene = self.scene
         if initial.ended_at_start(scene) is not None:
-            raise Unavailable(initial.NO_VALUE)
+            raise Unavailable(say("no_lagrangian_at_start"))
         names, values = scene.coordinates, tuple(scene.values)
         return Problem(names, values, constraints=scene.constraints, accelerations=self.accelerations())
 

@@ -29,6 +29,7 @@ from inverse_service.simulation import (
     observing,
     scene_data as data,
 )
+from inverse_service.simulation.sentences import say
 
 Point = tuple[float, trajectory.Array, trajectory.Array]  # a time, position and velocity (n,)
 State = tuple[trajectory.Array, trajectory.Array, trajectory.Array]  # times (m,), positions and velocities (m, n)
@@ -45,17 +46,6 @@ CLOSE = 0.1  # of the size of a motion: a return to its start
 TOUCH, TOUCH_FROM = 1e-13, 1e-6  # of its greatest value, and of a step from the ends of the run
 LOOKED_AGAIN, OFF_GRID = 512, (0.1, 0.23, 0.382)  # places between those looked at, in parts of their distance
 NOT_SHOWN, OFTEN = 0.25, 0.01  # of the change nearby, and of the places
-UNSEEN = (
-    "The formula varies too fast for the examined points, at most 16 in a step, so events may be missing. "
-    "Take a smaller step."
-)
-TOUCHED = "At t = {:.7g} the formula is 0 within round-off but does not change its sign, so this is not an event."
-ENDED = "The run was ended by an event at t = {:.12g}."
-NO_VALUE = "The formula has no value at {} of the {} points of the run, so no event is found there."
-NO_SIZE = "The formula is 0 within round-off during the whole run, so its changes of sign are not events."
-NO_PERIOD = "A period needs every step recorded, and a start that moves or is pushed."
-ACTS_AT_START = "An event acts where the motion starts: to observe its period, begin elsewhere on it."
-NO_VELOCITIES = "The method has no velocities at its points, which the event needs."
 Motion = Callable[[], data.Problem]  # the motion as q'' = f; Unavailable where that is not known
 Follow = Callable[[NDArray[np.int64], trajectory.Array], State]
 
@@ -109,7 +99,7 @@ def with_events(run: observing.Observed, motion: Motion) -> tuple[Trajectory, tu
     if (final := first_of([one for one in found if one.event.stops])) is None:
         return ran, found, None
     end, kept = final[0], ran.times < final[0]
-    outcome = trajectory.Outcome("completed", int(kept.sum()) - 1, end, note=ENDED.format(end))
+    outcome = trajectory.Outcome("completed", int(kept.sum()) - 1, end, note=say("ended_by_event", end))
     return ran.ended(kept, outcome), tuple(one.part(one.times <= end) for one in found), final
 
 
@@ -154,20 +144,20 @@ def _located(run: observing.Observed, event: data.Event, follow: Follow | None) 
     try:
         along, *parts = run.values_of(event.formula, *ex.summands(event.formula))
         if len(parts) > 1 and (np.abs(along) <= NOISE * np.abs(parts).sum(axis=0)).all():
-            return replace(nothing, note=NO_SIZE)
+            return replace(nothing, note=say("event_always_zero"))
         if follow is None:
             turns = (np.sign(along[1:]) != np.sign(along[:-1])).any()
-            return replace(nothing, note=NO_VELOCITIES if turns else "")
+            return replace(nothing, note=say("event_without_velocities") if turns else "")
         way = Way(ran.times, along, follow, value)
         brackets, touched, unseen = _brackets(way, event.direction)
         lost = int(np.isnan(along).sum())
-        note = UNSEEN if unseen else TOUCHED.format(touched[0]) if len(touched) else ""
-        note = NO_VALUE.format(lost, len(along)) if lost else note
+        note = say("events_unseen") if unseen else say("zero_touched", touched[0]) if len(touched) else ""
+        note = say("event_without_value", lost, len(along)) if lost else note
         if not len(brackets.places):
             return replace(nothing, note=note)
         state = _zeros(brackets, way)
     except arrays.NoValue:
-        return replace(nothing, note=NO_VELOCITIES)
+        return replace(nothing, note=say("event_without_velocities"))
     except errors.InputError as error:
         return replace(nothing, note=error.detail)
     about = value(state)
@@ -347,7 +337,7 @@ def period_of(run: observing.Observed, returns: Found, others: Sequence[Found]) 
         return np.asarray(apart.max(axis=1, initial=0.0) / size)
 
     if any((distance(one) <= TOUCH_FROM).any() for one in others if one.event.acts):
-        return {"period": None, "period_note": ACTS_AT_START}
+        return {"period": None, "period_note": say("acts_at_start")}
     apart = distance(returns)
     times = np.concatenate([at.times[:1], returns.times[len(returns.times) - len(apart) :][apart <= CLOSE]])
     if len(times) < 2:

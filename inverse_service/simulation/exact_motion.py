@@ -28,16 +28,13 @@ from inverse_service.expressions import arrays, collecting, tree as ex
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import accelerations, initial, scene_data
+from inverse_service.simulation.sentences import say
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
 MOST_PIECES = 4096
 MOST_NODES = 2_000_000
 INTERVALS_AT_ONCE = 5_000
 TOLERANCE = 4e-16
-RANK_LOST = (
-    "The exact solution ends: along the motion the constraints lose rank, or the kinetic energy is not positive on "
-    "them, so the exact motion is not determined: change a parameter or the start."
-)
 SAMPLES = 32
 CONSTANT = 1e-13
 
@@ -71,9 +68,7 @@ def motion_by_quadrature(what: initial.System, values: Mapping[str, float]) -> E
             [collecting.collect(lagrangian - kinetic), *(entry for row in inertia for entry in row)], table
         )
     except arrays.NoValue:
-        raise scene_data.Unavailable(
-            "The kinetic energy has coefficients that are not constant, or there is a potential."
-        ) from None
+        raise scene_data.Unavailable(say("not_constant_masses")) from None
     mass = np.array(entries).reshape(len(names), -1)
     if np.linalg.matrix_rank(mass) < len(names):
         raise scene_data.Unavailable("The kinetic energy is degenerate.")
@@ -136,7 +131,7 @@ def _settled(motion: ExactMotion, start: float, rate: float, edges: Array) -> Ar
         if change <= tolerance and steady:
             break
     if not steady:
-        raise scene_data.Unavailable(RANK_LOST)
+        raise scene_data.Unavailable(say("exact_rank_lost"))
     return found
 
 
@@ -173,7 +168,7 @@ def _direction(motion: ExactMotion, turning: Array) -> Array:
     mass = motion.mass[np.ix_(others, others)]
     norm = np.sqrt(np.einsum("ij,jk,ik->i", direction, mass, direction))
     if not np.isfinite(norm).all() or norm.min() <= 1e-12 * max(1.0, float(norm.max())):
-        raise scene_data.Unavailable(RANK_LOST)
+        raise scene_data.Unavailable(say("exact_rank_lost"))
     found: Array = direction / norm[:, None]
     return found
 

@@ -35,18 +35,14 @@ from inverse_service.kernels.machine_code.loading import processor_features
 from inverse_service.simulation import peers, schemes
 from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, formulas_of
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start, Stop
+from inverse_service.simulation.sentences import say
 
-NO_GUARD = "The guard was off, so it was not checked that each step took the root that belongs to small steps."
 _FIRST_PIECE = 4096
 FEW, MANY, BEGINNING = 16, 1.3, 4  # points of a grid; steps for each of them; steps that grow to a usual length
 _FIRST_OWN = 8  # of a method that takes any number of steps between two points
 _SECONDS_PER_PIECE = 0.1
-_REMEDY = "take a smaller step"
-_UNDEFINED = "begin elsewhere, stop before, or leave the quantity out of observe"
-_NO_VALUE = "take a smaller step; where a formula has no value, stop before"
 _ENDS = "stop before"
 _SQUARE_OVERFLOWS = 1e150
-_FASTER = "take a smaller step or a larger tolerance; where something decays fast, `stiff`"
 _KINDS = {"bound": "guard", "map": "off_domain", "domain": "off_domain"}
 # Newton that fails after the determinant has sunk below this part of its first value fails because of that.
 NEARLY_SINGULAR = 0.25
@@ -59,10 +55,8 @@ Columns = dict[str, Any]  # numbers by name, each one or (N,)
 NEARER, NEARER_BY = (1e-4, 1e-7, 1e-10), 3
 FLAT, STRAIGHT, SAME_POWER = 0.02, 0.97, 0.02
 LATER = 1e-3
-BEGIN_ELSEWHERE = "begin elsewhere, or at another start_time"
 WORTH_THREADS = 2_000  # steps of groups that take as long as starting a thread
 STEPS_AT_ONCE = 100_000  # steps of groups between two checks for a request to stop
-ALL_METHODS = "Ensembles are run by methods that step with kernels: variational, nonholonomic, runge-kutta, and so on."
 
 
 def check(problem: Problem, choice: MethodChoice) -> None:
@@ -105,7 +99,7 @@ def run(
     if isinstance(ready, Trajectory):
         return ready
     found = trajectory_of(ready.go(grid, stop))
-    return found if choice.guard else replace(found, outcome=replace(found.outcome, note=NO_GUARD))
+    return found if choice.guard else replace(found, outcome=replace(found.outcome, note=say("no_guard")))
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,33 +261,33 @@ class Run:
         if code >= programs.UNOBSERVABLE:
             quantity = f"{card.observed[code - programs.UNOBSERVABLE]}, which has no finite value"
             if max(abs(last.get(name, 0.0)) for name in card.layout.columns) > _SQUARE_OVERFLOWS:
-                return ends("not_finite", quantity, value, _REMEDY)
-            return ends("off_domain", quantity, value, _UNDEFINED)
+                return ends("not_finite", quantity, value, say("smaller_step"))
+            return ends("off_domain", quantity, value, say("undefined"))
         if code >= programs.WATCHED:
             kind, quantity, remedy = card.watches[code - programs.WATCHED]
             value = abs(value) if kind == "bound" else value
             return ends(_KINDS.get(kind, "singular"), quantity, value, remedy)
         if code >= programs.GUARDED:
             quantity = f"1 - det/det(h -> 0): {_determinant(card, code - programs.GUARDED, problem)}"
-            return ends("guard", quantity, value, _REMEDY)
+            return ends("guard", quantity, value, say("smaller_step"))
         if code >= programs.SINGULAR:
-            return ends("singular", _determinant(card, code - programs.SINGULAR, problem), value, _REMEDY)
+            return ends("singular", _determinant(card, code - programs.SINGULAR, problem), value, say("smaller_step"))
         if code >= programs.NO_CONVERGENCE:
             place = code - programs.NO_CONVERGENCE
             quantity = _determinant(card, place, problem)
             if place < len(card.solves) and abs(last[f"last_{place}"]) < NEARLY_SINGULAR * abs(last[f"first_{place}"]):
-                return ends("singular", quantity, last[f"last_{place}"], _REMEDY)
-            remedy = _NO_VALUE if math.isnan(value) else _REMEDY
+                return ends("singular", quantity, last[f"last_{place}"], say("smaller_step"))
+            remedy = say("smaller_or_stop") if math.isnan(value) else say("smaller_step")
             return ends("no_convergence", quantity, value if place < len(card.solves) else math.nan, remedy)
         if code == programs.NO_START:
-            return ends("off_domain", "the state at the start, which has no finite value", value, _UNDEFINED)
+            return ends("off_domain", "the state at the start, which has no finite value", value, say("undefined"))
         if code == programs.TOO_MANY:
             quantity = f"the step chosen by the method: {MOST_TRIES} such steps do not reach the next point"
-            return ends("unresolved", quantity, value, _FASTER)
+            return ends("unresolved", quantity, value, say("faster"))
         if code == programs.TOO_SHORT:
             return ends("singular", "a step within the tolerance", value, _ENDS)
         assert code == programs.NOT_FINITE
-        return ends("not_finite", "a coordinate or momentum", math.nan, _REMEDY)
+        return ends("not_finite", "a coordinate or momentum", math.nan, say("smaller_step"))
 
 
 def memory_of(card: Card, numbers: Mapping[str, float | Array], count: int = 1) -> Array:
@@ -511,7 +505,7 @@ def undefined_force(f: Formulas, forces: Sequence[Formula], table: Mapping[str, 
         if not math.isfinite(value) or 0 in others:
             begin = table[str(MOMENT)]
             quantity = f"the force on {name} at the start, t = {begin:.12g}, which has no value"
-            return Outcome("off_domain", 0, begin, quantity, None, BEGIN_ELSEWHERE)
+            return Outcome("off_domain", 0, begin, quantity, None, say("begin_elsewhere_or_later"))
     return None
 
 
@@ -572,7 +566,7 @@ def run_ensemble(
     """
     check(problem, choice)
     if choice.method in ("heyoka", "modified"):
-        raise InputError(ALL_METHODS)
+        raise InputError(say("ensemble_methods"))
     f = Formulas(problem)
     lanes = 8 if "+avx512f" in processor_features() else 4  # doubles that a core takes at once
     columns = arguments_of(problem, choice, grid, values) | _named("q", positions) | _named("v", velocities)

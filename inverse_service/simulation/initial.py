@@ -19,13 +19,13 @@ from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation.numeric_formulas import table_of
 from inverse_service.simulation.scene_data import Members, Problem, Scene
+from inverse_service.simulation.sentences import say
 
 TOLERANCE = 1e-9
 RANK = 1e-10
 NEARBY = 6
 MOST_ITERATIONS = 60
 PERIODIC = frozenset({"sin", "cos", "tan", "cot", "sec", "csc"})
-NO_VALUE = "The Lagrangian has no value at the start: start somewhere else."
 
 
 System = Problem | Scene  # coordinates, a Lagrangian where there is one, and constraints
@@ -68,9 +68,7 @@ def check_constraints(what: System, values: Values, positions: Array) -> None:
         if all(slope == ex.ZERO for slope in slopes):
             raise InputError(f"constraint {place} has no velocity in it: leave it out.", "/system")
         if any(isinstance(node, ex.Velocity) for slope in slopes for node in ex.walk(slope)):
-            raise InputError(
-                f"constraint {place} is not linear in the velocities: only linear ones can be simulated.", "/system"
-            )
+            raise InputError(say("not_linear", place), "/system")
     if not constraints:
         return
     random = np.random.default_rng(3)
@@ -80,10 +78,9 @@ def check_constraints(what: System, values: Values, positions: Array) -> None:
             rows = _linear(what, values, positions[None] + random.normal(0, 1, len(positions)))[0][0]
             rank = max(rank, np.linalg.matrix_rank(rows))
     if rank < len(constraints):
-        raise InputError(f"only {rank} of the {len(constraints)} constraints are independent: leave out the others.",
-                         "/system")  # fmt: skip
+        raise InputError(say("dependent", rank, len(constraints)), "/system")
     if rank >= len(names):
-        raise InputError(f"{rank} constraints on {len(names)} coordinates leave no motion: leave some out.", "/system")
+        raise InputError(say("no_motion_left", rank, len(names)), "/system")
 
 
 def without_value(scene: Scene) -> NDArray[np.bool_]:
@@ -108,8 +105,7 @@ def ended_at_start(scene: Scene) -> Trajectory | None:
     if scene.ensemble is not None or not without_value(scene).all():
         return None
     begin = scene.grid.begin
-    quantity = f"the Lagrangian at the start, t = {begin:.12g}, which has no value"
-    outcome = Outcome("off_domain", 0, begin, quantity, None, "start somewhere else")
+    outcome = Outcome("off_domain", 0, begin, say("start_without_value", begin), None, "start somewhere else")
     return Trajectory.of_start(begin, scene.positions, scene.velocities, outcome)
 
 
@@ -148,15 +144,9 @@ def initial_velocities(what: System, values: Values, positions: Array, given: Va
             member, place = divmod(worst, len(what.constraints))
             hint = ", ".join(f"{name} {value:.9g}" for name, value in zip(names, better[member], strict=True))
             fault = f"member {member}: " if len(places) > 1 else ""
-            fault += (
-                f"the velocities violate constraint {place + 1} by {defects[member, place]:.3g}: leave out those that "
-            )
-            fault += "the constraints determine"
-            raise InputError(
-                f'{fault}, or write "project": true in "initial" to use the nearest that fit ({hint}).',
-                "/initial/velocities",
-                plain=f"{fault}; the nearest that fit are ({hint}).",
-            )
+            fault += say("violated", place + 1, defects[member, place])
+            plain = say("violated_plain", fault, hint)
+            raise InputError(say("violated_project", fault, hint), "/initial/velocities", plain=plain)
         velocities[off] = better[off]
     return velocities.reshape(positions.shape)
 
@@ -186,7 +176,7 @@ def angles(scene: Scene) -> NDArray[np.bool_]:
 def velocities_from_momenta(what: System, values: Mapping[str, float], positions: Array, target: Array) -> Array:
     """v with dL/dv(q, v) = p, (n,); one step for a quadratic L, Newton elsewhere. InputError where that fails."""
     if what.lagrangian is None:
-        raise InputError("the system has no Lagrangian, so no momenta: give velocities.", "/initial/momenta")
+        raise InputError(say("no_momenta"), "/initial/momenta")
     names, n = what.coordinates, len(what.coordinates)
     masses = euler_lagrange.hessian(what.lagrangian, names)
     trees = [*euler_lagrange.momenta(what.lagrangian, names), *(entry for row in masses for entry in row)]
@@ -201,9 +191,7 @@ def velocities_from_momenta(what: System, values: Mapping[str, float], positions
             if np.abs(left).max() <= 1e-13 * (1 + np.abs(target).max()):
                 return velocities
             velocities = velocities + np.linalg.lstsq(found[n:].reshape(n, n), left, rcond=None)[0]
-    raise InputError(
-        "no velocities were found that have these momenta: give the velocities instead.", "/initial/momenta"
-    )
+    raise InputError(say("no_velocities_of_momenta"), "/initial/momenta")
 
 
 def _linear(what: System, values: Values, positions: Array) -> tuple[Array, Array]:
@@ -215,9 +203,7 @@ def _linear(what: System, values: Values, positions: Array) -> tuple[Array, Arra
     rows = np.array(arrays.array_values(entries, table)).reshape(shape).transpose(2, 0, 1)
     offsets = np.array(arrays.array_values(constraints, table)).reshape(shape[::2]).T
     if not (np.isfinite(rows).all() and np.isfinite(offsets).all()):
-        raise InputError(
-            "a constraint has no finite value at the initial positions: start somewhere else.", "/initial/positions"
-        )
+        raise InputError(say("no_constraint_at_start"), "/initial/positions")
     return rows, offsets
 
 
@@ -235,10 +221,8 @@ def _filled(names: tuple[str, ...], rows: Array, offsets: Array, given: Values) 
         one = inner[int(np.argmin(ranks))]  # what its null space moves is open
         open_ = np.flatnonzero(np.abs(np.eye(len(missing)) - np.linalg.pinv(one, RANK) @ one).max(axis=0) > 1e-8)
         shown, wanted = ", ".join(names[missing[k]] for k in open_), len(missing) - int(ranks.min())
-        fault = f"the velocity of {shown} is missing and the constraints do not determine it: add it."
-        if len(open_) > 1:
-            add_ = "them" if wanted == len(open_) else f"{wanted} of them"
-            fault = f"the velocities of {shown} are missing and the constraints do not determine them: add {add_}."
+        add_ = "them" if wanted == len(open_) else f"{wanted} of them"
+        fault = say("velocities_missing", shown, add_) if len(open_) > 1 else say("velocity_missing", shown)
         raise InputError(fault, "/initial/velocities")
     square = inner.shape[1] == inner.shape[2]
     inverse = np.asarray((np.linalg.inv if square else np.linalg.pinv)(inner), dtype=float)
@@ -250,13 +234,10 @@ def _projected(what: System, values: Values, positions: Array, velocities: Array
     n = len(what.coordinates)
     mass = saddle(what, table_of(what.coordinates, positions, velocities, values))[:, :n, :n]
     if not np.isfinite(mass).all():
-        raise InputError("the kinetic energy has no finite value at the start: start somewhere else.", "/initial")
+        raise InputError(say("no_kinetic_at_start"), "/initial")
     lifted = np.asarray(np.linalg.pinv(mass) @ rows.transpose(0, 2, 1), dtype=float)
     multipliers = _times(np.asarray(np.linalg.pinv(rows @ lifted), dtype=float), defects)
     corrected: Array = velocities - _times(lifted, multipliers)
     if not np.isfinite(corrected).all() or np.abs(_times(rows, corrected - velocities) + defects).max() > 1e-6:
-        raise InputError(
-            "the velocities cannot be projected onto the constraints at these positions: they contradict each other.",
-            "/initial",
-        )
+        raise InputError(say("not_projected"), "/initial")
     return corrected

@@ -13,19 +13,17 @@ import numpy as np
 from inverse_service.expressions import arrays, collecting, derivative, tree as ex
 from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation import derivation, execution, numeric_formulas as nf, scene_data as data
+from inverse_service.simulation.sentences import say
 
 PARTS = 200
 CHOICE = data.MethodChoice("adaptive", tolerance=1e-10)
-OVER = "The time limit was reached before the exponent was found. Take fewer methods or steps, or a longer time limit."
-ACTS = "No exponent is found where events change the motion."
-ENDED = "The motion ends at t = {:.6g}, before the exponent has converged."
 
 
 def largest_exponent(derived: derivation.Derived) -> dict[str, Any]:
     """{largest, half, time}: the exponent over the whole run and over its first half, which shows its convergence."""
     scene, motion = derived.scene, derived.motion()
     if any(event.acts for event in scene.events):
-        return {"largest": None, "note": ACTS}
+        return {"largest": None, "note": say("exponent_with_events")}
     problem = with_tangent(scene, motion.accelerations or ())
     n, length = len(scene.coordinates), scene.grid.step * scene.grid.steps
     positions, velocities = scene.positions, scene.velocities
@@ -48,9 +46,9 @@ def largest_exponent(derived: derivation.Derived) -> dict[str, Any]:
         grid = data.Grid(length / PARTS, 1, 1, begin)
         found = execution.run(problem, CHOICE, start, grid, dict(scene.values), (), derived.stop)
         if derived.is_over:
-            return {"largest": None, "note": OVER}
+            return {"largest": None, "note": say("exponent_late")}
         if not found.outcome.completed or found.velocities is None:
-            return {"largest": None, "note": ENDED.format(begin)}
+            return {"largest": None, "note": say("exponent_ended", begin)}
         positions, velocities = found.positions[-1, :n], found.velocities[-1, :n]
         tangent = np.concatenate([found.positions[-1, n:], found.velocities[-1, n:]])
         tangent = kept(tangent)

@@ -34,22 +34,10 @@ from inverse_service.simulation import (
     numeric_formulas as nf,
     scene_data as data,
 )
+from inverse_service.simulation.sentences import say
 
-WITH_TIME = "The Lagrangian contains t, so its energy changes."
-FORCED = "Forces do work, so the energy T + V changes: see its balance with the work."
-ACTED = "Events change the motion, so the energy is not constant."
-MOVING_CONSTRAINTS = (
-    "A constraint has a part without velocities and may do work, so the energy is not a constant of the motion, "
-    "and no error is reported."
-)
 ENERGY_START = "energy_of_the_start"
 ROUND_OFF = 1e-14
-NOTHING = "nothing to compare with"
-KEPT = "See `conserved`: {} is constant."
-_NO_VELOCITIES = "The method has no velocities at the recorded points: record every step."
-_NO_ENERGY = "The system is given by its equations and no Lagrangian was found, so no energy is defined."
-_NO_VALUE = "The formula has no value at {} of the {} recorded points, the first at t = {:.7g}."
-_WALL = "The energy is that of a Lagrangian that was found, which {}."
 
 
 def greatest(values: Array) -> float | None:
@@ -126,12 +114,12 @@ def why_energy_varies(scene: data.Scene) -> str | None:
     """A sentence if the energy of the scene is not a constant of the motion."""
     lagrangian = lagrangian_of_energy(scene)
     if lagrangian is not None and ex.holds(lagrangian, ex.TIME):
-        return WITH_TIME
+        return say("energy_with_time")
     if any(drift != ex.ZERO for drift in initial.drifts_of(scene)):
-        return MOVING_CONSTRAINTS
+        return say("energy_with_drifts")
     if any(event.acts for event in scene.events):
-        return ACTED
-    return FORCED if scene.forces else None
+        return say("energy_with_events")
+    return say("energy_with_forces") if scene.forces else None
 
 
 def factor_of_time(scene: data.Scene, times: Array) -> Array | None:
@@ -244,13 +232,13 @@ def _own(run: Observed) -> Observations:
         try:
             (column,) = run.values_of(one.expression)
         except arrays.NoValue:
-            numbers[one.name] = {"note": _NO_VELOCITIES}
+            numbers[one.name] = {"note": say("no_velocities")}
             continue
         series[one.name] = column
         numbers[one.name] = {"first": float(column[0]), "last": float(column[-1])}
         lost = ~np.isfinite(column)
         if lost.any():
-            note = _NO_VALUE.format(lost.sum(), len(column), run.trajectory.times[lost.argmax()])
+            note = say("no_value_at_points", lost.sum(), len(column), run.trajectory.times[lost.argmax()])
             numbers[one.name] |= {"note": note}
         else:
             numbers[one.name] |= {"least": float(column.min()), "greatest": float(column.max())}
@@ -298,7 +286,7 @@ def _momenta(run: Observed) -> Observations:
 
 def _velocities(run: Observed) -> Observations:
     if run.velocities is None:
-        return {"velocities_note": _NO_VELOCITIES}, {}
+        return {"velocities_note": say("no_velocities")}, {}
     return {}, columns_of(run.scene, run.velocities, "v_")
 
 
@@ -320,7 +308,7 @@ def _constraint_forces(run: Observed) -> Observations:
         return {"constraint_forces": None, "constraint_forces_note": note}, {}
 
     if run.velocities is None:
-        return missing(_NO_VELOCITIES)
+        return missing(say("no_velocities"))
     if scene.lagrangian is None or not scene.constraints:
         return missing("There are no constraints.")
     found = accelerating.accelerations_and_multipliers(scene)
@@ -341,22 +329,22 @@ def _energy(run: Observed) -> Observations:
     scene = run.scene
     start = start_energy(replace(scene, values=run.values))
     if start is None:
-        return {"max_energy_error": None, "energy_note": _NO_ENERGY}, {}
+        return {"max_energy_error": None, "energy_note": say("no_energy")}, {}
     numbers, series = _discrete_energy(run, start)
     numbers |= {"energy_start": start, "max_energy_error": None}
     note = why_energy_varies(scene)
     if run.velocities is None:
-        return numbers | {"energy_note": note or _NO_VELOCITIES}, series
+        return numbers | {"energy_note": note or say("no_velocities")}, series
     points, _ = energies(scene, run.table)
     series["energy"] = points
     if not note and (wall := end_of_energy(run)):
-        note = _WALL.format(wall)
+        note = say("energy_ends", wall)
     if not note:
         numbers["max_energy_error"] = greatest(np.abs(points - start) / (abs(start) or 1.0))
         absolute = {"energy_error_is": "absolute, because the energy of the start is 0"}
         return numbers | ({} if start else absolute), series
     kept, drifts = _conserved(run)
-    numbers["energy_note"] = f"{note} {KEPT.format(scene.conserved[0].name)}" if kept else note
+    numbers["energy_note"] = f"{note} " + say("see_conserved", scene.conserved[0].name) if kept else note
     if (factor := factor_of_time(scene, run.trajectory.times)) is not None:
         series["mechanical_energy"] = points / factor
     if scene.forces:
@@ -429,7 +417,7 @@ def _error(run: Observed) -> Observations:
     """
     truth = run.truth
     if run.true is None or not isinstance(truth, data.Truth):
-        return {"max_error": None, "error_note": truth or NOTHING}, {}
+        return {"max_error": None, "error_note": truth or say("nothing_to_compare")}, {}
     differences = np.abs(run.trajectory.positions - run.true)
     distances: Array = differences.max(axis=1)
     known = int(np.isfinite(distances).sum())
@@ -451,7 +439,7 @@ def _error(run: Observed) -> Observations:
 
 def _phase(run: Observed) -> Observations:
     if run.true is None:
-        return {"max_phase_error": None, "phase_note": run.truth or NOTHING}, {}
+        return {"max_phase_error": None, "phase_note": run.truth or say("nothing_to_compare")}, {}
     if run.scene.circle is None:
         return {"max_phase_error": None}, {}
     pair = list(run.scene.circle)

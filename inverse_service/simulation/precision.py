@@ -18,6 +18,7 @@ import numpy as np
 
 from inverse_service.integrators import method_table
 from inverse_service.simulation import accuracy, derivation, observing, running, scene_data as data
+from inverse_service.simulation.sentences import say
 
 CHECKS = 8
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
@@ -30,9 +31,7 @@ SECONDS, LATER_SECONDS = 0.2, 0.06  # for each of the repeats: of the first runs
 SHARE_OF_FIRST, SHARE_OF_REPEATS, SHARE_OF_ONE = 0.6, 0.2, 0.05  # of the time limit, the last for a single one
 LONG = 100  # times the time of the scene
 PARTS = 20  # of a long run: the first and the last are compared
-TOO_SLOW = "not measured: the previous setting took {:.1g} s"
-LATE = "not measured: the time limit was almost reached"
-CUT = "it takes too long"
+LATE, CUT = say("limit_almost_reached"), "it takes too long"
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +141,7 @@ def measure(
         for blank in blanks:
             # The next setting takes as long as all previous ones together.
             if sum(one.best_seconds or 0.0 for one in found) > SECONDS * repeats / len(methods) / 2:
-                return [*found, replace(blank, reason=TOO_SLOW.format(found[-1].best_seconds))]
+                return [*found, replace(blank, reason=say("previous_took", found[-1].best_seconds))]
             found.append(run(blank))
             errors = [one.error for one in found if one.error is not None]
             if found[-1].reason in (LATE, CUT) or (errors and errors[-1] <= max(FINEST * scale, truth.uncertainty)):

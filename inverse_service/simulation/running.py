@@ -27,16 +27,9 @@ from inverse_service.simulation import (
     scene_data as data,
     switching,
 )
+from inverse_service.simulation.sentences import say
 
-LATE = "The time limit was reached before this method could run. Take fewer methods or steps, or a longer time limit."
-FAULT = "This method failed because of a fault of the program ({}): please report the scene."
 MOST_SHARPER, LOOKED_AT = 2**22, 16  # steps of all members together; members in which a missed force is looked for
-MEMBER = "Member {}: {}"
-ALONE = "run this member as a scene of its own: single runs pass where sign, abs or pieces switch, and stick there"
-ELSEWHERE = (
-    "{} of {} members differ with {} by more than a tenth of the range of a coordinate. The first one of them is "
-    "member {}."
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +104,7 @@ def run_scene(
         tell(f"{requested.label} ({place} of {len(scene.methods)})")
         if derived.is_over and scene.ensemble is None:
             # Compiling it without taking a step would use the time needed to write the other methods.
-            runs.append(MethodRun(requested, Outcome("cancelled", remedy=LATE), None))
+            runs.append(MethodRun(requested, Outcome("cancelled", remedy=say("late")), None))
             continue
         try:
             members = scene.ensemble
@@ -123,7 +116,7 @@ def run_scene(
             runs.append(MethodRun(requested, Outcome("unavailable", remedy=error.detail), None))
         except (ArithmeticError, ValueError, LookupError, TypeError, RuntimeError) as error:
             logging.getLogger(__name__).exception("the method %s failed", requested.method)
-            runs.append(MethodRun(requested, Outcome("failed", remedy=FAULT.format(type(error).__name__)), None))
+            runs.append(MethodRun(requested, Outcome("failed", remedy=say("fault", type(error).__name__)), None))
     exponent = None
     if "lyapunov" in scene.observe:
         tell("Lyapunov exponent")
@@ -196,7 +189,7 @@ def observed_run(
     if "period" in scene.observe:
         with derivation.timed(seconds, "period"):
             if section is None:
-                numbers |= {"period": None, "period_note": happening.NO_PERIOD}
+                numbers |= {"period": None, "period_note": say("no_period")}
             elif events:
                 *others, returns = events
                 numbers, events = numbers | happening.period_of(observed, returns, others), tuple(others)
@@ -208,7 +201,7 @@ def run_members(derived: derivation.Derived, members: data.Members, requested: d
     """All members by one method; InputError where it cannot run them."""
     scene = derived.scene
     if requested.method == data.EXACT:
-        raise data.Unavailable(execution.ALL_METHODS)
+        raise data.Unavailable(say("ensemble_methods"))
     known, problem = derivation.free_of(requested, derived), derivation.problem_of(requested, derived)
     problem = problem.with_used_parameters()
     values: dict[str, Any] = {**scene.values, **(known.constants if known else {}), **dict(requested.constants)}
@@ -222,7 +215,7 @@ def run_members(derived: derivation.Derived, members: data.Members, requested: d
     many = execution.run_ensemble(problem, requested.choice, *start, scene.grid, values, momenta, steps, derived.stop)
     ran = time.perf_counter()
     if switching.has_pieces(scene, problem):
-        many = replace(many, remedy=ALONE)
+        many = replace(many, remedy=say("alone"))
     velocities, series, numbers = _observed(scene, problem, requested, many, values)
     seconds = {"run": ran - begun, "observed": time.perf_counter() - ran}
     run = EnsembleRun(requested, Outcome("cancelled", scene.grid.steps), many, velocities, series, numbers, seconds)
@@ -243,7 +236,7 @@ def run_members(derived: derivation.Derived, members: data.Members, requested: d
     estimates[rows] = np.where(many.completed[rows], errors.max(axis=(1, 2)), np.nan)
     far = (shares > accuracy.TOO_LARGE).any(axis=(1, 2)) & many.completed[rows]
     looked = f"{len(rows):,}" if len(rows) == count else f"{len(rows):,} examined (of {count:,})"
-    doubt = ELSEWHERE.format(f"{far.sum():,}", looked, again.how, rows[far.argmax()]) if far.any() else ""
+    doubt = say("members_differ", f"{far.sum():,}", looked, again.how, rows[far.argmax()]) if far.any() else ""
     doubt = doubt or _missed(derived, members, problem, run, values)
     kind = "completed" if many.completed.all() else "partly"
     if not many.completed.any():  # the most frequent outcome
@@ -268,7 +261,7 @@ def _missed(
         found = accuracy.estimated(seen, derived) if len(accuracy.moments_between(seen)) else {"doubt": ""}
         if found["doubt"]:
             estimates[row] = found.get("estimated_error", np.nan)
-            return MEMBER.format(row, found["doubt"])
+            return say("member", row, found["doubt"])
     return ""
 
 

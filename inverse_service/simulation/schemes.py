@@ -18,24 +18,15 @@ from inverse_service.kernels.codegen import program as programs, symengine_trees
 from inverse_service.kernels.codegen.symengine_trees import HALF, ONE, STEP, ZERO, Formula, number, symbol
 from inverse_service.simulation.numeric_formulas import MOMENT, Denominator, Formulas, put
 from inverse_service.simulation.scene_data import MethodChoice, Observation
+from inverse_service.simulation.sentences import say
 
-NOT_SEPARABLE = (
-    "Stormer-Verlet requires H = T(p) + V(q): constant masses and no magnetic or additional forces. Use variational."
-)
 SMALLEST_NORM = 1e-200  # its product with the fourth power of a tolerance does not underflow
 AT_REST = 1e60  # (1e30)^2: a force so much smaller than its change in a step is none; beside a pole it is all that acts
 LATER = 0.382  # of a step of the grid, no common multiple of a period
 ROUND_OFF = 1e-15  # of the terms of a force
 FAR_END = 1e-20  # of the whole; less than any unit of a coordinate differs from that of another
-SMALLER_STEP = "take a smaller step"
-GUARD_REMEDY = "take a smaller step, or smaller free constants"
-OTHER_LAGRANGIAN = "give another free_lagrangian, or use `adaptive`"
-OTHER_MOTION = "use `adaptive`, or restart there with the free_lagrangian that is valid there"
-RANK = "the rank of the constraints, det(w(q) w(q_next)^T)"
 RANK_LOST, LOST = "the rank of the constraints, det(w(q) w(q)^T)", 1e-12
-RANK_REMEDY = "begin elsewhere, or divide the constraints by the factor that vanishes"
 MAP_LIMIT = 1e-12
-REGULAR_MOTION = "take a smaller step or `adaptive`; where the forces have a pole, stop before"
 SMALLEST = 1e-300
 
 
@@ -64,7 +55,7 @@ def _verlet(f: Formulas, choice: MethodChoice, observation: Observation) -> prog
     """Stormer and Verlet: half a drift, a kick, half a drift; one evaluation of the force, nothing implicit."""
     q, p, d = map(f.symbols, "qpd")
     if len(f.forces) or any(f.hamiltonian.diff(x).diff(y).expand() != ZERO for x in q for y in p):
-        raise InputError(NOT_SEPARABLE)
+        raise InputError(say("not_separable"))
     middle = MOMENT + STEP / 2
     slope_q, slope_p = (f.gradient(f.hamiltonian, letter, "p", middle) for letter in "qp")
     before, statements = slope_p(q, p), list[programs.Statement]()
@@ -122,7 +113,7 @@ def nonholonomic(f: Formulas, choice: MethodChoice, observation: Observation) ->
         q, p, d, m, STEP, parts, slope_q, slope_v, f.forms_at, f.drifts_at
     )
     walls = f.walls_of([f.problem.lagrangian]) if choice.guard else []
-    watches = sign_watches(walls, discrete_point(f, parts[0]), REGULAR_MOTION)
+    watches = sign_watches(walls, discrete_point(f, parts[0]), say("regular_motion"))
     statements = _solved(f, equations, [*d, *m], choice.guard)
     return _program(f, choice, observation, statements, [*d, *pushes], watches)
 
@@ -141,7 +132,7 @@ def modified(f: Formulas, choice: MethodChoice, observation: Observation) -> pro
         held = sum(f.forms_at(q + part * d) @ d for part in parts) / len(parts)
         statements, pushes = _solved(f, [*free[base], *held], d), kicks[base]
         watches += [
-            one for part in parts for one in sign_watches(f.denominators, discrete_point(f, part), SMALLER_STEP)
+            one for part in parts for one in sign_watches(f.denominators, discrete_point(f, part), say("smaller_step"))
         ]
     else:
         pair = discrete_point(f, alpha)
@@ -360,7 +351,7 @@ def _point_program(
 
 def where_it_ends(f: Formulas) -> str:
     """The remedy where L~ ends: the motion ends too if L~ is the Lagrangian of the scene itself."""
-    return REGULAR_MOTION if f.problem.free_lagrangian == f.problem.lagrangian else OTHER_LAGRANGIAN
+    return say("regular_motion") if f.problem.free_lagrangian == f.problem.lagrangian else say("other_lagrangian")
 
 
 def moment_at(part: Formula) -> Formula:
@@ -390,7 +381,7 @@ def domain_watches(f: Formulas, point: dict[Formula, Formula]) -> list[programs.
         size = sum((p**2 for p in f.symbols("p")), ONE)
         defect = sum((one**2 for one in f.momenta_may_fail), number(0)) / size
         text = "p - dL/dv at the velocities that the Hamiltonian gives"
-        watches.append(programs.Watch("map", defect.subs(point), text, OTHER_LAGRANGIAN, MAP_LIMIT))
+        watches.append(programs.Watch("map", defect.subs(point), text, say("other_lagrangian"), MAP_LIMIT))
     return watches
 
 
@@ -398,7 +389,7 @@ def range_watches(f: Formulas, alpha: Formula) -> list[programs.Watch]:
     """L~ must stay where it has the motion: at the end of the step, and at its discrete point if velocities matter."""
     points = [discrete_point(f, alpha if end.moves else ONE) for end in f.domain]
     return [
-        programs.Watch("domain", end.formula.subs(point), end.text, OTHER_MOTION)
+        programs.Watch("domain", end.formula.subs(point), end.text, say("other_motion"))
         for end, point in zip(f.domain, points, strict=True)
     ]
 
@@ -413,8 +404,8 @@ def rank_watches(f: Formulas, place: Sequence[Formula], divides: bool = False) -
     turned, size = (programs.determinant(rows @ after) for rows in (f.forms, after.T))
     if not turned.free_symbols:
         return []
-    found = [programs.Watch("positive", turned, RANK, RANK_REMEDY)]
-    return [*found, programs.Watch("rank", size, RANK_LOST, RANK_REMEDY, LOST)] if divides else found
+    found = [programs.Watch("positive", turned, say("rank_between_steps"), say("rank_remedy"))]
+    return [*found, programs.Watch("rank", size, RANK_LOST, say("rank_remedy"), LOST)] if divides else found
 
 
 def root_guards(f: Formulas, point: dict[Formula, Formula]) -> list[programs.Watch]:
@@ -425,7 +416,7 @@ def root_guards(f: Formulas, point: dict[Formula, Formula]) -> list[programs.Wat
         mixed = f.hamiltonian.diff(symbol(f"q{k}")).diff(symbol(f"p{k}"))
         if mixed.free_symbols & names:
             text = f"h*|d2H/d{coordinate} dp_{coordinate}|"
-            watches.append(programs.Watch("bound", STEP * mixed.subs(point), text, GUARD_REMEDY))
+            watches.append(programs.Watch("bound", STEP * mixed.subs(point), text, say("smaller_or_constants")))
     return watches
 
 
@@ -439,4 +430,4 @@ def motion_walls(f: Formulas, point: dict[Formula, Formula]) -> list[programs.Wa
 
     Beyond one, even a smooth motion has lost its accuracy, because small errors were divided by a vanishing factor.
     """
-    return sign_watches(f.walls_of(f.problem.accelerations or ()), point, REGULAR_MOTION)
+    return sign_watches(f.walls_of(f.problem.accelerations or ()), point, say("regular_motion"))

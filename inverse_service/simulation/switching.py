@@ -32,7 +32,8 @@ from inverse_service.simulation import (
     observing,
     scene_data as data,
 )
-from inverse_service.simulation.events import CONTINUED, ENDED, NOISE, Found, Point, first_of, joined, located, nowhere
+from inverse_service.simulation.events import CONTINUED, NOISE, Found, Point, first_of, joined, located, nowhere
+from inverse_service.simulation.sentences import say
 
 FIRST, MOST = 16, 4096  # steps of a piece that is looked at for events at once
 SAME = 1e-12  # of a step: events at one time; of the size of a state: what does not move
@@ -41,10 +42,6 @@ SOON = 1e-10  # of a step or of the time: events closer than this are taken to a
 MOST_TOGETHER = 3  # switching functions that are zero at once
 STICKS = 0
 SPENT = ("force_evaluations", "newton_iterations", "compile_seconds", "run_seconds")  # by the parts of a run
-ZENO = "the times between two such events, which become ever shorter"
-ZENO_REMEDY = "stop before, or let the motion continue without the event from there"
-MANY = "After {} events the run was ended at t = {:.12g}."
-NO_MOTION = "the motion has several continuations, or none, where {} = 0"
 MOST_TRIES = 64  # shorter steps up to a switch where the formulas of one side end behind it
 BEGIN_ELSEWHERE = "begin elsewhere"
 ENDS_BEYOND = ("singular", "not_finite", "off_domain", "no_convergence")  # of a step that may lead beyond a switch
@@ -401,7 +398,7 @@ class _Pieces:
             sides = self._sides(state, sides, zero)
         if sides is None:
             text = " = ".join(map(printing.to_text, self._zeros(state, {}) or self.motion.functions))
-            outcome = Outcome("singular", place, state[0], NO_MOTION.format(text), None, BEGIN_ELSEWHERE)
+            outcome = Outcome("singular", place, state[0], say("no_one_motion", text), None, BEGIN_ELSEWHERE)
         whole = self._joined(outcome or Outcome("completed", grid.steps, grid.begin + grid.steps * grid.step), start)
         events = tuple(joined(parts, self.notes.get(k, "")) for k, parts in enumerate(self.seen))
         return Run(whole, True, events, tuple(self.switches), state)
@@ -494,7 +491,7 @@ class _Pieces:
                 if sense := self._sense_held(event, state, (time, q, v), sides):
                     self.held[index] = sense
             if sum(len(one.times) for one in self.seen[index]) >= event.most:
-                note = ENDED.format(time) if event.most == 1 else MANY.format(event.most, time)
+                note = say("ended_by_event", time) if event.most == 1 else say("many_events", event.most, time)
                 return (time, q, v), Outcome("completed", None, time, note=note)
         self.acted.append(time)
         # The time is known only to round-off, so much shorter times have no meaning.
@@ -530,7 +527,7 @@ class _Pieces:
 
     def _zeno(self, time: float, place: int | None) -> Outcome:
         gap = self.acted[-1] - self.acted[-2] if len(self.acted) > 1 else 0.0
-        return Outcome("zeno", place, time, ZENO, gap, ZENO_REMEDY)
+        return Outcome("zeno", place, time, say("zeno"), gap, say("zeno_remedy"))
 
     def _sense_held(self, event: data.Event, before: Point, after: Point, sides: Sides) -> float:
         """1 or -1: the sense in which the formula reached its zero, if it is still zero and the event has stopped or
