@@ -405,3 +405,12 @@ def in_order_of_products(names: Sequence[T], products: Iterable[Sequence[T]]) ->
         found.append(next((name for name in left if not before[name] & {*left} - {name}), left[0]))
         left.remove(found[-1])
     return tuple(found)
+
+
+def determinant(rows: Sequence[Sequence[ex.Expression]]) -> ex.Expression:
+    """Collected, by expansion along the first row; 1 for a matrix without rows."""
+    if not rows:
+        return ex.ONE
+    minors = ([[*row[:k], *row[k + 1 :]] for row in rows[1:]] for k in range(len(rows)))
+    terms = zip(rows[0], minors, strict=True)
+    return collect(ex.add(*((-1) ** k * a * determinant(rest) for k, (a, rest) in enumerate(terms) if a != ex.ZERO)))

@@ -70,29 +70,14 @@ def inverse(matrix: euler_lagrange.Matrix) -> euler_lagrange.Matrix | None:
         if len(block) > MOST_FULL_ROWS:
             return None
         inner = tuple(tuple(matrix[i][j] for j in block) for i in block)
-        whole = determinant(inner)
+        whole = collecting.determinant(inner)
         if whole == ex.ZERO:
             raise errors.InputError(say("degenerate"))
         for a, i in enumerate(block):
             for b, j in enumerate(block):
-                found[i][j] = _cofactor(inner, b, a) / whole
+                minor = [[*row[:a], *row[a + 1 :]] for row in (*inner[:b], *inner[b + 1 :])]
+                found[i][j] = (-1) ** (a + b) * collecting.determinant(minor) / whole
     return tuple(map(tuple, found))
-
-
-def determinant(matrix: euler_lagrange.Matrix) -> ex.Expression:
-    """The determinant by expansion along the first row; 1 for a matrix without rows."""
-    if not matrix:
-        return ex.ONE
-    terms = [entry * _cofactor(matrix, 0, j) for j, entry in enumerate(matrix[0]) if entry != ex.ZERO]
-    return collecting.collect(ex.add(*terms))
-
-
-def _cofactor(matrix: euler_lagrange.Matrix, row: int, column: int) -> ex.Expression:
-    minor = tuple(
-        tuple(entry for j, entry in enumerate(line) if j != column) for i, line in enumerate(matrix) if i != row
-    )
-    value = determinant(minor)
-    return -value if (row + column) % 2 else value
 
 
 def _applied(matrix: euler_lagrange.Matrix, vector: Sequence[ex.Expression]) -> tuple[ex.Expression, ...]:

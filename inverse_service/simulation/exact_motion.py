@@ -27,7 +27,7 @@ import numpy as np
 from inverse_service.expressions import arrays, collecting, tree as ex
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics import euler_lagrange
-from inverse_service.simulation import accelerations, initial, scene_data
+from inverse_service.simulation import initial, scene_data
 from inverse_service.simulation.sentences import say
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
@@ -241,7 +241,7 @@ def _directions(motion: ExactMotion) -> dict[int, ex.Expression]:
     others = [i for i in range(len(motion.coordinates)) if i != motion.turning]
     found = {}
     for place, i in enumerate(others):
-        minor = accelerations.determinant(tuple(tuple(row[j] for j in others if j != i) for row in motion.constraints))
+        minor = collecting.determinant([[row[j] for j in others if j != i] for row in motion.constraints])
         found[i] = -minor if place % 2 else minor
     return found
 

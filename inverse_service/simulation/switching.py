@@ -179,13 +179,13 @@ class _Motion:
         surfaces = [self.surface(u, sides) for u in stuck]
         right = [-self.rate(w, middle) for w in surfaces]
         rows = [[ex.dot(self.slopes(w), slope) for slope in slopes] for w in surfaces]
-        whole = accelerating.determinant(tuple(map(tuple, rows)))
+        whole = collecting.determinant(rows)
         if whole == ex.ZERO:
             return tuple(middle), {}
         found = {}
         for j, u in enumerate(stuck):
-            changed = ((*row[:j], value, *row[j + 1 :]) for row, value in zip(rows, right, strict=True))
-            found[u] = accelerating.determinant(tuple(changed)) / whole
+            changed = [[*row[:j], value, *row[j + 1 :]] for row, value in zip(rows, right, strict=True)]
+            found[u] = collecting.determinant(changed) / whole
         forces = [middle[k] + ex.add(*(found[u] * slopes[j][k] for j, u in enumerate(stuck))) for k in range(n)]
         # By the formulas alone round-off would move what sticks: one coordinate follows from the others.
         free = list(range(n))

@@ -329,25 +329,17 @@ def _held_by_fields(text: str, moving: Sequence[str]) -> list[str]:
     columns = [(v, *(row.get(v, ex.ZERO) for row in rows)) for v in map(ex.Velocity, coordinates)]
     minors: dict[tuple[tuple[ex.Expression, ...], ...], ex.Expression] = {}
     if len(rows) == len(fields) and perm(len(columns), len(rows)) <= _MOST_PRODUCTS:
-        minors = {chosen: _determinant([each[1:] for each in chosen]) for chosen in combinations(columns, len(rows))}
+        choices = combinations(columns, len(rows))
+        minors = {chosen: collecting.determinant([each[1:] for each in chosen]) for chosen in choices}
     chosen = min(
         (each for each in minors if minors[each] != ex.ZERO), key=lambda each: ex.node_count(minors[each]), default=None
     )
     if chosen is None:
         what = "the vector fields of D are not independent sums of functions times d/dx"
         raise errors.InputError(f"{what}: write the constraints instead.")
-    found = [printing.to_text(_determinant([*chosen, one])) + " = 0" for one in columns if one not in chosen]
+    found = [printing.to_text(collecting.determinant([*chosen, one])) + " = 0" for one in columns if one not in chosen]
     letter = {plain: variant for variant, plain in letters.ALIKE.items() if f"\\{variant}" in text}
     return [_in_plain_text(line, letter, pad=False) for line in found] if letter else found
-
-
-def _determinant(rows: Sequence[Sequence[ex.Expression]]) -> ex.Expression:
-    """By the entries of the first column."""
-    if not rows:
-        return ex.ONE
-    others = ([row[1:] for row in (*rows[:k], *rows[k + 1 :])] for k in range(len(rows)))
-    minors = [(-1) ** k * row[0] * _determinant(rest) for k, (row, rest) in enumerate(zip(rows, others, strict=True))]
-    return collecting.collect(ex.add(*minors))
 
 
 def _check_multipliers(

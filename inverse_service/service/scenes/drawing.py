@@ -28,6 +28,7 @@ from inverse_service.service.scenes import views
 from inverse_service.service.scenes.prices import best_first, power, short_number
 from inverse_service.service.scenes.views import Table, Tables
 from inverse_service.simulation import circles
+from inverse_service.simulation.sentences import say
 
 # The style of all figures: sizes in inches, colors, lines.
 TRUE_COLOR = "#222222"
@@ -45,9 +46,6 @@ Result = Mapping[str, Any]  # of a simulation, or of work against precision
 REACH = 1.6
 FRAMES_A_SECOND, SECONDS, TRAIL = 25, 8.0, 1.0  # frames, length at most, length of a trail in seconds of the picture
 INCHES, DOTS = 4.8, 100
-NO_BODY = (
-    'The scene has no body to draw: give "points", as in {"bob": ["l*sin(a)", "-l*cos(a)"]}, or coordinates x and y.'
-)
 FAMILIES = {"geometric": "#0072B2", "explicit": "#D55E00", "implicit": "#009E73", "taylor": "#CC79A7"}
 BY_ORDER = ((2, ":"), (4, "-."), (6, "--"), (99, "-"))
 DRAWN_FIRST, FAINT, LABEL_HEIGHT = 8, 0.3, 0.045  # curves in full color; how faint others are; of a panel's height
@@ -374,7 +372,7 @@ def animate(path: Path, result: Result, tables: Tables) -> None:
     if not bodies and table is not None and {"x", "y"} <= set(result["system"]["coordinates"]):
         bodies = {"": (table["x"], table["y"])}
     if table is None or not bodies:
-        raise InputError(NO_BODY)
+        raise InputError(say("no_body"))
     frames = _frames(table["t"], bodies, with_origin=bool(result["bodies"]))
     if path.suffix == ".gif":
         from PIL import Image

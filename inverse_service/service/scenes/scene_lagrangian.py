@@ -26,17 +26,10 @@ from inverse_service.service.scenes import scene_reading
 from inverse_service.simulation import accelerations as accelerating, derivation, exact_motion, initial
 from inverse_service.simulation.numeric_formulas import switching_functions, walls
 from inverse_service.simulation.scene_data import FreeLagrangian, Observable, Scene, Unavailable
+from inverse_service.simulation.sentences import say
 
 SOLVE_SECONDS, CONSERVED_SECONDS = 15.0, 3.0  # of processor time
 MOST_CONSERVED = 3  # coordinates, and constants of the motion
-FORCED = "With added forces the constrained motion has no free Lagrangian here: use nonholonomic."
-ELSEWHERE = "The Lagrangian that is {} is valid where {}, but the motion begins elsewhere."
-OTHER = "the motion of this scene does not solve the equations of this Lagrangian"
-NO_CLOSED_FORM = "the solver proves that there is one, but finds no closed form in its time."
-NO_INVERSE = (
-    "The momenta at the start do not reproduce its velocities: the Lagrangian is singular there, or its Hamiltonian "
-    "belongs to another branch. Begin elsewhere, or take another method."
-)
 
 
 def finder(schema: SceneDocument, system: scene_reading.MechanicalSystem) -> derivation.Find:
@@ -52,8 +45,7 @@ def finder(schema: SceneDocument, system: scene_reading.MechanicalSystem) -> der
         for given in schema.constants:
             if given not in found.constants:
                 known = ", ".join(found.constants) or "none"
-                detail = f"the free Lagrangian has no constant '{plain_data.escape(given)}': its constants are {known}."
-                raise InputError(detail, pointers[given])
+                raise InputError(say("no_constant", plain_data.escape(given), known), pointers[given])
         return found
 
     return find
@@ -76,7 +68,7 @@ class _Search:
             own = _with_hamiltonian(scene, scene.lagrangian, {}, "the Lagrangian of the scene")
             return replace(own, forced=bool(scene.forces))
         if scene.forces:
-            raise Unavailable(FORCED)
+            raise Unavailable(say("forced_constraints"))
         if wanted is None and self.system.known:
             return self.first_fitting(self.system.known, self.system.source)
         known = None if exact is None else exact_motion.class_lagrangian(exact, self.constants)
@@ -103,11 +95,11 @@ class _Search:
         accelerations = derivation.accelerations_of(scene)
         domain = _domain(scene, self.system, conditions, values)
         if domain is None:
-            raise Unavailable(ELSEWHERE.format(source, ", ".join(conditions)))
+            raise Unavailable(say("begins_elsewhere", source, ", ".join(conditions)))
         if accelerating.keeps_motion(scene, tree, accelerations, values, domain) is False:
             if pointer == "/system":
-                raise Unavailable(f"For the Lagrangian that is {source}, {OTHER}: the effects of the scene changed it.")
-            raise InputError(f"{OTHER}: give one of an associated system of it, or leave it out.", pointer)
+                raise Unavailable(say("lagrangian_changed", source))
+            raise InputError(say("lagrangian_of_another"), pointer)
         return replace(_with_hamiltonian(scene, tree, own, source), domain=domain)
 
     def of_associated(self, which: str | None) -> FreeLagrangian:
@@ -123,9 +115,8 @@ class _Search:
             if known := scene_reading.lagrangians_of(result, self.system.names):
                 return self.first_fitting(known, f"found by the solver for {what}")
             verdict = str(result.get("verdict", "undetermined")).replace("_", " ")
-            is_open = verdict == "variational"
-            result = NO_CLOSED_FORM if is_open else f"the solver says {verdict}."
-        raise Unavailable(f"No free Lagrangian was found for {what}: {result} Use the other methods.")
+            result = say("no_closed_form") if verdict == "variational" else f"the solver says {verdict}."
+        raise Unavailable(say("no_free_lagrangian", what, result))
 
 
 def _first(ways: Iterable[Callable[[], FreeLagrangian]]) -> FreeLagrangian:
@@ -172,7 +163,7 @@ def _with_hamiltonian(scene: Scene, tree: ex.Expression, constants: Mapping[str,
         if np.allclose(back, scene.velocities, rtol=1e-8, atol=1e-10):
             hamiltonian = found.hamiltonian
         else:
-            lost = NO_INVERSE
+            lost = say("no_inverse")
     return FreeLagrangian(tree, hamiltonian, dict(constants), source, lost=lost)
 
 

@@ -17,12 +17,12 @@ from inverse_service.integrators import method_table
 from inverse_service.mechanics import method_advice
 from inverse_service.service.scenes import prices, scene_lagrangian, scene_reading, simulating
 from inverse_service.simulation import accuracy, advice as advising, derivation, precision, scene_data
+from inverse_service.simulation.sentences import say
 
 FORMAT = "inverse-service/work-precision/1"
 FEWEST_STEPS = 8
 MEASURED = ("median_seconds", "first_seconds", "compile_seconds", "repeats", "newton_iterations", "at_floor", "reason")
 PACKAGES = ("numpy", "llvmlite", "symengine", "heyoka", "scipy")
-AFTER = 'To find the best method for a long run, use `--long`, or `"long": true` in the scene.'
 
 
 @np.errstate(all="ignore")
@@ -170,7 +170,7 @@ def long_run(measured: precision.Precision) -> str:
     """Say which method preserves the energy, or the shape of the orbit, best over a long time."""
     done = [run for run in measured.long if not run.reason]
     if not done:
-        return AFTER if not measured.long else "No method completed a run of a hundred times the time."
+        return say("long_runs") if not measured.long else "No method completed a run of a hundred times the time."
     key = "energy_drift" if any(run.energy_drift is not None for run in done) else "shape_change"
     what = {"energy_drift": "the energy drifts", "shape_change": "the shape changes"}[key]
     known = [(getattr(run, key), run) for run in done if getattr(run, key) is not None]
