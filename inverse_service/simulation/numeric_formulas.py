@@ -192,7 +192,8 @@ class Formulas:
         names = [*(str(name) for letter in "qvp" for name in self.symbols(letter)), *self.parameters, "a", str(MOMENT)]
         names = [name for name in names if name in columns]
         with np.errstate(all="ignore"):
-            found = se.closure(names, formulas)(np.stack(np.broadcast_arrays(*(columns[name] for name in names)), -1))
+            table = np.stack(np.broadcast_arrays(*(columns[name] for name in names)), -1)
+            found = se.closure(tuple(names), tuple(formulas))(table)
         return np.asarray(found, dtype=float).reshape(-1, len(formulas))
 
     def discretized(self, method: str) -> se.Formula:

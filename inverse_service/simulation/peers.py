@@ -164,7 +164,7 @@ def run_scipy(
         raise InputError("SciPy is not installed here.") from error
     f = Formulas(problem)
     names = [str(name) for letter in "qv" for name in f.symbols(letter)] + [str(MOMENT), *f.parameters]
-    function = closure(names, f.accelerations)
+    function = closure(tuple(names), tuple(f.accelerations))
     numbers = [values[name] for name in problem.parameters]
     size = f.size
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from inverse_service.errors import InputError
 from inverse_service.integrators import trajectory, variational as discrete
-from inverse_service.integrators.method_table import GAUSS_LEGENDRE, PAIRS, RODAS, TABLEAUX, Tableau
+from inverse_service.integrators.method_table import GAUSS_LEGENDRE, PAIRS, POINT_METHODS, RODAS, TABLEAUX, Tableau
 from inverse_service.integrators.variational import Vector
 from inverse_service.kernels.codegen import program as programs, symengine_trees as se
 from inverse_service.kernels.codegen.symengine_trees import HALF, ONE, STEP, ZERO, Formula, number, symbol
@@ -156,41 +156,33 @@ def _solved(
 
 
 def _program(
-    f: Formulas,
-    choice: MethodChoice,
-    observation: Observation,
-    statements: Sequence[programs.Statement],
-    changes: Sequence[Formula],
-    watches: Sequence[programs.Watch],
-    momenta: Sequence[int] | None = None,
-) -> programs.Program:
-    """The program of a method on (q, p); `momenta` are the coordinates whose momentum is a state variable."""
-    watches = [*watches, *rank_watches(f, f.symbols("q") + f.symbols("d"))]
-    places = range(f.size) if momenta is None else momenta
-    carried = (*(f"q{k}" for k in range(f.size)), *(f"p{k}" for k in places))
+    f: Formulas, choice: MethodChoice, observation: Observation, statements: Sequence[programs.Statement],
+    changes: Sequence[Formula] | Vector, watches: Sequence[programs.Watch], momenta: Sequence[int] | None = None,
+    forces: int | None = None, error: Formula | None = None, order: int = 0,
+) -> programs.Program:  # fmt: skip
+    """The program of a method, with a clock where t matters, and without what nothing needs.
+
+    Methods on (q, p) observe at discrete points; `momenta` are the coordinates whose momentum is a state variable.
+    """
+    n, by_points = f.size, choice.method in POINT_METHODS
+    watches = [*watches, *rank_watches(f, f.symbols("q") + np.array(changes[:n]), divides=by_points)]
+    places = range(n) if momenta is None else momenta
+    carried = [*(f"q{k}" for k in range(n)), *(f"{'v' if by_points else 'p'}{k}" for k in places)]
+    points = [{}] if by_points else [discrete_point(f, part) for part in parts_of(choice)]
     observed = []
     for item in observation:
         formula = se.translate(item.expression, f.table)
-        values = [formula.subs(discrete_point(f, part)) for part in parts_of(choice)]
-        observed.append((item.name, sum(values[1:], values[0]) / len(values)))
-    forces = 0 if any(not isinstance(statement, programs.Assign) for statement in statements) else 1
-    return _finished(f, carried, statements, changes, watches, observed, forces)
-
-
-def _finished(
-    f: Formulas, carried: tuple[str, ...], statements: Sequence[programs.Statement], changes: Sequence[Formula],
-    watches: Sequence[programs.Watch], observed: Sequence[tuple[str, Formula]], forces: int,
-    error: Formula | None = None, order: int = 0,
-) -> programs.Program:  # fmt: skip
-    """The program with a clock where t matters, and without what nothing needs."""
+        observed.append((item.name, sum((formula.subs(point) for point in points), ZERO) / len(points)))
     if f.problem.depends_on_time or any(se.contains(formula, MOMENT) for _, formula in observed):
-        carried, changes = (*carried, str(MOMENT)), [*changes, STEP]
+        carried, changes = [*carried, str(MOMENT)], [*changes, STEP]
     known = {symbol(s.name): s.formula for s in statements if isinstance(s, programs.Assign)}
     updates = tuple(None if known.get(change, change) == ZERO else change for change in changes)
     needed = [formula for formula in (*updates, error) if formula is not None]
     needed += [*(watch.formula for watch in watches), *(formula for _, formula in observed)]
+    if forces is None:
+        forces = int(all(isinstance(statement, programs.Assign) for statement in statements))
     return programs.Program(
-        state=carried, arguments=("h", "a", *f.parameters), statements=programs.used_only(statements, needed),
+        state=tuple(carried), arguments=("h", "a", *f.parameters), statements=programs.used_only(statements, needed),
         updates=updates, watches=tuple(watches), observed=tuple(observed), forces=forces, error=error, order=order,
     )  # fmt: skip
 
@@ -203,7 +195,7 @@ def runge_kutta(f: Formulas, choice: MethodChoice, observation: Observation) -> 
     names = [symbol(f"x{len(forces) - 1}_{k}") for k in range(2 * f.size)]
     last = f.point(moment_at(number(round(float(tableau.nodes[-1]), 12))), q=names[: f.size], v=names[f.size :])
     watches = [*motion_walls(f, point_after(f, changes)), *motion_walls(f, last)] if choice.guard else []
-    return _point_program(f, observation, statements, changes, watches, len(forces))
+    return _program(f, choice, observation, statements, changes, watches, forces=len(forces))
 
 
 def adaptive(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
@@ -214,7 +206,8 @@ def adaptive(f: Formulas, choice: MethodChoice, observation: Observation) -> pro
     error, *coarse = (_squared_norm(f, changes, first, error) for error in errors)
     if coarse:
         error = error**2 / (error + coarse[0] / 100 + number(SMALLEST_NORM))
-    return _point_program(f, observation, statements, changes, [], len(forces), error, tableau.falls)
+    count = len(forces)
+    return _program(f, choice, observation, statements, changes, [], None, count, error, tableau.falls)
 
 
 def _squared_norm(f: Formulas, changes: Vector, first: Vector, errors: Vector, later: Vector | None = None) -> Formula:
@@ -281,7 +274,7 @@ def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> progra
     # A force that begins as t^2 from rest has an error of the size of its change in a step of any length.
     later = put(f.accelerations, {MOMENT: MOMENT + LATER * se.WHOLE_STEP}) if f.problem.depends_on_time else None
     error = _squared_norm(f, changes, STEP * np.concatenate([v, f.accelerations]), stages[-1], later)
-    return _point_program(f, observation, statements, changes, [], len(stages), error, RODAS.order)
+    return _program(f, choice, observation, statements, changes, [], None, len(stages), error, RODAS.order)
 
 
 def _explicit(f: Formulas, tableau: Tableau) -> tuple[list[programs.Statement], list[Vector], Vector, list[Vector]]:
@@ -336,17 +329,7 @@ def gauss_legendre(f: Formulas, choice: MethodChoice, observation: Observation) 
     moves = v + _combined(tableau.ends, u, n)
     changes = np.concatenate([STEP * moves, _combined(tableau.weights, u, n)])
     watches = motion_walls(f, point_after(f, changes)) if choice.guard else []
-    return _point_program(f, observation, (block,), changes, watches, 0)
-
-
-def _point_program(
-    f: Formulas, observation: Observation, statements: Sequence[programs.Statement], changes: Vector,
-    watches: Sequence[programs.Watch], forces: int, error: Formula | None = None, order: int = 0,
-) -> programs.Program:  # fmt: skip
-    carried = tuple(str(name) for letter in "qv" for name in f.symbols(letter))
-    watches = [*watches, *rank_watches(f, f.symbols("q") + changes[: f.size], divides=True)]
-    observed = [(item.name, se.translate(item.expression, f.table)) for item in observation]
-    return _finished(f, carried, statements, changes, watches, observed, forces, error, order)
+    return _program(f, choice, observation, (block,), changes, watches)
 
 
 def where_it_ends(f: Formulas) -> str:

@@ -107,4 +107,4 @@ def test_closures_have_the_values_of_their_formulas_for_any_names() -> None:
     numbers = [5.0, 6.0, 7.0, 0.3, 0.7, -1.1]
     u = math.sin(0.3 * 0.7 - 1.1) + 1.0**3
     expected = [u * 0.3, u / (1 + 0.7**2), u - 1.1 * u**2]
-    assert closure(names, formulas)(numbers).ravel().tolist() == pytest.approx(expected, rel=1e-14)
+    assert closure(tuple(names), tuple(formulas))(numbers).ravel().tolist() == pytest.approx(expected, rel=1e-14)

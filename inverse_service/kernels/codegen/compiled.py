@@ -36,15 +36,10 @@ def code_digest() -> str:
     return code_store.digest_of_files(paths, loading.processor_name().encode())
 
 
-def digest_of(*parts: Hashable) -> str:
-    """SHA-256 of the parts' texts and of the code."""
-    return hashlib.sha256(b"".join((code_digest().encode(), *map(_digest, parts)))).hexdigest()
-
-
 @lru_cache(maxsize=256)
-def _digest(part: Hashable) -> bytes:
+def _text_digest(identity: Hashable) -> str:
     """To write the text of a problem takes milliseconds."""
-    return hashlib.sha256(repr(part).encode()).digest()
+    return hashlib.sha256(repr(identity).encode()).hexdigest()
 
 
 def object_code(ir: str, thorough: bool = False) -> bytes:
@@ -121,7 +116,7 @@ _CARD = TypeAdapter(Card)  # as JSON gives it back
 
 def compiled(identity: Hashable, make: Callable[[], Program], lanes: int = 1) -> Compiled:
     """The kernel of the program that `make` builds; `identity` says all on which the program depends."""
-    digest = digest_of(identity, lanes)
+    digest = hashlib.sha256(f"{code_digest()} {_text_digest(identity)} {lanes}".encode()).hexdigest()
     with _lock:  # LLVM's global context takes one thread at a time
         if (known := _memory.get(digest)) is not None:
             return Compiled(known.card, known.machine, {})

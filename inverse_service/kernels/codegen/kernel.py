@@ -158,35 +158,6 @@ class Blocks:
         w[f"last_{place}"] = going.choose(determinant, w[f"last_{place}"])
         self._solves += 1
 
-    def _begin_loop(self, unknowns: Sequence[str]) -> str:
-        """Slots, first guesses rate * h and the label of the loop."""
-        w, e = self.writer, self.emitter
-        label = f"iterate_{self._labels}"
-        for name in unknowns:
-            w.slot(name)
-        w.slot(f"{label}_settled", 0.0)
-        w.slot(f"{label}_before", HUGE)
-        step = e.value(STEP)
-        for name in unknowns:
-            w[name] = w[f"{name}_rate"] * step
-        w.slot(label, 0, is_counter=True)
-        w.label(label)
-        for name in unknowns:
-            e.bind(name, w[name])
-        return label
-
-    def _end_loop(self, label: str, settled: Value, most: int) -> None:
-        w = self.writer
-        w[f"{label}_settled"] = settled
-        w[label] = count = w[label] + 1
-        w["iterations"] = w["iterations"] + 1
-        stopped = w[programs.STATUS].differs(0.0)
-        good = stopped.choose(1.0, settled).equals(1.0)
-        w.branch(w.everywhere(good), f"{label}_done", f"{label}_test")
-        w.open(f"{label}_test")
-        w.branch(count < most, label, f"{label}_done")
-        w.open(f"{label}_done")
-
     def _iterate(self, block: programs.Solve) -> None:
         """Newton's method, or a contraction where there is no Jacobian."""
         w, e, size, entries = self.writer, self.emitter, len(block.unknowns), block.entries
@@ -197,10 +168,19 @@ class Blocks:
         formulas = [_take_out(formula, changing, parts, f"k{self._labels}_") for formula in whole]
         for name, value in zip(parts.values(), e.write(list(parts)) if parts else [], strict=True):
             e.bind(str(name), value)
-        worst, determinant = f"b{self._solves}_determinant", None
+        label, worst, determinant = f"iterate_{self._labels}", f"b{self._solves}_determinant", None
         w.slot(worst, 0.0)
         with e.inner():
-            label = self._begin_loop(block.unknowns)
+            # First guesses are rate * h.
+            w.slot(f"{label}_settled", 0.0)
+            w.slot(f"{label}_before", HUGE)
+            w.slot(label, 0, is_counter=True)
+            step = e.value(STEP)
+            for name in block.unknowns:
+                w.slot(name, w[f"{name}_rate"] * step)
+            w.label(label)
+            for name in block.unknowns:
+                e.bind(name, w[name])
             change = e.write(formulas)
             if entries:
                 matrix = [change[size * (k + 1) : size * (k + 2)] for k in range(size)]
@@ -210,7 +190,14 @@ class Blocks:
                 # One of the wrong sign that an iterate met before counts: Newton has then left its basin.
                 first, met = w[f"first_{self._solves}"], w[worst]
                 w[worst] = (first * met < 0.0).choose(met, determinant)
-            self._end_loop(label, settled, MOST_NEWTON_STEPS if entries else MOST_ITERATIONS)
+            w[f"{label}_settled"] = settled
+            w[label] = count = w[label] + 1
+            w["iterations"] = w["iterations"] + 1
+            good = w[programs.STATUS].differs(0.0).choose(1.0, settled).equals(1.0)
+            w.branch(w.everywhere(good), f"{label}_done", f"{label}_test")
+            w.open(f"{label}_test")
+            w.branch(count < (MOST_NEWTON_STEPS if entries else MOST_ITERATIONS), label, f"{label}_done")
+            w.open(f"{label}_done")
         code = programs.NO_CONVERGENCE + (self._solves if entries else programs.CONTRACTION)
         self.stop_unless(w[f"{label}_settled"].equals(1.0), code, w[worst])
         if block.limit is not None:  # |det - det0| < |det0| with det0 that of h -> 0 (at the new rates)

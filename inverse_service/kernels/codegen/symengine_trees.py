@@ -98,13 +98,9 @@ def contains(formula: Formula, variable: Formula) -> bool:
     return variable in formula.free_symbols
 
 
-def closure(names: Sequence[str], formulas: Sequence[Formula]) -> Any:
-    """A function of rows of numbers; making it costs a twentieth of machine code, and the last ones are kept."""
-    return _closure(tuple(names), tuple(formulas))
-
-
 @functools.lru_cache(maxsize=32)
-def _closure(names: tuple[str, ...], formulas: tuple[Formula, ...]) -> Any:
+def closure(names: tuple[str, ...], formulas: tuple[Formula, ...]) -> Any:
+    """A function of rows of numbers; making it costs a twentieth of machine code, and the last ones are kept."""
     return symengine.Lambdify([symbol(name) for name in names], list(formulas), backend="lambda")
 
 
