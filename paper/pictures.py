@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
+import matplotlib.figure
 
 from inverse_service.service.scenes import views
 from inverse_service.service.scenes.drawing import (
     SETTINGS,
     TRUE_COLOR,
-    new_figure,
     path_figure,
     save,
     series_figure,
@@ -49,7 +48,7 @@ def planes(runs: Sequence[Run], pairs: Sequence[tuple[str, str]], folder: Path, 
         wide = len(pairs) if len(runs) == 1 else min(3, len(runs))
         panels = [(run, pair) for run in runs for pair in pairs]
         rows = -(-len(panels) // wide)
-        figure = new_figure(3.1 * wide + 0.4, 2.7 * rows + 0.9)
+        figure = matplotlib.figure.Figure(figsize=(3.1 * wide + 0.4, 2.7 * rows + 0.9), layout="constrained")
         grid = figure.subplots(rows, wide, squeeze=False).ravel()
         for axes, (run, (a, b)) in zip(grid, panels, strict=False):
             if run.truth is not None:

@@ -85,12 +85,9 @@ def _applied(matrix: euler_lagrange.Matrix, vector: Sequence[ex.Expression]) -> 
 
 
 def keeps_motion(
-    scene: scene_data.Scene,
-    lagrangian: ex.Expression,
-    accelerations: tuple[ex.Expression, ...],
-    values: dict[str, float],
-    domain: tuple[ex.Expression, ...] = (),
-) -> bool | None:
+    scene: scene_data.Scene, lagrangian: ex.Expression, accelerations: tuple[ex.Expression, ...],
+    values: dict[str, float], domain: tuple[ex.Expression, ...] = (),
+) -> bool | None:  # fmt: skip
     """Whether the Lagrangian has the motion among its solutions, tested at points on the constraints, off which the
     free system may differ; None where too few points of the domain, whose formulas are positive, have values."""
     positions, velocities = _points(scene)
@@ -103,11 +100,9 @@ def keeps_motion(
 
 
 def distance_of_motion(
-    lagrangian: ex.Expression,
-    coordinates: tuple[str, ...],
-    accelerations: tuple[ex.Expression, ...],
+    lagrangian: ex.Expression, coordinates: tuple[str, ...], accelerations: tuple[ex.Expression, ...],
     table: dict[ex.Expression, Array | float],
-) -> Array:
+) -> Array:  # fmt: skip
     """The greatest residual L_vv f + L_vq v - L_q at each of m points (m,), measured by its largest term."""
     residuals = euler_lagrange.euler_lagrange_residual(lagrangian, coordinates, accelerations)
     sizes = []

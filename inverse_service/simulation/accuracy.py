@@ -64,15 +64,15 @@ ADAPTIVE = data.Requested("", EXPLICIT)
 
 @dataclass(frozen=True, slots=True)
 class Finer:
-    """The same method on a finer `grid`, `how` a person says it, and the part of the error by which both are apart."""
+    """The same method on a finer `grid`, `how` a person says it, and the part of the error by which both are apart;
+    `problem` and `events` where they are others than those of the run."""
 
     requested: data.Requested
     grid: data.Grid
     how: str
     part: float
-
-
-Comparison = tuple[Finer, data.Problem | None, tuple[data.Event, ...]]
+    problem: data.Problem | None = None
+    events: tuple[data.Event, ...] = ()
 
 
 def finer(requested: data.Requested, grid: data.Grid) -> Finer:
@@ -149,10 +149,10 @@ def estimated(run: observing.Observed, derived: derivation.Derived) -> dict[str,
         change, start = float(np.abs(energies - energies[0]).max()), abs(float(energies[0]))
         if change > CHANGED * min(mean, max(start, CHANGED * mean)):
             doubts = [say("energy_changes", change, change / mean, start)]
-    half = finer(run.requested, scene.grid), run.problem, scene.events
-    for again, what, events in (half, *_at_peaks(run, derived)):
+    for again in (finer(run.requested, scene.grid), *_at_peaks(run, derived)):
+        what = again.problem or run.problem
         assert what is not None
-        own = replace(derived, scene=replace(scene, grid=again.grid, events=events))
+        own = replace(derived, scene=replace(scene, grid=again.grid, events=(*scene.events, *again.events)))
         if again.how == PEAKS and (numbers["lost"] or any(doubts)):
             break
         if (found := _again(own, again.requested, what)) is None:
@@ -177,15 +177,14 @@ def estimated(run: observing.Observed, derived: derivation.Derived) -> dict[str,
     return numbers | {"doubt": " ".join(filter(None, doubts))}
 
 
-def _at_peaks(run: observing.Observed, derived: derivation.Derived) -> Iterator[Comparison]:
+def _at_peaks(run: observing.Observed, derived: derivation.Derived) -> Iterator[Finer]:
     """`adaptive` with an event at each peak of a force that acts within a step; nothing where there is none."""
     if len(peaks := moments_between(run)):
         with suppress(data.Unavailable):
             stays = ex.Symbol(run.scene.coordinates[0])
             times = (ex.TIME - ex.number(Fraction(moment)) for moment in peaks.tolist())
-            events = (data.Event(time, 1, False, ((stays, stays),), 2) for time in times)
-            again = replace(finer(run.requested, run.scene.grid), requested=ADAPTIVE, how=PEAKS, part=1.0)
-            yield again, derived.motion(), (*run.scene.events, *events)
+            events = tuple(data.Event(time, 1, False, ((stays, stays),), 2) for time in times)
+            yield Finer(ADAPTIVE, finer(run.requested, run.scene.grid).grid, PEAKS, 1.0, derived.motion(), events)
 
 
 def _unresolved(run: observing.Observed, row: int, quantity: str) -> Outcome:

@@ -78,14 +78,9 @@ def kernel_of(formulas: Formulas, choice: MethodChoice, observation: Observation
 
 
 def run(
-    problem: Problem,
-    choice: MethodChoice,
-    start: Start,
-    grid: Grid,
-    values: Mapping[str, float],
-    observation: Observation = (),
-    stop: Stop | None = None,
-) -> Trajectory:
+    problem: Problem, choice: MethodChoice, start: Start, grid: Grid, values: Mapping[str, float],
+    observation: Observation = (), stop: Stop | None = None,
+) -> Trajectory:  # fmt: skip
     """One trajectory; `values` gives every parameter (free constants too) a number.
 
     If the method cannot continue, the outcome says so and the rows up to there are kept. InputError for a choice
@@ -548,17 +543,10 @@ def _steep(f: Formulas, table: Mapping[str, float]) -> NDArray[np.bool_]:
 
 
 def run_ensemble(
-    problem: Problem,
-    choice: MethodChoice,
-    positions: Array,
-    velocities: Array,
-    grid: Grid,
-    values: Mapping[str, float | Array],
-    momenta: Array | None = None,
-    steps: Array | None = None,
-    stop: Stop | None = None,
-    begins: Array | None = None,
-) -> Run:
+    problem: Problem, choice: MethodChoice, positions: Array, velocities: Array, grid: Grid,
+    values: Mapping[str, float | Array], momenta: Array | None = None, steps: Array | None = None,
+    stop: Stop | None = None, begins: Array | None = None,
+) -> Run:  # fmt: skip
     """N trajectories from `positions` and `velocities` (N, n), or `momenta` where they are known.
 
     `values` gives each parameter a number or (N,) numbers; `steps` (N,) are individual steps that replace that of

@@ -285,12 +285,9 @@ def put(formulas: Vector, table: Mapping[se.Formula, se.Formula]) -> Vector:
 
 
 def table_of(
-    coordinates: tuple[str, ...],
-    positions: Array,
-    velocities: Array | None,
-    values: Mapping[str, float | Array],
+    coordinates: tuple[str, ...], positions: Array, velocities: Array | None, values: Mapping[str, float | Array],
     times: Array | None = None,
-) -> dict[ex.Expression, Any]:
+) -> dict[ex.Expression, Any]:  # fmt: skip
     """Names to arrays: `positions` and `velocities` are (m, n), each column a coordinate; parameters numbers or (m,).
 
     `times` (m,) are values of t; left out, t is 0, as at the start.

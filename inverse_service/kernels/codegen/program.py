@@ -74,10 +74,7 @@ def layout_of(program: Program) -> Layout:
         *(f"watch_{k}" for k, watch in enumerate(program.watches) if watch.kind in ("sign", "rank")),
         *(f"maximum_{k}" for k in range(len(program.observed))),
     ]
-    columns = (
-        *changing(program),
-        *(f"observed_{k}" for k in range(len(program.observed))),
-    )
+    columns = (*changing(program), *(f"observed_{k}" for k in range(len(program.observed))))
     return Layout(tuple(persistent), program.arguments, columns)
 
 
@@ -180,12 +177,9 @@ class Program:
 
 
 def plan(
-    equations: Sequence[Formula],
-    unknowns: Sequence[str],
-    scales: Mapping[str, str],
-    guarded: bool = False,
+    equations: Sequence[Formula], unknowns: Sequence[str], scales: Mapping[str, str], guarded: bool = False,
     poles: bool = False,
-) -> tuple[Statement, ...]:
+) -> tuple[Statement, ...]:  # fmt: skip
     """Statements that compute the unknowns; `scales` names the state variable of which each is the increment.
 
     `guarded` blocks are compared with their determinant at h -> 0. With `poles` an unknown whose factor is a

@@ -53,11 +53,6 @@ PANELS = (("seconds", "time in s"), ("evaluations", "force evaluations"))
 End = tuple[float, float, str, Any]
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """An empty figure, sizes in inches."""
-    return Figure(figsize=(width, height), layout="constrained")
-
-
 def save(figure: Figure, folder: Path, name: str, caption: str) -> list[str]:
     """Write NAME.svg and NAME.png with the caption below the picture. Return the names written."""
     width = float(figure.get_size_inches()[0])
@@ -105,7 +100,7 @@ def view_figure(
     width, height = (7.6, 2.0) if wide == 1 else (3.1 * wide + 0.4, 2.8)
     rows = -(-len(drawn) // wide)
     with matplotlib.rc_context(SETTINGS):
-        figure = new_figure(width, height * rows + 0.8)
+        figure = Figure(figsize=(width, height * rows + 0.8), layout="constrained")
         grid: list[Axes] = list(figure.subplots(rows, wide, squeeze=False).ravel())
         for axes, view in zip(grid, drawn, strict=False):
             for line in view["lines"]:
@@ -172,7 +167,7 @@ def ensemble_figure(result: Result, tables: Tables) -> tuple[Figure, str]:
     methods = [(k, method) for k, method in enumerate(result["methods"]) if method["label"] in tables]
     names = result["system"]["coordinates"][:MOST_COORDINATES]
     with matplotlib.rc_context(SETTINGS):
-        figure = new_figure(3.6 * len(methods), 2.2 * len(names))
+        figure = Figure(figsize=(3.6 * len(methods), 2.2 * len(names)), layout="constrained")
         panels = figure.subplots(len(names), len(methods), squeeze=False, sharex=True)
         for column, (place, method) in enumerate(methods):
             table = tables[method["label"]]
@@ -316,7 +311,7 @@ def precision_figure(result: Result, evaluations: bool = False) -> tuple[Figure,
     """
     panels = PANELS[: 1 + evaluations]
     with matplotlib.rc_context(SETTINGS):
-        figure = new_figure(7.6 * len(panels), 5.0)
+        figure = Figure(figsize=(7.6 * len(panels), 5.0), layout="constrained")
         for axes, (key, label) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
             ends = [
                 end for place, name in enumerate(best_first(result)) if (end := _curve(axes, place, name, result, key))
@@ -402,7 +397,7 @@ def _frames(times: Array, bodies: Mapping[str, tuple[Array, Array]], with_origin
     low, high = np.nanmin(points, axis=1), np.nanmax(points, axis=1)
     middle, half = (low + high) / 2, 0.55 * float((high - low).max()) or 1.0
     with matplotlib.rc_context(SETTINGS):
-        figure = new_figure(INCHES, INCHES)
+        figure = Figure(figsize=(INCHES, INCHES), layout="constrained")
         figure.set_dpi(DOTS)
         axes, canvas = figure.subplots(), cast(Any, FigureCanvasAgg)(figure)  # matplotlib annotates none of it
         axes.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half), aspect="equal")

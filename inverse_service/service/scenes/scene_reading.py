@@ -135,21 +135,6 @@ class MechanicalSystem:
     catalogue_name: str | None = None
 
 
-def mechanical_system(given: Any, extra: Sequence[str]) -> MechanicalSystem:
-    """The system that the scene's `system` names; `extra` are additional parameters with values in the scene.
-
-    InputError with its pointer below /system.
-    """
-    key, read = KINDS.get(type(given), NO_KIND)
-    pointer = f"/system/{key}" if key else "/system"
-    try:
-        return read(getattr(given, key) if key else given, extra)
-    except DocumentRefused as error:
-        raise DocumentRefused(tuple(replace(p, pointer=pointer + p.pointer) for p in error.places)) from None
-    except InputError as error:
-        raise error.at(pointer) from None
-
-
 def _of_catalogue(name: str, extra: Sequence[str]) -> MechanicalSystem:
     entry = catalogue.entry(name)
     known = entry.get("expected", {}).get("lagrangians", [])
@@ -242,12 +227,24 @@ def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> Mechanic
     return MechanicalSystem(names, None, (), accelerations, values, schema.name, document=document)
 
 
-ReadSystem = Callable[[Any, Sequence[str]], MechanicalSystem]
-KINDS: dict[type, tuple[str, ReadSystem]] = {
-    schemas.CatalogueSystem: ("catalogue", _of_catalogue), schemas.DocumentSystem: ("document", _of_document),
-    schemas.ResultSystem: ("result", _of_result),
+READERS: dict[str, Callable[[Any, Sequence[str]], MechanicalSystem]] = {
+    "catalogue": _of_catalogue, "document": _of_document, "result": _of_result, "": _of_document,
 }  # fmt: skip
-NO_KIND: tuple[str, ReadSystem] = ("", _of_document)
+
+
+def mechanical_system(given: Any, extra: Sequence[str]) -> MechanicalSystem:
+    """The system that the scene's `system` names; `extra` are additional parameters with values in the scene.
+
+    InputError with its pointer below /system.
+    """
+    key = next((key for key in READERS if hasattr(given, key)), "")
+    pointer = f"/system/{key}" if key else "/system"
+    try:
+        return READERS[key](getattr(given, key) if key else given, extra)
+    except DocumentRefused as error:
+        raise DocumentRefused(tuple(replace(p, pointer=pointer + p.pointer) for p in error.places)) from None
+    except InputError as error:
+        raise error.at(pointer) from None
 
 
 def without_steps(tree: ex.Expression) -> ex.Expression:
