@@ -23,7 +23,7 @@ from inverse_service.service.jobs import model, monitoring, statements, tasks
 from inverse_service.service.jobs.batch import answer_line
 from inverse_service.service.scenes import views
 from inverse_service.web import asking, clients, job_answers, problems, routes
-from inverse_service.web.engine import LONG_DEADLINE, QUICK_DEADLINE
+from inverse_service.web.engine import LONG_DEADLINE, QUICK_DEADLINE, Engine
 from inverse_service.web.pages import forms, result_tasks, simulations
 from inverse_service.web.pages.rendering import VISITOR, csv_of, framed, packed, page
 
@@ -94,7 +94,7 @@ async def read_sent(
     """What a task makes of the sent form, in a worker where it may be large; refuses as `read_form` does."""
     if not clients.is_of_own_page(request):
         raise problems.Refusal(403, "cross-site", "Forms are taken from the pages of this service only.")
-    engine = routes.engine_of(request)
+    engine: Engine = request.app.state.engine
     limit, content_type = limit or engine.settings.max_body, request.headers.get("content-type", "")
     async with asking.body_of(request, limit, None) as body:
         if limit <= SMALL_FORM:
@@ -106,7 +106,8 @@ async def quick(
     request: Request, task: Callable[..., Any], *arguments: Any, seconds: float = LONG_DEADLINE
 ) -> tasks.Outcome:
     """The outcome of a task of the quick processes for who asks."""
-    return await routes.engine_of(request).run_quick(clients.client_of(request), task, *arguments, seconds=seconds)
+    engine: Engine = request.app.state.engine
+    return await engine.run_quick(clients.client_of(request), task, *arguments, seconds=seconds)
 
 
 # A job.
@@ -127,7 +128,7 @@ async def embedded(request: Request, identifier: str) -> Response:
     """Verdict, equations and L alone: what this service and INVERSE_SERVICE_FRAME_ORIGINS show in frames."""
     await successful(request, identifier, ("solve",))
     found = await made(request, identifier, result_tasks.embed_task, VISITOR.get())
-    return framed(found, routes.engine_of(request).settings.frame_origins)
+    return framed(found, request.app.state.engine.settings.frame_origins)
 
 
 @router.get("/results/{identifier}/result.json")
@@ -137,7 +138,7 @@ async def result_json(request: Request, identifier: str) -> Response:
     headers = {"Content-Disposition": f'attachment; filename="result-{identifier[:12]}.json"'} | kept(answer)
     if job_answers.is_known(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
-    return await job_answers.stored_response(routes.engine_of(request), identifier, headers)
+    return await job_answers.stored_response(request.app.state.engine, identifier, headers)
 
 
 @router.post("/results/{identifier}/again")
@@ -211,7 +212,7 @@ def kept(answer: httpx.Response, what: str = "result") -> dict[str, str]:
 
 async def made(request: Request, identifier: str, task: Callable[..., T], *arguments: Any) -> T:
     """What a worker makes of a stored result; raises Refusal where that takes too long."""
-    engine = routes.engine_of(request)
+    engine: Engine = request.app.state.engine
     return await engine.made(clients.client_of(request), task, engine.store.address, identifier, *arguments)
 
 
@@ -227,7 +228,7 @@ async def finished(request: Request, identifier: str, patience: float) -> httpx.
     answer = await _found(request, "/v1/jobs", identifier)
     if answer.json()["status"] not in model.OPEN or not patience:
         return answer
-    engine, viewer = routes.engine_of(request), clients.viewer_of(request)
+    engine, viewer = request.app.state.engine, clients.viewer_of(request)
     job, end = await engine.job(identifier, viewer), time.monotonic() + patience
     while job is not None and job.is_open and (left := end - time.monotonic()) > 0:
         if "so_far" in (engine.supervisor.events.latest(identifier) or {}) and time.time() - job.created > SOON:
@@ -238,8 +239,9 @@ async def finished(request: Request, identifier: str, patience: float) -> httpx.
 
 async def stored_job(request: Request, identifier: str) -> model.Job | None:
     """The job with its document, without its answer; None if there is no such job."""
+    engine: Engine = request.app.state.engine
     is_id = IDENTIFIER.fullmatch(identifier) is not None
-    return await routes.engine_of(request).job(identifier, clients.viewer_of(request)) if is_id else None
+    return await engine.job(identifier, clients.viewer_of(request)) if is_id else None
 
 
 def result_address(answer: httpx.Response) -> str:
@@ -279,7 +281,7 @@ async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | N
 
 
 def _look(request: Request) -> result_tasks.Look:
-    return result_tasks.Look(VISITOR.get(), _address(request), routes.engine_of(request).settings.time_limit)
+    return result_tasks.Look(VISITOR.get(), _address(request), request.app.state.engine.settings.time_limit)
 
 
 def _address(request: Request) -> str:
@@ -298,7 +300,7 @@ async def form() -> HTMLResponse:
 @router.post("/batch")
 async def submit(request: Request) -> Response:
     """Store the batch; on to its page."""
-    sent = await read_form(request, asking.FACTORS["batch"] * routes.engine_of(request).settings.max_body)
+    sent = await read_form(request, asking.FACTORS["batch"] * request.app.state.engine.settings.max_body)
     upload = sent.files.get("file")
     body = upload.data if upload is not None else as_documents(sent.text("lines")).encode()
     is_array = body.lstrip()[:1] == b"["

@@ -18,7 +18,7 @@ class Starting:
     """An engine whose workers answer after `delay` seconds; `withdrawn` counts the abandoned requests."""
 
     def __init__(self, delay: float) -> None:
-        self.delay, self.withdrawn, self.is_open = delay, 0, True
+        self.delay, self.withdrawn = delay, 0
 
     async def run_quick(self, *arguments: Any, **options: Any) -> Outcome:
         try:
