@@ -193,7 +193,6 @@ class _Notation:
     """
 
     plus, minus = " + ", " - "
-    times = "*"
 
     def joined(self, pieces: Sequence[str]) -> str:
         """The terms of a sum with their signs."""
@@ -245,8 +244,15 @@ class _Notation:
         return f"({_written(self, tree, True)})"
 
     def product(self, coefficient: str, factors: Sequence[ex.Expression]) -> str:
-        first = [self.number(coefficient)] if coefficient != "1" or not factors else []
-        return self.times.join([*first, *(_written_factor(self, factor) for factor in factors)])
+        pieces = [self.number(coefficient)] if coefficient != "1" or not factors else []
+        for before, factor in zip((ex.ONE, *factors), factors, strict=False):
+            piece = _written_factor(self, factor)
+            pieces += [self.times(before, piece, factor), piece] if pieces else [piece]
+        return "".join(pieces)
+
+    def times(self, before: ex.Expression, piece: str, factor: ex.Expression) -> str:
+        """The sign between a factor and the next, whose output is the piece."""
+        return "*"
 
     def quotient(self, over: _Side, under: _Side) -> str:
         below = self.product(*under)
@@ -300,18 +306,14 @@ def to_text(expression: ex.Expression, within: bool = False) -> str:
 
 
 class _Latex(_Notation):
-    times = " "
-
     def quotient(self, over: _Side, under: _Side) -> str:
         return f"\\frac{{{self.alone(*over)}}}{{{self.alone(*under)}}}"
 
-    def product(self, coefficient: str, factors: Sequence[ex.Expression]) -> str:
-        pieces = [coefficient] if coefficient != "1" or not factors else []
-        for before, factor in zip((ex.ONE, *factors), factors, strict=False):
-            piece = _written_factor(self, factor)
-            dot = pieces and (piece[0].isdigit() or _looks_like_a_call(before, piece, factor))
-            pieces.append(f"\\cdot {piece}" if dot else piece)
-        return " ".join(pieces)
+    def times(self, before: ex.Expression, piece: str, factor: ex.Expression) -> str:
+        """A space; a dot before a digit and in x (t + 1), which could mean x at another time."""
+        moves = isinstance(before, ex.Symbol | ex.Velocity | ex.Acceleration)
+        called = moves and piece.startswith("\\left(") and ex.TIME in ex.walk(factor)
+        return " \\cdot " if called or piece[0].isdigit() else " "
 
     def power(self, base: ex.Expression, exponent: ex.Expression) -> str:
         raised = f"^{{{_written(self, exponent, True)}}}"
@@ -363,12 +365,6 @@ def to_latex(expression: ex.Expression, within: bool = False) -> str:
     return _written(_LATEX, expression, within)
 
 
-def _looks_like_a_call(before: ex.Expression, piece: str, factor: ex.Expression) -> bool:
-    """Whether the output would be x (t + 1), which could mean x at another time."""
-    moves = isinstance(before, ex.Symbol | ex.Velocity | ex.Acceleration)
-    return moves and piece.startswith("\\left(") and ex.TIME in ex.walk(factor)
-
-
 def _command(function: str) -> str:
     row = derivative.FUNCTION.get(function)
     return (row.command if row else "") or f"\\operatorname{{{function}}}"
@@ -413,12 +409,8 @@ class _Mathml(_Notation):
         single = coefficient == "1" and len(factors) == 1
         return super().alone(coefficient, factors) if single else f"<mrow>{self.product(coefficient, factors)}</mrow>"
 
-    def product(self, coefficient: str, factors: Sequence[ex.Expression]) -> str:
-        pieces = [self.number(coefficient)] if coefficient != "1" or not factors else []
-        for factor in (_written_factor(self, factor) for factor in factors):
-            digit = factor.startswith(("<mn>", "<msup><mn>"))
-            pieces += [_DOT if digit else _TIMES, factor] if pieces else [factor]
-        return "".join(pieces)
+    def times(self, before: ex.Expression, piece: str, factor: ex.Expression) -> str:
+        return _DOT if piece.startswith(("<mn>", "<msup><mn>")) else _TIMES
 
     def power(self, base: ex.Expression, exponent: ex.Expression) -> str:
         return _raised(self.brackets(base) if ex.is_exponential(base) else self.atom(base), self.exponent(exponent))

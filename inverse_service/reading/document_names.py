@@ -97,11 +97,8 @@ def with_values(expression: ex.Expression, values: Mapping[str, ex.Expression]) 
         return expression
     result = ex.substitute(expression, {ex.Symbol(name): value for name, value in values.items()})
     if not all(map(_is_defined, ex.walk(result))):
-        raise errors.InputError(
-            "with these values of the parameters a formula has no real value (a division by zero, a root or a "
-            "logarithm): give other values.",
-            "/parameters",
-        )
+        what = "a formula has no real value (a division by zero, a root or a logarithm)"
+        raise errors.InputError(f"with these values of the parameters {what}: give other values.", "/parameters")
     return result
 
 
@@ -286,11 +283,8 @@ def bounded(words: list[str], pointer: str, what: str, most: int) -> list[str]:
 def _arguments(function: str, words: Sequence[str]) -> Words:
     pointer = f"/functions/{nm.escaped(function)}"
     if isinstance(words, str) or not words:
-        raise errors.InputError(
-            f"the function {shorten(function)} has no list of arguments: name the coordinates it depends on, "
-            'as in ["r1"].',
-            pointer,
-        )
+        instead = 'name the coordinates it depends on, as in ["r1"]'
+        raise errors.InputError(f"the function {shorten(function)} has no list of arguments: {instead}.", pointer)
     bounded(list(words), pointer, "arguments", LIMITS.function_arguments)
     return tuple(
         "t" if word == "t" else nm.declared_name(_VELOCITY.sub(r"\1\2_dot", word), f"{pointer}/{place}")
@@ -313,11 +307,9 @@ def _checked_functions(names: nm.Names, texts: Texts) -> dict[str, Words]:
         if calls and all(calls):
             foreign = {name: at for name, at in foreign.items() if name != function}  # a dummy argument
         elif calls or not texts:
-            raise errors.InputError(
-                f"{function} depends on {names.functions[function][place]}, which is not a coordinate: use one of "
-                f"{joined(names.coordinates)}, or write all arguments of {function} in brackets.",
-                f"/functions/{function}/{place}",
-            )
+            what = f"{function} depends on {names.functions[function][place]}, which is not a coordinate"
+            instead = f"use one of {joined(names.coordinates)}, or write all arguments of {function} in brackets"
+            raise errors.InputError(f"{what}: {instead}.", f"/functions/{function}/{place}")
     return {function: arguments for function, arguments in names.functions.items() if function not in foreign}
 
 
@@ -346,9 +338,8 @@ def _coordinates(declared: Declared, names: nm.Names, texts: Texts, order: int, 
             missing = NO_ACCELERATION if order == 2 else _NO_VELOCITY
             raise _nothing_moves(texts, names, order) or errors.InputError(missing, pointer)
     if not found:
-        raise errors.InputError(
-            "there are no coordinates: name at least one, or write equations that contain x''.", pointer
-        )
+        instead = "name at least one, or write equations that contain x''"
+        raise errors.InputError(f"there are no coordinates: {instead}.", pointer)
     return tuple(bounded(list(found), pointer, "coordinates", declared.most))
 
 
@@ -400,18 +391,12 @@ def _nothing_moves(texts: Texts, names: nm.Names, order: int) -> errors.InputErr
     """Why no coordinates were found: a declaration of the name or a spelling of derivatives; else None."""
     for name in inferred_coordinates(texts, nm.Names(), order):
         known = names.spelling(name)
-        derivatives = "two derivatives" if order == 2 else "a derivative"
+        what = f"{name} has {'two derivatives' if order == 2 else 'a derivative'} in time"
         if f"/where/{known}" in texts:
-            return errors.InputError(
-                f"{name} has {derivatives} in time, and its formula contains nothing that clearly moves, such as the "
-                'theta of l*sin(theta): name what moves in "coordinates".',
-                f"/where/{known}",
-            )
-        return errors.InputError(
-            f"{name} has {derivatives} in time, and {known} is declared as a {names.role(known)}: remove it, or "
-            "name the coordinates.",
-            "/equations" if order == 2 else "/lagrangian",
-        )
+            nothing = "its formula contains nothing that clearly moves, such as the theta of l*sin(theta)"
+            return errors.InputError(f'{what}, and {nothing}: name what moves in "coordinates".', f"/where/{known}")
+        instead, pointer = "remove it, or name the coordinates", "/equations" if order == 2 else "/lagrangian"
+        return errors.InputError(f"{what}, and {known} is declared as a {names.role(known)}: {instead}.", pointer)
     for pattern, said in _SPELLED.items():
         for pointer, text in texts.items():
             if found := pattern.search(text):
@@ -430,7 +415,7 @@ def moving_products(texts: Texts, declared: nm.Names, order: int = 2) -> dict[st
     found: dict[str, Words] = {}
     for line in lines:
         for name in moving_names(line, order):
-            if name in nm.GREEK_NAMES or declared.role(declared.spelling(name)) or not name.replace("_", "").isalnum():
+            if name in nm.GREEK_NAMES or declared.role_meant(name) or not name.replace("_", "").isalnum():
                 continue
             for cut in range(1, len(name)):
                 factor, moving = name[:cut], name[cut:]
@@ -470,7 +455,7 @@ def inferred_coordinates(texts: Texts, declared: nm.Names, order: int = 2) -> Wo
                 _refuse_products(tokens, moving_products({pointer: text}, declared, order))
             moving = moving_names(tokens, order)
             moving += reader.moving_in_forms(tokens, declared) if pointer.startswith("/constraints") else []
-            names = [name for name in moving if declared.role(declared.spelling(name)) is None]
+            names = [name for name in moving if declared.role_meant(name) is None]
             _refuse_sums(tokens, names, order)
         found.update(dict.fromkeys(nm.declared_name(name, pointer, "coordinate") for name in names))
     return tuple(found)
@@ -490,11 +475,8 @@ def key_coordinate(key: str, names: nm.Names, pointer: str) -> str:
     """The coordinate that a key x, x'', x_ddot or \\ddot{x} of `equations` means; InputError if there is none."""
     name = names.spelling(key_name(key, names))
     if name not in names.coordinates:
-        raise errors.InputError(
-            f"there is an equation for '{shorten(key)}', which is not a coordinate: the coordinates are "
-            f"{joined(names.coordinates)}.",
-            pointer,
-        )
+        what, known = f"there is an equation for '{shorten(key)}'", joined(names.coordinates)
+        raise errors.InputError(f"{what}, which is not a coordinate: the coordinates are {known}.", pointer)
     return name
 
 
@@ -691,7 +673,8 @@ class _Guesser:
         of_base = nm.reason_against(name, column) if name.startswith("log_") else None
         if error := of_base or _half_a_number(line, place):
             raise error
-        if before.kind == "number" and (unit := _unit(line, place, self._coordinates)):
+        alone = line is self._lines[pointer]  # 1/(2 m) has no unit
+        if before.kind == "number" and (unit := _unit(line, place, alone, self._coordinates)):
             number, span = before.text, (before.column, column + len(unit))
             instead = f"leave units out, or write {number}*{unit} for a product"
             raise refusal(f"{unit} could be a unit", column, instead, (number, f"{number}*{unit}"), span)
@@ -886,10 +869,10 @@ def _may_be_motion(name: str, coordinates: Sequence[str]) -> Words:
     return tuple(other for other in coordinates if other != name and other.lower() == meant)
 
 
-def _unit(line: Line, place: int, coordinates: Sequence[str]) -> str:
-    """The N/m of k = 3 N/m, the m/s of 2 m/s; empty for other names after a number."""
+def _unit(line: Line, place: int, alone: bool, coordinates: Sequence[str]) -> str:
+    """The N/m of k = 3 N/m and of 3 N/m `alone`, the m/s of 2 m/s; empty for other names after a number."""
     rest = list(itertools.takewhile(lambda token: not token.is_operator(",", ";"), line[place:]))
-    given = (place < 2 or line[place - 2].is_operator("=")) and line[place].space_before
+    given = line[place].space_before and (at(line, place - 2).is_operator("=") or (alone and place < 2))
     if given and _UNIT.fullmatch(source(rest)) and not {token.text for token in rest} & {*coordinates}:
         return source(rest)
     return "m/s" * (spelled(line[place : place + 3]) == "m/s" and "s" not in coordinates)

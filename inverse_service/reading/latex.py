@@ -211,37 +211,31 @@ def _raw_command(text: str, place: int, space: bool, names: nm.Names) -> tuple[T
     return [Token("command", name, place + 1, space)], end
 
 
-class _Line:
+class _Line(plain.TokenStream):
     """Parse a line of tokens from left to right.
 
     In `cells` of a matrix, & is a separator; in part of a name (`named`), digits count as letters.
     """
 
     def __init__(self, line: Line, text: str, names: nm.Names, cells: bool = False, named: bool = False) -> None:
-        self._line = [*line]
+        super().__init__(line, plain.at(line, len(line)))
         self._text = text
         self._names = names
         self._cells = cells
         self._named = named
         self._depth = 0
-        self._place = 0
         self._last = plain.at(line, 0)
         self._found: Tokens = []
 
     def read(self) -> Tokens:
         """The tokens of the whole line."""
-        while self._place < len(self._line):
-            self._one(self._take())
+        while self.ahead.kind != "end":
+            self._one(self.take())
         return self._found
 
-    def _take(self) -> Token:
-        self._last = self._ahead
-        self._place += 1
+    def take(self) -> Token:
+        self._last = super().take()
         return self._last
-
-    @property
-    def _ahead(self) -> Token:
-        return plain.at(self._line, self._place)
 
     def _inside(self, token: Token) -> Tokens:
         """The tokens inside a bracket."""
@@ -268,7 +262,7 @@ class _Line:
             self._power(token)
         elif token.is_operator("_"):
             raise refusal("'_' is not expected", token.column, "a subscript belongs to a name, as in r_1")
-        elif token.is_operator(PARTIAL, plain.NABLA) and self._ahead.is_operator("_"):
+        elif token.is_operator(PARTIAL, plain.NABLA) and self.ahead.is_operator("_"):
             self._partial(token)
         elif self._cells or not token.is_operator("&"):
             self._found.append(token)
@@ -287,9 +281,9 @@ class _Line:
         """A name with its subscript."""
         if token.text in _COMMANDS and not self._names.role(token.text):
             span, meant = (token.column, token.column + len(token.text)), f"\\{token.text}"
-            if not self._named or self._ahead.is_bracket("{"):  # F_{left} is a name
+            if not self._named or self.ahead.is_bracket("{"):  # F_{left} is a name
                 raise refusal(f"{token.text} has no backslash", token.column, f"write {meant}", (meant,), span)
-        if token.text in nm.FUNCTIONS and self._ahead.is_operator("_"):
+        if token.text in nm.FUNCTIONS and self.ahead.is_operator("_"):
             raise refusal("a base of a logarithm occurs", token.column, "write \\ln(x)/\\ln(b)")
         self._emit(token, token.text, order=token.order)
 
@@ -307,10 +301,10 @@ class _Line:
         return f"\\{token.text}" if token.kind == "command" else self._text[token.column - 1]
 
     def _with_subscript(self, name: str) -> str:
-        if not self._ahead.is_operator("_"):
+        if not self.ahead.is_operator("_"):
             return name
-        underscore, piece = self._take(), self._take()
-        subscript = self._joined([piece, self._take()] if piece.kind == "command" else [piece])
+        underscore, piece = self.take(), self.take()
+        subscript = self._joined([piece, self.take()] if piece.kind == "command" else [piece])
         if not subscript:
             comma = plain.at(piece.inside, 0).is_operator(",")
             derivative = f"write diff({name}(x), x) for a derivative"
@@ -364,16 +358,16 @@ class _Line:
         elif name in ("dot", "ddot"):
             self._dot(token)
         elif name == "rm":  # {\rm d} is \mathrm{d}
-            rest, self._place = self._line[self._place :], len(self._line)
+            rest, self.position = self.part(self.position, -1), len(self._tokens) - 1
             self._upright(token, rest)
         elif name in _FONTS:
-            self._upright(token, [self._take()])
+            self._upright(token, [self.take()])
         elif name in _ACCENTS:
-            self._emit(token, f"{self._joined([self._take()])}_{_ACCENTS[name]}")
+            self._emit(token, f"{self._joined([self.take()])}_{_ACCENTS[name]}")
         elif name in components.BOLD:
-            self._emit(token, self._joined([self._take()]), "vector")
+            self._emit(token, self._joined([self.take()]), "vector")
         elif name in _SCRIPTS and (scripted := self._scripted(token)):
-            self._take()
+            self.take()
             self._emit(token, scripted)
         elif name in _CONNECTIVES and (self._cells or name == "forall"):
             self._emit(token, _CONNECTIVES[name])
@@ -417,17 +411,17 @@ class _Line:
 
     def _argument(self, at: Token) -> Tokens:
         """One argument: a group, or one piece as in \\frac12."""
-        token = self._take()
+        token = self.take()
         while token.kind == "newline":
-            token = self._take()
+            token = self.take()
         if token.is_bracket("{"):
             inner = self._inside(token)
             whole = len(inner) == 1 and inner[0].is_bracket() and not inner[0].value
             return [*inner[0].inside] if whole else inner  # \frac{{a}}{{b}}
         if token.kind == "number" and token.text.isdigit():
             if rest := token.text[1:]:
-                self._place -= 1
-                self._line[self._place] = plain.number_token(rest, token.column + 1, False)
+                self.position -= 1
+                self._tokens[self.position] = plain.number_token(rest, token.column + 1, False)
             self._last = plain.number_token(token.text[0], token.column, False)
             return [self._last]
         if token.kind == "name" and token.text not in _COMMANDS:
@@ -460,7 +454,7 @@ class _Line:
     def _power(self, caret: Token) -> None:
         r"""x^2, e^x, e^{u}, and the primes of x^{\prime}."""
         self._refuse_indices(caret)
-        raised = self._ahead
+        raised = self.ahead
         if raised.kind == "prime":
             return
         braces = raised.is_bracket("{")
@@ -468,19 +462,19 @@ class _Line:
             plain.add_prime(self._found, raised.inside[0])
             raised = replace(raised, inside=raised.inside[1:])
             if not raised.inside:
-                self._place += 1
+                self.position += 1
                 return
         short = raised.kind in ("name", "number") and self._text[raised.column - 1].isalnum()
         if braces or short:
             self._refuse_exponent(raised)
         self._found.append(caret)
         if braces or short:
-            self._take()
+            self.take()
             start = len(self._found)
             self._one(raised)
             self._found[start:] = [self._enclosed(self._found[start:], raised, space=False)]
-        if self._ahead.is_operator("^"):
-            raise refusal("a second power occurs", self._ahead.column, "write x^{a^b} or (x^a)^b")
+        if self.ahead.is_operator("^"):
+            raise refusal("a second power occurs", self.ahead.column, "write x^{a^b} or (x^a)^b")
 
     def _refuse_exponent(self, raised: Token) -> None:
         """InputError for q^{1}, a component; x^23, which TeX sets as x^2 3; f^{(2)}, a derivative or component."""
@@ -501,8 +495,8 @@ class _Line:
     def _refuse_indices(self, caret: Token) -> None:
         r"""InputError for tensor indices, \Gamma^x_{xx} and g^{tt}, which are not powers."""
         base = self._found[-1].text if self._found else ""
-        lowered = plain.at(self._line, self._place + 1).is_operator("_")
-        both = [self._ahead, *self._line[self._place + 2 : self._place + 2 + lowered]]
+        lowered = self.look(1).is_operator("_")
+        both = [self.ahead, *self.part(self.position + 2, self.position + 2 + lowered)]
         indices = [token.text for token in plain.walk(both) if token.kind != "bracket"]
         moving = {*self._names.coordinates} or {"x", "y", "z", "r", "t", "theta", "phi"}
         if base in _TENSORS and len(indices) > 1 and {*indices} <= moving | {"t", "mu", "nu", "i", "j", "k"}:

@@ -187,6 +187,10 @@ class Names:
             return "parameter"
         return "function" if name in self.functions else None
 
+    def role_meant(self, name: str) -> Role | None:
+        """The role of the declared name meant."""
+        return self.role(self.spelling(name))
+
     def declared(self) -> tuple[str, ...]:
         return (*self.coordinates, *self.parameters, *self.functions)
 

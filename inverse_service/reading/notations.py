@@ -370,7 +370,7 @@ def _of_operand(
     by = [names.spelling(variable.text) for variable in variables]
     if name.kind == "bracket":
         return _carried_out(with_derivatives(name.inside, names), variables, first), after
-    role = names.role(names.spelling(name.text))
+    role = names.role_meant(name.text)
     if tk.spelled(called) == "(t)" and role != "function":
         called = []
     in_time, declared = {*by} == {"t"}, role in ("function", "parameter")
@@ -383,7 +383,7 @@ def _of_operand(
             return None
         return _carried_out([name, *called], variables, first), after
     if names.forms and len(by) == 1 and not (name.order or called or declared or in_time):
-        known = {names.role(names.spelling(name.text)), names.role(by[0])} == {"coordinate"}
+        known = {names.role_meant(name.text), names.role(by[0])} == {"coordinate"}
         return (_slope(name, variables[0], first), after) if known else None
     if in_time and not declared:
         primed = replace(first, kind="name", text=name.text, inside=(), value=Fraction(0), primed=first.column)
@@ -479,7 +479,7 @@ def _are_arguments(after: Token, name: Token, names: Names) -> bool:
     """Whether the bracket has the arguments of a function, or the (t) of a name."""
     if not after.is_bracket() or after.is_fraction() or after.order:
         return False
-    role = names.role(names.spelling(name.text))
+    role = names.role_meant(name.text)
     plain = all(token.kind in ("name", "bracket") or token.is_operator(",") for token in tk.walk(after.inside))
     called = role == "function" or (role is None and plain and not after.space_before)
     return called or tk.spelled(after.inside) == "t"

@@ -172,22 +172,22 @@ def _third(column: int) -> errors.InputError:
     return refusal("a third derivative occurs", column, OF_SECOND_ORDER)
 
 
-class FormulaParser:
+class FormulaParser(tk.TokenStream):
     """Parse one formula from a stream of tokens."""
 
-    __slots__ = ("_bars", "_depth", "_end", "_names", "_stream")
+    __slots__ = ("_bars", "_depth", "_end", "_names")
 
     def __init__(self, tokens: Tokens, end_column: int, names: nm.Names) -> None:
         self._end = Token("end", "", end_column)
-        self._stream = tk.TokenStream(tokens, self._end)
+        super().__init__(tokens, self._end)
         self._names = names
         self._bars = False
         self._depth = 0
 
     def formula(self) -> ex.Expression:
         """The whole stream as one formula; InputError if any tokens remain."""
-        column = self._stream.ahead.column
-        result, rest = self._expression(), self._stream.ahead
+        column = self.ahead.column
+        result, rest = self._expression(), self.ahead
         if rest.kind == "end":
             return check_depth(result, column)
         raise tk.unexpected(rest, tk.END)
@@ -196,7 +196,7 @@ class FormulaParser:
     def _nested(self) -> Iterator[None]:
         """Enter a nested level, which begins ahead; LimitError past `limits.depth`."""
         self._depth += 1
-        at_most(self._depth, LIMITS.depth, "the formula is nested too deeply", self._stream.ahead.column)
+        at_most(self._depth, LIMITS.depth, "the formula is nested too deeply", self.ahead.column)
         yield
         self._depth -= 1
 
@@ -205,39 +205,39 @@ class FormulaParser:
         """Parse the entire content of a bracket."""
         if bracket.order:
             raise _prime(bracket)
-        outer = self._stream, self._bars, self._depth
-        self._stream, self._bars = tk.TokenStream(bracket.inside, Token("end", ")", bracket.end)), False
+        outer = self._tokens, self.position, self._bars, self._depth
+        self._tokens, self.position, self._bars = [*bracket.inside, Token("end", ")", bracket.end)], 0, False
         try:
             yield
-            if self._stream.ahead.kind != "end":
-                raise tk.unexpected(self._stream.ahead, "')'")
+            if self.ahead.kind != "end":
+                raise tk.unexpected(self.ahead, "')'")
         finally:
-            self._stream, self._bars, self._depth = outer
+            self._tokens, self.position, self._bars, self._depth = outer
 
     def _expression(self) -> ex.Expression:
-        column = self._stream.ahead.column
+        column = self.ahead.column
         with self._nested():
             terms = [self._term()]
-            while self._stream.ahead.is_operator("+", "-"):
+            while self.ahead.is_operator("+", "-"):
                 terms.append(self._term())
         return sum_of(terms, column)
 
     def _term(self) -> ex.Expression:
-        column = self._stream.ahead.column
-        signs, start = self._signs(), self._stream.position
+        column = self.ahead.column
+        signs, start = self._signs(), self.position
         factors, slash = [*signs, self._factor()], start
         operation: str | None = "*"
         while (operation := self._operation(operation, start, slash)) is not None:
-            slash = self._stream.position
+            slash = self.position
             factors += self._signs() if operation else []
-            place = self._stream.ahead.column
+            place = self.ahead.column
             factor = self._factor()
             factors.append(reciprocal(factor, place) if operation == "/" else factor)
         return product(factors, column)
 
     def _signs(self) -> list[ex.Expression]:
         negative = False
-        while token := self._stream.take_operator("+", "-"):
+        while token := self.take_operator("+", "-"):
             negative ^= token.text == "-"
         return [ex.MINUS_ONE] if negative else []
 
@@ -247,14 +247,13 @@ class FormulaParser:
         The term begins at `start`, and `slash` is the place before its last factor, which follows the operation
         `previous`.
         """
-        token = self._stream.take_operator("*", "/")
-        if token:
+        if token := self.take_operator("*", "/"):
             return token.text
-        if not self._continues(self._stream.ahead):
+        if not self._continues(self.ahead):
             return None
         self._check_adjacent()
         if previous == "/" and not self._ends_quotient(start, slash):
-            if _KINETIC.match(tk.source(self._stream.part(start))) and not self._stream.ahead.space_before:
+            if _KINETIC.match(self.source(start)) and not self.ahead.space_before:
                 return "/"
             raise self._unclear_quotient(start, slash)
         return ""
@@ -269,7 +268,7 @@ class FormulaParser:
         A single number in the denominator ends it if the numerator has only numbers or a coordinate follows. A bracket
         or a function call in the denominator ends it too, as does a following function.
         """
-        stream, ahead = self._stream, self._stream.ahead
+        ahead = self.ahead
         name = self._names.spelling(ahead.text) if ahead.kind == "name" else ""
         role = self._names.role(name)
         if self._names.energy and self._is_half(start, slash, role):
@@ -278,7 +277,7 @@ class FormulaParser:
             return False
         if (name in nm.FUNCTIONS or name in nm.DERIVATIVE_NAMES) and role is None:
             return True
-        below, above = stream.part(slash), stream.part(start, slash - 1)
+        below, above = self.part(slash), self.part(start, slash - 1)
         if below[-1].is_bracket() and below[0].kind in ("name", "operator", "bracket"):
             return name != "" or ahead.is_bracket()
         moves = role == "coordinate" or name == "t"
@@ -287,8 +286,8 @@ class FormulaParser:
 
     def _is_half(self, start: int, slash: int, role: nm.Role | None) -> bool:
         """Whether this is 1/2m, m/2x'^2, m/2 l^2, or m/2(x'^2 + y'^2) in a Lagrangian; 1/2r^2 may be 1/(2 r^2)."""
-        stream, ahead = self._stream, self._stream.ahead
-        over, under = tk.source(stream.part(start, slash - 1)), tk.source(stream.part(slash))
+        ahead = self.ahead
+        over, under = self.source(start, slash - 1), self.source(slash)
         bracket = ahead.is_bracket() and _moves(ahead)
         moves = role == "coordinate" and ahead.order > 0
         factor = role == "parameter" or ahead.is_bracket()
@@ -296,8 +295,8 @@ class FormulaParser:
         return under == "2" and (bracket or moves or apart or (over == "1" and factor))
 
     def _check_adjacent(self) -> None:
-        ahead, column = self._stream.ahead, self._stream.ahead.column
-        closes = self._stream.look(1) == self._end
+        ahead, column = self.ahead, self.ahead.column
+        closes = self.look(1) == self._end
         if ahead.is_bracket() and closes and [each.kind for each in ahead.inside] == ["number"]:
             shown = f"({shorten(ahead.inside[0].text)})"
             raise refusal(f"{shown} could be an equation number", column, "leave it out, or write * before a factor")
@@ -305,9 +304,9 @@ class FormulaParser:
             raise refusal("a number follows a factor", column, "write * before a factor or ^ before a power")
         if self._time_in_brackets():
             raise refusal("(t) could be an argument or a factor", column, "write *t for a product")
-        last, before = self._stream.look(-1), self._stream.look(-2)
+        last, before = self.look(-1), self.look(-2)
         if before.is_operator("-"):
-            before = self._stream.look(-3)
+            before = self.look(-3)
         if not before.is_operator("^") or ahead.space_before:
             return
         if last.kind == "number" and not self._multiplies(ahead):
@@ -318,47 +317,45 @@ class FormulaParser:
 
     def _unclear_exponent(self, first: Token) -> errors.InputError:
         """The error for e^-kt, whose exponent begins with `first`, with both interpretations."""
-        stream = self._stream
         glued = [tk.source([first])]
         for place in itertools.count():
-            token = stream.look(place)
+            token = self.look(place)
             if token.kind != "name" or token.space_before or self._is_function(token):
                 break
             glued.append(tk.source([token]))
         written, span = "*".join(glued), (first.column, token.column)
         instead = f"write ^({written}) or ^{written}"
         said = "the end of the exponent is not clear"
-        return refusal(said, stream.ahead.column, instead, (f"({written})", written), span)
+        return refusal(said, self.ahead.column, instead, (f"({written})", written), span)
 
     def _multiplies(self, ahead: Token) -> bool:
         """Whether a coordinate after a power of a name or bracket is a factor: yes in w^2x, no in e^2x, x^2n, k**2x."""
-        distance = -2 - self._stream.look(-2).is_operator("-")
-        base, caret, number = (self._stream.look(place) for place in (distance - 1, distance, -1))
-        name = self._names.spelling(ahead.text)
-        moves = self._names.role(name) == "coordinate"
+        distance = -2 - self.look(-2).is_operator("-")
+        base, caret, number = (self.look(place) for place in (distance - 1, distance, -1))
         euler = base.text in ("e", "E") and self._names.role(base.text) is None
-        return moves and base.kind != "number" and not euler and number.column == caret.column - distance - 1
+        return (
+            self._moves(ahead) and base.kind != "number" and not euler and number.column == caret.column - distance - 1
+        )
 
     def _unclear_quotient(self, start: int, slash: int) -> errors.InputError:
         """The error for a/b c, with both interpretations if the following factors can be parsed."""
-        stream, place = self._stream, self._stream.position
-        said = ("the quotient is not clear", stream.ahead.column, "write (a/b)*c or a/(b*c)")
-        rest = self._source_of_factors(place)
-        over, under = tk.source(stream.part(start, slash - 1)), tk.source(stream.part(slash, place))
+        place, said = self.position, ("the quotient is not clear", self.ahead.column, "write (a/b)*c or a/(b*c)")
+        rest = self._source_of_factors()
+        over, under = self.source(start, slash - 1), self.source(slash, place)
         if rest is None or "|" in over + under:
             return refusal(*said)
-        span = (stream.look(start - stream.position).column, stream.ahead.column)
+        span = (self._tokens[start].column, self.ahead.column)
         return refusal(*said, (f"({over}/{under})*{rest}", f"{over}/({under}*{rest})"), span)
 
     def _factor(self) -> ex.Expression:
         base = self._base()
-        ahead = self._stream.ahead
+        ahead = self.ahead
         if ahead.kind == "prime":
             raise _prime(ahead)
-        if not self._stream.take_operator("^"):
+        if not self.take_operator("^"):
             return base
-        exponent, slash = self._exponent(), self._stream.ahead
-        if self._stream.look(-1).text == "1" and slash.is_operator("/") and self._stream.look(1).kind == "number":
+        exponent, slash = self._exponent(), self.ahead
+        if self.look(-1).text == "1" and slash.is_operator("/") and self.look(1).kind == "number":
             raise refusal("the end of the exponent is not clear", slash.column, "write x^(1/2) for a root, or x/2")
         if exponent == ex.ONE and isinstance(base, ex.Velocity | ex.Acceleration):
             raise refusal("a raised 1 occurs", ahead.column, "an index? write it below, as in q_1 and q_2")
@@ -369,14 +366,14 @@ class FormulaParser:
         return found
 
     def _exponent(self) -> ex.Expression:
-        column = self._stream.ahead.column
+        column = self.ahead.column
         with self._nested():
             factors = [*self._signs(), self._factor()]
         return product(factors, column)
 
     def _base(self) -> ex.Expression:
-        token = self._stream.take()
-        if token.kind == "number" and token.value in range(_LARGEST_FACTORIAL + 1) and self._stream.take_operator("!"):
+        token = self.take()
+        if token.kind == "number" and token.value in range(_LARGEST_FACTORIAL + 1) and self.take_operator("!"):
             return ex.number(math.factorial(int(token.value)))
         if token.kind == "number":
             return ex.number(token.value)
@@ -384,8 +381,8 @@ class FormulaParser:
             return self._name(token)
         if token.is_operator("|"):
             inner = self._barred()
-            if not self._stream.take_operator("|"):
-                end = self._stream.ahead
+            if not self.take_operator("|"):
+                end = self.ahead
                 raise tk.never_closed(token) if end == self._end else tk.unexpected(end, "'|'")
             return nm.call("abs", [inner], token.column)
         if not token.is_bracket():
@@ -396,7 +393,7 @@ class FormulaParser:
         """At most so many formulas in a bracket, separated by commas."""
         with self._inside(bracket):
             found = [self._expression()]
-            while len(found) < most and self._stream.take_operator(","):
+            while len(found) < most and self.take_operator(","):
                 found.append(self._expression())
         return found
 
@@ -411,16 +408,16 @@ class FormulaParser:
         """The pieces in brackets, each (formula, condition)."""
         pieces: list[tuple[ex.Expression, ex.Expression]] = []
         with self._inside(self._bracket(_PIECE)):
-            while not pieces or self._stream.take_operator(","):
+            while not pieces or self.take_operator(","):
                 with self._nested(), self._inside(self._bracket(_PIECE)):
-                    value, comma = self._expression(), self._stream.take()
+                    value, comma = self._expression(), self.take()
                     if not comma.is_operator(","):
                         raise tk.unexpected(comma, "a comma, and the condition of the piece,")
                     pieces.append((value, self._condition()))
         return piecewise(pieces, token.column)
 
     def _bracket(self, wanted: str) -> Token:
-        found = self._stream.take()
+        found = self.take()
         if not found.is_bracket():
             raise tk.unexpected(found, wanted)
         return found
@@ -431,46 +428,46 @@ class FormulaParser:
             return self._one_condition()
         with self._nested():
             found = self._condition(signs[1:])
-            while sign := self._stream.take_operator(signs[0]):
+            while sign := self.take_operator(signs[0]):
                 other = self._condition(signs[1:])
                 found = either(found, other) if sign.text == "|" else found * other
         return found
 
     def _one_condition(self) -> ex.Expression:
-        if self._stream.take_operator("true"):
+        if self.take_operator("true"):
             return ex.ONE
-        if self._stream.take_operator("~"):
+        if self.take_operator("~"):
             with self._nested():
                 return 1 - self._one_condition()
-        ahead = self._stream.ahead
+        ahead = self.ahead
         if ahead.is_bracket() and any(token.is_operator("<", ">", "~", "&", "true") for token in tk.walk([ahead])):
-            with self._inside(self._stream.take()):
+            with self._inside(self.take()):
                 return self._condition()
         return self._inequality()
 
     def _inequality(self) -> ex.Expression:
         """u > w, or a chain 0 < x < 1."""
         left, found = self._barred(), []
-        while token := self._stream.take_operator("<", ">"):
+        while token := self.take_operator("<", ">"):
             right = self._barred()
             found.append(step(left - right if token.text == ">" else right - left, token.column))
             left = right
         if not found:
-            raise tk.unexpected(self._stream.ahead, "an inequality such as x > 0, or true,")
+            raise tk.unexpected(self.ahead, "an inequality such as x > 0, or true,")
         return ex.multiply(*found)
 
     def _elementary(self, token: Token) -> ex.Expression:
         if token.text in nm.PIECEWISE:
             return self._piecewise(token)
         exponent = self._function_power(token)
-        if (opening := self._stream.ahead).is_bracket():
-            result = nm.call(token.text, self._listed(self._stream.take()), token.column)
-            if self._stream.ahead.text == "t" and token.text in _OF_ANGLES and _is_frequency(opening):
+        if (opening := self.ahead).is_bracket():
+            result = nm.call(token.text, self._listed(self.take()), token.column)
+            if self.ahead.text == "t" and token.text in _OF_ANGLES and _is_frequency(opening):
                 inside = tk.source([opening])
                 inner = inside if len(opening.inside) > 1 else inside[1:-1]
                 meant = (f"{token.text}({inner}*t)", f"{token.text}{inside}*t")
                 said = f"the t after {token.text}( ) could be a part of the angle or a factor"
-                span = (token.column, self._stream.look(1).column)
+                span = (token.column, self.look(1).column)
                 raise refusal(said, opening.column, f"write {meant[0]} or {meant[1]}", meant, span)
         else:
             result = nm.call(token.text, [self._bare_argument(token)], token.column)
@@ -478,9 +475,9 @@ class FormulaParser:
 
     def _function_power(self, token: Token) -> ex.Expression | None:
         """The 2 of sin^2 x; sin^-1 is refused because it may be asin or 1/sin."""
-        if not (caret := self._stream.take_operator("^")):
+        if not (caret := self.take_operator("^")):
             return None
-        power, depth = self._stream.part(self._stream.position, self._stream.position + 2), 0
+        power, depth = self.part(self.position, self.position + 2), 0
         while at(power, 0).is_bracket():
             power, depth = [*power[0].inside], depth + 1
         is_one = at(power, 1).value == 1
@@ -490,40 +487,40 @@ class FormulaParser:
 
     def _unclear_inverse(self, token: Token, caret: Token, is_one: bool, length: int) -> errors.InputError:
         """The error for sin^-1, a power of `length` tokens, with both interpretations if the argument can be parsed."""
-        stream, name = self._stream, token.text
+        name = token.text
         said = (f"{name}^(-1) has two meanings", caret.column, f"write 1/{name}(x) or the inverse function")
         for _ in range(length):
-            stream.take()
-        place = stream.position
+            self.take()
+        place = self.position
         with suppress(errors.InputError):
             self._factor()
-        argument = tk.source(stream.part(place))
+        argument = self.source(place)
         if not argument or not is_one or f"a{name}" not in nm.FUNCTIONS:
             return refusal(*said)
         called = argument if argument.startswith("(") else f"({argument})"
-        return refusal(*said, (f"a{name}{called}", f"{name}{called}^(-1)"), (token.column, stream.ahead.column))
+        return refusal(*said, (f"a{name}{called}", f"{name}{called}^(-1)"), (token.column, self.ahead.column))
 
     def _bare_argument(self, token: Token) -> ex.Expression:
         """The argument of sin x, sin 2x, sin x^2; InputError if more factors could belong to it."""
-        ahead = self._stream.ahead
+        ahead = self.ahead
         barred = ahead.is_operator("|") and not self._bars
         if ahead.kind not in ("number", "name") and not barred:
             raise tk.unexpected(ahead, f"the argument of {token.text} in brackets")
-        start = self._stream.position
+        start = self.position
         with self._nested():
             argument = self._factor()
-            following, whole = self._stream.ahead, self._bare_product(start)
+            following, whole = self.ahead, self._bare_product(start)
             if whole and not (ahead.kind == "number" and token.text in ("sqrt", "cbrt")):
                 argument = product([argument, *(self._factor() for _ in range(whole))], ahead.column)
-                if self._stream.look(-1).text == "t" and not self._stream.ahead.is_operator("/", "(", "^"):
+                if self.look(-1).text == "t" and not self.ahead.is_operator("/", "(", "^"):
                     return argument  # cos w t x is cos(w t) x
             elif ahead.kind == "number" and _starts_factor(following) and not self._bare_ends():
                 if following.space_before or token.text in ("sqrt", "cbrt"):
                     raise self._unclear_end(token, start)
                 argument = product([argument, self._factor()], ahead.column)
-        after, of_number = self._stream.ahead, ahead.kind == "number" and self._stream.position == start + 1
+        after, of_number = self.ahead, ahead.kind == "number" and self.position == start + 1
         signs = ("/", "*") if of_number else ("/",)  # sin 2*x usually means sin(2*x)
-        divides = after.text == "/" and self._is_function(self._stream.look(1))  # sin x/cos x
+        divides = after.text == "/" and self._is_function(self.look(1))  # sin x/cos x
         if (after.is_operator(*signs) and not divides) or (_starts_factor(after) and not self._bare_ends()):
             raise self._unclear_end(token, start)
         return argument
@@ -534,18 +531,17 @@ class FormulaParser:
         These are constants up to the time, or up to a coordinate if there are no spaces or the first factor is a Latin
         letter.
         """
-        stream = self._stream
-        first = stream.look(start - stream.position)
-        if stream.position != start + 1 or first.order or (first.kind == "name" and not self._is_constant(first)):
+        first = self._tokens[start]
+        if self.position != start + 1 or first.order or (first.kind == "name" and not self._is_constant(first)):
             return 0
         latin, glued = first.kind == "name" and first.text not in nm.GREEK_NAMES, True
         for place in itertools.count():
-            token = stream.look(place)
+            token = self.look(place)
             plain = token.kind == "name" and token.text not in nm.FUNCTIONS and not token.order
-            if not plain or stream.look(place + 1).is_operator("^"):
+            if not plain or self.look(place + 1).is_operator("^"):
                 return 0
             glued = glued and not token.space_before
-            role = self._names.role(self._names.spelling(token.text))
+            role = self._names.role_meant(token.text)
             if token.text == "t" and role is None:
                 return place + 1 if self._names.time else 0
             if role == "coordinate":
@@ -558,30 +554,34 @@ class FormulaParser:
     def _is_function(self, token: Token) -> bool:
         return token.text in nm.FUNCTIONS and self._names.role(token.text) is None
 
+    def _moves(self, token: Token) -> bool:
+        return self._names.role_meant(token.text) == "coordinate"
+
     def _is_constant(self, token: Token) -> bool:
-        return self._names.role(self._names.spelling(token.text)) == "parameter" or token.text in ("pi", "Pi")
+        return self._names.role_meant(token.text) == "parameter" or token.text in ("pi", "Pi")
 
     def _unclear_end(self, token: Token, start: int) -> errors.InputError:
         """The error for sin a b and sin a/b, with both interpretations if they can be parsed; sin 2 x has only one."""
-        stream, end, name = self._stream, self._stream.position, token.text
-        said = (f"the end of the argument of {name} is not clear", stream.ahead.column, f"write {name}( and )")
-        written = stream.take_operator("/", "*")
-        sign, place = written.text if written else "*", stream.position
-        if (rest := self._source_of_factors(place)) is None:
+        end, name = self.position, token.text
+        said = (f"the end of the argument of {name} is not clear", self.ahead.column, f"write {name}( and )")
+        written = self.take_operator("/", "*")
+        sign = written.text if written else "*"
+        if (rest := self._source_of_factors()) is None:
             return refusal(*said)
-        inner, first = tk.source(stream.part(start, end)), stream.look(start - stream.position)
+        inner, first = self.source(start, end), self._tokens[start]
         both = first.kind != "number" or written or name in ("sqrt", "cbrt")
         meant = (f"({inner}){sign}{rest}", f"({inner}{sign}{rest})")
-        return refusal(*said, meant if both else meant[1:], (first.column, stream.ahead.column))
+        return refusal(*said, meant if both else meant[1:], (first.column, self.ahead.column))
 
-    def _source_of_factors(self, place: int) -> str | None:
-        """Consume the factors from this position on and return their text; None if they cannot be parsed."""
+    def _source_of_factors(self) -> str | None:
+        """Consume the factors ahead and return their text; None if they cannot be parsed."""
+        place = self.position
         try:
-            while self._continues(self._stream.ahead):
+            while self._continues(self.ahead):
                 self._factor()
         except errors.InputError:
             return None
-        found = tk.source(self._stream.part(place))
+        found = self.source(place)
         return found if found and "|" not in found else None
 
     def _bare_ends(self) -> bool:
@@ -589,20 +589,16 @@ class FormulaParser:
 
         An angle named by a Greek letter also ends it before a sum: sin phi (a - b).
         """
-        ahead = self._stream.ahead
+        ahead = self.ahead
         if ahead.is_bracket():
-            moving = [self._names.spelling(token.text) for token in tk.walk(ahead.inside) if token.order]
-            angle = self._names.spelling(self._stream.look(-1).text)
+            moves = any(each.order and self._moves(each) for each in tk.walk(ahead.inside))
+            angle = self._names.spelling(self.look(-1).text)
             greek = angle.rstrip("_0123456789") in nm.GREEK_NAMES and self._names.role(angle) == "coordinate"
             sums = greek and ahead.space_before and any(part.is_operator("+", "-") for part in ahead.inside[1:])
-            sums = sums and not self._group_has_time()
-            return sums or any(self._names.role(name) == "coordinate" for name in moving)
+            return moves or (sums and not self._group_has_time())
         if ahead.kind != "name":
             return ahead.kind != "number"
-        name = self._names.spelling(ahead.text)
-        if self._names.role(name) == "coordinate":
-            return ahead.order > 0
-        return self._is_function(ahead)
+        return ahead.order > 0 if self._moves(ahead) else self._is_function(ahead)
 
     def _name(self, token: Token) -> ex.Expression:
         name = self._names.spelling(token.text)
@@ -630,12 +626,12 @@ class FormulaParser:
             return self._single(ex.TIME, token)
         if name == "t":
             raise refusal("the time t is not accepted here; it occurs", token.column, "leave it out")
-        follows = "'" if token.order else self._stream.ahead.text
+        follows = "'" if token.order else self.ahead.text
         raise nm.unknown_name(token.text, self._names, token.column, follows)
 
     def _euler(self, token: Token) -> ex.Expression:
         """exp(1) if it is raised to a formula; e alone or e^2 may be a charge."""
-        ahead = self._stream.ahead
+        ahead = self.ahead
         if token.order or not ahead.is_operator("^") or self._number_alone():
             what = f"{token.text} is Euler's number only in a power such as {token.text}^x; it occurs"
             raise refusal(what, token.column, "write exp(1), exp(2)", ("exp(1)",), declare="parameters")
@@ -643,13 +639,13 @@ class FormulaParser:
 
     def _number_alone(self) -> bool:
         """Whether the exponent after the ^ ahead is a single number, possibly with signs or in brackets."""
-        signs = itertools.takewhile(lambda k: self._stream.look(k).is_operator("+", "-"), itertools.count(1))
-        raised = tk.walk([self._stream.look(1 + len(list(signs)))])
+        signs = itertools.takewhile(lambda k: self.look(k).is_operator("+", "-"), itertools.count(1))
+        raised = tk.walk([self.look(1 + len(list(signs)))])
         return [token.kind for token in raised if not (token.is_bracket() or token.is_operator("+", "-"))] == ["number"]
 
     def _single(self, node: ex.Expression, token: Token) -> ex.Expression:
         """A name without arguments; InputError if a bracket makes it look like a function."""
-        ahead, name = self._stream.ahead, token.text
+        ahead, name = self.ahead, token.text
         if token.order and not isinstance(node, ex.Velocity | ex.Acceleration):
             what = f"{name} has no derivative in time; a prime occurs"
             if node in self._names.definitions:
@@ -657,7 +653,7 @@ class FormulaParser:
             span = (token.column, token.primed + token.order)
             raise refusal(what, token.primed, f"leave it out, or write {name}_1", (f"{name}_1",), span)
         if ahead.is_bracket() and not ahead.space_before and self._are_its_names(node):
-            self._stream.take()
+            self.take()
         elif ahead.is_bracket() and not ahead.space_before and not self._is_factor(token):
             if len(tk.split_at(",", ahead.inside)) > 1:
                 raise refusal(f"{name} has several arguments", token.column, "", declare="functions")
@@ -669,7 +665,7 @@ class FormulaParser:
 
     def _are_its_names(self, node: ex.Expression) -> bool:
         """Whether the bracket ahead lists every coordinate in the formula of a name: V(x, y) for V = x^2 y."""
-        inside, formula = self._stream.ahead.inside, self._names.definitions.get(node)
+        inside, formula = self.ahead.inside, self._names.definitions.get(node)
         listed = {self._names.spelling(token.text) for token in inside if not token.is_operator(",")}
         names = {part.name for part in ex.walk(formula) if isinstance(part, ex.Symbol)} if formula else set()
         moving = {"t", *self._names.coordinates}
@@ -691,26 +687,23 @@ class FormulaParser:
 
     def _is_factor(self, token: Token) -> bool:
         """Whether the bracket after a name is clearly a factor: mu(1 - x^2), R(cos phi), J(x')^2."""
-        bracket = self._stream.ahead
+        bracket = self.ahead
         inside, first = [*tk.walk(bracket.inside)], at(bracket.inside, 0)
-        squared = len(bracket.inside) > 1 or self._stream.look(1).is_operator("^")  # gamma(x') x' may be a function
-        sums = first.text in nm.FUNCTIONS or any(
-            (part.order > 1 - squared) or (place and part.is_operator("+", "-"))
-            for place, part in enumerate(bracket.inside)
-        )
+        squared = len(bracket.inside) > 1 or self.look(1).is_operator("^")  # gamma(x') x' may be a function
+        sums = any(part.order > 1 - squared for part in bracket.inside) or first.text in nm.FUNCTIONS
+        sums = sums or any(part.is_operator("+", "-") for part in bracket.inside[1:])
         moving = _moves(bracket)  # epsilon(cos t - x') is a product
         if any(part.is_operator(",") or (part.text == "t" != token.text and not moving) for part in inside):
             return False
-        moves = self._names.role(self._names.spelling(token.text)) == "coordinate"
         constant = all(map(self._is_constant, (part for part in inside if part.kind == "name")))
-        weight = token.text in ("g", "G") and (constant or self._stream.look(-2).text in ("m", "M"))
-        return sums and (moves or weight or token.text not in nm.MAY_BE_FUNCTIONS)
+        weight = token.text in ("g", "G") and (constant or self.look(-2).text in ("m", "M"))
+        return sums and (self._moves(token) or weight or token.text not in nm.MAY_BE_FUNCTIONS)
 
     def _coordinate(self, name: str, token: Token) -> ex.Expression:
         if token.order > 2:
             raise _third(token.column)
         self._skip_time_argument()
-        ahead = self._stream.ahead
+        ahead = self.ahead
         touches = self._opens_arguments() and not ahead.space_before
         if touches and [each.kind for each in ahead.inside] == ["number"]:
             value = f"{name}({shorten(ahead.inside[0].text)})"
@@ -724,31 +717,28 @@ class FormulaParser:
         return self._single((ex.Symbol(name), ex.Velocity(name), ex.Acceleration(name))[token.order], token)
 
     def _opens_arguments(self) -> bool:
-        return self._stream.ahead.is_bracket() and not self._stream.ahead.value
+        return self.ahead.is_bracket() and not self.ahead.value
 
     def _skip_time_argument(self) -> None:
-        if self._time_in_brackets() and self._stream.take().order:
-            raise _prime(self._stream.look(-1))
+        if self._time_in_brackets() and self.take().order:
+            raise _prime(self.look(-1))
 
     def _time_in_brackets(self) -> bool:
-        return self._opens_arguments() and [token.text for token in self._stream.ahead.inside] == ["t"]
+        return self._opens_arguments() and [token.text for token in self.ahead.inside] == ["t"]
 
     def _group_has_time(self) -> bool:
         """Whether the bracket ahead contains t and no coordinate: x(t - tau) is a delay, x' (t - y) a product."""
-        bracket = self._stream.ahead
-        timed = any(
-            line[place].text == "t" and len(line) > 1 and at(line, place - 1).text != ","  # diff(y, t), y(t)
-            for line, place, _ in tk.places([bracket])
-        )
-        known = {*self._names.coordinates}
-        return timed and not {self._names.spelling(each.text) for each in tk.walk([bracket])} & known
+        bracket = self.ahead
+        found = [(line, place) for line, place, _ in tk.places([bracket]) if line[place].text == "t"]
+        timed = any(len(line) > 1 and at(line, place - 1).text != "," for line, place in found)  # not diff(y, t), y(t)
+        return timed and not any(map(self._moves, tk.walk([bracket])))
 
     def _arbitrary(self, name: str, token: Token) -> ex.Expression:
         declared = self._names.functions[name]
         orders = self._orders(token, name, len(declared))
         at_most(sum(orders), LIMITS.derivative_order, f"a derivative of {name} is too high", token.column)
-        column, exponent = self._stream.ahead.column, None
-        if self._stream.take_operator("^"):
+        column, exponent = self.ahead.column, None
+        if self.take_operator("^"):
             exponent = self._exponent()
         found = self._called(name, declared, orders, token, exponent)
         return found if exponent is None else raised(found, exponent, column)
@@ -757,7 +747,7 @@ class FormulaParser:
         self, name: str, declared: tuple[str, ...], orders: tuple[int, ...], token: Token, power: ex.Expression | None
     ) -> ex.Expression:
         """A with the arguments that follow, or else with its declared arguments; A^2(x) is the square of A(x)."""
-        ahead = self._stream.ahead
+        ahead = self.ahead
         if not self._opens_arguments():
             moving = [self._names.derivative(argument) for argument in declared]  # A(x, x_dot) depends on x'
             pairs = zip(declared, moving, strict=True)
@@ -767,7 +757,7 @@ class FormulaParser:
         if power is not None and ahead.space_before:
             what = f"a bracket after a power of {name} could be a factor or its arguments"
             raise refusal(what, ahead.column, f"write {name}({', '.join(declared)})^2*( or ({name}( ))^2")
-        arguments = self._listed(self._stream.take())
+        arguments = self._listed(self.take())
         if len(arguments) != len(declared):
             instead = f"write {len(declared)}, as in {name}({', '.join(declared)})"
             raise refusal(f"{name} has {len(arguments)} arguments", token.column, instead)
@@ -775,14 +765,14 @@ class FormulaParser:
 
     def _orders(self, token: Token, name: str, count: int) -> tuple[int, ...]:
         """The orders of A'' (one argument) or A[1,0] (one number for each argument)."""
-        primes, column = token.order, token.primed or self._stream.ahead.column
+        primes, column = token.order, token.primed or self.ahead.column
         if primes and count != 1:
             raise refusal(f"{name} has {count} arguments and a prime occurs", column, f"write diff({name}, x)")
-        if not self._stream.ahead.is_bracket("["):
+        if not self.ahead.is_bracket("["):
             return (primes,) if count == 1 else (0,) * count
-        with self._inside(self._stream.take()):
+        with self._inside(self.take()):
             orders = [self._order()]
-            while self._stream.take_operator(","):
+            while self.take_operator(","):
                 orders.append(self._order())
         if primes or len(orders) != count:
             instead = f"write {count} in the brackets and no prime"
@@ -790,7 +780,7 @@ class FormulaParser:
         return tuple(orders)
 
     def _order(self) -> int:
-        token = self._stream.take()
+        token = self.take()
         if token.kind != "number" or token.value.denominator != 1:
             raise tk.unexpected(token, "the order of a derivative, an integer,")
         at_most(token.value, LIMITS.derivative_order, "a derivative is too high", token.column)
@@ -801,7 +791,7 @@ class FormulaParser:
         variables: list[Variable] = []
         with self._inside(self._bracket(f"'(' after {token.text}")):
             expression = self._expression()
-            while self._stream.take_operator(","):
+            while self.take_operator(","):
                 variables.append(self._variable())
         if not variables:
             raise refusal(f"{token.text} has no variable", token.column, f"write {token.text}(x, t)")
@@ -811,13 +801,13 @@ class FormulaParser:
 
     def _variable(self, alone: bool = False) -> Variable:
         """x, or x, 2, possibly in separate brackets."""
-        if self._stream.ahead.is_bracket():
-            with self._inside(self._stream.take()):
+        if self.ahead.is_bracket():
+            with self._inside(self.take()):
                 return self._variable(True)
-        token = self._stream.take()
+        token = self.take()
         node, times = self._variable_node(token), 1
-        if self._stream.ahead.is_operator(",") and (alone or self._stream.look(1).kind == "number"):
-            self._stream.take()
+        if self.ahead.is_operator(",") and (alone or self.look(1).kind == "number"):
+            self.take()
             times = self._order()
         return Variable(node, times, token.column)
 
@@ -825,7 +815,7 @@ class FormulaParser:
         wanted = "the variable of the derivative, a name,"
         if token.kind != "name":
             raise tk.unexpected(token, wanted)
-        if self._names.role(self._names.spelling(token.text)) == "function":
+        if self._names.role_meant(token.text) == "function":
             instead = "differentiate by a coordinate"
             raise refusal("a derivative by a function occurs", token.column, instead)
         node = self._name(token)

@@ -100,9 +100,8 @@ def without_accelerations(tree: ex.Expression, what: str, pointer: str) -> ex.Ex
     """The tree; InputError if it contains an acceleration."""
     found = next((node for node in ex.walk(tree) if isinstance(node, ex.Acceleration)), None)
     if found is not None:
-        raise errors.InputError(
-            f"{what} contains the acceleration {found.coordinate}'': use coordinates and velocities.", pointer
-        )
+        acceleration = f"the acceleration {found.coordinate}''"
+        raise errors.InputError(f"{what} contains {acceleration}: use coordinates and velocities.", pointer)
     return tree
 
 
@@ -173,7 +172,7 @@ def _with_forms(tokens: Line, names: Names, moves: bool) -> list[Token]:
             pass  # x dt is x
         elif name == "t":
             found.append(Token("number", "1", token.column, True, Fraction(1)))
-        elif names.role(names.spelling(name)) == "coordinate":
+        elif names.role_meant(name) == "coordinate":
             found += [*factor, Token("name", name, token.column, True, OF_A_FORM, order=1, primed=token.column)]
         else:
             inside = tuple(_with_forms(token.inside, names, moves))
@@ -192,7 +191,7 @@ def differentials(tokens: Line, names: Names, moves: bool) -> Iterator[tuple[int
         name, length, factor = "", 1, list[Token]()
         if token.kind == "name" and "d" in token.text and not token.order and names.role(token.text) is None:
             before, _, name = token.text.partition("d")
-            known = names.role(names.spelling(before)) is not None or len(before) == 1
+            known = names.role_meant(before) is not None or len(before) == 1
             factor = [replace(token, text=before)] * bool(before)
             name = name if known or not before else ""
         apart = following.order or (moves and following.space_before)
@@ -224,7 +223,7 @@ def moving_in_forms(tokens: Line, names: Names) -> list[str]:
     for line in tk.split_at(";,", tokens):
         each, alone = _letters_of_forms(line, names), tk.spelled(line[-2:]) == "=0"
         if (len(each) > 1 or (each and alone)) and not _moves(line):
-            found += [name for name in each if name != "t" and names.role(names.spelling(name)) is None]
+            found += [name for name in each if name != "t" and names.role_meant(name) is None]
     return found
 
 
@@ -233,7 +232,7 @@ def _ask_about_displacements(tokens: Line, names: Names) -> None:
     if names.role("delta") or _moves(tokens):
         return
     for delta, moving in itertools.pairwise(tk.walk(tokens)):
-        if delta.text == "delta" and names.role(names.spelling(moving.text)) == "coordinate":
+        if delta.text == "delta" and names.role_meant(moving.text) == "coordinate":
             meant = (f"d{moving.text}", f"delta*{moving.text}")
             what, span = f"delta {moving.text} could be a virtual displacement", (delta.column, moving.column)
             instead = f"write {meant[0]} for it, as in dz - y dx = 0, or {meant[1]}"
@@ -253,7 +252,7 @@ def _without_labels(tokens: list[Token], names: Names) -> list[Token]:
             given = line[equal].value == tk.GIVEN and any(token.is_operator("=") for token in tk.walk(rest))
             last = len(rest) > 2 and tk.spelled(rest[-2:]) == "=0"
             form = any(token.order and token.value == OF_A_FORM for token in tk.walk(rest))
-            held = names.forms and (last or form) and names.role(names.spelling(line[0].text)) != "coordinate"
+            held = names.forms and (last or form) and names.role_meant(line[0].text) != "coordinate"
             if given or held:
                 note(f"{line[0].text} {':' * given}=", LEFT_OUT)
                 line = rest if given or last else [Token("number", "0", line[0].column), *line[equal:]]
@@ -279,14 +278,9 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
     if not (marks & {*tk.COMPARED, *_JOINS, *_CONSTANT, "="} or names.energy):
         return tokens
 
-    def ends(place: int, token: Token) -> bool:
-        joins = token.kind == "name" and _joins(tokens, place, names)
-        return joins or token.is_operator(";", ",")
-
-    groups = [
-        (group, Token("operator", ";", end.column) if end is not None and end.kind == "name" else end)
-        for group, end in tk.split(tokens, ends)
-    ]
+    joins = {place for place, token in enumerate(tokens) if token.kind == "name" and _joins(tokens, place, names)}
+    apart = [Token("operator", ";", token.column) if k in joins else token for k, token in enumerate(tokens)]
+    groups = tk.split(apart, lambda _, token: token.is_operator(";", ","))
     equations = any(_has(group, "=") and not _is_initial(group) for group, _ in groups)
     found: list[Token] = []
     for place, (group, end) in enumerate(groups):
@@ -377,7 +371,7 @@ def _without_number(group: list[Token], formula: str, names: Names) -> list[Toke
         return group
     before, shown = group[-2], tk.spelled([number])
     called = before.kind == "name" and (
-        before.text in FUNCTIONS | MAY_BE_FUNCTIONS or names.role(names.spelling(before.text)) == "function"
+        before.text in FUNCTIONS | MAY_BE_FUNCTIONS or names.role_meant(before.text) == "function"
     )
     ends = formula[number.column - 1] == "(" and number.space_before
     if not ends or called or before.kind == "operator":
@@ -441,11 +435,9 @@ def _with_dots_after_letters(formula: str) -> str:
     """
     formula = _DOTS_APART.sub(r"\2\1", formula)
     between = _BEFORE_A_LETTER.search(formula)
-    if between is None:
-        return formula
-    if _BEGINS_WITH_DOTS.search(formula):
+    if between and _BEGINS_WITH_DOTS.search(formula):
         return _BEFORE_A_LETTER.sub(r"\2\1", formula)
-    if _ENDS_WITH_DOTS.search(formula):
+    if between is None or _ENDS_WITH_DOTS.search(formula):
         return formula
     place, (dots, letter) = between.start(), between.groups()
     primes = "''" if dots == "\u00a8" else "'"
@@ -493,10 +485,8 @@ def split_equations(formula: str, names: Names) -> list[EquationTokens]:
 def _refuse_bullets(tokens: Line, formula: str) -> None:
     """InputError for lines that all begin with "- ", usually a bullet; -x'' = x in one line is accepted."""
 
-    def ends(_: int, token: Token) -> bool:
-        return token.is_operator(";") and formula[token.column - 1] == "\n"
-
-    full = [line for line, _ in tk.split(tokens, ends) if line]
+    parts = tk.split(tokens, lambda _, token: token.is_operator(";") and formula[token.column - 1] == "\n")
+    full = [line for line, _ in parts if line]
     listed = (line[0].is_operator("-") and line[1:] and line[1].space_before for line in full)
     if len(full) > 1 and all(listed) and all(any(token.is_operator("=") for token in line) for line in full):
         what = "every line begins with a - that may be a bullet"

@@ -320,6 +320,10 @@ class TokenStream:
         """The tokens from one position to another, by default the current one."""
         return self._tokens[start : self.position if end is None else end]
 
+    def source(self, start: int, end: int | None = None) -> str:
+        """The same as a text that can be parsed."""
+        return source(self.part(start, end))
+
     def take(self) -> Token:
         token = self.ahead
         if token.kind != "end":
