@@ -71,7 +71,7 @@ def record(given: Given, limit: float) -> Run:
     answer = best(solution)
     if answer is None or answer.lagrangian is None:
         return Run(name, "", False, "", tuple(finders), seconds)
-    closed = answer.hamiltonian is not None and not answer.hamiltonian.implicit
+    closed = answer.hamiltonian is not None and not answer.hamiltonian.transform.implicit
     text = to_text(answer.lagrangian.expression)
     return Run(name, text, closed, answer.lagrangian.family, tuple(finders), seconds)
 

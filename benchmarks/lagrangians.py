@@ -82,7 +82,7 @@ def _ansatz(answer: Answer) -> str:
 
 
 def _has_closed_hamiltonian(answer: Answer) -> bool:
-    return answer.hamiltonian is not None and not answer.hamiltonian.implicit
+    return answer.hamiltonian is not None and not answer.hamiltonian.transform.implicit
 
 
 def by_family(measured: Sequence[Measured]) -> list[FamilyRow]:

@@ -73,18 +73,25 @@ def own_system(lagrangian: ex.Expression, motion: ConstrainedMotion, deadline: f
     names = motion.coordinates
     matrix = euler_lagrange.hessian(lagrangian, names)
     right = [-tree for tree in euler_lagrange.euler_lagrange_sums(lagrangian, names, [ex.ZERO] * len(names))]
-    trees = [*right, *(entry for row in matrix for entry in row)]
     variables: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
-    try:
-        ring = exact_field.exact_ring(trees, variables, 0, exact_field.Budget(bounds.TERMS, deadline), slopes=False)
-        values = [[ring.value(entry) for entry in row] for row in matrix]
-        solved = matrices.solve_square(values, [ring.value(tree) for tree in right])
-        if solved is None:
-            return None
-        found = tuple(exact_field.quotient_tree(ring, entry) for entry in solved)
-    except (exact_field.TooLarge, ZeroDivisionError):
-        return None
-    return SecondOrderSystem(names, found, motion.parameters, motion.functions)
+    found = None
+    with suppress(exact_field.TooLarge, ZeroDivisionError):
+        found = _solved(matrix, right, variables, exact_field.Budget(bounds.TERMS, deadline))
+    return None if found is None else SecondOrderSystem(names, found, motion.parameters, motion.functions)
+
+
+def _solved(
+    matrix: Sequence[Sequence[ex.Expression]],
+    right: Sequence[ex.Expression],
+    variables: Sequence[ex.Symbol | ex.Velocity],
+    budget: exact_field.Budget,
+) -> tuple[ex.Expression, ...] | None:
+    """The exact x with matrix x = right; None if the matrix is singular."""
+    trees = [*right, *(entry for row in matrix for entry in row)]
+    ring = exact_field.exact_ring(trees, variables, 0, budget, slopes=False)
+    values = [[ring.value(entry) for entry in row] for row in matrix]
+    solved = matrices.solve_square(values, [ring.value(tree) for tree in right])
+    return None if solved is None else tuple(exact_field.quotient_tree(ring, entry) for entry in solved)
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,14 +178,8 @@ def _free_velocities(
     matrix = [[derivative.differentiate(rate, u) for u in free] for rate in rates]
     still = dict.fromkeys(free, ex.ZERO)
     right = [ex.Velocity(name) - ex.substitute(rate, still) for name, rate in zip(names, rates, strict=True)]
-    trees = [*right, *(entry for row in matrix for entry in row)]
-    ring = exact_field.exact_ring(trees, [ex.Symbol(name) for name in motion.coordinates], 0, budget, slopes=False)
-    solved = matrices.solve_square(
-        [[ring.value(e) for e in row] for row in matrix], [ring.value(tree) for tree in right]
-    )
-    return (
-        None if solved is None else {u: exact_field.quotient_tree(ring, e) for u, e in zip(free, solved, strict=True)}
-    )
+    solved = _solved(matrix, right, [ex.Symbol(name) for name in motion.coordinates], budget)
+    return None if solved is None else dict(zip(free, solved, strict=True))
 
 
 def _without(
@@ -193,7 +194,7 @@ def _without(
     values = [ring.value(force) for force in forces]
     if not all(ring.partial(place)(value).is_zero for place in range(len(others)) for value in values):
         return None
-    nowhere = {ex.Symbol(name): ex.ZERO for name in others}
+    nowhere = dict.fromkeys(map(ex.Symbol, others), ex.ZERO)
     plain = [ex.substitute(exact_field.quotient_tree(ring, value), nowhere) for value in values]
     return system_of(names, plain, motion.parameters, motion.functions)
 

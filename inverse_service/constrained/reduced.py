@@ -276,7 +276,7 @@ def _answer(analysis: deciding.Analysis, decision: deciding.Decision, known: Seq
     where = certify.where_proved(analysis, tree, _LONGEST_CHECK)
     claim = certify.of_lagrangian(analysis, tree, with_time=False)
     certificate, proof = certify.proved(analysis, claim, _LONGEST_CHECK)
-    hamiltonian = solutions.Hamiltonian.of(chosen.transform, chosen.images)
+    hamiltonian = solutions.Hamiltonian(chosen.transform, chosen.images)
     decided = decision.verdict == "variational" and decision.space is not None and decision.symbol is not None
     steps = (
         *(positive.existence_steps(decision) if decided else ()),

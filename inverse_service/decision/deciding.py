@@ -27,7 +27,7 @@ from inverse_service import bounds, deadline, errors
 from inverse_service.decision import helmholtz, solutions
 from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import dense_series as machine, modular, point as ps, reduction
-from inverse_service.field.real_point import RealTable, find_real_point
+from inverse_service.field.real_point import RealTable, find_real_point, first_real_point
 from inverse_service.field.tower import Tower, draw_point, to_kernels
 from inverse_service.linear_pde import equations as pde, involution
 from inverse_service.mechanics import second_order_system
@@ -100,8 +100,7 @@ def _real_point(system: second_order_system.SecondOrderSystem, kernels: Sequence
     # First-order equations in which one unknown became the velocity: choose positive unknowns and rates if possible, as
     # for predators and prey.
     wanted = [*map(ex.Symbol, system.parameters), *(tree for _, tree in system.others)] if system.others else []
-    points = (find_real_point([*kernels, *given], variables, 1, side) for side in ((*positive, *wanted), positive))
-    return next((point for point in points if point is not None), None)
+    return first_real_point([*kernels, *given], variables, ((*positive, *wanted), positive))
 
 
 def _alone(system: second_order_system.SecondOrderSystem) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -81,25 +81,10 @@ class Lagrangian:
 
 @dataclass(frozen=True, slots=True)
 class Hamiltonian:
-    """H over (q, p), p of coordinate x being Symbol("p_x"); over (q, v) where `implicit`.
+    """H by the Legendre transform of L, with the constraints of a nonholonomic motion in phase space, if any."""
 
-    `symbols[i]` is the momentum of coordinate i, `momenta[i]` is p_i(t, q, v). `note` names the branch on which the
-    transform was inverted, or says why it was not; on this branch every tree of `positive`, over (t, q, v, p), is > 0.
-    """
-
-    expression: ex.Expression
-    momenta: tuple[ex.Expression, ...]
-    implicit: bool
-    constraints: tuple[ex.Expression, ...]
-    symbols: tuple[ex.Symbol, ...]
-    note: str
-    positive: tuple[ex.Expression, ...]
-
-    @classmethod
-    def of(cls, found: LegendreTransform, constraints: Iterable[ex.Expression] = ()) -> Hamiltonian:
-        """The Hamiltonian of a Legendre transform, with the constraints in phase space."""
-        rest = found.symbols, found.note, found.positive
-        return cls(found.hamiltonian, found.momenta, found.implicit, tuple(constraints), *rest)
+    transform: LegendreTransform
+    constraints: tuple[ex.Expression, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

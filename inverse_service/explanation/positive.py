@@ -304,13 +304,14 @@ def hamiltonian_of(
         transform = legendre(lagrangian, names, positive=positive)
     except InputError:
         return None
-    return Hamiltonian.of(transform)
+    return Hamiltonian(transform)
 
 
 def legendre_steps(hamiltonian: Hamiltonian | None) -> tuple[Step, ...]:
     """How H follows from the momenta, where there is more to say than that they are solved for the velocities."""
-    note = "" if hamiltonian is None else hamiltonian.note.rstrip(".").replace("`", "")
+    note = "" if hamiltonian is None else hamiltonian.transform.note.rstrip(".").replace("`", "")
     if hamiltonian is None or not note:
         return ()
-    solved = f"{note}:" if hamiltonian.implicit else f"The momenta `p = dL/dv` are solved for the velocities ({note});"
+    implicit = hamiltonian.transform.implicit
+    solved = f"{note}:" if implicit else f"The momenta `p = dL/dv` are solved for the velocities ({note});"
     return (said(f"{solved} `H = p v - L`."),)

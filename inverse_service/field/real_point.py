@@ -60,6 +60,14 @@ def find_real_point(
     return None
 
 
+def first_real_point(
+    expressions: Sequence[ex.Expression], variables: Sequence[Variable], choices: Iterable[Sequence[ex.Expression]]
+) -> RealTable | None:
+    """A point as of `find_real_point` for the first of some choices of positive trees for which one is found."""
+    points = (find_real_point(expressions, variables, 1, positive) for positive in choices)
+    return next((point for point in points if point is not None), None)
+
+
 def _off_axes(table: RealTable, positive: Sequence[ex.Expression], expressions: Sequence[ex.Expression]) -> RealTable:
     """The point with a small number in place of each 0."""
     for name in [name for name, value in table.items() if not value]:

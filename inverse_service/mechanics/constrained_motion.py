@@ -25,7 +25,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, holds, substitute, walk
 from inverse_service.field import exact_field
 from inverse_service.field.matrices import determinant, dot, reduced_rows, solve_square, weight
-from inverse_service.field.real_point import RealTable, find_real_point
+from inverse_service.field.real_point import RealTable, first_real_point
 from inverse_service.mechanics import implicit_equations, second_order_system, writing
 from inverse_service.reading import document_names, names as nm, reader
 
@@ -109,8 +109,7 @@ class Geometry:
         parameters = [*map(Symbol, self.system.parameters)]
         names = self.system.coordinates
         variables: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names), *parameters]
-        points = (find_real_point(trees, variables, 1, positive) for positive in (parameters, ()))
-        return next((point for point in points if point is not None), None)
+        return first_real_point(trees, variables, (parameters, ()))
 
 
 @dataclass(frozen=True, slots=True)

@@ -70,6 +70,15 @@ class PaperClass:
     force_fits: bool
 
     @property
+    def names(self) -> tuple[str, ...]:
+        return self.geometry.system.coordinates
+
+    @property
+    def weights(self) -> list[Expression]:
+        """The masses as formulas."""
+        return list(map(self.geometry.tree, self.masses))
+
+    @property
     def moving(self) -> tuple[int, ...]:
         """r2 and s_1, …, s_k."""
         return (self.r2, *self.frame.dependent)
@@ -124,6 +133,7 @@ def recognized(parts: Geometry) -> tuple[PaperClass | None, str]:
 
 
 def _kinetic_fault(parts: Geometry) -> str:
+    """Why the Lagrangian or the constraints cannot be those of the class; nothing if they can."""
     n = parts.size
     if any(not parts.mass[i][j].is_zero for i in range(n) for j in range(n) if i != j):
         return "the kinetic energy has mixed terms, but the class requires a sum of squares of velocities"
@@ -171,22 +181,23 @@ class Rotation:
 
 def rotation(member: PaperClass) -> Rotation:
     """The rotation of a member of the class; the zero matrix where u is constant (integrable constraints)."""
-    names = member.geometry.system.coordinates
-    r1 = Symbol(names[member.r1])
-    masses = [member.geometry.tree(mass) for mass in member.masses]
+    r1, masses = Symbol(member.names[member.r1]), member.weights
     square = member.inverse_square_density
     entries = enumerate(member.directions)  # u_i = N (1, -A)_i is constant where (u_i^2)' = 0
     constant = [place for place, entry in entries if member.by_r1(entry * entry / square).is_zero]
     turning = tuple(place for place in range(len(masses)) if place not in constant)
     size = len(masses)
-    generator: Matrix = [[ZERO] * size for _ in range(size)]
-    form: Matrix = [[ZERO] * size for _ in range(size)]
+    generator, form = _zeros(size), _zeros(size)
     for place in constant:
         form[place][place] = masses[place]
     if turning:
         fill = _fill_plane if len(turning) == 2 else _fill_space
         fill(generator, form, turning, masses, _unit(member), r1)
     return Rotation(turning, generator, form, _inverse(form, turning, masses))
+
+
+def _zeros(size: int) -> Matrix:
+    return [[ZERO] * size for _ in range(size)]
 
 
 def _unit(member: PaperClass) -> list[Expression]:
@@ -237,8 +248,7 @@ def _fill_plane(
 
 def _inverse(form: Matrix, turning: Sequence[int], masses: Sequence[Expression]) -> Matrix:
     """S^-1 = c D^-1 S D^-1 on the places J, as S is a multiple of a reflection; 0 elsewhere."""
-    size = len(masses)
-    found: Matrix = [[ZERO] * size for _ in range(size)]
+    found = _zeros(len(masses))
     if not turning:
         return found
     first = turning[0]
@@ -339,7 +349,7 @@ def _third(motion: EliminatedMotion, member: PaperClass) -> AssociatedSystem:
     trees = [parts.tree(element) for element in motion.accelerations]
     forces = [parts.tree(_velocity_free(motion, element)) for element in motion.accelerations]
     turned = rotation(member)
-    masses = [parts.tree(mass) for mass in member.masses]
+    masses = member.weights
     if len(turned.turning) > 2 and any(isinstance(mass, Number) and mass.value < 0 for mass in masses):
         text = "The third system is not defined: with three and more turning velocities all masses have to be positive."
         return AssociatedSystem("third", None, text)
@@ -396,9 +406,7 @@ def _of_second(member: PaperClass) -> tuple[Proposal, ...]:
         return ()
     trees = [member.geometry.tree(entry) for entry in directions]
     size = len(trees)
-    density = member.density
-    form: list[list[Expression]] = [[ZERO] * size for _ in range(size)]
-    inverse: list[list[Expression]] = [[ZERO] * size for _ in range(size)]
+    density, form, inverse = member.density, _zeros(size), _zeros(size)
     for place, tree in enumerate(trees):
         sign = number(1 if place == 0 else -1)
         form[place][place] = writing.tidied(sign / (density * tree))
@@ -411,11 +419,9 @@ def _of_second(member: PaperClass) -> tuple[Proposal, ...]:
 
 
 def _proposal(member: PaperClass, label: str, form: _Rows, inverse: _Rows, coupled: Sequence[int]) -> Proposal:
-    names = member.geometry.system.coordinates
-    moving = [Velocity(names[place]) for place in member.moving]
-    masses = [member.geometry.tree(mass) for mass in member.masses]
+    moving, masses = [Velocity(member.names[place]) for place in member.moving], member.weights
     free = [place for place in range(len(moving)) if place not in coupled]
-    rate = Velocity(names[member.r1])
+    rate = Velocity(member.names[member.r1])
     kinetic = [HALF * member.geometry.tree(member.mass_of_r1) * rate**2]
     kinetic += [HALF * masses[place] * moving[place] ** 2 for place in free]
     terms = [writing.tidied(term / rate) for term in _quadratic(form, moving, coupled)]
@@ -437,11 +443,9 @@ def _transform(
     member: PaperClass, lagrangian: Expression, inverse: _Rows, coupled: Sequence[int]
 ) -> legendre.LegendreTransform:
     """H and v(q, p) written down; r1' = (p_r1 + p^T S^-1 p/2)/I_1, w = r1' S^-1 p, w_i = p_i/I_i on F."""
-    names = member.geometry.system.coordinates
-    symbols, note = legendre.momentum_symbols(lagrangian, names)
+    symbols, note = legendre.momentum_symbols(lagrangian, member.names)
     p = [symbols[place] for place in member.moving]
-    mass = member.geometry.tree(member.mass_of_r1)
-    masses = [member.geometry.tree(each) for each in member.masses]
+    mass, masses = member.geometry.tree(member.mass_of_r1), member.weights
     inner = add(symbols[member.r1], *(writing.tidied(term) for term in _quadratic(inverse, p, coupled)))
     rate = inner / mass
     velocities: dict[int, Expression] = {member.r1: rate}
@@ -453,8 +457,8 @@ def _transform(
         else:
             velocities[place] = p[i] / masses[i]
             energies.append(HALF * p[i] ** 2 / masses[i])
-    found = tuple(velocities[place] for place in range(len(names)))
-    functions = tuple(writing.tidied(momentum) for momentum in euler_lagrange.momenta(lagrangian, names))
+    found = tuple(velocities[place] for place in range(len(member.names)))
+    functions = tuple(map(writing.tidied, euler_lagrange.momenta(lagrangian, member.names)))
     return legendre.LegendreTransform(lagrangian, symbols, add(*energies), functions, found, False, note, found)
 
 
@@ -478,6 +482,6 @@ def _images(
     rate = transform.velocities[member.r1]
     for i in range(len(p)):
         if i not in coupled:
-            factor = writing.tidied(member.geometry.tree(member.masses[i]) * directions[i] / constants[first])
+            factor = writing.tidied(member.weights[i] * directions[i] / constants[first])
             found.append(p[i] - factor * p[first] * rate)
     return tuple(found)

@@ -134,8 +134,7 @@ def _squares(system: SecondOrderSystem) -> tuple[ex.Expression, ...]:
 def _default_first(system: SecondOrderSystem, branches: tuple[SecondOrderSystem, ...]) -> tuple[SecondOrderSystem, ...]:
     """First comes the branch of a point with positive parameters, else of any, that one formula would be taken at."""
     kernels, parameters = tuple(map(tower.to_kernels, system.accelerations)), [*map(ex.Symbol, system.parameters)]
-    points = (real_point.find_real_point(kernels, _variables(system), _SEED, positive) for positive in (parameters, ()))
-    table = next((point for point in points if point is not None), None)
+    table = real_point.first_real_point(kernels, _variables(system), (parameters, ()))
     return tuple(sorted(branches, key=lambda one: table is None or not real_point.are_positive(one.positive, table)))
 
 

@@ -346,17 +346,13 @@ def _squares(terms: Terms, order: Sequence[Expression]) -> list[Expression]:
             continue
         ((key, value),) = square.items()
         outside = _times(key, ((v, Fraction(2)),), -1)
+        half = {_times(k, ((v, Fraction(1)),), -1): c / (2 * value) for k, c in cross.items()}
+        # value rest (root v + half/(rest root))^2, else with the root 1
         root, rest = _split_square(outside)
-        # value rest (root v + b/(2 value rest root))^2
-        divisor = _times(rest, root)
-        linear = {_times(_times(k, ((v, Fraction(1)),), -1), divisor, -1): c / (2 * value) for k, c in cross.items()}
-        if any(e < 0 for k in linear for _, e in k):
-            root, divisor = (), outside
-            linear = {
-                _times(_times(k, ((v, Fraction(1)),), -1), outside, -1): c / (2 * value) for k, c in cross.items()
-            }
-            rest = outside
-        form = {_times(root, ((v, Fraction(1)),)): Fraction(1)} | linear
+        if any(e < 0 for k in half for _, e in _times(k, _times(rest, root), -1)):
+            root, rest = (), outside
+        form = {_times(root, ((v, Fraction(1)),)): Fraction(1)}
+        form |= {_times(k, _times(rest, root), -1): c for k, c in half.items()}
         found.append(ex.multiply(ex.number(value), terms_tree([(rest, Fraction(1))]), terms_tree(form.items()) ** 2))
         remaining = dict(expand(terms_tree(left.items()) - found[-1]))
         left = {k: remaining[k] for k in dict.fromkeys([*left, *remaining]) if k in remaining}  # in their order

@@ -297,7 +297,9 @@ def _explained(
 
 def _is_complete(answer: Answer) -> bool:
     """Whether the answer has a Lagrangian and a Hamiltonian in closed form."""
-    return answer.lagrangian is not None and answer.hamiltonian is not None and not answer.hamiltonian.implicit
+    return (
+        answer.lagrangian is not None and answer.hamiltonian is not None and not answer.hamiltonian.transform.implicit
+    )
 
 
 def _with_time_instead(work: Work, autonomous: Answer) -> Answer:

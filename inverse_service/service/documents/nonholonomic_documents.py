@@ -363,7 +363,7 @@ def _images(found: hamiltonise.Hamiltonisation) -> tuple[ex.Expression, ...]:
 def _hamiltonian(found: hamiltonise.Hamiltonisation) -> HamiltonianPart | None:
     if found.transform is None:
         return None
-    return translate.hamiltonian_part(solutions.Hamiltonian.of(found.transform, _images(found)))
+    return translate.hamiltonian_part(solutions.Hamiltonian(found.transform, _images(found)))
 
 
 def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) -> dict[str, Any]:
@@ -618,7 +618,7 @@ def _with_images(main: nonholonomic_study.AssociatedAnswer) -> solutions.Solutio
         if answer is None or answer.lagrangian is None or answer.hamiltonian is None:
             return answer
         found = images.get(answer.lagrangian.expression)
-        if found is None or answer.hamiltonian.implicit:  # without momenta there is no image in phase space
+        if found is None or answer.hamiltonian.transform.implicit:  # without momenta there is no image in phase space
             return answer
         return dataclasses.replace(answer, hamiltonian=dataclasses.replace(answer.hamiltonian, constraints=found))
 

@@ -244,7 +244,7 @@ def solve_forward(document: Any, options: SolveOptions, grow: growing.Growing) -
         lagrangian=translate.formula(lagrangian),
         equations=translate.formulas(names, system.accelerations),
         momenta=translate.formulas(names, functions.values()),
-        hamiltonian=translate.hamiltonian_part(Hamiltonian.of(legendre(lagrangian, names, options.time_limit / 2))),
+        hamiltonian=translate.hamiltonian_part(Hamiltonian(legendre(lagrangian, names, options.time_limit / 2))),
         conserved=_conserved(lagrangian, functions),
         guessed=translate.guessed_names(schema, system),
     )

@@ -230,14 +230,15 @@ def hamiltonian_part(
     """With the conditions on the positions under which the Lagrangian is one: H holds only where L does."""
     conditions = ((), ()) if lagrangian is None else (lagrangian.nonzero, lagrangian.positive)
     nonzero, positive = ([tree for tree in trees if not ex.has(tree, ex.Velocity)] for trees in conditions)
-    pairs = zip(hamiltonian.symbols, hamiltonian.momenta, strict=True)
+    transform = hamiltonian.transform
+    pairs = zip(transform.symbols, transform.momenta, strict=True)
     return schemas.HamiltonianPart(
-        **formula_fields(hamiltonian.expression),
+        **formula_fields(transform.hamiltonian),
         momenta={symbol.name: printing.to_text(p) for symbol, p in pairs},
-        implicit=hamiltonian.implicit,
-        reason=hamiltonian.note if hamiltonian.implicit else "",
+        implicit=transform.implicit,
+        reason=transform.note if transform.implicit else "",
         constraints=[printing.to_text(constraint) for constraint in hamiltonian.constraints],
-        domain=certify.shortest([*positive, *hamiltonian.positive], nonzero),
+        domain=certify.shortest([*positive, *transform.positive], nonzero),
     )
 
 
