@@ -20,7 +20,7 @@ from typing import Any
 
 from benchmarks.tables import MISSING, table
 from inverse_service import simulate
-from inverse_service.service.scenes.prices import duration
+from inverse_service.service.scenes.views import duration
 from inverse_service.service.scenes.work_precision import machine, work_precision
 from inverse_service.simulation import precision
 

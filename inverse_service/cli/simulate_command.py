@@ -14,7 +14,6 @@ from inverse_service import errors, settings
 from inverse_service.cli import command_line as cli
 from inverse_service.service.documents import plain_data
 from inverse_service.service.jobs import tasks, workers
-from inverse_service.service.scenes import prices
 
 DEFAULT_SECONDS, MEASURING_SECONDS = 600.0, 300.0
 COLUMNS = ("method", "order", "step", "tolerance", "error", "seconds", "evaluations", "at_floor", "reason")
@@ -238,10 +237,12 @@ def comma_table(result: Mapping[str, Any]) -> str:
 def price_list(result: Mapping[str, Any]) -> str:
     """What each error costs: a column for each method, the best first, as many as the terminal is wide; two sentences;
     the long run, where it was measured."""
-    labels, rows = prices.best_first(result), []
+    from inverse_service.service.scenes import views  # which loads NumPy
+
+    labels, rows = views.best_first(result), []
     for target in result["targets"]:
-        row = [prices.price_of(target, label) for label in labels]
-        rows.append([prices.power(target["error"]), *(price.time for price in row)])
+        row = [views.price_of(target, label) for label in labels]
+        rows.append([views.power(target["error"]), *(price.time for price in row)])
         rows.append(["", *(", ".join(filter(None, (price.ratio, price.setting))) for price in row)])
     table = [["error", *labels], *rows]
     width = max(NARROWEST, get_terminal_size().columns)

@@ -11,8 +11,8 @@ import pytest
 from inverse_service.errors import InputError
 from inverse_service.service.documents.plain_data import read_json
 from inverse_service.service.scenes.drawing import precision_figure
-from inverse_service.service.scenes.prices import price_sentences
 from inverse_service.service.scenes.simulating import simulate
+from inverse_service.service.scenes.views import price_sentences
 from inverse_service.service.scenes.work_precision import _targets, work_precision
 from inverse_service.simulation.precision import Precision, Setting, _with_floor, measured_order, price_of
 from inverse_service.simulation.scene_data import MethodChoice, Requested

@@ -1,4 +1,4 @@
 """Scene documents in, results of simulations out, and their figures for files: SVG and PNG.
 
-Others use `scene_reading`, `simulating`, `work_precision`, `prices`, `views`, and `drawing`.
+Others use `scene_reading`, `simulating`, `work_precision`, `views`, and `drawing`.
 """

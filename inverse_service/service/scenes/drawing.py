@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array
 from inverse_service.service.scenes import views
-from inverse_service.service.scenes.prices import best_first, power, short_number
-from inverse_service.service.scenes.views import Table, Tables
+from inverse_service.service.scenes.views import Table, Tables, best_first, power, short_number
 from inverse_service.simulation import circles
 from inverse_service.simulation.sentences import say
 

@@ -15,7 +15,7 @@ from api_schemas.scene import SceneDocument, SceneMethod
 from inverse_service import __version__, errors, settings
 from inverse_service.integrators import method_table
 from inverse_service.mechanics import method_advice
-from inverse_service.service.scenes import prices, scene_lagrangian, scene_reading, simulating
+from inverse_service.service.scenes import scene_lagrangian, scene_reading, simulating, views
 from inverse_service.simulation import accuracy, advice as advising, derivation, precision, scene_data
 from inverse_service.simulation.sentences import say
 
@@ -93,7 +93,7 @@ def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> di
         "error": "greatest distance of a coordinate from the true motion at 8 common times; relative is over scale",
         "truth": {"against": measured.truth.against, "uncertainty": measured.truth.uncertainty},
         "targets": targets,
-        "sentences": [*prices.price_sentences(targets), long_run(measured)],
+        "sentences": [*views.price_sentences(targets), long_run(measured)],
         "advice": advice,
         "methods": [
             {
@@ -176,5 +176,5 @@ def long_run(measured: precision.Precision) -> str:
     known = [(getattr(run, key), run) for run in done if getattr(run, key) is not None]
     (least, best), (most, worst) = (pick(known, key=lambda pair: pair[0]) for pick in (min, max))
     text = f"Over {precision.LONG} times the time {what} least by {best.setting.requested.label}: {least:.1e} in "
-    text += prices.duration(best.seconds or 0.0)
+    text += views.duration(best.seconds or 0.0)
     return f"{text}, and most by {worst.setting.requested.label}: {most:.1e}." if worst is not best else f"{text}."

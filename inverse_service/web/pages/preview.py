@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from inverse_service import errors
 from inverse_service.expressions import derivative, letters, tree as trees
 from inverse_service.reading import names as nm, reader
-from inverse_service.service.scenes import prices, views
+from inverse_service.service.scenes import views
 
 if TYPE_CHECKING:
     from inverse_service.simulation.scene_data import Scene
@@ -86,7 +86,7 @@ def price_task(document: Mapping[str, Any]) -> dict[str, Any]:
         count = part * few * (min(steps, MOST_PRICED) // few)
         scene = {"step": str(step / part), "steps": count, "record_every": part * few, "methods": [chosen]}
         method = simulate({**document, **scene, "observe": ["trajectory"]})["methods"][0]
-        name = prices.method_name(method["label"])
+        name = views.method_name(method["label"])
         if method["outcome"] != "completed":
             return {"reason": f"{name}: {method['outcome'].replace('_', ' ')}"}
         columns = method["points"]["columns"]

@@ -25,7 +25,7 @@ from starlette.responses import HTMLResponse, Response
 from inverse_service.expressions import letters
 from inverse_service.service.documents import sheets
 from inverse_service.service.jobs import tasks
-from inverse_service.service.scenes import prices
+from inverse_service.service.scenes import views
 from inverse_service.web import clients
 from inverse_service.web.pages import WORDS, forms, typesetting
 from inverse_service.web.problems import Refusal
@@ -184,7 +184,7 @@ def environment() -> Environment:
     for typeset in (typesetting.equation, typesetting.formula, typesetting.of_theory):
         found.globals[typeset.__name__] = typeset
     found.filters["greek"] = lambda name: re.sub(r"[A-Za-z]+", lambda word: letters.shown(word[0]), name)
-    for said in (prices.short_number, prices.duration, prices.method_name):
+    for said in (views.short_number, views.duration, views.method_name):
         found.filters[said.__name__] = said
     found.filters["code_marks"] = code_marks
     found.filters["said"] = lambda sentence: typesetting.said(sentence, forms.question_address)

@@ -12,7 +12,7 @@ from starlette.responses import HTMLResponse
 
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import printed_pages, sheets
-from inverse_service.service.scenes import prices, views
+from inverse_service.service.scenes import views
 from inverse_service.web.pages import preview, rendering, typesetting
 
 PICTURES = {"svg": "image/svg+xml", "png": "image/png"}
@@ -49,13 +49,13 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
 
 
 def _numbers(method: Mapping[str, Any], columns: Sequence[tuple[str, str]]) -> list[str]:
-    return [prices.short_number(printed_pages.value_at(method, key)) for key, _ in columns]
+    return [views.short_number(printed_pages.value_at(method, key)) for key, _ in columns]
 
 
 def _members(columns: Mapping[str, Sequence[Any]]) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """The headings and the first rows of the numbers of an ensemble, one row for each run."""
     rows = zip(*columns.values(), strict=True)
-    shown = [(k, list(map(prices.short_number, row))) for k, row in enumerate(itertools.islice(rows, MOST_MEMBERS), 1)]
+    shown = [(k, list(map(views.short_number, row))) for k, row in enumerate(itertools.islice(rows, MOST_MEMBERS), 1)]
     return list(map(_heading, columns)), shown
 
 
@@ -93,7 +93,7 @@ class Curve:
     @property
     def name(self) -> str:
         """The method in words."""
-        return prices.method_name(self.label)
+        return views.method_name(self.label)
 
 
 def precision_result(job: Mapping[str, Any], document: str) -> HTMLResponse:
@@ -113,9 +113,9 @@ def precision_result(job: Mapping[str, Any], document: str) -> HTMLResponse:
         curves=measured,
         plots=[plot_of(measured, *size) for size in ((640, 400), (350, 320))] if measured else [],
         played=[{**asdict(curve), "name": curve.name} for curve in measured],
-        sentences=prices.price_sentences(result["targets"], prices.method_name),
-        errors=[prices.power(target["error"]) for target in result["targets"]],
-        prices=[[prices.price_of(target, curve.label) for target in result["targets"]] for curve in measured],
+        sentences=views.price_sentences(result["targets"], views.method_name),
+        errors=[views.power(target["error"]) for target in result["targets"]],
+        prices=[[views.price_of(target, curve.label) for target in result["targets"]] for curve in measured],
         missing=[(", ".join(names), reason) for reason, names in missing.items()],
         scene=document,
     )
@@ -123,7 +123,7 @@ def precision_result(job: Mapping[str, Any], document: str) -> HTMLResponse:
 
 def curves_of(result: Mapping[str, Any]) -> list[Curve]:
     """All methods, the best first."""
-    places = {label: place for place, label in enumerate(prices.best_first(result))}
+    places = {label: place for place, label in enumerate(views.best_first(result))}
     methods = sorted(result["methods"], key=lambda method: places.get(method["label"], len(places)))
     return [_curve(method, [run for run in result["runs"] if run["method"] == method["label"]]) for method in methods]
 
@@ -169,8 +169,8 @@ def plot_of(curves: Sequence[Curve], width: int, height: int) -> dict[str, Any]:
     seconds = [10.0**k for k in range(floor, ceiling + 1)]
     frame = {"width": width, "height": height, "left": left, "right": right, "bottom": bottom}
     return frame | {
-        "errors": [(at(error, 1.0)[0], prices.power(error)) for error in ticks],
-        "times": [(at(1.0, time)[1], prices.duration(time)) for time in seconds],
+        "errors": [(at(error, 1.0)[0], views.power(error)) for error in ticks],
+        "times": [(at(1.0, time)[1], views.duration(time)) for time in seconds],
         "paths": ["M" + "L".join(f"{x} {y}" for x, y in line) for line in lines],
         "labels": labels,
         "leaders": leaders,
@@ -210,7 +210,7 @@ def notes_of(result: Mapping[str, Any]) -> list[str]:
             found.setdefault(text, []).append(method["label"])
     return [
         *result["notes"],
-        *(f"{', '.join(map(prices.method_name, labels))}: {note}" for note, labels in found.items()),
+        *(f"{', '.join(map(views.method_name, labels))}: {note}" for note, labels in found.items()),
     ]
 
 
@@ -239,11 +239,11 @@ def costs(result: Mapping[str, Any]) -> dict[str, Any]:
     methods = [method for method in result["methods"] if method.get("seconds")]
     stages = list(dict.fromkeys(stage for method in methods for stage in method["seconds"]))
     rows = [
-        (stage.replace("_", " "), [prices.duration(method["seconds"].get(stage)) for method in methods])
+        (stage.replace("_", " "), [views.duration(method["seconds"].get(stage)) for method in methods])
         for stage in stages
     ]
-    shared = [(stage, prices.duration(value)) for stage, value in result.get("seconds", {}).items()]
-    return {"labels": [prices.method_name(method["label"]) for method in methods], "rows": rows, "shared": shared}
+    shared = [(stage, views.duration(value)) for stage, value in result.get("seconds", {}).items()]
+    return {"labels": [views.method_name(method["label"]) for method in methods], "rows": rows, "shared": shared}
 
 
 def part_costs(result: Mapping[str, Any]) -> dict[str, Any]:
@@ -258,7 +258,7 @@ def part_costs(result: Mapping[str, Any]) -> dict[str, Any]:
         title = f"{name} observed" if kind == "observed" else name
         rows.append((title, [_price(part[0]) if part else "\u2013" for part in found]))
     notes = dict.fromkeys(method["cost"]["note"] for method in methods if method["cost"].get("note"))
-    return {"labels": [prices.method_name(method["label"]) for method in methods], "rows": rows, "notes": list(notes)}
+    return {"labels": [views.method_name(method["label"]) for method in methods], "rows": rows, "notes": list(notes)}
 
 
 def _price(part: Mapping[str, Any]) -> str:
