@@ -23,7 +23,7 @@ RUN /build/bin/pip wheel --no-deps --no-build-isolation --wheel-dir /build/wheel
     && /opt/inverse-service/bin/python -m compileall -q /opt/inverse-service
 # The kernels of the solver, compiled for every processor of this platform.
 RUN apt-get update && apt-get install --yes --no-install-recommends binutils \
-    && /opt/inverse-service/bin/python -m inverse_service.service.shipping
+    && /opt/inverse-service/bin/python -m inverse_service.service.compiling
 
 FROM ${BASE}
 # What runs installs nothing.

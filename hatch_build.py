@@ -23,7 +23,7 @@ MACHINE = os.environ.get("INVERSE_SERVICE_WHEEL", platform.machine())
 
 
 class Kernels(BuildHookInterface):
-    """Adds the libraries of `python -m inverse_service.service.shipping` to the wheel."""
+    """Adds the libraries of `python -m inverse_service.service.compiling` to the wheel."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         made = [] if version == "editable" else self.compiled()
@@ -37,7 +37,7 @@ class Kernels(BuildHookInterface):
 
     def compiled(self) -> list[Path]:
         self.folder = tempfile.TemporaryDirectory()
-        command = [sys.executable, "-m", "inverse_service.service.shipping", self.folder.name, MACHINE]
+        command = [sys.executable, "-m", "inverse_service.service.compiling", self.folder.name, MACHINE]
         environment = {**os.environ, "PYTHONPATH": self.root, "SYMPY_GROUND_TYPES": "python"}
         done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
         if done.returncode:

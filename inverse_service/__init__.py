@@ -61,9 +61,9 @@ def solve(
 
     whole, names = asked(document, **keys)
     from inverse_service.decision.solutions import SolveOptions
+    from inverse_service.service.compiling import warm_first, warm_up
     from inverse_service.service.documents.documents import solve_document
     from inverse_service.service.jobs.model import JobOptions, read_options, split_options
-    from inverse_service.service.warming import warm_first, warm_up
 
     alone, given = split_options(_plain(whole))
     wanted = read_options(given, JobOptions(time_limit=time_limit, seed=seed))

@@ -12,7 +12,7 @@ from tests.test_layering import imported
 ROOT = Path(__file__).parent.parent
 ARCHITECTURE = (ROOT / "docs" / "explanation" / "architecture.md").read_text(encoding="utf-8")
 SOURCES = [path for part in ("inverse_service", "api_schemas") for path in sorted((ROOT / part).rglob("*.py"))]
-ENTRIES = {"inverse_service.__main__", "inverse_service.cli.__main__", "inverse_service.service.shipping"}
+ENTRIES = {"inverse_service.__main__", "inverse_service.cli.__main__", "inverse_service.service.compiling"}
 BY_NAME = re.compile(r"\"(inverse_service(?:\.\w+)+)\"")
 AGREEMENT = re.compile(r"^\| `([a-z_.]+)\.(\w+)(?:\(|`)", re.MULTILINE)
 

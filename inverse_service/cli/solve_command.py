@@ -15,7 +15,7 @@ from inverse_service import catalogue as catalog, errors
 from inverse_service.cli import command_line as cli
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.reading import document_names
-from inverse_service.service import warming
+from inverse_service.service import compiling
 from inverse_service.service.documents import growing, plain_data
 from inverse_service.service.jobs import model, tasks, workers
 from inverse_service.settings import read_settings
@@ -129,7 +129,7 @@ def _is_open(result: dict[str, Any]) -> bool:
 def warm_alone(memory_limit: int) -> cli.ExitCode:
     """Compile missing kernels in a separate process before any time limit starts; report it on standard error."""
     say = functools.partial(print, file=sys.stderr, flush=True)
-    warming.warm_first(say, lambda: workers.run_alone(warming.warm_up, (), warming.PATIENCE, memory_limit))
+    compiling.warm_first(say, lambda: workers.run_alone(compiling.warm_up, (), compiling.PATIENCE, memory_limit))
     return cli.ExitCode.DONE
 
 

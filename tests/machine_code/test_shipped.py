@@ -34,7 +34,7 @@ for equations in ("x'' = -x - x'", "x'' = -x - x'^2*y; y'' = -y + x'*y'", "x'' =
 
 @pytest.mark.slow
 def test_the_shipped_kernels_answer_without_a_compiler(tmp_path: Path) -> None:
-    made = [sys.executable, "-m", "inverse_service.service.shipping", str(tmp_path / "compiled")]
+    made = [sys.executable, "-m", "inverse_service.service.compiling", str(tmp_path / "compiled")]
     subprocess.run(made, check=True, capture_output=True)
     index = tmp_path / "compiled" / "kernels.json"
     content = json.loads(index.read_text())
@@ -49,7 +49,7 @@ def test_the_shipped_kernels_answer_without_a_compiler(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(not shutil.which("aarch64-linux-gnu-ld"), reason="no linker for aarch64 is installed")
 def test_kernels_are_compiled_for_another_machine(tmp_path: Path) -> None:
-    made = [sys.executable, "-m", "inverse_service.service.shipping", str(tmp_path), "aarch64"]
+    made = [sys.executable, "-m", "inverse_service.service.compiling", str(tmp_path), "aarch64"]
     subprocess.run(made, check=True, capture_output=True)
     library = (tmp_path / "kernels-generic.so").read_bytes()
     assert library[:5] == b"\x7fELF\x02"

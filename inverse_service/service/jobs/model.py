@@ -47,7 +47,7 @@ NO_BOUND: Final = 1_000_000
 LARGEST_BODY: Final = 2**31 - 1
 DIGITS = 40
 # A new page or command does not make an answer another one.
-NOT_THE_ENGINE = ("web/", "cli/", "client.py", "service/jobs/", "service/shipping.py", "service/warming.py")
+NOT_THE_ENGINE = ("web/", "cli/", "client.py", "service/jobs/", "service/compiling.py")
 SMALLEST_MEMORY = 512
 LARGEST_SEED = 2**31 - 1
 KEYS = "time_limit, memory_limit, seed"

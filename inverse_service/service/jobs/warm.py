@@ -10,7 +10,7 @@ import gc
 import importlib
 
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.service import warming
+from inverse_service.service import compiling
 from inverse_service.service.jobs import tasks, workers
 
 SMALL = {"coordinates": ["x"], "equations": {"x": "-x"}}
@@ -19,8 +19,8 @@ workers.die_with_parent()
 tasks.guard(tasks.load_engine)
 # Kernels and formulas of simulation take a second to import.
 tasks.guard(importlib.import_module, "inverse_service.service.scenes.simulating")
-if not warming.is_warm():  # who starts the pool has said so
-    warming.warm_up()
+if not compiling.is_warm():  # who starts the pool has said so
+    compiling.warm_up()
 tasks.guard(tasks.solve_task, SMALL, SolveOptions(time_limit=10.0))
 # What is loaded stays: workers need not look through it for garbage, which takes a tenth of a small solve, nor copy it.
 gc.collect()
