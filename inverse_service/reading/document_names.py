@@ -837,7 +837,7 @@ def _ask_back(guessed: Mapping[str, _Found], names: nm.Names, raised: Mapping[st
         if name == "r" and {"x", "y"} <= {*names.coordinates}:
             length = "sqrt(" + " + ".join(f"{q}^2" for q in ("x", "y", "z") if q in names.coordinates) + ")"
             raise nm.undeclared(name, column, (length,)).at(pointer)
-        if name in ("u", "v") and pointer.startswith("/constraints"):
+        if name in ("u", "v", "s", "V") and pointer.startswith("/constraints"):
             instead = "eliminate it where it is any speed, as in x'*sin(theta) = y'*cos(theta)"
             raise refusal(nm.not_declared(name), column, instead, declare="parameters").at(pointer)
         if alike := _may_be_motion(name, names.coordinates):

@@ -35,6 +35,7 @@ _EXPONENTIAL = ex.Apply("exp", ex.ONE)
 OF_SECOND_ORDER = "write equations of second order. Those of a Lagrangian L(t, q, q') have no higher derivatives"
 _OPERAND, _PIECE = "a number, a name or '('", "a piece such as (x^2, x > 0)"
 _KINETIC = re.compile(r"p\w*\^\(?2\)?/2(?!\d)")  # of p^2/2m and p_phi^2/2ml^2, which are divided by m
+_SQUARE = re.compile(r"1|.+\^\(?2\)?")  # under a root, of which nothing would be left
 _OF_ANGLES = frozenset(("sin", "cos", "tan", "cot"))
 
 
@@ -354,9 +355,15 @@ class FormulaParser(tk.TokenStream):
             raise _prime(ahead)
         if not self.take_operator("^"):
             return base
+        is_sum = any(token.is_operator("+", "-") for token in self.look(-2).inside)
         exponent, slash = self._exponent(), self.ahead
-        if self.look(-1).text == "1" and slash.is_operator("/") and self.look(1).kind == "number":
-            raise refusal("the end of the exponent is not clear", slash.column, "write x^(1/2) for a root, or x/2")
+        number, below = self.look(-1), self.look(1)
+        unclear = number.text == "1" or (number.text == "3" and is_sum)
+        if unclear and slash.is_operator("/") and below.kind == "number":
+            meant = (f"({number.text}/{below.text})", f"({number.text})/{below.text}")
+            span = (number.column, self.look(2).column)
+            instead = "write x^(1/2) for a root, or x/2"
+            raise refusal("the end of the exponent is not clear", slash.column, instead, meant, span)
         if exponent == ex.ONE and isinstance(base, ex.Velocity | ex.Acceleration):
             raise refusal("a raised 1 occurs", ahead.column, "an index? write it below, as in q_1 and q_2")
         found = raised(base, exponent, ahead.column)
@@ -523,6 +530,9 @@ class FormulaParser(tk.TokenStream):
         divides = after.text == "/" and self._is_function(self.look(1))  # sin x/cos x
         if (after.is_operator(*signs) and not divides) or (_starts_factor(after) and not self._bare_ends()):
             raise self._unclear_end(token, start)
+        rooted = token.text == "sqrt" and _SQUARE.fullmatch(self.source(start))
+        if rooted and after.is_operator("+", "-"):  # the line above the sum was lost
+            raise self._unclear_end(token, start)
         return argument
 
     def _bare_product(self, start: int) -> int:
@@ -561,22 +571,27 @@ class FormulaParser(tk.TokenStream):
         return self._names.role_meant(token.text) == "parameter" or token.text in ("pi", "Pi")
 
     def _unclear_end(self, token: Token, start: int) -> errors.InputError:
-        """The error for sin a b and sin a/b, with both interpretations if they can be parsed; sin 2 x has only one."""
+        """The error for sin a b, sin a/b, and sqrt 1 - x/a, with both interpretations if they can be parsed.
+
+        sin 2 x has only one.
+        """
         end, name = self.position, token.text
         said = (f"the end of the argument of {name} is not clear", self.ahead.column, f"write {name}( and )")
-        written = self.take_operator("/", "*")
+        written = self.take_operator("/", "*", "+", "-")
         sign = written.text if written else "*"
-        if (rest := self._source_of_factors()) is None:
+        if (rest := self._source_of_factors(whole=sign in "+-")) is None:
             return refusal(*said)
         inner, first = self.source(start, end), self._tokens[start]
         both = first.kind != "number" or written or name in ("sqrt", "cbrt")
         meant = (f"({inner}){sign}{rest}", f"({inner}{sign}{rest})")
         return refusal(*said, meant if both else meant[1:], (first.column, self.ahead.column))
 
-    def _source_of_factors(self) -> str | None:
-        """Consume the factors ahead and return their text; None if they cannot be parsed."""
+    def _source_of_factors(self, whole: bool = False) -> str | None:
+        """Consume the factors, or the whole term, ahead and return their text; None if they cannot be parsed."""
         place = self.position
         try:
+            if whole:
+                self._term()
             while self._continues(self.ahead):
                 self._factor()
         except errors.InputError:
