@@ -99,6 +99,12 @@ class Trajectory:
             series={name: column[rows] for name, column in self.series.items()},
         )
 
+    def thinned(self, steps: int, every: int) -> Trajectory:
+        """Every so many of its points, and the last one of a run that made all steps."""
+        rows = range(0, len(self.times), every)
+        last = [steps] if steps == len(self.times) - 1 and steps % every else []
+        return self.part(np.array([*rows, *last], dtype=np.int64)) if every > 1 else self
+
     def ended(self, rows: Rows, outcome: Outcome) -> Trajectory:
         """The run truncated to these points; maxima are those recorded."""
         part = self.part(rows)

@@ -97,11 +97,14 @@ def order_of(requested: data.Requested) -> int | None:
 
 
 def errors_of(
-    positions: Array, nearer: Array, turns: NDArray[np.bool_], part: float = 1.0
+    positions: Array, nearer: Array, turns: NDArray[np.bool_], part: float = 1.0, whole: Array | None = None
 ) -> tuple[Array, Array]:  # fmt: skip
     """Both (..., m, n): by how much positions are off, by round-off at least, and which share of the range of the
-    coordinate that is, of at least LEAST_RANGE of the widest one, and of one of the angles `turns` at most a turn."""
-    ranges = np.nanmax(nearer, axis=-2, keepdims=True) - np.nanmin(nearer, axis=-2, keepdims=True)
+    coordinate that is, of at least LEAST_RANGE of the widest one, and of one of the angles `turns` at most a turn.
+
+    The range is that of the `whole` way, where more of it is known: points recorded once a period have none."""
+    whole = nearer if whole is None else whole
+    ranges = np.nanmax(whole, axis=-2, keepdims=True) - np.nanmin(whole, axis=-2, keepdims=True)
     ranges = np.where(turns, np.minimum(ranges, 2 * np.pi), ranges)
     noise = ROUND_OFF * np.abs(positions)
     least = np.maximum(LEAST_RANGE * ranges.max(axis=-1, keepdims=True), 100 * noise)
@@ -145,24 +148,35 @@ def estimated(run: observing.Observed, derived: derivation.Derived) -> dict[str,
             return numbers | {"doubt": ""}
         # The mean kinetic energy is changed by no constant in L; a tenth of CHANGED of it suffices where the change is
         # CHANGED of E_0, which is what `max_energy_error` shows.
-        mean = max(float(kinetic.mean()), schemes.SMALLEST)
         change, start = float(np.abs(energies - energies[0]).max()), abs(float(energies[0]))
+        mean = max(float(kinetic.mean()), schemes.SMALLEST)
+        if (every := scene.grid.record_every) > 1 and change > CHANGED * mean:  # at rest wherever it is recorded
+            short = replace(scene, grid=replace(scene.grid, steps=min(every, scene.grid.steps), record_every=1))
+            ran = _again(replace(derived, scene=short), run.requested, run.problem) if run.problem else None
+            seen = run if ran is None else replace(run, scene=short, trajectory=ran)
+            if seen.velocities is not None:
+                mean = max(mean, float(observing.energies(scene, seen.table)[1].mean()))
         if change > CHANGED * min(mean, max(start, CHANGED * mean)):
             doubts = [say("energy_changes", change, change / mean, start)]
+    whole = at.positions
     for again in (finer(run.requested, scene.grid), *_at_peaks(run, derived)):
         what = again.problem or run.problem
         assert what is not None
-        own = replace(derived, scene=replace(scene, grid=again.grid, events=(*scene.events, *again.events)))
+        is_sparse = scene.grid.record_every > 1 and again.grid.steps * len(turns) <= MOST_VALUES
+        every = 1 if is_sparse else again.grid.record_every
+        fine = replace(again.grid, record_every=every)
+        own = replace(derived, scene=replace(scene, grid=fine, events=(*scene.events, *again.events)))
         if again.how == PEAKS and (numbers["lost"] or any(doubts)):
             break
         if (found := _again(own, again.requested, what)) is None:
             continue
+        whole, found = found.positions, found.thinned(fine.steps, again.grid.record_every // every)
         count, end, kind = min(len(found.times), len(at.times)), float(found.times[-1]), found.outcome.kind
         early = count < len(at.times) and kind not in GOES_ON
         if early and again.how == HALF:
             quantity = say("end_with_half", kind.replace("_", " "))
             return numbers | {"lost": _unresolved(run, count - 1, quantity), "doubt": ""}
-        errors, shares = errors_of(at.positions[:count], found.positions[:count], turns, again.part)
+        errors, shares = errors_of(at.positions[:count], found.positions[:count], turns, again.part, whole)
         greatest, expected = observing.greatest(errors), numbers.get("estimated_error") or 0.0
         is_own = run.requested.method in method_table.OWN_STEPS
         missed = again.how == PEAKS and (is_own or (greatest or 0.0) > BEYOND * expected)
@@ -173,7 +187,7 @@ def estimated(run: observing.Observed, derived: derivation.Derived) -> dict[str,
         if early and not doubts[-1]:
             doubts.append(say("ends_early", again.how, end, kind.replace("_", " ")))
     if run.true is not None and not any(doubts[1:]):
-        doubts.append(_elsewhere(run, *errors_of(at.positions, run.true, turns), TRUE))
+        doubts.append(_elsewhere(run, *errors_of(at.positions, run.true, turns, whole=whole), TRUE))
     return numbers | {"doubt": " ".join(filter(None, doubts))}
 
 
@@ -276,7 +290,7 @@ def moments_between(run: observing.Observed) -> Array:
     at, scene, velocities = run.trajectory, run.scene, run.velocities
     if run.problem is None or not run.requested.choice.guard or velocities is None:
         return np.empty(0)
-    moving = nf.changing(scene.coordinates)
+    moving = [ex.TIME, *nf.state_names(scene.coordinates)]
     pairs = [
         (node, node.argument if isinstance(node, ex.Apply) else node.base)
         for node in ex.distinct_nodes(scene.formulas)

@@ -57,7 +57,7 @@ def decay_times(scene: data.Scene, accelerations: tuple[ex.Expression, ...]) -> 
     oscillations are as fast."""
     n = len(scene.coordinates)
     table = initial.at_start(scene, scene.values)
-    names: list[ex.Expression] = [*map(ex.Symbol, scene.coordinates), *map(ex.Velocity, scene.coordinates)]
+    names = numeric_formulas.state_names(scene.coordinates)
     slopes = [derivative.differentiate(f, name) for f in accelerations for name in names]
     rows = np.array(arrays.array_values(slopes, table)).reshape(n, 2 * n)
     matrix = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), rows])

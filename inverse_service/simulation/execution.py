@@ -195,7 +195,7 @@ class Run:
 
     def last(self, name: str) -> Array:
         """A number of the memory, (N,)."""
-        return self.memory[:, self.card.layout.place(name)].ravel()[: self.ready.count]
+        return self.memory[:, self.card.layout.names.index(name)].ravel()[: self.ready.count]
 
     def column(self, name: str) -> Array:
         """A column of the record, (N, rows)."""
@@ -240,7 +240,7 @@ class Run:
     def numbers(self, member: int = 0) -> dict[str, float]:
         """State variables, rates, arguments and what the kernel notes, after the last good step."""
         layout, (group, lane) = self.card.layout, divmod(member, self.card.lanes)
-        return dict(zip((*layout.persistent, *layout.arguments), self.memory[group, :, lane].tolist(), strict=True))
+        return dict(zip(layout.names, self.memory[group, :, lane].tolist(), strict=True))
 
     def outcome(self, member: int = 0) -> Outcome:
         """How one ended."""
@@ -292,14 +292,14 @@ def memory_of(card: Card, numbers: Mapping[str, float | Array], count: int = 1) 
     """
     layout, lanes = card.layout, card.lanes
     rows = np.minimum(np.arange(-(-count // lanes) * lanes), count - 1)
-    memory = np.zeros((len(rows) // lanes, layout.size, lanes))
-    for place, name in enumerate((*layout.persistent, *layout.arguments)):
+    memory = np.zeros((len(rows) // lanes, len(layout.names), lanes))
+    for place, name in enumerate(layout.names):
         if name in numbers:
             memory[:, place] = np.broadcast_to(numbers[name], count)[rows].reshape(-1, lanes)
-    memory[:, layout.place(programs.STOPPED_AT)] = -1.0
+    memory[:, layout.names.index(programs.STOPPED_AT)] = -1.0
     lost = ~np.isfinite(memory).all(axis=1)
     for name, value in programs.NOT_STARTED.items():
-        memory[:, layout.place(name)][lost] = value
+        memory[:, layout.names.index(name)][lost] = value
     return memory
 
 

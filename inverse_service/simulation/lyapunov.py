@@ -27,7 +27,7 @@ def largest_exponent(derived: derivation.Derived) -> dict[str, Any]:
     problem = with_tangent(scene, motion.accelerations or ())
     n, length = len(scene.coordinates), scene.grid.step * scene.grid.steps
     positions, velocities = scene.positions, scene.velocities
-    names: list[ex.Expression] = [*map(ex.Symbol, scene.coordinates), *map(ex.Velocity, scene.coordinates)]
+    names = nf.state_names(scene.coordinates)
     slopes = [derivative.differentiate(one, name) for one in scene.constraints for name in names]
 
     def kept(tangent: Array) -> Array:
@@ -62,8 +62,7 @@ def with_tangent(scene: data.Scene, accelerations: tuple[ex.Expression, ...]) ->
     """The motion with its variational equations; the tangent of x has a name that no formula uses."""
     names = scene.coordinates
     tangents = tuple(f"tangent_of_{name}" for name in names)
-    rows = []
-    for force in accelerations:
-        pairs = [(kind(x), kind(w)) for kind in (ex.Symbol, ex.Velocity) for x, w in zip(names, tangents, strict=True)]
-        rows.append(collecting.collect(ex.add(*(derivative.differentiate(force, x) * w for x, w in pairs))))
+    pairs = list(zip(nf.state_names(names), nf.state_names(tangents), strict=True))
+    sums = (ex.add(*(derivative.differentiate(force, x) * w for x, w in pairs)) for force in accelerations)
+    rows = map(collecting.collect, sums)
     return data.Problem((*names, *tangents), tuple(scene.values), accelerations=(*accelerations, *rows))

@@ -52,7 +52,7 @@ def _without_squares(wall: ex.Expression) -> tuple[ex.Expression, ...]:
 
 def switching_functions(trees: Sequence[ex.Expression | None], coordinates: Sequence[str]) -> tuple[ex.Expression, ...]:
     """The u of every sqrt(u^2) that changes along a motion, those that others contain first."""
-    moving, found = changing(coordinates), []
+    moving, found = [ex.TIME, *state_names(coordinates)], []
     for node in ex.distinct_nodes([tree for tree in trees if tree is not None]):
         for inner, root in ex.powers_of(node) if isinstance(node, ex.Power) else ():
             squares = [u for u, power in ex.powers_of(inner) if power % 2 == 0] if root.denominator != 1 else []
@@ -60,9 +60,9 @@ def switching_functions(trees: Sequence[ex.Expression | None], coordinates: Sequ
     return tuple(dict.fromkeys(reversed(found)))
 
 
-def changing(coordinates: Sequence[str]) -> set[ex.Expression]:
-    """t, the coordinates and the velocities."""
-    return {ex.TIME, *map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates)}
+def state_names(coordinates: Sequence[str]) -> list[ex.Expression]:
+    """The coordinates and the velocities, (2 n,)."""
+    return [*map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates)]
 
 
 def _walls_of(node: ex.Expression) -> Iterator[ex.Expression]:

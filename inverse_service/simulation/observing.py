@@ -127,8 +127,7 @@ def factor_of_time(scene: data.Scene, times: Array) -> Array | None:
     lagrangian = lagrangian_of_energy(scene)
     factors = lagrangian.factors if isinstance(lagrangian, ex.Product) else ()
     timed = [factor for factor in factors if ex.holds(factor, ex.TIME)]
-    moving: list[ex.Expression] = [*map(ex.Symbol, scene.coordinates), *map(ex.Velocity, scene.coordinates)]
-    if not timed or any(ex.holds(factor, name) for factor in timed for name in moving):
+    if not timed or any(ex.holds(factor, *nf.state_names(scene.coordinates)) for factor in timed):
         return None
     table: dict[ex.Expression, Any] = {ex.Symbol(name): value for name, value in scene.values.items()}
     table[ex.TIME] = np.concatenate([[scene.grid.begin], times])

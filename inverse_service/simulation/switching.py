@@ -69,12 +69,6 @@ class Run:
     switches: tuple[Switch, ...] = ()
     final: Point | None = None
 
-    def thinned(self, grid: data.Grid) -> Run:
-        """With the points that the grid records."""
-        found, every = self.trajectory, grid.record_every
-        rows = grid.recorded if found.outcome.completed else np.arange(0, len(found.times), every)
-        return replace(self, trajectory=found.part(rows[rows < len(found.times)]))
-
 
 def on_sides(tree: ex.Expression, sides: Mapping[ex.Expression, int]) -> ex.Expression:
     """The tree with s u for each sqrt(u^2)."""
@@ -288,7 +282,8 @@ def run_motion(
         return Run(integrate(problem, requested.choice, start, scene.grid))
     formulas = _Motion(scene, values, problem, derived.accelerations(), switches_of(problem, scene))
     every_point = replace(scene, grid=replace(scene.grid, record_every=1))
-    return _Pieces(every_point, requested, formulas, integrate, derived.stop).go(start).thinned(scene.grid)
+    run = _Pieces(every_point, requested, formulas, integrate, derived.stop).go(start)
+    return replace(run, trajectory=run.trajectory.thinned(scene.grid.steps, scene.grid.record_every))
 
 
 @dataclass
@@ -364,7 +359,8 @@ class _Pieces:
             if self._fell_through(points[1], np.inf if found is None else found[0][0]):
                 outcome = self._zeno(state[0], place)
                 break
-            if found is None and self._is_beyond(arrived, sides):
+            away = min((side * self.motion.value(u, sides, arrived) for u, side in sides.items()), default=0.0)
+            if found is None and away < -AT_ZERO * _size(arrived):
                 sides = None  # it left a zero at which it began, to the other side
                 break
             if found is None and share < 1:
@@ -409,11 +405,6 @@ class _Pieces:
         values = [side * arrays.array_value(on_sides(u, sides), table) for u, side in sides.items() if side]
         passed = np.any([value[1:] < 0 for value in values], axis=0) if values else np.zeros(1, dtype=bool)
         return int(passed.argmax()) + 2 if passed.any() else len(ran.times)
-
-    def _is_beyond(self, state: Point, sides: Sides) -> bool:
-        """Whether a switching function is not on its side there."""
-        values = (side * self.motion.value(u, sides, state) for u, side in sides.items())
-        return any(value < -AT_ZERO * _size(state) for value in values)
 
     def _turned(self, points: Sequence[Point], sides: Sides) -> Sides | None:
         """The sides, where a function that was zero at the start of a piece went to the other one at once: its sides
@@ -514,13 +505,12 @@ class _Pieces:
 
     def _after(self, event: data.Event, old: Point, state: Point, sides: Sides) -> tuple[Array, Array]:
         """Position and velocity with what the event sets at `state` in the place of the old ones."""
-        q, v = old[1].copy(), old[2].copy()
+        whole, names = np.concatenate(old[1:]), nf.state_names(self.scene.coordinates)
         targets = self.motion.at([on_sides(tree, sides) for _, tree in event.sets], state)
         for (target, _), value in zip(event.sets, targets, strict=True):
-            moves = isinstance(target, ex.Velocity)
-            name = target.coordinate if isinstance(target, ex.Velocity) else getattr(target, "name", "")
-            (v if moves else q)[self.scene.coordinates.index(name)] = value
-        if self.scene.constraints and np.isfinite([*q, *v]).all():
+            whole[names.index(target)] = value
+        q, v = np.split(whole, 2)
+        if self.scene.constraints and np.isfinite(whole).all():
             given = dict(zip(self.scene.coordinates, map(float, v), strict=True))
             v = initial.initial_velocities(self.scene, self.motion.values, q, given, project=True)
         return q, v

@@ -27,13 +27,13 @@ def call(machine: Machine, card: Card, memory: np.ndarray, steps: int = 1, weigh
 
 
 def memory_for(card: Card, lanes: Sequence[Mapping[str, float]]) -> np.ndarray:
-    memory = np.zeros((card.layout.size, len(lanes)))
+    memory = np.zeros((len(card.layout.names), len(lanes)))
     for lane, values in enumerate(lanes):
         for name in card.layout.arguments:
-            memory[card.layout.argument_place(name), lane] = values.get(name, 1.0)
+            memory[card.layout.names.index(name), lane] = values.get(name, 1.0)
         for name, value in values.items():
             if name in card.layout.persistent:
-                memory[card.layout.place(name), lane] = value
+                memory[card.layout.names.index(name), lane] = value
     return memory
 
 
@@ -45,4 +45,4 @@ def values_of(formulas: Sequence[Formula], lanes: Sequence[Mapping[str, float]])
     memory = memory_for(card, lanes)
     machine = load(object_code(kernel_text(program, len(lanes))))
     call(machine, card, memory)
-    return np.array([memory[card.layout.place(name)] for name in program.state])
+    return np.array([memory[card.layout.names.index(name)] for name in program.state])

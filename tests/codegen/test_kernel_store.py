@@ -34,7 +34,7 @@ def result(identity: object, increment: int = 1) -> tuple[float, dict[str, float
     kernel = compiled(identity, lambda: make(increment))
     memory = memory_for(kernel.card, [{"h": 2.0}])
     call(kernel.machine, kernel.card, memory, steps=3)
-    return float(memory[kernel.card.layout.place("s"), 0]), kernel.seconds
+    return float(memory[kernel.card.layout.names.index("s"), 0]), kernel.seconds
 
 
 def test_found_in_memory_then_on_disk(folder: Path) -> None:

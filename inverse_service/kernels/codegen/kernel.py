@@ -317,7 +317,7 @@ class Kernel:
         for place, name in enumerate(self.layout.persistent):
             w.slot(name, w.load("memory", place))
         for name in self.layout.arguments:
-            self.emitter.bind(name, w.load("memory", self.layout.argument_place(name)))
+            self.emitter.bind(name, w.load("memory", self.layout.names.index(name)))
         self._whole_step = self.emitter.value(STEP)
         for place, name in enumerate(CONTROL):
             w.slot(name, w.load("control", place, is_counter=True), is_counter=True)

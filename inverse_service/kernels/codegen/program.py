@@ -45,15 +45,10 @@ class Layout:
     arguments: tuple[str, ...]
     columns: tuple[str, ...]
 
-    def place(self, name: str) -> int:
-        return self.persistent.index(name)
-
-    def argument_place(self, name: str) -> int:
-        return len(self.persistent) + self.arguments.index(name)
-
     @property
-    def size(self) -> int:
-        return len(self.persistent) + len(self.arguments)
+    def names(self) -> tuple[str, ...]:
+        """All of them, in their order."""
+        return (*self.persistent, *self.arguments)
 
 
 def changing(program: Program) -> tuple[str, ...]:

@@ -359,7 +359,7 @@ def read_events(schema: schemas.SceneDocument, system: MechanicalSystem) -> tupl
         for key, text in () if isinstance(event.do, str) else event.do.set.items():
             pointer = f"/events/{place}/do/set/{escape(key)}"
             target, known = formula(key, names, pointer), names.coordinates
-            if target not in (*map(ex.Symbol, known), *map(ex.Velocity, known)):
+            if target not in numeric_formulas.state_names(known):
                 raise refusal("sets", pointer, known=", ".join(known), first=known[0])
             sets.append((target, read_expression(text, system, pointer)))
         stops = event.do == "stop" or (event.do == "record" and event.count is not None)

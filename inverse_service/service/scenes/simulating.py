@@ -55,7 +55,10 @@ def simulate_tables(document: Any, progress: Progress | None = None, time_limit:
     tables |= {run.requested.label: table_of_run(scene, run) for run in single if run.trajectory is not None}
     true = found.truth
     truth = {"t": true.times, **columns_of(scene, true.positions)} if isinstance(true, Truth) else None
-    events = {run.requested.label: event_table(scene, run.events) for run in single if run.events}
+    events = {}
+    for run in (run for run in single if run.events):  # the number of the event, t, the coordinates and velocities
+        parts = [{"event": np.full(len(e.times), k), **_event_columns(scene, e)} for k, e in enumerate(run.events, 1)]
+        events[run.requested.label] = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     return {"result": simulation_document(found, seconds), "tables": tables, "truth": truth, "events": events}
 
 
@@ -220,12 +223,6 @@ def _method(scene: Scene, run: MethodRun) -> dict[str, Any]:
 
 def _event_columns(scene: Scene, found: Found) -> dict[str, Array]:
     return {"t": found.times, **columns_of(scene, found.positions), **columns_of(scene, found.velocities, "v_")}
-
-
-def event_table(scene: Scene, events: tuple[Found, ...]) -> dict[str, Any]:
-    """All points of all events: the number of the event, t, the coordinates and velocities."""
-    parts = [{"event": np.full(len(one.times), k)} | _event_columns(scene, one) for k, one in enumerate(events, 1)]
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def _requested(requested: Requested) -> dict[str, Any]:

@@ -281,7 +281,9 @@ def figures_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
         if pair:
             path = path_view(result, tables)
             found.append(("path", path["label"] if path else "", [path] if path else []))
-        found.append(("coordinates", "Coordinates in time", coordinate_views(result, tables)))
+        names, kinds = result["system"]["coordinates"], (time_view, portrait_view)
+        shown = [view for name in names for kind in kinds if (view := kind(name, result, tables))]
+        found.append(("coordinates", "Coordinates in time", shown))
     found.append(("section", "Points at events", section_views(result)))
     for name in TITLES:
         if name in observed or name == "error":  # a true motion alone gives differences
@@ -327,12 +329,6 @@ def _kept_view(result: Mapping[str, Any], tables: Tables) -> dict[str, Any] | No
             lines.append({**line, "label": f"{name}, {line['label']}", "dash": dash})
     label = f"T + V and the conserved {_conserved_name(result)}, from 1 at the start"
     return {"label": label, "x": "t", "y": "part of the start", "lines": lines} if lines else None
-
-
-def coordinate_views(result: Mapping[str, Any], tables: Tables) -> list[dict[str, Any]]:
-    """Each coordinate in time, and its phase portrait."""
-    names = result["system"]["coordinates"]
-    return [view for name in names for one in (time_view, portrait_view) if (view := one(name, result, tables))]
 
 
 def time_view(name: str, result: Mapping[str, Any], tables: Tables) -> dict[str, Any] | None:
