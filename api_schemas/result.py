@@ -322,7 +322,14 @@ class MotionPart(base.Document):
     multipliers: list[Formula]
 
 
-class IntegrabilityPart(base.Document):
+class StatedPart(base.Document):
+    """What was found, in a sentence; `parts` has its words and formulas alternately."""
+
+    statement: str
+    parts: list[str] = Field(default_factory=list)
+
+
+class IntegrabilityPart(StatedPart):
     """How many of the constraints are holonomic in disguise; `growth` are the ranks of the derived flag."""
 
     holonomic: bool
@@ -330,26 +337,20 @@ class IntegrabilityPart(base.Document):
     count: int
     growth: list[int]
     integrals: list[Formula]
-    statement: str
-    parts: list[str] = Field(default_factory=list)
 
 
-class MeasurePart(base.Document):
+class MeasurePart(StatedPart):
     """The invariant measure: `density` N for dq dp, p the momenta of the free velocities; `in_velocities` for dq du."""
 
     status: Literal["found", "does_not_exist", "not_found"]
     density: Formula | None = None
     in_velocities: Formula | None = None
-    statement: str
-    parts: list[str] = Field(default_factory=list)
 
 
-class ClassPart(base.Document):
+class ClassPart(StatedPart):
     """Membership of the class s' = -A(r1) r2'; the roles of the coordinates, A, N and K if it is a member."""
 
     member: bool
-    statement: str
-    parts: list[str] = Field(default_factory=list)
     r1: str | None = None
     r2: str | None = None
     s: list[str] = Field(default_factory=list)
@@ -442,15 +443,13 @@ class BelongsTo(base.Document):
     equations: dict[str, str] = Field(default_factory=dict)
 
 
-class AnyAssociatedPart(ProvenPart):
+class AnyAssociatedPart(ProvenPart, StatedPart):
     """Whether any associated system whatsoever has a regular Lagrangian, and so whether the motion has one.
 
     `certificate` proves `verdict`, and `verdict_with_time` too unless there is `certificate_with_time`; `image` are the
     constraints in phase space, `freedom` says on how many functions L depends along the constraints.
     """
 
-    statement: str
-    parts: list[str] = Field(default_factory=list)
     verdict_with_time: Verdict
     lagrangian: MotionLagrangianPart | None = None
     associated: BelongsTo | None = None
