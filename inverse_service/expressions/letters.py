@@ -35,6 +35,8 @@ OPERATORS = {
 PRIMES = dict.fromkeys("'\u2032\u2019\u02b9\u02bc\u00b4\u02d9", 1) | dict.fromkeys("\u2033\u201d\u00a8", 2)
 SPACES = frozenset(" \t\r\f\u00a0\u2002\u2003\u2009\u200a\u202f")
 DOTS = {"\u0307": 1, "\u0308": 2}
+_MEANT = {sign: (name, 0) for sign, name in (GREEK | SUBSCRIPTS | {SCRIPT_L: "ell"}).items()}
+_MEANT |= {sign: ("", count) for sign, count in DOTS.items()}
 _SLANTED = ("MATHEMATICAL ITALIC ", "PLANCK CONSTANT")
 _PARTS = re.compile(r"([A-Za-z]+)(.*)")
 _LETTER_AND_NUMBER = re.compile(r"([A-Za-z]+?)_?([0-9]+)")
@@ -45,14 +47,8 @@ def letter(character: str) -> tuple[str, int] | None:
     """The ASCII name of a character and the number of dots over it (x with two dots: ("x", 2)), or None."""
     if character.isascii():
         return (character, 0) if character.isalnum() or character == "_" else None
-    if character in GREEK:
-        return GREEK[character], 0
-    if character == SCRIPT_L:
-        return "ell", 0
-    if character in SUBSCRIPTS:
-        return SUBSCRIPTS[character], 0
-    if character in DOTS:
-        return "", DOTS[character]
+    if character in _MEANT:
+        return _MEANT[character]
     if unicodedata.name(character, "").startswith(_SLANTED):  # produced by word processors
         return letter(unicodedata.normalize("NFKC", character))
     return _dotted_letter(character)
@@ -93,11 +89,6 @@ def is_letter_with_number(word: str) -> bool:
     """Whether this is one letter with a numeric subscript, such as x1, theta1, theta_1."""
     found = _LETTER_AND_NUMBER.fullmatch(word)
     return found is not None and (len(found[1]) == 1 or found[1] in _SHOWN)
-
-
-def greek_letter(word: str) -> str | None:
-    """The character for the name of a Greek letter; None for any other word."""
-    return _SHOWN.get(word)
 
 
 def shown(name: str) -> str:

@@ -381,7 +381,7 @@ def name_latex(name: str, accent: str = "") -> str:
 
 
 def _word(word: str) -> str:
-    if letters.greek_letter(word) and word not in _NO_COMMAND:
+    if letters.shown(word) != word and word not in _NO_COMMAND:
         return f"\\{word}"
     if letters.is_letter_with_number(word):
         return name_latex(word)
@@ -475,7 +475,7 @@ def to_mathml(expression: ex.Expression) -> str:
 
 
 def _identifier(word: str) -> str:
-    return f"<mi>{escape(letters.greek_letter(word) or word)}</mi>"
+    return f"<mi>{escape(letters.shown(word))}</mi>"
 
 
 def _raised(base: str, exponent: str) -> str:

@@ -17,14 +17,15 @@ from inverse_service.reading.tokens import Line, Token, Tokens, bracket
 
 MATRICES = ("matrix", "pmatrix", "bmatrix")
 BOLD = ("mathbf", "boldsymbol", "bm", "pmb", "textbf", "vec", "overrightarrow", "underline")
-_JOINS = (*tk.JOINING, *tk.CONDITIONAL)  # r'' = -r for r = (x, y)
+_JOINS = (*tk.JOINING, *tk.CONDITIONAL, ",")  # r'' = -k r for r = (x, y), k > 0
 Value = list[list[Tokens]]  # rows of cells; a scalar is one cell
 
 
 def by_components(tokens: Tokens, latex: bool) -> Tokens:
     """The tokens with each matrix or vector equation replaced by its rows; InputError if shapes differ."""
     for place, token in enumerate(tokens):
-        if token.text in _JOINS and _is_given(tokens[place + 1 : place + 4]):
+        beside = tokens[place + 1 : place + 4], tokens[max(place - 3, 0) : place]
+        if token.text in _JOINS and any(map(_is_given, beside)):
             tokens = [*tokens[:place], replace(token, kind="operator", text=";"), *tokens[place + 1 :]]
     statements = tk.split_at(";,", tokens)
     named = {line[0].text for line in statements if _is_given(line) and line[0].kind == "name"}

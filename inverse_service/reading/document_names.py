@@ -574,8 +574,9 @@ class _Guesser:
         programmed = any(map(_PROGRAMS.search, texts.values()))
         field = {"E"} if not (programmed or "E" in self._raised or declared.role("E")) else set()
         self._known = {*declared.declared(), *NEVER_GUESSED, *dummies} - field
-        together = [(line[k].text, at(line, k + 1)) for line, k, _ in everywhere if not _is_apart(line, k)]
-        self._calls = {(name, called) for name, bracket in together if (called := self._call(bracket, True))}
+        pairs = [(line[place], at(line, place + 1)) for line, place, _ in everywhere]
+        called = [(name.text, self._call(after, True)) for name, after in pairs if not _is_apart(name, after)]
+        self._calls = {(name, arguments) for name, arguments in called if arguments}
         self._factors = {line[place].text for line, place, outer in everywhere if _is_constant(line, place, outer)}
         self._defined = {declared.spelling(key.removeprefix("/where/")) for key in texts if key.startswith("/where/")}
         self._alone = reader.alone(self._lines.values())
@@ -639,10 +640,10 @@ class _Guesser:
         name = token.text
         factors, parts = nm.only_split(name, self._declared), nm.split_at_function(name, self._declared)
         of_function = bool(arguments and factors) and self._declared.role(factors[-1]) == "function"  # qA(x)
-        if len(arguments) == 1 and _is_apart(line, place) and not of_function:
+        if len(arguments) == 1 and _is_apart(token, after) and not of_function:
             raise _product_or_function(token, after, arguments[0], self._texts[pointer])
         ends = next(filter(name.endswith, nm.ENDINGS), "")
-        takes = bool(ends) and _takes_argument(line, place)
+        takes = bool(ends) and _takes_argument(token, after)
         if ends and takes and not (parts or of_function or after.is_bracket()):
             raise nm.undeclared(name, token.column, (f"{name.removesuffix(ends)}*{ends}",))
         if of_function or (parts and (takes or not ends)):
@@ -772,10 +773,9 @@ def _is_one_of_many(name: str, coordinates: Sequence[str]) -> bool:
     return nm.looks_like_a_coordinate(numbered[1]) or numbered[1] in nm.GREEK_NAMES
 
 
-def _takes_argument(line: Line, place: int) -> bool:
+def _takes_argument(name: Token, after: Token) -> bool:
     """Whether an argument follows the cos of Rcos: a bracket, a name, or a number; after ln, one without a space."""
-    after = at(line, place + 1)
-    touches = not after.space_before or (after.kind == "name" and not line[place].text.endswith("ln"))
+    touches = not after.space_before or (after.kind == "name" and not name.text.endswith("ln"))
     return after.is_bracket() or (after.kind in ("name", "number") and touches)
 
 
@@ -834,9 +834,6 @@ def _ask_back(guessed: Mapping[str, _Found], names: nm.Names, raised: Mapping[st
             raise nm.undeclared(name, column, meant, (column, end) if end else None).at(pointer)
         if name == "x" or _is_one_of_many(name, names.coordinates):
             raise nm.ask_for_the_time(name, column, names.coordinates).at(pointer)
-        if name == "r" and {"x", "y"} <= {*names.coordinates}:
-            length = "sqrt(" + " + ".join(f"{q}^2" for q in ("x", "y", "z") if q in names.coordinates) + ")"
-            raise nm.undeclared(name, column, (length,)).at(pointer)
         if name in ("u", "v", "s", "V") and pointer.startswith("/constraints"):
             instead = "eliminate it where it is any speed, as in x'*sin(theta) = y'*cos(theta)"
             raise refusal(nm.not_declared(name), column, instead, declare="parameters").at(pointer)
@@ -860,9 +857,11 @@ def _lost_power(name: str, coordinates: Sequence[str]) -> Words:
 
 
 def _may_be_motion(name: str, coordinates: Sequence[str]) -> Words:
-    """What a name may mean: t for time, the velocity x' for v, Theta for theta, x for X; R and r may coexist."""
+    """What a name may mean: t for time, a length for r, x' for v, Theta for theta, x for X; R and r may coexist."""
     if name == "time":
         return ("t",)
+    if name == "r" and {"x", "y"} <= {*coordinates}:
+        return (f"sqrt({' + '.join(f'{q}^2' for q in ('x', 'y', 'z') if q in coordinates)})",)
     if name in _WORDS_OF_MOTION:
         return tuple(f"{each}{_WORDS_OF_MOTION[name]}" for each in coordinates[:1])
     meant = name.lower() if name in ("X", "Y", "Z") else name
@@ -892,10 +891,9 @@ def _half_a_number(line: Line, place: int) -> errors.InputError | None:
     return refusal(f"{shown} could be one number", before.column, f"write 2*{text} for a product, 2e-3 for a number")
 
 
-def _is_apart(line: Line, place: int) -> bool:
+def _is_apart(name: Token, after: Token) -> bool:
     """Whether this is k (x), which may be k*x; f (x) and V (x) are usually functions."""
-    after = at(line, place + 1)
-    return line[place].text not in nm.FUNCTION_LETTERS and after.is_bracket() and after.space_before
+    return name.text not in nm.FUNCTION_LETTERS and after.is_bracket() and after.space_before
 
 
 def _looks_like_a_function(name: str) -> bool:

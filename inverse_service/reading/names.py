@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.derivative import FUNCTION
+from inverse_service.expressions.derivative import FUNCTION, Rule
 from inverse_service.expressions.letters import ALIKE, GREEK, LETTER_COMMANDS, SCRIPT_L, letter
 from inverse_service.expressions.pieces import STEP, step
 from inverse_service.expressions.refusals import LIMITS, joined, refusal, shorten
@@ -61,14 +61,6 @@ REFUSED = reasons("names")
 REFUSED_UNLESS_DECLARED = reasons("undeclared names")
 # Short function names that also serve as coordinates: th for theta.
 MAY_BE_DECLARED = frozenset(("th", "ch", "sh", "tg", "tgh", "cotan", "cotg", "arch", "arsh", "arth", "arctg"))
-_DOMAINS: dict[str, tuple[Callable[[Fraction], bool], str]] = {
-    **{name: (row.holds, row.wanted) for name, row in FUNCTION.items() if row.holds is not None},
-    "log10": (lambda u: u > 0, "a positive number"),
-    "log2": (lambda u: u > 0, "a positive number"),
-    "sqrt": (lambda u: u >= 0, "a number that is not negative"),
-    "cbrt": (lambda u: u >= 0, "a number that is not negative, as in -cbrt(8)"),
-    "sign": (bool, "a number other than 0"),
-}
 Role = Literal["coordinate", "parameter", "function"]
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
 _LATEX_NAME = re.compile(r"\\?([A-Za-z]+[0-9]*)(?:_\{?\\?([A-Za-z0-9]+)\}?)?")
@@ -101,14 +93,17 @@ def _magnitude(u: Expression) -> Expression:
     return number(abs(u.value)) if isinstance(u, Number) else square_root(u**2)
 
 
-_COMPOSED: dict[str, Callable[[Expression], Expression]] = {
-    "sqrt": square_root,
-    "cbrt": lambda u: u ** Fraction(1, 3),
-    "abs": _magnitude,
-    "sign": lambda u: u / _magnitude(u),
-    "log10": lambda u: Apply("log", u) / Apply("log", number(10)),
-    "log2": lambda u: Apply("log", u) / Apply("log", number(2)),
+# Functions that are formulas of others, with the numbers at which they have a value.
+_COMPOSED: dict[str, tuple[Rule, Callable[[Fraction], bool], str]] = {
+    "sqrt": (square_root, lambda u: u >= 0, "a number that is not negative"),
+    "cbrt": (lambda u: u ** Fraction(1, 3), lambda u: u >= 0, "a number that is not negative, as in -cbrt(8)"),
+    "abs": (_magnitude, lambda u: True, ""),
+    "sign": (lambda u: u / _magnitude(u), bool, "a number other than 0"),
+    "log10": (lambda u: Apply("log", u) / Apply("log", number(10)), lambda u: u > 0, "a positive number"),
+    "log2": (lambda u: Apply("log", u) / Apply("log", number(2)), lambda u: u > 0, "a positive number"),
 }
+_DOMAINS = {name: (holds, wanted) for name, (_, holds, wanted) in _COMPOSED.items()}
+_DOMAINS |= {name: (row.holds, row.wanted) for name, row in FUNCTION.items() if row.holds is not None}
 FUNCTIONS = FUNCTION.keys() | ALIASES.keys() | _COMPOSED.keys() | _EXTREMES.keys() | PIECEWISE | {STEP}
 
 RESERVED = (FUNCTIONS | DERIVATIVE_NAMES | REFUSED.keys() | {"t", "pi"}) - MAY_BE_DECLARED
@@ -130,8 +125,7 @@ def call(function: str, arguments: list[Expression], column: int) -> Expression:
         raise refusal(what, column, f"give it {_DOMAINS[function][1]}")
     if function == STEP:
         return step(arguments[0], column)
-    composed = _COMPOSED.get(function)
-    return composed(arguments[0]) if composed else Apply(function, arguments[0])
+    return _COMPOSED[function][0](arguments[0]) if function in _COMPOSED else Apply(function, arguments[0])
 
 
 def is_defined(function: str, argument: Expression) -> bool:

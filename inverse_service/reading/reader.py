@@ -163,14 +163,14 @@ def _ask_about_primes(tokens: Line, energy: bool, latex: bool) -> None:
 
 
 def _with_forms(tokens: Line, names: Names, moves: bool) -> list[Token]:
-    """The tokens with z' for dz and 1 for dt: a Pfaffian form divided by dt."""
+    """The tokens with z' for dz and 1 for dt, x*1 for x dt: a Pfaffian form divided by dt."""
     found: list[Token] = []
     for place, length, factor, name in differentials(tokens, names, moves):
         token = tokens[place]
-        before = found[-1] if found else token
-        if name == "t" and found and before.kind in ("name", "number", "bracket"):
-            pass  # x dt is x
-        elif name == "t":
+        if name == "t":
+            found += factor
+            times = at(found, len(found) - 1).kind in ("name", "number", "bracket")
+            found += [Token("operator", "*", token.column)] * times
             found.append(Token("number", "1", token.column, True, Fraction(1)))
         elif names.role_meant(name) == "coordinate":
             found += [*factor, Token("name", name, token.column, True, OF_A_FORM, order=1, primed=token.column)]
@@ -357,11 +357,9 @@ def _without_number(group: list[Token], formula: str, names: Names) -> list[Toke
     """The equation without its number: (1) or 1. before it, (1) after it."""
     first, second, number = at(group, 0), at(group, 1), at(group, len(group) - 1)
     named = second.kind == "name" or second.is_bracket()
-    if named and (_is_item(group) or (_is_number(group[:1]) and len(first.inside) == 1)):
+    item = named and (_is_item(group) or (_is_number(group[:1]) and len(first.inside) == 1))
+    if item or (first.kind == "number" and first.text.endswith(".") and second.space_before):
         note(tk.spelled(group[:1]), LEFT_OUT)
-        return group[1:]
-    if first.kind == "number" and first.text.endswith(".") and second.space_before:
-        note(first.text, LEFT_OUT)
         return group[1:]
     if re.fullmatch(r"\d+\.\d+\s\s+", formula[first.column - 1 : second.column - 1]):  # 6.3  y'' + y = 0
         what, span = f"{first.text} could be an equation number", (first.column, second.column)

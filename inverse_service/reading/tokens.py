@@ -58,10 +58,6 @@ _ASCII_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _SUPERSCRIPTS = SUPERSCRIPTS | {SUPERSCRIPT_MINUS: "-", "\u207f": "n"}
 _RAISED = re.compile(rf"\u207f|{SUPERSCRIPT_MINUS}?[{''.join(SUPERSCRIPTS)}]+")
 _ROOTS = {"\u221a": "sqrt", "\u221b": "cbrt"}
-_REFUSED_SIGNS = {
-    "-- ": "write one sign, and leave remarks out",
-    "//": "write / for a quotient, # before a remark",
-}
 # Comparison signs, each as the one of <, > and \u2260 that is equivalent to it on an open set.
 COMPARISONS = {"!=": "\u2260", "<=": "<", ">=": ">", "<": "<", ">": ">", "\u2264": "<", "\u2265": ">",
                "\u2260": "\u2260", "\u226a": "<", "\u226b": ">"}  # fmt: skip
@@ -82,7 +78,7 @@ _CONDITION = re.compile(r"<=|>=|&&|\|\|(?=\s)|[<>&~\u2264\u2265]|\b(?:and|or|not
 _EQUALITY = re.compile(r"!?={1,2}|\u2260")
 _CONDITION_SIGNS = {"<=": "<", "\u2264": "<", ">=": ">", "\u2265": ">", "and": "&", "or": "|", "not": "~",
                     "&&": "&", "||": "|", "True": "true", "otherwise": "true"}  # fmt: skip
-_REASONS = reasons("characters")
+_REASONS, _REFUSED_SIGNS = reasons("characters"), reasons("signs")
 # Maple's t$2 and Maxima's $ at the end, %pi, %e; x.diff(t) and sp.sin; Maple's D@@2.
 _OTHER_PROGRAMS = re.compile(
     r"(?P<times>\$(?=\s*\d))|(?P<end>\$\s*(?=\n|\Z))|(?P<nothing>%(?=(?:e|pi)\b))|(?P<dot>(?<=[\w)'])\.(?=[A-Za-z]))|(?P<power>@(?=@)|(?<=@)@)"
@@ -498,9 +494,9 @@ def _long_name(text: str, place: int, known: Container[str]) -> tuple[list[tuple
 
 def _operator(text: str, place: int, space: bool) -> tuple[Tokens, int]:
     column = place + 1
-    for refused, instead in _REFUSED_SIGNS.items():
+    for refused, known in _REFUSED_SIGNS.items():
         if text.startswith(refused, place):
-            raise refusals.refusal(f"{refused.strip()} occurs", column, instead)
+            raise refusals.refusal(f"{refused.strip()} occurs", column, known.instead)
     for size in (2, 1):
         if sign := _SIGNS.get(text[place : place + size]):
             return [Token("operator", sign, column, space, GIVEN * (text[place] == ":"))], place + size

@@ -823,9 +823,7 @@ def _spelled(name: str) -> str:
 
 
 def _in_mathml(text: str, table: Mapping[str, str]) -> str:
-    names = {
-        letters.greek_letter(name) or name: letters.greek_letter(new) or new for name, new in table.items() if name
-    }
+    names = {letters.shown(name): letters.shown(new) for name, new in table.items() if name}
     return re.sub(r"<mi>([^<]+)</mi>", lambda match: f"<mi>{names.get(match[1], match[1])}</mi>", text)
 
 
