@@ -36,10 +36,6 @@ class Function:
     root: tuple[str, int, int] | None = None
 
 
-def _square(u: ex.Expression) -> ex.Expression:
-    return u**2
-
-
 def _inverse_root(u: ex.Expression) -> ex.Expression:
     return u ** Fraction(-1, 2)
 
@@ -57,26 +53,26 @@ _ROWS = (
     Function("log", lambda u: u**-1, 0, "", lambda u: u > 0, "a positive number", "\\ln", "ln"),
     Function("sin", _other("cos"), -1, command="\\sin", undoes="asin", root=("acos", 1, -1)),
     Function("cos", lambda u: -ex.Apply("sin", u), 1, command="\\cos", undoes="acos", root=("asin", 1, -1)),
-    Function("tan", lambda u: 1 + _square(ex.Apply("tan", u)), -1, command="\\tan", undoes="atan"),
-    Function("cot", lambda u: -(1 + _square(ex.Apply("cot", u))), -1, "tan", *_NOT_ZERO, "\\cot"),
+    Function("tan", lambda u: 1 + ex.Apply("tan", u)**2, -1, command="\\tan", undoes="atan"),
+    Function("cot", lambda u: -(1 + ex.Apply("cot", u)**2), -1, "tan", *_NOT_ZERO, "\\cot"),
     Function("sec", lambda u: ex.Apply("sec", u) * ex.Apply("tan", u), 1, "cos", command="\\sec"),
     Function("csc", _negative_product("csc", "cot"), -1, "sin", *_NOT_ZERO, "\\csc"),
     Function("sinh", _other("cosh"), -1, command="\\sinh", undoes="asinh", root=("acosh", -1, 1)),
     Function("cosh", _other("sinh"), 1, command="\\cosh", undoes="acosh", root=("asinh", 1, 1)),
-    Function("tanh", lambda u: 1 - _square(ex.Apply("tanh", u)), -1, command="\\tanh", undoes="atanh"),
-    Function("coth", lambda u: 1 - _square(ex.Apply("coth", u)), -1, "tanh", *_NOT_ZERO, "\\coth"),
+    Function("tanh", lambda u: 1 - ex.Apply("tanh", u)**2, -1, command="\\tanh", undoes="atanh"),
+    Function("coth", lambda u: 1 - ex.Apply("coth", u)**2, -1, "tanh", *_NOT_ZERO, "\\coth"),
     Function("sech", _negative_product("sech", "tanh"), 1, "cosh"),
     Function("csch", _negative_product("csch", "coth"), -1, "sinh", *_NOT_ZERO),
-    Function("asin", lambda u: _inverse_root(1 - _square(u)), -1, "", lambda u: abs(u) <= 1,
+    Function("asin", lambda u: _inverse_root(1 - u**2), -1, "", lambda u: abs(u) <= 1,
              "a number between -1 and 1", "\\arcsin", "arcsin"),
-    Function("acos", lambda u: -_inverse_root(1 - _square(u)), 0, "", lambda u: abs(u) <= 1,
+    Function("acos", lambda u: -_inverse_root(1 - u**2), 0, "", lambda u: abs(u) <= 1,
              "a number between -1 and 1", "\\arccos", "arccos"),
-    Function("atan", lambda u: (1 + _square(u))**-1, -1, command="\\arctan", shown="arctan"),
-    Function("asinh", lambda u: _inverse_root(1 + _square(u)), -1, undoes="sinh"),
+    Function("atan", lambda u: (1 + u**2)**-1, -1, command="\\arctan", shown="arctan"),
+    Function("asinh", lambda u: _inverse_root(1 + u**2), -1, undoes="sinh"),
     # Two roots, because sqrt(u^2 - 1) would also be real for u < -1, where acosh is not.
     Function("acosh", lambda u: _inverse_root(u - 1) * _inverse_root(u + 1), 0, "",
              lambda u: u >= 1, "a number not less than 1"),
-    Function("atanh", lambda u: (1 - _square(u))**-1, -1, "", lambda u: abs(u) < 1,
+    Function("atanh", lambda u: (1 - u**2)**-1, -1, "", lambda u: abs(u) < 1,
              "a number between -1 and 1", undoes="tanh"),
 )  # fmt: skip
 FUNCTION: dict[str, Function] = {row.name: row for row in _ROWS}

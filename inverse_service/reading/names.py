@@ -280,8 +280,6 @@ def readings(name: str, names: Names) -> tuple[str, ...]:
     interpretations are returned; x_t is x'; V_x is a derivative if V is or may be a function of x; a Greek letter is a
     name.
     """
-    if name in GREEK_NAMES or len(name) > _LONGEST_PRODUCT:
-        return ()
     head, _, below = name.partition("_")
     if head in names.coordinates and below in ("t", "tt"):
         return (head + "'" * len(below),)
@@ -336,6 +334,8 @@ def factors_of(name: str) -> tuple[str, ...]:
 
 def _parts(name: str, names: Names) -> list[str]:
     """The known names and letters that form an undeclared name; empty if it may be a single name."""
+    if name in GREEK_NAMES or len(name) > _LONGEST_PRODUCT:
+        return []
     known = {*names.declared(), "t", "pi", "ln"} | {word for word in FUNCTIONS if len(word) > 2}
     letters, cut = _cut(name, known)
     moves = any(part in names.coordinates for part in cut)
@@ -350,8 +350,6 @@ def only_split(name: str, names: Names) -> tuple[str, ...]:
     Not clear: dx and Dx may be derivatives, xm and rs names with an index; asinx contains two functions, and sinc is
     one.
     """
-    if name in GREEK_NAMES or len(name) > _LONGEST_PRODUCT:
-        return ()
     if "_" in name:
         ends = (known for known in names.coordinates if "_" in known and name[1:] == known)
         return next(((name[0], known) for known in ends if name[0] not in "dDeEij"), ())

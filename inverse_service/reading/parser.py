@@ -289,7 +289,7 @@ class FormulaParser(tk.TokenStream):
         """Whether this is 1/2m, m/2x'^2, m/2 l^2, or m/2(x'^2 + y'^2) in a Lagrangian; 1/2r^2 may be 1/(2 r^2)."""
         ahead = self.ahead
         over, under = self.source(start, slash - 1), self.source(slash)
-        bracket = ahead.is_bracket() and _moves(ahead)
+        bracket = ahead.is_bracket() and tk.moves(ahead.inside)
         moves = role == "coordinate" and ahead.order > 0
         factor = role == "parameter" or ahead.is_bracket()
         apart = ahead.kind == "name" and ahead.space_before
@@ -707,7 +707,7 @@ class FormulaParser(tk.TokenStream):
         squared = len(bracket.inside) > 1 or self.look(1).is_operator("^")  # gamma(x') x' may be a function
         sums = any(part.order > 1 - squared for part in bracket.inside) or first.text in nm.FUNCTIONS
         sums = sums or any(part.is_operator("+", "-") for part in bracket.inside[1:])
-        moving = _moves(bracket)  # epsilon(cos t - x') is a product
+        moving = tk.moves(bracket.inside)  # epsilon(cos t - x') is a product
         if any(part.is_operator(",") or (part.text == "t" != token.text and not moving) for part in inside):
             return False
         constant = all(map(self._is_constant, (part for part in inside if part.kind == "name")))
@@ -847,10 +847,6 @@ def _is_frequency(bracket: Token) -> bool:
 
 def _starts_factor(token: Token) -> bool:
     return token.kind in ("number", "name") or token.is_bracket()
-
-
-def _moves(bracket: Token) -> bool:
-    return any(token.order for token in tk.walk(bracket.inside))
 
 
 def _prime(token: Token) -> errors.InputError:

@@ -141,7 +141,7 @@ def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[s
         _ask_about_primes(tokens, names.energy, is_tex)
         if names.forms:
             _ask_about_displacements(tokens, names)
-            tokens = _with_forms(tokens, names, _moves(tokens))
+            tokens = _with_forms(tokens, names, tk.moves(tokens))
         tokens = _without_remarks(tokens, formula, names)
         return tuple(_without_labels(tokens, names)), notes
 
@@ -202,13 +202,9 @@ def differentials(tokens: Line, names: Names, moves: bool) -> Iterator[tuple[int
         place += length
 
 
-def _moves(tokens: Line) -> bool:
-    return any(token.order for token in tk.walk(tokens))
-
-
 def _letters_of_forms(tokens: Line, names: Names) -> list[str]:
     lines = [tokens, *(token.inside for token in tk.walk(tokens) if token.inside)]
-    found = [name for line in lines for *_, name in differentials(line, names, _moves(tokens))]
+    found = [name for line in lines for *_, name in differentials(line, names, tk.moves(tokens))]
     return [name for name in found if _LETTER_OF_A_FORM.fullmatch(name)]
 
 
@@ -222,14 +218,14 @@ def moving_in_forms(tokens: Line, names: Names) -> list[str]:
     found: list[str] = []
     for line in tk.split_at(";,", tokens):
         each, alone = _letters_of_forms(line, names), tk.spelled(line[-2:]) == "=0"
-        if (len(each) > 1 or (each and alone)) and not _moves(line):
+        if (len(each) > 1 or (each and alone)) and not tk.moves(line):
             found += [name for name in each if name != "t" and names.role_meant(name) is None]
     return found
 
 
 def _ask_about_displacements(tokens: Line, names: Names) -> None:
     """InputError for delta z in delta z = y delta x, usually a virtual displacement."""
-    if names.role("delta") or _moves(tokens):
+    if names.role("delta") or tk.moves(tokens):
         return
     for delta, moving in itertools.pairwise(tk.walk(tokens)):
         if delta.text == "delta" and names.role_meant(moving.text) == "coordinate":
@@ -517,7 +513,7 @@ def refuse_remark(line: Line, place: int, alone: Collection[str]) -> None:
         span = (token.column, token.column + len(token.text))
         instead = "leave it out, or write * before a factor"
         raise refusal(f"{shown} could be a remark", token.column, instead, meant, span)
-    if not token.is_bracket() or _moves(token.inside) or {each.kind for each in token.inside} != {"name"}:
+    if not token.is_bracket() or tk.moves(token.inside) or {each.kind for each in token.inside} != {"name"}:
         return
     begins = _is_edge(before) and after.kind == "name"
     power = before.is_bracket() and at(line, place - 2).is_operator("^")

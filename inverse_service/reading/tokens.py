@@ -193,6 +193,11 @@ def walk(tokens: Iterable[Token]) -> Iterator[Token]:
             yield from walk(token.inside)
 
 
+def moves(tokens: Iterable[Token]) -> bool:
+    """Whether a name or a bracket has primes."""
+    return any(token.order for token in walk(tokens))
+
+
 def flat(tokens: Iterable[Token]) -> Iterator[Token]:
     """The tokens with brackets and primes expanded into separate tokens."""
     for token in tokens:
