@@ -24,6 +24,8 @@ Words = tuple[str, ...]
 Texts = Mapping[str, str]  # formulas by name or pointer
 GUESS = "guess"
 AND_GUESS = "..."
+ANY_SPEED = ("u", "v", "s", "V")  # of x' = v cos(theta), y' = v sin(theta)
+ELIMINATED = "eliminate it where it is any speed, as in x'*sin(theta) = y'*cos(theta)"
 NO_ACCELERATION = (
     "the equations contain no acceleration such as x'', x_ddot, \\ddot{x} or diff(x, t, 2), so there are no "
     "coordinates: write equations of second order in the time t, or name the coordinates."
@@ -834,9 +836,8 @@ def _ask_back(guessed: Mapping[str, _Found], names: nm.Names, raised: Mapping[st
             raise nm.undeclared(name, column, meant, (column, end) if end else None).at(pointer)
         if name == "x" or _is_one_of_many(name, names.coordinates):
             raise nm.ask_for_the_time(name, column, names.coordinates).at(pointer)
-        if name in ("u", "v", "s", "V") and pointer.startswith("/constraints"):
-            instead = "eliminate it where it is any speed, as in x'*sin(theta) = y'*cos(theta)"
-            raise refusal(nm.not_declared(name), column, instead, declare="parameters").at(pointer)
+        if name in ANY_SPEED and pointer.startswith("/constraints"):
+            raise refusal(nm.not_declared(name), column, ELIMINATED, declare="parameters").at(pointer)
         if alike := _may_be_motion(name, names.coordinates):
             raise nm.undeclared(name, column, alike).at(pointer)
         other = seen.setdefault(name.replace("_", ""), name)

@@ -305,6 +305,8 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
         "".join([text, *(vector for vector in vectors if bold(text) or not bold(vector))])
         for text in (lagrangian, *constraints)
     )
+    rates = [(pointer, line) for pointer, line in others if line in constraints]
+    _ask_about_speed(rates, lagrangian, {*_declared(plain), *definitions})
     known = _declared(plain) if "whole" in energies else None
     with reader.placed_at(places["/lagrangian"]):
         _check_multipliers(reactions, lagrangian, constraints, known)
@@ -446,6 +448,29 @@ def _ask_about_rate(line: str, pointer: str, lagrangian: str, known: Collection[
         what = f"{moving}' = {rate} could define {rate}, or hold {moving}' constant; it occurs"
         instead = f"write {rate} = {moving}' or {moving}' - {rate} = 0"
         raise refusals.refusal(what, column, instead, meant, (column, len(line.rstrip()) + 1)).at(pointer)
+
+
+def _ask_about_speed(lines: Sequence[tuple[str, str]], lagrangian: str, known: Collection[str]) -> None:
+    """InputError for the v of x' = v cos(theta), y' = v sin(theta) if L has none: any speed, or a constant."""
+    for name in {*document_names.ANY_SPEED} - {*known}:
+        alone = re.compile(rf"(?<![\w\\]){name}(?!\w)")
+        held = [(pointer, line, found) for pointer, line in lines if (found := alone.search(line))]
+        if len(held) != 2 or alone.search(lagrangian):
+            continue
+        (pointer, first, found), (_, last, _) = held
+        declared = document_names.Declared(parameters=[name, document_names.AND_GUESS])
+        try:
+            names = document_names.known_names(declared, {"/lagrangian": lagrangian, "/1": first, "/2": last}, 1).names
+            pairs = [pair for line in (first, last) for pair in reader.read_equations(line, names)]
+        except errors.InputError:
+            return  # reported where it is read
+        trees = [left - right for left, right in pairs]
+        slopes = [derivative.differentiate(tree, ex.Symbol(name)) for tree in trees]
+        free = printing.to_text(collecting.collect(trees[0] * slopes[1] - trees[1] * slopes[0]))
+        span = (len(first) - len(first.lstrip()) + 1, len(last.rstrip()) + 1)
+        what, meant = f"{name} could be any speed, or a constant; it occurs", (f"{free} = 0",)
+        error = refusals.refusal(what, found.start() + 1, document_names.ELIMINATED, meant, span, "parameters")
+        raise error.at(pointer)
 
 
 def _with_multipliers(
