@@ -291,7 +291,7 @@ def occurring_terms(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> l
 def with_functions_of_parameters(sampler: Sampler, terms: Sequence[Monomial]) -> LagrangianSpace:
     """The same with polynomials of the parameters as coefficients; TooLarge where the conditions are long."""
     products = list(map(monomial_tree, terms))
-    exact = conditions.motion_in_ring(sampler.analysis.system, 2, Budget.long(), trees=products)
+    exact = conditions.motion_in_ring(sampler.analysis.system, 2, Budget.short(), trees=products)
     motion = exact.motion
     connection, endomorphism = (np.array(f(motion)) for f in (conditions.connection, conditions.jacobi_endomorphism))
     columns = []
