@@ -22,8 +22,8 @@ MethodName = Literal[
     "variational", "nonholonomic", "modified", "exact", "reference", "runge-kutta", "stormer-verlet", "adaptive",
     "stiff", "heyoka",
 ]  # fmt: skip
-Observed = Literal[
-    "trajectory", "energy", "constraints", "momenta", "matching_circle", "phase", "error", "velocities", "cost",
+Observed = Literal[  # in the order of display
+    "trajectory", "velocities", "energy", "constraints", "momenta", "matching_circle", "phase", "error", "cost",
     "lyapunov", "constraint_forces", "period",
 ]  # fmt: skip
 Beginning = Literal["momenta", "discrete_constraint"]

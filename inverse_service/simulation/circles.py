@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from inverse_service.integrators.trajectory import Array
+from inverse_service.simulation.sentences import say
 
 # Below this sine of the largest angle three points are taken to lie on a line.
 COLLINEAR = 1e-10
@@ -77,12 +78,8 @@ def circle_numbers(points: Array, exact: Array | None, every: int = 1, reach: fl
         "revolutions": drift.revolutions if known else None,
         "through_three_points": None if three is None else {"radius": three.radius, "center": list(three.center)},
     }
-    if not known:
-        numbers["note"] = (
-            "Too few steps are recorded to count revolutions: the circles are fitted to the first and last 1 % of them."
-        )
-    elif drift.revolutions < 1:
-        numbers["note"] = "The path is less than one revolution, so both circles are fitted to the whole path."
+    if not known or drift.revolutions < 1:
+        numbers["note"] = say("less_than_a_revolution" if known else "no_revolutions")
     reference = None if exact is None else least_squares_circle(exact)
     if reference is not None and reference.misfit <= 1e-6 * reference.radius:
         numbers["exact_radius"] = reference.radius

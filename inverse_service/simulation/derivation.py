@@ -155,14 +155,10 @@ def problem_of(requested: Requested, derived: Derived) -> Problem:
     if free.lost and method == "variational" and requested.choice.form != "raw":
         raise Unavailable(free.lost)
     return replace(
-        found,
-        parameters=(*scene.values, *(name for name in free.constants if name not in scene.values)),
-        free_lagrangian=free.lagrangian,
-        free_hamiltonian=free.hamiltonian,
-        free_constants=tuple(free.constants),
-        forces=scene.forces if free.forced else (),
-        domain=free.domain,
-    )
+        found, parameters=(*scene.values, *(name for name in free.constants if name not in scene.values)),
+        free_lagrangian=free.lagrangian, free_hamiltonian=free.hamiltonian, free_constants=tuple(free.constants),
+        forces=scene.forces if free.forced else (), domain=free.domain,
+    )  # fmt: skip
 
 
 def free_of(requested: Requested, derived: Derived) -> FreeLagrangian | None:

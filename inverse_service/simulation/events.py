@@ -22,13 +22,7 @@ from inverse_service import errors
 from inverse_service.expressions import arrays, tree as ex
 from inverse_service.integrators import method_table, trajectory
 from inverse_service.integrators.trajectory import Trajectory
-from inverse_service.simulation import (
-    execution,
-    initial,
-    numeric_formulas as nf,
-    observing,
-    scene_data as data,
-)
+from inverse_service.simulation import execution, initial, numeric_formulas as nf, observing, scene_data as data
 from inverse_service.simulation.sentences import say
 
 Point = tuple[float, trajectory.Array, trajectory.Array]  # a time, position and velocity (n,)

@@ -62,9 +62,9 @@ STEPS_AT_ONCE = 100_000  # steps of groups between two checks for a request to s
 def check(problem: Problem, choice: MethodChoice) -> None:
     """Raise InputError for a choice that the problem does not allow."""
     if choice.method in method_table.GEOMETRIC and choice.order > 2 and choice.alpha != 0.5 and not choice.symmetrised:
-        raise InputError("A composition needs a symmetric step: alpha = 1/2, or symmetrised.")
+        raise InputError(say("not_symmetric"))
     if choice.symmetrised and choice.alpha != 0.5 and choice.form != "verlet" and problem.depends_on_time:
-        raise InputError("Symmetrised steps require a system without t: take alpha = 1/2, which also has order 2.")
+        raise InputError(say("symmetrised_with_time"))
 
 
 def kernel_of(formulas: Formulas, choice: MethodChoice, observation: Observation, lanes: int = 1) -> Compiled:
@@ -412,13 +412,11 @@ def _has_two_places(choice: MethodChoice) -> bool:
 
 def _remedy(f: Formulas, choice: MethodChoice) -> str:
     if _has_two_places(choice):
-        return "leave out `symmetrised`, whose two points lie on different sides there; alpha = 1/2 also has order 2"
+        return say("not_symmetrised")
     if choice.method == "variational" and choice.form == "raw":
-        return "use the Hamiltonian form, which is smooth there"
+        return say("hamiltonian_form")
     if choice.method == "modified":
-        names = ", ".join(f.problem.free_constants)
-        constants = f"free constants {names}" if names else "free constants of L~"
-        return f"choose smaller {constants}, another alpha, or the variational method in Hamiltonian form"
+        return say("smaller_constants", ", ".join(f.problem.free_constants) or "of L~")
     return schemes.where_it_ends(f)
 
 
@@ -446,8 +444,7 @@ def initial(f: Formulas, choice: MethodChoice, start: Start, arguments: Columns)
     values = zip(f.denominators, f.values([item.formula for item in f.denominators], table), strict=True)
     known = [(item.text, value) for item, value in values if math.isfinite(value)]
     quantity, value = min(known, key=lambda item: abs(item[1]), default=("dL/dv", math.nan))
-    remedy = "start where it is not 0, from momenta, or with another associated system or method"
-    return Outcome("off_domain", 0, table[str(MOMENT)], quantity, value, remedy)
+    return Outcome("off_domain", 0, table[str(MOMENT)], quantity, value, say("start_where_not_zero"))
 
 
 def carried(f: Formulas, choice: MethodChoice, columns: Columns, momenta: Array | None) -> Columns:
@@ -499,7 +496,7 @@ def undefined_force(f: Formulas, forces: Sequence[Formula], table: Mapping[str, 
         value, *others = f.values([formula, *divided], table)
         if not math.isfinite(value) or 0 in others:
             begin = table[str(MOMENT)]
-            quantity = f"the force on {name} at the start, t = {begin:.12g}, which has no value"
+            quantity = say("force_without_value", name, begin)
             return Outcome("off_domain", 0, begin, quantity, None, say("begin_elsewhere_or_later"))
     return None
 

@@ -19,6 +19,7 @@ from inverse_service.integrators.trajectory import Outcome, Trajectory
 from inverse_service.kernels.codegen.symengine_trees import closure
 from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, table_of
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start
+from inverse_service.simulation.sentences import say
 
 MOST_STEPS = 2_000_000
 SMALL = 1e-3
@@ -73,11 +74,9 @@ def run_heyoka(
     if "cb_stop" in code:
         outcome = Outcome("cancelled", *at)
     elif "step_limit" in code:
-        remedy = "take a shorter time or a larger tolerance, or stop before the motion ends"
-        outcome = Outcome("unresolved", *at, f"heyoka, after {MOST_STEPS} internal steps", None, remedy)
+        outcome = Outcome("unresolved", *at, f"heyoka, after {MOST_STEPS} internal steps", None, say("shorter_time"))
     elif "time_limit" not in code or good < len(steps):
-        remedy = "the accelerations have no finite value there: use a regular form of the motion"
-        outcome = Outcome("not_finite", *at, "the Taylor series", None, remedy)
+        outcome = Outcome("not_finite", *at, "the Taylor series", None, say("regular_form"))
     positions, velocities = np.split(shown, 2, axis=1)
     known = table_of(problem.coordinates, positions, velocities, values, times[: len(shown)])
     series = {item.name: arrays.array_value(item.expression, known) for item in observation} if good else {}

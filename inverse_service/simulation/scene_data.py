@@ -19,11 +19,6 @@ from inverse_service.integrators.trajectory import Array, Row
 Stop = Callable[[], bool]
 Progress = Callable[[str], None]
 EXACT = "exact"
-# The name of each observed quantity in the scene, in the order of display.
-OBSERVED = (
-    "trajectory", "velocities", "energy", "constraints", "momenta", "matching_circle", "phase", "error", "cost",
-    "lyapunov", "constraint_forces", "period",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

@@ -209,7 +209,15 @@ class Blocks:
             self.stop_unless(ratio < 1.0, programs.GUARDED + self._solves, ratio)
         if entries:
             self._test_determinant(w[worst])
-        self._keep_rates(block.unknowns)
+        step, going = e.value(STEP), self.going()
+        for name in block.unknowns:
+            value = w[name]
+            e.bind(name, value)
+            w[f"{name}_rate"] = going.choose(value / step, w[f"{name}_rate"])
+            moved, kept = abs(value), programs.size_name(self._iterated, name)
+            larger = going & (moved > w[kept])
+            w[kept] = larger.choose(moved, w[kept])
+        self._iterated += 1
 
     def _apply(self, label: str, block: programs.Solve, change: Sequence[Value], relative: float) -> Value:
         """unknown -= change; 1 from where every change is within its tolerance or is noise, else 0.
@@ -258,19 +266,6 @@ class Blocks:
                 greatest = (size > greatest).choose(size, greatest)
             found[letter] = NOISE * greatest
         return found
-
-    def _keep_rates(self, unknowns: Sequence[str]) -> None:
-        w, e = self.writer, self.emitter
-        step = e.value(STEP)
-        going = self.going()
-        for name in unknowns:
-            value = w[name]
-            e.bind(name, value)
-            w[f"{name}_rate"] = going.choose(value / step, w[f"{name}_rate"])
-            size, kept = abs(value), programs.size_name(self._iterated, name)
-            larger = going & (size > w[kept])
-            w[kept] = larger.choose(size, w[kept])
-        self._iterated += 1
 
 
 def _take_out(formula: Formula, changing: set[Formula], parts: dict[Formula, Formula], prefix: str) -> Formula:

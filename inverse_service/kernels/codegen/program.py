@@ -265,14 +265,9 @@ def _block(equations: Sequence[Formula], names: Sequence[str], scales: Mapping[s
     )
     compared = guarded and len(names) <= _LARGEST_GUARDED
     affine = not any(contains(entry, variable) for row in jacobian for entry in row for variable in variables)
-    return Solve(
-        unknowns=tuple(names),
-        residuals=tuple(equations),
-        jacobian=jacobian,
-        affine=affine,
-        scales=tuple(scales.get(name, "") for name in names),
-        limit=limit_at_zero_step(jacobian, variables) if compared and not affine else None,
-    )
+    limit = limit_at_zero_step(jacobian, variables) if compared and not affine else None
+    kept = tuple(scales.get(name, "") for name in names)
+    return Solve(tuple(names), tuple(equations), jacobian, affine, kept, limit)
 
 
 def _free_if_affine(entry: Formula, variables: Sequence[Formula]) -> Formula:

@@ -425,27 +425,14 @@ def read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSys
     positions, velocities = read_initial(initial, names, what, values)
     grid, notes = read_grid(schema, begin)
     scene = data.Scene(
-        name=schema.name or system.name,
-        coordinates=names.coordinates,
-        values=values,
-        lagrangian=lagrangian,
-        constraints=constraints,
-        accelerations=accelerations or None,
-        effects=effects,
-        positions=positions,
-        velocities=velocities,
-        grid=grid,
-        methods=read_methods(schema),
-        observe=tuple(name for name in data.OBSERVED if name in schema.observe),
-        circle=read_circle(schema, names),
-        notes=notes,
-        parts=parts,
-        forces=forces,
-        own=read_observables(schema, system),
-        events=read_events(schema, system),
+        name=schema.name or system.name, coordinates=names.coordinates, values=values,
+        lagrangian=lagrangian, constraints=constraints, accelerations=accelerations or None, forces=forces,
+        effects=effects, parts=parts, positions=positions, velocities=velocities, grid=grid, notes=notes,
+        methods=read_methods(schema), observe=tuple(one for one in get_args(schemas.Observed) if one in schema.observe),
+        circle=read_circle(schema, names), own=read_observables(schema, system), events=read_events(schema, system),
         bodies={body: (f"{body}_x", f"{body}_y") for body in schema.points},
         units={names.spelling(name): unit for name, unit in schema.units.items()},
-    )
+    )  # fmt: skip
     if schema.ensemble is not None:
         scene = replace(scene, ensemble=read_members(schema.ensemble, initial, names, scene))
     return scene, system
@@ -575,14 +562,9 @@ def _requested(schema: schemas.SceneDocument, given: schemas.SceneMethod, pointe
     constants = [
         (key, number_of(text, f"{pointer}/constants/{escape(key)}")) for key, text in (given.constants or {}).items()
     ]
-    return data.Requested(
-        label=given.label or _label(given, shown, order),
-        choice=data.MethodChoice(method, alpha, symmetrised, order, form, given.guard, tolerance),
-        alpha=shown,
-        convention=given.start or schema.start,
-        free=given.free_lagrangian,
-        constants=tuple(constants),
-    )
+    settings = data.MethodChoice(method, alpha, symmetrised, order, form, given.guard, tolerance)
+    label, convention = given.label or _label(given, shown, order), given.start or schema.start
+    return data.Requested(label, settings, shown, convention, given.free_lagrangian, tuple(constants))
 
 
 def _label(given: schemas.SceneMethod, alpha: str | None, order: int) -> str:
