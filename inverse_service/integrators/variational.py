@@ -73,6 +73,5 @@ def lagrange_dalembert_step(
         return free, kick
     held = m @ forms(q)
     places = [q + part * d for part in parts]
-    return np.concatenate(
-        [free - held, sum(forms(at) @ d + h * drifts(at) for at in places) / len(parts)]
-    ), kick - held / h
+    defects = sum(forms(at) @ d + h * drifts(at) for at in places) / len(parts)
+    return np.concatenate([free - held, defects]), kick - held / h

@@ -54,11 +54,6 @@ class Found:
     velocities: trajectory.Array
     note: str = ""
 
-    @property
-    def first(self) -> Point:
-        """The first of them."""
-        return float(self.times[0]), self.positions[0], self.velocities[0]
-
     def part(self, rows: NDArray[np.bool_]) -> Found:
         """Some of the points."""
         return Found(self.event, self.times[rows], self.positions[rows], self.velocities[rows], self.note)
@@ -84,7 +79,8 @@ def located(run: observing.Observed, events: Sequence[data.Event], motion: Motio
 
 def first_of(found: Sequence[Found]) -> Point | None:
     """The first point of all of them."""
-    return min((one.first for one in found if len(one.times)), key=lambda point: point[0], default=None)
+    firsts = ((float(one.times[0]), one.positions[0], one.velocities[0]) for one in found if len(one.times))
+    return min(firsts, key=lambda point: point[0], default=None)
 
 
 def with_events(run: observing.Observed, motion: Motion) -> tuple[Trajectory, tuple[Found, ...], Point | None]:
@@ -205,9 +201,8 @@ def _is_unseen(way: Way, fine: trajectory.Array, pieces: int) -> bool:
     cubic = b + part * ((c - a) / 2 + part * (a - 2.5 * b + 2 * c - d / 2 + part * (1.5 * (b - c) + (d - a) / 2)))
     apart = np.abs(way.values((places + part) / pieces) - cubic)
     change = np.ptp(np.stack([a, b, c, d]), axis=0)
-    return bool(
-        (apart > NOT_SHOWN * change + TOUCH * np.abs(fine).max(initial=0.0, where=np.isfinite(fine))).mean() > OFTEN
-    )
+    noise = TOUCH * np.abs(fine).max(initial=0.0, where=np.isfinite(fine))
+    return bool((apart > NOT_SHOWN * change + noise).mean() > OFTEN)
 
 
 def _brackets(way: Way, direction: int) -> tuple[Brackets, trajectory.Array, bool]:
@@ -286,9 +281,8 @@ def _zeros(brackets: Brackets, way: Way) -> State:
     state: State | None = None
     for _ in range(ITERATIONS):
         share = np.where(above == below, high, low - below * (high - low) / (above - below))
-        share = np.where(
-            np.isfinite(share), np.clip(share, np.minimum(low, high), np.maximum(low, high)), (low + high) / 2
-        )
+        inside = np.clip(share, np.minimum(low, high), np.maximum(low, high))
+        share = np.where(np.isfinite(share), inside, (low + high) / 2)
         state = way.at(places, share)
         new = way.value(state)
         same = np.sign(new) == np.sign(above)

@@ -64,9 +64,8 @@ def motion_by_quadrature(what: initial.System, values: Mapping[str, float]) -> E
     rates = [ex.Velocity(name) for name in names]
     kinetic = ex.dot(rates, [ex.HALF * ex.dot(row, rates) for row in inertia])
     try:
-        _, *entries = arrays.array_values(
-            [collecting.collect(lagrangian - kinetic), *(entry for row in inertia for entry in row)], table
-        )
+        potential = collecting.collect(lagrangian - kinetic)
+        _, *entries = arrays.array_values([potential, *(entry for row in inertia for entry in row)], table)
     except arrays.NoValue:
         raise scene_data.Unavailable(say("not_constant_masses")) from None
     mass = np.array(entries).reshape(len(names), -1)

@@ -138,7 +138,16 @@ def initial_velocities(what: System, values: Values, positions: Array, given: Va
     beyond = np.abs(defects) - TOLERANCE * (1 + _times(np.abs(rows), np.abs(velocities)) + np.abs(offsets))
     worst = int(np.argmax(beyond)) if beyond.size else 0
     if beyond.size and beyond.flat[worst] > 0:
-        better = _projected(what, values, places, velocities, rows, defects)
+        # Projected, orthogonally in the kinetic energy.
+        n = len(names)
+        mass = saddle(what, table_of(names, places, velocities, values))[:, :n, :n]
+        if not np.isfinite(mass).all():
+            raise InputError(say("no_kinetic_at_start"), "/initial")
+        lifted = np.asarray(np.linalg.pinv(mass) @ rows.transpose(0, 2, 1), dtype=float)
+        multipliers = _times(np.asarray(np.linalg.pinv(rows @ lifted), dtype=float), defects)
+        better = velocities - _times(lifted, multipliers)
+        if not np.isfinite(better).all() or np.abs(_times(rows, better - velocities) + defects).max() > 1e-6:
+            raise InputError(say("not_projected"), "/initial")
         off = (beyond > 0).any(axis=1)
         if not project:
             member, place = divmod(worst, len(what.constraints))
@@ -228,16 +237,3 @@ def _filled(names: tuple[str, ...], rows: Array, offsets: Array, given: Values) 
     inverse = np.asarray((np.linalg.inv if square else np.linalg.pinv)(inner), dtype=float)
     velocities[:, missing] = -_times(inverse, offsets + _times(rows, velocities))
     return velocities
-
-
-def _projected(what: System, values: Values, positions: Array, velocities: Array, rows: Array, defects: Array) -> Array:
-    n = len(what.coordinates)
-    mass = saddle(what, table_of(what.coordinates, positions, velocities, values))[:, :n, :n]
-    if not np.isfinite(mass).all():
-        raise InputError(say("no_kinetic_at_start"), "/initial")
-    lifted = np.asarray(np.linalg.pinv(mass) @ rows.transpose(0, 2, 1), dtype=float)
-    multipliers = _times(np.asarray(np.linalg.pinv(rows @ lifted), dtype=float), defects)
-    corrected: Array = velocities - _times(lifted, multipliers)
-    if not np.isfinite(corrected).all() or np.abs(_times(rows, corrected - velocities) + defects).max() > 1e-6:
-        raise InputError(say("not_projected"), "/initial")
-    return corrected

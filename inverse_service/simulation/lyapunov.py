@@ -24,7 +24,12 @@ def largest_exponent(derived: derivation.Derived) -> dict[str, Any]:
     scene, motion = derived.scene, derived.motion()
     if any(event.acts for event in scene.events):
         return {"largest": None, "note": say("exponent_with_events")}
-    problem = with_tangent(scene, motion.accelerations or ())
+    # The motion with its variational equations; the tangent of x has a name that no formula uses.
+    tangents, given = tuple(f"tangent_of_{name}" for name in scene.coordinates), motion.accelerations or ()
+    pairs = list(zip(nf.state_names(scene.coordinates), nf.state_names(tangents), strict=True))
+    sums = (ex.add(*(derivative.differentiate(force, x) * w for x, w in pairs)) for force in given)
+    moving, whole = (*scene.coordinates, *tangents), (*given, *map(collecting.collect, sums))
+    problem = data.Problem(moving, tuple(scene.values), accelerations=whole)
     n, length = len(scene.coordinates), scene.grid.step * scene.grid.steps
     positions, velocities = scene.positions, scene.velocities
     names = nf.state_names(scene.coordinates)
@@ -56,13 +61,3 @@ def largest_exponent(derived: derivation.Derived) -> dict[str, Any]:
         total, tangent = total + float(np.log(size)), tangent / size
         halves.append(total)
     return {"largest": total / length, "half": halves[PARTS // 2 - 1] / (length / 2), "time": length}
-
-
-def with_tangent(scene: data.Scene, accelerations: tuple[ex.Expression, ...]) -> data.Problem:
-    """The motion with its variational equations; the tangent of x has a name that no formula uses."""
-    names = scene.coordinates
-    tangents = tuple(f"tangent_of_{name}" for name in names)
-    pairs = list(zip(nf.state_names(names), nf.state_names(tangents), strict=True))
-    sums = (ex.add(*(derivative.differentiate(force, x) * w for x, w in pairs)) for force in accelerations)
-    rows = map(collecting.collect, sums)
-    return data.Problem((*names, *tangents), tuple(scene.values), accelerations=(*accelerations, *rows))

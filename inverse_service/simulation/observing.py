@@ -369,9 +369,8 @@ def end_of_energy(run: Observed) -> str | None:
         (values,) = run.values_of(wall)
         if not (np.isfinite(values).all() and (values.min() > 0 or values.max() < 0)):
             return f"ends where {printing.to_text(wall)} = 0, and the motion passes there"
-    apart = accelerating.distance_of_motion(
-        scene.found.lagrangian, scene.coordinates, scene.accelerations or (), run.table
-    )
+    given = scene.accelerations or ()
+    apart = accelerating.distance_of_motion(scene.found.lagrangian, scene.coordinates, given, run.table)
     return "does not give the motion of the equations everywhere" if (apart > accelerating.NOTICED).any() else None
 
 
@@ -390,9 +389,8 @@ def _conserved(run: Observed) -> Observations:
         terms = run.values_of(*ex.summands(collecting.collect(one.expression)))
         size = float(np.nanmax(np.abs(terms).sum(axis=0), initial=0.0)) or 1.0
         drift = np.concatenate([piece - piece[0] for piece in pieces]) / size
-        found[one.name] = {
-            "text": printing.to_text(one.expression), "max_error": greatest(drift), "parts": len(pieces),
-        }  # fmt: skip
+        text = printing.to_text(one.expression)
+        found[one.name] = {"text": text, "max_error": greatest(drift), "parts": len(pieces)}
         series[f"conserved_{k}"] = drift
     return ({"conserved": found} if found else {}), series
 

@@ -187,6 +187,5 @@ def run_scipy(
     kind = "completed" if found.success and len(found.t) == len(times) else "not_finite"
     outcome = Outcome(kind, int(steps[len(found.t) - 1]), float(found.t[-1]), None if found.success else found.message)
     table = found.y.T
-    return Trajectory(
-        found.t, table[:, :size], None, table[:, size:], outcome, int(found.nfev), int(found.njev), 0.0, passed
-    )
+    spent = int(found.nfev), int(found.njev), 0.0, passed
+    return Trajectory(found.t, table[:, :size], None, table[:, size:], outcome, *spent)

@@ -109,9 +109,8 @@ def nonholonomic(f: Formulas, choice: MethodChoice, observation: Observation) ->
     m, parts = np.array([symbol(f"m{a}") for a in range(len(f.forms))]), parts_of(choice)
     slope_q, slope_v = (f.gradient(f.lagrangian, letter, moment=moment_at(parts[0])) for letter in "qv")
     slope_q = f.pushed(slope_q, moment_at(parts[0]))
-    equations, pushes = discrete.lagrange_dalembert_step(
-        q, p, d, m, STEP, parts, slope_q, slope_v, f.forms_at, f.drifts_at
-    )
+    slopes, forms = (slope_q, slope_v), (f.forms_at, f.drifts_at)
+    equations, pushes = discrete.lagrange_dalembert_step(q, p, d, m, STEP, parts, *slopes, *forms)
     walls = f.walls_of([f.problem.lagrangian]) if choice.guard else []
     watches = sign_watches(walls, discrete_point(f, parts[0]), say("regular_motion"))
     statements = _solved(f, equations, [*d, *m], choice.guard)

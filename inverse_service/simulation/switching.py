@@ -541,19 +541,13 @@ class _Pieces:
         self.parts.append(ran.part(slice(1 if self.parts else 0, count)))
 
     def _joined(self, outcome: Outcome, start: data.Start) -> Trajectory:
-        parts = self.parts
+        parts, grid = self.parts, self.scene.grid
         if not parts:
-            return Trajectory.of_start(self.scene.grid.begin, start.positions, self.scene.velocities, outcome)
-        grid, count = self.scene.grid, sum(len(part.times) for part in parts)
-        names = parts[0].series
-        series = {name: np.concatenate([part.series[name] for part in parts]) for name in names}
-        return Trajectory(
-            times=np.asarray(grid.begin + grid.step * np.arange(count), dtype=np.float64),
-            positions=np.concatenate([part.positions for part in parts]),
-            momenta=None,
-            velocities=np.concatenate([np.asarray(part.velocities) for part in parts]),
-            outcome=outcome,
-            series=series,
-            maxima={name: float(np.abs(column).max(initial=0.0)) for name, column in series.items()},
-            **{name: sum(getattr(part, name) for part in parts) for name in SPENT},
-        )
+            return Trajectory.of_start(grid.begin, start.positions, self.scene.velocities, outcome)
+        positions = np.concatenate([part.positions for part in parts])
+        velocities = np.concatenate([np.asarray(part.velocities) for part in parts])
+        times = np.asarray(grid.begin + grid.step * np.arange(len(positions)), dtype=np.float64)
+        series = {name: np.concatenate([part.series[name] for part in parts]) for name in parts[0].series}
+        spent = {name: sum(getattr(part, name) for part in parts) for name in SPENT}
+        whole = Trajectory(times, positions, None, velocities, outcome, series=series, **spent)
+        return whole.ended(slice(None), outcome)

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from inverse_service.kernels.codegen import compiled as compiling
-from inverse_service.kernels.codegen.compiled import compiled, forget_memory
+from inverse_service.kernels.codegen.compiled import _memory, compiled
 from inverse_service.kernels.codegen.program import Program
 from inverse_service.kernels.codegen.symengine_trees import symbol
 from inverse_service.kernels.machine_code import code_store
@@ -22,7 +22,7 @@ from tests.codegen.run_program import call, memory_for
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("INVERSE_SERVICE_CACHE", str(tmp_path / "cache"))
-    forget_memory()
+    _memory.clear()
     return tmp_path / "cache"
 
 
@@ -40,7 +40,7 @@ def result(identity: object, increment: int = 1) -> tuple[float, dict[str, float
 def test_found_in_memory_then_on_disk(folder: Path) -> None:
     assert result("one")[0] == 6.0
     assert result("one") == (6.0, {})
-    forget_memory()
+    _memory.clear()
     value, seconds = result("one")
     assert value == 6.0
     assert set(seconds) == {"load"}
@@ -65,7 +65,7 @@ def test_damaged_entries_are_made_again(folder: Path, damage: str) -> None:
             "foreign": b"#!/bin/sh\n", "swapped": other,
         }[damage]  # fmt: skip
         entry.write_bytes(new)
-    forget_memory()
+    _memory.clear()
     assert result("one")[0] == 6.0
     assert result("two", 5)[0] == 30.0
 
@@ -73,14 +73,14 @@ def test_damaged_entries_are_made_again(folder: Path, damage: str) -> None:
 def test_a_folder_that_cannot_be_written_costs_time_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     monkeypatch.setenv("INVERSE_SERVICE_CACHE", str(tmp_path / "file" / "below"))
-    forget_memory()
+    _memory.clear()
     assert result("one")[0] == 6.0
 
 
 def test_others_code_is_not_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An entry that another user owns is ignored."""
     assert result("one")[0] == 6.0
-    forget_memory()
+    _memory.clear()
     monkeypatch.setattr(os, "getuid", lambda: os.stat(folder).st_uid + 1)
     assert set(result("one")[1]) > {"load"}
 
@@ -89,7 +89,7 @@ def test_changed_code_makes_new_kernels(folder: Path, monkeypatch: pytest.Monkey
     from inverse_service.kernels.codegen import compiled
 
     assert result("one")[0] == 6.0
-    forget_memory()
+    _memory.clear()
     monkeypatch.setattr(compiled, "code_digest", lambda: "another version")
     assert "compile" in result("one")[1]
 

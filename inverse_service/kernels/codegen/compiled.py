@@ -126,12 +126,6 @@ def compiled(identity: Hashable, make: Callable[[], Program], lanes: int = 1) ->
     return found
 
 
-def forget_memory() -> None:
-    """Empty the cache in memory; that on disk stays."""
-    with _lock:
-        _memory.clear()
-
-
 def kernel_text(program: Program, lanes: int = 1) -> str:
     """The LLVM IR of the program, to be looked at."""
     kind = kernel.Kernel if program.error is None else kernel.AdaptiveKernel
@@ -168,11 +162,7 @@ def _made(digest: str, make: Callable[[], Program], lanes: int) -> Compiled:
 
 
 def card_of(program: Program, lanes: int = 1) -> Card:
-    return Card(
-        layout=layout_of(program),
-        solves=tuple(block.unknowns for block in program.solves),
-        watches=tuple((watch.kind, watch.quantity, watch.remedy) for watch in program.watches),
-        observed=tuple(name for name, _ in program.observed),
-        forces=program.forces,
-        lanes=lanes,
-    )
+    solves = tuple(block.unknowns for block in program.solves)
+    watches = tuple((watch.kind, watch.quantity, watch.remedy) for watch in program.watches)
+    observed = tuple(name for name, _ in program.observed)
+    return Card(layout_of(program), solves, watches, observed, program.forces, lanes)

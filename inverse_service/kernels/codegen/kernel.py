@@ -234,7 +234,17 @@ class Blocks:
         noise: Operand = 0.0  # the round-off of the state variables that the unknowns are added to
         for scale in dict.fromkeys(scale for scale in block.scales if scale):
             noise = noise + ROUND_OFF * abs(self.emitter.value(symbol(scale)))
-        bounds = self._bounds(block)
+        # What counts as small for the unknowns of each letter: NOISE times the greatest so far. Multipliers m are h
+        # times a change of momenta: what is small compared with h p is small, too, where a motion needs no force.
+        bounds = {}
+        for letter in dict.fromkeys(name[0] for name in block.unknowns):
+            greatest = w[programs.size_name(self._iterated, letter)]
+            sizes = [symbol(name) for name in block.unknowns if name[0] == letter]
+            if letter == "m":
+                sizes += [STEP * symbol(f"p{scale[1:]}") for scale in block.scales if scale]
+            for size in map(abs, self.emitter.write(sizes)):
+                greatest = (size > greatest).choose(size, greatest)
+            bounds[letter] = NOISE * greatest
         for name, delta in zip(block.unknowns, change, strict=True):
             w[name] = new = self.emitter.value(symbol(name)) - delta
             size, moved = abs(delta), abs(new)
@@ -249,23 +259,6 @@ class Blocks:
         reached = within.equals(1.0).choose(within, stalls.choose(small, 0.0))
         before = w[f"{label}_settled"]
         return before.equals(1.0).choose(before, reached)
-
-    def _bounds(self, block: programs.Solve) -> dict[str, Value]:
-        """What counts as small for the unknowns of each letter: NOISE times the greatest so far.
-
-        Multipliers m are h times a change of momenta: what is small compared with h p is small, too, as all of them are
-        noise where a motion needs no force.
-        """
-        found = {}
-        for letter in dict.fromkeys(name[0] for name in block.unknowns):
-            greatest = self.writer[programs.size_name(self._iterated, letter)]
-            sizes = [symbol(name) for name in block.unknowns if name[0] == letter]
-            if letter == "m":
-                sizes += [STEP * symbol(f"p{scale[1:]}") for scale in block.scales if scale]
-            for size in map(abs, self.emitter.write(sizes)):
-                greatest = (size > greatest).choose(size, greatest)
-            found[letter] = NOISE * greatest
-        return found
 
 
 def _take_out(formula: Formula, changing: set[Formula], parts: dict[Formula, Formula], prefix: str) -> Formula:

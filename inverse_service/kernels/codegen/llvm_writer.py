@@ -127,7 +127,7 @@ class LlvmWriter:
     def __init__(self, lanes: int = 1) -> None:
         self.lanes = lanes
         self.type, self.truth = self.wide("double"), self.wide("i1")
-        self._slots: dict[str, str] = {}  # with the letter of its kind: s of numbers, n of counters
+        self._slots: dict[str, bool] = {}  # whether each is a counter
         self.lines: list[str] = []
         self._count = 0
         self.declared: dict[str, str] = {}
@@ -216,21 +216,17 @@ class LlvmWriter:
 
     def slot(self, name: str, value: Operand | None = None, is_counter: bool = False) -> None:
         """A new variable, with its first value."""
-        self._slots[name] = "n" if is_counter else "s"
+        self._slots[name] = is_counter
         if value is not None:
             self[name] = value
 
-    def _variable(self, name: str) -> tuple[str, bool]:
-        letter = self._slots[name]
-        return f"%{letter}_{name}", letter == "n"
-
     def __getitem__(self, name: str) -> Value:
-        place, counts = self._variable(name)
-        return self.new(f"load {'i64' if counts else self.type}, ptr {place}", counts)
+        counts = self._slots[name]
+        return self.new(f"load {'i64' if counts else self.type}, ptr %s_{name}", counts)
 
     def __setitem__(self, name: str, value: Operand) -> None:
-        place, counts = self._variable(name)
-        self.lines.append(f"  store {'i64' if counts else self.type} {self._text(value, counts)}, ptr {place}")
+        counts = self._slots[name]
+        self.lines.append(f"  store {'i64' if counts else self.type} {self._text(value, counts)}, ptr %s_{name}")
 
     def _address(self, array: str, place: int | Value, kind: str) -> str:
         return self.new(f"getelementptr {kind}, ptr %{array}, i64 {self._text(place, True)}").text
@@ -274,8 +270,8 @@ class LlvmWriter:
         self.lines.append(f"{name}:")
 
     def text(self) -> str:
-        kinds = {"s": f"{self.type}, align 64", "n": "i64"}
-        slots = [f"  %{letter}_{name} = alloca {kinds[letter]}" for name, letter in self._slots.items()]
+        numbers = f"{self.type}, align 64"
+        slots = [f"  %s_{name} = alloca {'i64' if counts else numbers}" for name, counts in self._slots.items()]
         body = "\n".join(["entry:", *slots, *self.lines, "  ret void", "}"])
         declared = dict(self.declared)
         parts = [f"define void @kernel({SIGNATURE}) nounwind {{", body, GROUPS]

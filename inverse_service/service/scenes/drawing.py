@@ -312,9 +312,7 @@ def precision_figure(result: Result, evaluations: bool = False) -> tuple[Figure,
     with matplotlib.rc_context(SETTINGS):
         figure = Figure(figsize=(7.6 * len(panels), 5.0), layout="constrained")
         for axes, (key, label) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
-            ends = [
-                end for place, name in enumerate(best_first(result)) if (end := _curve(axes, place, name, result, key))
-            ]
+            ends = [_curve(axes, place, name, result, key) for place, name in enumerate(best_first(result))]
             axes.set(xscale="log", yscale="log", xlabel="relative error of the trajectory, smaller to the right")
             axes.set_ylabel(label)
             axes.invert_xaxis()

@@ -200,9 +200,8 @@ def _of_document(document: Mapping[str, Any], extra: Sequence[str]) -> Mechanica
 
 
 def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
-    schema = accepting.validated(
-        {k: v for k, v in document.items() if k not in SOLVE_ONLY}, schemas.LagrangianDocument, SYSTEM_WORDING
-    )
+    own = {key: value for key, value in document.items() if key not in SOLVE_ONLY}
+    schema = accepting.validated(own, schemas.LagrangianDocument, SYSTEM_WORDING)
     parameters, values = _parameters(schema.parameters, [name for name in extra if name not in schema.coordinates])
     declared = Declared(schema.coordinates, parameters, schema.functions, schema.where, base.MAX_SIMULATED)
     known = known_names(declared, {"/lagrangian": schema.lagrangian}, order=1)
@@ -381,9 +380,8 @@ def beginning(schema: schemas.SceneDocument) -> tuple[float, schemas.SceneInitia
     for method in methods if isinstance(methods, list) else []:
         with suppress(InputError, AttributeError, KeyError, TypeError, ValueError):  # it has no last point
             final = method["final"]
-            positions, velocities = (
-                {name: repr(float(x)) for name, x in final[key].items()} for key in ("positions", "velocities")
-            )
+            given = (final["positions"], final["velocities"])
+            positions, velocities = ({name: repr(float(x)) for name, x in one.items()} for one in given)
             begin = number_of(repr(float(final["t"])), "/restart")
             return begin, schemas.SceneInitial(positions=positions, velocities=velocities, project=True)
     raise refusal("no_end", "/restart")
@@ -475,9 +473,8 @@ def _with_effects(
 
     def acting(names: Sequence[str]) -> tuple[ex.Expression, Constraints, Constraints]:
         forces = read_forces(schema, system, tuple(names))
-        chosen = (
-            tree for name, tree in parts if name in (derivation.KINETIC, *names)
-        )  # all other parts are left out completely
+        # All other parts are left out completely.
+        chosen = (tree for name, tree in parts if name in (derivation.KINETIC, *names))
         return ex.add(*chosen), given if derivation.CONSTRAINTS in names else (), forces
 
     whole_scene = acting(named)

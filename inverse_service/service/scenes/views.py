@@ -213,9 +213,8 @@ def _energy(name: str) -> Quantity:
 
     def signed(result: Mapping[str, Any], tables: Tables, truth: Table | None) -> Iterable[tuple[str, Column]]:
         # The energy of an L that was found for given equations is T + V only where a factor of t was taken out.
-        found = result["system"]["lagrangian"] is None and not any(
-            "mechanical_energy" in one for one in tables.values()
-        )
+        is_known = any("mechanical_energy" in one for one in tables.values())
+        found = result["system"]["lagrangian"] is None and not is_known
         yield label, energy_error(name)
         yield "energy of the L found" if found else "E = T + V", varying
         if name == "energy":
