@@ -90,14 +90,9 @@ class Trajectory:
 
     def part(self, rows: Rows) -> Trajectory:
         """The same run with some of its points."""
-        return replace(
-            self,
-            times=self.times[rows],
-            positions=self.positions[rows],
-            momenta=None if self.momenta is None else self.momenta[rows],
-            velocities=None if self.velocities is None else self.velocities[rows],
-            series={name: column[rows] for name, column in self.series.items()},
-        )
+        known = {name: getattr(self, name) for name in ("times", "positions", "momenta", "velocities")}
+        points = {name: column[rows] for name, column in known.items() if column is not None}
+        return replace(self, **points, series={name: column[rows] for name, column in self.series.items()})
 
     def thinned(self, steps: int, every: int) -> Trajectory:
         """Every so many of its points, and the last one of a run that made all steps."""

@@ -105,31 +105,24 @@ def least_squares_circle(points: Array) -> Circle | None:
         return None
     solution = np.linalg.lstsq(matrix, (reduced**2).sum(axis=1), rcond=None)[0]
     center = solution[:2] / 2
-    found = _corrected(reduced, center)
-    distances = np.hypot(*(reduced - found).T)
-    radius = distances.mean()
-    misfit = float(np.sqrt(((distances - radius) ** 2).mean()))
-    absolute = mean + scale * found
-    return Circle((float(absolute[0]), float(absolute[1])), float(scale * radius), scale * misfit)
-
-
-def _corrected(points: Array, center: Array) -> Array:
-    """Gauss-Newton on the center, the radius being the mean distance; stops where it no longer gains."""
-    best = _cost(points, center)
+    # Gauss-Newton on the center, the radius being the mean distance; it stops where it no longer gains.
+    found, best = center, _cost(reduced, center)
     for _ in range(MOST_CORRECTIONS):
-        difference = points - center
+        difference = reduced - found
         distances = np.hypot(*difference.T)
         if not distances.all():
             break
         directions = -difference / distances[:, None]
         slopes = directions - directions.mean(axis=0)
-        step = np.linalg.lstsq(slopes, -(distances - distances.mean()), rcond=None)[0]
-        tried = center + step
-        cost = _cost(points, tried)
-        if not cost < best:
+        tried = found + np.linalg.lstsq(slopes, -(distances - distances.mean()), rcond=None)[0]
+        if not (cost := _cost(reduced, tried)) < best:
             break
-        center, best = tried, cost
-    return center
+        found, best = tried, cost
+    distances = np.hypot(*(reduced - found).T)
+    radius = distances.mean()
+    misfit = float(np.sqrt(((distances - radius) ** 2).mean()))
+    absolute = mean + scale * found
+    return Circle((float(absolute[0]), float(absolute[1])), float(scale * radius), scale * misfit)
 
 
 def _cost(points: Array, center: Array) -> float:

@@ -218,12 +218,10 @@ def _repeated(derived: derivation.Derived, settings: list[Setting], repeats: int
         run = running.observed_run(derived.but(grid=settings[k].grid), settings[k].requested)
         if run.trajectory is not None and run.outcome.completed:
             times[k].append(run.trajectory.run_seconds)
-    return [
-        replace(s, best_seconds=min(found), median_seconds=statistics.median(found), repeats=len(found))
-        if (found := times.get(k))
-        else s
-        for k, s in enumerate(settings)
-    ]
+    for k, found in times.items():
+        best, median = min(found), statistics.median(found)
+        settings[k] = replace(settings[k], best_seconds=best, median_seconds=median, repeats=len(found))
+    return settings
 
 
 def by_method(settings: Iterable[Setting]) -> dict[str, list[Setting]]:
@@ -282,13 +280,10 @@ def price_of(curve: Sequence[Setting], coarsest: Setting, error: float) -> Price
     def between(x: float | None, y: float | None) -> float:
         return float(x * (y / x) ** share) if x and y else 0.0
 
-    return Price(
-        between(a.best_seconds, b.best_seconds),
-        between(a.step, b.step) if a.tolerance is None else None,
-        None if a.tolerance is None else between(a.tolerance, b.tolerance),
-        between(a.force_evaluations, b.force_evaluations),
-        a is b is coarsest,
-    )
+    seconds, evaluations = between(a.best_seconds, b.best_seconds), between(a.force_evaluations, b.force_evaluations)
+    step = between(a.step, b.step) if a.tolerance is None else None
+    tolerance = None if a.tolerance is None else between(a.tolerance, b.tolerance)
+    return Price(seconds, step, tolerance, evaluations, a is b is coarsest)
 
 
 def prices(measured: Precision) -> dict[float, dict[str, Price]]:

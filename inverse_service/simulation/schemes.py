@@ -370,10 +370,8 @@ def domain_watches(f: Formulas, point: dict[Formula, Formula]) -> list[programs.
 def range_watches(f: Formulas, alpha: Formula) -> list[programs.Watch]:
     """L~ must stay where it has the motion: at the end of the step, and at its discrete point if velocities matter."""
     points = [discrete_point(f, alpha if end.moves else ONE) for end in f.domain]
-    return [
-        programs.Watch("domain", end.formula.subs(point), end.text, say("other_motion"))
-        for end, point in zip(f.domain, points, strict=True)
-    ]
+    pairs = zip(f.domain, points, strict=True)
+    return [programs.Watch("domain", end.formula.subs(point), end.text, say("other_motion")) for end, point in pairs]
 
 
 def rank_watches(f: Formulas, place: Sequence[Formula], divides: bool = False) -> list[programs.Watch]:

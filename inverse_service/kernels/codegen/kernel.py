@@ -79,12 +79,6 @@ class Blocks:
         self._solves = self._labels = self._iterated = self._stops = 0
         self.active: Value | None = None  # where it does not hold, nothing stops a run and no sign is kept
 
-    def write(self, block: programs.Solve) -> None:
-        if block.affine:
-            self._linear(block)
-        else:
-            self._iterate(block)
-
     def going(self) -> Value:
         """Whether nothing has stopped the run."""
         return self.writer[programs.STATUS].equals(0.0)
@@ -128,7 +122,7 @@ class Blocks:
         w[slot] = kept if self.active is None else self.active.choose(kept, w[slot])
         self.stop_unless(good, code, value)
 
-    def _linear(self, block: programs.Solve) -> None:
+    def linear(self, block: programs.Solve) -> None:
         w, e = self.writer, self.emitter
         zero = {symbol(name): symengine.Integer(0) for name in block.unknowns}
         size = len(block.unknowns)
@@ -158,7 +152,7 @@ class Blocks:
         w[f"last_{place}"] = going.choose(determinant, w[f"last_{place}"])
         self._solves += 1
 
-    def _iterate(self, block: programs.Solve) -> None:
+    def iterate(self, block: programs.Solve) -> None:
         """Newton's method, or a contraction where there is no Jacobian."""
         w, e, size, entries = self.writer, self.emitter, len(block.unknowns), block.entries
         self._labels += 1  # parts without unknowns are names, bound to values computed before the loop
@@ -228,9 +222,7 @@ class Blocks:
         is known to its stiffness times the round-off of the place, however small it is itself.
         """
         w = self.writer
-        within: Operand = 1.0
-        small: Operand = 1.0
-        total: Operand = 0.0
+        within, small, squares = list[Value](), list[Value](), list[Value]()
         noise: Operand = 0.0  # the round-off of the state variables that the unknowns are added to
         for scale in dict.fromkeys(scale for scale in block.scales if scale):
             noise = noise + ROUND_OFF * abs(self.emitter.value(symbol(scale)))
@@ -248,15 +240,15 @@ class Blocks:
         for name, delta in zip(block.unknowns, change, strict=True):
             w[name] = new = self.emitter.value(symbol(name)) - delta
             size, moved = abs(delta), abs(new)
-            within = (size <= relative * moved + noise).choose(within, 0.0)
-            small = (size <= bounds[name[0]]).choose(small, 0.0)
-            total = total + delta * delta
-        assert isinstance(within, Value)
-        assert isinstance(total, Value)
+            within.append(size <= relative * moved + noise)
+            small.append(size <= bounds[name[0]])
+            squares.append(delta * delta)
+        total = reduce(operator.add, squares)
         stalls = total >= w[f"{label}_before"]
         early = w[label] < EARLIEST_NOISE
         w[f"{label}_before"] = w.select("i1", early, HUGE, total)
-        reached = within.equals(1.0).choose(within, stalls.choose(small, 0.0))
+        noisy = stalls.choose(reduce(operator.and_, small).choose(1.0, 0.0), 0.0)
+        reached = reduce(operator.and_, within).choose(1.0, noisy)
         before = w[f"{label}_settled"]
         return before.equals(1.0).choose(before, reached)
 
@@ -354,7 +346,7 @@ class Kernel:
             if isinstance(statement, programs.Assign):
                 self.emitter.bind(statement.name, self.emitter.value(statement.formula))
             else:
-                self.blocks.write(statement)
+                (self.blocks.linear if statement.affine else self.blocks.iterate)(statement)
 
     def _bind_state(self) -> None:
         for name in self.program.state:

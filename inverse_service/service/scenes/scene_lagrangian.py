@@ -74,10 +74,8 @@ class _Search:
         known = None if exact is None else exact_motion.class_lagrangian(exact, self.constants)
         if known is not None and wanted in (None, "second"):
             return known
-        return _first(
-            partial(self.of_associated, which)
-            for which in ([wanted] if wanted or scene.lagrangian is None else ["second", "first", "third"])
-        )
+        kinds = [wanted] if wanted or scene.lagrangian is None else ["second", "first", "third"]
+        return _first(partial(self.of_associated, which) for which in kinds)
 
     def first_fitting(self, known: Sequence[scene_reading.KnownLagrangian], source: str) -> FreeLagrangian:
         """The first that has the motion and whose domain contains the start."""

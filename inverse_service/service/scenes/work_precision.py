@@ -127,9 +127,8 @@ def _targets(measured: precision.Precision, named: dict[str, scene_data.Requeste
             numbers = {} if price is None else dataclasses.asdict(price)
             blank = dict.fromkeys(("seconds", "step", "tolerance", "evaluations", "at_most"))
             ratio = None if price is None or not best else price.seconds / best
-            rows.append(
-                {"method": label, "order": accuracy.order_of(named[label])} | blank | numbers | {"ratio": ratio}
-            )
+            what = {"method": label, "order": accuracy.order_of(named[label])}
+            rows.append(what | blank | numbers | {"ratio": ratio})
         found.append({"error": target, "rows": rows})
     return found
 
