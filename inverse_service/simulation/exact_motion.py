@@ -220,13 +220,10 @@ def class_lagrangian(motion: ExactMotion, given: Mapping[str, float]) -> scene_d
         found[:, k] = rate - shift
         return found.reshape(positions.shape)
 
-    return scene_data.FreeLagrangian(
-        lagrangian=ex.add(*(ex.HALF * rates[i] ** 2 for i in free), ex.HALF * norm * ex.add(*terms) / rates[k]),
-        hamiltonian=ex.add(*(ex.HALF * energy**2 for energy in energies)),
-        constants={label: given.get(label, 1.0) for label in labels},
-        source=f"{'L~2' if steady else 'L~1'} of the second associated system",
-        start_momenta=start_momenta,
-    )
+    lagrangian = ex.add(*(ex.HALF * rates[i] ** 2 for i in free), ex.HALF * norm * ex.add(*terms) / rates[k])
+    hamiltonian, known = ex.add(*(ex.HALF * energy**2 for energy in energies)), {x: given.get(x, 1.0) for x in labels}
+    source = f"{'L~2' if steady else 'L~1'} of the second associated system"
+    return scene_data.FreeLagrangian(lagrangian, hamiltonian, known, source, start_momenta)
 
 
 def _free_name(name: str, taken: Collection[str]) -> str:

@@ -419,13 +419,11 @@ def _error(run: Observed) -> Observations:
     distances: Array = differences.max(axis=1)
     known = int(np.isfinite(distances).sum())
     bound, before = float(truth.bounds[max(known - 1, 0)]), greatest(distances[:known])
+    each = {name: greatest(column) for name, column in columns_of(run.scene, differences).items()}
     numbers = {
-        "max_error": greatest(distances),
-        "final_error": float(distances[-1]),
-        "error_each": {name: greatest(column) for name, column in columns_of(run.scene, differences).items()},
-        "error_against": truth.against,
-        "error_uncertainty": bound,
-    }
+        "max_error": greatest(distances), "final_error": float(distances[-1]), "error_each": each,
+        "error_against": truth.against, "error_uncertainty": bound,
+    }  # fmt: skip
     if known and (before or 0.0) <= bound:
         numbers["error_note"] = f"Within the uncertainty of the true motion: at most {bound:.2g}."
     if known < len(distances):

@@ -104,10 +104,8 @@ def taylor_integrator(problem: Problem, tolerance: float = 1e-15, unit: float = 
     names = [f"q{k}" for k in range(len(problem.coordinates))] + [f"v{k}" for k in range(len(problem.coordinates))]
     variables = heyoka.make_vars(*names)
     size = len(problem.coordinates)
-    table: dict[ex.Expression, Any] = {
-        ex.PI: heyoka.expression(np.pi),
-        ex.TIME: heyoka.time if clock == 1 else clock * heyoka.time,
-    }
+    moment = heyoka.time if clock == 1 else clock * heyoka.time
+    table: dict[ex.Expression, Any] = {ex.PI: heyoka.expression(np.pi), ex.TIME: moment}
     parameters = used_parameters(problem)
     table |= {ex.Symbol(name): heyoka.par[k] for k, name in enumerate(parameters)}
     scaled = [unit * variable for variable in variables] if unit != 1 else variables

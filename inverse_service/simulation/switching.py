@@ -493,15 +493,11 @@ class _Pieces:
 
     def _at_start(self, state: Point, sides: Sides) -> list[int | ex.Expression]:
         """The events at which the motion begins, goes on in their direction, and is turned back: a ball on a floor."""
-        return [
-            k
-            for k, event in enumerate(self.scene.events)
-            if event.acts
-            and event.direction
-            and abs(self.motion.value(event.formula, sides, state)) <= NOISE * _size(state)
-            and self.motion.goes(sides | {event.formula: event.direction}, [event.formula], state)
-            and self._sense_held(event, state, (state[0], *self._after(event, state, state, sides)), sides)
-        ]
+        motion, least, held = self.motion, NOISE * _size(state), self._sense_held
+        acting = [(k, one) for k, one in enumerate(self.scene.events) if one.acts and one.direction]
+        zero = [(k, one) for k, one in acting if abs(motion.value(one.formula, sides, state)) <= least]
+        onward = [(k, e) for k, e in zero if motion.goes(sides | {e.formula: e.direction}, [e.formula], state)]
+        return [k for k, e in onward if held(e, state, (state[0], *self._after(e, state, state, sides)), sides)]
 
     def _after(self, event: data.Event, old: Point, state: Point, sides: Sides) -> tuple[Array, Array]:
         """Position and velocity with what the event sets at `state` in the place of the old ones."""

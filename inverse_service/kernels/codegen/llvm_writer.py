@@ -401,9 +401,8 @@ class Emitter:
         try:
             return Value(self.writer, self.writer.number(float(formula)))
         except (RuntimeError, TypeError, ValueError) as error:
-            raise errors.InputError(
-                "A formula of the simulation has no real value (a root or logarithm below 0)."
-            ) from error
+            detail = "A formula of the simulation has no real value (a root or logarithm below 0)."
+            raise errors.InputError(detail) from error
 
     def _chain(self, operation: Callable[[Value, Value], Value], parts: Sequence[Formula]) -> Value:
         return reduce(operation, map(self._value, parts))

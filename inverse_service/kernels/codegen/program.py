@@ -310,12 +310,9 @@ def determinant(rows: Sequence[Sequence[Formula]]) -> Formula:
     """By expansion along the first row."""
     if len(rows) == 1:
         return rows[0][0]
-    terms = [
-        (-1) ** place * entry * determinant([[*row[:place], *row[place + 1 :]] for row in rows[1:]])
-        for place, entry in enumerate(rows[0])
-        if entry != ZERO
-    ]
-    return sum(terms, ZERO)
+    minors = ([[*row[:k], *row[k + 1 :]] for row in rows[1:]] for k in range(len(rows)))
+    terms = zip(rows[0], minors, strict=True)
+    return sum(((-1) ** k * entry * determinant(rest) for k, (entry, rest) in enumerate(terms) if entry != ZERO), ZERO)
 
 
 def used_only(statements: Sequence[Statement], formulas: Sequence[Formula]) -> tuple[Statement, ...]:

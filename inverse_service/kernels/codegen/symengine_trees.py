@@ -62,9 +62,8 @@ def translate(tree: ex.Expression, table: Mapping[ex.Expression, Formula]) -> Fo
         case ex.Apply(function, argument):
             return _finite(_applied(function, translate(argument, table)))
         case ex.Arbitrary(name, _, _):
-            raise errors.InputError(
-                f"The function {name} has no formula: a simulation needs one, such as {name} = x^2."
-            )
+            detail = f"The function {name} has no formula: a simulation needs one, such as {name} = x^2."
+            raise errors.InputError(detail)
         case ex.Symbol(name):
             raise errors.InputError(f"{name} is neither a coordinate nor a parameter with a value of this simulation.")
         case _:
@@ -74,9 +73,8 @@ def translate(tree: ex.Expression, table: Mapping[ex.Expression, Formula]) -> Fo
 def _finite(formula: Formula) -> Formula:
     """The formula; InputError if it is infinite for all values, as 1/sin(0) and log(0) are."""
     if formula in _INFINITE:
-        raise errors.InputError(
-            "A formula of this system divides by 0 (or takes the logarithm of 0) for all values of its variables."
-        )
+        what = "divides by 0 (or takes the logarithm of 0)"
+        raise errors.InputError(f"A formula of this system {what} for all values of its variables.")
     return formula
 
 

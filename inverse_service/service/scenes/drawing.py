@@ -238,11 +238,8 @@ def draw_simulation(folder: Path, result: Result, tables: Tables, truth: Table |
         for name in views.QUANTITIES:
             if name in observed or (name == "discrete_energy" and "energy" in observed):
                 drawn[name] = series_figure(name, whole, columns)
-    return [
-        {"files": save(pair[0], folder, name, pair[1]), "caption": pair[1]}
-        for name, pair in drawn.items()
-        if pair is not None
-    ]
+    made = ((name, *pair) for name, pair in drawn.items() if pair is not None)
+    return [{"files": save(figure, folder, name, words), "caption": words} for name, figure, words in made]
 
 
 def picture(result: Result, name: str, ending: str) -> bytes | None:

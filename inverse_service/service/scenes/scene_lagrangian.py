@@ -188,12 +188,8 @@ def _question(scene: Scene, which: str) -> dict[str, Any]:
 def _of_equations(scene: Scene, accelerations: Sequence[ex.Expression], with_time: bool | None) -> dict[str, Any]:
     texts = {name: printing.to_text(f) for name, f in zip(scene.coordinates, accelerations, strict=True)}
     used = {node.name for f in accelerations for node in ex.walk(f) if isinstance(node, ex.Symbol)}
-    return {
-        "coordinates": list(scene.coordinates),
-        "equations": texts,
-        "parameters": [name for name in scene.values if name in used],
-        "time_dependent_lagrangian": with_time,
-    }
+    named = {"coordinates": list(scene.coordinates), "parameters": [name for name in scene.values if name in used]}
+    return {**named, "equations": texts, "time_dependent_lagrangian": with_time}
 
 
 @lru_cache(maxsize=16)
