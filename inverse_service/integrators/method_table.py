@@ -82,8 +82,8 @@ class Method:
     @property
     def listed_orders(self) -> str:
         """`orders` in words."""
-        names = {order: str(order) for order in sorted(self.orders)} | {self.orders[0]: f"{self.orders[0]} (default)"}
-        return ", ".join(names.values())
+        names = (f"{order} (default)" if order == self.orders[0] else str(order) for order in sorted(self.orders))
+        return ", ".join(names)
 
     @property
     def own_steps(self) -> bool:
