@@ -126,18 +126,18 @@ class _Integrals:
                     for degree in (1, 2):
                         self._search(self.units.ansatz(forms, degree, False, plain=True), degree, False)
             frames = [one for one in frames if self.constraints or one in (self.momenta, self.velocities)]
-            for degree, moving in ((1, False), (2, False), (1, True)):
-                if degree == 2 and not moving:
+            for degree, with_time in ((1, False), (2, False), (1, True)):
+                if degree == 2 and not with_time:
                     self._propose(proposed)
                 for forms in frames:
-                    if self._is_complete(moving) or (moving and (self.moves or len(forms) > 4 - degree)):
+                    if self._is_complete(with_time) or (with_time and (self.moves or len(forms) > 4 - degree)):
                         break
-                    self._search(self.units.ansatz(forms, degree, moving), degree, moving)
+                    self._search(self.units.ansatz(forms, degree, with_time), degree, with_time)
             self._scale()
 
-    def _is_complete(self, moving: bool) -> bool:
+    def _is_complete(self, with_time: bool) -> bool:
         """Whether there are as many as there can be: all solutions are known then."""
-        return len(self.kept) >= len(self.names) + len(self.free) - (not moving and not self.moves)
+        return len(self.kept) >= len(self.names) + len(self.free) - (not with_time and not self.moves)
 
     def _evident(self) -> None:
         """The energy, and the momenta of coordinates that L does not hold."""
@@ -285,12 +285,12 @@ class _Integrals:
         self.drawn = evaluation(2, 1)
         return points, [self.drawn.jet(tree) for tree in kernels]
 
-    def _search(self, ansatz: _Ansatz, degree: int, moving: bool) -> None:
+    def _search(self, ansatz: _Ansatz, degree: int, with_time: bool) -> None:
         """Integrals of the form; the degree is that of its terms in the momenta or other forms."""
         if not ansatz.terms:
             return
         for support in self._supports(ansatz):
-            if self._is_complete(moving):
+            if self._is_complete(with_time):
                 return
             check()
             if now() > self.deadline:
@@ -362,8 +362,8 @@ class _Integrals:
         vectors = matrices.null_vectors(ring, rates)
         if not vectors:
             return None
-        moving = [bool(ansatz.terms[place][0]) for place in support]
-        pairs = zip(_cleared(ring, vectors[0], moving), support, strict=True)
+        with_forms = [bool(ansatz.terms[place][0]) for place in support]
+        pairs = zip(_cleared(ring, vectors[0], with_forms), support, strict=True)
         return [(exact_field.quotient_tree(ring, c), place) for c, place in pairs if not c.is_zero]
 
     # For a reader.
@@ -443,29 +443,30 @@ class _Integrals:
         return found if len(found) <= _LONGEST_SYMMETRY and "s" not in (*self.names, *self.motion.parameters) else ""
 
     def _name(self, fields: Sequence[Expression], otherwise: str) -> str:
-        moving = [(name, eta) for name, eta in zip(self.names, fields, strict=True) if eta != ex.ZERO]
-        listed = ", ".join(name for name, _ in moving)
-        if all(not ex.holds(eta, ex.TIME, *self.positions, *self.free) for _, eta in moving):
-            return f"momentum of {listed}" if len(moving) == 1 else f"momentum along {listed}"
-        if len(moving) == 2:
-            (one, first), (other, second) = moving
+        moved = [(name, eta) for name, eta in zip(self.names, fields, strict=True) if eta != ex.ZERO]
+        listed = ", ".join(name for name, _ in moved)
+        if all(not ex.holds(eta, ex.TIME, *self.positions, *self.free) for _, eta in moved):
+            return f"momentum of {listed}" if len(moved) == 1 else f"momentum along {listed}"
+        if len(moved) == 2:
+            (one, first), (other, second) = moved
             if collecting.collect(first * ex.Symbol(one) + second * ex.Symbol(other)) == ex.ZERO:
                 return f"angular momentum in {listed}"
         return otherwise
 
 
 def _cleared(
-    ring: exact_field.ExactRing, vector: Sequence[exact_field.Quotient], moving: Sequence[bool]
+    ring: exact_field.ExactRing, vector: Sequence[exact_field.Quotient], counted: Sequence[bool]
 ) -> list[exact_field.Quotient]:
-    """The vector times its common denominator, the numbers of its entries that are `moving` whole and coprime."""
+    """The vector times its common denominator, the numbers of its entries that are `counted` whole and coprime."""
     powers: dict[int, int] = {}
     for entry in vector:
         for index, power in entry.exponents:
             powers[index] = max(powers.get(index, 0), power)
     scale = exact_field.Quotient(ring.field, ring.field.expand(tuple(sorted(powers.items()))), ())
     whole = [entry * scale for entry in vector]
-    pairs = zip(whole, moving, strict=True)
-    numbers = [exact_field.as_fraction(c) for entry, counts in pairs if counts for _, c in entry.numerator.terms()]
+    numbers = [
+        exact_field.as_fraction(c) for one in itertools.compress(whole, counted) for _, c in one.numerator.terms()
+    ]
     content = Fraction(math.gcd(*(c.numerator for c in numbers)), math.lcm(*(c.denominator for c in numbers)))
     return [entry.scaled(1 / content) for entry in whole] if content else whole
 
@@ -556,10 +557,10 @@ class _Units:
                 for e in {exponent, exponent + 1} - {Fraction(0)}:
                     table[q**e] = 1 if abs(e) <= 1 else 2
 
-    def _factors(self, degree: int, moving: bool) -> list[tuple[Expression, int]]:
+    def _factors(self, degree: int, with_time: bool) -> list[tuple[Expression, int]]:
         """Products of units of different coordinates up to a total degree, simple ones first."""
         tables = [*self.single.values(), *({unit: d} for unit, d in self.mixed.items())]
-        if moving or self.work.moves:
+        if with_time or self.work.moves:
             times = {ex.TIME: 1, ex.TIME**2: 2}
             times |= {
                 node: 1
@@ -581,7 +582,7 @@ class _Units:
             found += more
         return sorted(dict.fromkeys(found), key=lambda item: (item[1], ex.node_count(item[0])))
 
-    def _potentials(self, degree: int, moving: bool) -> list[Expression]:
+    def _potentials(self, degree: int, with_time: bool) -> list[Expression]:
         """The terms of L without velocities, times polynomials."""
         lagrangian = self.work.lagrangian
         if lagrangian is None:
@@ -593,13 +594,13 @@ class _Units:
             for term in ex.summands(rest)
             if ex.holds(term, *self.positions)
         ]
-        small = [tree for tree, d in self._factors(min(degree, 2), moving) if d <= degree]
+        small = [tree for tree, d in self._factors(min(degree, 2), with_time) if d <= degree]
         return [tree * factor for tree in plain for factor in small]
 
-    def _inner(self, forms: tuple[Expression, ...], degree: int, moving: bool) -> Iterator[list[Expression]]:
+    def _inner(self, forms: tuple[Expression, ...], degree: int, with_time: bool) -> Iterator[list[Expression]]:
         """The functions that products of forms are multiplied by: fewer ones where the first make too many terms."""
         if forms == self.work.momenta or any(isinstance(form, ex.Velocity) for form in forms):
-            yield from ([tree for tree, _ in self._factors(width, moving)] for width in (2, 1, 0))
+            yield from ([tree for tree, _ in self._factors(width, with_time)] for width in (2, 1, 0))
             return
         velocities = map(ex.Velocity, self.names)
         slopes = (
@@ -610,15 +611,18 @@ class _Units:
             choices = (itertools.combinations_with_replacement(letters, k) for k in range(width + 1))
             yield [ex.multiply(*letters) for chosen in choices for letters in chosen]
 
-    def ansatz(self, forms: tuple[Expression, ...], degree: int, moving: bool, plain: bool = False) -> _Ansatz:
-        """All terms of the degree, functions of position alone and, where f is not even in v, linear terms."""
+    def ansatz(self, forms: tuple[Expression, ...], degree: int, with_time: bool, plain: bool = False) -> _Ansatz:
+        """All terms of the degree, functions of position alone and, where f is not even in v, linear terms.
+
+        `with_time`: powers of t are among the factors. `plain`: forms and their products have constant coefficients.
+        """
         keys: list[tuple[int, ...]] = list(itertools.combinations_with_replacement(range(len(forms)), degree))
         keys += [(k,) for k in range(len(forms))] if degree == 2 and not self._is_even() else []
-        inners: Iterator[list[Expression]] = iter([[ex.ONE]]) if plain else self._inner(forms, degree, moving)
+        inners: Iterator[list[Expression]] = iter([[ex.ONE]]) if plain else self._inner(forms, degree, with_time)
         inner: list[Expression] = []
         for width in (2, 1, 0):
             inner = next(inners, inner)
-            rest = [*self._polynomials(), *self._potentials(width, moving)]
+            rest = [*self._polynomials(), *self._potentials(width, with_time)]
             outer = [tree for tree in dict.fromkeys([*inner, *rest]) if tree != ex.ONE]
             factors = list(dict.fromkeys([*inner, *outer]))
             place = {tree: k for k, tree in enumerate(factors)}

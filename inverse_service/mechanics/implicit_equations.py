@@ -124,13 +124,14 @@ def solve_lines(equations: Sequence[LinearEquation], coordinates: Sequence[str])
         chosen = [row_of[column] for column in block]
         rests = [_with_known(equations[row], solved) for row in chosen]
         matrix = [[rows[row][column] for column in block] for row in chosen]
-        scales = [common_denominator(ring, row) for row in matrix]
-        inverse, determinant = _inverse(ring, matrix, scales)
-        if inverse is None:
+        inverse = inverse_of(ring, matrix)
+        if inverse is None or vanishes(ring.tree(OpaqueFraction(inverse.determinant, ring.constant(1)))):
             raise _singular([coordinates[column] for column in block])
-        divisors.update(dict.fromkeys(factor for each in (determinant, *scales) for factor in ring.factors_of(each)))
-        for place, column in enumerate(block):
-            solved[coordinates[column]] = _solution(ring, inverse[place], rests, places)
+        below = (inverse.determinant, *inverse.scales)
+        divisors.update(dict.fromkeys(factor for each in below for factor in ring.factors_of(each)))
+        for row, column in zip(inverse.adjugate, block, strict=True):
+            entries = [ring.reduced(entry, inverse.determinant) for entry in row]
+            solved[coordinates[column]] = _solution(ring, entries, rests, places)
     written = [tree for equation in equations for tree in (*equation.coefficients.values(), equation.rest)]
     found = tuple(writing.with_sums_as_in(solved[name], written) for name in coordinates)
     moving = {ex.TIME, *map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates)}
@@ -192,16 +193,6 @@ def _scaled(coefficient: ex.Expression, expression: ex.Expression) -> ex.Express
     if isinstance(coefficient, ex.Number) and isinstance(expression, ex.Sum):
         return ex.add(*(coefficient * term for term in expression.terms))
     return coefficient * expression
-
-
-def _inverse(
-    ring: OpaqueRing, matrix: list[list[OpaqueFraction]], scales: Sequence[Polynomial]
-) -> tuple[list[list[OpaqueFraction]] | None, Polynomial]:
-    """The inverse of a block, None where its determinant is the zero function, and the determinant up to its sign."""
-    found = solved_rows(ring, [cleared(row, scale) for row, scale in zip(matrix, scales, strict=True)], scales)
-    if found is None or vanishes(ring.tree(OpaqueFraction(found[1], ring.constant(1)))):
-        return None, ring.constant(0)
-    return [[ring.reduced(entry, found[1]) for entry in row] for row in found[0]], found[1]
 
 
 def _solution(
@@ -398,28 +389,34 @@ def times(left: Polynomial, right: Polynomial, most: int = MOST_TERMS) -> Polyno
     return left * right
 
 
-def common_denominator(ring: OpaqueRing, entries: Iterable[OpaqueFraction], most: int = MOST_TERMS) -> Polynomial:
-    """The least common multiple of the denominators; LimitError as `times`."""
-    common = ring.constant(1)
-    for entry in entries:
-        common = times(common, divmod(entry.denominator, common.gcd(entry.denominator))[0], most)
-    return common
+@dataclass(frozen=True, slots=True)
+class InverseRows:
+    """The inverse adjugate / determinant of a matrix P whose rows had the denominators `scales`.
+
+    The determinant is +-det of the matrix of polynomials D P, D = diag(scales); the quotients need not be reduced.
+    """
+
+    adjugate: Rows
+    determinant: Polynomial
+    scales: tuple[Polynomial, ...]
 
 
-def cleared(entries: Iterable[OpaqueFraction], common: Polynomial, most: int = MOST_TERMS) -> list[Polynomial]:
-    """The entries times a multiple of their denominators."""
-    return [times(entry.numerator, divmod(common, entry.denominator)[0], most) for entry in entries]
+def inverse_of(
+    ring: OpaqueRing, matrix: Sequence[Sequence[OpaqueFraction]], most: int = MOST_TERMS
+) -> InverseRows | None:
+    """None where the matrix is singular; LimitError as `times`.
 
-
-def solved_rows(
-    ring: OpaqueRing, matrix: Rows, right: Sequence[Polynomial], most: int = MOST_TERMS
-) -> tuple[Rows, Polynomial] | None:
-    """(d P^-1 D, d) for a matrix P and a diagonal matrix D; None where P is singular, d is +-det P.
-
-    Fraction-free Gauss-Jordan elimination (Bareiss 1968) of (P | D) to (d I | d P^-1 D). LimitError as `times`.
+    Fraction-free Gauss-Jordan elimination (Bareiss 1968) of (D P | D) to (d I | d P^-1).
     """
     size, zero = len(matrix), ring.constant(0)
-    table = [[*row, *(right[i] if i == j else zero for j in range(size))] for i, row in enumerate(matrix)]
+    scales = tuple(_common_denominator(ring, row, most) for row in matrix)
+    table = [
+        [
+            *(times(entry.numerator, divmod(scale, entry.denominator)[0], most) for entry in row),
+            *(scale if i == j else zero for j in range(size)),
+        ]
+        for i, (row, scale) in enumerate(zip(matrix, scales, strict=True))
+    ]
     previous = ring.constant(1)
     for column in range(size):
         rows = [row for row in range(column, size) if not table[row][column].is_zero()]
@@ -435,7 +432,15 @@ def solved_rows(
                     divmod(times(pivot, a, most) - times(row[column], b, most), previous)[0] for a, b in pairs
                 ]
         previous = pivot
-    return [row[size:] for row in table], previous
+    return InverseRows([row[size:] for row in table], previous, scales)
+
+
+def _common_denominator(ring: OpaqueRing, entries: Iterable[OpaqueFraction], most: int) -> Polynomial:
+    """The least common multiple of the denominators."""
+    common = ring.constant(1)
+    for entry in entries:
+        common = times(common, divmod(entry.denominator, common.gcd(entry.denominator))[0], most)
+    return common
 
 
 def expanded_terms(tree: ex.Expression) -> tuple[int, int]:

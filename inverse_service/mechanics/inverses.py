@@ -201,11 +201,8 @@ def invert(matrix: Sequence[Sequence[ex.Expression]]) -> Inverse | None:
     ring = implicit_equations.OpaqueRing([entry for row in plain for entry in row])
     try:
         fractions = [[ring.fraction(entry) for entry in row] for row in plain]
-        scales = [implicit_equations.common_denominator(ring, row, bounds.TERMS) for row in fractions]
-        pairs = zip(fractions, scales, strict=True)
-        rows = [implicit_equations.cleared(row, scale, bounds.TERMS) for row, scale in pairs]
-        solved = implicit_equations.solved_rows(ring, rows, scales, bounds.TERMS)
-        return None if solved is None else _reduced(ring, *solved)
+        found = implicit_equations.inverse_of(ring, fractions, bounds.TERMS)
+        return None if found is None else _reduced(ring, found.adjugate, found.determinant)
     except (errors.LimitError, ZeroDivisionError):
         return None
 

@@ -78,14 +78,7 @@ def legendre(
     constants = _constants_of(lagrangian, names)
     # What is found is the same in whatever order the constants were typed.
     plain = writing.with_products_in_order(lagrangian, sorted(constants, key=lambda symbol: symbol.name))
-    # u log u has log u + 1 for a slope, if it is not expanded
-    slopes = euler_lagrange.gradient(plain, map(ex.Velocity, names))
-    given = [slopes.get(ex.Velocity(name), ex.ZERO) for name in names]
-    shorter = [
-        short_forms.shortest([short_forms.inside(short_forms.related(short_forms.simplified(slope))), slope])
-        for slope in given
-    ]
-    functions = tuple(writing.with_products_in_order(slope, constants) for slope in shorter)
+    functions = _momentum_functions(plain, names, constants)
     momenta = dict(zip(names, symbols, strict=True))
     parts = inverses.split(plain, names, momenta)
     implicit = LegendreTransform(lagrangian, symbols, _energy(parts), functions, None, True, renamed)
@@ -126,6 +119,18 @@ def momentum_symbols(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[t
         if chosen != choices[0]:
             notes.append(f"The momentum of {name} is called {chosen}, because {choices[0]} is in use.")
     return tuple(symbols), " ".join(notes)
+
+
+def _momentum_functions(
+    lagrangian: ex.Expression, names: Sequence[str], constants: Sequence[ex.Symbol]
+) -> tuple[ex.Expression, ...]:
+    """p_i(t, q, v) in short forms, with the constants in products in the order given."""
+    # u log u has log u + 1 for a slope, if it is not expanded
+    slopes = euler_lagrange.gradient(lagrangian, map(ex.Velocity, names))
+    given = [slopes.get(ex.Velocity(name), ex.ZERO) for name in names]
+    shorter = (short_forms.inside(short_forms.related(short_forms.simplified(slope))) for slope in given)
+    shortest = map(short_forms.shortest, zip(shorter, given, strict=True))
+    return tuple(writing.with_products_in_order(slope, constants) for slope in shortest)
 
 
 def _energy(parts: inverses.Parts) -> ex.Expression:

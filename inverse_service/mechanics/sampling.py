@@ -224,8 +224,9 @@ def signs_of_momenta(
 
     x' = 4 p^2/9 of p = 3 sqrt(x')/2 has values for p < 0 as well, which belong to another motion.
     """
-    every = _is_polynomial_in_velocities(claim.lagrangian) and not any(ex.has(tree, ex.Velocity) for tree in positive)
-    bounded = {p: tree for p, tree in claim.momenta.items() if not (every and _is_affine(tree))}
+    is_restricted = any(ex.has(tree, ex.Velocity) for tree in positive)
+    allows_all = not is_restricted and _is_polynomial_in_velocities(claim.lagrangian)
+    bounded = {p: tree for p, tree in claim.momenta.items() if not (allows_all and _is_affine(tree))}
     if not bounded:
         return ()
     with mp.workdps(bounds.DIGITS):
