@@ -27,7 +27,7 @@ from inverse_service.field.dense_series import constants_at, run
 from inverse_service.field.echelon import Words
 from inverse_service.field.exact_field import Budget, TooLarge, primitive, quotient_tree
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus, positive_power
-from inverse_service.field.point import Point, evaluate, number_value
+from inverse_service.field.point import Point, SingularPoint, evaluate, number_value
 from inverse_service.field.real_point import RealTable, find_real_point
 from inverse_service.field.sample_points import Drawn, Integers, KnownTower, Matrix, SamplePoints
 from inverse_service.field.tower import Tower, atoms_in_order, draw_point, to_kernels
@@ -35,6 +35,8 @@ from inverse_service.mechanics import conditions
 from inverse_service.search.terms import Monomial, monomial_tree, multiply_terms, sum_of, terms_of
 
 _T = TypeVar("_T")
+# An ansatz whose terms have no common points (a vanishing denominator, a missing root) finds nothing.
+NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
 Combination = dict[Monomial, Fraction]
 
 

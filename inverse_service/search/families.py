@@ -20,15 +20,22 @@ import numpy as np
 from flint import nmod_mat
 
 from inverse_service import bounds, deadline
-from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions import tree as ex
 from inverse_service.field import modular, null_vectors
 from inverse_service.field.echelon import Words
 from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.modular import Field, compiled, multiply
-from inverse_service.field.point import SingularPoint, Variable, variables_in
+from inverse_service.field.point import Variable, variables_in
 from inverse_service.search import terms as tm
-from inverse_service.search.ansatz import LetterTable, helmholtz_matrix, letters_of, sampler_of, table_at, to_montgomery
+from inverse_service.search.ansatz import (
+    NO_POINTS,
+    LetterTable,
+    helmholtz_matrix,
+    letters_of,
+    sampler_of,
+    table_at,
+    to_montgomery,
+)
 from inverse_service.search.factors import Factors, position_monomials, products
 from inverse_service.search.gradients import Integrator
 from inverse_service.search.material import Material, distinct, moving_letters
@@ -36,7 +43,6 @@ from inverse_service.search.material import Material, distinct, moving_letters
 _POWERS = tuple(Fraction(e, 2) for e in (1, 3, 4, 5, 6, 8, -2, -4))
 _ROOTS = tuple(Fraction(e, 2) for e in (1, -1, 2, -2, 3, -3, 4))
 _HALVES = (Fraction(1, 2), Fraction(-1, 2))
-_NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
 NAME = "the given terms"
 
 
@@ -201,7 +207,7 @@ def possible_shapes(material: Material, shapes: Sequence[tm.Monomial], seed: int
     """The shapes that can occur; the simplest ones if the test is impossible."""
     try:
         return _possible_shapes(material, shapes, seed)
-    except _NO_POINTS:
+    except NO_POINTS:
         return Possible(list(shapes[: bounds.SMALL]))
 
 

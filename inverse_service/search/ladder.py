@@ -14,7 +14,7 @@ from inverse_service import bounds, errors
 from inverse_service.deadline import OutOfTime, check, within
 from inverse_service.decision import deciding
 from inverse_service.expressions import evaluation, tree as ex
-from inverse_service.field import exact_field, point as ps, real_point
+from inverse_service.field import exact_field, real_point
 from inverse_service.mechanics import euler_lagrange, implicit_equations
 from inverse_service.search import (
     ansatz,
@@ -43,8 +43,6 @@ ANSATZ = (
     families.Family("products of up to four velocities", 7, families.polynomials, bounds.LARGE),
     families.Family("logarithms and arctangents of two velocities", 9, families.complex_logarithms, bounds.SMALL),
 )
-# An ansatz whose terms have no common points (a vanishing denominator, a missing root) finds nothing.
-_NO_POINTS = (errors.IrreducibleAtoms, ps.SingularPoint, ValueError)
 
 
 def _lifted(
@@ -246,7 +244,7 @@ def attempt(state: _Search, rung: Rung) -> protocol.Found | None:
         trees = rung.propose(state.material, state.seed)
         asked = [tree for tree in trees if state.material.motion.with_time or not ex.holds(tree, ex.TIME)]
         proposed = tuple(asked if rung.exact else _verified(state, asked))
-    except (*_NO_POINTS, errors.InputError, ArithmeticError, KeyError):
+    except (*ansatz.NO_POINTS, errors.InputError, ArithmeticError, KeyError):
         proposed = ()
     state.tried.append((rung.name, len(proposed)))
     return protocol.Found(proposed, rung.name, proposed[:1]) if proposed else None
@@ -286,7 +284,7 @@ def _solve(material: Material, family: families.Family, terms: Sequence[Monomial
             space = ansatz.solve_multiplier(sampler, terms, seed)
         best = best_members(space, seed, partial(families.with_potential, material))
         parts = [families.with_potential(material, part) for member in best[:1] for part in member.parts]
-    except (*_NO_POINTS, exact_field.TooLarge, TooManyTerms):
+    except (*ansatz.NO_POINTS, exact_field.TooLarge, TooManyTerms):
         return None
     if not best:
         return None
