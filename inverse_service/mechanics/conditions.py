@@ -12,10 +12,10 @@ the inverse problem of the calculus of variations, 1941; W. Sarlet, The Helmholt
 of N in nabla is that of the definition of N here.
 """
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import combinations, combinations_with_replacement
 from typing import Generic, Protocol, Self, TypeVar
 
 from inverse_service import bounds, deadline
@@ -261,6 +261,22 @@ def factor_slopes(exact: MotionInRing, direction: Tensor11[exact_field.Quotient]
     return FactorSlopes(tuple(mu), a, tuple(nu), tau)
 
 
+def _symmetry_rows(
+    motion: Motion[exact_field.Quotient],
+    tensors: Sequence[Tensor11[exact_field.Quotient]],
+    places: Sequence[tuple[int, int]],
+) -> list[tuple[exact_field.Quotient, ...]]:
+    """The coefficients of g_ij, (i, j) of `places`, in g_ik T^k_j - g_jk T^k_i = 0, i < j, for each tensor T."""
+    rows, span = [], range(motion.size)
+    for tensor, (i, j) in itertools.product(tensors, itertools.combinations(span, 2)):
+        row = dict.fromkeys(places, motion.zero)
+        for k in span:
+            row[min(i, k), max(i, k)] += tensor[k][j]
+            row[min(j, k), max(j, k)] -= tensor[k][i]
+        rows.append(tuple(row.values()))
+    return rows
+
+
 def one_matrix(system: SecondOrderSystem) -> tuple[Matrix, tuple[tuple[ex.Expression, ex.Expression], ...]] | None:
     """(G, (variable, du by it), …) where g T = (g T)^T for T = Phi, nabla Phi leaves one matrix, g = e^u G.
 
@@ -268,19 +284,12 @@ def one_matrix(system: SecondOrderSystem) -> tuple[Matrix, tuple[tuple[ex.Expres
     large.
     """
     n = len(system.coordinates)
-    places = list(combinations_with_replacement(range(n), 2))
+    places = list(itertools.combinations_with_replacement(range(n), 2))
     try:
         exact = motion_in_ring(system, 6, exact_field.Budget(10 * bounds.TERMS, deadline.now() + TIME_LIMIT))
-        ring, motion, zero = exact.ring, exact.motion, exact.motion.zero
-        half, tensors = connection(motion), [jacobi_endomorphism(motion)]
-        tensors.append(nabla(motion, half, tensors[0]))
-        rows = []
-        for tensor, (i, j) in ((t, pair) for t in tensors for pair in combinations(range(n), 2)):
-            row = dict.fromkeys(places, zero)
-            for k in range(n):
-                row[min(i, k), max(i, k)] += tensor[k][j]
-                row[min(j, k), max(j, k)] -= tensor[k][i]
-            rows.append(tuple(row.values()))
+        ring, motion = exact.ring, exact.motion
+        phi = jacobi_endomorphism(motion)
+        rows = _symmetry_rows(motion, (phi, nabla(motion, connection(motion), phi)), places)
         found = list(matrices.null_space(rows, len(places), ring.constant(1)).values())
         if len(found) != 1:
             return None

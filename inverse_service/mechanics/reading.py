@@ -269,18 +269,11 @@ def _definitions(
             continue  # its fault is reported where it is read
         for group in groups:
             first, *rest = group.tokens
-            moved = _ACCELERATION.fullmatch(first.text)
-            if moved and not first.order and not names.role(first.text) and rest and rest[0].is_operator("="):
-                meant = f"{next(filter(None, moved.groups()))}''"
-                what, span = f"{first.text} is read as a name; it occurs", (first.column, rest[0].column)
-                raise refusals.refusal(what, first.column, f"write {meant} for a second derivative", (meant,), span).at(
-                    pointer
-                )
+            _refuse_acceleration_as_name(first, rest, names, pointer)
             moves = names.role(first.text) or _DERIVATIVE.search(first.text)
+            elsewhere = {token.text for other in groups if other != group for token in walk(other.tokens)}
             # r^2 = x^2 + y^2, where r is in another equation
-            squared = _is_squared(group.tokens) * any(
-                token.text == first.text for other in groups if other != group for token in walk(other.tokens)
-            )
+            squared = _is_squared(group.tokens) * (first.text in elsewhere)
             called = _is_called(group.tokens)
             rest = rest[squared or called :]
             is_definition = first.kind == "name" and not first.order and rest and rest[0].is_operator("=") and not moves
@@ -291,17 +284,8 @@ def _definitions(
                 continue  # p = m*x' next to p' = -k*x
             if not rated and first.text != "L" and not any(map(_moves, texts.values())):
                 continue  # what is missing is the motion
-            what, instead = f"{first.text} = … is a definition, not an equation of motion; it occurs", ""
-            length = any(token.text == "L" for other in groups if other != group for token in walk(other.tokens))
-            if first.text == "L" and not rated and not length:
-                raise refusals.refusal(what, first.column, 'write it in the document as "lagrangian": "…"').at(pointer)
-            if [token.text for token in rest[1:]] == ["0"]:
-                what = f"{first.text} = 0 holds no acceleration, as an equation of a singular Lagrangian; it occurs"
-                instead = f'write it in the document as "where": {{"{first.text}": "0"}}'
-                raise refusals.refusal(what, first.column, instead).at(pointer)
-            if any(_moves(each, first.text) for each in texts.values()):  # a definition would leave its own equation
-                instead = f"leave out the equation with {first.text}'' and put {first.text} into the others"
-                raise refusals.refusal(what, first.column, instead).at(pointer)
+            is_lagrangian = first.text == "L" and not rated and "L" not in elsewhere  # and no length
+            _refuse_definition(first, rest, is_lagrangian, texts, pointer)
             if len(rest) > 1:
                 before = text[first.column - 1 : rest[0].column - 1]
                 _, sign, formula = _DEFINES.split(text[rest[0].column - 1 : group.end_column - 1], 1)
@@ -312,6 +296,32 @@ def _definitions(
                 found[name.replace("\\left", "").replace("\\right", "")] = before_root + root % formula, pointer
                 reader.note(f"{before}{sign}{formula.rstrip()}", DEFINITION + ROOT * bool(squared))
     return found
+
+
+def _refuse_acceleration_as_name(first: Token, rest: Sequence[Token], names: Names, pointer: str) -> None:
+    """InputError for xdd = … or d2xdt2 = …, which mean x'' = …."""
+    moved = _ACCELERATION.fullmatch(first.text)
+    if moved and not first.order and not names.role(first.text) and rest and rest[0].is_operator("="):
+        meant = f"{next(filter(None, moved.groups()))}''"
+        what, span = f"{first.text} is read as a name; it occurs", (first.column, rest[0].column)
+        instead = f"write {meant} for a second derivative"
+        raise refusals.refusal(what, first.column, instead, (meant,), span).at(pointer)
+
+
+def _refuse_definition(
+    name: Token, rest: Sequence[Token], is_lagrangian: bool, texts: Mapping[str, str], pointer: str
+) -> None:
+    """InputError for a definition that belongs to another part of the document, or of a name with its own equation."""
+    what, instead = f"{name.text} = … is a definition, not an equation of motion; it occurs", ""
+    if is_lagrangian:
+        instead = 'write it in the document as "lagrangian": "…"'
+    elif [token.text for token in rest[1:]] == ["0"]:
+        what = f"{name.text} = 0 holds no acceleration, as an equation of a singular Lagrangian; it occurs"
+        instead = f'write it in the document as "where": {{"{name.text}": "0"}}'
+    elif any(_moves(each, name.text) for each in texts.values()):  # a definition would leave its own equation
+        instead = f"leave out the equation with {name.text}'' and put {name.text} into the others"
+    if instead:
+        raise refusals.refusal(what, name.column, instead).at(pointer)
 
 
 def _is_squared(tokens: Sequence[Token]) -> int:
