@@ -60,16 +60,17 @@ def linear_equation(residual: ex.Expression, pointer: str = "") -> LinearEquatio
 def vanishes(tree: ex.Expression) -> bool:
     """True where the tree is 0 at several random points, relative to the size of its terms.
 
-    InputError where fewer points are found at which it has a real value.
+    InputError where it is 0 at all points found, and these are fewer.
     """
     points = sampling.sample_points([tree], most=_POINTS)
-    if len(points) < _POINTS:
+    with mp.workdps(bounds.DIGITS):
+        vanished = all(is_small(tree, point) for point in points)
+    if vanished and len(points) < _POINTS:
         raise errors.InputError(
             "no point was found at which the coefficients of the accelerations are real: check roots and logarithms.",
             "/equations",
         )
-    with mp.workdps(bounds.DIGITS):
-        return all(is_small(tree, point) for point in points)
+    return vanished
 
 
 def is_small(tree: ex.Expression, table: Mapping[ex.Expression, evaluation.Real]) -> bool:
