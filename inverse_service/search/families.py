@@ -26,16 +26,7 @@ from inverse_service.field.echelon import Words
 from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.modular import Field, compiled, multiply
 from inverse_service.field.point import Variable, variables_in
-from inverse_service.search import terms as tm
-from inverse_service.search.ansatz import (
-    NO_POINTS,
-    LetterTable,
-    helmholtz_matrix,
-    letters_of,
-    sampler_of,
-    table_at,
-    to_montgomery,
-)
+from inverse_service.search import ansatz, terms as tm
 from inverse_service.search.factors import Factors, position_monomials, products
 from inverse_service.search.gradients import Integrator
 from inverse_service.search.material import Material, distinct, moving_letters
@@ -207,7 +198,7 @@ def possible_shapes(material: Material, shapes: Sequence[tm.Monomial], seed: int
     """The shapes that can occur; the simplest ones if the test is impossible."""
     try:
         return _possible_shapes(material, shapes, seed)
-    except NO_POINTS:
+    except ansatz.NO_POINTS:
         return Possible(list(shapes[: bounds.SMALL]))
 
 
@@ -216,11 +207,11 @@ def _possible_shapes(material: Material, shapes: Sequence[tm.Monomial], seed: in
         return Possible([])
     unknowns = material.motion.size + 1 + material.motion.with_time
     chosen = list(shapes[: bounds.SMALL])
-    sampler = sampler_of(material.analysis, chosen)
-    points, letters = sampler.points(seed, material.motion.velocities), letters_of(chosen)
+    sampler = ansatz.sampler_of(material.analysis, chosen)
+    points, letters = sampler.points(seed, material.motion.velocities), ansatz.letters_of(chosen)
     count = (len(chosen) * unknowns + null_vectors.SPARE) // material.motion.size**2 + 2
-    table = table_at(points, letters, count, with_third=True)
-    matrix, hessians = helmholtz_matrix(sampler, table, letters, chosen)
+    table = ansatz.table_at(points, letters, count, with_third=True)
+    matrix, hessians = ansatz.helmholtz_matrix(sampler, table, letters, chosen)
     generator = random.Random(f"velocity shapes {seed}")
 
     found = _random_solution(material, table, matrix, hessians, generator)
@@ -241,7 +232,7 @@ def _fixed(material: Material, solution: Sequence[int], count: int) -> list[froz
 
 
 def _random_solution(
-    material: Material, table: LetterTable, matrix: Words, hessians: Words, generator: random.Random
+    material: Material, table: ansatz.LetterTable, matrix: Words, hessians: Words, generator: random.Random
 ) -> list[int]:
     """The coefficients of the shapes of one group, followed by their derivatives, in a random solution at one place."""
     motion, prime = material.motion, table.prime
@@ -249,7 +240,7 @@ def _random_solution(
     width = matrix.shape[1]
     rows = np.zeros((len(matrix), width * (1 + len(rates[0]))), np.uint64)
     rows[:, :width] = matrix
-    _fill_rates(to_montgomery(np.array(rates, np.uint64), prime), hessians, rows, modular.field_of(prime))
+    _fill_rates(ansatz.to_montgomery(np.array(rates, np.uint64), prime), hessians, rows, modular.field_of(prime))
     return null_vectors.random_null_vector(rows, prime, generator)
 
 
