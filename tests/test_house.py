@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import re
 from collections import Counter
 from pathlib import Path
 
+from inverse_service.simulation import sentences
 from tests.test_layering import imported
 
 ROOT = Path(__file__).parent.parent
@@ -56,3 +58,11 @@ def test_no_two_modules_have_the_same_name() -> None:
     """A file name such as `members.py` identifies one file."""
     names = [path.stem for path in SOURCES if path.name not in ("__init__.py", "__main__.py")]
     assert [name for name, times in Counter(names).items() if times > 1] == []
+
+
+def test_every_sentence_of_a_run_exists_and_is_said() -> None:
+    nodes = [node for path in SOURCES for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))]
+    calls = [node for node in nodes if isinstance(node, ast.Call)]
+    keys = [ast.walk(call.args[0]) for call in calls if ast.unparse(call.func) == "say"]
+    said = {node.value for key in keys for node in key if isinstance(node, ast.Constant)}
+    assert {key for key in said if isinstance(key, str)} == set(sentences.SENTENCES)
