@@ -133,6 +133,7 @@ def test_a_projectile_stops_at_the_ground() -> None:
             assert method["steps"] == len(method["points"]["columns"]["t"]) - 1
 
 
+@pytest.mark.slow
 def test_a_section_of_henon_and_heiles_keeps_its_energy() -> None:
     system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2 - (x^2+y^2)/2 - x^2*y + y^3/3"}
     start = {"positions": {"x": 0, "y": 0.1}, "velocities": {"x": 0.3, "y": 0.1}}
