@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from inverse_service import errors
 from inverse_service.expressions import derivative, letters, tree as trees
 from inverse_service.reading import names as nm, reader
+from inverse_service.service.documents import printed_pages
 from inverse_service.service.scenes import views
 
 if TYPE_CHECKING:
@@ -88,7 +89,7 @@ def price_task(document: Mapping[str, Any]) -> dict[str, Any]:
         method = simulate({**document, **scene, "observe": ["trajectory"]})["methods"][0]
         name = views.method_name(method["label"])
         if method["outcome"] != "completed":
-            return {"reason": f"{name}: {method['outcome'].replace('_', ' ')}"}
+            return {"reason": f"{name} with step {float(step / part):g}: {printed_pages.why(method)}"}
         columns = method["points"]["columns"]
         ends.append([columns[name] for name in columns if name != "t" and not name.startswith(("v_", "p_"))])
         if part == 1:
