@@ -68,14 +68,6 @@ def test_a_force_that_is_not_named_does_not_act() -> None:
     assert held["max_energy_error"] is None
 
 
-def test_forces_need_a_lagrangian() -> None:
-    equations = {"coordinates": ["x"], "equations": ["x'' = -x"]}
-    with pytest.raises(InputError, match="forces need a Lagrangian"):
-        simulate(scene(equations, ["adaptive"], forces={"x": "-x'"}))
-    with pytest.raises(InputError, match="is not a coordinate"):
-        simulate(scene(OSCILLATOR, ["adaptive"], forces={"y": "-x'"}))
-
-
 def test_observables_by_formula() -> None:
     """The angular momentum of a Kepler orbit in Cartesian coordinates."""
     kepler = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2 + 1/sqrt(x^2+y^2)"}

@@ -19,7 +19,7 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 from inverse_service import catalogue, errors
 from inverse_service.deadline import now
 from inverse_service.reading import names as nm, reader
-from inverse_service.service.documents import sheets
+from inverse_service.service.documents import accepting, sheets
 from inverse_service.web.pages import WORDS, forms, library, preview, rendering, result_tasks, results, solve
 from inverse_service.web.pages.typesetting import formulas_of
 from inverse_service.web.problems import Refusal, known
@@ -33,7 +33,7 @@ TICKED_OBSERVABLES = ("trajectory", "energy", "constraints")
 # Of use with constraints only.
 OF_CONSTRAINTS = ("nonholonomic", "modified", "constraints")
 PLANE = ("x", "y")
-CONSTRAINED = ("name", "coordinates", "lagrangian", "constraints", "parameters", "functions")
+CONSTRAINED = ("name", "time", "coordinates", "lagrangian", "constraints", "parameters", "functions")
 FIRST_SYSTEM = "vertically-rolling-disk"
 WITHOUT_LAGRANGIAN = ("runge-kutta", "reference")
 # What a price is compared with, besides the methods that are ticked.
@@ -454,10 +454,12 @@ def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dic
     answer: Mapping[str, Any] = {}
     found, is_forward = dict[str, str](), "verdict" not in result
     if result.get("nonholonomic") or is_forward:
-        # Names that were left to be found in the text are taken from what was found.
-        names = {key: list(result["system"][key]) for key in ("coordinates", "parameters")
-                 if not isinstance(given.get(key), list | dict)}  # fmt: skip
-        system: dict[str, Any] = {"document": {key: given[key] for key in CONSTRAINED if key in given} | names}
+        # L and constraints may stand in one text. Names that were left to be found in it are taken from what was found.
+        ready = accepting.prepared(given)
+        read = ready.outward(ready.document) | {key: given[key] for key in ("time",) if key in given}
+        names = {key: result["system"][key] for key in ("coordinates", "parameters", "functions")
+                 if key in result["system"] and not isinstance(given.get(key), list | dict)}  # fmt: skip
+        system: dict[str, Any] = {"document": {key: read[key] for key in CONSTRAINED if key in read} | names}
         # A Lagrangian with arbitrary functions is looked for again, with the functions that the scene gives.
         if not is_forward and result.get("lagrangian") and not given.get("functions"):
             found = {"free_lagrangian": result["lagrangian"]["text"]}
