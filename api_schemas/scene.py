@@ -449,6 +449,7 @@ class PricePart(MeasuredPart):
     ratio: float | None
     evaluations: float | None
     at_most: bool | None
+    too_slow: bool
 
 
 class TargetPart(base.Document):

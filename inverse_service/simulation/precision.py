@@ -141,7 +141,7 @@ def measure(
         for blank in blanks:
             # The next setting takes as long as all previous ones together.
             if sum(one.best_seconds or 0.0 for one in found) > SECONDS * repeats / len(methods) / 2:
-                return [*found, replace(blank, reason=say("previous_took", found[-1].best_seconds))]
+                return [*found, replace(blank, reason=CUT)]
             found.append(run(blank))
             errors = [one.error for one in found if one.error is not None]
             if found[-1].reason in (LATE, CUT) or (errors and errors[-1] <= max(FINEST * scale, truth.uncertainty)):

@@ -78,7 +78,7 @@ def method_name(label: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Price:
-    """What an error costs by a method: the time, the ratio to the best, the step; a dash where it is not reached."""
+    """What an error costs by a method: the time, the ratio to the best, the step; a dash where it is not reached, or not in the time of a measurement."""
 
     time: str = DASH
     ratio: str = "not reached"
@@ -88,9 +88,9 @@ class Price:
 
 def price_of(target: Mapping[str, Any], label: str) -> Price:
     """The cost of a target error by a method."""
-    row = next((row for row in target["rows"] if row["method"] == label and row["seconds"] is not None), None)
-    if row is None:
-        return Price()
+    row = next(row for row in target["rows"] if row["method"] == label)
+    if row["seconds"] is None:
+        return Price(ratio="too slow" if row.get("too_slow") else "not reached")
     is_best = row["seconds"] == min(row["seconds"] for row in target["rows"] if row["seconds"] is not None)
     at_most = "\u2264 " if row["at_most"] else ""  # its coarsest setting is better than the error asked for
     setting = "step" if row["tolerance"] is None else "tolerance"

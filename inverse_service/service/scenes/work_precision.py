@@ -118,7 +118,7 @@ def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> di
 
 def _targets(measured: precision.Precision, named: dict[str, scene_data.Requested]) -> list[dict[str, Any]]:
     """The cost of each relative error, cheapest method first; methods that miss it come last, without numbers."""
-    found = []
+    found, own = [], precision.by_method(measured.settings)
     for target, reached in precision.prices(measured).items():
         best = next(iter(reached.values())).seconds if reached else None
         rows = []
@@ -128,7 +128,8 @@ def _targets(measured: precision.Precision, named: dict[str, scene_data.Requeste
             blank = dict.fromkeys(("seconds", "step", "tolerance", "evaluations", "at_most"))
             ratio = None if price is None or not best else price.seconds / best
             what = {"method": label, "order": accuracy.order_of(named[label])}
-            rows.append(what | blank | numbers | {"ratio": ratio})
+            too_slow = price is None and own[label][-1].reason in (precision.CUT, precision.LATE)
+            rows.append(what | blank | numbers | {"ratio": ratio, "too_slow": too_slow})
         found.append({"error": target, "rows": rows})
     return found
 
