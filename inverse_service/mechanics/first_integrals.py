@@ -217,17 +217,14 @@ class _Integrals:
     def _on_constraints(self, tree: Expression) -> Expression:
         return collecting.collect(ex.substitute(tree, self.constraints)) if self.constraints else tree
 
-    def _keep(self, one: FirstIntegral, tree: Expression) -> None:
+    def _keep(self, one: FirstIntegral, tree: Expression) -> bool:
         """Take it if it is independent of those before, by the gradients in q and v: d_t F follows from these."""
-        trees = [*self.functions, tree]
-        points, jets = self._along(list(map(tower.to_kernels, trees)), _DRAWN, gradients=True)
-        if points.good.any():
-            first = int(np.argmax(points.good))
-            rows = np.array([jet.data[1:, 0, first] for jet in jets])
-            if len(null_vectors.pivots(rows.T, flow.PRIME)) < len(trees):
-                return
+        rows = self._gradient_rows([*self.functions, tree])
+        if rows is not None:
+            if not _are_independent(rows):
+                return False
         elif self.functions or not self._moves(tree):  # a root of a number that has none modulo the prime
-            return
+            return False
         self.functions.append(tree)
         names = [each.name for each in self.kept]
         same = sum(name == one.name or name.startswith(f"{one.name} (") for name in names)
@@ -235,6 +232,17 @@ class _Integrals:
         constants = tuple(map(ex.Symbol, self.motion.parameters))
         lead, *rest = ex.summands(writing.with_products_in_order(one.expression, constants))
         self.kept.append(FirstIntegral(name, ex.add(writing.minus_inside(lead), *rest), one.symmetry))
+        return True
+
+    def _gradient_rows(
+        self, trees: Sequence[Expression], fixed: Mapping[flow.Generator, int] | None = None
+    ) -> list[flow.Numbers] | None:
+        """The gradients in q and v at one point of the motion; None where the prime has none for all."""
+        points, jets = self._along(list(map(tower.to_kernels, trees)), _DRAWN, fixed, gradients=True)
+        if not points.good.any():
+            return None
+        first = int(np.argmax(points.good))
+        return [jet.data[1:, 0, first] for jet in jets]
 
     def _moves(self, tree: Expression) -> bool:
         """Whether a function depends on a velocity."""
@@ -287,23 +295,50 @@ class _Integrals:
 
     def _search(self, ansatz: _Ansatz, degree: int, with_time: bool) -> None:
         """Integrals of the form; the degree is that of its terms in the momenta or other forms."""
-        if not ansatz.terms:
-            return
-        for support in self._supports(ansatz):
+        candidates = self._candidates(ansatz) if ansatz.terms else []
+        known, gradients = self._gradients(ansatz, candidates) or ([], [None] * len(candidates))
+        for candidate, gradient in zip(candidates, gradients, strict=True):
             if self._is_complete(with_time):
                 return
             check()
             if now() > self.deadline:
                 return
+            # Left out before it is found exactly; nothing is claimed of it.
+            if gradient is not None and not _are_independent([*known, gradient]):
+                continue
             try:
-                vector = self._exact(ansatz, support)
+                vector = self._exact(ansatz, list(candidate))
             except _NO_RING:
                 continue
-            if vector is not None:
-                self._keep(*self._written(ansatz, vector, degree))
+            if vector is not None and self._keep(*self._written(ansatz, vector, degree)) and gradient is not None:
+                known.append(gradient)
 
-    def _supports(self, ansatz: _Ansatz) -> list[list[int]]:
-        """The terms of each integral of a basis, at one value of the parameters."""
+    def _gradients(
+        self, ansatz: _Ansatz, candidates: Sequence[Mapping[int, int]]
+    ) -> tuple[list[flow.Numbers], list[flow.Numbers]] | None:
+        """The gradients in q and v of the functions found, and of the candidates, at one point; None without a point.
+
+        The constants have the values for which the candidates are conserved.
+        """
+        if len(self.functions) + len(candidates) < 2 or not candidates or self.drawn is None:
+            return None
+        drawn = self.drawn.points.values.items()
+        constants = {key: int(x[0]) for key, x in drawn if not ex.holds(key[1], *self.moving)}
+        places = list(dict.fromkeys(place for candidate in candidates for place in candidate))
+        rows = self._gradient_rows([*self.functions, *map(ansatz.tree, places)], constants)
+        if rows is None:
+            return None
+        known, terms = rows[: len(self.functions)], dict(zip(places, rows[len(self.functions) :], strict=True))
+        found = []
+        for candidate in candidates:
+            total = np.zeros_like(rows[0])
+            for place, c in candidate.items():
+                total = (total + c * terms[place]) % flow.PRIME
+            found.append(total)
+        return known, found
+
+    def _candidates(self, ansatz: _Ansatz) -> list[dict[int, int]]:
+        """The coefficients of the terms of each integral of a basis, at one value of the parameters."""
         kernels = [*map(tower.to_kernels, ansatz.forms), *map(tower.to_kernels, ansatz.factors)]
         wanted = len(ansatz.terms) + _SPARE
         count = max(_DRAWN, wanted + wanted // 4)
@@ -341,7 +376,7 @@ class _Integrals:
         # Terms that are combinations of 1 and of those before them add nothing.
         own = [place - 1 for place in null_vectors.pivots(values[:, 0].T, flow.PRIME) if place]
         vectors = null_vectors.null_rows(values[1:, 1][own].T.tolist(), len(own), flow.PRIME)
-        return [[own[k] for k, c in enumerate(vector) if c] for vector in vectors]
+        return [{own[k]: c for k, c in enumerate(vector) if c} for vector in vectors]
 
     # Exact.
 
@@ -469,6 +504,10 @@ def _cleared(
     ]
     content = Fraction(math.gcd(*(c.numerator for c in numbers)), math.lcm(*(c.denominator for c in numbers)))
     return [entry.scaled(1 / content) for entry in whole] if content else whole
+
+
+def _are_independent(rows: Sequence[flow.Numbers]) -> bool:
+    return len(null_vectors.pivots(np.array(rows).T, flow.PRIME)) == len(rows)
 
 
 def _is_negative(tree: Expression) -> bool:
