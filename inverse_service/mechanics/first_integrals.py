@@ -296,22 +296,22 @@ class _Integrals:
     def _search(self, ansatz: _Ansatz, degree: int, with_time: bool) -> None:
         """Integrals of the form; the degree is that of its terms in the momenta or other forms."""
         candidates = self._candidates(ansatz) if ansatz.terms else []
-        known, gradients = self._gradients(ansatz, candidates) or ([], [None] * len(candidates))
-        for candidate, gradient in zip(candidates, gradients, strict=True):
+        known, gradients = self._gradients(ansatz, candidates) or ([], [])
+        for number, candidate in enumerate(candidates):
             if self._is_complete(with_time):
                 return
             check()
             if now() > self.deadline:
                 return
             # Left out before it is found exactly; nothing is claimed of it.
-            if gradient is not None and not _are_independent([*known, gradient]):
+            if gradients and not _are_independent([*known, gradients[number]]):
                 continue
             try:
                 vector = self._exact(ansatz, list(candidate))
             except _NO_RING:
                 continue
-            if vector is not None and self._keep(*self._written(ansatz, vector, degree)) and gradient is not None:
-                known.append(gradient)
+            if vector is not None and self._keep(*self._written(ansatz, vector, degree)) and gradients:
+                known.append(gradients[number])
 
     def _gradients(
         self, ansatz: _Ansatz, candidates: Sequence[Mapping[int, int]]
