@@ -78,7 +78,7 @@ def method_name(label: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Price:
-    """What an error costs by a method: the time, the ratio to the best, the step; a dash where it is not reached, or not in the time of a measurement."""
+    """What an error costs by a method: the time, the ratio to the best, the step; a dash where it is not reached."""
 
     time: str = DASH
     ratio: str = "not reached"
