@@ -25,6 +25,7 @@ from api_schemas.system import SystemDocument
 from inverse_service import __version__, errors
 from inverse_service.service.documents import answers
 from inverse_service.service.jobs import model, monitoring, opening, statements, stores, tasks, workers
+from inverse_service.service.jobs.batch import batch_task
 from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.settings import Settings
 from inverse_service.web import asking, clients, pages, problems
@@ -273,6 +274,19 @@ class Engine:
                 storing.cancel()  # where it has not begun, nobody waits for it any more
             return await self._until_final(job, viewer, left, ended)
 
+    async def ask(
+        self, question: model.JobRequest, viewer: model.Viewer, seconds: float = 0.0, key: str = ""
+    ) -> model.Job:
+        """`submit`; a document for whose answer nobody waits is refused at once where it cannot be read."""
+        job = await self.submit(question, viewer, seconds, key)
+        if job.is_open and seconds <= 0 and question.kind == "solve":
+            with suppress(problems.Refusal):  # where too many wait, the job will tell
+                body = question.document.encode()
+                outcome = await self.run_quick(question.client, tasks.parse_task, body, seconds=QUICK_DEADLINE)
+                if outcome.status == "refused":
+                    raise errors.DocumentRefused(outcome.places)
+        return job
+
     async def rate_limit(self, client: str) -> dict[str, str]:
         """The headers with the remaining quota, if there is a quota."""
         quota = self.settings.client_daily_seconds
@@ -372,6 +386,18 @@ class Engine:
             return latest
         return self.store.create_batch(id, kind, client, lines, self.bounds)
 
+    async def ask_batch(
+        self, body: bytes, is_array: bool, terms: tasks.Terms, viewer: model.Viewer, key: str = ""
+    ) -> statements.Batch:
+        """The stored batch of a body; too many lines are refused with 413."""
+        try:
+            lines = await self.read_body(terms.client, batch_task, body, is_array, terms, seconds=LONG_DEADLINE)
+            return await self.read(self.create_batch, terms.kind, viewer, lines, key)
+        except errors.InputError as error:
+            if error.code != "limit":
+                raise
+            raise problems.Refusal(413, error.code, error.detail) from None
+
     async def dismiss_batch(self, id: str, viewer: model.Viewer) -> int:
         """Cancel the open jobs of a batch; return how many jobs stopped."""
         if await self.batch(id, viewer) is None:
@@ -444,13 +470,6 @@ class Engine:
         if outcome.status == "deadline":
             outcome = await self.run_quick(*question, seconds=self.settings.time_limit, among_jobs=True)
         return answers.check_document(outcome)
-
-    async def look_ahead(self, client: str, document: str) -> None:
-        """Raise DocumentRefused at once if a document cannot be read, so that the client need not wait for a job."""
-        with suppress(problems.Refusal):  # where too many wait, the job will tell
-            outcome = await self.run_quick(client, tasks.parse_task, document.encode(), seconds=QUICK_DEADLINE)
-            if outcome.status == "refused":
-                raise errors.DocumentRefused(outcome.places)
 
     async def faults(self) -> list[str]:
         """Why the service is not ready; empty if it is."""

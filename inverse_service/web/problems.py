@@ -75,7 +75,7 @@ def install(app: FastAPI, page_of_refusal: Callable[[Request, Refusal], Response
 
 async def on_error(request: Request, error: Exception) -> Response:
     """The answer to what a route raised of REFUSED."""
-    return answer_to(request, error if isinstance(error, Refusal) else _refusal_of(request, error))
+    return answer_to(request, refusal_of(request, error))
 
 
 async def _on_query(request: Request, error: Exception) -> Response:
@@ -97,8 +97,11 @@ def rate_limit(quota: float, left: float, seconds: int) -> dict[str, str]:
     return {"RateLimit-Policy": policy, "RateLimit": f'"day";r={max(0.0, left):.0f};t={seconds}'}
 
 
-def _refusal_of(request: Request, error: Exception) -> Refusal:
+def refusal_of(request: Request, error: Exception) -> Refusal:
+    """What an exception of REFUSED, or of the framework, says to a client."""
     match error:
+        case Refusal():
+            return error
         case HTTPException():
             return _of_framework(request, error)
         case InputError():

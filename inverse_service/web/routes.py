@@ -23,9 +23,9 @@ from inverse_service import __version__, catalogue, errors
 from inverse_service.expressions.refusals import LIMITS
 from inverse_service.service.documents import alike
 from inverse_service.service.jobs import model, monitoring, statements, supervisor, tasks, workers
-from inverse_service.service.jobs.batch import MAX_LINE_BYTES, batch_task
+from inverse_service.service.jobs.batch import MAX_LINE_BYTES
 from inverse_service.web import asking, clients, job_answers, middleware, openapi, problems
-from inverse_service.web.engine import KEEP_ALIVE, LONG_DEADLINE, Engine, key_of
+from inverse_service.web.engine import KEEP_ALIVE, Engine, key_of
 
 jobs = APIRouter(dependencies=[Depends(clients.require_client)], tags=["jobs"])
 batches = APIRouter(dependencies=[Depends(clients.require_client)], tags=["batches"])
@@ -96,9 +96,7 @@ async def answered(request: Request, kind: str) -> Response:
             question = await engine.question(body, terms)
     if answer is None:
         preference, viewer = asking.preference_of(request), clients.viewer_of(request)
-        job = await engine.submit(question, viewer, preference.wait, asking.key_of(request))
-        if job.is_open and preference.wait <= 0 and kind == "solve":
-            await engine.look_ahead(client, question.document)
+        job = await engine.ask(question, viewer, preference.wait, asking.key_of(request))
         answer = await job_answers.result_response(request, job, engine, preference)
         if job.status == "successful" and job.expires is None and not terms.fresh:
             engine.known.keep(key, job.id, answer)
@@ -247,15 +245,8 @@ async def create(request: Request, kind: KindName = "solve") -> Response:
     server, client, key = engine.server_options, clients.client_of(request), asking.batch_key_of(request)
     limit, fresh = asking.time_limit_of(request, server), asking.wants_fresh(request)
     terms = tasks.Terms(kind, server, limit, client, fresh, engine.settings.max_lines)
-    try:
-        async with asking.body_of(request, asking.FACTORS["batch"] * engine.settings.max_body, NDJSON_TYPES) as body:
-            form = (body, asking.is_json(request), terms)
-            lines = await engine.read_body(client, batch_task, *form, seconds=LONG_DEADLINE)
-            stored = await engine.read(engine.create_batch, kind, clients.viewer_of(request), lines, key)
-    except errors.InputError as error:
-        if error.code != "limit":
-            raise
-        raise problems.Refusal(413, error.code, error.detail) from None
+    async with asking.body_of(request, asking.FACTORS["batch"] * engine.settings.max_body, NDJSON_TYPES) as body:
+        stored = await engine.ask_batch(body, asking.is_json(request), terms, clients.viewer_of(request), key)
     headers = {"Location": f"/v1/batches/{stored.id}", "Retry-After": job_answers.RETRY_AFTER}
     return JSONResponse(job_answers.batch_fields(stored), 202, headers | await engine.rate_limit(client))
 

@@ -16,6 +16,7 @@ from inverse_service.reading import document_names, reader
 from inverse_service.service.documents import plain_data, sheets
 from inverse_service.service.jobs import model, tasks
 from inverse_service.web.pages import WORDS, typesetting
+from inverse_service.web.problems import Refusal
 
 MAX_FIELDS = 120
 KINDS = ("equations", "nonholonomic")
@@ -390,14 +391,14 @@ def _as_a_name(text: str, meant: str) -> str:
     return f"parameters:0:0:{text}" if text.isidentifier() and re.fullmatch(r"[\w*()]+", meant) else ""
 
 
-def problem_of(body: Mapping[str, Any], fields: Mapping[str, str]) -> Problem:
-    """The places of a problem document of the service."""
-    return [_place(_fault(p), fields) for p in body.get("errors", [])] or [ShownPlace(body["detail"])]
+def problem_of(error: errors.InputError | Refusal, fields: Mapping[str, str]) -> Problem:
+    """The places of a fault that was found while the form was read, or of a refusal of the service."""
+    return [_place(place, fields) for place in error.places] or [ShownPlace(error.detail)]
 
 
-def problem_of_error(error: errors.InputError, fields: Mapping[str, str]) -> Problem:
-    """Those of a fault that was found while the form was read."""
-    return [_place(place, fields) for place in error.places]
+def stored_problem(document: Mapping[str, Any]) -> Problem:
+    """Those of the problem document of a job, whose fields are not shown."""
+    return [_place(_fault(place), {}) for place in document["errors"]] or [ShownPlace(document["detail"])]
 
 
 def sentence(place: errors.Place, fields: Collection[str] = (), is_marked: bool = False) -> str:
@@ -504,7 +505,7 @@ def _sent(form: Form) -> Sent:
     try:
         document = document_of(form)
     except errors.InputError as error:
-        return Sent(fields, fields, problem=problem_of_error(error, fields))
+        return Sent(fields, fields, problem=problem_of(error, fields))
     return Sent(fields, fields_from(document) if "document" in form.files else fields, document)
 
 
@@ -531,5 +532,5 @@ def _understood(sent: Sent) -> dict[str, Any]:
     try:
         answer = parse_document(model.split_options(sent.document)[0])
     except errors.InputError as error:
-        return {"problem": problem_of_error(error, sent.fields)} if typed else {}
+        return {"problem": problem_of(error, sent.fields)} if typed else {}
     return {"understood": understood(answer, sent.document.get("time", "t"))}

@@ -1,25 +1,21 @@
-"""A job's page under one permanent address, its files, and batches; asked through the service's own calls, so that a
-page says what the API says.
+"""A job's page under one permanent address, its files, and batches; asked of the engine as the calls under /v1 ask it.
 
 Forms that browsers send are taken from our own pages only, and read by workers where they may be large.
 """
 
 import json
-import logging
-import re
 import time
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container
 from operator import itemgetter
 from typing import Any, TypeVar, cast
 
-import httpx
 from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service.reading import document_names
 from inverse_service.service.documents import printed_pages, sheets
-from inverse_service.service.jobs import model, monitoring, statements, tasks
+from inverse_service.service.jobs import model, statements, tasks
 from inverse_service.service.jobs.batch import answer_line
 from inverse_service.service.scenes import views
 from inverse_service.web import asking, clients, job_answers, problems, routes
@@ -29,15 +25,8 @@ from inverse_service.web.pages.rendering import VISITOR, csv_of, framed, packed,
 
 T = TypeVar("T")
 router = APIRouter()
-# What says who asks; everything else of the browser's request is the page's own business.
-PASSED_ON = ("authorization", "x-api-key", "cookie", "host")
-ORIGIN = "http://pages.invalid"
-# It would note every one of these calls, which the service counts itself.
-logging.getLogger("httpx").setLevel(logging.WARNING)
-
 # A form of a key, a button or a color is small: it is read here, not in a worker.
 SMALL_FORM = 10_000
-IDENTIFIER = re.compile(r"[A-Za-z0-9_-]{1,128}")
 # A short job's result comes with its first page; a longer one's page shows its progress.
 PATIENCE = 1.5
 # Formulas confirmed by then are shown while the search continues.
@@ -55,32 +44,12 @@ x'' = kx
 """
 
 
-async def call(
-    request: Request, method: str, path: str, document: Any = None, headers: Mapping[str, str] | None = None
-) -> httpx.Response:
-    """One call of this service, made inside the process; `document` is sent as JSON, bytes unchanged."""
-    sent = {name: request.headers[name] for name in PASSED_ON if name in request.headers} | dict(headers or {})
-    sent["X-Request-Id"] = monitoring.REQUEST.get()
-    content = document
-    if document is not None and not isinstance(document, bytes):
-        content = json.dumps(document, default=str).encode()
-    if content is not None:
-        sent.setdefault("Content-Type", "application/json")
-    client = (request.client.host, request.client.port) if request.client else ("", 0)
-    transport = httpx.ASGITransport(app=request.app, raise_app_exceptions=False, client=client)
-    async with httpx.AsyncClient(transport=transport, base_url=ORIGIN, timeout=None) as http:
-        # As bytes: a cookie that another program on this host has set may hold any.
-        as_bytes = {name.encode(): value.encode("latin-1") for name, value in sent.items()}
-        return await http.request(method, path, content=content, headers=as_bytes)
-
-
-async def _found(request: Request, path: str, identifier: str) -> httpx.Response:
-    """A job without its result, or a batch; refused with 404 where there is none with this identifier."""
-    is_id = IDENTIFIER.fullmatch(identifier) is not None
-    answer = (
-        await call(request, "GET", f"{path}/{identifier}", None, {"Prefer": job_answers.MINIMAL}) if is_id else None
-    )
-    return problems.known(None if answer is None or answer.is_error else answer, RESULT)
+async def ask(request: Request, kind: str, document: Any, fresh: bool = False) -> model.Job:
+    """The stored job of a question; raises what the call under /v1 answers with a problem."""
+    engine, body = routes.engine_of(request), json.dumps(document, default=str).encode()
+    asking.refuse_longer(len(body), asking.FACTORS[kind] * engine.settings.max_body)
+    terms = tasks.Terms(kind, engine.server_options, client=clients.client_of(request), fresh=fresh)
+    return await engine.ask(await engine.question(body, terms), clients.viewer_of(request))
 
 
 async def read_form(request: Request, limit: int | None = None) -> forms.Form:
@@ -116,9 +85,8 @@ async def quick(
 @router.get("/results/{identifier}")
 async def result(request: Request, identifier: str) -> Response:
     """The result, or how far it is; with `lagrangian` a visitor's own L judged."""
-    answer = await finished(request, identifier, PATIENCE)
-    job, own, judged = answer.json(), request.query_params.get("lagrangian"), None
-    if own and job["status"] == "successful" and job["kind"] == "solve":
+    job, own, judged = await finished(request, identifier, PATIENCE), request.query_params.get("lagrangian"), None
+    if own and job.status == "successful" and job.kind == "solve":
         judged = await made(request, identifier, result_tasks.own_lagrangian_task, own)
     return await shown(request, job, judged)
 
@@ -134,8 +102,8 @@ async def embedded(request: Request, identifier: str) -> Response:
 @router.get("/results/{identifier}/result.json")
 async def result_json(request: Request, identifier: str) -> Response:
     """The result document as a file."""
-    answer = await successful(request, identifier)
-    headers = {"Content-Disposition": f'attachment; filename="result-{identifier[:12]}.json"'} | kept(answer)
+    attached = f'attachment; filename="result-{identifier[:12]}.json"'
+    headers = {"Content-Disposition": attached} | kept(await successful(request, identifier))
     if job_answers.is_known(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     return await job_answers.stored_response(request.app.state.engine, identifier, headers)
@@ -146,33 +114,32 @@ async def result_json(request: Request, identifier: str) -> Response:
 async def again(request: Request, identifier: str) -> Response:
     """The same question asked again: of work that was cancelled or failed, or with all the time the service gives."""
     await read_form(request, SMALL_FORM)
-    job = problems.known(await stored_job(request, identifier), RESULT)
+    job = await finished(request, identifier)
     options = {} if request.url.path.endswith("/longer") else json.loads(job.options)
     document = json.loads(job.document) | ({"options": options} if options else {})
-    headers = {"Prefer": "respond-async"} | ({"Cache-Control": "no-cache"} if options else {})
-    answer = await call(request, "POST", f"/v1/{job.kind}", document, headers)
-    if answer.is_error:
-        detail = answer.json()["detail"]
-        return page("missing.html", answer.status_code, active="", title="Not asked again", detail=detail)
-    return RedirectResponse(result_address(answer), 303)
+    try:
+        asked = await ask(request, job.kind, document, fresh=bool(options))
+    except problems.REFUSED as error:
+        refusal = problems.refusal_of(request, error)
+        return page("missing.html", refusal.status, active="", title="Not asked again", detail=refusal.detail)
+    return RedirectResponse(f"/results/{asked.id}", 303)
 
 
 @router.post("/results/{identifier}/cancel")
 async def cancel(request: Request, identifier: str) -> Response:
     """Stop the work."""
     await read_form(request, SMALL_FORM)
-    if IDENTIFIER.fullmatch(identifier):
-        await call(request, "DELETE", f"/v1/jobs/{identifier}")
+    await routes.engine_of(request).dismiss(identifier, clients.viewer_of(request))
     return RedirectResponse(f"/results/{identifier}", 303)
 
 
 @router.get("/results/{identifier}/{file:path}")
 async def made_file(request: Request, identifier: str, file: str) -> Response:
     """A file that a worker makes of a result; nothing is made if the browser has it already."""
-    answer = await successful(request, identifier)
-    found = problems.known(_file_of(answer.json()["kind"], file, identifier, _address(request)), RESULT)
+    job = await successful(request, identifier)
+    found = problems.known(_file_of(job.kind, file, identifier, _address(request)), RESULT)
     media_type, disposition, task, arguments = found
-    headers = kept(answer, file.rpartition(".")[2].rpartition("/")[2])
+    headers = kept(job, file.rpartition(".")[2].rpartition("/")[2])
     if job_answers.is_known(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     data = problems.known(await made(request, identifier, task, *arguments), RESULT)
@@ -204,10 +171,9 @@ def _file_of(kind: str, file: str, identifier: str, address: str) -> Made | None
     return None
 
 
-def kept(answer: httpx.Response, what: str = "result") -> dict[str, str]:
+def kept(job: model.Job, what: str = "result") -> dict[str, str]:
     """Headers of what is made of a finished job: the browser keeps it and asks whether it is still that."""
-    tag = answer.headers["etag"].strip('"')
-    return {"ETag": f'"{tag}-{what}"', "Cache-Control": job_answers.REVALIDATE}
+    return {"ETag": f'{job_answers.etag(job)[:-1]}-{what}"', "Cache-Control": job_answers.REVALIDATE}
 
 
 async def made(request: Request, identifier: str, task: Callable[..., T], *arguments: Any) -> T:
@@ -216,39 +182,21 @@ async def made(request: Request, identifier: str, task: Callable[..., T], *argum
     return await engine.made(clients.client_of(request), task, engine.store.address, identifier, *arguments)
 
 
-async def successful(request: Request, identifier: str, kinds: Container[str] = tasks.KINDS) -> httpx.Response:
-    """The job without its result; refused with 404 unless it is successful, and of one of the kinds."""
-    answer = await finished(request, identifier, 0)
-    job = answer.json()
-    return problems.known(answer if job["status"] == "successful" and job["kind"] in kinds else None, RESULT)
+async def successful(request: Request, identifier: str, kinds: Container[str] = tasks.KINDS) -> model.Job:
+    """The job; refused with 404 unless it is successful, and of one of the kinds."""
+    job = await finished(request, identifier)
+    return problems.known(job if job.status == "successful" and job.kind in kinds else None, RESULT)
 
 
-async def finished(request: Request, identifier: str, patience: float) -> httpx.Response:
-    """The job without its result, after a short wait; refused with 404 if there is no such job."""
-    answer = await _found(request, "/v1/jobs", identifier)
-    if answer.json()["status"] not in model.OPEN or not patience:
-        return answer
-    engine, viewer = request.app.state.engine, clients.viewer_of(request)
-    job, end = await engine.job(identifier, viewer), time.monotonic() + patience
-    while job is not None and job.is_open and (left := end - time.monotonic()) > 0:
+async def finished(request: Request, identifier: str, patience: float = 0.0) -> model.Job:
+    """The job with its document, after a short wait; refused with 404 if there is no such job."""
+    engine, viewer, end = routes.engine_of(request), clients.viewer_of(request), time.monotonic() + patience
+    job = problems.known(await engine.job(identifier, viewer), RESULT)
+    while job.is_open and (left := end - time.monotonic()) > 0:
         if "so_far" in (engine.supervisor.events.latest(identifier) or {}) and time.time() - job.created > SOON:
             break
         job = await engine.wait(job, viewer, min(left, SOON / 2))
-    return await finished(request, identifier, 0)
-
-
-async def stored_job(request: Request, identifier: str) -> model.Job | None:
-    """The job with its document, without its answer; None if there is no such job."""
-    engine: Engine = request.app.state.engine
-    is_id = IDENTIFIER.fullmatch(identifier) is not None
-    return await engine.job(identifier, clients.viewer_of(request)) if is_id else None
-
-
-def result_address(answer: httpx.Response) -> str:
-    """The permanent link of a job's result."""
-    location = answer.headers.get("location") or answer.headers.get("content-location") or ""
-    identifier = location.rpartition("/")[2] or answer.json().get("id", "")
-    return f"/results/{identifier}"
+    return job
 
 
 def asked_of(document: Any) -> list[str]:
@@ -263,21 +211,21 @@ def asked_of(document: Any) -> list[str]:
     return found[:ASKED]
 
 
-async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | None = None) -> HTMLResponse:
+async def shown(request: Request, job: model.Job, check: dict[str, Any] | None = None) -> HTMLResponse:
     """The page of a job by its status."""
-    if job["status"] in model.OPEN and "so_far" in (job["progress"] or {}):
-        waited = int(time.time() - job["created"])
-        told = await quick(request, result_tasks.so_far_task, job, _look(request), waited)
+    engine = routes.engine_of(request)
+    fields, waited = await engine.read(job_answers.job_fields, job, engine), int(time.time() - job.created)
+    if job.is_open and "so_far" in (fields["progress"] or {}):
+        told = await quick(request, result_tasks.so_far_task, fields, _look(request), waited)
         if told.status == "done":
             return cast(HTMLResponse, told.value)
-    if job["status"] in model.OPEN:
-        stored = await stored_job(request, job["id"])
-        asked = asked_of(json.loads(stored.document)) if stored is not None else []
-        return page("working.html", 200, active="", job=job, asked=asked, waited=int(time.time() - job["created"]))
-    if job["status"] != "successful":
-        problem = forms.problem_of(job["problem"], {}) if job["problem"] else None
-        return page("ended.html", 200, active="", job=job, problem=problem)
-    return await made(request, job["id"], result_tasks.page_task, job, _look(request), check)
+    if job.is_open:
+        asked = asked_of(json.loads(job.document))
+        return page("working.html", 200, active="", job=fields, asked=asked, waited=waited)
+    if job.status != "successful":
+        problem = json.loads(await job_answers.problem_of(job, engine)) if job.status == "failed" else None
+        return page("ended.html", 200, active="", job=fields, problem=problem and forms.stored_problem(problem))
+    return await made(request, job.id, result_tasks.page_task, fields, _look(request), check)
 
 
 def _look(request: Request) -> result_tasks.Look:
@@ -303,13 +251,14 @@ async def submit(request: Request) -> Response:
     sent = await read_form(request, asking.FACTORS["batch"] * request.app.state.engine.settings.max_body)
     upload = sent.files.get("file")
     body = upload.data if upload is not None else as_documents(sent.text("lines")).encode()
-    is_array = body.lstrip()[:1] == b"["
-    kind = "application/json" if is_array else "application/x-ndjson"
-    answer = await call(request, "POST", "/v1/batches", body, {"Content-Type": kind})
-    if answer.is_error:
-        typed = sent.text("lines") or EXAMPLE
-        return page("batch.html", answer.status_code, active="/batch", typed=typed, problem=answer.json()["detail"])
-    return RedirectResponse(f"/batch/{answer.json()['id']}", 303)
+    engine, client = routes.engine_of(request), clients.client_of(request)
+    terms = tasks.Terms("solve", engine.server_options, client=client, most=engine.settings.max_lines)
+    try:
+        stored = await engine.ask_batch(body, body.lstrip()[:1] == b"[", terms, clients.viewer_of(request))
+    except problems.REFUSED as error:
+        refusal, typed = problems.refusal_of(request, error), sent.text("lines") or EXAMPLE
+        return page("batch.html", refusal.status, active="/batch", typed=typed, problem=refusal.detail)
+    return RedirectResponse(f"/batch/{stored.id}", 303)
 
 
 def as_documents(text: str) -> str:
@@ -342,13 +291,13 @@ def _rows(answers: list[statements.BatchAnswer]) -> list[dict[str, Any]]:
 @router.get("/batch/{identifier}")
 async def batch(request: Request, identifier: str) -> HTMLResponse:
     """The page of a batch with the answers so far."""
-    told = (await _found(request, "/v1/batches", identifier)).json()
-    answers = await _answers(request, identifier)
-    rows = await routes.engine_of(request).read(_rows, answers)
-    still = told["counts"].get("accepted", 0) + told["counts"].get("running", 0)
+    engine = routes.engine_of(request)
+    rows = await engine.read(_rows, await _answers(request, identifier))
+    told = problems.known(await engine.batch(identifier, clients.viewer_of(request)), RESULT)
+    still = told.counts.get("accepted", 0) + told.counts.get("running", 0)
     return page(
         "batch_result.html", active="/batch", batch=told, rows=rows[:SHOWN_LINES], all_rows=len(rows),
-        is_open=still > 0, done=told["total"] - still,
+        is_open=still > 0, done=told.total - still,
     )  # fmt: skip
 
 
@@ -356,8 +305,7 @@ async def batch(request: Request, identifier: str) -> HTMLResponse:
 async def cancel_batch(request: Request, identifier: str) -> Response:
     """Cancel the open lines."""
     await read_form(request, SMALL_FORM)
-    if IDENTIFIER.fullmatch(identifier):
-        await call(request, "DELETE", f"/v1/batches/{identifier}")
+    await routes.engine_of(request).dismiss_batch(identifier, clients.viewer_of(request))
     return RedirectResponse(f"/batch/{identifier}", 303)
 
 
@@ -371,7 +319,7 @@ async def line(request: Request, identifier: str, number: int) -> Response:
 async def _answers(request: Request, identifier: str, most: int = SHOWN_LINES + 1) -> list[statements.BatchAnswer]:
     """The answers that are there now; the call under /v1 would wait for all."""
     engine, viewer = routes.engine_of(request), clients.viewer_of(request)
-    problems.known(await engine.batch(identifier, viewer) if IDENTIFIER.fullmatch(identifier) else None, RESULT)
+    problems.known(await engine.batch(identifier, viewer), RESULT)
     return await engine.in_thread(engine.store.batch_answers, identifier, 0, most, LARGEST_SHOWN)
 
 

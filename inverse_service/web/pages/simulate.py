@@ -22,7 +22,7 @@ from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import accepting, sheets
 from inverse_service.web.pages import WORDS, forms, library, preview, rendering, result_tasks, results, solve
 from inverse_service.web.pages.typesetting import formulas_of
-from inverse_service.web.problems import Refusal, known
+from inverse_service.web.problems import REFUSED, Refusal, known, refusal_of
 
 router = APIRouter()
 METHODS: list[tuple[str, str, str, bool]] = WORDS["methods"]
@@ -40,7 +40,7 @@ WITHOUT_LAGRANGIAN = ("runge-kutta", "reference")
 COMPARED: tuple[dict[str, Any], ...] = (
     {"method": "adaptive"}, {"method": "runge-kutta"}, {"method": "runge-kutta", "order": 8}, {"method": "reference"},
 )  # fmt: skip
-CALLS = {"simulate": "/v1/simulate", "work-precision": "/v1/work-precision"}
+SCENES = ("simulate", "work-precision")  # the kinds of jobs that have one
 SHARE = 0.8  # of the steps that a motion lasts
 LONGEST_TRIAL = 3.0  # s
 MOST_CHOICES = 100  # of velocities that are given
@@ -356,15 +356,14 @@ async def run(request: Request) -> Response:
         outcome = await results.quick(request, preview.preview_task, scene)
         if outcome.places:
             raise errors.DocumentRefused(tuple(outcome.places))
-    except errors.InputError as error:
-        return simulate_page(filled, forms.problem_of_error(error, {}), 422)
-    kind = "work-precision" if sent.text("kind") == "work-precision" else "simulate"
-    if kind == "work-precision":
-        scene["methods"] += [one for one in COMPARED if one not in scene["methods"]]
-    answer = await results.call(request, "POST", CALLS[kind], scene, {"Prefer": "respond-async"})
-    if answer.is_error:
-        return simulate_page(filled, forms.problem_of(answer.json(), {}), answer.status_code)
-    return RedirectResponse(results.result_address(answer), 303)
+        kind = "work-precision" if sent.text("kind") == "work-precision" else "simulate"
+        if kind == "work-precision":
+            scene["methods"] += [one for one in COMPARED if one not in scene["methods"]]
+        job = await results.ask(request, kind, scene)
+    except REFUSED as error:
+        refusal = refusal_of(request, error)
+        return simulate_page(filled, forms.problem_of(refusal, {}), refusal.status)
+    return RedirectResponse(f"/results/{job.id}", 303)
 
 
 def field_of(pointer: str) -> str:
@@ -490,8 +489,8 @@ def form_of_system(system: Mapping[str, Any], **address: str) -> SceneForm:
 
 async def _form_of_scene(request: Request, identifier: str) -> tuple[SceneForm, dict[str, Any]]:
     """The form filled with a scene that was run before, and that scene."""
-    job = await results.stored_job(request, identifier)
-    job = known(job if job is not None and job.kind in CALLS else None, "scene at this address.")
+    job = await results.finished(request, identifier)
+    job = known(job if job.kind in SCENES else None, "scene at this address.")
     scene = json.loads(job.document)
     try:
         empty = form_of_system(scene["system"], scene=identifier)

@@ -18,7 +18,7 @@ from inverse_service.service.documents import sheets
 from inverse_service.web import clients
 from inverse_service.web.engine import LONG_DEADLINE, QUICK_DEADLINE, Engine
 from inverse_service.web.pages import WORDS, forms, rendering, result_tasks, results
-from inverse_service.web.problems import Refusal
+from inverse_service.web.problems import REFUSED, Refusal, refusal_of
 
 router = APIRouter()
 EXAMPLES: list[dict[str, Any]] = WORDS["examples"]
@@ -102,10 +102,12 @@ async def submit(request: Request) -> Response:
         return _not_read(refusal)
     if sent.document is None:
         return await _refused(request, sent.fields, sent.problem, 422)
-    answer = await results.call(request, "POST", "/v1/solve", sent.document, {"Prefer": "respond-async"})
-    if answer.is_error:
-        return await _refused(request, sent.shown, forms.problem_of(answer.json(), sent.shown), answer.status_code)
-    return RedirectResponse(results.result_address(answer), 303)
+    try:
+        job = await results.ask(request, "solve", sent.document)
+    except REFUSED as error:
+        found = refusal_of(request, error)
+        return await _refused(request, sent.shown, forms.problem_of(found, sent.shown), found.status)
+    return RedirectResponse(f"/results/{job.id}", 303)
 
 
 @router.post("/understood")
