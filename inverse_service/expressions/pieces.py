@@ -7,7 +7,7 @@ polynomial is zero, is unspecified because answers hold on open sets.
 from collections.abc import Sequence
 
 from inverse_service.expressions import collecting, printing, tree as ex
-from inverse_service.expressions.refusals import refusal
+from inverse_service.expressions.refusals import fault
 
 MOST_PIECES, MOST_BOUNDARIES = 8, 7
 STEP = "Heaviside"
@@ -18,8 +18,7 @@ def step(u: ex.Expression, column: int) -> ex.Expression:
     for node in ex.walk(u):
         root = isinstance(node, ex.Power) and not (isinstance(node.exponent, ex.Number) and _is_natural(node.exponent))
         if root or isinstance(node, ex.Apply | ex.Arbitrary | ex.Acceleration):
-            wanted = "polynomials of t, coordinates, velocities and parameters, as in x^2 + y^2 < 1"
-            raise refusal("a condition is not an inequality of polynomials", column, f"compare {wanted}")
+            raise fault("condition", column)
     u = collecting.collect(u)
     if isinstance(u, ex.Number):
         return ex.ONE if u.value > 0 else ex.ZERO
@@ -42,7 +41,7 @@ def either(left: ex.Expression, right: ex.Expression) -> ex.Expression:
 def piecewise(pieces: Sequence[tuple[ex.Expression, ex.Expression]], column: int) -> ex.Expression:
     """The first piece with a true condition; InputError if all conditions may be false."""
     if len(pieces) > MOST_PIECES:
-        raise refusal(f"piecewise has {len(pieces)} pieces", column, f"write at most {MOST_PIECES}")
+        raise fault("pieces", column, count=len(pieces), most=MOST_PIECES)
     left: ex.Expression = ex.ONE  # 1 where all conditions so far are false
     terms = []
     for value, condition in pieces:
@@ -50,10 +49,9 @@ def piecewise(pieces: Sequence[tuple[ex.Expression, ex.Expression]], column: int
         left = _multilinear(left * (1 - condition))
     steps = dict.fromkeys(node for _, condition in pieces for node in ex.walk(condition) if isinstance(node, ex.Apply))
     if len(steps) > MOST_BOUNDARIES:
-        most = f"at most {MOST_BOUNDARIES}, which make {MOST_BOUNDARIES + 1} cases"
-        raise refusal(f"piecewise compares {len(steps)} polynomials with 0", column, f"write {most}")
+        raise fault("boundaries", column, count=len(steps), most=MOST_BOUNDARIES, cases=MOST_BOUNDARIES + 1)
     if left != ex.ZERO:  # a formula multilinear in its steps is zero only if it is zero for all their values
-        raise refusal("piecewise has no value where none of its conditions holds", column, "end it with (b, true)")
+        raise fault("no last piece", column)
     return ex.add(*terms)
 
 

@@ -1,10 +1,13 @@
 """Size limits of formulas, and errors that say what is wrong, where, and what to write instead."""
 
+import tomllib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from fractions import Fraction
+from pathlib import Path
+from typing import Any
 
 from inverse_service import errors
 
@@ -14,6 +17,7 @@ _DECLARING = {
     "coordinates": 'add it to "coordinates"',
     "functions": 'declare a function of your own in "functions" with its arguments',
 }
+_SENTENCES: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 _IT_OCCURS = "; it occurs"  # inserted before the column if the description is already a sentence
 
 
@@ -83,6 +87,21 @@ def refusal(
     plain = f"{what.removesuffix(_IT_OCCURS)}{f': {instead}' * bool(instead)}".removesuffix("?")
     ending = "?" if instead[-1:] == "?" else "."
     return kind(f"{what} at column {column}: {ways}.", "", column, meant, span, plain + ending, declare)
+
+
+def fault(
+    key: str,
+    column: int,
+    span: tuple[int, int] | None = None,
+    meant: tuple[str, ...] = (),
+    /,
+    **words: object,
+) -> errors.InputError:
+    """The error with the sentence of a row of `refusals.toml`, in which the words are put in their places."""
+    row = _SENTENCES[key]
+    what, instead = (row.get(part, "").format(**words) for part in ("what", "instead"))
+    offers = (*meant, *(offer.format(**words) for offer in row.get("meant", ())))
+    return refusal(what, column, instead, offers, span, row.get("declare", ""))
 
 
 def limit_passed(what: str, column: int, bound: int) -> errors.InputError:

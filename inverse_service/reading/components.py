@@ -11,7 +11,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.refusals import refusal
+from inverse_service.expressions.refusals import fault
 from inverse_service.reading import tokens as tk
 from inverse_service.reading.tokens import Line, Token, Tokens, bracket
 
@@ -116,8 +116,7 @@ class _Reader:
         return [[*a, self._sign("="), *b] for [a], [b] in zip(left, right, strict=True)]
 
     def _refused(self) -> InputError:
-        instead = "write sums and products that fit, or an equation for each component"
-        return refusal("the rows and columns of vectors or matrices do not fit", self._first.column, instead)
+        return fault("shapes", self._first.column)
 
     def _sum(self, line: Line) -> Value:
         line = _with_lengths(line)
@@ -238,7 +237,7 @@ class _Reader:
         """The components of a vector, each with the vector's dots; InputError if a dotted component is a formula."""
         parts = [[self._zero()]] if vector.text == "0" else self._vectors.get(vector.text)
         if parts is None:
-            raise refusal("a vector occurs", vector.column, "write an equation for each component")
+            raise fault("vector", vector.column)
         if vector.order and any(len(part) > 1 for part in parts):
             raise self._refused()
         if vector.order:

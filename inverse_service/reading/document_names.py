@@ -14,7 +14,7 @@ from typing import Any
 
 from inverse_service import errors
 from inverse_service.expressions import collecting, derivative, graphs, tree as ex
-from inverse_service.expressions.refusals import LIMITS, joined, refusal, shorten
+from inverse_service.expressions.refusals import LIMITS, fault, joined, shorten
 from inverse_service.reading import names as nm, reader
 from inverse_service.reading.tokens import Line, Token, after_power, at, flat, places, source, spelled, split_at, walk
 
@@ -440,8 +440,7 @@ def _refuse_products(tokens: Line, products: Mapping[str, Words]) -> None:
     for token in walk(tokens):
         if token.text in products and token.order:
             meant, primes = "*".join(products[token.text]), "'" * token.order
-            instead = f"did you mean {meant}{primes}?"
-            raise refusal(f"{token.text}{primes} occurs", token.column, instead, (meant,), declare="coordinates")
+            raise fault("product with primes", token.column, name=token.text, meant_name=meant, primes=primes)
 
 
 def inferred_coordinates(texts: Texts, declared: nm.Names, order: int = 2) -> Words:
@@ -469,8 +468,7 @@ def _refuse_sums(tokens: Line, moving: Sequence[str], order: int) -> None:
     for place, token in enumerate(words):
         summed = token.text in moving and re.search("_[ijk]$", token.text) and token.order < 2
         if summed and (order == 1 or at(words, place + 1).text == token.text):
-            instead = f"write each component, as in {token.text[:-1]}1 and {token.text[:-1]}2"
-            raise refusal(f"{token.text} could be summed over", token.column, instead, declare="coordinates")
+            raise fault("summed index", token.column, name=token.text, stem=token.text[:-1])
 
 
 def key_coordinate(key: str, names: nm.Names, pointer: str) -> str:
@@ -665,11 +663,10 @@ class _Guesser:
         token, before, after = line[place], at(line, place - 1), at(line, place + 1)
         name, column = token.text, token.column
         if name == "T" and (before.is_operator("^") or (outer.is_operator("^") and len(line) == 1)):
-            raise refusal("a raised T occurs", column, "a transpose? write components", declare="parameters")
+            raise fault("raised T", column)
         by = at(line, place + 2).text if not place and outer.text in nm.DERIVATIVE_NAMES and after.text == "," else ""
         if by in self._coordinates and name not in self._slopes:
-            what, called = f"a derivative of {name} by {by} occurs", f"{name}({by})"
-            raise refusal(what, column, f"write diff({called}, {by})", (called,), declare="parameters")
+            raise fault("derivative of a parameter", column, name=name, by=by)
         if name == "j" and not token.space_before and before.kind == "number":
             reason = nm.REFUSED_UNLESS_DECLARED["i"]
             raise nm.refused(f"j {reason.problem}", reason, column)
@@ -678,16 +675,13 @@ class _Guesser:
             raise error
         alone = line is self._lines[pointer]  # 1/(2 m) has no unit
         if before.kind == "number" and (unit := _unit(line, place, alone, self._coordinates)):
-            number, span = before.text, (before.column, column + len(unit))
-            instead = f"leave units out, or write {number}*{unit} for a product"
-            raise refusal(f"{unit} could be a unit", column, instead, (number, f"{number}*{unit}"), span)
+            span = (before.column, column + len(unit))
+            raise fault("unit", column, span, number=before.text, unit=unit)
         self._refuse_raised_call(*(at(line, place + k) for k in range(4)))
         if name == "d" and after.text == "t":
-            raise refusal("a differential occurs", column, "write x' or dx/dt for a derivative")
+            raise fault("differential", column)
         if name == "Delta" and after.kind == "name":
-            instead = f"a product? declare the constant Delta and write Delta*{after.text}"
-            what = f"Delta {after.text} usually means a difference or a Laplacian; it occurs"
-            raise refusal(what, column, instead, (f"Delta*{after.text}",))
+            raise fault("difference", column, name=after.text)
         typed = self._texts[pointer][column - 1 : column + 1]
         if "u" in self._coordinates and typed == name and name in ("mu", "nu"):
             raise nm.undeclared(name, column, (f"{name[0]}*u",))
@@ -707,14 +701,12 @@ class _Guesser:
         raised = at(exponent.inside, 0)
         inside = [each.text for each in walk(bracket.inside) if each.kind != "bracket" and not each.is_operator(",")]
         if raised.kind == "number" and raised.column > exponent.column:  # typed by the writer, not from LaTeX
-            derivative = f"write {name.text}''({spelled(bracket.inside[:1])}) for a derivative"
-            what = f"{name.text}^({raised.text})( could be a derivative"
-            raise refusal(what, name.column, f"{derivative}, ^{raised.text}* for a product")
+            words = {"name": name.text, "power": raised.text, "of": spelled(bracket.inside[:1])}
+            raise fault("power or derivative", name.column, **words)
         called = inside == ["t"] or (name.text, tuple(inside)) in self._calls
         if inside and not called and {"t", *self._coordinates}.issuperset(inside):
-            power, of = spelled([exponent]).strip("()"), inside[0]
-            instead = f"write {name.text}({of})^({power}) for a function, {name.text}^({power})*({of}) for a product"
-            raise refusal(f"{name.text} to a power before ( could be a function", name.column, instead)
+            power = spelled([exponent]).strip("()")
+            raise fault("power before a bracket", name.column, name=name.text, power=power, of=inside[0])
 
 
 def _as_in_products(names: Sequence[str], lines: Iterable[Line]) -> Words:
@@ -733,9 +725,8 @@ def _product_or_function(name: Token, bracket: Token, argument: str, text: str) 
     """The error for k (x) and k [x], with both ways to write it."""
     plain = text[bracket.end - 1 : bracket.end] in (")", "]")  # not \\right)
     both = (f"{name.text}*({argument})", f"{name.text}({argument})")
-    instead, what = f"write {both[0]} for a product, {both[1]} for a function", f"{name.text} ( could be"
-    span = (name.column, bracket.end + 1) if plain else None
-    return refusal(f"{what} a product or a function", name.column, instead, both if plain else (), span)
+    span, words = (name.column, bracket.end + 1), {"name": name.text, "argument": argument}
+    return fault("product or function", name.column, span if plain else None, both if plain else (), **words)
 
 
 def _slopes(lines: Iterable[Line], declared: nm.Names) -> dict[str, Words]:
@@ -837,13 +828,12 @@ def _ask_back(guessed: Mapping[str, _Found], names: nm.Names, raised: Mapping[st
         if name == "x" or _is_one_of_many(name, names.coordinates):
             raise nm.ask_for_the_time(name, column, names.coordinates).at(pointer)
         if name in ANY_SPEED and pointer.startswith("/constraints"):
-            raise refusal(nm.not_declared(name), column, ELIMINATED, declare="parameters").at(pointer)
+            raise fault("any speed", column, name=name, instead=ELIMINATED).at(pointer)
         if alike := _may_be_motion(name, names.coordinates):
             raise nm.undeclared(name, column, alike).at(pointer)
         other = seen.setdefault(name.replace("_", ""), name)
         if other != name:
-            instead = f"{other} occurs too; write one of the two"
-            raise refusal(nm.not_declared(name), token.column, instead, (other,)).at(pointer)
+            raise fault("two spellings", column, name=shorten(name), other=other).at(pointer)
     return splits
 
 
@@ -889,7 +879,7 @@ def _half_a_number(line: Line, place: int) -> errors.InputError | None:
     if not (power or suffix or before.text == "0"):
         return None
     shown = before.text + text + "".join(after) * power
-    return refusal(f"{shown} could be one number", before.column, f"write 2*{text} for a product, 2e-3 for a number")
+    return fault("half a number", before.column, shown=shown, letters=text)
 
 
 def _is_apart(name: Token, after: Token) -> bool:

@@ -12,7 +12,7 @@ from functools import partial
 
 from inverse_service.errors import InputError
 from inverse_service.expressions import letters
-from inverse_service.expressions.refusals import LIMITS, at_most, refusal, shorten
+from inverse_service.expressions.refusals import LIMITS, at_most, fault, refusal, shorten
 from inverse_service.reading import components, names as nm, prose, tokens as plain
 from inverse_service.reading.tokens import CASES, FACTOR, FRACTION, MATRIX, PARTIAL, TOTAL, Line, Token, Tokens, bracket
 
@@ -191,18 +191,17 @@ def _raw_command(text: str, place: int, space: bool, names: nm.Names) -> tuple[T
         if sign in (("(", "[") if beside[1] == "left" else (")", "]")):
             return [operator("(" if beside[1] == "left" else ")", space=True)], beside.end()
         if sign not in ("|", ".") and (sign or beside[1] == "left"):
-            what = f"this delimiter after \\{beside[1]} is not accepted"
-            raise refusal(what, place + 1, "write ( and )")
+            raise fault("delimiter", place + 1, side=beside[1])
         return [operator(sign)] * (sign == "|"), beside.end()
     command = _COMMAND.match(text, place)
     if command is None:
-        raise refusal("a backslash without a command occurs", place + 1, "write a command such as \\dot{x}")
+        raise fault("backslash", place + 1)
     name, end = command[command.lastindex or 0], command.end()
     if name in letters.LETTER_COMMANDS:
         return [Token("name", _letter(name, names), place + 1, space)], end
     if degree := _DEGREE.match(text, place):
         if not degree[1]:
-            raise refusal("the degree of a root is not an integer", place + 1, "write \\sqrt[3]{x}")
+            raise fault("degree of a root", place + 1)
         return [Token("command", name, place + 1, space, Fraction(degree[1]))], degree.end()
     if name == "prime":
         return [Token("prime", "'", place + 1, False, Fraction(1))], end
@@ -261,7 +260,7 @@ class _Line(plain.TokenStream):
         elif token.is_operator("^"):
             self._power(token)
         elif token.is_operator("_"):
-            raise refusal("'_' is not expected", token.column, "a subscript belongs to a name, as in r_1")
+            raise fault("subscript of nothing", token.column)
         elif token.is_operator(PARTIAL, plain.NABLA) and self.ahead.is_operator("_"):
             self._partial(token)
         elif self._cells or not token.is_operator("&"):
@@ -270,27 +269,25 @@ class _Line(plain.TokenStream):
     def _refuse(self, token: Token) -> None:
         """InputError for a sign that is not accepted."""
         if token.text == "$":
-            what = "the character '$' is not accepted"
-            raise refusal(what, token.column, "write $ only around the whole formula")
+            raise fault("dollar", token.column)
         if token.text != ".":
             plain.next_tokens(self._text, token.column - 1, False)
         elif self._text[token.column :].strip():  # not the period of a sentence
-            raise refusal("a dot without a number occurs", token.column, "a dot belongs to a number such as 0.5")
+            raise fault("dot without a number", token.column)
 
     def _name(self, token: Token) -> None:
         """A name with its subscript."""
-        if token.text in _COMMANDS and not self._names.role(token.text):
-            span, meant = (token.column, token.column + len(token.text)), f"\\{token.text}"
-            if not self._named or self.ahead.is_bracket("{"):  # F_{left} is a name
-                raise refusal(f"{token.text} has no backslash", token.column, f"write {meant}", (meant,), span)
+        alone = not self._named or self.ahead.is_bracket("{")  # F_{left} is a name
+        if alone and token.text in _COMMANDS and not self._names.role(token.text):
+            raise fault("no backslash", token.column, token.span, name=token.text)
         if token.text in nm.FUNCTIONS and self.ahead.is_operator("_"):
-            raise refusal("a base of a logarithm occurs", token.column, "write \\ln(x)/\\ln(b)")
+            raise fault("base of \\log", token.column)
         self._emit(token, token.text, order=token.order)
 
     def _emit(self, token: Token, name: str, kind: plain.Kind = "name", order: int = 0) -> None:
         """Add the name that the token or its command denotes, with the subscript that follows."""
         if not name:
-            raise refusal(f"{self._shown(token)} contains no name", token.column, "write letters and digits in it")
+            raise fault("no name", token.column, shown=self._shown(token))
         name = self._with_subscript(name)
         at_most(len(name), LIMITS.name_characters, "a name has too many characters", token.column)
         primed = token.column * (order > 0)
@@ -306,10 +303,8 @@ class _Line(plain.TokenStream):
         underscore, piece = self.take(), self.take()
         subscript = self._joined([piece, self.take()] if piece.kind == "command" else [piece])
         if not subscript:
-            comma = plain.at(piece.inside, 0).is_operator(",")
-            derivative = f"write diff({name}(x), x) for a derivative"
-            instead = derivative if comma else "write letters and digits, as in r_{1}"
-            raise refusal("a subscript is not a word", underscore.column, instead)
+            key = "comma in a subscript" if plain.at(piece.inside, 0).is_operator(",") else "subscript"
+            raise fault(key, underscore.column, name=name)
         glued = self._named and subscript.isdigit() and name[-1].isalpha()  # k_{B_1} is k_B1
         return f"{name}{subscript}" if glued else f"{name}_{subscript}"
 
@@ -388,7 +383,7 @@ class _Line(plain.TokenStream):
         r"""\partial_x as \frac{\partial}{\partial x}."""
         by = self._with_subscript("")[1:]
         if {*by} == {"t"}:
-            raise refusal("a partial derivative occurs", token.column, "write diff(A(x, y), x), A declared")
+            raise fault("partial derivative", token.column)
         sign, variable = Token("operator", PARTIAL, token.column), Token("name", by, token.column)
         self._found.append(self._quotient([sign], [sign, variable], token))
 
@@ -401,7 +396,7 @@ class _Line(plain.TokenStream):
         known = known or self._named or (self._cells and name in _CONDITIONS)
         in_text = command.text.startswith("text") and not known
         if words or (in_text and len(name) > 1 and name.isalpha() and name.islower()):
-            raise refusal("words occur", command.column, "write the equations alone, separated by ;")
+            raise fault("words", command.column)
         if not inside and self._cells:
             return
         if name == "d" and self._names.role("d") is None:
@@ -427,7 +422,7 @@ class _Line(plain.TokenStream):
         if token.kind == "name" and token.text not in _COMMANDS:
             return [token]
         if token.kind not in ("name", "command"):
-            raise refusal(f"{self._shown(at)} has no argument", at.column, "write it in braces { }")
+            raise fault("no argument", at.column, shown=self._shown(at))
         outer, self._found, self._depth = self._found, [], self._depth + 1
         at_most(self._depth, LIMITS.depth, "the formula is nested too deeply", token.column)
         self._one(token)
@@ -448,7 +443,7 @@ class _Line(plain.TokenStream):
         name = plain.at(inner, 0)
         other = name.text in nm.FUNCTIONS and not self._names.role(name.text)
         if len(inner) != 1 or name.kind not in ("name", "vector") or name.order or other:
-            raise refusal(f"{shown} belongs to a name", token.column, f"write {shown}{{x}}")
+            raise fault("dots without a name", token.column, shown=shown)
         self._emit(token if name.kind == "name" else name, name.text, name.kind, 2 if token.text == "ddot" else 1)
 
     def _power(self, caret: Token) -> None:
@@ -474,7 +469,7 @@ class _Line(plain.TokenStream):
             self._one(raised)
             self._found[start:] = [self._enclosed(self._found[start:], raised, space=False)]
         if self.ahead.is_operator("^"):
-            raise refusal("a second power occurs", self.ahead.column, "write x^{a^b} or (x^a)^b")
+            raise fault("second power", self.ahead.column)
 
     def _refuse_exponent(self, raised: Token) -> None:
         """InputError for q^{1}, a component; x^23, which TeX sets as x^2 3; f^{(2)}, a derivative or component."""
@@ -484,13 +479,12 @@ class _Line(plain.TokenStream):
             one = one.inside[0]
         goes_on = raised is one and self._text[one.column : one.column + 1] in (*".+-",)
         if one.text == "1" and not (bracketed or goes_on):
-            raise refusal("a raised 1 occurs", one.column, "an index? write it below, as in q_1 and q_2")
+            raise fault("raised 1", one.column)
         if raised is one and one.kind == "number" and len(one.text) > 1:
-            raise refusal("a power of several digits has no braces", raised.column, "write x^{23} or x^{2} \\cdot 3")
+            raise fault("power of several digits", raised.column)
         plain_part = bracketed and one.kind in ("number", "name") and not one.inside
         if plain_part and base.kind != "number" and base.text not in ("e", "E"):  # e^{(x)} is exp(x)
-            instead = "write x^{2} for a power, f''(x) for a derivative, q_1 for an index"
-            raise refusal(f"a raised {one.kind} in brackets occurs", raised.column + 1, instead)
+            raise fault("power in brackets", raised.column + 1, kind_of=one.kind)
 
     def _refuse_indices(self, caret: Token) -> None:
         r"""InputError for tensor indices, \Gamma^x_{xx} and g^{tt}, which are not powers."""
@@ -500,8 +494,7 @@ class _Line(plain.TokenStream):
         indices = [token.text for token in plain.walk(both) if token.kind != "bracket"]
         moving = {*self._names.coordinates} or {"x", "y", "z", "r", "t", "theta", "phi"}
         if base in _TENSORS and len(indices) > 1 and {*indices} <= moving | {"t", "mu", "nu", "i", "j", "k"}:
-            what = f"raised and lowered indices of {base} occur"
-            raise refusal(what, caret.column, "write each component as a formula, or as a name such as G_1")
+            raise fault("tensor", caret.column, name=base)
 
 
 def _with_factors_apart(line: Iterable[Token]) -> Tokens:

@@ -14,7 +14,7 @@ from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.derivative import FUNCTION, Rule
 from inverse_service.expressions.letters import ALIKE, GREEK, LETTER_COMMANDS, SCRIPT_L, letter
 from inverse_service.expressions.pieces import STEP, step
-from inverse_service.expressions.refusals import LIMITS, joined, refusal, shorten
+from inverse_service.expressions.refusals import LIMITS, fault, joined, refusal, shorten
 from inverse_service.expressions.tree import Apply, Expression, Number, number, square_root
 
 _REASONS = Path(__file__).with_name("refused.ndjson").read_text(encoding="utf-8")
@@ -116,13 +116,12 @@ def call(function: str, arguments: list[Expression], column: int) -> Expression:
         return call("log", arguments[:1], column) / call("log", arguments[1:], column)
     if function in _EXTREMES:
         if len(arguments) < 2:
-            raise refusal(f"{function} has one argument", column, f"write several, as in {function}(u, 0)")
+            raise fault("one argument", column, name=function)
         return reduce(lambda a, b: (a + b + _EXTREMES[function] * _magnitude(a - b)) / 2, arguments)
     if len(arguments) != 1:
-        raise refusal(f"{function} has {len(arguments)} arguments", column, f"write one, as in {function}(u)")
+        raise fault("several arguments", column, name=function, count=len(arguments))
     if not is_defined(function, arguments[0]):
-        what = f"{function} of this number has no real value"
-        raise refusal(what, column, f"give it {_DOMAINS[function][1]}")
+        raise fault("number outside the domain", column, name=function, wanted=_DOMAINS[function][1])
     if function == STEP:
         return step(arguments[0], column)
     return _COMPOSED[function][0](arguments[0]) if function in _COMPOSED else Apply(function, arguments[0])
@@ -136,7 +135,7 @@ def is_defined(function: str, argument: Expression) -> bool:
 def reason_against(name: str, column: int, arguments: str = '["u"]') -> InputError | None:
     """The error for a well-known name that formulas cannot use, or None; sn(u, k) has two `arguments`."""
     if name.startswith("log_"):
-        return refusal("a base of a logarithm occurs", column, "write log(x)/log(2) or log(x, 2)")
+        return fault("base of log", column)
     plain = name.replace("_", "")  # J_0
     reason = REFUSED.get(name) or REFUSED_UNLESS_DECLARED.get(plain if plain in MAY_BE_CONSTANTS else name)
     if not reason:
@@ -220,46 +219,37 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
     known = reason_against(name, column)
     if known is not None and (follows == "(" or name.replace("_", "") not in MAY_BE_CONSTANTS):
         return known
-    shown = not_declared(name)
+    words = {"shown": shorten(name), "name": name, "coordinates": joined(names.coordinates)}
     if name == "d":
-        return refusal(shown, column, "write x' and x'' for dx/dt and d^2x/dt^2, diff(u, t) for other derivatives")
+        return fault("unknown d", column, **words)
     if follows[:1] == "'" and (meant := readings(name, names)):
-        return refusal(shown, column, f"did you mean {meant[-1]}'? else add its equation too", meant[-1:])
-    known_coordinates = f"the coordinates are {joined(names.coordinates)}"
+        return fault("unknown product with a prime", column, factors=meant[-1], **words)
     if follows[:1] == "'":
-        instead = f"add its equation too, with {name}'' in it, as in (r^2*phi')' = 0 for r^2*phi' = l"
-        return refusal(shown, column, f"{instead}; {known_coordinates}")
+        return fault("unknown name with a prime", column, **words)
     if follows == "(":
         known_functions = sorted(FUNCTIONS | set(names.functions))
         close = misspelt(name) or difflib.get_close_matches(name.lower(), known_functions, 1)
         hint = f" (did you mean {close[0]}?)" if close else ""
-        instead, span = f"use a known function{hint} or write * before the bracket", (column, column + len(name))
-        return refusal(shown, column, instead, tuple(close), span, "functions")
+        return fault("unknown function", column, (column, column + len(name)), tuple(close), hint=hint, **words)
     meant = (*difflib.get_close_matches(name, [*names.declared(), *FUNCTIONS], 1, 0.7), *readings(name, names))
     if meant:
         return undeclared(name, column, meant)
     if looks_like_a_coordinate(name):
         return ask_for_the_time(name, column, names.coordinates)
-    what = f"the name '{shorten(name)}' is not declared, and {known_coordinates}; it occurs"
-    return refusal(what, column, "", declare="parameters")
-
-
-def not_declared(name: str) -> str:
-    """The first part of the error message."""
-    return f"the name '{shorten(name)}' is not declared; it occurs"
+    return fault("unknown name", column, **words)
 
 
 def undeclared(name: str, column: int, meant: tuple[str, ...], span: tuple[int, int] | None = None) -> InputError:
     """The error for a name, with possible meanings of the name or of the text in the span."""
-    hint = " or ".join(dict.fromkeys(meant))
-    return refusal(not_declared(name), column, f"did you mean {hint}?", meant, span, declare="parameters")
+    return fault(
+        "name with other meanings", column, span, meant, shown=shorten(name), hint=" or ".join(dict.fromkeys(meant))
+    )
 
 
 def ask_for_the_time(name: str, column: int, coordinates: Sequence[str]) -> InputError:
     """The error for a name such as x without an equation: it may be the independent variable or a coordinate."""
     named = f"t, or {coordinates[0]}''({name})" if coordinates else "t"
-    instead = f"is it the independent variable? write {named}; a coordinate? add its equation"
-    return refusal(not_declared(name), column, instead, ("t",), declare="parameters")
+    return fault("variable without an equation", column, shown=shorten(name), named=named)
 
 
 def looks_like_a_coordinate(name: str) -> bool:

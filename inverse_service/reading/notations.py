@@ -14,7 +14,7 @@ from fractions import Fraction
 from functools import partial
 
 from inverse_service import errors
-from inverse_service.expressions.refusals import LIMITS, at_most, refusal
+from inverse_service.expressions.refusals import LIMITS, at_most, fault
 from inverse_service.reading import tokens as tk
 from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, Names
 from inverse_service.reading.tokens import Line, Token, Tokens, at
@@ -42,9 +42,7 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     if marks & {*_HEADS, ".", "@", "Piecewise"}:
         tokens = _rewritten(tokens, names)
     if "I" in marks and names.role("I") is None and (mathematica or tokens != written or marks & DERIVATIVE_NAMES):
-        what = "I is the imaginary unit in this notation; it occurs"
-        column = next(token.column for token in tk.walk(tokens) if token.text == "I")
-        raise refusal(what, column, "write real equations", declare="parameters")
+        raise fault("imaginary unit", next(token.column for token in tk.walk(tokens) if token.text == "I"))
     last = len(tokens) - 1 - at(tokens, len(tokens) - 1).is_operator(";")
     given, whole = tokens[: max(last, 0)], at(tokens, last)  # [eq1, eq2] and sys := {eq1, eq2};
     alone = not given or (len(given) == 2 and given[1].value == tk.GIVEN)
@@ -153,7 +151,7 @@ def _after_dot(line: Line, place: int, found: Tokens, names: Names) -> int:
         found.pop()
         return place + 1
     if method.text != "diff" or not variables.is_bracket():
-        raise refusal("a dot occurs", line[place].column, "a dot belongs to a number such as 0.5, or to u.diff(t)")
+        raise fault("dot", line[place].column)
     called = at(found, len(found) - 1).is_bracket() and at(found, len(found) - 2).kind == "name"
     start = max(0, len(found) - 1 - called)
     inside = _joined([found[start:], _rewritten(variables.inside, names)], ",", method)
@@ -178,8 +176,7 @@ def _derivative_of(line: Line, place: int, order: int, found: Tokens) -> int:
         operand, order = operand.inside[1], order + 1
     name = operand.inside[0] if operand.is_bracket() and len(operand.inside) == 1 else operand
     if name.kind != "name" or name is operand or name.order:
-        column = line[place - 1].end or line[place - 1].column
-        raise refusal("a derivative of a name occurs", column, "write x'' or diff(x, t, 2)")
+        raise fault("derivative of a name", line[place - 1].end or line[place - 1].column)
     found.append(replace(name, order=order, primed=name.column))
     return place + 1
 
@@ -204,7 +201,7 @@ def _called(line: Line, place: int, found: Tokens, names: Names) -> int:
     if head.text == "Differential":
         operand = at(line, after)
         if len(arguments) != 1 or not operand.is_bracket():
-            raise refusal("Differential has no operand", head.column, "write Differential(t)(x), or x'")
+            raise fault("Differential", head.column)
         arguments, after = [[*operand.inside], *arguments], after + 1
     found += _HEADS[head.text](head, [_rewritten(argument, names) for argument in arguments])
     found += _primes(given)
@@ -224,7 +221,7 @@ def _quoted(head: Token, parts: Sequence[Tokens]) -> Tokens:
     """Symbol('x', positive=True) and Function('x') are x."""
     quoted = parts[0] if parts else []
     if [token.kind for token in quoted] != ["prime", "name"] or quoted[1].order != 1:
-        raise refusal("a name in quotation marks is missing", head.column, "write Symbol('x')")
+        raise fault("Symbol", head.column)
     return [replace(quoted[1], space_before=head.space_before, order=0, primed=0)]
 
 
@@ -254,20 +251,20 @@ def _pieces(head: Token, parts: Sequence[Tokens]) -> Tokens:
 
 
 def _float(head: Token, parts: Sequence[Tokens]) -> Tokens:
-    raise refusal("a Float occurs", head.column, "write the exact number, such as Rational(1, 3)")
+    raise fault("Float", head.column)
 
 
 def _der(head: Token, parts: Sequence[Tokens]) -> Tokens:
     """Modelica's der(u) is diff(u, t)."""
     if len(parts) != 1:
-        raise refusal("der has one argument", head.column, "write der(x)")
+        raise fault("der", head.column)
     return _call(head, [*parts, [Token("name", "t", head.column)]], "diff")
 
 
 def _column(head: Token, parts: Sequence[Tokens]) -> Tokens:
     """SymPy's Matrix([[u], [v]]) is u, v: the entries without the list brackets."""
     if len(parts) != 1 or len(parts[0]) != 1 or not parts[0][0].is_bracket():
-        raise refusal("a matrix occurs", head.column, "write its entries, separated by ;")
+        raise fault("matrix", head.column)
     return [*parts[0][0].inside]
 
 
@@ -339,12 +336,10 @@ def _derivative(
         _refuse_fraction(token, names)
         return None
     if at(line, quotient.after).is_operator("^") and not quotient.fraction:
-        written, last = tk.source(line[place : quotient.after]), line[quotient.after - 1]
-        span = (token.column, last.column + len(last.text))
         if not quotient.operand or names.role(token.text) or at(quotient.operand, 0).order:
             return None
-        what = f"the exponent after {written} could be that of the quotient"
-        raise refusal(what, token.column, f"write ({written})^2", (f"({written})",), span)
+        written, span = tk.source(line[place : quotient.after]), (token.column, line[quotient.after - 1].span[1])
+        raise fault("power of a quotient", token.column, span, written=written)
     if not quotient.operand:
         return _applied(line, quotient, place, names, depth)
     return _of_operand(line, quotient, place, names, beyond)
@@ -354,7 +349,7 @@ def _gradient(line: Line, place: int, names: Names) -> tuple[Tokens, int]:
     """The gradient of V as diff(V, x) if there is one coordinate; V itself if no coordinate is known yet."""
     sign, name = line[place], at(line, place + 1)
     if name.kind != "name" or len(names.coordinates) > 1:
-        raise refusal("a gradient occurs", sign.column, "write an equation for each component")
+        raise fault("gradient", sign.column)
     after = place + 2 + _are_arguments(at(line, place + 2), name, names)
     moving = [Token("name", coordinate, sign.column) for coordinate in names.coordinates]
     operand = [*line[place + 1 : after]]
@@ -396,8 +391,7 @@ def _of_operand(
     at_point = _is_point(follows, variables)
     unclear = declared and quotient.fraction and (outside or not at_point) and not follows.is_fraction()
     if follows.is_bracket() and (unclear or (guessed and outside and at_point)):
-        instead = f"write {name.text}'({variables[0].text}), or * before a factor"
-        raise refusal("a bracket follows a derivative", follows.column, instead)
+        raise fault("bracket after a derivative", follows.column, name=name.text, by=variables[0].text)
     if declared or guessed:
         point = [follows] if at_point and not outside else []
         operand = [name, *(point if role != "parameter" else [])]
@@ -426,13 +420,12 @@ def _of_what(
     name: Token, by: Sequence[str], coordinates: Sequence[str], first: Token, last: Token | None
 ) -> errors.InputError:
     """The error for dV/dx, from its first to its last token or a fraction, if the arguments of V are unknown."""
-    what = f"a derivative of {name.text} by {by[0]} occurs"
     if last is None:
-        return refusal(what, first.column, f"write {name.text}'({by[0]})", declare="functions")
+        return fault("slope of a name", first.column, name=name.text, by=by[0])
     slope = f"diff({name.text}({', '.join(coordinates)}), {', '.join(by)})"
     primed = f"{name.text}{len(by) * chr(39)}({by[0]}) or " if len(coordinates) == 1 and len(by) < 3 else ""
-    span = (first.column, last.column + len(last.text))
-    return refusal(what, name.column, f"write {primed}{slope}", (slope,), span)
+    span, words = (first.column, last.span[1]), {"name": name.text, "by": by[0], "primed": primed, "slope": slope}
+    return fault("derivative by a coordinate", name.column, span, **words)
 
 
 def _applied(line: Line, quotient: _Quotient, place: int, names: Names, depth: int) -> tuple[Tokens, int] | None:
@@ -444,8 +437,7 @@ def _applied(line: Line, quotient: _Quotient, place: int, names: Names, depth: i
     inner, after = operand
     in_time = "t" in [variable.text for variable in quotient.variables]
     if quotient.partial and in_time and "(t)" not in tk.spelled(line[quotient.after : after]):
-        instead = "write d/dt( and ) for the derivative along the motion"
-        raise refusal("a partial derivative by the time occurs", line[place].column, instead)
+        raise fault("partial derivative by the time", line[place].column)
     return _carried_out(inner, quotient.variables, line[place]), after
 
 
@@ -453,8 +445,7 @@ def _differentiated(line: Line, quotient: _Quotient, names: Names, depth: int) -
     """The operand of an operator: a bracket, a derivative, or a name without a following factor."""
     place = quotient.after
     if place == len(line):
-        instead = "write x' and x'' for dx/dt and d^2x/dt^2, diff(u, t) for other derivatives"
-        raise refusal("a derivative of nothing occurs", line[place - 1].column, instead)
+        raise fault("derivative of nothing", line[place - 1].column)
     first, variable = line[place], quotient.variables[0].text
     at_most(depth + 1, LIMITS.depth, "the formula is nested too deeply", first.column)
     if nested := _derivative(line, place, names, None, depth + 1):
@@ -469,9 +460,7 @@ def _differentiated(line: Line, quotient: _Quotient, names: Names, depth: int) -
     multiplied = following.is_operator("*", "/") or (following.is_fraction() and _quotient(line, after, names))
     clear = (whole and not first.order) or (first.kind == "name" and (ends or (called and multiplied)))
     if following.is_operator("^") or not clear:
-        what = f"it is not clear where the derivative ends, because d/d{variable} precedes a product"
-        column = following.column or first.column
-        raise refusal(what, column, f"write what it differentiates in brackets, d/d{variable}(...)")
+        raise fault("end of a derivative", following.column or first.column, by=variable)
     return with_derivatives(first.inside if whole else line[place:after], names), after
 
 
@@ -582,10 +571,8 @@ def _refuse_fraction(token: Token, names: Names) -> None:
     if differential and variable:
         by, column = variable[0][0].text, token.column
         if any(token.is_operator("^") for token in above[2:]) and by == "t":
-            instead = "write the power around the whole derivative, \\left(\\frac{dx}{dt}\\right)^2"
-            raise refusal("the exponent in a derivative is not clear", above[1].column, instead)
-        instead = f"write \\frac{{d}}{{d{by}}}\\left( and \\right)"
-        raise refusal(f"a derivative by {by} occurs", column, instead)
+            raise fault("power in a derivative", above[1].column)
+        raise fault("derivative of a product", column, by=by)
 
 
 def _carried_out(inner: Line, variables: Line, at: Token, total: bool = False) -> Tokens:

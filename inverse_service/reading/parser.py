@@ -25,7 +25,7 @@ from functools import reduce
 from inverse_service import errors
 from inverse_service.expressions import derivative, tree as ex
 from inverse_service.expressions.pieces import either, piecewise, step
-from inverse_service.expressions.refusals import LIMITS, at_most, limit_passed, refusal, shorten
+from inverse_service.expressions.refusals import LIMITS, at_most, fault, limit_passed, refusal, shorten
 from inverse_service.reading import names as nm, tokens as tk
 from inverse_service.reading.tokens import Token, Tokens, at
 
@@ -63,7 +63,7 @@ def sum_of(terms: Sequence[ex.Expression], column: int) -> ex.Expression:
 def reciprocal(expression: ex.Expression, column: int) -> ex.Expression:
     """1/u; InputError if u is the number 0."""
     if expression == ex.Number(Fraction(0)):
-        raise refusal("a division by zero occurs", column, "divide by something that is not 0")
+        raise fault("division by zero", column)
     return expression**-1
 
 
@@ -72,8 +72,7 @@ def raised(base: ex.Expression, exponent: ex.Expression, column: int) -> ex.Expr
     if base == _EXPONENTIAL:
         return ex.Apply("exp", exponent)
     if isinstance(base, ex.Number) and base.value < 0 and not isinstance(exponent, ex.Number):
-        what = "a negative number is raised to a symbolic power, which is real for few values only"
-        raise refusal(f"{what}; it occurs", column, "write the formula for an even and for an odd power")
+        raise fault("symbolic power of a negative number", column)
     if isinstance(exponent, ex.Number):
         _check_exponent(exponent.value, column)
         if isinstance(base, ex.Number):
@@ -93,12 +92,12 @@ def _check_exponent(exponent: Fraction, column: int) -> None:
 
 def _check_numbers(base: Fraction, exponent: Fraction, column: int) -> None:
     if base == 0 and exponent <= 0:
-        raise refusal("0 to a power that is not positive has no value", column, "write another base or exponent")
+        raise fault("power of zero", column)
     if base < 0 and exponent.denominator != 1:
         base, sign = -base, "-" if exponent.numerator % 2 else ""
         root = f"write {sign}{base if base.denominator == 1 else f'({base})'}^({exponent})"
         instead = root if exponent.denominator % 2 else "write another base or exponent"
-        raise refusal("a negative number to this power is not real", column, instead)
+        raise fault("power of a negative number", column, instead=instead)
     bits = max(base.numerator.bit_length(), base.denominator.bit_length()) - 1
     if bits * float(abs(exponent)) > LIMITS.digits * _BITS_PER_DIGIT:  # known before the power is computed
         raise limit_passed("a number that is computed here has too many digits", column, LIMITS.digits)
@@ -138,12 +137,10 @@ def _defined(expression: ex.Expression, variables: Sequence[Variable], names: nm
     """The operand with the formulas of its names substituted; InputError for the derivative of a constant."""
     for variable in variables:
         if isinstance(variable.node, ex.Symbol) and variable.node in names.definitions:
-            what = f"a derivative by {variable.node.name} occurs, which is defined by a formula"
-            raise refusal(what, variable.column, "differentiate by a coordinate")
+            raise fault("derivative by a defined name", variable.column, name=variable.node.name)
     others = {*names.definitions, *(variable.node for variable in variables)}
     if isinstance(expression, ex.Symbol) and expression.name in names.parameters and expression not in others:
-        what = f"a derivative of the constant {expression.name} occurs"
-        raise refusal(what, variables[0].column, "leave it out", declare="functions")
+        raise fault("derivative of a constant", variables[0].column, name=expression.name)
     return ex.substitute(expression, dict(names.definitions)) if names.definitions else expression
 
 
@@ -155,7 +152,7 @@ def _once(expression: ex.Expression, variable: Variable, names: nm.Names) -> ex.
     try:
         return check_depth(derivative.differentiate_in_time(expression, names.coordinates), variable.column)
     except ValueError:
-        raise _third(variable.column) from None
+        raise fault("third derivative", variable.column, instead=OF_SECOND_ORDER) from None
 
 
 def _refuse_two_meanings(function: ex.Arbitrary, column: int) -> None:
@@ -164,13 +161,7 @@ def _refuse_two_meanings(function: ex.Arbitrary, column: int) -> None:
         return
     orders = ",".join(str(int(argument == ex.TIME)) for argument in function.arguments)
     arguments = ", ".join(node.name for node in function.arguments if isinstance(node, ex.Symbol))
-    partial = f"{function.name}[{orders}]({arguments})"
-    what = f"a derivative of {function.name} by t could be the partial one or the one along the motion; it occurs"
-    raise refusal(what, column, f"write {partial} for the partial one, and with the other terms for the other")
-
-
-def _third(column: int) -> errors.InputError:
-    return refusal("a third derivative occurs", column, OF_SECOND_ORDER)
+    raise fault("partial or total derivative", column, name=function.name, orders=orders, arguments=arguments)
 
 
 class FormulaParser(tk.TokenStream):
@@ -299,20 +290,18 @@ class FormulaParser(tk.TokenStream):
         ahead, column = self.ahead, self.ahead.column
         closes = self.look(1) == self._end
         if ahead.is_bracket() and closes and [each.kind for each in ahead.inside] == ["number"]:
-            shown = f"({shorten(ahead.inside[0].text)})"
-            raise refusal(f"{shown} could be an equation number", column, "leave it out, or write * before a factor")
+            raise fault("equation number", column, shown=f"({shorten(ahead.inside[0].text)})")
         if ahead.kind == "number":
-            raise refusal("a number follows a factor", column, "write * before a factor or ^ before a power")
+            raise fault("number after a factor", column)
         if self._time_in_brackets():
-            raise refusal("(t) could be an argument or a factor", column, "write *t for a product")
+            raise fault("time in brackets", column)
         last, before = self.look(-1), self.look(-2)
         if before.is_operator("-"):
             before = self.look(-3)
         if not before.is_operator("^") or ahead.space_before:
             return
         if last.kind == "number" and not self._multiplies(ahead):
-            said, span = "the end of the exponent is not clear", (last.column, column)
-            raise refusal(said, column, "write x^2*y or x^(2*y)", (f"{last.text}*",), span)
+            raise fault("end of a numeric exponent", column, (last.column, column), number=last.text)
         if last.kind == ahead.kind == "name" and not last.order and not self._is_function(ahead):
             raise self._unclear_exponent(last)
 
@@ -324,10 +313,8 @@ class FormulaParser(tk.TokenStream):
             if token.kind != "name" or token.space_before or self._is_function(token):
                 break
             glued.append(tk.source([token]))
-        written, span = "*".join(glued), (first.column, token.column)
-        instead = f"write ^({written}) or ^{written}"
-        said = "the end of the exponent is not clear"
-        return refusal(said, self.ahead.column, instead, (f"({written})", written), span)
+        span = (first.column, token.column)
+        return fault("end of an exponent", self.ahead.column, span, written="*".join(glued))
 
     def _multiplies(self, ahead: Token) -> bool:
         """Whether a coordinate after a power of a name or bracket is a factor: yes in w^2x, no in e^2x, x^2n, k**2x."""
@@ -340,13 +327,13 @@ class FormulaParser(tk.TokenStream):
 
     def _unclear_quotient(self, start: int, slash: int) -> errors.InputError:
         """The error for a/b c, with both interpretations if the following factors can be parsed."""
-        place, said = self.position, ("the quotient is not clear", self.ahead.column, "write (a/b)*c or a/(b*c)")
+        place, column = self.position, self.ahead.column
         rest = self._source_of_factors()
         over, under = self.source(start, slash - 1), self.source(slash, place)
         if rest is None or "|" in over + under:
-            return refusal(*said)
+            return fault("end of a quotient", column)
         span = (self._tokens[start].column, self.ahead.column)
-        return refusal(*said, (f"({over}/{under})*{rest}", f"{over}/({under}*{rest})"), span)
+        return fault("end of a quotient", column, span, (f"({over}/{under})*{rest}", f"{over}/({under}*{rest})"))
 
     def _factor(self) -> ex.Expression:
         base = self._base()
@@ -360,12 +347,10 @@ class FormulaParser(tk.TokenStream):
         number, below = self.look(-1), self.look(1)
         unclear = number.text == "1" or (number.text == "3" and is_sum)
         if unclear and slash.is_operator("/") and below.kind == "number":
-            meant = (f"({number.text}/{below.text})", f"({number.text})/{below.text}")
             span = (number.column, self.look(2).column)
-            instead = "write x^(1/2) for a root, or x/2"
-            raise refusal("the end of the exponent is not clear", slash.column, instead, meant, span)
+            raise fault("root or quotient", slash.column, span, over=number.text, under=below.text)
         if exponent == ex.ONE and isinstance(base, ex.Velocity | ex.Acceleration):
-            raise refusal("a raised 1 occurs", ahead.column, "an index? write it below, as in q_1 and q_2")
+            raise fault("raised 1", ahead.column)
         found = raised(base, exponent, ahead.column)
         moves = isinstance(base, ex.Symbol) and base.name in self._names.coordinates
         if moves or isinstance(base, ex.Velocity | ex.Acceleration):
@@ -472,10 +457,8 @@ class FormulaParser(tk.TokenStream):
             if self.ahead.text == "t" and token.text in _OF_ANGLES and _is_frequency(opening):
                 inside = tk.source([opening])
                 inner = inside if len(opening.inside) > 1 else inside[1:-1]
-                meant = (f"{token.text}({inner}*t)", f"{token.text}{inside}*t")
-                said = f"the t after {token.text}( ) could be a part of the angle or a factor"
                 span = (token.column, self.look(1).column)
-                raise refusal(said, opening.column, f"write {meant[0]} or {meant[1]}", meant, span)
+                raise fault("time after an angle", opening.column, span, name=token.text, inner=inner, inside=inside)
         else:
             result = nm.call(token.text, [self._bare_argument(token)], token.column)
         return raised(result, exponent, token.column) if exponent else result
@@ -495,7 +478,6 @@ class FormulaParser(tk.TokenStream):
     def _unclear_inverse(self, token: Token, caret: Token, is_one: bool, length: int) -> errors.InputError:
         """The error for sin^-1, a power of `length` tokens, with both interpretations if the argument can be parsed."""
         name = token.text
-        said = (f"{name}^(-1) has two meanings", caret.column, f"write 1/{name}(x) or the inverse function")
         for _ in range(length):
             self.take()
         place = self.position
@@ -503,9 +485,10 @@ class FormulaParser(tk.TokenStream):
             self._factor()
         argument = self.source(place)
         if not argument or not is_one or f"a{name}" not in nm.FUNCTIONS:
-            return refusal(*said)
+            return fault("inverse function", caret.column, name=name)
         called = argument if argument.startswith("(") else f"({argument})"
-        return refusal(*said, (f"a{name}{called}", f"{name}{called}^(-1)"), (token.column, self.ahead.column))
+        meant, span = (f"a{name}{called}", f"{name}{called}^(-1)"), (token.column, self.ahead.column)
+        return fault("inverse function", caret.column, span, meant, name=name)
 
     def _bare_argument(self, token: Token) -> ex.Expression:
         """The argument of sin x, sin 2x, sin x^2; InputError if more factors could belong to it."""
@@ -575,16 +558,15 @@ class FormulaParser(tk.TokenStream):
 
         sin 2 x has only one.
         """
-        end, name = self.position, token.text
-        said = (f"the end of the argument of {name} is not clear", self.ahead.column, f"write {name}( and )")
+        end, name, column = self.position, token.text, self.ahead.column
         written = self.take_operator("/", "*", "+", "-")
         sign = written.text if written else "*"
         if (rest := self._source_of_factors(whole=sign in "+-")) is None:
-            return refusal(*said)
+            return fault("end of an argument", column, name=name)
         inner, first = self.source(start, end), self._tokens[start]
         both = first.kind != "number" or written or name in ("sqrt", "cbrt")
-        meant = (f"({inner}){sign}{rest}", f"({inner}{sign}{rest})")
-        return refusal(*said, meant if both else meant[1:], (first.column, self.ahead.column))
+        meant = (f"({inner}){sign}{rest}", f"({inner}{sign}{rest})")[not both :]
+        return fault("end of an argument", column, (first.column, self.ahead.column), meant, name=name)
 
     def _source_of_factors(self, whole: bool = False) -> str | None:
         """Consume the factors, or the whole term, ahead and return their text; None if they cannot be parsed."""
@@ -640,7 +622,7 @@ class FormulaParser(tk.TokenStream):
         if name == "t" and self._names.time:
             return self._single(ex.TIME, token)
         if name == "t":
-            raise refusal("the time t is not accepted here; it occurs", token.column, "leave it out")
+            raise fault("time", token.column)
         follows = "'" if token.order else self.ahead.text
         raise nm.unknown_name(token.text, self._names, token.column, follows)
 
@@ -648,8 +630,7 @@ class FormulaParser(tk.TokenStream):
         """exp(1) if it is raised to a formula; e alone or e^2 may be a charge."""
         ahead = self.ahead
         if token.order or not ahead.is_operator("^") or self._number_alone():
-            what = f"{token.text} is Euler's number only in a power such as {token.text}^x; it occurs"
-            raise refusal(what, token.column, "write exp(1), exp(2)", ("exp(1)",), declare="parameters")
+            raise fault("Euler's number", token.column, name=token.text)
         return ex.Apply("exp", ex.ONE)
 
     def _number_alone(self) -> bool:
@@ -662,20 +643,16 @@ class FormulaParser(tk.TokenStream):
         """A name without arguments; InputError if a bracket makes it look like a function."""
         ahead, name = self.ahead, token.text
         if token.order and not isinstance(node, ex.Velocity | ex.Acceleration):
-            what = f"{name} has no derivative in time; a prime occurs"
             if node in self._names.definitions:
-                return self._defined_motion(node, token, what)
-            span = (token.column, token.primed + token.order)
-            raise refusal(what, token.primed, f"leave it out, or write {name}_1", (f"{name}_1",), span)
+                return self._defined_motion(node, token)
+            raise fault("prime of a constant", token.primed, (token.column, token.primed + token.order), name=name)
         if ahead.is_bracket() and not ahead.space_before and self._are_its_names(node):
             self.take()
         elif ahead.is_bracket() and not ahead.space_before and not self._is_factor(token):
             if len(tk.split_at(",", ahead.inside)) > 1:
-                raise refusal(f"{name} has several arguments", token.column, "", declare="functions")
-            what = f"{name}( could be a product or a function"
-            span = (ahead.column, ahead.column + 1)
-            declare = "functions" if self._is_constant(token) and node != ex.PI else ""
-            raise refusal(what, ahead.column, f"write {name}*( for a product", ("*(",), span, declare)
+                raise fault("arguments of a constant", token.column, name=name)
+            key = "constant before a bracket" if self._is_constant(token) and node != ex.PI else "name before a bracket"
+            raise fault(key, ahead.column, (ahead.column, ahead.column + 1), name=name)
         return node
 
     def _are_its_names(self, node: ex.Expression) -> bool:
@@ -686,7 +663,7 @@ class FormulaParser(tk.TokenStream):
         moving = {"t", *self._names.coordinates}
         return formula is not None and names & moving <= listed <= moving
 
-    def _defined_motion(self, node: ex.Expression, token: Token, what: str) -> ex.Expression:
+    def _defined_motion(self, node: ex.Expression, token: Token) -> ex.Expression:
         """z' for z = a*r^2, and 0 for r = a beside L.
 
         InputError for U' or U'(x), usually a slope, and for a constant with a prime as a mark.
@@ -697,7 +674,7 @@ class FormulaParser(tk.TokenStream):
         moves = nm.looks_like_a_coordinate(name) or name in nm.GREEK_NAMES
         marked = found == ex.ZERO and not (self._names.energy and moves)
         if name in nm.MAY_BE_FUNCTIONS or self._opens_arguments() or marked:
-            raise refusal(what, token.primed, f"write diff({name}, t), or diff({name}, x) for a slope")
+            raise fault("prime of a defined name", token.primed, name=name)
         return found
 
     def _is_factor(self, token: Token) -> bool:
@@ -716,19 +693,15 @@ class FormulaParser(tk.TokenStream):
 
     def _coordinate(self, name: str, token: Token) -> ex.Expression:
         if token.order > 2:
-            raise _third(token.column)
+            raise fault("third derivative", token.column, instead=OF_SECOND_ORDER)
         self._skip_time_argument()
         ahead = self.ahead
         touches = self._opens_arguments() and not ahead.space_before
         if touches and [each.kind for each in ahead.inside] == ["number"]:
-            value = f"{name}({shorten(ahead.inside[0].text)})"
-            instead = f"omit initial conditions, they do not affect the answer; write {name}* for a product"
-            raise refusal(f"{value} occurs", token.column, instead)
+            raise fault("initial value", token.column, name=name, value=shorten(ahead.inside[0].text))
         if self._opens_arguments() and self._group_has_time():
-            gap, of_time = (" ", " of time") if ahead.space_before else ("", "")
-            instead = f"write {name}*( for a product; delays are not accepted"
-            what, span = f"{name}{gap}( could be a product or a function{of_time}", (ahead.column, ahead.column + 1)
-            raise refusal(what, ahead.column, instead, ("*(",), span)
+            key = "delay after a space" if ahead.space_before else "delay"
+            raise fault(key, ahead.column, (ahead.column, ahead.column + 1), name=name)
         return self._single((ex.Symbol(name), ex.Velocity(name), ex.Acceleration(name))[token.order], token)
 
     def _opens_arguments(self) -> bool:
@@ -768,21 +741,20 @@ class FormulaParser(tk.TokenStream):
             pairs = zip(declared, moving, strict=True)
             return ex.Arbitrary(name, tuple(ex.Velocity(u[0]) if u else ex.Symbol(a) for a, u in pairs), orders)
         if power == ex.number(-1):
-            raise refusal(f"{name}^(-1)( has two meanings", ahead.column, f"write 1/{name}( or another function")
+            raise fault("inverse of a declared function", ahead.column, name=name)
         if power is not None and ahead.space_before:
-            what = f"a bracket after a power of {name} could be a factor or its arguments"
-            raise refusal(what, ahead.column, f"write {name}({', '.join(declared)})^2*( or ({name}( ))^2")
+            raise fault("bracket after a power", ahead.column, name=name, arguments=", ".join(declared))
         arguments = self._listed(self.take())
         if len(arguments) != len(declared):
-            instead = f"write {len(declared)}, as in {name}({', '.join(declared)})"
-            raise refusal(f"{name} has {len(arguments)} arguments", token.column, instead)
+            words = {"name": name, "found": len(arguments), "count": len(declared), "arguments": ", ".join(declared)}
+            raise fault("number of arguments", token.column, **words)
         return ex.Arbitrary(name, tuple(arguments), orders)
 
     def _orders(self, token: Token, name: str, count: int) -> tuple[int, ...]:
         """The orders of A'' (one argument) or A[1,0] (one number for each argument)."""
         primes, column = token.order, token.primed or self.ahead.column
         if primes and count != 1:
-            raise refusal(f"{name} has {count} arguments and a prime occurs", column, f"write diff({name}, x)")
+            raise fault("prime of several arguments", column, name=name, count=count)
         if not self.ahead.is_bracket("["):
             return (primes,) if count == 1 else (0,) * count
         with self._inside(self.take()):
@@ -790,8 +762,7 @@ class FormulaParser(tk.TokenStream):
             while self.take_operator(","):
                 orders.append(self._order())
         if primes or len(orders) != count:
-            instead = f"write {count} in the brackets and no prime"
-            raise refusal(f"the number of orders of {name} is wrong", column, instead)
+            raise fault("number of orders", column, name=name, count=count)
         return tuple(orders)
 
     def _order(self) -> int:
@@ -809,7 +780,7 @@ class FormulaParser(tk.TokenStream):
             while self.take_operator(","):
                 variables.append(self._variable())
         if not variables:
-            raise refusal(f"{token.text} has no variable", token.column, f"write {token.text}(x, t)")
+            raise fault("derivative without a variable", token.column, name=token.text)
         if any(variable.node == ex.TIME for variable in variables) and isinstance(expression, ex.Arbitrary):
             _refuse_two_meanings(expression, token.column)
         return carry_out(expression, variables, self._names)
@@ -831,8 +802,7 @@ class FormulaParser(tk.TokenStream):
         if token.kind != "name":
             raise tk.unexpected(token, wanted)
         if self._names.role_meant(token.text) == "function":
-            instead = "differentiate by a coordinate"
-            raise refusal("a derivative by a function occurs", token.column, instead)
+            raise fault("derivative by a function", token.column)
         node = self._name(token)
         if not isinstance(node, ex.Symbol | ex.Velocity | ex.Acceleration) or node == ex.PI:
             raise tk.unexpected(token, wanted)
@@ -851,8 +821,7 @@ def _starts_factor(token: Token) -> bool:
 
 def _prime(token: Token) -> errors.InputError:
     """The error for a prime token, or for the primes of a token."""
-    instead = "only a coordinate or a declared function takes a prime; write diff(u, x) for other derivatives"
-    return refusal("a prime occurs", token.primed or token.column, instead)
+    return fault("prime", token.primed or token.column)
 
 
 def parse_tokens(tokens: Tokens, end_column: int, names: nm.Names) -> ex.Expression:
@@ -863,4 +832,4 @@ def parse_tokens(tokens: Tokens, end_column: int, names: nm.Names) -> ex.Express
     try:
         return FormulaParser(tokens, end_column, names).formula()
     except RecursionError:  # only if the caller is itself deeply nested, since the depth limit leaves ample room
-        raise refusal("the formula is nested too deeply", 1, "shorten it") from None
+        raise fault("deep formula", 1) from None

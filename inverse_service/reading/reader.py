@@ -14,7 +14,7 @@ from functools import lru_cache
 
 from inverse_service import errors
 from inverse_service.expressions import tree as ex
-from inverse_service.expressions.refusals import most_characters, refusal, shorten
+from inverse_service.expressions.refusals import fault, most_characters, shorten
 from inverse_service.reading import components, latex, notations, parser, prose, tokens as tk
 from inverse_service.reading.names import FUNCTIONS, GREEK_NAMES, MAY_BE_FUNCTIONS, Names, written_product
 from inverse_service.reading.tokens import Line, Token, at
@@ -54,9 +54,7 @@ def _refuse_lost_backslashes(formula: str) -> None:
     if lost := _LOST_BACKSLASH.search(formula):
         sign, rest = filter(None, lost.groups())
         column, meant = lost.end() - len(rest), f"\\{_LOST[sign]}{rest}"
-        span = (column, column + len(meant) - 1)
-        instead = "write two backslashes in JSON, r'...' around the text in Python"
-        raise refusal(f"the backslash of {meant} is lost", column, instead, (meant,), span)
+        raise fault("lost backslash", column, (column, column + len(meant) - 1), command=meant)
 
 
 def is_latex(formula: str) -> bool:
@@ -158,8 +156,7 @@ def _ask_about_primes(tokens: Line, energy: bool, latex: bool) -> None:
         if token.primed > token.column and not after.is_bracket() and (again or (energy and dotted)):
             name, span = token.text, (token.column, token.primed + token.order)
             meant = (f"{name}_1", *((f"{name}_{{dot}}" if latex else f"{name}_dot",) * again))
-            instead = f"write {name}_1 for another name, a dot for a velocity"
-            raise refusal(f"a prime occurs next to dots: {name}'", token.column, instead, meant, span)
+            raise fault("prime next to dots", token.column, span, meant, name=name)
 
 
 def _with_forms(tokens: Line, names: Names, moves: bool) -> list[Token]:
@@ -229,10 +226,7 @@ def _ask_about_displacements(tokens: Line, names: Names) -> None:
         return
     for delta, moving in itertools.pairwise(tk.walk(tokens)):
         if delta.text == "delta" and names.role_meant(moving.text) == "coordinate":
-            meant = (f"d{moving.text}", f"delta*{moving.text}")
-            what, span = f"delta {moving.text} could be a virtual displacement", (delta.column, moving.column)
-            instead = f"write {meant[0]} for it, as in dz - y dx = 0, or {meant[1]}"
-            raise refusal(what, delta.column, instead, meant, (span[0], span[1] + len(moving.text)))
+            raise fault("virtual displacement", delta.column, (delta.column, moving.span[1]), name=moving.text)
 
 
 def _without_labels(tokens: list[Token], names: Names) -> list[Token]:
@@ -358,9 +352,7 @@ def _without_number(group: list[Token], formula: str, names: Names) -> list[Toke
         note(tk.spelled(group[:1]), LEFT_OUT)
         return group[1:]
     if re.fullmatch(r"\d+\.\d+\s\s+", formula[first.column - 1 : second.column - 1]):  # 6.3  y'' + y = 0
-        what, span = f"{first.text} could be an equation number", (first.column, second.column)
-        instead = "leave it out, or write * before a factor"
-        raise refusal(what, first.column, instead, (f"{first.text}*",), span)
+        raise fault("number or factor", first.column, (first.column, second.column), number=first.text)
     if len(group) < 2 or not _is_number([number]):
         return group
     before, shown = group[-2], tk.spelled([number])
@@ -373,7 +365,7 @@ def _without_number(group: list[Token], formula: str, names: Names) -> list[Toke
     if number.inside[-1].kind == "name":
         if "." not in shown or (names.role(number.inside[1].text) and not names.guesses):
             return group
-        raise refusal(f"{shown} could be an equation number", number.column, "leave it out, or write * before a factor")
+        raise fault("equation number", number.column, shown=shown)
     note(shown, LEFT_OUT)
     return group[:-1]
 
@@ -436,8 +428,7 @@ def _with_dots_after_letters(formula: str) -> str:
     place, (dots, letter) = between.start(), between.groups()
     primes = "''" if dots == "\u00a8" else "'"
     meant = (f"{formula[place - 1]} {letter}{primes}", f"{formula[place - 1]}{primes} {letter}")
-    what, span = "the dots may belong to the letter before or after them", (place, place + 3)
-    raise refusal(what, place + 1, f"write {' or '.join(meant)}", meant, span)
+    raise fault("dots between letters", place + 1, (place, place + 3), meant, both=" or ".join(meant))
 
 
 def without_words(formula: str, declared: Collection[str] = ()) -> str:
@@ -472,7 +463,7 @@ def split_equations(formula: str, names: Names) -> list[EquationTokens]:
     groups = [EquationTokens(tuple(part), end.column if end else len(formula) + 1) for part, end in parts]
     found = [group for group in groups if group.tokens]
     if commas and len({any(token.is_operator("=") for token in group.tokens) for group in found}) > 1:
-        raise refusal("a comma splits an equation", commas[0].column, "write a decimal point, or ; between equations")
+        raise fault("comma in an equation", commas[0].column)
     return found
 
 
@@ -483,8 +474,7 @@ def _refuse_bullets(tokens: Line, formula: str) -> None:
     full = [line for line, _ in parts if line]
     listed = (line[0].is_operator("-") and line[1:] and line[1].space_before for line in full)
     if len(full) > 1 and all(listed) and all(any(token.is_operator("=") for token in line) for line in full):
-        what = "every line begins with a - that may be a bullet"
-        raise refusal(what, full[0][0].column, "leave it out, or write -1*")
+        raise fault("bullets", full[0][0].column)
 
 
 def read_equation(equation: EquationTokens, names: Names) -> tuple[ex.Expression, ex.Expression]:
@@ -492,7 +482,7 @@ def read_equation(equation: EquationTokens, names: Names) -> tuple[ex.Expression
     parts = tk.split(equation.tokens, lambda _, token: token.is_operator("="))
     ends = [end.column for _, end in parts if end]
     if len(ends) > 1:
-        raise refusal("a second = occurs", ends[1], "separate equations by ;")
+        raise fault("second =", ends[1])
     columns = [*ends, equation.end_column]
     sides = [parser.parse_tokens(part, end, names) for (part, _), end in zip(parts, columns, strict=True)]
     return sides[0], sides[1] if ends else ex.ZERO
@@ -510,9 +500,7 @@ def refuse_remark(line: Line, place: int, alone: Collection[str]) -> None:
     if token.kind == "name" and prose.is_word(token.text) and token.text not in alone and (behind or ahead):
         short = ["*".join(token.text)] * (len(token.text) <= prose.SHORTEST_WORD + 1)
         meant = (*(f"{'*' * behind}{name}{'*' * ahead}" for name in (token.text, *short)), " ")
-        span = (token.column, token.column + len(token.text))
-        instead = "leave it out, or write * before a factor"
-        raise refusal(f"{shown} could be a remark", token.column, instead, meant, span)
+        raise fault("word as a factor", token.column, token.span, meant, shown=shown)
     if not token.is_bracket() or tk.moves(token.inside) or {each.kind for each in token.inside} != {"name"}:
         return
     begins = _is_edge(before) and after.kind == "name"
@@ -520,7 +508,7 @@ def refuse_remark(line: Line, place: int, alone: Collection[str]) -> None:
     raised = power and at(line, place - 3).text in FUNCTIONS  # sin^{2} (omega t)
     if begins or (token.space_before and behind and _is_edge(after) and not raised):
         shown = shorten(f"({' '.join(each.text for each in token.inside)})")
-        raise refusal(f"{shown} could be a remark", token.column, "leave it out, or write * next to a factor")
+        raise fault("words in brackets", token.column, shown=shown)
 
 
 def alone(lines: Iterable[Line]) -> set[str]:

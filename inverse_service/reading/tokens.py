@@ -108,6 +108,11 @@ class Token:
     order: int = 0
     primed: int = 0
 
+    @property
+    def span(self) -> tuple[int, int]:
+        """The columns of its first character and after its last one."""
+        return self.column, self.column + len(self.text)
+
     def is_operator(self, *texts: str) -> bool:
         return self.kind == "operator" and self.text in texts
 
@@ -286,17 +291,16 @@ def refuse_decimal_commas(tokens: Line) -> None:
         numbers = before.kind == after.kind == "number"
         if comma.is_operator(",") and numbers and not after.space_before:
             meant = tuple(f"{before.text}{mark}{after.text}" for mark in (".", "")[: 1 + (len(after.text) == 3)])
-            instead = "write a decimal point, or a space after a comma"
-            span = (before.column, after.column + len(after.text))
-            raise refusals.refusal("a comma occurs between digits", comma.column, instead, meant, span)
+            raise refusals.fault("decimal comma", comma.column, (before.column, after.span[1]), meant)
 
 
 def never_closed(opening: Token) -> InputError:
     """The error for a bracket that is never closed."""
     if opening.value == MATRIX:
-        return refusals.refusal("a matrix is never ended", opening.column, "add the missing \\end")
-    closing = CLOSING.get(opening.text, opening.text)
-    return refusals.refusal(f"the '{opening.text}' is never closed", opening.column, f"add the missing '{closing}'")
+        return refusals.fault("open matrix", opening.column)
+    return refusals.fault(
+        "open bracket", opening.column, sign=opening.text, closing=CLOSING.get(opening.text, opening.text)
+    )
 
 
 class TokenStream:
@@ -339,14 +343,13 @@ class TokenStream:
 def unexpected(token: Token, wanted: str) -> InputError:
     """The error for a token that cannot follow here."""
     if token.kind == "end" and not token.text:
-        return refusals.refusal("the formula ends", token.column, f"{wanted} is missing")
+        return refusals.fault("end of the formula", token.column, wanted=wanted)
     if token.kind != "name" and (known := (_AFTER_A_FORMULA if wanted == END else _NEVER).get(token.text)):
         return refusals.refusal(known[0], token.column, known[1])
     if wanted == END and (opening := _OPENING.get(token.text)):
-        instead = f"leave it out, or add the '{opening}' before it"
-        return refusals.refusal(f"'{token.text}' is not expected", token.column, instead)
+        return refusals.fault("closing bracket", token.column, sign=token.text, opening=opening)
     shown = "a prime (')" if token.kind == "prime" else f"'{refusals.shorten(token.text)}'"
-    return refusals.refusal(f"{shown} is not expected", token.column, f"{wanted} is expected")
+    return refusals.fault("unexpected", token.column, shown=shown, wanted=wanted)
 
 
 def check_length(text: str) -> None:
@@ -356,7 +359,7 @@ def check_length(text: str) -> None:
         detail = f"the formula has {len(text):,} characters: the limit is {most:,}; shorten it."
         raise LimitError(detail, column=most + 1)
     if not text.strip():
-        raise refusals.refusal("the formula is empty", len(text) + 1, "write a formula, 0 if nothing acts")
+        raise refusals.fault("empty formula", len(text) + 1)
 
 
 def tokenize(text: str, known: Container[str] = ()) -> Tokens:
@@ -374,8 +377,7 @@ def tokenize(text: str, known: Container[str] = ()) -> Tokens:
             end = text.find("\n", place)
             return [], len(text) if end < 0 else end
         if conditions and _EQUALITY.match(text, place) and text.count("(", 0, place) > text.count(")", 0, place):
-            instead = "write inequalities such as x > 0, because answers hold on open sets"
-            raise refusals.refusal("an equation occurs in a condition", place + 1, instead)
+            raise refusals.fault("equation in a condition", place + 1)
         if conditions and (sign := _CONDITION.match(text, place)):
             return [Token("operator", _CONDITION_SIGNS.get(sign[0], sign[0]), place + 1, space)], sign.end()
         return next_tokens(text, place, space, known)
@@ -414,11 +416,10 @@ def next_tokens(text: str, place: int, space: bool, known: Container[str] = ()) 
     if character == "\n":
         return [Token("newline", character, place + 1, space)], place + 1
     if based := _OTHER_BASE.match(text, place):
-        raise refusals.refusal(f"{based[0]} occurs", place + 1, "write the number with decimal digits")
+        raise refusals.fault("other base", place + 1, number=based[0])
     if grouped := _GROUPED.match(text, place):
         digits = re.sub(r"\D", "", grouped[0])
-        span = (place + 1, grouped.end() + 1)
-        raise refusals.refusal(f"the digits of {digits} are grouped", place + 1, f"write {digits}", (digits,), span)
+        raise refusals.fault("grouped digits", place + 1, (place + 1, grouped.end() + 1), digits=digits)
     number = NUMBER.match(text, place)
     if number:
         return [number_token(number.group(), place + 1, space)], number.end()
@@ -449,7 +450,7 @@ def _superscript(text: str, place: int) -> tuple[Tokens, int]:
     """x\u00b2 as x^(2)."""
     raised = _RAISED.match(text, place)
     if raised is None:
-        raise refusals.refusal("a raised minus has no digits after it", place + 1, "write a power such as ^(-1)")
+        raise refusals.fault("raised minus", place + 1)
     digits = "".join(map(_SUPERSCRIPTS.__getitem__, raised[0]))
     return written(f"^({digits})", Token("name", "", place + 1)), raised.end()
 
