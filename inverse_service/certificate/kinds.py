@@ -7,7 +7,7 @@ real point.
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from functools import cached_property
-from itertools import combinations_with_replacement, product
+from itertools import combinations, combinations_with_replacement, product
 from typing import Any
 
 from . import formulas as fm
@@ -16,7 +16,7 @@ from .numbers import Arithmetic, Series, Unsettled
 from .question import NOT_SHOWN, KindsOfRows, Question, RowKind, Tools, Zero
 from .series import Elimination, Expansion, Term
 
-KINDS = "natural|riemannian|finsler|positive_definite|rayleigh"
+KINDS = "natural|riemannian|finsler|positive_definite|rayleigh|rayleigh_general"
 NATURAL, HOMOGENEOUS = ("natural", "riemannian", "rayleigh"), ("riemannian", "finsler")
 Rationals = list[list[Fraction]]
 # The components of Y, the c of Y(L) = c L, and whether this is exact.
@@ -28,6 +28,7 @@ class KindExpansion(Expansion):
 
     def __init__(self, arithmetic: Arithmetic, degree: int) -> None:
         super().__init__(arithmetic, degree)
+        self.pushed = self.slopes  # slopes of f with its friction
         self.speeds = dict(zip(self.v, self.field[-2 * len(self.v) : -len(self.v)], strict=True))
         if self.question.without_drag:
             odd = {v: self.constant(Fraction(2 * k + 1)) for k, v in enumerate(self.v)}
@@ -56,6 +57,8 @@ class KindExpansion(Expansion):
         return found
 
     def terms(self, kind: str, *place: int) -> list[Term]:
+        if kind[0] in "CD":
+            return [*self.curl(kind[0], int(kind[1:]), *place)]
         if kind[0] not in "KS":
             return super().terms(kind, *place)
         (parts, weight, _), by = self.derivations[int(kind[1:])], tuple(self.v[a] for a in place)
@@ -73,6 +76,20 @@ class KindExpansion(Expansion):
         for v, f in zip(self.v, self.forces, strict=True):
             turned = self.along(flow, parts.get(v, {}))
             yield self.add([self.along(parts, f), turned, f], signs)
+
+    def curl(self, kind: str, k: int, i: int, j: int) -> Iterator[Term]:
+        """d_w (g_il df^l/dv^j - g_jl df^l/dv^i): w = v^k, with 2 (d_(q^j) g_ik - d_(q^i) g_jk).
+
+        Or w = q^k, cyclic.
+        """
+        cycle = [(i, j, k), (j, k, i), (k, i, j)][: 1 if kind == "C" else 3]
+        for (a, b, c), sign in product(cycle, (1, -1)):
+            (i, j), w = (a, b)[::sign], (self.v if kind == "C" else self.q)[c]
+            for v, slope in zip(self.v, self.pushed, strict=True):
+                yield Term(sign, slope[j], (self.v[i], v, w))
+                yield Term(sign, self.derivative(slope[j], w), (self.v[i], v))
+            if kind == "C":
+                yield Term(2 * sign, self.one, (self.v[i], self.v[c], self.q[j]))
 
     def multiplied(self, parts: dict[int, Series], weight: int, by: tuple[int, ...] = ()) -> list[Term]:
         """Y(L) - c L for the derivative of L by some variables."""
@@ -94,7 +111,7 @@ class OfKind(Question):
             check_shape(move, dict.fromkeys(move, TEXT), "among.invariant")
             self.moves.append({name: read_tokens(text, "among.invariant") for name, text in move.items()})
         require(not timed or self.kind not in HOMOGENEOUS, "A homogeneous Lagrangian is one without t.")
-        if self.kind == "rayleigh" and claim["kind"] == "lagrangian":
+        if "rayleigh" in self.kind and claim["kind"] == "lagrangian":
             self.drag = read_tokens(claim.get("dissipation"), "certificate.dissipation")
             good = timed or "t" not in self.drag
             require(good, "The dissipation contains t, but the question does not.")
@@ -116,8 +133,13 @@ class OfKind(Question):
         n = len(self.coordinates)
         natural = len(self.coordinates) * (self.kind in NATURAL)
         even = 2 * self.without_drag
-        found = {} if even and self.timed else super().listed_rows()
+        plain = self.kind != "rayleigh_general" and not (even and self.timed)
+        found = super().listed_rows() if plain else {}
         count = natural + (self.kind in HOMOGENEOUS) + len(self.moves)
+        # The row of (0, 0) is zero.
+        for kind, k in product("CD" if "rayleigh" in self.kind else "", range(n)):
+            pairs = list(combinations(range(n if kind == "C" else k), 2))
+            found[kind + str(k)] = RowKind(1, 2, pairs or [(0, 0)])
         pairs = list(combinations_with_replacement(range(n), 2))
         found |= {f"K{s}": RowKind(1, 2, pairs) for s in range(count)}
         singles = [(i, i) for i in range(n)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import time
 from fractions import Fraction
-from itertools import combinations_with_replacement, product
+from itertools import combinations, combinations_with_replacement, product
 from typing import Any
 
 import pytest
@@ -19,6 +19,8 @@ from inverse_service.certificate.numbers import Balls, Unsettled
 from inverse_service.certificate.question import Tools
 from tests.certificate.documents import FORMAT, Document
 
+GENERAL = "rayleigh_general"
+
 
 def claim(kind: object, lagrangian: str = "", /, *forces: str, **more: object) -> Document:
     names = ["x", "y", "z"][: len(forces)]
@@ -31,7 +33,7 @@ def rows_of(kinds: dict[str, int], variables: int, order: int) -> list[Any]:
     """All rows of two coordinates, by the order of each condition."""
     found = []
     for kind, (i, j) in product(kinds, ((0, 0), (0, 1), (1, 1))):
-        if (kind == "H3" and i == j) or (kind[0] == "S" and i < j):
+        if ((kind[:1] in "CD" or kind == "H3") and i == j) or (kind[0] == "S" and i < j):
             continue
         least = order - kinds[kind]
         alphas = (list(a) for a in product(range(least + 1), repeat=variables) if sum(a) <= least)
@@ -158,19 +160,26 @@ NATURAL_L, FRICTION = "((1 + y^2*z)*x'^2 + (1 + z^2)*y'^2 + z'^2)/2", "x'*y'*y/2
 
 
 def test_the_rows_of_friction_vanish_on_an_l_with_friction() -> None:
-    """Each of K is 0 on the derivatives of L at a point, and some are nonzero on those of another L."""
+    """Each of C, D, and K is 0 on the derivatives of L at a point, and most are nonzero on those of another L."""
     assert verdict(claim("rayleigh", NATURAL_L, *DISSIPATIVE, dissipation=FRICTION)) == "valid"
     given = claim("rayleigh", "", *DISSIPATIVE, kind="existence", near=POINT)
     asked = OfKind(Tools(random.Random(1), time.thread_time() + 60), given["system"], False, given)
     asked.prepare(lambda ring: None)
-    rows = [(f"K{k}", pair) for k in range(3) for pair in combinations_with_replacement(range(3), 2)]
+    rows = [(f"C{k}", pair) for k in range(3) for pair in combinations(range(3), 2)] + [("D2", (0, 1))]
+    rows += [(f"K{k}", pair) for k in range(3) for pair in combinations_with_replacement(range(3), 2)]
     with ctx.workprec(192):
         ring = asked.expansion(Balls(asked, asked.place, None), 3)
         right, wrong = (value_of(ring, read_tokens(text, "L")) for text in (NATURAL_L, f"{NATURAL_L} + x*x'^3*y'"))
         terms = [ring.terms(kind, *place) for kind, place in rows]
         at = [[float(ring.value(some, one).get(0, 0)) for some in terms] for one in (right, wrong)]
     assert max(map(abs, at[0])) < 1e-20
-    assert sum(abs(value) > 1e-3 for value in at[1]) >= 3
+    assert sum(abs(value) > 1e-3 for value in at[1]) >= 10
+
+
+def test_friction_of_one_coordinate_leaves_every_l() -> None:
+    symbol = {"dimension": 2, "prolonged": 3, "characters": [1, 1]}
+    data = {"kind": "existence", "order": 1, "degree": 1, "dimensions": [1, 3], "symbol": symbol}
+    assert verdict(claim(GENERAL, "", "-x - x'^3", **data)) == "valid"
 
 
 # L = exp(x y) x'^4/y'^2 of degree 2 in the velocities; the trace of the curvature is not symmetric.

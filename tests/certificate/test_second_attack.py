@@ -16,7 +16,7 @@ FRICTION = {"x": "-x-2*x*y-x'", "y": "-y-x^2+y^2-y'"}  # Henon and Heiles with f
 NONE = certificate(FRICTION, "nonexistence", order=2, rows=all_rows(2, 4, 2))
 
 
-@pytest.mark.parametrize("kind", ["rayleigh", "time", "parameters", "spherical", ""])
+@pytest.mark.parametrize("kind", ["rayleigh", "rayleigh_general", "time", "parameters", "spherical", ""])
 def test_none_without_friction_says_nothing_of_friction_or_of_no_kind(kind: str) -> None:
     result = result_of(NONE) | {"kinds": {"natural": {"verdict": "not_variational", "certificate": NONE}}}
     assert check_result(result).verdict == "valid"

@@ -57,6 +57,7 @@ _READ_OF: Final = {
     ("positive_definite", "existence"): {"multiplier"},
     ("positive_definite", "nonexistence"): {"orthogonal"},
     ("rayleigh", "lagrangian"): {"dissipation"},
+    ("rayleigh_general", "lagrangian"): {"dissipation"},
 }
 _READ_OF_MOTION: Final = {"bivectors", "along"}
 # The keys of a document that a comparison reads.
