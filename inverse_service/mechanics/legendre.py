@@ -7,6 +7,7 @@ not pass is never returned. Where p = dL/dv has several inverses, `note` says on
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice, product
@@ -70,9 +71,10 @@ def legendre(
     """The Legendre transform of L(t, q, v) where all trees of `positive` are > 0.
 
     InputError where d2L/dv_i dv_j is singular everywhere. The search for an inverse of p = dL/dv starts nothing new
-    after `time_limit` seconds of processor time.
+    after `time_limit` seconds of processor time, and what has begun has as long again.
     """
-    reach = Reach(end=deadline.now() + time_limit)
+    began = deadline.now()
+    reach = Reach(end=began + time_limit, last=began + 2 * time_limit)
     names = tuple(coordinates)
     symbols, renamed = momentum_symbols(lagrangian, names)
     constants = _constants_of(lagrangian, names)
@@ -89,7 +91,7 @@ def legendre(
         raise _degenerate(implicit, parts, names, points)
     # Of many blocks each is judged at few points before the whole is judged at all.
     few = points[-_FEW:] if len(parts.blocks) > _MANY else []
-    found = _of_blocks(parts.blocks, lambda block: _best(block, points, positive, reach, few))
+    found = _of_blocks(parts.blocks, lambda block: _in_time(block, points, positive, reach, few))
     missing = [group for group, chosen in found.items() if chosen is None]
     if missing:
         return _without_closed_form(implicit, missing)
@@ -167,6 +169,19 @@ def _renamed(chosen: _Chosen, first: inverses.Block, block: inverses.Block) -> _
     conditions = tuple(ex.substitute(tree, table) for tree in chosen.judgment.conditions)
     moved = chosen.branch.changed(lambda tree: ex.substitute(tree, table))
     return _Chosen(moved, replace(chosen.judgment, conditions=conditions))
+
+
+def _in_time(
+    block: inverses.Block,
+    points: Sequence[sampling.Point],
+    positive: Sequence[ex.Expression],
+    reach: Reach,
+    few: Sequence[sampling.Point],
+) -> _Chosen | None:
+    """The best branch, or None where the search for it does not end."""
+    with suppress(deadline.OutOfTime), deadline.until(reach.last):
+        return _best(block, points, positive, reach, few)
+    return None
 
 
 def _best(
@@ -307,10 +322,11 @@ def _degenerate(
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """How deep blocks may be split into smaller problems, and until when (`now`)."""
+    """How deep blocks may be split into smaller problems, and when (`now`) nothing new begins and all ends."""
 
     depth: int = 4
     end: float = float("inf")
+    last: float = float("inf")
 
     @property
     def exhausted(self) -> bool:

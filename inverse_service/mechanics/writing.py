@@ -245,16 +245,25 @@ def much_shorter(tree: ex.Expression) -> ex.Expression:
 def one_square(tree: ex.Expression) -> ex.Expression:
     """a sin(u)^2 for a - a cos(u)^2 in each sum, a cos(u)^2 for a - a sin(u)^2."""
     tree = ex.rebuild(tree, one_square)
-    terms = list(ex.summands(tree))
-    for k, term in enumerate(terms):
-        for base, exponent in ex.powers_of(term):
-            if isinstance(base, ex.Apply) and base.function in _CIRCULAR and exponent == 2:
-                rest = ex.multiply(*(factor for factor in ex.factors_of(term) if factor != base**2))
-                if (partner := ex.negated(rest)) in terms:
-                    terms[k] = partner * ex.Apply(_CIRCULAR[base.function], base.argument) ** 2
-                    terms.remove(partner)
-                    return one_square(ex.add(*terms))
+    while (joined := _with_squares_joined(tree)) != tree:
+        tree = joined
     return tree
+
+
+def _with_squares_joined(tree: ex.Expression) -> ex.Expression:
+    """One pass of `one_square` over the terms."""
+    terms = list(ex.summands(tree))
+    places = {term: k for k, term in enumerate(terms)} if len(terms) > 1 else {}
+    for term, k in list(places.items()):
+        for base, exponent in ex.powers_of(term) if term in places else ():
+            if isinstance(base, ex.Apply) and base.function in _CIRCULAR and exponent == 2:
+                partner = ex.negated(ex.multiply(*(factor for factor in ex.factors_of(term) if factor != base**2)))
+                if partner in places:
+                    terms[k] = partner * ex.Apply(_CIRCULAR[base.function], base.argument) ** 2
+                    terms[places.pop(partner)] = ex.ZERO
+                    del places[term]
+                    break
+    return ex.add(*terms) if len(places) < len(terms) else tree
 
 
 def turned(tree: ex.Expression) -> ex.Expression:
