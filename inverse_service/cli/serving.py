@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import dataclasses
 import gc
@@ -136,20 +135,8 @@ def _most_connections(wanted: int) -> int:
 
 
 def _end_streams_at_a_signal(server: Any, close_streams: Callable[[], None]) -> None:
-    """End open streams at the first signal; uvicorn waits for them for a limited time.
-
-    The main loop waits for that signal; that of uvicorn looks for it ten times a second.
-    """
-    handle, wake = server.handle_exit, list[Callable[[], Any]]()
-
-    async def main_loop() -> None:
-        from inverse_service.web.asking import until_set
-
-        ending, loop = asyncio.Event(), asyncio.get_running_loop()
-        wake.append(lambda: loop.call_soon_threadsafe(ending.set))
-        while not await server.on_tick(0):
-            await until_set(ending, 1.0)
-            ending.clear()
+    """End open streams at the first signal; uvicorn waits for them for a limited time."""
+    handle = server.handle_exit
 
     def handle_exit(number: int, frame: Any) -> None:
         close_streams()
@@ -157,10 +144,8 @@ def _end_streams_at_a_signal(server: Any, close_streams: Callable[[], None]) -> 
         last.daemon = True
         last.start()
         handle(number, frame)
-        for each in wake:
-            each()
 
-    server.handle_exit, server.main_loop = handle_exit, main_loop
+    server.handle_exit = handle_exit
 
 
 def _listen(host: str, port: int) -> socket.socket:

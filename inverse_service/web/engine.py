@@ -12,7 +12,7 @@ import logging
 import threading
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence, Sized
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, Final, ParamSpec, TypeVar
@@ -250,29 +250,11 @@ class Engine:
         return viewer.seen(await self.read(self.store.batch, id))
 
     async def submit(self, request: model.JobRequest, viewer: model.Viewer, seconds: float, key: str = "") -> model.Job:
-        """The stored job of a question, sent with this key, when it is final, or as it is after so many seconds.
-
-        That an open one is stored wakes nobody: its end does.
-        """
-        own, began, storing = viewer.own(request), time.monotonic(), Future[model.Job]()
-        loop = asyncio.get_running_loop()
+        """The stored job of a question, sent with this key, when it is final, or as it is after so many seconds."""
+        own, end = viewer.own(request), time.monotonic() + seconds
         with self.hub.waiting(asking.end_of(own.id)) as ended:
-
-            def store() -> None:
-                workers.do(storing, functools.partial(self._submit, own, key))
-                monitoring.STORE.observe(time.monotonic() - began)
-                if storing.cancelled() or storing.exception() or not storing.result().is_open:
-                    loop.call_soon_threadsafe(ended.set)
-
-            if not self._working.lend(store):
-                self._threads.submit(store)
-            try:
-                await asking.until_set(ended, min(seconds, self.look_again))
-                left = seconds + began - time.monotonic()
-                job = await self._in_time(asyncio.wrap_future(storing)) if ended.job is None else ended.job
-            finally:
-                storing.cancel()  # where it has not begun, nobody waits for it any more
-            return await self._until_final(job, viewer, left, ended)
+            job = await self.read(self._submit, own, key)
+            return await self._until_final(job, viewer, end - time.monotonic(), ended)
 
     async def ask(
         self, question: model.JobRequest, viewer: model.Viewer, seconds: float = 0.0, key: str = ""

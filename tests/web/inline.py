@@ -25,9 +25,6 @@ class Inline:
     def fault(self) -> str:
         return ""
 
-    def lend(self, chore: object) -> bool:
-        return False
-
     def submit(self, call: Call, report: Any = None) -> Running:
         running = Running(call, report)
         running.end(guard(call.task, *call.arguments))

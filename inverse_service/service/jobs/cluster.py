@@ -140,10 +140,6 @@ class Cluster:
             self._on_loop(self._attend(running))
         return running
 
-    def lend(self, chore: workers.Chore) -> bool:
-        """The thread of the loop has no time."""
-        return False
-
     def abandon(self, task: RemoteRunning) -> None:
         """Have the cluster stop a cancelled task; who cancels does not wait for that."""
         leaving = [each for each in self._leaving if not each.done()]

@@ -387,14 +387,14 @@ class Supervisor:
             claimed.is_ended = True
         is_over = not is_undetermined(job, outcome) or self._stopping.is_set()
         if is_over or self.events.so_far(job.id) is not None:
-            self._hand_over(job, outcome)
+            self._finishers.submit(self._conclude, job, outcome)
             return True
         deadline = answers.UNDERSTAND_DEADLINE
         call = Call(tasks.understand_job_task, (job.document,), deadline, priority=workers.FIRST, client=job.client)
         with self._lock:
             task = claimed.task = self._executor.submit(call)
         task.outcome.add_done_callback(
-            lambda done: self._hand_over(job, answers.with_understood(outcome, done.result()))
+            lambda done: self._finishers.submit(self._conclude, job, answers.with_understood(outcome, done.result()))
         )
         return True
 
@@ -415,12 +415,6 @@ class Supervisor:
         """A job that waited for a worker ended in the quick processes: it waits no more."""
         if tried.result().status in ENDED and self._end(claimed, tried.result()):
             claimed.task.cancel()
-
-    def _hand_over(self, job: model.Job, outcome: Outcome) -> None:
-        """Conclude a run: in a thread of the pool where the store is a file here, which takes less than a hand-over."""
-        conclude = functools.partial(self._conclude, job, outcome)
-        if not (self._store.exclusive and self._executor.lend(conclude)):
-            self._finishers.submit(conclude)
 
     def _conclude(self, job: model.Job, outcome: Outcome) -> None:
         """Store an answer however long the store stays away; where the service stops first, the job runs again."""

@@ -3,9 +3,8 @@
 A `WorkerProcess` runs one task after another, within bounds on memory and processor time; its parent waits with a
 deadline and kills it there. It is forked from a small server process that has the engine loaded, so a replacement
 costs some 20 ms, and never from the threads of the service. `Workers` has one thread a process, which takes tasks from
-a queue that is fair to clients, hands them over, and replaces a process that died. Each hand-over from thread to thread
-costs more than what is handed over, so these threads also do what comes before a task and after it. `run_alone` is a
-single task in a process of its own, for a call of the command line.
+a queue that is fair to clients, hands them over, and replaces a process that died. `run_alone` is a single task in a
+process of its own, for a call of the command line.
 """
 
 from __future__ import annotations
@@ -27,18 +26,17 @@ import sys
 import threading
 import time
 import warnings
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, Literal, Protocol, TypeVar
+from typing import Any, Literal, Protocol
 
 from inverse_service.service.jobs import locks, tasks
 from inverse_service.service.jobs.tasks import Call, Outcome, Report, Usage, guard, outcome_of_exit
 
-T = TypeVar("T")
 PR_SET_PDEATHSIG = 1
 # The wall clock ends a task first; the bound on processor time is for tasks that start threads.
 THREADS = 2
@@ -51,8 +49,6 @@ WARM = "inverse_service.service.jobs.warm"
 # What a task says is sent this often, from its beginning, so that a short one only says that it is done; s.
 BETWEEN_REPORTS = 0.3
 _starting = threading.Lock()
-# A call in this process, which raises nothing.
-Chore = Callable[[], object]
 # What the server that forks the workers has loaded.
 _preloaded = [WARM]
 NO_SHARE = 1_000_000
@@ -333,17 +329,8 @@ def _limit(name: str, soft: int, hard: int | None) -> None:
         resource.setrlimit(which, (soft if present == resource.RLIM_INFINITY else min(soft, present), largest))
 
 
-def do(future: Future[T], function: Callable[[], T]) -> None:
-    """Call it in this thread, for who waits for the future."""
-    if future.set_running_or_notify_cancel():
-        try:
-            future.set_result(function())
-        except BaseException as error:
-            future.set_exception(error)
-
-
 class FairQueue:
-    """The tasks of a pool that wait, and chores for who waits for a task; safe to use from any thread.
+    """The tasks of a pool that wait; safe to use from any thread.
 
     Of one client at most `share` tasks are out at a time, until they are `done`.
     """
@@ -355,35 +342,20 @@ class FairQueue:
         self._numbers = itertools.count()
         self._changed = threading.Condition()
         self._closed = False
-        self._resting, self._chores = 0, deque[Chore]()
 
-    def put(self, client: str, priority: int, task: Running, comes_back: bool = False) -> bool:
-        """Let a task wait; the smaller `priority` goes first. False where the queue is closed.
-
-        `comes_back`: who puts it waits for one next, so that nobody is woken for a single task.
-        """
+    def put(self, client: str, priority: int, task: Running) -> bool:
+        """Let a task wait; the smaller `priority` goes first. False where the queue is closed."""
         with self._changed:
             self._waiting = [entry for entry in self._waiting if not entry[3].is_cancelled]
             if not self._closed:
                 self._waiting.append((priority, next(self._numbers), client, task))
-                if not comes_back or len(self._waiting) > 1:
-                    self._changed.notify()
+                self._changed.notify()
             return not self._closed
 
-    def lend(self, chore: Chore) -> bool:
-        """Have one do it who waits for a task; False where nobody does."""
+    def get(self, seconds: float) -> tuple[str, Running] | None:
+        """The next task and its client; None where none comes in so many seconds."""
         with self._changed:
-            if is_lent := self._resting > len(self._chores) + len(self._waiting) and not self._closed:
-                self._chores.append(chore)
-                self._changed.notify()
-            return is_lent
-
-    def get(self, seconds: float) -> tuple[str, Running] | Chore | None:
-        """The next task and its client, or a chore; None where none comes in so many seconds."""
-        with self._changed:
-            self._resting += 1
             found = self._changed.wait_for(lambda: self._next() or self._closed, seconds)
-            self._resting -= 1
             return None if isinstance(found, bool) else found
 
     def done(self, client: str) -> None:
@@ -403,10 +375,8 @@ class FairQueue:
             self._changed.notify_all()
             return left
 
-    def _next(self) -> tuple[str, Running] | Chore | None:
-        """A chore, or a task of the client with the fewest out; some ten wait at most, so all are looked at."""
-        if self._chores:
-            return self._chores.popleft()
+    def _next(self) -> tuple[str, Running] | None:
+        """A task of the client with the fewest out; some ten wait at most, so all are looked at."""
         able = [entry for entry in self._waiting if self._out[entry[2]] < self._share]
         if not able:
             return None
@@ -477,9 +447,6 @@ class Executor(Protocol):
     def submit(self, call: Call, report: Report | None = None) -> Running:
         """Run the call; returns at once."""
 
-    def lend(self, chore: Chore) -> bool:
-        """Have a thread do it that waits for an outcome or a task, or this one where it is of those; False: none."""
-
     def fault(self) -> str:
         """Why nothing can run now, in a sentence; empty where it can."""
 
@@ -519,17 +486,9 @@ class Workers:
     def submit(self, call: Call, report: Report | None = None) -> Running:
         """Run the call in one of the processes: the clients in turn, the urgent calls of each first."""
         running = Running(call, report)
-        is_ours = threading.current_thread() in self._threads
-        if not self._threads or not self._tasks.put(call.client, call.priority, running, is_ours):
+        if not self._threads or not self._tasks.put(call.client, call.priority, running):
             running.end(Outcome("crash", detail="The worker processes are stopped."))
         return running
-
-    def lend(self, chore: Chore) -> bool:
-        """Have this thread do it, where it is of the pool, or one that has no task; False: all are busy."""
-        if threading.current_thread() not in self._threads:
-            return self._tasks.lend(chore)
-        chore()
-        return True
 
     def fault(self) -> str:
         """Says the same whatever clients ask: a process has answered once, and there is one."""
@@ -560,13 +519,11 @@ class Workers:
             if worker is None or found is None:  # one that has just answered lives
                 worker = self._noted(number, self._healthy(worker))
             found = self._tasks.get(IDLE_LOOK)
-            if isinstance(found, tuple):
+            if found is not None:
                 try:
                     worker = self._noted(number, self._work(found[1], worker))
                 finally:
                     self._tasks.done(found[0])
-            elif found is not None:
-                found()
         if worker is not None:
             worker.close()
 

@@ -40,8 +40,6 @@ class Scripted:
 
     def stop(self) -> None: ...
 
-    def lend(self, chore: workers.Chore) -> bool: ...  # type: ignore[empty-body]
-
     def submit(self, call: Call, report: workers.Report | None = None) -> workers.Running:
         self.calls.append(call)
         running = Hanging(call, report)
