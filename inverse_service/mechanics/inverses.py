@@ -137,7 +137,7 @@ def _short(terms: list[collecting.Term]) -> ex.Expression:
 
 
 @dataclass(frozen=True, slots=True)
-class Branch:
+class InverseBranch:
     """v(t, q, p) and H(t, q, p) of a block, where every tree of `conditions` (in t, q, v, p) is positive.
 
     A velocity may contain the velocity of another name of the block whose own formula contains none;
@@ -148,13 +148,13 @@ class Branch:
     hamiltonian: ex.Expression
     conditions: tuple[ex.Expression, ...] = ()
 
-    def changed(self, change: derivative.Rule) -> "Branch":
+    def changed(self, change: derivative.Rule) -> "InverseBranch":
         """The branch with every formula changed."""
         velocities, conditions = (tuple(map(change, trees)) for trees in (self.velocities, self.conditions))
-        return Branch(velocities, change(self.hamiltonian), conditions)
+        return InverseBranch(velocities, change(self.hamiltonian), conditions)
 
 
-Solver = Callable[[ex.Expression, Sequence[str], Mapping[str, ex.Symbol]], Iterator[Branch]]
+Solver = Callable[[ex.Expression, Sequence[str], Mapping[str, ex.Symbol]], Iterator[InverseBranch]]
 
 
 def resolved(velocities: Sequence[ex.Expression], names: Sequence[str]) -> tuple[ex.Expression, ...]:
@@ -172,13 +172,13 @@ class Inverse:
     entries: Matrix
 
 
-def quadratic_branches(block: Block) -> Iterator[Branch]:
+def quadratic_branches(block: Block) -> Iterator[InverseBranch]:
     """The one inverse of a quadratic block; none where the block is not quadratic or G is singular."""
     matrix = form_matrix(collecting.expand(block.function), block.names)
     inverse = invert(matrix) if matrix else None
     if inverse:
         velocities = tuple(_row_times(inverse, row, block.symbols) for row in range(len(block.names)))
-        yield Branch(velocities, multiply_out(ex.HALF, quadratic_form(inverse, block.symbols)))
+        yield InverseBranch(velocities, multiply_out(ex.HALF, quadratic_form(inverse, block.symbols)))
 
 
 def form_matrix(terms: Sequence[collecting.Term], names: Sequence[str]) -> Matrix | None:
@@ -447,33 +447,31 @@ def _tripled(k: ex.Expression, b: ex.Expression, inverse: str, function: str) ->
     return 2 * ex.square_root(short_forms.simplified(k)) * third
 
 
-def scalar_branches(block: Block, _: Solver) -> Iterator[Branch]:
+def scalar_branches(block: Block, _: Solver) -> Iterator[InverseBranch]:
     """All branches found of a block of one velocity."""
     if len(block.names) != 1:
         return
-    (rate,), (momentum,) = block.velocities, block.symbols
-    energies = list(_energies(block, rate))
-    for root in roots_for(derivative.differentiate(block.function, rate), rate, momentum):
+    (rate,), (momentum,), function = block.velocities, block.symbols, block.function
+    slope = derivative.differentiate(function, rate)
+    energies = [short_forms.simplified(rate * slope - function), momentum * rate - function]
+    by_momentum = list(_energies_by_momentum(block, rate, slope))
+    for root in roots_for(slope, rate, momentum):
         velocity = short_forms.simplified(root.value)
-        trees = [ex.substitute(energy, {rate: velocity}) for energy in energies]
-        short = [tree for tree in trees if ex.node_count(tree) <= bounds.LARGE]
-        forms = [short_forms.simplified(tree) for tree in short] + [
-            short_forms.simplified(factored_inside(tree)) for tree in short[2:3]
-        ]
+        trees, others = ([ex.substitute(tree, {rate: velocity}) for tree in some] for some in (energies, by_momentum))
+        trees += [*others, *(factored_inside(tree) for tree in others[:1] if ex.node_count(tree) <= bounds.LARGE)]
+        forms = [short_forms.simplified(tree) for tree in trees if ex.node_count(tree) <= bounds.LARGE]
         forms += [short_forms.with_cosines(factored_inside(form)) for form in forms]
-        yield Branch((velocity,), short_forms.shortest(forms or trees), root.conditions)
+        yield InverseBranch((velocity,), short_forms.shortest(forms or trees), root.conditions)
 
 
-def _energies(block: Block, rate: ex.Velocity) -> Iterator[ex.Expression]:
-    """H in v, then p v - L with one term T of L written by p: T = (p - (L - T)') T/T'."""
+def _energies_by_momentum(block: Block, rate: ex.Velocity, slope: ex.Expression) -> Iterator[ex.Expression]:
+    """p v - L with one term T of L written by p: T = (p - (L - T)') T/T', or with a logarithm of a quotient."""
     function, (momentum,) = block.function, block.symbols
-    yield short_forms.simplified(rate * derivative.differentiate(function, rate) - function)
-    yield momentum * rate - function
-    logs = _log_of_quotient(collecting.collect(derivative.differentiate(function, rate)), rate, momentum)
+    logs = _log_of_quotient(collecting.collect(slope), rate, momentum)
     if logs is not None:
         over, under, value = logs
         yield short_forms.simplified(momentum * rate - ex.substitute(function, {over: under + value}))
-    terms = function.terms if isinstance(function, ex.Sum) else (function,)
+    terms = ex.summands(function)
     for place, term in enumerate(terms[: bounds.FEW]):
         others = ex.add(*terms[:place], *terms[place + 1 :])
         ratio = short_forms.quotient(term / derivative.differentiate(term, rate))
@@ -586,7 +584,7 @@ def _without_root(tree: ex.Expression, rate: ex.Velocity) -> ex.Expression:
     return ex.add(*plain) ** 2 - ex.add(*terms) ** 2 * root**2
 
 
-def elimination_branches(block: Block) -> Iterator[Branch]:
+def elimination_branches(block: Block) -> Iterator[InverseBranch]:
     """The branches of a block of two or three velocities; H is the energy p v - L at v(p)."""
     if not 1 < len(block.names) <= _LARGEST_BLOCK:
         return
@@ -594,7 +592,7 @@ def elimination_branches(block: Block) -> Iterator[Branch]:
     energy = short_forms.simplified(ex.dot(block.velocities, functions) - block.function)
     for rates, conditions in _solutions(list(zip(block.symbols, functions, strict=True)), block.velocities):
         velocities = tuple(short_forms.simplified(rates[v]) for v in block.velocities)
-        yield Branch(velocities, short_forms.simplified(ex.substitute(energy, rates)), conditions)
+        yield InverseBranch(velocities, short_forms.simplified(ex.substitute(energy, rates)), conditions)
 
 
 def _solutions(equations: Sequence[Equation], unknowns: Sequence[ex.Velocity]) -> Iterator[Solved]:
@@ -629,7 +627,7 @@ def factored_inside(tree: ex.Expression) -> ex.Expression:
     return ex.rebuild(outer, factored_inside)
 
 
-def linear_branches(block: Block, solve: Solver) -> Iterator[Branch]:
+def linear_branches(block: Block, solve: Solver) -> Iterator[InverseBranch]:
     """The branches after a change to the linear forms under functions and powers, completed by velocities."""
     found = _forms(block) if len(block.names) > 1 else ()
     units = tuple(tuple(ex.number(int(a == b)) for b in block.names) for a in block.names)
@@ -641,7 +639,7 @@ def linear_branches(block: Block, solve: Solver) -> Iterator[Branch]:
             yield from _after_change(block, (*found, *chosen), inverse, solve)
 
 
-def _after_change(block: Block, forms: Sequence[Form], inverse: Inverse, solve: Solver) -> Iterator[Branch]:
+def _after_change(block: Block, forms: Sequence[Form], inverse: Inverse, solve: Solver) -> Iterator[InverseBranch]:
     """The branches with the forms in the place of velocities."""
     velocities, symbols = block.velocities, block.symbols
     old = {v: ex.dot(row, velocities) for v, row in zip(velocities, inverse.entries, strict=True)}
@@ -714,7 +712,7 @@ class _Radial:
     shift: tuple[ex.Expression, ...]
 
 
-def radial_branches(block: Block, solve: Solver) -> Iterator[Branch]:
+def radial_branches(block: Block, solve: Solver) -> Iterator[InverseBranch]:
     """The branches of a block that depends on one quadratic form of its velocities."""
     for form in _candidates(block):
         radial = _recognized(block, form)
@@ -816,7 +814,9 @@ def _holds_s(tree: ex.Expression) -> bool:
     return derivative.differentiate(tree, _S) != ex.ZERO
 
 
-def _of_root(block: Block, radial: _Radial, k: ex.Expression, b: ex.Expression, s: ex.Expression) -> Iterator[Branch]:
+def _of_root(
+    block: Block, radial: _Radial, k: ex.Expression, b: ex.Expression, s: ex.Expression
+) -> Iterator[InverseBranch]:
     """F = k sqrt(b + s S): H_u^2 = b (k^2 - 2 R/s), sign(H_u) = -sign(k b), u = -2 b G^-1 p/(s H_u)."""
     momenta = block.symbols
     form = quadratic_form(radial.inverse, momenta)
@@ -829,21 +829,21 @@ def _of_root(block: Block, radial: _Radial, k: ex.Expression, b: ex.Expression, 
         rates = [scale * ex.dot(row, momenta) * energy**-1 for row in radial.inverse.entries]
         condition = -sign * lead
         if not (isinstance(condition, ex.Number) and condition.value < 0):
-            yield Branch(tuple(rates), energy, (condition,))
+            yield InverseBranch(tuple(rates), energy, (condition,))
 
 
-def _shifted(block: Block, shift: Sequence[ex.Expression], branch: Branch) -> Branch:
+def _shifted(block: Block, shift: Sequence[ex.Expression], branch: InverseBranch) -> InverseBranch:
     """A branch in u = v + h as one in v: H = H_u - p h."""
     plain = branch.hamiltonian - ex.dot(block.symbols, shift)
     place = {v: v + h for v, h in zip(block.velocities, shift, strict=True)}
-    return Branch(
+    return InverseBranch(
         tuple(short_forms.simplified(u - h) for u, h in zip(branch.velocities, shift, strict=True)),
         short_forms.shortest([plain, short_forms.simplified(plain)]),
         tuple(short_forms.simplified(ex.substitute(condition, place)) for condition in branch.conditions),
     )
 
 
-def _of_length(block: Block, radial: _Radial, solve: Solver) -> Iterator[Branch]:
+def _of_length(block: Block, radial: _Radial, solve: Solver) -> Iterator[InverseBranch]:
     """Any other F, through w = sqrt(2 e S), for both signs e of S and d of F'."""
     if len(block.names) == 1:
         return
@@ -860,10 +860,10 @@ def _of_length(block: Block, radial: _Radial, solve: Solver) -> Iterator[Branch]
             size = ex.square_root(e * whole)
             slope = ex.substitute(derivative.differentiate(radial.function, _S), {_S: ex.HALF * whole})
             conditions = [*(ex.substitute(c, {_W: size, **known}) for c in inner.conditions), d * slope]
-            yield Branch(tuple(rates), energy, (*conditions, e * whole))
+            yield InverseBranch(tuple(rates), energy, (*conditions, e * whole))
 
 
-def ratio_branches(block: Block, solve: Solver) -> Iterator[Branch]:
+def ratio_branches(block: Block, solve: Solver) -> Iterator[InverseBranch]:
     """The branches for each velocity that can play the part of v_k."""
     for pivot in block.names if len(block.names) > 1 else ():
         parts = _ratio_parts(block, pivot)
@@ -896,7 +896,7 @@ def _ratio_parts(block: Block, pivot: str) -> tuple[ex.Expression, ex.Expression
     return collecting.terms_tree(alone), collecting.terms_tree(homogeneous)
 
 
-def _with_ratios(block: Block, pivot: str, inner: Branch, outer: Branch) -> Branch:
+def _with_ratios(block: Block, pivot: str, inner: InverseBranch, outer: InverseBranch) -> InverseBranch:
     """The branch of v_k(p_k + phi*(p_w)) and w = v_k u(p_w), in which v_k is left as the velocity of the pivot."""
     momentum, rate = block.momenta[pivot], ex.Velocity(pivot)
     whole = outer.changed(lambda tree: ex.substitute(tree, {momentum: momentum + inner.hamiltonian}))
@@ -904,4 +904,4 @@ def _with_ratios(block: Block, pivot: str, inner: Branch, outer: Branch) -> Bran
     velocities = {v: u * rate for v, u in zip(others, inner.velocities, strict=True)} | {rate: whole.velocities[0]}
     ratios = {v: v / rate for v in others}
     conditions = (*(ex.substitute(condition, ratios) for condition in inner.conditions), *whole.conditions)
-    return Branch(tuple(velocities[v] for v in block.velocities), whole.hamiltonian, conditions)
+    return InverseBranch(tuple(velocities[v] for v in block.velocities), whole.hamiltonian, conditions)

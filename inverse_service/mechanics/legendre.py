@@ -58,7 +58,7 @@ class LegendreTransform:
 class _Chosen:
     """A checked branch of a block."""
 
-    branch: inverses.Branch
+    branch: inverses.InverseBranch
     judgment: sampling.Judgment
 
 
@@ -216,7 +216,7 @@ def _best(
     return max(found, key=preference, default=None)
 
 
-def _with_variants(branches: Iterator[inverses.Branch]) -> Iterator[inverses.Branch]:
+def _with_variants(branches: Iterator[inverses.InverseBranch]) -> Iterator[inverses.InverseBranch]:
     """Each branch after shorter forms of it that hold on parts of its domain only; all are checked."""
     for branch in branches:
         forms: list[Callable[[ex.Expression], ex.Expression]] = [
@@ -225,7 +225,9 @@ def _with_variants(branches: Iterator[inverses.Branch]) -> Iterator[inverses.Bra
             partial(short_forms.cancelled, -1),
         ]
         for form in forms:
-            other = inverses.Branch(tuple(map(form, branch.velocities)), form(branch.hamiltonian), branch.conditions)
+            other = inverses.InverseBranch(
+                tuple(map(form, branch.velocities)), form(branch.hamiltonian), branch.conditions
+            )
             if ex.node_count(other.hamiltonian) < ex.node_count(branch.hamiltonian):
                 yield other
         yield branch
@@ -333,7 +335,7 @@ class Reach:
         return self.depth <= 0 or deadline.now() > self.end
 
 
-def block_branches(block: inverses.Block, reach: Reach) -> Iterator[inverses.Branch]:
+def block_branches(block: inverses.Block, reach: Reach) -> Iterator[inverses.InverseBranch]:
     """Candidates for one block without linear terms; none of them is checked here."""
     yield from inverses.quadratic_branches(block)
     if inverses.form_matrix(collecting.expand(block.function), block.names) is not None:
@@ -354,7 +356,7 @@ def block_branches(block: inverses.Block, reach: Reach) -> Iterator[inverses.Bra
 
 def solve(
     function: ex.Expression, names: Sequence[str], momenta: Mapping[str, ex.Symbol], reach: Reach
-) -> Iterator[inverses.Branch]:
+) -> Iterator[inverses.InverseBranch]:
     """Candidates for any function of the velocities: products of those of its blocks."""
     parts = inverses.split(function, names, momenta)
     found = [_up_to_certain(block, reach) for block in parts.blocks]
@@ -368,10 +370,10 @@ def solve(
         energies = [ex.substitute(branch.hamiltonian, table) for branch in choice]
         conditions = tuple(ex.substitute(condition, table) for branch in choice for condition in branch.conditions)
         velocities = tuple(rates[name] for name in names)
-        yield inverses.Branch(velocities, ex.add(*energies, -parts.free), conditions)
+        yield inverses.InverseBranch(velocities, ex.add(*energies, -parts.free), conditions)
 
 
-def _up_to_certain(block: inverses.Block, reach: Reach) -> list[inverses.Branch]:
+def _up_to_certain(block: inverses.Block, reach: Reach) -> list[inverses.InverseBranch]:
     """The candidates up to the first that claims to hold everywhere."""
     found = []
     for branch in islice(block_branches(block, reach), bounds.CANDIDATES):
