@@ -91,17 +91,22 @@ def refusal(
 
 def fault(
     key: str,
-    column: int,
+    at: int | str,
     span: tuple[int, int] | None = None,
     meant: tuple[str, ...] = (),
     /,
     **words: object,
 ) -> errors.InputError:
-    """The error with the sentence of a row of `refusals.toml`, in which the words are put in their places."""
+    """The error with the sentence of a row of `refusals.toml`, in which the words are put in their places.
+
+    `at` is the column, or the pointer of a member of the document as a whole. Nothing is offered if a word is None.
+    """
     row = _SENTENCES[key]
     what, instead = (row.get(part, "").format(**words) for part in ("what", "instead"))
-    offers = (*meant, *(offer.format(**words) for offer in row.get("meant", ())))
-    return refusal(what, column, instead, offers, span, row.get("declare", ""))
+    if isinstance(at, str):
+        return errors.InputError(f"{what}: {instead}.", at)
+    offers = (*meant, *(offer.format(**words) for offer in row.get("meant", ()) if None not in words.values()))
+    return refusal(what, at, instead, offers, span, row.get("declare", ""))
 
 
 def limit_passed(what: str, column: int, bound: int) -> errors.InputError:

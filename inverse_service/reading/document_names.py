@@ -26,23 +26,13 @@ GUESS = "guess"
 AND_GUESS = "..."
 ANY_SPEED = ("u", "v", "s", "V")  # of x' = v cos(theta), y' = v sin(theta)
 ELIMINATED = "eliminate it where it is any speed, as in x'*sin(theta) = y'*cos(theta)"
-NO_ACCELERATION = (
-    "the equations contain no acceleration such as x'', x_ddot, \\ddot{x} or diff(x, t, 2), so there are no "
-    "coordinates: write equations of second order in the time t, or name the coordinates."
-)
 _VELOCITY = re.compile(r"\s*(?:\\dot\s*\{?\s*(\\?\w+)\s*\}?|(.+)')\s*")
 # Other spellings of a second derivative, with the message for each.
 _SPELLED = {
-    re.compile(r"([A-Za-z]\w*)\s*\(t\)\s*(?:''|\u2033|\u2019\u2019)"): (
-        "the primes come after (t): write {meant} or {name}'' for a second derivative."
-    ),
-    re.compile(r"(?<![A-Za-z0-9_])([A-Za-z]\w*)_\{?([a-ce-z])\2\}?(?![A-Za-z0-9_])"): (
-        "{whole} is read as a name: write {meant} for a second derivative."
-    ),
+    "primes after (t)": re.compile(r"([A-Za-z]\w*)\s*\(t\)\s*(?:''|\u2033|\u2019\u2019)"),
+    "two subscripts": re.compile(r"(?<![A-Za-z0-9_])([A-Za-z]\w*)_\{?([a-ce-z])\2\}?(?![A-Za-z0-9_])"),
 }
 HAMILTONIAN = re.compile(r"\s*(\\(?:mathcal|mathscr)\s*\{?\s*H\s*\}?|H)\s*(?:\([^()]*\))?\s*=")
-_NO_MOTION = "H = … alone does not determine the motion: add its equations, such as x' = dH/dp, p' = -dH/dx."
-_NO_VELOCITY = "the Lagrangian contains no velocity such as x': write kinetic minus potential energy."
 # Factors before an acceleration without a sign: m, ml, I, r.
 _FACTOR_OF_MOTION = re.compile("([mMIJLCRlrabckghqGQ][0-9]?){1,4}")
 # Names refused as functions or numbers; guessing does not make them parameters either.
@@ -81,9 +71,9 @@ def parameter_values(parameters: Sequence[str] | Mapping[str, ParameterValue]) -
 
 def _constant(value: str | int | float, pointer: str) -> ex.Expression:
     if isinstance(value, bool) or not isinstance(value, str | int | float):
-        raise errors.InputError('the value of a parameter is not a number: write it as in "1/2".', pointer)
+        raise fault("value", pointer)
     if isinstance(value, int) and value.bit_length() > 4_000:  # Python refuses to convert a huge integer to str
-        raise errors.InputError("the value of a parameter has too many digits: write a smaller number.", pointer)
+        raise fault("long value", pointer)
     try:
         return reader.read_formula(value if isinstance(value, str) else repr(value), nm.Names(time=False))
     except errors.InputError as error:
@@ -99,8 +89,7 @@ def with_values(expression: ex.Expression, values: Mapping[str, ex.Expression]) 
         return expression
     result = ex.substitute(expression, {ex.Symbol(name): value for name, value in values.items()})
     if not all(map(_is_defined, ex.walk(result))):
-        what = "a formula has no real value (a division by zero, a root or a logarithm)"
-        raise errors.InputError(f"with these values of the parameters {what}: give other values.", "/parameters")
+        raise fault("values without a real value", "/parameters")
     return result
 
 
@@ -189,7 +178,7 @@ def _definitions(
     """
     pointers = {defined_name(name): f"/where/{nm.escaped(name)}" for name in where}
     if len(pointers) < len(where):
-        raise errors.InputError("two entries define the same name: leave one of them out.", "/where")
+        raise fault("two definitions", "/where")
     texts = dict(zip(pointers, where.values(), strict=True))
     found: dict[ex.Expression, ex.Expression] = {}
     calls: dict[str, tuple[Words, ex.Expression]] = {}
@@ -220,8 +209,7 @@ def _of_its_arguments(tree: ex.Expression, name: str, arguments: Sequence[str], 
     symbols = [node.name for node in ex.walk(tree) if isinstance(node, ex.Symbol)]
     others |= {each: None for each in symbols if each in names.coordinates and each not in arguments}
     if others:
-        call, more = f"{name}({', '.join(arguments)}", ", ".join(others)
-        raise errors.InputError(f"the formula of {call}) contains {more}: write {call}, {more}).")
+        raise fault("missing arguments", "", call=f"{name}({', '.join(arguments)}", more=", ".join(others))
     return tree
 
 
@@ -229,8 +217,7 @@ def _ordered(used: Mapping[str, set[str]]) -> list[str]:
     """The names sorted so that each follows the names in its formula; InputError for circular definitions."""
     for name, *others in (groups := graphs.components(used)):
         if others or name in used[name]:
-            detail = f"the formula of {name} leads back to {name}: define it by other names."
-            raise errors.InputError(detail, f"/where/{name}")
+            raise fault("circular definition", f"/where/{name}", name=name)
     return [name for (name,) in groups]
 
 
@@ -285,8 +272,7 @@ def bounded(words: list[str], pointer: str, what: str, most: int) -> list[str]:
 def _arguments(function: str, words: Sequence[str]) -> Words:
     pointer = f"/functions/{nm.escaped(function)}"
     if isinstance(words, str) or not words:
-        instead = 'name the coordinates it depends on, as in ["r1"]'
-        raise errors.InputError(f"the function {shorten(function)} has no list of arguments: {instead}.", pointer)
+        raise fault("no list of arguments", pointer, name=shorten(function))
     bounded(list(words), pointer, "arguments", LIMITS.function_arguments)
     return tuple(
         "t" if word == "t" else nm.declared_name(_VELOCITY.sub(r"\1\2_dot", word), f"{pointer}/{place}")
@@ -300,8 +286,7 @@ def _checked_functions(names: nm.Names, texts: Texts) -> dict[str, Words]:
     for function, arguments in names.functions.items():
         for place, argument in enumerate(arguments):
             if argument in arguments[:place]:
-                pointer = f"/functions/{function}/{place}"
-                raise errors.InputError(f"{function} has the argument {argument} twice: name it once.", pointer)
+                raise fault("repeated argument", f"/functions/{function}/{place}", name=function, argument=argument)
             if argument != "t" and argument not in names.coordinates and names.derivative(argument) is None:
                 foreign.setdefault(function, place)
     for function, place in foreign.items():
@@ -309,9 +294,8 @@ def _checked_functions(names: nm.Names, texts: Texts) -> dict[str, Words]:
         if calls and all(calls):
             foreign = {name: at for name, at in foreign.items() if name != function}  # a dummy argument
         elif calls or not texts:
-            what = f"{function} depends on {names.functions[function][place]}, which is not a coordinate"
-            instead = f"use one of {joined(names.coordinates)}, or write all arguments of {function} in brackets"
-            raise errors.InputError(f"{what}: {instead}.", f"/functions/{function}/{place}")
+            words = {"argument": names.functions[function][place], "coordinates": joined(names.coordinates)}
+            raise fault("foreign argument", f"/functions/{function}/{place}", name=function, **words)
     return {function: arguments for function, arguments in names.functions.items() if function not in foreign}
 
 
@@ -337,11 +321,10 @@ def _coordinates(declared: Declared, names: nm.Names, texts: Texts, order: int, 
         if order == 1 and names.guesses and declared.where:
             found = tuple(dict.fromkeys((*found, *_moved_by_definitions(texts, names))))
         if texts and not found:
-            missing = NO_ACCELERATION if order == 2 else _NO_VELOCITY
-            raise _nothing_moves(texts, names, order) or errors.InputError(missing, pointer)
+            missing = fault("no acceleration" if order == 2 else "no velocity", pointer)
+            raise _nothing_moves(texts, names, order) or missing
     if not found:
-        instead = "name at least one, or write equations that contain x''"
-        raise errors.InputError(f"there are no coordinates: {instead}.", pointer)
+        raise fault("no coordinates", pointer)
     return tuple(bounded(list(found), pointer, "coordinates", declared.most))
 
 
@@ -395,18 +378,16 @@ def _nothing_moves(texts: Texts, names: nm.Names, order: int) -> errors.InputErr
         known = names.spelling(name)
         what = f"{name} has {'two derivatives' if order == 2 else 'a derivative'} in time"
         if f"/where/{known}" in texts:
-            nothing = "its formula contains nothing that clearly moves, such as the theta of l*sin(theta)"
-            return errors.InputError(f'{what}, and {nothing}: name what moves in "coordinates".', f"/where/{known}")
-        instead, pointer = "remove it, or name the coordinates", "/equations" if order == 2 else "/lagrangian"
-        return errors.InputError(f"{what}, and {known} is declared as a {names.role(known)}: {instead}.", pointer)
-    for pattern, said in _SPELLED.items():
+            return fault("defined name that moves", f"/where/{known}", what=what)
+        pointer = "/equations" if order == 2 else "/lagrangian"
+        return fault("declared name that moves", pointer, what=what, name=known, role=names.role(known))
+    for key, pattern in _SPELLED.items():
         for pointer, text in texts.items():
             if found := pattern.search(text):
-                meant, span = f"{found[1]}''({(*found.groups(), 't')[1]})", (found.start() + 1, found.end() + 1)
-                detail = said.format(whole=found[0], name=found[1], meant=meant)
-                return errors.InputError(detail, pointer, span[0], (meant,), span)
+                second, span = f"{found[1]}''({(*found.groups(), 't')[1]})", (found.start() + 1, found.end() + 1)
+                return fault(key, span[0], span, shown=found[0], name=found[1], second=second).at(pointer)
     alone = next((pointer for pointer, text in texts.items() if order == 2 and HAMILTONIAN.match(text)), None)
-    return None if alone is None else errors.InputError(_NO_MOTION, alone)
+    return None if alone is None else fault("no equations of H", alone)
 
 
 def moving_products(texts: Texts, declared: nm.Names, order: int = 2) -> dict[str, Words]:
@@ -475,8 +456,7 @@ def key_coordinate(key: str, names: nm.Names, pointer: str) -> str:
     """The coordinate that a key x, x'', x_ddot or \\ddot{x} of `equations` means; InputError if there is none."""
     name = names.spelling(key_name(key, names))
     if name not in names.coordinates:
-        what, known = f"there is an equation for '{shorten(key)}'", joined(names.coordinates)
-        raise errors.InputError(f"{what}, which is not a coordinate: the coordinates are {known}.", pointer)
+        raise fault("equation for another name", pointer, name=shorten(key), coordinates=joined(names.coordinates))
     return name
 
 

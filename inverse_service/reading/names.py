@@ -403,11 +403,10 @@ def declared_name(text: str, pointer: str, what: str = "name") -> str:
     if len(text) > LIMITS.name_characters or len(name) > LIMITS.name_characters:
         raise LimitError(f"a {what} has more than {LIMITS.name_characters} characters: choose a shorter one.", pointer)
     if not _NAME.fullmatch(name):
-        instead = "write letters and digits, a letter first, as in r1 or x_left"
-        raise InputError(f"'{shorten(text)}' cannot be a {what}: {instead}.", pointer)
+        raise fault("not a name", pointer, text=shorten(text), what=what)
     if name in RESERVED:
         meaning = {"t": "the time", "pi": "the number pi"}.get(name, "a function")
-        raise InputError(f"'{name}' cannot be a {what}, it means {meaning}: choose another name.", pointer)
+        raise fault("reserved name", pointer, name=name, what=what, meaning=meaning)
     return name
 
 
@@ -430,13 +429,13 @@ def check_clashes(names: Names, keyed_parameters: bool = False) -> None:
     for member, place, name in ((key, *pair) for key, found in members.items() for pair in enumerate(found)):
         pointer = f"/{member}/{name if member in keyed else place}"
         if name in seen:
-            raise InputError(f"'{name}' is declared twice: give one of the two another name.", pointer)
+            raise fault("name declared twice", pointer, name=name)
         seen[name] = pointer
     for coordinate in names.coordinates:
         for taken in (f"{coordinate}_dot", f"{coordinate}_ddot", f"p_{coordinate}"):
             if taken in seen:
-                meaning = f"{'momentum' if taken.startswith('p_') else 'derivative'} of the coordinate {coordinate}"
-                raise InputError(f"'{taken}' is the {meaning}: choose another name.", seen[taken])
+                meaning = "momentum" if taken.startswith("p_") else "derivative"
+                raise fault("name of a derivative", seen[taken], name=taken, meaning=meaning, coordinate=coordinate)
 
 
 def refuse_two_spellings(texts: Mapping[str, str], declared: tuple[str, ...] = ()) -> None:

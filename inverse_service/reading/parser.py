@@ -328,12 +328,9 @@ class FormulaParser(tk.TokenStream):
     def _unclear_quotient(self, start: int, slash: int) -> errors.InputError:
         """The error for a/b c, with both interpretations if the following factors can be parsed."""
         place, column = self.position, self.ahead.column
-        rest = self._source_of_factors()
-        over, under = self.source(start, slash - 1), self.source(slash, place)
-        if rest is None or "|" in over + under:
-            return fault("end of a quotient", column)
-        span = (self._tokens[start].column, self.ahead.column)
-        return fault("end of a quotient", column, span, (f"({over}/{under})*{rest}", f"{over}/({under}*{rest})"))
+        rest, over, under = self._source_of_factors(), self.source(start, slash - 1), self.source(slash, place)
+        span, rest = (self._tokens[start].column, self.ahead.column), None if "|" in over + under else rest
+        return fault("end of a quotient", column, span, over=over, under=under, rest=rest)
 
     def _factor(self) -> ex.Expression:
         base = self._base()
@@ -484,11 +481,9 @@ class FormulaParser(tk.TokenStream):
         with suppress(errors.InputError):
             self._factor()
         argument = self.source(place)
-        if not argument or not is_one or f"a{name}" not in nm.FUNCTIONS:
-            return fault("inverse function", caret.column, name=name)
-        called = argument if argument.startswith("(") else f"({argument})"
-        meant, span = (f"a{name}{called}", f"{name}{called}^(-1)"), (token.column, self.ahead.column)
-        return fault("inverse function", caret.column, span, meant, name=name)
+        known = argument and is_one and f"a{name}" in nm.FUNCTIONS
+        called = (argument if argument.startswith("(") else f"({argument})") if known else None
+        return fault("inverse function", caret.column, (token.column, self.ahead.column), name=name, called=called)
 
     def _bare_argument(self, token: Token) -> ex.Expression:
         """The argument of sin x, sin 2x, sin x^2; InputError if more factors could belong to it."""

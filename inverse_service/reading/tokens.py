@@ -45,12 +45,6 @@ JOINING, CONDITIONAL = (
     ("for", "if", "when"),
 )
 END = "an operator or the end"
-# What is wrong with a sign, and what to write instead.
-_NEVER = {
-    TOTAL: ("a differential occurs", "write \\frac{dx}{dt} for a derivative"),
-    "!": ("a factorial occurs", "only factorials of the integers 0 to 20 are accepted"),
-    PARTIAL: ("a partial derivative occurs", "write diff(A(x, y), x), A declared"),
-}
 NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _GROUPED = re.compile(r"[0-9]+(?:_[0-9]+)+|[0-9]{1,3}(?:['\u2019][0-9]{3})+(?![0-9])")  # 1_000, 1'000
 _OTHER_BASE = re.compile(r"0[xX][0-9A-Fa-f]+\b|0[bB][01]+\b|0[oO][0-7]+\b")
@@ -62,13 +56,7 @@ _ROOTS = {"\u221a": "sqrt", "\u221b": "cbrt"}
 COMPARISONS = {"!=": "\u2260", "<=": "<", ">=": ">", "<": "<", ">": ">", "\u2264": "<", "\u2265": ">",
                "\u2260": "\u2260", "\u226a": "<", "\u226b": ">"}  # fmt: skip
 COMPARED = ("<", ">", "\u2260")
-_AFTER_A_FORMULA = {
-    **_NEVER,
-    **dict.fromkeys("=;", ("an equation occurs where a formula is expected", "write one side only")),
-    **dict.fromkeys(COMPARED, ("a comparison occurs", "write an equation with one =")),
-    "[": ("square brackets are not accepted here", "write ( and )"),
-    ",": ("a comma occurs outside a function", "write a decimal point, or * for a product"),
-}
+_IN_A_FORMULA, _AFTER_A_FORMULA = reasons("signs in a formula"), reasons("signs after a formula")
 # Signs and their replacements; some are those of other programs, such as .* of MATLAB and ~ of Julia.
 _SIGNS = {sign: sign for sign in "+-*/^()[]{},=;|!" + PARTIAL + TOTAL + NABLA} | OPERATORS | COMPARISONS
 _SIGNS |= {":=": "=", "==": "=", "**": "^", ".*": "*", "./": "/", ".^": "^", "~": "="}
@@ -344,8 +332,9 @@ def unexpected(token: Token, wanted: str) -> InputError:
     """The error for a token that cannot follow here."""
     if token.kind == "end" and not token.text:
         return refusals.fault("end of the formula", token.column, wanted=wanted)
-    if token.kind != "name" and (known := (_AFTER_A_FORMULA if wanted == END else _NEVER).get(token.text)):
-        return refusals.refusal(known[0], token.column, known[1])
+    known = _IN_A_FORMULA.get(token.text) or (_AFTER_A_FORMULA.get(token.text) if wanted == END else None)
+    if known and token.kind != "name":
+        return refusals.refusal(known.problem, token.column, known.instead)
     if wanted == END and (opening := _OPENING.get(token.text)):
         return refusals.fault("closing bracket", token.column, sign=token.text, opening=opening)
     shown = "a prime (')" if token.kind == "prime" else f"'{refusals.shorten(token.text)}'"
