@@ -13,6 +13,7 @@ from fractions import Fraction
 from inverse_service.errors import InputError
 from inverse_service.expressions.refusals import fault
 from inverse_service.reading import tokens as tk
+from inverse_service.reading.notes import UNUSED, note
 from inverse_service.reading.tokens import Line, Token, Tokens, bracket
 
 MATRICES = ("matrix", "pmatrix", "bmatrix")
@@ -39,7 +40,10 @@ def by_components(tokens: Tokens, latex: bool) -> Tokens:
         if _is_given(statement):
             vectors[statement[0].text] = tk.split_at(",", statement[2].inside)
             statements.remove(statement)
+    used = {token.text for statement in statements for token in tk.walk(statement)}
     for name, given in vectors.items():
+        if used and name not in used:
+            note(f"{name} = ({', '.join(map(tk.source, given))})", UNUSED)
         if not any(tk.spelled(statement[:2]) == f"{name}=" for statement in statements):
             statements = [_with_length(name, given, statement) for statement in statements]
     found: Tokens = []

@@ -27,10 +27,12 @@ from inverse_service.expressions import derivative, tree as ex
 from inverse_service.expressions.pieces import either, piecewise, step
 from inverse_service.expressions.refusals import LIMITS, at_most, fault, limit_passed, refusal, shorten
 from inverse_service.reading import names as nm, tokens as tk
+from inverse_service.reading.notes import note
 from inverse_service.reading.tokens import Token, Tokens, at
 
 _BITS_PER_DIGIT = 3.3219280948873626
 _LARGEST_FACTORIAL = 20
+_RADIUS = ex.Symbol("r")  # in r/r^3, often a vector and its length
 _EXPONENTIAL = ex.Apply("exp", ex.ONE)
 OF_SECOND_ORDER = "write equations of second order. Those of a Lagrangian L(t, q, q') have no higher derivatives"
 _OPERAND, _PIECE = "a number, a name or '('", "a piece such as (x^2, x > 0)"
@@ -225,6 +227,10 @@ class FormulaParser(tk.TokenStream):
             place = self.ahead.column
             factor = self._factor()
             factors.append(reciprocal(factor, place) if operation == "/" else factor)
+        parts = [part for factor in factors for part in ex.factors_of(factor)]
+        alone = self._names.coordinates == ("r",) and _RADIUS in parts
+        if alone and any(isinstance(part, ex.Power) and part.base == _RADIUS for part in parts):
+            note("r", "one number; write the components of a vector, as in x'' = -x/r^3")
         return product(factors, column)
 
     def _signs(self) -> list[ex.Expression]:

@@ -12,16 +12,14 @@ factor. Separators and blanks replace the removed text, so that columns stay cor
 
 import json
 import re
-from collections.abc import Callable, Collection, Container, Iterator, Sequence
+from collections.abc import Collection, Container, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
 from inverse_service.expressions import letters
 from inverse_service.reading import names as nm
-
-Note = Callable[[str], None]
-
+from inverse_service.reading.notes import note
 
 _ROWS = map(json.loads, Path(__file__).with_name("words.ndjson").read_text(encoding="utf-8").splitlines())
 _WORDS: dict[str, frozenset[str]] = {row["of"]: frozenset(row["words"]) for row in _ROWS}
@@ -105,7 +103,7 @@ class Piece:
     marked: bool = False
 
 
-def without_words(text: str, latex: bool, note: Note, declared: Container[str] = ()) -> str:
+def without_words(text: str, latex: bool, declared: Container[str] = ()) -> str:
     """The text with its words replaced by separators and blanks at the same columns; each removal is noted."""
 
     def left_out(match: re.Match[str]) -> str:
@@ -114,7 +112,7 @@ def without_words(text: str, latex: bool, note: Note, declared: Container[str] =
 
     text = _COMMENT.sub(lambda match: left_out(match).replace(";", " "), text) if latex else text
     text = _ITEM_INSIDE.sub(lambda item: ";".ljust(len(item[0])), text) if _FIRST_ITEM.match(text) else text
-    text = _COUNTED.sub(lambda match: match[1].ljust(len(match[0])), _ALLOWED.sub(_allowed, _mathematics(text, note)))
+    text = _COUNTED.sub(lambda match: match[1].ljust(len(match[0])), _ALLOWED.sub(_allowed, _mathematics(text)))
     text = _SETS.sub(left_out, text)
     found = [*text]
     for start, end, said in _left_out(text, declared):
@@ -132,7 +130,7 @@ def _allowed(match: re.Match[str]) -> str:
     return ("0=" if match["form"] else ";").ljust(start) + match[0][start:end] + ";".ljust(len(match[0]) - end)
 
 
-def _mathematics(formula: str, note: Note) -> str:
+def _mathematics(formula: str) -> str:
     """The formula between dollar signs; of several, or of one next to words, only equations and comparisons."""
     parts = [*MATHEMATICS.finditer(formula)]
     outside = " ".join(MATHEMATICS.sub(" ", formula).split()).strip(".,; ")

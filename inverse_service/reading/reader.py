@@ -7,7 +7,6 @@ import itertools
 import re
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
@@ -17,6 +16,7 @@ from inverse_service.expressions import tree as ex
 from inverse_service.expressions.refusals import fault, most_characters, shorten
 from inverse_service.reading import components, latex, notations, parser, prose, tokens as tk
 from inverse_service.reading.names import FUNCTIONS, GREEK_NAMES, MAY_BE_FUNCTIONS, Names, written_product
+from inverse_service.reading.notes import LEFT_OUT, note, noted
 from inverse_service.reading.tokens import Line, Token, at
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
@@ -36,9 +36,8 @@ _BY_INDEX = re.compile(r"('')_?(?:\{([xts])\2\}|([xts])\3(?!\w))")
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
 _LETTER_OF_A_FORM = re.compile(rf"(?:[A-Za-z]|{'|'.join(sorted(GREEK_NAMES))})(?:_?[0-9]+)?")
 _OF_PROGRAMS = re.compile(r"[A-Za-z']\[|==|\.diff\(|\w\$\d|:=\s*\{")
-_NOTES: ContextVar[dict[str, str] | None] = ContextVar("notes", default=None)
 OF_A_FORM = Fraction(1)  # marks a name with a prime that replaces a differential
-LEFT_OUT, CONDITION = "left out", "a condition that is not used"
+CONDITION = "a condition that is not used"
 _JOINS = dict.fromkeys(tk.JOINING, ("=", *tk.COMPARED)) | dict.fromkeys(tk.CONDITIONAL, tk.COMPARED)
 _CONSTANT = ("const", "constant")
 _BRANCHES = ("else", "then", "otherwise")
@@ -66,23 +65,6 @@ def is_latex(formula: str) -> bool:
 def read_formula(formula: str, names: Names) -> ex.Expression:
     """The formula as a tree; InputError or LimitError with the column."""
     return parser.parse_tokens(read_tokens(formula, names), len(formula) + 1, names)
-
-
-@contextmanager
-def noted() -> Iterator[dict[str, str]]:
-    """Collect texts that are interpreted differently from how they were typed (kx as k*x), and omitted lines."""
-    notes: dict[str, str] = {}
-    mark = _NOTES.set(notes)
-    try:
-        yield notes
-    finally:
-        _NOTES.reset(mark)
-
-
-def note(text: str, meant: str) -> None:
-    """Record for the caller of `noted` that a text was interpreted as another."""
-    if (notes := _NOTES.get()) is not None:
-        notes[text] = meant
 
 
 @contextmanager
@@ -433,7 +415,7 @@ def _with_dots_after_letters(formula: str) -> str:
 
 def without_words(formula: str, declared: Collection[str] = ()) -> str:
     """The formula with the words around it replaced by separators and blanks; each removal is noted."""
-    return prose.without_words(formula, is_latex(formula), lambda words: note(words, LEFT_OUT), declared)
+    return prose.without_words(formula, is_latex(formula), declared)
 
 
 def _greek(match: re.Match[str]) -> str:

@@ -92,7 +92,8 @@ _ENERGIES = re.compile(
 _VECTOR = re.compile(
     rf"(?:\\(?:{'|'.join(components.BOLD)})\s*(?:\{{\s*\\?\w+\s*\}}|\\?\w)|(?<![\w\\)'])\w+)\s*=\s*(?:\\left\s*)?\([^()=,]+,[^()=]*\)"
 )
-# d/dt ∂L/∂x' - ∂L/∂x = 0 beside L = …
+_GIVEN = re.compile(rf"(?:\b(?:for|with|where|and)\s+)?{_VECTOR.pattern}")
+# d/dt ∂L/∂x' - ∂L/∂x = 0 and δ∫L dt = 0 beside L = …
 _D = r"(?:d|\\(?:mathrm|text)\s*\{\s*d\s*\}|\\(?:rm|mathrm)\s+d)"
 # A metric, ds^2 = dr^2 + r^2 dphi^2, whose geodesics are meant: 2 L = (ds/dt)^2
 _METRIC = re.compile(rf"(?<![A-Za-z\\]){_D}\s?s\s*(?:\^2|\^\{{2\}}|\u00b2)\s*(?==|&\s*=)")
@@ -100,7 +101,8 @@ _DIFFERENTIAL = re.compile(rf"(?<![A-Za-z\\]){_D}\s?(\\[A-Za-z]+|[^\W\d_][^\W\u0
 _DL = r"(?:\u2202|\\partial|\bd)\s{0,9}L\b[^;,\n=]{0,120}"
 _REACTION = r"\s*[-+\u2212]?\s*(?:\u03bb|\\?lambda(?![A-Za-z]))[^;,.\n=]{0,60}"
 _LAGRANGES_EQUATION = re.compile(
-    rf"(?:\\[dt]?frac\s*\{{\s*{_D}\s*\}}\s*\{{\s*{_D}\s*t\s*\}}|d\s*/\s*dt)[^;,\n=]{{0,120}}?{_DL}=(?:\s*0|{_REACTION}|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\]|(?:with|where|and|for)\b)"
+    rf"(?:\\delta|\u03b4)\s*(?:\\int|\u222b)[^;\n=LT]{{0,60}}L[^;\n=L]{{0,40}}{_D}\s*t\s*=\s*0\s*(?=$|[;,.\n\\]|(?:with|where|and|for)\b)"
+    rf"|(?:\\[dt]?frac\s*\{{\s*{_D}\s*\}}\s*\{{\s*{_D}\s*t\s*\}}|d\s*/\s*dt)[^;,\n=]{{0,120}}?{_DL}=(?:\s*0|{_REACTION}|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\]|(?:with|where|and|for)\b)"
 )
 _OF_REACTION = re.compile(rf"(?:\u2202|\\partial|d)\s*\\?(\w+)\s*\}}?\s*=({_REACTION})")
 _WORDS_AT_THE_END = re.compile(r"\s\([A-Za-z -]{4,}\)\s*$")
@@ -300,9 +302,8 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
             whole = lagrangian if "whole" in energies and energy and energy["potential"] else ""
             if _is_unused(line, pointer, [lagrangian, *rest], moving, whole):
                 notes[line.strip()] = reader.LEFT_OUT
-    bold = components.holds_vector
     lagrangian, *constraints = (
-        "".join([text, *(vector for vector in vectors if bold(text) or not bold(vector))])
+        "".join([text, *(vector for vector in vectors if _has_vector(text, vector))])
         for text in (lagrangian, *constraints)
     )
     rates = [(pointer, line) for pointer, line in others if line in constraints]
@@ -429,6 +430,13 @@ def _is_unused(line: str, pointer: str, others: Sequence[str], moving: Collectio
     raise refusals.refusal(what, first.column, instead, (meant,), span).at(pointer)
 
 
+def _has_vector(text: str, given: str) -> bool:
+    """Whether the text contains the name that r = (x, y) gives, and a bold letter if that name is bold."""
+    *_, name = re.findall(r"\w+", given.partition("=")[0])
+    bold = components.holds_vector
+    return re.search(rf"(?<![A-Za-z]){name}(?![A-Za-z])", text) is not None and (bold(text) or not bold(given))
+
+
 def _ask_about_rate(line: str, pointer: str, lagrangian: str, known: Collection[str]) -> None:
     """InputError for phi' = omega where L has omega and no phi': it defines omega, or holds phi' constant.
 
@@ -548,7 +556,7 @@ def _lines(text: str) -> list[str]:
     except errors.InputError:
         return [text]
     places = [(_start(text, group), _end(text, group)) for group in groups]
-    lines = [" " * start + _VECTOR.sub(lambda match: " " * len(match[0]), text[start:end]) for start, end in places]
+    lines = [" " * start + _GIVEN.sub(lambda match: " " * len(match[0]), text[start:end]) for start, end in places]
     return [shown for line in lines if (shown := _WRAPPER_ENDS.sub("", line)).strip()]
 
 
