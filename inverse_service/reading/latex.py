@@ -55,20 +55,7 @@ _FRACTIONS = ("frac", "tfrac", "dfrac", "cfrac")
 _COMMANDS = frozenset(
     ("dot", "ddot", "cdot", "times", "left", "right", "partial", "mathrm", "text", "quad", "qquad", *_FRACTIONS[:3])
 ) | {*components.BOLD} - {"bm"}
-_SIGNS = {
-    "div": "/",
-    "partial": PARTIAL,
-    "nabla": plain.NABLA,
-    "\\": ";",
-    **dict.fromkeys(("equiv", "triangleq", "coloneqq"), "="),
-    **dict.fromkeys(("cdot", "times", "ast"), "*"),
-    **dict.fromkeys(("lbrace", "{"), "("),
-    **dict.fromkeys(("rbrace", "}"), ")"),
-    **dict.fromkeys(("vert", "lvert", "rvert", "|", "Vert", "lVert", "rVert"), "|"),
-    **dict.fromkeys(("le", "leq", "leqslant", "lt", "ll"), "<"),
-    **dict.fromkeys(("ge", "geq", "geqslant", "gt", "gg"), ">"),
-    **dict.fromkeys(("ne", "neq"), "\u2260"),
-}
+_SIGNS = nm.meanings("commands")
 _PRODUCTS = {"cdot": plain.DOT, "times": plain.CROSS}
 # Words that have their usual meaning in \text too.
 _IN_TEXT = frozenset((*plain.JOINING, *plain.CONDITIONAL, "const", "constant"))

@@ -3,6 +3,7 @@
 import difflib
 import json
 import re
+import tomllib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -17,7 +18,8 @@ from inverse_service.expressions.pieces import STEP, step
 from inverse_service.expressions.refusals import LIMITS, fault, joined, refusal, shorten
 from inverse_service.expressions.tree import Apply, Expression, Number, number, square_root
 
-_REASONS = Path(__file__).with_name("refused.ndjson").read_text(encoding="utf-8")
+_ROOM = Path(__file__).parent
+_REASONS = (_ROOM / "refused.ndjson").read_text(encoding="utf-8")
 
 
 class Reason(NamedTuple):
@@ -42,13 +44,15 @@ def reasons(kind: str) -> dict[str, Reason]:
     }  # fmt: skip
 
 
-ALIASES = {
-    "ln": "log", "arcsin": "asin", "arccos": "acos", "arctan": "atan", "tg": "tan", "ctg": "cot", "sh": "sinh",
-    "ch": "cosh", "th": "tanh", "arsinh": "asinh", "arcosh": "acosh", "artanh": "atanh", "arcsinh": "asinh",
-    "arccosh": "acosh", "arctanh": "atanh", "cosec": "csc", "Abs": "abs", "sgn": "sign", "signum": "sign",
-    "heaviside": STEP, "arctg": "atan", "tgh": "tanh", "cotg": "cot", "cotan": "cot", "arsh": "asinh", "arch": "acosh",
-    "arth": "atanh", "Max": "max", "Min": "min",
-}  # fmt: skip
+WORDS: dict[str, dict[str, list[str]]] = tomllib.loads((_ROOM / "words.toml").read_text(encoding="utf-8"))
+
+
+def meanings(kind: str) -> dict[str, str]:
+    """What each word or sign of a table of `words.toml` means."""
+    return {word: meaning for meaning, words in WORDS[kind].items() for word in words}
+
+
+ALIASES = meanings("functions")
 # Maximum and minimum: (a + b + |a - b|)/2, (a + b - |a - b|)/2.
 _EXTREMES = {"max": 1, "min": -1}
 DERIVATIVE_NAMES = frozenset(("diff", "Derivative"))

@@ -16,14 +16,11 @@ from functools import partial
 from inverse_service import errors
 from inverse_service.expressions.refusals import LIMITS, at_most, fault
 from inverse_service.reading import tokens as tk
-from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, Names
+from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, Names, meanings
 from inverse_service.reading.tokens import Line, Token, Tokens, at
 
 _MODULES = frozenset(("sp", "sympy", "sym", "np", "numpy", "math", "Math", "jnp"))
-_CAPITALS = {
-    "Ln": "log", "ArcSin": "asin", "ArcCos": "acos", "ArcTan": "atan", "ArcSinh": "asinh", "ArcCosh": "acosh",
-    "ArcTanh": "atanh", "Abs": "abs", "Sign": "sign", "HeavisideTheta": "Heaviside", "UnitStep": "Heaviside",
-}  # fmt: skip
+_CAPITALS = meanings("mathematica")
 _PIECES = "Piecewise[{"  # a head that cannot be a name
 # Derivatives written with d.
 _ABOVE = re.compile(r"d([2-9]?)([A-Za-z]\w*)?")

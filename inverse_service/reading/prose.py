@@ -10,19 +10,16 @@ with a colon. Everything else remains: a single word may be a name, and the pars
 factor. Separators and blanks replace the removed text, so that columns stay correct.
 """
 
-import json
 import re
 from collections.abc import Collection, Container, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from pathlib import Path
 
 from inverse_service.expressions import letters
 from inverse_service.reading import names as nm
 from inverse_service.reading.notes import note
 
-_ROWS = map(json.loads, Path(__file__).with_name("words.ndjson").read_text(encoding="utf-8").splitlines())
-_WORDS: dict[str, frozenset[str]] = {row["of"]: frozenset(row["words"]) for row in _ROWS}
+_WORDS = {kind: frozenset(words) for kind, words in nm.WORDS["sentences"].items()}
 # Words that make a sentence, that can begin a clause alone, and that a formula may follow.
 _OF_SENTENCES, _BEGINNINGS, _OPENERS = (_WORDS[kind] for kind in ("sentences", "beginnings", "openers"))
 SHORTEST_WORD = 4  # letters from which on a word is unlikely to be a product of constants

@@ -28,7 +28,7 @@ from inverse_service.expressions.letters import (
     describe,
     letter,
 )
-from inverse_service.reading.names import Reason, reasons
+from inverse_service.reading.names import Reason, meanings, reasons
 
 Kind = Literal["number", "name", "prime", "operator", "bracket", "newline", "end", "vector", "command", "fault"]
 FACTOR, FRACTION, MATRIX, CASES = map(Fraction, range(1, 5))
@@ -64,8 +64,7 @@ _SIGNS |= {":=": "=", "==": "=", "**": "^", ".*": "*", "./": "/", ".^": "^", "~"
 _PIECEWISE = re.compile(r"\b[Pp]iecewise\s*[(\[]")
 _CONDITION = re.compile(r"<=|>=|&&|\|\|(?=\s)|[<>&~\u2264\u2265]|\b(?:and|or|not|true|True|otherwise)\b", re.ASCII)
 _EQUALITY = re.compile(r"!?={1,2}|\u2260")
-_CONDITION_SIGNS = {"<=": "<", "\u2264": "<", ">=": ">", "\u2265": ">", "and": "&", "or": "|", "not": "~",
-                    "&&": "&", "||": "|", "True": "true", "otherwise": "true"}  # fmt: skip
+_CONDITION_SIGNS = meanings("conditions")
 _REASONS, _REFUSED_SIGNS = reasons("characters"), reasons("signs")
 # Maple's t$2 and Maxima's $ at the end, %pi, %e; x.diff(t) and sp.sin; Maple's D@@2.
 _OTHER_PROGRAMS = re.compile(
