@@ -27,11 +27,6 @@ _LOW = "\u2090\u2091\u2092\u2093\u2095\u2096\u2097\u2098\u2099\u209a\u209b\u209c
 SUBSCRIPTS |= dict(zip(_LOW, map("_".__add__, "aeoxhklmnpstiruvjy"), strict=True))
 SUPERSCRIPTS = dict(zip("\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079", "0123456789", strict=True))
 SUPERSCRIPT_MINUS = "\u207b"
-OPERATORS = {
-    "\u00b7": "*", "\u22c5": "*", "\u00d7": "*", "\u2217": "*", "\u2219": "*", "\u00f7": "/", "\u2215": "/",
-    "\u2022": "*", "\u2062": "*", "\u2044": "/", "\u2212": "-", "\u2013": "-", "\u2010": "-", "\u2011": "-",
-    "\u2261": "=",
-}  # fmt: skip
 PRIMES = dict.fromkeys("'\u2032\u2019\u02b9\u02bc\u00b4\u02d9", 1) | dict.fromkeys("\u2033\u201d\u00a8", 2)
 SPACES = frozenset(" \t\r\f\u00a0\u2002\u2003\u2009\u200a\u202f")
 DOTS = {"\u0307": 1, "\u0308": 2}

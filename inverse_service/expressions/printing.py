@@ -23,6 +23,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from decimal import Context, Decimal, Inexact
 from fractions import Fraction
 from functools import lru_cache
 from html import escape
@@ -31,7 +32,7 @@ from inverse_service.expressions import derivative, letters, tree as ex
 
 _EXPONENTIAL = ex.Apply("exp", ex.ONE)
 # The denominator from which a decimal number can be much shorter than a fraction, and how many digits shorter.
-_LEAST_DECIMAL, _MUCH = 1000, 2
+_LEAST_DECIMAL, _MUCH, _EXACT = 1000, 2, Context(prec=1000, traps=[Inexact])
 _Factors = tuple[ex.Expression, ...]
 _Side = tuple[str, _Factors]  # the number and the factors above or below a fraction line
 # LaTeX.
@@ -65,13 +66,11 @@ class Ratio:
         plain = str(self.over), str(self.under)
         if self.under < _LEAST_DECIMAL:
             return plain
-        tens, rest = 0, self.under
-        while rest % 2 == 0 or rest % 5 == 0:
-            rest //= 10 if rest % 10 == 0 else 5 if rest % 5 == 0 else 2
-            tens += 1
-        digits = str(self.over * 10**tens // self.under).rjust(tens + 1, "0") if rest == 1 else ""
-        decimal = f"{digits[:-tens]}.{digits[-tens:]}"
-        return (decimal, "1") if digits and len(decimal) + _MUCH < sum(map(len, plain)) else plain
+        try:
+            digits = f"{_EXACT.divide(Decimal(self.over), Decimal(self.under)):f}"
+        except Inexact:
+            return plain
+        return (digits, "1") if len(digits) + _MUCH < sum(map(len, plain)) else plain
 
 
 @lru_cache(maxsize=4096)  # printed expressions often occur in expressions that were printed before

@@ -31,14 +31,7 @@ _SPACE = re.compile(
 _COLUMNS = r"\*?\s*\}(?:\s*\{(?:[lcr| ]|@\{[^{}]*\})*\})?"
 _MATRIX = re.compile(rf"\\(begin|end)\s*\{{\s*({'|'.join(components.MATRICES)}){_COLUMNS}")
 _CASES = re.compile(rf"\\(begin|end)\s*\{{\s*(array|d?cases){_COLUMNS}")
-# Words before a condition in the second column of cases.
-_CONDITIONS = {
-    **dict.fromkeys(("if", "for", "when", "where")),
-    **dict.fromkeys(("otherwise", "else"), Token("operator", "true", 0)),
-    "and": Token("operator", "&", 0),
-    "or": Token("operator", "|", 0),
-}
-_CONNECTIVES = {"land": "and", "wedge": "and", "lor": "or", "vee": "or", "forall": "for"}
+_CONDITIONS, _CONNECTIVES = nm.meanings("cases"), nm.meanings("connectives")
 _ROW_SPACE = r"(?:\s*\[\s*-?[0-9.]+\s*(?:pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\])?"
 _COMMAND = re.compile(rf"\\(?:(operatorname\*|[A-Za-z]+)|(\\){_ROW_SPACE}|(.))", re.DOTALL)
 _MARKED_LETTER = re.compile(f"[A-Za-z{''.join(letters.GREEK)}][{''.join((*letters.DOTS, *letters.SUBSCRIPTS))}]+")
@@ -78,9 +71,12 @@ def _cases(rows: Tokens, whole: Token) -> Tokens:
     for row in plain.split_at(";", rows):
         if any(token.kind != "newline" for token in row):
             cells = plain.split_at("&", row)
-            last = [_CONDITIONS.get(token.text, token) for token in _without_comma(cells[-1])]
+            meant = [(_CONDITIONS.get(token.text), token) for token in _without_comma(cells[-1])]
+            last = [
+                replace(token, kind="operator", text=sign) if sign else token for sign, token in meant if sign != ""
+            ]
             first = [*_without_comma(cells[0]), comma] if len(cells) > 1 else []
-            pieces += [comma, replace(whole, text="(", value=Fraction(0), inside=(*first, *filter(None, last)))]
+            pieces += [comma, replace(whole, text="(", value=Fraction(0), inside=(*first, *last))]
     name = Token("name", "piecewise", whole.column, True)
     return [name, replace(whole, text="(", space_before=True, value=Fraction(0), inside=tuple(pieces[1:]))]
 

@@ -20,7 +20,6 @@ from typing import Literal
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions import refusals
 from inverse_service.expressions.letters import (
-    OPERATORS,
     PRIMES,
     SPACES,
     SUPERSCRIPT_MINUS,
@@ -52,14 +51,9 @@ _ASCII_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _SUPERSCRIPTS = SUPERSCRIPTS | {SUPERSCRIPT_MINUS: "-", "\u207f": "n"}
 _RAISED = re.compile(rf"\u207f|{SUPERSCRIPT_MINUS}?[{''.join(SUPERSCRIPTS)}]+")
 _ROOTS = {"\u221a": "sqrt", "\u221b": "cbrt"}
-# Comparison signs, each as the one of <, > and \u2260 that is equivalent to it on an open set.
-COMPARISONS = {"!=": "\u2260", "<=": "<", ">=": ">", "<": "<", ">": ">", "\u2264": "<", "\u2265": ">",
-               "\u2260": "\u2260", "\u226a": "<", "\u226b": ">"}  # fmt: skip
 COMPARED = ("<", ">", "\u2260")
 _IN_A_FORMULA, _AFTER_A_FORMULA = reasons("signs in a formula"), reasons("signs after a formula")
-# Signs and their replacements; some are those of other programs, such as .* of MATLAB and ~ of Julia.
-_SIGNS = {sign: sign for sign in "+-*/^()[]{},=;|!" + PARTIAL + TOTAL + NABLA} | OPERATORS | COMPARISONS
-_SIGNS |= {":=": "=", "==": "=", "**": "^", ".*": "*", "./": "/", ".^": "^", "~": "="}
+_SIGNS = {sign: sign for sign in "+-*/^()[]{},=;|!<>\u2260" + PARTIAL + TOTAL + NABLA} | meanings("signs")
 # The signs that join conditions in a piecewise formula. Answers hold on open sets, so <= is parsed as <.
 _PIECEWISE = re.compile(r"\b[Pp]iecewise\s*[(\[]")
 _CONDITION = re.compile(r"<=|>=|&&|\|\|(?=\s)|[<>&~\u2264\u2265]|\b(?:and|or|not|true|True|otherwise)\b", re.ASCII)
