@@ -10,7 +10,6 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
-from inverse_service.errors import InputError
 from inverse_service.expressions.refusals import fault
 from inverse_service.reading import tokens as tk
 from inverse_service.reading.notes import UNUSED, note
@@ -48,7 +47,10 @@ def by_components(tokens: Tokens, latex: bool) -> Tokens:
             statements = [_with_length(name, given, statement) for statement in statements]
     found: Tokens = []
     for statement in statements:
-        rows = _Reader(vectors, statement[0]).equations(statement) if _holds_many(statement) else [statement]
+        try:
+            rows = _Reader(vectors, statement[0]).equations(statement) if _holds_many(statement) else [statement]
+        except (ValueError, IndexError):
+            raise fault("shapes", statement[0].column) from None
         for row in rows:
             found += ([Token("operator", ";", row[0].column)] if found and row else []) + row
     return found
@@ -99,7 +101,10 @@ def _bracketed(cell: Tokens) -> Tokens:
 
 
 class _Reader:
-    """Parse an equation of matrices and vectors; a value is a list of rows of cells."""
+    """Parse an equation of matrices and vectors; a value is a list of rows of cells.
+
+    ValueError or IndexError if rows and columns do not fit, which the lists notice themselves.
+    """
 
     def __init__(self, vectors: dict[str, list[Tokens]], first: Token) -> None:
         self._vectors = vectors
@@ -108,19 +113,12 @@ class _Reader:
     def equations(self, line: Tokens) -> list[Tokens]:
         """One equation for each row; a side that is just 0 is zero in each row."""
         sides = [self._sum(side) for side in tk.split_at("=", line)]
-        if len(sides) > 2:
-            raise self._refused()
         if len(sides) == 1 and len(sides[0]) == len(sides[0][0]) == 1:
             return sides[0][0]  # a formula
-        left, right = sides if len(sides) == 2 else (sides[0], [[[self._zero()]]])
+        left, right = sides if len(sides) > 1 else (sides[0], [[[self._zero()]]])
         zero = [tk.spelled(cell) for row in right for cell in row] == ["0"]
         right = [right[0]] * len(left) if zero else right
-        if len(left) != len(right) or {len(row) for row in (*left, *right)} != {1}:
-            raise self._refused()
         return [[*a, self._sign("="), *b] for [a], [b] in zip(left, right, strict=True)]
-
-    def _refused(self) -> InputError:
-        return fault("shapes", self._first.column)
 
     def _sum(self, line: Line) -> Value:
         line = _with_lengths(line)
@@ -131,13 +129,8 @@ class _Reader:
             if not part and sign is None and len(parts) > 1:
                 continue  # -v
             value = [[[sign, *_bracketed(cell)] if sign else cell for cell in row] for row in self._term(part)]
-            if total is None:
-                total = value
-            elif [len(row) for row in value] == [len(row) for row in total]:
-                pairs = zip(total, value, strict=True)
-                total = [[a + b for a, b in zip(one, other, strict=True)] for one, other in pairs]
-            else:
-                raise self._refused()
+            pairs = zip(total or value, value, strict=True)
+            total = [[a + b for a, b in zip(*rows, strict=True)] for rows in pairs] if total else value
         return total or []
 
     def _term(self, line: Line) -> Value:
@@ -157,14 +150,14 @@ class _Reader:
                 continue
             last = tk.at(scalar, len(scalar) - 1)
             if last.is_operator("/"):
-                raise self._refused()
+                raise ValueError
             before = scalar[:-1] if last.is_operator("*") else scalar
             if value is None:
                 value, scalar = self._scaled(before, factor), []
             else:
                 value, scalar = self._product(self._scaled(before, value), factor, last.value), []
         if not line or any(token.is_operator(",", ";", "&") for token in scalar):
-            raise self._refused()
+            raise ValueError
         if value is None:
             return [[scalar]]
         return [[_bracketed(cell) + scalar for cell in row] for row in value] if scalar else value
@@ -174,7 +167,7 @@ class _Reader:
         if len(base) == len(base[0]) == 1:
             return [[[*_bracketed(base[0][0]), *power]]]
         if tk.spelled(power).strip("^()") != "2":
-            raise self._refused()
+            raise ValueError
         return self._product(base, base, tk.DOT)
 
     def _sign(self, text: str) -> Token:
@@ -201,8 +194,6 @@ class _Reader:
             left = [[row[0] for row in left]]
         if len(left) == len(left[0]) == 1 and len(right) > 1:
             return self._scaled(_bracketed(left[0][0]), right)
-        if len(left[0]) != len(right):
-            raise self._refused()
         return [[self._scalar_product(row, column) for column in zip(*right, strict=True)] for row in left]
 
     def _scalar_product(self, left: Sequence[Tokens], right: Sequence[Tokens]) -> Tokens:
@@ -217,19 +208,14 @@ class _Reader:
         if not _holds_many([token]):
             return None
         if token.order:
-            raise self._refused()
+            raise ValueError
         if token.text == "[":
-            rows = [tk.split_at("&", row) for row in tk.split_at(";", token.inside) if row]
-            if len({len(row) for row in rows}) != 1:
-                raise self._refused()
-            return rows
+            return [tk.split_at("&", row) for row in tk.split_at(";", token.inside) if row]
         if token.is_fraction():
             upper, slash, lower = token.inside
-            value, below = self._sum(upper.inside), self._sum(lower.inside)
-            if len(below) != 1 or len(below[0]) != 1:
-                raise self._refused()
-            under = replace(lower, inside=tuple(below[0][0]))
-            over = [[replace(upper, inside=tuple(cell)) for cell in row] for row in value]
+            [[below]] = self._sum(lower.inside)
+            under = replace(lower, inside=tuple(below))
+            over = [[replace(upper, inside=tuple(cell)) for cell in row] for row in self._sum(upper.inside)]
             return [[[replace(token, inside=(cell, slash, under))] for cell in row] for row in over]
         value = self._sum(token.inside)
         if token.text == "|":
@@ -243,7 +229,7 @@ class _Reader:
         if parts is None:
             raise fault("vector", vector.column)
         if vector.order and any(len(part) > 1 for part in parts):
-            raise self._refused()
+            raise ValueError
         if vector.order:
             moving = [replace(part[0], order=vector.order, primed=vector.primed) for part in parts]
             parts = [[self._zero() if part.kind == "number" else part] for part in moving]

@@ -122,11 +122,9 @@ class Declared:
 
     def named_parameters(self) -> Sequence[str] | Mapping[str, ParameterValue]:
         """The named parameters, with their values if given."""
-        if isinstance(self.parameters, str):
-            return ()
         if isinstance(self.parameters, Mapping):
             return {name: value for name, value in self.parameters.items() if name != AND_GUESS}
-        return [name for name in self.parameters if name != AND_GUESS]
+        return [] if isinstance(self.parameters, str) else [name for name in self.parameters if name != AND_GUESS]
 
 
 @dataclass(frozen=True, slots=True)

@@ -380,8 +380,6 @@ class _Line(plain.TokenStream):
         in_text = command.text.startswith("text") and not known
         if words or (in_text and len(name) > 1 and name.isalpha() and name.islower()):
             raise fault("words", command.column)
-        if not inside and self._cells:
-            return
         if name == "d" and self._names.role("d") is None:
             self._found.append(Token("operator", TOTAL, command.column, command.space_before))
             return

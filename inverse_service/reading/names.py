@@ -25,23 +25,17 @@ _REASONS = (_ROOM / "refused.ndjson").read_text(encoding="utf-8")
 class Reason(NamedTuple):
     """The problem with a word, what to write instead, the member that could declare it, and replacement texts."""
 
-    problem: str
-    instead: str
+    problem: str = ""
+    instead: str = ""
     declare: str = ""
-    offers: tuple[str, ...] = ()
+    offers: Sequence[str] = ()
 
 
 def reasons(kind: str) -> dict[str, Reason]:
     """The reasons by word, for words of one kind; WORD in a sentence is replaced by the word."""
-    rows = [row for row in map(json.loads, _REASONS.splitlines()) if row["of"] == kind]
-    return {
-        word: Reason(
-            row.get("problem", ""), row["instead"].replace("WORD", word), row.get("declare", ""),
-            tuple(row.get("offers", ())),
-        )
-        for row in rows
-        for word in row["words"]
-    }  # fmt: skip
+    rows = [row for row in map(json.loads, _REASONS.splitlines()) if row.pop("of") == kind]
+    pairs = [(word, row) for row in rows for word in row.pop("words")]
+    return {word: Reason(**{**row, "instead": row["instead"].replace("WORD", word)}) for word, row in pairs}
 
 
 WORDS: dict[str, dict[str, list[str]]] = tomllib.loads((_ROOM / "words.toml").read_text(encoding="utf-8"))
@@ -150,7 +144,7 @@ def reason_against(name: str, column: int, arguments: str = '["u"]') -> InputErr
 
 def refused(what: str, reason: Reason, column: int) -> InputError:
     """The error for this reason."""
-    return refusal(f"{what}; it occurs", column, reason.instead, reason.offers, declare=reason.declare)
+    return refusal(f"{what}; it occurs", column, reason.instead, tuple(reason.offers), declare=reason.declare)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 
-from inverse_service import errors
 from inverse_service.expressions.refusals import LIMITS, at_most, fault
 from inverse_service.reading import tokens as tk
 from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, Names, meanings
@@ -396,7 +395,7 @@ def _of_operand(
     if (role is None and {*by} <= {*names.coordinates}) or (quotient.fraction and not in_time):
         if not quotient.partial and names.role("d") is not None:
             return None
-        raise _of_what(name, by, names.coordinates, first, None if quotient.fraction else line[after - 1])
+        raise fault("slope of a name", first.column, name=name.text, by=by[0])
     return None
 
 
@@ -411,18 +410,6 @@ def _slope(name: Token, by: Token, at: Token) -> Tokens:
     """(y'/x') for the dy/dx of a constraint."""
     primed = [replace(word, column=at.column, space_before=False, order=1, primed=at.column) for word in (name, by)]
     return [tk.bracket([primed[0], _sign("/", at), primed[1]], at, tk.FACTOR)]
-
-
-def _of_what(
-    name: Token, by: Sequence[str], coordinates: Sequence[str], first: Token, last: Token | None
-) -> errors.InputError:
-    """The error for dV/dx, from its first to its last token or a fraction, if the arguments of V are unknown."""
-    if last is None:
-        return fault("slope of a name", first.column, name=name.text, by=by[0])
-    slope = f"diff({name.text}({', '.join(coordinates)}), {', '.join(by)})"
-    primed = f"{name.text}{len(by) * chr(39)}({by[0]}) or " if len(coordinates) == 1 and len(by) < 3 else ""
-    span, words = (first.column, last.span[1]), {"name": name.text, "by": by[0], "primed": primed, "slope": slope}
-    return fault("derivative by a coordinate", name.column, span, **words)
 
 
 def _applied(line: Line, quotient: _Quotient, place: int, names: Names, depth: int) -> tuple[Tokens, int] | None:

@@ -18,15 +18,7 @@ from fractions import Fraction
 from typing import Literal
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions import refusals
-from inverse_service.expressions.letters import (
-    PRIMES,
-    SPACES,
-    SUPERSCRIPT_MINUS,
-    SUPERSCRIPTS,
-    describe,
-    letter,
-)
+from inverse_service.expressions import letters, refusals
 from inverse_service.reading.names import Reason, meanings, reasons
 
 Kind = Literal["number", "name", "prime", "operator", "bracket", "newline", "end", "vector", "command", "fault"]
@@ -48,8 +40,8 @@ NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _GROUPED = re.compile(r"[0-9]+(?:_[0-9]+)+|[0-9]{1,3}(?:['\u2019][0-9]{3})+(?![0-9])")  # 1_000, 1'000
 _OTHER_BASE = re.compile(r"0[xX][0-9A-Fa-f]+\b|0[bB][01]+\b|0[oO][0-7]+\b")
 _ASCII_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-_SUPERSCRIPTS = SUPERSCRIPTS | {SUPERSCRIPT_MINUS: "-", "\u207f": "n"}
-_RAISED = re.compile(rf"\u207f|{SUPERSCRIPT_MINUS}?[{''.join(SUPERSCRIPTS)}]+")
+_SUPERSCRIPTS = letters.SUPERSCRIPTS | {letters.SUPERSCRIPT_MINUS: "-", "\u207f": "n"}
+_RAISED = re.compile(rf"\u207f|{letters.SUPERSCRIPT_MINUS}?[{''.join(letters.SUPERSCRIPTS)}]+")
 _ROOTS = {"\u221a": "sqrt", "\u221b": "cbrt"}
 COMPARED = ("<", ">", "\u2260")
 _IN_A_FORMULA, _AFTER_A_FORMULA = reasons("signs in a formula"), reasons("signs after a formula")
@@ -353,7 +345,7 @@ def tokenize(text: str, known: Container[str] = ()) -> Tokens:
     conditions = _PIECEWISE.search(text) is not None
 
     def step(text: str, place: int, space: bool) -> tuple[Tokens, int]:
-        if text[place] in SPACES:
+        if text[place] in letters.SPACES:
             return [], place + 1
         if text[place] == "#":
             end = text.find("\n", place)
@@ -405,13 +397,13 @@ def next_tokens(text: str, place: int, space: bool, known: Container[str] = ()) 
     number = NUMBER.match(text, place)
     if number:
         return [number_token(number.group(), place + 1, space)], number.end()
-    if character in PRIMES:
-        return [Token("prime", character, place + 1, space, Fraction(PRIMES[character]))], place + 1
+    if character in letters.PRIMES:
+        return [Token("prime", character, place + 1, space, Fraction(letters.PRIMES[character]))], place + 1
     if character in _SUPERSCRIPTS:
         return _superscript(text, place)
     if character in _ROOTS:
         return [Token("name", _ROOTS[character], place + 1, space)], place + 1
-    found = letter(character)
+    found = letters.letter(character)
     if found and found[0].isalpha():
         return _name(text, place, space, known)
     return _operator(text, place, space)
@@ -458,21 +450,21 @@ def _name(text: str, place: int, space: bool, known: Container[str]) -> tuple[To
 
 
 def _long_name(text: str, place: int, known: Container[str]) -> tuple[list[tuple[str, int, int]], int]:
-    """(name, order, place) of each name in a run with non-ASCII letters, and the end of the run."""
-    letters: list[tuple[str, int, int]] = []
+    """(name, order, place) of each name in a run with non-ASCII signs, and the end of the run."""
+    signs: list[tuple[str, int, int]] = []
     end = place
-    while end < len(text) and (found := letter(text[end])):
-        name, order, at = (*found, end) if found[0] else letters.pop()
-        letters.append((name, order + (at < end) * found[1], at))
+    while end < len(text) and (found := letters.letter(text[end])):
+        name, order, at = (*found, end) if found[0] else signs.pop()
+        signs.append((name, order + (at < end) * found[1], at))
         end += 1
-    whole = "".join(name for name, _, _ in letters)
-    if whole in known or len(letters) > refusals.LIMITS.name_characters:
-        return [(whole, sum(order for _, order, _ in letters), place)], end
+    whole = "".join(name for name, _, _ in signs)
+    if whole in known or len(signs) > refusals.LIMITS.name_characters:
+        return [(whole, sum(order for _, order, _ in signs), place)], end
     runs: list[tuple[str, int, int]] = []
-    for name, order, at in letters:
+    for name, order, at in signs:
         before, times, start = runs[-1] if runs else ("_", 0, at)
         below = "_" in before or name[0] == "_"
-        greek = len(name) > 1 or len((letter(text[start]) or ("", 0))[0]) > 1 or times
+        greek = len(name) > 1 or len((letters.letter(text[start]) or ("", 0))[0]) > 1 or times
         if not runs or (not name.isdigit() and not before.endswith("_") and (order or (greek and not below))):
             runs.append((name, order, at))
         else:
@@ -490,6 +482,6 @@ def _operator(text: str, place: int, space: bool) -> tuple[Tokens, int]:
             return [Token("operator", sign, column, space, GIVEN * (text[place] == ":"))], place + size
     if other := _OTHER_PROGRAMS.match(text, place):
         return [Token("operator", each, column, space) for each in _OTHER_SIGNS[other.lastgroup]], other.end()
-    what = f"the character {describe(text[place])} is not accepted"
+    what = f"the character {letters.describe(text[place])} is not accepted"
     reason = _REASONS.get(text[place], _OTHERWISE)
-    raise refusals.refusal(what, column, reason.instead, reason.offers, (column, column + 1))
+    raise refusals.refusal(what, column, reason.instead, tuple(reason.offers), (column, column + 1))
