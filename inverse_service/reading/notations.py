@@ -11,7 +11,6 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import partial
 
 from inverse_service.expressions.refusals import LIMITS, at_most, fault
 from inverse_service.reading import tokens as tk
@@ -21,6 +20,7 @@ from inverse_service.reading.tokens import Line, Token, Tokens, at
 _MODULES = frozenset(("sp", "sympy", "sym", "np", "numpy", "math", "Math", "jnp"))
 _CAPITALS = meanings("mathematica")
 _PIECES = "Piecewise[{"  # a head that cannot be a name
+_HEADS = meanings("heads")
 # Derivatives written with d.
 _ABOVE = re.compile(r"d([2-9]?)([A-Za-z]\w*)?")
 _BELOW = re.compile(r"d([A-Za-z]\w*?)([2-9]?)")
@@ -199,7 +199,10 @@ def _called(line: Line, place: int, found: Tokens, names: Names) -> int:
         if len(arguments) != 1 or not operand.is_bracket():
             raise fault("Differential", head.column)
         arguments, after = [[*operand.inside], *arguments], after + 1
-    found += _HEADS[head.text](head, [_rewritten(argument, names) for argument in arguments])
+    try:
+        found += _converted(head, [_rewritten(argument, names) for argument in arguments])
+    except (ValueError, IndexError):
+        raise fault(f"{_HEADS[head.text]} of another program", head.column) from None
     found += _primes(given)
     return after
 
@@ -209,77 +212,41 @@ def _joined(parts: Sequence[Tokens], sign: str, at: Token | None = None) -> Toke
     return [token for k, part in enumerate(parts) if part for token in [_sign(sign, at or part[0])] * bool(k) + part]
 
 
-def _call(head: Token, parts: Sequence[Tokens], name: str) -> Tokens:
-    return [replace(head, text=name), tk.bracket(_joined(parts, ","), head, space=False)]
-
-
-def _quoted(head: Token, parts: Sequence[Tokens]) -> Tokens:
-    """Symbol('x', positive=True) and Function('x') are x."""
-    quoted = parts[0] if parts else []
-    if [token.kind for token in quoted] != ["prime", "name"] or quoted[1].order != 1:
-        raise fault("Symbol", head.column)
-    return [replace(quoted[1], space_before=head.space_before, order=0, primed=0)]
-
-
-def _operation(head: Token, parts: Sequence[Tokens], sign: str) -> Tokens:
-    """Add(a, b) as (a + b), Rational(1, 2) as (1/2), Integer(2) as 2, List(a, b) as (a, b)."""
-    if head.text == "Integer" and [len(part) for part in parts] == [1]:
-        return parts[0]
-    if sign in "+*^":
-        parts = [p if len(p) == 1 else [tk.bracket(p, p[0], space=False)] for p in parts]
-    return [tk.bracket(_joined(parts, sign), head, tk.FACTOR)]
-
-
-def _equality(head: Token, parts: Sequence[Tokens]) -> Tokens:
-    if len(parts) != 2:
-        raise tk.unexpected(head, "an equation with two sides, Eq(a, b),")
-    return _joined(parts, "=")
-
-
-def _pieces(head: Token, parts: Sequence[Tokens]) -> Tokens:
-    """Mathematica's Piecewise[{{a, x > 0}, …}, b] is piecewise((a, x > 0), …, (b, true)); b is 0 if omitted."""
-    listed, *rest = parts
-    if len(listed) > 1:
-        raise tk.unexpected(listed[1], "a list of pieces")
-    otherwise = rest[0] if rest else [Token("number", "0", head.column)]
-    last = tk.bracket([*otherwise, _sign(",", head), _sign("true", head)], head)
-    return [replace(head, text="piecewise"), tk.bracket([*listed[0].inside, _sign(",", head), last], head)]
-
-
-def _float(head: Token, parts: Sequence[Tokens]) -> Tokens:
-    raise fault("Float", head.column)
-
-
-def _der(head: Token, parts: Sequence[Tokens]) -> Tokens:
-    """Modelica's der(u) is diff(u, t)."""
-    if len(parts) != 1:
-        raise fault("der", head.column)
-    return _call(head, [*parts, [Token("name", "t", head.column)]], "diff")
-
-
-def _column(head: Token, parts: Sequence[Tokens]) -> Tokens:
-    """SymPy's Matrix([[u], [v]]) is u, v: the entries without the list brackets."""
-    if len(parts) != 1 or len(parts[0]) != 1 or not parts[0][0].is_bracket():
-        raise fault("matrix", head.column)
-    return [*parts[0][0].inside]
-
-
-_HEADS: dict[str, Callable[[Token, list[Tokens]], Tokens]] = {
-    **dict.fromkeys(("Symbol", "Dummy", "Function"), _quoted),
-    **dict.fromkeys(("Add", "Plus"), partial(_operation, sign="+")),
-    **dict.fromkeys(("Mul", "Times"), partial(_operation, sign="*")),
-    **dict.fromkeys(("Pow", "Power", "pow"), partial(_operation, sign="^")),
-    **dict.fromkeys(("Integer", "Rational"), partial(_operation, sign="/")),
-    **dict.fromkeys(("Tuple", "List", "Hold"), partial(_operation, sign=",")),
-    **dict.fromkeys(("Eq", "Equal", "Equality"), _equality),
-    **dict.fromkeys(("Float", "RealNumber"), _float),
-    **dict.fromkeys(("Diff", "Dt", "D", "Differential"), partial(_call, name="diff")),  # Maple's and Mathematica's
-    **dict.fromkeys(("Matrix", "ImmutableMatrix", "ImmutableDenseMatrix", "MutableDenseMatrix"), _column),
-    "der": _der,
-    "Log": lambda head, parts: _call(head, parts[::-1], "log"),
-    _PIECES: _pieces,
-    "Derivative": partial(_call, name="Derivative"),
-}
+def _converted(head: Token, parts: Sequence[Tokens]) -> Tokens:
+    """The call in this package's notation, by its kind in `words.toml`; ValueError or IndexError if it does not fit."""
+    match kind := _HEADS[head.text]:
+        case "name":  # Symbol('x', positive=True) and Function('x') are x
+            quote, name = parts[0]
+            if quote.kind != "prime" or name.order != 1:
+                raise ValueError
+            return [replace(name, space_before=head.space_before, order=0, primed=0)]
+        case "entries":  # Matrix([[u], [v]]) is u, v
+            [[column]] = parts
+            if not column.is_bracket():
+                raise ValueError
+            return [*column.inside]
+        case "pieces":  # Piecewise[{{a, x > 0}, …}, b] is piecewise((a, x > 0), …, (b, true)); b is 0 if omitted
+            [listed], *rest = parts
+            otherwise = rest[0] if rest else [Token("number", "0", head.column)]
+            last = tk.bracket([*otherwise, _sign(",", head), _sign("true", head)], head)
+            return [replace(head, text="piecewise"), tk.bracket([*listed.inside, _sign(",", head), last], head)]
+        case "=":
+            left, right = parts
+            return _joined([left, right], "=")
+        case "+" | "*" | "^" | "/" | ",":  # Add(a, b) as (a + b), Rational(1, 2) as (1/2), List(a, b) as (a, b)
+            if head.text == "Integer" and [len(part) for part in parts] == [1]:
+                return parts[0]
+            if kind in "+*^":
+                parts = [p if len(p) == 1 else [tk.bracket(p, p[0], space=False)] for p in parts]
+            return [tk.bracket(_joined(parts, kind), head, tk.FACTOR)]
+        case "decimal":
+            raise ValueError
+        case "rate":  # Modelica's der(u) is diff(u, t)
+            [operand] = parts
+            kind, parts = "diff", [operand, [Token("name", "t", head.column)]]
+        case "log":  # Log[b, x] is log(x, b)
+            parts = parts[::-1]
+    return [replace(head, text=kind), tk.bracket(_joined(parts, ","), head, space=False)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -395,7 +362,10 @@ def _of_operand(
     if (role is None and {*by} <= {*names.coordinates}) or (quotient.fraction and not in_time):
         if not quotient.partial and names.role("d") is not None:
             return None
-        raise fault("slope of a name", first.column, name=name.text, by=by[0])
+        slope = f"diff({name.text}({', '.join(names.coordinates) or by[0]}), {', '.join(by)})"
+        typed = None if quotient.fraction else (first.column, line[after - 1].span[1])
+        meant = (slope,) if typed else ()
+        raise fault("slope of a name", first.column, typed, meant, name=name.text, by=by[0], slope=slope)
     return None
 
 
