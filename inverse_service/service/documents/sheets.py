@@ -145,6 +145,16 @@ class Sheet:
         return [proof for case in self.cases for proof in case.proofs]
 
 
+@dataclass(frozen=True, slots=True)
+class _Told:
+    """A result that is told: the names of its formulas, whether without proofs, and the parts that are looked for."""
+
+    result: Mapping[str, Any]
+    names: Names
+    brief: bool = False
+    pending: frozenset[str] = frozenset()
+
+
 # What a result has.
 
 
@@ -324,10 +334,9 @@ def meanings(system: Mapping[str, Any]) -> list[Sentence]:
     return [(words, *listed(texts, names)) for words, texts in groups if texts]
 
 
-def _sentence(
-    verdict: str, answers: Sequence[Mapping[str, Any]], count: int, pending: Collection[str], brief: bool = False
-) -> Sentence:
-    """The verdict about equations, or a `brief` answer; parts still `pending` are marked as being looked for."""
+def _sentence(verdict: str, answers: Sequence[Mapping[str, Any]], count: int, told: _Told) -> Sentence:
+    """The verdict about so many equations, or a brief answer; parts still pending are marked as being looked for."""
+    pending, brief = told.pending, told.brief
     these, come = ("this equation", "comes") if count == 1 else ("these equations", "come")
     if verdict == YES:
         shown, yes = answers[0], Word("Yes,", YES)
@@ -390,14 +399,14 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
     Where the result still `grows`, its incomplete parts are being looked for.
     """
     system = result["system"] or {"coordinates": (), "equations": {}, "parameters": (), "functions": {}}
-    names = names_of(system, result.get("integrals"))
+    pending = frozenset(one["part"] for one in result.get("incomplete") or ()) if grows else frozenset[str]()
+    told = _Told(result, names_of(system, result.get("integrals")), brief, pending)
     if "verdict" not in result:
-        return _forward(result, names)
-    verdict, branches = verdict_of(result), branches_of(result)
-    pending = frozenset(one["part"] for one in result.get("incomplete") or ()) if grows else frozenset()
+        return _forward(told)
+    verdict = verdict_of(result)
     if is_constrained(result):
-        return _constrained(result, names, verdict, brief, pending)
-    cases = tuple(_case(branch, result, names, brief, pending) for branch in branches)
+        return _constrained(told, verdict)
+    cases = tuple(_case(branch, told) for branch in branches_of(result))
     sentence, notes = cases[0].sentence, cases[0].notes
     if len(cases) > 1:
         unanswered = result.get("not_answered") or ()
@@ -405,7 +414,7 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
         word = "is not the same everywhere" if verdict == DIFFERS else "is the same, with its own formula in each"
         sentence = ("The answer ", Word(word, verdict), f": {count} cases.")
         notes = tuple(
-            ("Not answered where ", *listed(one["domain"], names), f": {one['reason']}") for one in unanswered
+            ("Not answered where ", *listed(one["domain"], told.names), f": {one['reason']}") for one in unanswered
         )
     return Sheet(
         title_of(result, pending),
@@ -413,19 +422,18 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
         badge_of(result, pending),
         sentence,
         notes,
-        tuple(_typed(system, names)),
+        tuple(_typed(system, told.names)),
         _about(result),
         cases,
-        more=() if brief else tuple(_more(result, names)),
-        matrices=() if brief else tuple(_matrices(result.get("conditions"), names)),
+        more=() if brief else tuple(_more(told)),
+        matrices=() if brief else tuple(_matrices(result.get("conditions"), told.names)),
         missing=_missing(result, grows),
         sought=tuple(letter for letter, part in FORMULAS if part in pending) if verdict == YES else (),
     )
 
 
-def _case(
-    branch: Mapping[str, Any], result: Mapping[str, Any], names: Names, brief: bool, pending: Collection[str]
-) -> Case:
+def _case(branch: Mapping[str, Any], told: _Told) -> Case:
+    result, names = told.result, told.names
     answers = answers_of(branch, result)
     answers[0]["asked"] = answers[0]["timed"] == asks_for_time(result)
     verdict, (shown, *others) = _verdict_of_branch(branch, result), answers
@@ -435,28 +443,26 @@ def _case(
         notes.append(("Where ", *listed(domain, names), "."))
     if not {*domain}.issuperset(formula):
         notes.append(("This formula holds where ", *listed(formula, names), "."))
-    if shown.get("reason") and verdict == OPEN and not pending:
+    if shown.get("reason") and verdict == OPEN and not told.pending:
         notes.append(_ended(shown["reason"]))
     if shown.get("exceptions") and result.get("system"):
-        notes.append(_general(shown["exceptions"], result, names))
+        notes.append(_general(shown["exceptions"], told))
     notes += _checked([shown])
-    notes += [_other_note(other) for other in others if verdict == YES and not QUESTIONS.intersection(pending)]
-    more = [_other_row(other, result, names) for other in others if other.get("lagrangian")]
-    if not brief:
-        more += _answer_rows(shown, result, names)
-    steps = () if brief else _steps(shown, names)
+    if verdict == YES and not QUESTIONS.intersection(told.pending):
+        notes += filter(None, map(_other_note, others))
+    more = [_other_row(other, told) for other in others if other.get("lagrangian")]
+    sentence = _sentence(verdict, answers, len((result["system"] or {}).get("coordinates", ())), told)
+    formulas = tuple(_formulas(shown, told))
+    if told.brief:
+        return Case(verdict, sentence, tuple(notes), formulas, more=tuple(more))
+    steps = _steps(shown, names)
     start = next((step for step in steps if "Suppose" in str(step[:1])), steps[0] if steps else ())
-    proofs = [] if brief else [("", steps)] + [
-        ("Without the time" if not other["timed"] else "With the time", _steps(other, names)) for other in others
-    ]  # fmt: skip
+    headed = [("Without the time" if not other["timed"] else "With the time", other) for other in others]
+    proofs = [("", steps), *((heading, _steps(other, names)) for heading, other in headed)]
+    gist = (("Assumption", start), ("Contradiction", steps[-1])) if verdict == NO and len(steps) > 1 else ()
+    more += _answer_rows(shown, told)
     return Case(
-        verdict,
-        _sentence(verdict, answers, len((result["system"] or {}).get("coordinates", ())), pending, brief),
-        tuple(filter(None, notes)),
-        tuple(_formulas(shown, result, names)),
-        tuple(proof for proof in proofs if proof[1]),
-        tuple(more),
-        (("Assumption", start), ("Contradiction", steps[-1])) if verdict == NO and len(steps) > 1 else (),
+        verdict, sentence, tuple(notes), formulas, tuple(proof for proof in proofs if proof[1]), tuple(more), gist
     )
 
 
@@ -470,16 +476,16 @@ def _other_note(other: Mapping[str, Any]) -> Sentence:
     return (f"Whether one {kind} the time exists is undetermined.",)
 
 
-def _other_row(other: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> Row:
+def _other_row(other: Mapping[str, Any], told: _Told) -> Row:
     name, domain = "With the time" if other["timed"] else "Without the time", other["lagrangian"].get("domain")
-    hint = ("where ", *listed(domain, names)) if domain else ()
-    return Row(name, hint, formulas=tuple(_formulas(other, result, names)))
+    hint = ("where ", *listed(domain, told.names)) if domain else ()
+    return Row(name, hint, formulas=tuple(_formulas(other, told)))
 
 
-def _formulas(part: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> list[Formula]:
+def _formulas(part: Mapping[str, Any], told: _Told) -> list[Formula]:
     """L with its integrals, D, and H with its momenta and constraints."""
     integrals = part.get("integrals") or {}
-    names = names_of(result["system"], integrals) if integrals else names
+    names = names_of(told.result["system"], integrals) if integrals else told.names
     found = []
     if lagrangian := part.get("lagrangian"):
         found.append(formula_of("L", lagrangian, names, [("with ", each) for each in integrals_of(integrals, names)]))
@@ -567,11 +573,10 @@ def _missing(result: Mapping[str, Any], grows: bool) -> tuple[str, ...]:
 # More.
 
 
-def _answer_rows(shown: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> list[Row]:
+def _answer_rows(shown: Mapping[str, Any], told: _Told) -> list[Row]:
     """Conserved quantities, other Lagrangians, the multiplier, how many there are."""
-    # Those of a motion on constraints are among its own rows.
-    kept = [] if result.get("nonholonomic") else shown.get("first_integrals") or ()
-    rows = [_conserved(one, names) for one in kept]
+    names = told.names
+    rows = [_conserved(one, names) for one in shown.get("first_integrals") or ()]
     for other in shown.get("other_lagrangians") or ():
         hint = (other["reason"],) if other.get("reason") else ()
         rows.append(Row("Another Lagrangian", hint, formulas=(formula_of("L", other, names),)))
@@ -599,24 +604,25 @@ def _conserved(one: Mapping[str, Any], names: Names) -> Row:
     return Row("Conserved", hint, formulas=(formula_of("", one, names),))
 
 
-def _more(result: Mapping[str, Any], names: Names) -> Iterable[Row]:
+def _more(told: _Told) -> Iterable[Row]:
     """What was asked besides, and what there is instead of a no."""
+    result, names = told.result, told.names
     part = result.get("instead")
     if part and part["kind"] in ("rayleigh", "parameters"):  # others are among the answers
         conditions = part.get("conditions") or ()
         hint: Sentence = ("Where ", *listed(conditions, names)) if conditions else ("With friction D",)
-        yield Row("Instead", hint, formulas=tuple(_formulas(part, result, names)))
+        yield Row("Instead", hint, formulas=tuple(_formulas(part, told)))
     for name, part in (result.get("kinds") or {}).items():
         verdict = VERDICTS.get(part["verdict"], OPEN)
-        told: list[Sentence] = [_ended(part["reason"])] if part.get("reason") else []
-        told += [_general(part["exceptions"], result, names)] if part.get("exceptions") else []
+        notes: list[Sentence] = [_ended(part["reason"])] if part.get("reason") else []
+        notes += [_general(part["exceptions"], told)] if part.get("exceptions") else []
         if name == "positive_definite" and part["near"]:
-            told.append(("At ", *listed((f"{key} = {value}" for key, value in part["near"].items()), names), "."))
-        hint = tuple(piece for one in (*told, *_checked([part])) for piece in (" ", *one))[1:]
-        found = tuple(_formulas(part, result, names))
+            notes.append(("At ", *listed((f"{key} = {value}" for key, value in part["near"].items()), names), "."))
+        hint = tuple(piece for one in (*notes, *_checked([part])) for piece in (" ", *one))[1:]
+        found = tuple(_formulas(part, told))
         yield Row(KIND_NAMES.get(name, capitalized(name)), hint, verdict, ANSWERS[verdict], found)
     if part := result.get("with_clock"):
-        yield _clock_row(part, result, names)
+        yield _clock_row(part, told)
     if special := result.get("special_cases"):
         count = special["examined"]
         ended = "The list is complete: no other parameter values change the verdict."
@@ -638,24 +644,24 @@ def _special(node: Mapping[str, Any], names: Names) -> SpecialCase:
     return SpecialCase((*where, ": ", Word(BADGES[verdict], verdict), *found), inner)
 
 
-def _clock_row(clock: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> Row:
-    factor = Formula(clock["factor"], names)
-    became = ("With d\u03c4 = ", factor, " dt the equations become ", *_solved(clock, names), ".")
-    return _row("Another clock", ("d\u03c4 = ", factor, " dt"), clock, result, names, [became])
+def _clock_row(clock: Mapping[str, Any], told: _Told) -> Row:
+    factor = Formula(clock["factor"], told.names)
+    became = ("With d\u03c4 = ", factor, " dt the equations become ", *_solved(clock, told.names), ".")
+    return _row("Another clock", ("d\u03c4 = ", factor, " dt"), clock, told, [became])
 
 
 def _row(
-    name: str, hint: Sentence, part: Mapping[str, Any], result: Mapping[str, Any], names: Names,
+    name: str, hint: Sentence, part: Mapping[str, Any], told: _Told,
     before: Sequence[Sentence] = (), after: Sequence[Sentence] = (), is_main: bool = False,
 ) -> Row:  # fmt: skip
     """The row of an answer: its verdict, its formulas, and its proof between other sentences."""
     found = _common((part.get("verdict"), part.get("verdict_with_time")))
     word = "Yes, with t" if found == YES and part.get("verdict") != "variational" else ANSWERS[found]
     reason: list[Sentence] = [(capitalized(part["reason"]),)] if part.get("reason") else []
-    domain = listed((part.get("lagrangian") or {}).get("domain") or (), names)
+    domain = listed((part.get("lagrangian") or {}).get("domain") or (), told.names)
     where: list[Sentence] = [("L is defined where ", *domain, ".")] if domain else []
-    steps = (*before, *where, *_steps(part, names), *after, *reason, *_checked([part]))
-    return Row(name, hint, found, word, tuple(_formulas(part, result, names)), steps, is_main, domain)
+    steps = (*before, *where, *_steps(part, told.names), *after, *reason, *_checked([part]))
+    return Row(name, hint, found, word, tuple(_formulas(part, told)), steps, is_main, domain)
 
 
 def _solved(part: Mapping[str, Any], names: Names) -> Sentence:
@@ -663,11 +669,11 @@ def _solved(part: Mapping[str, Any], names: Names) -> Sentence:
     return listed((reader.equation_line(*pair) for pair in part["equations"].items()), names)
 
 
-def _general(exceptions: Sequence[str], result: Mapping[str, Any], names: Names) -> Sentence:
+def _general(exceptions: Sequence[str], told: _Told) -> Sentence:
     """For which parameters the answer was proven, with a link to a form that asks about the others."""
-    system = result["system"]
+    system, names = told.result["system"], told.names
     general = ("For general ", *listed(system["parameters"], names))
-    if (result.get("special_cases") or {}).get("complete"):
+    if (told.result.get("special_cases") or {}).get("complete"):
         return (*general, "; ", Word("special values", target="#more"), " are decided, too.")
     left = [Formula(one, names) if "=" in one else one for one in exceptions]
     pieces = [piece for one in left for piece in (", ", one)][1:]
@@ -699,10 +705,11 @@ def _matrices(conditions: Mapping[str, Any] | None, names: Names) -> Iterable[Se
 # A motion on constraints.
 
 
-def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: bool, pending: Collection[str]) -> Sheet:
+def _constrained(told: _Told, verdict: str) -> Sheet:
+    result, names, pending = told.result, told.names, told.pending
     part = result.get("nonholonomic") or {}
     motions = growing.motions_of(result) or [{}]
-    table = tuple(_rows(result, part, motions[0], names, pending))
+    table = tuple(_rows(part, motions[0], told))
     main = next((row for row in table if row.is_main), None)
     asked = [formula_of("L", part["lagrangian"], names)] if part.get("lagrangian") else []
     asked += _lines([f"{one['text']} = 0" for one in part.get("constraints") or ()], names)
@@ -713,7 +720,7 @@ def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: b
     shown = main if main and main.formulas else systems[0] if systems and verdict == YES else None
     notes = _checked([one for one in (motions[0], *part.get("associated", ())) if one.get("checked")])
     if motions[0].get("exceptions"):
-        notes.insert(0, _general(motions[0]["exceptions"], result, names))
+        notes.insert(0, _general(motions[0]["exceptions"], told))
     # What ended a question that was begun is the reason, not how far it was.
     ended = [one["reason"] for one in result.get("incomplete") or () if one["part"] == "any_associated"]
     reason = (ended or [motions[0].get("reason")])[0]
@@ -730,7 +737,7 @@ def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: b
         how = "The reduced motion can." if besides[0] == "Reduced" else "With another clock the reduced motion can."
         notes.append((how,))
     sentence = _motion_sentence(verdict, motions[0], pending)
-    steps = () if brief or verdict != NO else _steps(motions[0], names)
+    steps = () if told.brief or verdict != NO else _steps(motions[0], names)
     gist = (("Conclusion", steps[-1]),) if steps else ()
     cases = [Case(verdict, sentence, tuple(notes), shown.formulas if shown else (), gist=gist)]
     for one, branch in zip(motions[1:], branches_of(result)[1:], strict=False):
@@ -742,7 +749,7 @@ def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: b
     return Sheet(
         title_of(result, pending), verdict, badge_of(result, pending), sentence, tuple(notes), tuple(asked),
         _about(result), tuple(cases),
-        table, () if brief else tuple(_motion_more(result, part, names)), (), _missing(result, bool(pending)),
+        table, () if told.brief else tuple(_motion_more(part, told)), (), _missing(result, bool(pending)),
     )  # fmt: skip
 
 
@@ -753,16 +760,11 @@ def rows_of(sheet: Sheet) -> list[tuple[str, ...]]:
     return [("system", "Hamiltonian?", "L", "H"), *lines]
 
 
-def _rows(
-    result: Mapping[str, Any],
-    part: Mapping[str, Any],
-    motion: Mapping[str, Any],
-    names: Names,
-    pending: Collection[str],
-) -> Iterable[Row]:
+def _rows(part: Mapping[str, Any], motion: Mapping[str, Any], told: _Told) -> Iterable[Row]:
     """First, second, third, any, reduced, another clock."""
+    result, names, pending = told.result, told.names, told.pending
     for one in part.get("associated") or ():
-        row = _associated_row(one, result, names)
+        row = _associated_row(one, told)
         yield replace(row, word=SEEKING) if row.verdict == OPEN and "existence" in pending else row
     if motion:
         after: list[Sentence] = []
@@ -772,7 +774,7 @@ def _rows(
             after.append(("On the constraints ", *[piece for one in on for piece in (", ", one)][1:], "."))
         if motion.get("freedom"):
             after.append((f"L along the constraints depends on {motion['freedom']}.",))
-        row = _row("Any", ("all associated systems at once",), motion, result, names, after=after, is_main=True)
+        row = _row("Any", ("all associated systems at once",), motion, told, after=after, is_main=True)
         if row.verdict == OPEN and _verdict_of_branch({}, result) == YES:  # one of those above is enough
             row = replace(row, verdict=YES, word=ANSWERS[YES], steps=())
         yield replace(row, word=SEEKING) if row.verdict == OPEN and "any_associated" in pending else row
@@ -784,11 +786,11 @@ def _rows(
     over = ("the equations of ", *listed(reduced["coordinates"], names), " alone")
     before: list[Sentence] = [("The equations ", *_solved(reduced, names), ".")]
     before += [(reduced["statement"],)] if reduced.get("statement") else []
-    row = _row("Reduced", over, reduced, result, names, before)
+    row = _row("Reduced", over, reduced, told, before)
     yield row
     clock = result.get("with_clock") or reduced.get("with_clock")
     if clock:
-        yield _clock_row(clock, result, names)
+        yield _clock_row(clock, told)
     elif row.verdict == YES:
         yield Row("Another clock", (NEW_TIME,), "", "Not needed")
     else:
@@ -796,24 +798,24 @@ def _rows(
         yield Row("Another clock", (NEW_TIME,), OPEN, "None found", (), ((why,),) if why else ())
 
 
-def _associated_row(one: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> Row:
-    name = capitalized(one["kind"])
+def _associated_row(one: Mapping[str, Any], told: _Told) -> Row:
+    name, names = capitalized(one["kind"]), told.names
     hint = (HINTS[one["kind"]],) if one["kind"] in HINTS else ()
     if not one["defined"]:
         return Row(name, hint, "", "Not defined", (), (sentence(one.get("explanation") or "", names),))
     where = listed(one.get("domain") or (), names)
-    is_asked = (result["system"].get("given") or {}).get("associated") != "any"
+    is_asked = (told.result["system"].get("given") or {}).get("associated") != "any"
     system = ("The system ", *_solved(one, names), *((" where ", *where) if where else ()), ".")
     if one["verdict"] == "undetermined" and not is_asked:
         return Row(name, hint, "", "Not asked", (), (system,))
-    return _row(name, hint, {**one, "explanation": one.get("steps")}, result, names, [system])
+    return _row(name, hint, {**one, "explanation": one.get("steps")}, told, [system])
 
 
-def _motion_more(result: Mapping[str, Any], part: Mapping[str, Any], names: Names) -> Iterable[Row]:
+def _motion_more(part: Mapping[str, Any], told: _Told) -> Iterable[Row]:
     """The motion, what it conserves, the forces of the constraints, and what was asked besides."""
     if not part:
         return
-    motion = part["equations_of_motion"]
+    motion, names = part["equations_of_motion"], told.names
     lines = [f"{name}'' = {f['text']}" for name, f in motion["second_order"].items()]
     lines += [f"{name}' = {f['text']}" for name, f in motion["first_order"].items()]
     yield Row("Motion", formulas=tuple(_lines(lines, names)))
@@ -821,8 +823,8 @@ def _motion_more(result: Mapping[str, Any], part: Mapping[str, Any], names: Name
         yield Row("Multiplier of the constraint", formulas=(formula_of(f"lambda_{k}", one, names),))
     yield from (_conserved(one, names) for one in part.get("first_integrals") or ())
     density = part["measure_density"].get("density")
-    told = sentence(part["measure_density"], names)
-    yield Row("Invariant measure", told, formulas=(formula_of("N", density, names),) if density else ())
+    measure = sentence(part["measure_density"], names)
+    yield Row("Invariant measure", measure, formulas=(formula_of("N", density, names),) if density else ())
     for key, name in (("integrable", "Integrability"), ("paper_class", "Class")):
         if part[key].get("statement"):
             yield Row(name, sentence(part[key], names))
@@ -835,14 +837,14 @@ def _motion_more(result: Mapping[str, Any], part: Mapping[str, Any], names: Name
             YES if entry["holds"] else OPEN, word,
             (formula_of("H", entry["hamiltonian"], names),) if entry["hamiltonian"] else (), tuple(stated),
         )  # fmt: skip
-    yield from _more(result, names)
+    yield from _more(told)
 
 
 # A Lagrangian alone.
 
 
-def _forward(result: Mapping[str, Any], names: Names) -> Sheet:
-    system = result["system"]
+def _forward(told: _Told) -> Sheet:
+    result, names, system = told.result, told.names, told.result["system"]
     momenta = [f"p_{name} = {part['text']}" for name, part in result["momenta"].items()]
     energy = formula_of("H", result["hamiltonian"], names, [("with ", *listed(momenta, names))])
     said = ("These are its equations of motion.",)
