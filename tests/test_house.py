@@ -8,6 +8,7 @@ import re
 from collections import Counter
 from pathlib import Path
 
+from inverse_service.expressions import refusals
 from inverse_service.simulation import sentences
 from tests.test_layering import imported
 
@@ -66,3 +67,5 @@ def test_every_sentence_of_a_run_exists_and_is_said() -> None:
     keys = [ast.walk(call.args[0]) for call in calls if ast.unparse(call.func) == "say"]
     said = {node.value for key in keys for node in key if isinstance(node, ast.Constant)}
     assert {key for key in said if isinstance(key, str)} == set(sentences.SENTENCES)
+    refused = [call.args[0] for call in calls if ast.unparse(call.func) in ("fault", "refusals.fault")]
+    assert {key.value for key in refused if isinstance(key, ast.Constant)} <= set(refusals.SENTENCES)

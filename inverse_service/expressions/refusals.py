@@ -17,7 +17,7 @@ _DECLARING = {
     "coordinates": 'add it to "coordinates"',
     "functions": 'declare a function of your own in "functions" with its arguments',
 }
-_SENTENCES: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+SENTENCES: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 _IT_OCCURS = "; it occurs"  # inserted before the column if the description is already a sentence
 
 
@@ -101,7 +101,7 @@ def fault(
 
     `at` is the column, or the pointer of a member of the document as a whole. Nothing is offered if a word is None.
     """
-    row = _SENTENCES[key]
+    row = SENTENCES[key]
     what, instead = (row.get(part, "").format(**words) for part in ("what", "instead"))
     if isinstance(at, str):
         return errors.InputError(f"{what}: {instead}.", at)

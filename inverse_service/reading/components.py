@@ -63,9 +63,8 @@ def holds_vector(text: str) -> bool:
 
 def _with_vectors(line: Line, names: Collection[str]) -> Tokens:
     """The tokens with these names as vectors."""
-    kinds: tuple[tk.Kind, ...] = tuple("vector" if token.text in names else token.kind for token in line)
-    inside = [tuple(_with_vectors(token.inside, names)) for token in line]
-    return [replace(*part[:1], kind=part[1], inside=part[2]) for part in zip(line, kinds, inside, strict=True)]
+    found = [replace(token, kind="vector") if token.text in names else token for token in line]
+    return [tk.within(token, lambda inside: _with_vectors(inside, names)) for token in found]
 
 
 def _holds_many(tokens: Line) -> bool:
@@ -86,7 +85,7 @@ def _with_length(name: str, parts: list[Tokens], line: Line) -> Tokens:
     found: Tokens = []
     for token in line:
         if token.kind != "name" or token.text != name:
-            found.append(replace(token, inside=tuple(_with_length(name, parts, token.inside))))
+            found.append(tk.within(token, lambda inside: _with_length(name, parts, inside)))
             continue
         root, plus, *power = tk.written("sqrt+^2", token)
         squares = [one for part in parts for one in (plus, *_bracketed(part), *power)][1:]

@@ -8,7 +8,7 @@ bracket marked FRACTION, so that one parser handles all of them.
 """
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -47,11 +47,6 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     return with_derivatives(tokens, names)
 
 
-def _within(token: Token, change: Callable[[Line], Tokens]) -> Token:
-    """The token with `change` applied to its inside."""
-    return replace(token, inside=tuple(change(token.inside))) if token.inside else token
-
-
 def _with_indices(tokens: Tokens, names: Names) -> Tokens:
     """x[1]'' as x_1'' if x always has a numeric index: in a text with x[t], x[0] is a value."""
     alone = {line[k].text for line, k, _ in tk.places(tokens) if line[k].kind == "name" and not _is_indexed(line, k)}
@@ -65,7 +60,7 @@ def _with_indices(tokens: Tokens, names: Names) -> Tokens:
                 text = f"{before.text}_{token.inside[0].text}"
                 found[-1] = replace(before, text=text, order=token.order, primed=token.primed)
             else:
-                found.append(_within(token, with_indices))
+                found.append(tk.within(token, with_indices))
         return found
 
     return with_indices(tokens)
@@ -135,7 +130,7 @@ def _rewritten(line: Line, names: Names) -> Tokens:
         elif called and not (token.text == "D" and _is_factor(after)):
             place = _called(line, place, found, names)
         else:
-            found.append(_within(token, lambda inside: _rewritten(inside, names)))
+            found.append(tk.within(token, lambda inside: _rewritten(inside, names)))
             place += 1
     return found
 

@@ -154,8 +154,8 @@ def _with_forms(tokens: Line, names: Names, moves: bool) -> list[Token]:
         elif names.role_meant(name) == "coordinate":
             found += [*factor, Token("name", name, token.column, True, OF_A_FORM, order=1, primed=token.column)]
         else:
-            inside = tuple(_with_forms(token.inside, names, moves))
-            found += [replace(token, inside=inside), *tokens[place + 1 : place + length]]
+            whole = tk.within(token, lambda inside: _with_forms(inside, names, moves))
+            found += [whole, *tokens[place + 1 : place + length]]
     return found
 
 
@@ -373,10 +373,8 @@ def _with_products(tokens: Line, names: Names) -> list[Token]:
         if token.kind == "name" and (dotted := names.derivative(token.text, known=False)):
             token = replace(token, text=dotted[0], order=token.order + dotted[1], primed=token.column)
         parts = names.splits.get(token.text, ()) if token.kind == "name" else ()
-        if token.inside:
-            token = replace(token, inside=tuple(_with_products(token.inside, names)))
         if not parts:
-            found.append(token)
+            found.append(tk.within(token, lambda inside: _with_products(inside, names)))
             continue
         note(token.text, written_product(parts, names))
         product = list[Token]()

@@ -171,6 +171,11 @@ def walk(tokens: Iterable[Token]) -> Iterator[Token]:
             yield from walk(token.inside)
 
 
+def within(token: Token, change: Callable[[Line], Tokens]) -> Token:
+    """The token with `change` applied to its inside."""
+    return replace(token, inside=tuple(change(token.inside))) if token.inside else token
+
+
 def moves(tokens: Iterable[Token]) -> bool:
     """Whether a name or a bracket has primes."""
     return any(token.order for token in walk(tokens))
