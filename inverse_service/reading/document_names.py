@@ -702,9 +702,8 @@ def _as_in_products(names: Sequence[str], lines: Iterable[Line]) -> Words:
 def _product_or_function(name: Token, bracket: Token, argument: str, text: str) -> errors.InputError:
     """The error for k (x) and k [x], with both ways to write it."""
     plain = text[bracket.end - 1 : bracket.end] in (")", "]")  # not \\right)
-    both = (f"{name.text}*({argument})", f"{name.text}({argument})")
-    span, words = (name.column, bracket.end + 1), {"name": name.text, "argument": argument}
-    return fault("product or function", name.column, span if plain else None, both if plain else (), **words)
+    span = (name.column, bracket.end + 1) if plain else None
+    return fault("product or function", name.column, span, name=name.text, argument=argument, span=span)
 
 
 def _slopes(lines: Iterable[Line], declared: nm.Names) -> dict[str, Words]:

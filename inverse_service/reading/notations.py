@@ -359,8 +359,7 @@ def _of_operand(
             return None
         slope = f"diff({name.text}({', '.join(names.coordinates) or by[0]}), {', '.join(by)})"
         typed = None if quotient.fraction else (first.column, line[after - 1].span[1])
-        meant = (slope,) if typed else ()
-        raise fault("slope of a name", first.column, typed, meant, name=name.text, by=by[0], slope=slope)
+        raise fault("slope of a name", first.column, typed, name=name.text, by=by[0], slope=slope, typed=typed)
     return None
 
 

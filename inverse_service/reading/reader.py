@@ -407,8 +407,8 @@ def _with_dots_after_letters(formula: str) -> str:
         return formula
     place, (dots, letter) = between.start(), between.groups()
     primes = "''" if dots == "\u00a8" else "'"
-    meant = (f"{formula[place - 1]} {letter}{primes}", f"{formula[place - 1]}{primes} {letter}")
-    raise fault("dots between letters", place + 1, (place, place + 3), meant, both=" or ".join(meant))
+    words = {"before": formula[place - 1], "after": letter, "primes": primes}
+    raise fault("dots between letters", place + 1, (place, place + 3), **words)
 
 
 def without_words(formula: str, declared: Collection[str] = ()) -> str:
