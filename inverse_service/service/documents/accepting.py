@@ -209,6 +209,46 @@ class Prepared:
         return error.said(detail, plain, error.pointer, tuple(instead))
 
 
+@dataclass(frozen=True, slots=True)
+class _Energy:
+    """L = …, T = …, or V = … of a text: the match up to the formula, the formula at its columns, and the pointer."""
+
+    named: re.Match[str]
+    formula: str
+    pointer: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Written:
+    """What texts give: energies by kind, and all other equations, each with the pointer of its text.
+
+    `reactions` are the right sides of d/dt dL/dx' - dL/dx = …, by x; `fields` span the directions that are allowed.
+    """
+
+    energies: dict[str, _Energy] = field(default_factory=dict)
+    others: list[tuple[str, str]] = field(default_factory=list)
+    notes: dict[str, str] = field(default_factory=dict)
+    reactions: dict[str, str] = field(default_factory=dict)
+    fields: dict[str, str] = field(default_factory=dict)
+
+    def gives_lagrangian(self) -> bool:
+        """Whether there is an L, or a T and something that moves, and no equation of second order."""
+        formulas = [*(line for _, line in self.others), *(energy.formula for energy in self.energies.values())]
+        moves = "kinetic" in self.energies and any(map(_MOVES.search, formulas))
+        return ("whole" in self.energies or moves) and not any(map(_BARE.search, formulas))
+
+    def lagrangian(self) -> str:
+        """L, or T - V, at the columns of its parts."""
+        if "whole" in self.energies:
+            named, formula = self.energies["whole"].named, self.energies["whole"].formula
+            return f"{'.5*('.rjust(named.end())}{formula})" if named["twice"] else " " * named.end() + formula
+        lagrangian = ""
+        for energy in self.energies.values():
+            sign = ("-" if energy.named["potential"] else "+") + (".5*(" if energy.named["twice"] else "(")
+            lagrangian = lagrangian.ljust(energy.named.end() - len(sign)) + sign + energy.formula + ")"
+        return lagrangian
+
+
 def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str], dict[str, str]]:
     """A text that gives L, or T and V, as the document of that Lagrangian; its other lines define names or hold it.
 
@@ -216,76 +256,33 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
     is read differently.
     """
     key = "lagrangian" if "lagrangian" in plain else "equations"
-    given = plain.get(key)
+    given, declared = plain.get(key), _declared(plain)
     texts = {f"/{key}": given} if isinstance(given, str) else {}
     if isinstance(given, list) and all(isinstance(text, str) for text in given):
         texts = {f"/{key}/{place}": text for place, text in enumerate(given)}
-    vectors = [f", {found[0]}" for text in texts.values() for found in _VECTOR.finditer(text)]
-    energies: dict[str, tuple[re.Match[str], str, str]] = {}
-    others: list[tuple[str, str]] = []
-    notes: dict[str, str] = {}
-    reactions: dict[str, str] = {}
-    fields: dict[str, str] = {}
-    for pointer, text in texts.items():
-        text = _LETTER_L.sub(_letter_l, text)
-        if metric := _METRIC.search(text):
-            text = _METRIC.sub(lambda metric: "2L".ljust(len(metric[0])), text)
-            with reader.placed_at(pointer):
-                text = _DIFFERENTIAL.sub(_velocity, text)
-            notes[metric[0].strip()] = "a metric, whose geodesics are meant"
-        omitted = [match[0].strip() for match in _LAGRANGES_EQUATION.finditer(text)]
-        notes |= dict.fromkeys(omitted, reader.LEFT_OUT)
-        reactions |= {found[1]: found[2] for line in omitted if (found := _OF_REACTION.search(line))}
-        if span := _SPAN.search(text):
-            fields[pointer] = span["fields"]
-            text = text[: span.start()] + " " * len(span[0]) + text[span.end() :]
-        with reader.noted() as noted:
-            lines = _lines(_LAGRANGES_EQUATION.sub(lambda match: " " * len(match[0]), text))
-        notes |= noted
-        for line in lines:
-            named = _ENERGY.match(line)
-            kind = next((kind for kind in ("whole", "kinetic", "potential") if named and named[kind]), "")
-            if named is None or kind in energies or named[kind] in _declared(plain):
-                others.append((pointer, line))
-            else:
-                formula = line[named.end() :]
-                summed = _ENERGIES.match(formula)
-                energies[kind] = named, formula[summed.end() :].rjust(len(formula)) if summed else formula, pointer
-    if any("L" in document_names.moving_names(reader.tokens_if_any(line, nm.Names()), 1) for _, line in others):
+    found = _written(texts, declared)
+    if any("L" in document_names.moving_names(reader.tokens_if_any(line, nm.Names()), 1) for _, line in found.others):
         return plain, {}, {}  # dL/dt = 0 is about a momentum L
-    formulas = [*(line for _, line in others), *(text for _, text, _ in energies.values())]
-    moves = "kinetic" in energies and any(map(_MOVES.search, formulas))
-    if not ("whole" in energies or moves) or any(map(_BARE.search, formulas)):
+    if not found.gives_lagrangian():
         if key == "lagrangian" or "constraints" in plain:
             return plain, {}, {}
         if any(map(_LAMBDA.search, texts.values())):
             return _with_multipliers(plain, texts)
-        return (plain, {}, {}) if energies else _as_motion(plain, texts, others)
-    lagrangian = ""
-    if "whole" in energies:
-        others += [
-            (pointer, named[0] + formula) for kind, (named, formula, pointer) in energies.items() if kind != "whole"
-        ]
-        named, formula, _ = energies["whole"]
-        lagrangian = f"{'.5*('.rjust(named.end())}{formula})" if named["twice"] else " " * named.end() + formula
-    else:
-        for named, formula, _ in energies.values():
-            sign = ("-" if named["potential"] else "+") + (".5*(" if named["twice"] else "(")
-            lagrangian = lagrangian.ljust(named.end() - len(sign)) + sign + formula + ")"
+        return (plain, {}, {}) if found.energies else _as_motion(plain, texts, found.others)
+    is_whole, lagrangian, others, notes = "whole" in found.energies, found.lagrangian(), [*found.others], found.notes
+    if is_whole:
+        beside = (energy for kind, energy in found.energies.items() if kind != "whole")
+        others += [(energy.pointer, energy.named[0] + energy.formula) for energy in beside]
     velocities = document_names.moving_names(reader.tokens_if_any(lagrangian, nm.Names()), 1)
-    moving = {*velocities}
-    places, where = {"/lagrangian": next(iter(energies.values()))[2]}, {}
+    places = {"/lagrangian": next(iter(found.energies.values())).pointer}
     held = plain.get("constraints") or []
     constraints = [held] if isinstance(held, str) else list(held)
-    for pointer, text in fields.items():
+    for pointer, text in found.fields.items():
         with reader.placed_at(pointer):
             constraints += _held_by_fields(text, velocities)
-    definitions: dict[str, str] = {}  # omega = psi' cos(theta) + phi', omega = 0: the second line is a constraint
-    for _, line in others:
-        if (name := _defined(line, moving)[0]) and _IS_NUMBER.fullmatch(definitions.get(name, "=")):
-            definitions[name] = line
+    definitions, where = _definitions(others, {*velocities}), dict[str, str]()
     for pointer, line in others:
-        name, squared = _defined(line, moving)
+        name, squared = _defined(line, {*velocities})
         if name and definitions[name] is line:
             left, _, right = line.partition("=")
             root = ("(", ")^{1/2}" if reader.is_latex(right) else ")^(1/2)") if squared else ("", "")
@@ -295,28 +292,69 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
             places[f"/constraints/{len(constraints)}"] = pointer
             constraints.append(line)
     for place, (pointer, line) in enumerate(others):
-        _ask_about_rate(line, pointer, lagrangian, {"t", *_declared(plain)})
+        _ask_about_rate(line, pointer, lagrangian, {"t", *declared})
         if line in definitions.values():
             energy = _ENERGY.match(line)
             rest = [text for k, (_, text) in enumerate(others) if k != place]
-            whole = lagrangian if "whole" in energies and energy and energy["potential"] else ""
-            if _is_unused(line, pointer, [lagrangian, *rest], moving, whole):
+            whole = lagrangian if is_whole and energy and energy["potential"] else ""
+            if _is_unused(line, pointer, [lagrangian, *rest], {*velocities}, whole):
                 notes[line.strip()] = reader.LEFT_OUT
+    vectors = [f", {vector[0]}" for text in texts.values() for vector in _VECTOR.finditer(text)]
     lagrangian, *constraints = (
         "".join([text, *(vector for vector in vectors if _has_vector(text, vector))])
         for text in (lagrangian, *constraints)
     )
     rates = [(pointer, line) for pointer, line in others if line in constraints]
-    _ask_about_speed(rates, lagrangian, {*_declared(plain), *definitions})
-    known = _declared(plain) if "whole" in energies else None
+    _ask_about_speed(rates, lagrangian, {*declared, *definitions})
     with reader.placed_at(places["/lagrangian"]):
-        _check_multipliers(reactions, lagrangian, constraints, known)
+        _check_multipliers(found.reactions, lagrangian, constraints, declared if is_whole else None)
     made = {**{name: value for name, value in plain.items() if name != key}, "lagrangian": lagrangian}
     if where:
         made["where"] = {**plain.get("where", {}), **where}
-    if len(others) > len(where) or fields:
+    if len(others) > len(where) or found.fields:
         made["constraints"] = constraints
     return made, places, notes
+
+
+def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
+    """The parts of the texts, each at the columns that it has there; a metric ds^2 = … gives 2 L = … ."""
+    found = _Written()
+    for pointer, text in texts.items():
+        text = _LETTER_L.sub(_letter_l, text)
+        if metric := _METRIC.search(text):
+            text = _METRIC.sub(lambda metric: "2L".ljust(len(metric[0])), text)
+            with reader.placed_at(pointer):
+                text = _DIFFERENTIAL.sub(_velocity, text)
+            found.notes[metric[0].strip()] = "a metric, whose geodesics are meant"
+        omitted = [match[0].strip() for match in _LAGRANGES_EQUATION.finditer(text)]
+        found.notes.update(dict.fromkeys(omitted, reader.LEFT_OUT))
+        found.reactions.update({force[1]: force[2] for line in omitted if (force := _OF_REACTION.search(line))})
+        if span := _SPAN.search(text):
+            found.fields[pointer] = span["fields"]
+            text = text[: span.start()] + " " * len(span[0]) + text[span.end() :]
+        with reader.noted() as noted:
+            lines = _lines(_LAGRANGES_EQUATION.sub(lambda match: " " * len(match[0]), text))
+        found.notes.update(noted)
+        for line in lines:
+            named = _ENERGY.match(line)
+            kind = next((kind for kind in ("whole", "kinetic", "potential") if named and named[kind]), "")
+            if named is None or kind in found.energies or named[kind] in declared:
+                found.others.append((pointer, line))
+            else:
+                formula = line[named.end() :]
+                summed = _ENERGIES.match(formula)
+                formula = formula[summed.end() :].rjust(len(formula)) if summed else formula
+                found.energies[kind] = _Energy(named, formula, pointer)
+    return found
+
+
+def _definitions(lines: Sequence[tuple[str, str]], moving: Collection[str]) -> dict[str, str]:
+    """The line that defines each name: of omega = psi' cos(theta) + phi', omega = 0 the second is a constraint."""
+    found: dict[str, str] = {}
+    for _, line in lines:
+        if (name := _defined(line, moving)[0]) and _IS_NUMBER.fullmatch(found.get(name, "=")):
+            found[name] = line
+    return found
 
 
 def _held_by_fields(text: str, moving: Sequence[str]) -> list[str]:
