@@ -348,7 +348,7 @@ class FormulaParser(tk.TokenStream):
         is_sum = any(token.is_operator("+", "-") for token in self.look(-2).inside)
         exponent, slash = self._exponent(), self.ahead
         number, below = self.look(-1), self.look(1)
-        unclear = number.text == "1" or (number.text == "3" and is_sum)
+        unclear = number.text == "1" or (number.text == "3" and is_sum and len(below.text) == 1)
         if unclear and slash.is_operator("/") and below.kind == "number":
             span = (number.column, self.look(2).column)
             raise fault("root or quotient", slash.column, span, over=number.text, under=below.text)

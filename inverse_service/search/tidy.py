@@ -347,8 +347,7 @@ def _with_common_factor(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
 
 
 def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """The tree with the quadratic terms of each constant factor, such as m/a^2, as one square: m (x y' + y x')^2/(2
-    a^2).
+    """The tree with the quadratic terms of each factor m/(a^2 - x^2) as one square: m (x x' + y y')^2/(2 (a^2 - x^2)).
 
     Squares of single velocities with the same coefficient share it: m (x'^2 + y'^2)/2.
     """
@@ -360,7 +359,9 @@ def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
             quadratic = tm.add_terms(quadratic, terms)
         else:
             parts.append(part)
-    for key, inner in tm.grouped(quadratic, _parameters(system).__contains__).items():
+    held = _parameters(system)
+    groups = tm.grouped(quadratic, lambda p: p in held or (isinstance(p, ex.Sum) and not tm.has_velocity(p)))
+    for key, inner in groups.items():
         constants, square = tm.monomial_tree(key), _whole_square(inner, velocities)
         for moving, beside in tm.grouped(inner, tm.has_velocity).items() if square is None else ():
             plain.append(constants * tm.tree_of(angles.shortest(beside)) * tm.monomial_tree(moving))
@@ -426,8 +427,10 @@ def _by_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     for rates, inner in tm.grouped(_without_squares(_terms_of(tree), _parameters(system)), tm.has_velocity).items():
         terms = {key | rates: value for key, value in inner.items()}
         forms = [tm.tree_of(terms), *([_by_both(system, terms)] if len(terms) > 1 else [])]
-        inside = {node for key in terms for p, _ in key if isinstance(p, ex.Sum) for node in ex.walk(p)}
+        shared = tm.grouped(terms, lambda letter: isinstance(letter, ex.Sum))
+        inside = {node for key in shared for p, _ in key for node in ex.walk(p)}
         forms += [_by_letters(system, terms, _parameters(system) - inside)] if inside else []
+        forms += [ex.add(*(tm.monomial_tree(outer) * tm.tree_of(part) for outer, part in shared.items()))]
         whole = _part(rates, inner, system)
         brackets = sum(isinstance(factor, ex.Sum) for factor in ex.factors_of(writing.joined(whole)))
         if rates or (_MUCH if brackets < 2 else 1) * _size(whole) < min(map(_size, forms)):
@@ -497,9 +500,9 @@ def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
 def _with_springs(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     """The tree with c (u - l)^2 for c u^2 - 2 c l u, constants c and l, which changes the constant in the potential.
 
-    u is a coordinate, its sine or cosine, or a root, as for a spring with natural length l.
+    u is a coordinate, its sine or cosine, or a root, as for a spring with natural length l, which t may change.
     """
-    constants = _parameters(system)
+    constants = _parameters(system) | {ex.TIME}
     parts = [term for term in ex.summands(tree) if not tm.has_velocity(term)]
     for p in dict.fromkeys(p for term in parts for key in tm.terms_of(term) for p, _ in key if p not in constants):
         held = [term for term in parts if ex.holds(term, *(set(ps.variables_in(p)) - constants))]
