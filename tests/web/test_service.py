@@ -304,8 +304,9 @@ def test_a_form_that_no_link_says_whole_comes_back_as_it_was_sent(client: httpx.
 
 def test_what_may_have_been_meant_is_a_button(client: httpx.Client) -> None:
     fields = {"kind": "equations", "equations": "x'' = -kxy"}
-    page = client.post("/", data=fields, follow_redirects=True)
-    assert 'value="equations:1:8:k*x*y"' in page.text
+    for _ in range(2):  # the second time its job has ended
+        page = client.post("/", data=fields, follow_redirects=True)
+        assert 'value="equations:1:8:k*x*y"' in page.text
     chosen = understood(client, {**fields, "instead": "equations:1:8:k*x*y"})
     assert "x&#39;&#39; = -k*x*y</textarea>" in chosen.text
     declared = understood(client, {**fields, "instead": "parameters:0:0:kxy"})

@@ -396,9 +396,10 @@ def problem_of(error: errors.InputError | Refusal, fields: Mapping[str, str]) ->
     return [_place(place, fields) for place in error.places] or [ShownPlace(error.detail)]
 
 
-def stored_problem(document: Mapping[str, Any]) -> Problem:
-    """Those of the problem document of a job, whose fields are not shown."""
-    return [_place(_fault(place), {}) for place in document["errors"]] or [ShownPlace(document["detail"])]
+def stored_refusal(document: Mapping[str, Any]) -> Refusal:
+    """The refusal that the problem document of a job says."""
+    kind, places = document["type"].rpartition(":")[2], tuple(map(_fault, document["errors"]))
+    return Refusal(document["status"], kind, document["detail"], places)
 
 
 def sentence(place: errors.Place, fields: Collection[str] = (), is_marked: bool = False) -> str:

@@ -49,7 +49,14 @@ async def ask(request: Request, kind: str, document: Any, fresh: bool = False) -
     engine, body = routes.engine_of(request), json.dumps(document, default=str).encode()
     asking.refuse_longer(len(body), asking.FACTORS[kind] * engine.settings.max_body)
     terms = tasks.Terms(kind, engine.server_options, client=clients.client_of(request), fresh=fresh)
-    return await engine.ask(await engine.question(body, terms), clients.viewer_of(request))
+    job = await engine.ask(await engine.question(body, terms), clients.viewer_of(request))
+    if job.status == "failed":  # before this answer
+        raise await _refusal_of(job, engine)
+    return job
+
+
+async def _refusal_of(job: model.Job, engine: Engine) -> problems.Refusal:
+    return forms.stored_refusal(json.loads(await job_answers.problem_of(job, engine)))
 
 
 async def read_form(request: Request, limit: int | None = None) -> forms.Form:
@@ -223,8 +230,8 @@ async def shown(request: Request, job: model.Job, check: dict[str, Any] | None =
         asked = asked_of(json.loads(job.document))
         return page("working.html", 200, active="", job=fields, asked=asked, waited=waited)
     if job.status != "successful":
-        problem = json.loads(await job_answers.problem_of(job, engine)) if job.status == "failed" else None
-        return page("ended.html", 200, active="", job=fields, problem=problem and forms.stored_problem(problem))
+        problem = forms.problem_of(await _refusal_of(job, engine), {}) if job.status == "failed" else None
+        return page("ended.html", 200, active="", job=fields, problem=problem)
     return await made(request, job.id, result_tasks.page_task, fields, _look(request), check)
 
 
