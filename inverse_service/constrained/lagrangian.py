@@ -29,11 +29,8 @@ from inverse_service.field.modular import Field, compiled, minus, multiply, plus
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.mechanics.constrained_motion import ConstrainedMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, system_of
-from inverse_service.search import ansatz, protocol
-from inverse_service.search.factors import position_monomials, products
-from inverse_service.search.material import Material, distinct, gather
-from inverse_service.search.members import best_members
-from inverse_service.search.terms import EMPTY, Monomial, TooManyTerms, monomial, terms_of, times, tree_of
+from inverse_service.search import ansatz, families, terms as tm
+from inverse_service.search.members import best_members, describe
 from inverse_service.solving import solving
 
 # With 4,000 terms the inclined knife edge, which needs v^-3, has none.
@@ -63,8 +60,8 @@ def jet_of(lagrangian: ex.Expression, motion: ConstrainedMotion) -> JetOnConstra
 
 def _short(tree: ex.Expression) -> ex.Expression:
     try:
-        return tree_of(terms_of(tree))
-    except TooManyTerms:
+        return tm.tree_of(tm.terms_of(tree))
+    except tm.TooManyTerms:
         return collecting.collect(tree)
 
 
@@ -253,8 +250,8 @@ def find_lagrangians(motion: ConstrainedMotion, with_time: bool, seed: int, dead
                 v: tower.to_kernels(w) for v, w in motion.on_constraints.items() if isinstance(v, ex.Velocity)
             }
             analysis = replace(deciding.analyze(_plain(first_system(motion), deadline)), constrained=constrained)
-            return _first_found(motion, gather(analysis, with_time), analysis, seed)
-    except (errors.IrreducibleAtoms, TooManyTerms, OutOfTime):
+            return _first_found(motion, tm.gather(analysis, with_time), analysis, seed)
+    except (errors.IrreducibleAtoms, tm.TooManyTerms, OutOfTime):
         return []
 
 
@@ -270,7 +267,7 @@ def _plain(system: SecondOrderSystem, deadline: float) -> SecondOrderSystem:
 
 
 def _first_found(
-    motion: ConstrainedMotion, material: Material, analysis: deciding.Analysis, seed: int
+    motion: ConstrainedMotion, material: tm.Material, analysis: deciding.Analysis, seed: int
 ) -> list[Lagrangian]:
     squares = _squares(motion)
     for candidates in _families(motion, material):
@@ -278,11 +275,11 @@ def _first_found(
         space = _solve_ansatz(sampler, candidates, seed)
         members = best_members(replace(space, combinations=(*space.combinations, *squares)), seed)
         if members:
-            return [protocol.describe(analysis, tree_of(member.terms), "along the constraints") for member in members]
+            return [describe(analysis, tm.tree_of(member.terms), "along the constraints") for member in members]
     return []
 
 
-def _solve_ansatz(sampler: ansatz.Sampler, candidates: Sequence[Monomial], seed: int) -> ansatz.LagrangianSpace:
+def _solve_ansatz(sampler: ansatz.Sampler, candidates: Sequence[tm.Monomial], seed: int) -> ansatz.LagrangianSpace:
     """The space of Lagrangians in the span of the candidates (simple ones first).
 
     The most complicated candidate of each basis element occurs in no other one. Combinations with coefficients other
@@ -300,7 +297,7 @@ def _solve_ansatz(sampler: ansatz.Sampler, candidates: Sequence[Monomial], seed:
 
 
 def _euler_lagrange_matrix(
-    table: ansatz.LetterTable, letters: Sequence[ex.Expression], candidates: Sequence[Monomial]
+    table: ansatz.LetterTable, letters: Sequence[ex.Expression], candidates: Sequence[tm.Monomial]
 ) -> Words:
     """EL_i of each candidate at each sample, (samples * n, candidates)."""
     prime = table.prime
@@ -332,20 +329,20 @@ def _fill(values: Words, candidates: ansatz.Exponents, d: ansatz.Derivatives, fi
                 result[s * n + i, c] = multiply(values[s, c], total, field)
 
 
-def _squares(motion: ConstrainedMotion) -> list[dict[Monomial, Fraction]]:
+def _squares(motion: ConstrainedMotion) -> list[dict[tm.Monomial, Fraction]]:
     """Half the square of each constraint, which contributes nothing to the equations on the constraints."""
     found = []
     for v, w in motion.on_constraints.items():
         constraint = v - w
         try:
-            found.append({key: value / 2 for key, value in terms_of(constraint * constraint).items()})
-        except TooManyTerms:
+            found.append({key: value / 2 for key, value in tm.terms_of(constraint * constraint).items()})
+        except tm.TooManyTerms:
             continue
     return found
 
 
-def _families(motion: ConstrainedMotion, material: Material) -> Iterator[list[Monomial]]:
-    transverse = [EMPTY, *(monomial(ex.Velocity(name)) for name in motion.dependent)]
+def _families(motion: ConstrainedMotion, material: tm.Material) -> Iterator[list[tm.Monomial]]:
+    transverse = [tm.EMPTY, *(tm.monomial(ex.Velocity(name)) for name in motion.dependent)]
     before = 0
     for (degree, low, high, letters, coordinates), inverted in itertools.product(_WIDTHS, _inverted(motion)):
         shapes = _shapes(motion, inverted, degree, low, high)
@@ -354,15 +351,15 @@ def _families(motion: ConstrainedMotion, material: Material) -> Iterator[list[Mo
         if len(transverse) * len(shapes) * math.prod(map(len, parts)) > _MOST_PRODUCTS:
             continue
         constants, *others = parts
-        reduced = [key for key in distinct(reduce(products, others)) if _is_reduced(key)]
-        factors = distinct(products(constants, reduced))
-        candidates = distinct(products(transverse, products(shapes, factors)))
+        reduced = [key for key in tm.distinct(reduce(families.products, others)) if _is_reduced(key)]
+        factors = tm.distinct(families.products(constants, reduced))
+        candidates = tm.distinct(families.products(transverse, families.products(shapes, factors)))
         if before <= len(candidates) <= _MOST_TERMS:
             before = len(candidates)
             yield candidates
 
 
-def _is_reduced(key: Monomial) -> bool:
+def _is_reduced(key: tm.Monomial) -> bool:
     """Whether neither sin^2 + cos^2 = 1 nor (u^a)^(1/a) = u expresses the monomial by other candidates."""
     return not any(
         (isinstance(letter, ex.Sum) and e >= 1) or (isinstance(letter, ex.Apply) and letter.function == "sin" and e > 1)
@@ -372,18 +369,18 @@ def _is_reduced(key: Monomial) -> bool:
 
 def _shapes(
     motion: ConstrainedMotion, inverted: Sequence[ex.Velocity], degree: int, low: int, high: int
-) -> list[Monomial]:
+) -> list[tm.Monomial]:
     """Powers low … high of the inverted free velocities times products of the others up to a degree."""
     moving = [ex.Velocity(name) for name in motion.free if ex.Velocity(name) not in inverted]
-    found = [EMPTY]
+    found = [tm.EMPTY]
     for v in inverted:
-        found = [times(key, monomial(v), e) for key in found for e in range(low, high + 1)]
+        found = [tm.times(key, tm.monomial(v), e) for key in found for e in range(low, high + 1)]
     upper = [
-        monomial(*chosen)
+        tm.monomial(*chosen)
         for count in range(degree + 1)
         for chosen in itertools.combinations_with_replacement(moving, count)
     ]
-    return products(found, upper)
+    return families.products(found, upper)
 
 
 def _inverted(motion: ConstrainedMotion) -> list[tuple[ex.Velocity, ...]]:
@@ -401,27 +398,27 @@ def _is_alone(motion: ConstrainedMotion, name: str, f: ex.Expression) -> bool:
 
 
 def _functions(
-    motion: ConstrainedMotion, material: Material, letters: int, coordinates: int
-) -> tuple[list[Monomial], list[Monomial], list[Monomial]]:
+    motion: ConstrainedMotion, material: tm.Material, letters: int, coordinates: int
+) -> tuple[list[tm.Monomial], list[tm.Monomial], list[tm.Monomial]]:
     """Factors to multiply: parameters as in f, products of generators of the motion, and products of coordinates."""
-    names = [monomial(ex.Symbol(name)) for name in motion.coordinates]
-    powers: list[Monomial] = [EMPTY]
+    names = [tm.monomial(ex.Symbol(name)) for name in motion.coordinates]
+    powers: list[tm.Monomial] = [tm.EMPTY]
     for degree in range(1, coordinates + 1):
         for chosen in itertools.combinations_with_replacement(names, degree):
-            powers.append(reduce(times, chosen))
-    constants = [EMPTY, *_constants(motion, material)][:3]
-    squares = [times(a, b) for a, b in itertools.combinations_with_replacement(constants, 2)]
-    return distinct(squares), position_monomials(material, letters), powers
+            powers.append(reduce(tm.times, chosen))
+    constants = [tm.EMPTY, *_constants(motion, material)][:3]
+    squares = [tm.times(a, b) for a, b in itertools.combinations_with_replacement(constants, 2)]
+    return tm.distinct(squares), families.position_monomials(material, letters), powers
 
 
-def _constants(motion: ConstrainedMotion, material: Material) -> list[Monomial]:
+def _constants(motion: ConstrainedMotion, material: tm.Material) -> list[tm.Monomial]:
     """The parametric part of each term of f, such as g*sin(alpha)."""
     moving: list[ex.Expression] = [ex.TIME, *map(ex.Symbol, motion.coordinates), *map(ex.Velocity, motion.coordinates)]
-    found: list[Monomial] = []
+    found: list[tm.Monomial] = []
     for terms in material.motion.forces:
         for key in terms:
             part = frozenset(
                 (letter, e) for letter, e in key if not isinstance(letter, ex.Number) and not ex.holds(letter, *moving)
             )
             found += [part] if part else []
-    return distinct(found)
+    return tm.distinct(found)

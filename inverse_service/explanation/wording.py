@@ -15,7 +15,7 @@ from inverse_service.expressions import notation, printing
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
 from inverse_service.field.exact_field import ExactRing, quotient_tree
 from inverse_service.mechanics.conditions import Tensor11, Tensor12, conditions
-from inverse_service.search.angles import with_sums_of_angles
+from inverse_service.search import terms as tm
 
 if TYPE_CHECKING:
     from inverse_service.explanation.hierarchy import ConditionName, Contradiction, EquationName, SufficientSet, Unknown
@@ -259,7 +259,7 @@ def printed_conditions(system: SecondOrderSystem) -> tuple[Conditions | None, st
     tensors = conditions(system)
     if tensors.Phi is None or tensors.nabla_Phi is None or tensors.R is None:
         return None, tensors.reason
-    short = with_sums_of_angles
+    short = tm.with_sums_of_angles
     Phi, nabla = (tuple(tuple(map(short, row)) for row in each) for each in (tensors.Phi, tensors.nabla_Phi))
     R = tuple(tuple(tuple(map(short, row)) for row in rows) for rows in tensors.R)
     return Conditions(Phi, nabla, R), tensors.reason

@@ -6,65 +6,219 @@ every v. Functions s_k with c_k = 0 in all solutions are dropped before coeffici
 regular, no ansatz with these shapes contains a Lagrangian. The remaining functions are multiplied by short products of
 generators of f. If the Hessian of a combination is a multiplier, its Euler-Lagrange expressions are affine in the
 velocities: they equal those of a term A_i(t, q) v_i - V(t, q), which integration yields.
+
+The factor e^(ct) follows from the divergence of f: (H2) gives Gamma(log det g) = 2 tr N = -div_v f, so that n c is the
+constant part of -div_v f.
 """
 
 import itertools
 import random
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from functools import lru_cache
 from itertools import combinations_with_replacement
+from math import inf, lcm
 
 import numpy as np
 from flint import nmod_mat
 
-from inverse_service import bounds, deadline
-from inverse_service.expressions import tree as ex
+from inverse_service import bounds, deadline, errors
+from inverse_service.expressions import derivative, tree as ex
 from inverse_service.field import modular, null_vectors
 from inverse_service.field.echelon import Words
 from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.modular import Field, compiled, multiply
 from inverse_service.field.point import Variable, variables_in
-from inverse_service.search import ansatz, terms as tm
-from inverse_service.search.factors import Factors, position_monomials, products
-from inverse_service.search.gradients import Integrator
-from inverse_service.search.material import Material, distinct, moving_letters
+from inverse_service.mechanics import implicit_equations, second_order_system
+from inverse_service.search import ansatz, antiderivatives, terms as tm
 
+# Functions of t that multiply terms. With 4 or 12 a system of three rates (e^(-t), e^(2 t/3), e^(3 t/2)) has
+# no L: four omit one of them, and twelve leave too little room for the other factors.
+_MOST_IN_TIME = 6
 _POWERS = tuple(Fraction(e, 2) for e in (1, 3, 4, 5, 6, 8, -2, -4))
 _ROOTS = tuple(Fraction(e, 2) for e in (1, -1, 2, -2, 3, -3, 4))
 _HALVES = (Fraction(1, 2), Fraction(-1, 2))
 NAME = "the given terms"
 
 
-def functions(material: Material) -> list[tm.Monomial]:
+def integrating_factor(material: tm.Material, c: tm.Terms, variable: ex.Symbol) -> tm.Monomial | None:
+    """exp(-int c d variable) if it is a product of powers of generators and exponentials, else None."""
+    table, phi, rest = material.analysis.real_point, tm.EMPTY, tm.Terms()
+    integrator = antiderivatives.Integrator(material.analysis.system, table)
+    with suppress(tm.TooManyTerms):
+        logarithm = _logarithm(material.analysis.system, frozenset(c.items()), variable)
+        for key, value in logarithm.items() if logarithm is not None else ():
+            match [*key]:
+                case [(ex.Apply("log", ex.Sum() as base), power)] if power == 1:
+                    phi = tm.times(phi, tm.monomial(tm.positive(base, table)), value)  # not expanded
+                case _:
+                    rest[key] = value
+        found = None if logarithm is None else integrator.exponential(rest)
+        return tm.times(tm.EMPTY, tm.times(phi, next(iter(found))), -1) if found and len(found) == 1 else None
+    return None
+
+
+@lru_cache(maxsize=256)
+def _logarithm(
+    system: second_order_system.SecondOrderSystem, c: frozenset[tuple[tm.Monomial, Fraction]], variable: ex.Symbol
+) -> tm.Terms | None:
+    """int c d variable, cached because both questions and several rows need it."""
+    return antiderivatives.Integrator(system).function_of([variable], [dict(c)])
+
+
+def divergence_factor(material: tm.Material) -> tm.Monomial | None:
+    """exp(ct) with n c the constant terms of -div_v f; None if there are none."""
+    motion = material.motion
+    slopes = map(tm.derivative_of_terms, motion.forces, motion.velocities)
+    rate = tm.weighted_sum((slope, Fraction(-1, motion.size)) for slope in slopes)
+    moving = material.analysis.system.variables
+    constant = {key: c for key, c in rate.items() if not any(ex.holds(letter, *moving) for letter, _ in key)}
+    return next(iter(tm.terms_of(ex.Apply("exp", tm.tree_of(constant) * ex.TIME))), None) if constant else None
+
+
+def asks_for_no_time(system: second_order_system.SecondOrderSystem) -> bool:
+    """Whether div_v f = 0, or f is homogeneous of degree 2 in v: no factor e^(ct) follows then.
+
+    With degree 2, q(at) is a motion if q(t) is one, so no rate c is special.
+    """
+    velocities = [ex.Velocity(name) for name in system.coordinates]
+    slopes = [[derivative.differentiate(f, v) for v in velocities] for f in system.accelerations]
+    turned = [ex.dot(row, velocities) - 2 * f for row, f in zip(slopes, system.accelerations, strict=True)]
+    with suppress(errors.InputError):
+        divergence = ex.add(ex.ZERO, *(row[i] for i, row in enumerate(slopes)))
+        return implicit_equations.vanishes(divergence) or all(map(implicit_equations.vanishes, turned))
+    return False
+
+
+@dataclass(frozen=True, slots=True)
+class Factors:
+    """The factors that follow from the coefficients c of v_i v_l and v_i in f_i.
+
+    `along[i]` is exp(-int c_ii dq_i), `across[i]` the product of exp(-int c_il dq_l) over l != i;
+    `in_time` holds 1 and exp(-int c dt); `plain` all factors for a quadratic L, and their inverses.
+    """
+
+    along: Mapping[int, tm.Monomial]
+    across: Mapping[int, tm.Monomial]
+    in_time: tuple[tm.Monomial, ...]
+    plain: tuple[tm.Monomial, ...]
+
+    def of_degree(self, i: int, degree: Fraction) -> list[tm.Monomial]:
+        """Candidates phi for g_ii = phi v_i^degree, from all c_il or from c_ii alone."""
+        own = tm.times(tm.EMPTY, self.along.get(i, tm.EMPTY), 2 + degree)
+        return list(dict.fromkeys([own, tm.times(own, self.across.get(i, tm.EMPTY), 1 + degree)]))
+
+
+NO_FACTORS = Factors({}, {}, (tm.EMPTY,), (tm.EMPTY,))
+
+
+def find_factors(material: tm.Material) -> Factors:
+    """The integrating factors of all coefficients for which they are products of generators."""
+    along: dict[int, tm.Monomial] = {}
+    across: dict[int, tm.Monomial] = {}
+    single: dict[tm.Monomial, None] = {tm.EMPTY: None}
+    in_time: dict[tm.Monomial, None] = {tm.EMPTY: None}
+    for i, c, variable in tm.integrating_candidates(material)[: bounds.COLUMNS]:
+        factor = integrating_factor(material, c, variable)
+        if not factor:
+            continue
+        if variable == ex.TIME:
+            # g = e^(-(1 + k) int c dt) v^k solves Gamma(g) = -g df/dv for f = c v.
+            in_time.update(dict.fromkeys(tm.times(tm.EMPTY, factor, e) for e in (1, -1, 2, -2, 3)))
+        elif variable == material.motion.coordinates[i]:
+            along[i] = factor
+            single[tm.times(tm.EMPTY, factor, 2)] = None
+        else:
+            across[i] = tm.times(across.get(i, tm.EMPTY), factor)
+            single[factor] = None
+    whole = divergence_factor(material) if material.motion.with_time else None
+    if whole:
+        in_time[whole] = None
+    for i in range(material.motion.size):
+        single[tm.times(across.get(i, tm.EMPTY), along.get(i, tm.EMPTY), 2)] = None
+    inverted = [tm.times(tm.EMPTY, factor, -1) for factor in single]
+    chosen = tuple(dict.fromkeys([*sorted(single, key=tm.rank), *sorted(inverted, key=tm.rank)]))[: bounds.CANDIDATES]
+    return Factors(along, across, tuple(_first(in_time, whole)), chosen)
+
+
+def _first(in_time: Iterable[tm.Monomial], whole: tm.Monomial | None) -> list[tm.Monomial]:
+    """1, the factor `whole` of the divergence, and the simplest other factors."""
+    ordered = [tm.EMPTY, *([whole] if whole else []), *sorted(in_time, key=tm.rank)]
+    return list(dict.fromkeys(ordered))[:_MOST_IN_TIME]
+
+
+def products(left: Iterable[tm.Monomial], right: Sequence[tm.Monomial]) -> list[tm.Monomial]:
+    """All products of one factor from each side."""
+    return [tm.times(a, b) for a in left for b in right]
+
+
+def _exponents(letter: ex.Expression, seen: set[Fraction]) -> list[Fraction]:
+    """The exponents tried for a generator of position, given its exponents in f."""
+    one = Fraction(1)
+    if isinstance(letter, ex.Sum):
+        return [one, -one, *_HALVES]
+    if ex.is_exponential(letter):
+        highest = int(max([one, *(abs(e) for e in seen)]))
+        whole = [k * one for k in range(1, min(highest, bounds.POWER) + 1)]
+        unit = Fraction(1, lcm(*(e.denominator for e in seen)))  # e^(3x/2) is a power of e^(x/2)
+        return [sign * e for e in dict.fromkeys((*whole, unit)) for sign in (1, -1)]
+    return [one, -one] if any(e < 0 for e in seen) else [one]
+
+
+def position_monomials(material: tm.Material, degree: int, room: float = inf) -> list[tm.Monomial]:
+    """Products of at most `degree` generators of position: sums with inverses and roots, other generators with powers
+    as in f.
+
+    Products of three or more generators are added only while there are at most `room` in all.
+    """
+    powers: dict[ex.Expression, set[Fraction]] = {}
+    for terms in material.motion.forces:
+        for key in terms:
+            for letter, e in key:
+                powers.setdefault(letter, set()).add(e)
+    units: list[tm.Monomial] = []
+    for letter in material.position_letters:
+        units += [frozenset([(letter, e)]) for e in _exponents(letter, powers.get(letter, set()))]
+    found, layer = {tm.EMPTY}, [(tm.EMPTY, 0)]  # products, and the first unit that may extend them
+    for count in range(1, degree + 1):
+        layer = [(tm.times(m, units[k]), k) for m, first in layer for k in range(first, len(units))]
+        every = found.union(m for m, _ in layer)
+        if count > 2 and len(every) > room:
+            break
+        found = every
+    return sorted(found, key=tm.rank)
+
+
+def functions(material: tm.Material) -> list[tm.Monomial]:
     """v_i v_j and v_i v_j / v_k, powers and logarithms of one velocity, and the functions that f contains."""
     own = (shape for v in material.motion.velocities for shape in single(v))
-    return distinct([*quadratic(material), *quotients(material), *own, *of_letters(material)])
+    return tm.distinct([*quadratic(material), *quotients(material), *own, *of_letters(material)])
 
 
-def polynomials(material: Material) -> list[tm.Monomial]:
+def polynomials(material: tm.Material) -> list[tm.Monomial]:
     """Products of two, three, and four velocities of several coordinates."""
     if material.motion.size == 1:
         return []
     return [shape for degree in (2, 3, 4) for shape in powers(material, degree)]
 
 
-def roots_of_constants(material: Material) -> list[tm.Monomial]:
+def roots_of_constants(material: tm.Material) -> list[tm.Monomial]:
     """v_i v_j and 1 times roots of constant velocities and of their combinations in f, such as w^2 + k."""
     constant = [v for v, f in zip(material.motion.velocities, material.motion.forces, strict=True) if not f]
     moving: list[ex.Expression] = [
         *material.motion.coordinates,
         *(v for v in material.motion.velocities if v not in constant),
     ]
-    sums = [p for p in moving_letters(material) if isinstance(p, ex.Sum) and not ex.holds(p, *moving)]
-    made = distinct([*map(tm.monomial, sums), tm.monomial(*sums)]) if sums else []
+    sums = [p for p in tm.moving_letters(material) if isinstance(p, ex.Sum) and not ex.holds(p, *moving)]
+    made = tm.distinct([*map(tm.monomial, sums), tm.monomial(*sums)]) if sums else []
     kept = list(map(tm.monomial, constant))
     rooted = [tm.times(tm.EMPTY, key, e) for key in (*kept, *products([tm.EMPTY, *kept], made)) for e in _HALVES]
     return [*quadratic(material), *products([tm.EMPTY, *quadratic(material)], rooted)]
 
 
-def complex_logarithms(material: Material) -> list[tm.Monomial]:
+def complex_logarithms(material: tm.Material) -> list[tm.Monomial]:
     """v_i v_j, and the parts of z' log z' for two velocities as one complex z': z'' = -(U_y + i U_x) z' has them."""
     found: list[tm.Monomial] = []
     for v, w in itertools.combinations(material.motion.velocities, 2):
@@ -74,18 +228,18 @@ def complex_logarithms(material: Material) -> list[tm.Monomial]:
     return [*found, *quadratic(material)] if found else []
 
 
-def quadratic(material: Material) -> list[tm.Monomial]:
+def quadratic(material: tm.Material) -> list[tm.Monomial]:
     """v_i v_j."""
     return powers(material, 2)
 
 
-def powers(material: Material, degree: int) -> list[tm.Monomial]:
+def powers(material: tm.Material, degree: int) -> list[tm.Monomial]:
     """Products of `degree` velocities."""
     velocities = material.motion.velocities
     return [tm.monomial(*chosen) for chosen in itertools.combinations_with_replacement(velocities, degree)]
 
 
-def quotients(material: Material) -> list[tm.Monomial]:
+def quotients(material: tm.Material) -> list[tm.Monomial]:
     """v_i v_j / w, w another velocity.
 
     If some velocities are constant along the motion, only these are used as divisors.
@@ -98,7 +252,7 @@ def quotients(material: Material) -> list[tm.Monomial]:
     ]
 
 
-def divisors(material: Material) -> list[ex.Expression]:
+def divisors(material: tm.Material) -> list[ex.Expression]:
     """The velocities that are constant along the motion; all velocities if there are none."""
     motion = material.motion
     constant = [v for v, f in zip(motion.velocities, motion.forces, strict=True) if not f]
@@ -111,10 +265,10 @@ def single(velocity: ex.Expression) -> list[tm.Monomial]:
     return [tm.monomial(velocity, log), tm.monomial(log), *(frozenset([(velocity, e)]) for e in _POWERS)]
 
 
-def of_letters(material: Material) -> list[tm.Monomial]:
+def of_letters(material: tm.Material) -> list[tm.Monomial]:
     """Powers, logarithms, and exponentials of the generators of f with velocities, and these times a velocity."""
     shapes: list[tm.Monomial] = exponentials(material)
-    for letter in moving_letters(material):
+    for letter in tm.moving_letters(material):
         if isinstance(letter, ex.Sum):
             # Its positive integer powers are sums of products that are already in the list.
             shapes += [frozenset([(letter, e)]) for e in _ROOTS if e < 0 or e.denominator > 1]
@@ -122,10 +276,10 @@ def of_letters(material: Material) -> list[tm.Monomial]:
         else:
             shapes += [frozenset([(letter, Fraction(e))]) for e in (1, -1, 2)]
     plain = [tm.EMPTY, *(tm.monomial(v) for v in material.motion.velocities)]
-    return distinct([tm.times(a, b) for a in shapes for b in plain])
+    return tm.distinct([tm.times(a, b) for a in shapes for b in plain])
 
 
-def exponentials(material: Material) -> list[tm.Monomial]:
+def exponentials(material: tm.Material) -> list[tm.Monomial]:
     """The products of exponentials of velocities in f, and their inverses."""
     found: dict[tm.Monomial, None] = {}
     keys = [key for terms in material.motion.forces for key in terms]
@@ -139,10 +293,10 @@ def exponentials(material: Material) -> list[tm.Monomial]:
             found[part] = None
             found[tm.times(tm.EMPTY, part, -1)] = None
             found.update(dict.fromkeys(frozenset([(p, Fraction(s))]) for p, _ in part for s in (1, -1, 2, -2)))
-    return distinct(list(found))
+    return tm.distinct(list(found))
 
 
-def is_admissible(material: Material, key: tm.Monomial) -> bool:
+def is_admissible(material: tm.Material, key: tm.Monomial) -> bool:
     """L may contain t only where requested, and a pure constant is not a term."""
     if all(isinstance(letter, ex.Number) for letter, _ in key):
         return False
@@ -150,14 +304,16 @@ def is_admissible(material: Material, key: tm.Monomial) -> bool:
 
 
 def with_potential(
-    material: Material, combination: Mapping[tm.Monomial, Fraction], integrator: Integrator | None = None
+    material: tm.Material,
+    combination: Mapping[tm.Monomial, Fraction],
+    integrator: antiderivatives.Integrator | None = None,
 ) -> tm.Terms:
     """The combination, whose Hessian is a multiplier, plus the A_i(t, q) v_i - V(t, q) that make it a Lagrangian.
 
     Its Euler-Lagrange expressions are affine in the velocities. Empty if no A and V are found.
     """
     system, motion = material.analysis.system, material.motion
-    integrator = integrator or Integrator(system, material.analysis.real_point)
+    integrator = integrator or antiderivatives.Integrator(system, material.analysis.real_point)
 
     def residuals() -> list[tm.Terms]:
         written = replace(motion, forces=tuple(map(tm.terms_of, system.accelerations)))
@@ -194,7 +350,7 @@ class Possible:
         return self.fixed.get(shape, frozenset()).isdisjoint(name for p, _ in factor for name in variables_in(p))
 
 
-def possible_shapes(material: Material, shapes: Sequence[tm.Monomial], seed: int) -> Possible:
+def possible_shapes(material: tm.Material, shapes: Sequence[tm.Monomial], seed: int) -> Possible:
     """The shapes that can occur; the simplest ones if the test is impossible."""
     try:
         return _possible_shapes(material, shapes, seed)
@@ -202,7 +358,7 @@ def possible_shapes(material: Material, shapes: Sequence[tm.Monomial], seed: int
         return Possible(list(shapes[: bounds.SMALL]))
 
 
-def _possible_shapes(material: Material, shapes: Sequence[tm.Monomial], seed: int) -> Possible:
+def _possible_shapes(material: tm.Material, shapes: Sequence[tm.Monomial], seed: int) -> Possible:
     if not shapes:
         return Possible([])
     unknowns = material.motion.size + 1 + material.motion.with_time
@@ -220,7 +376,7 @@ def _possible_shapes(material: Material, shapes: Sequence[tm.Monomial], seed: in
     return Possible(_used(chosen, weights, hessians[0], table.prime), fixed)
 
 
-def _fixed(material: Material, solution: Sequence[int], count: int) -> list[frozenset[Variable]]:
+def _fixed(material: tm.Material, solution: Sequence[int], count: int) -> list[frozenset[Variable]]:
     """For each of `count` shapes, the variables among t and the coordinates by which the derivative of its coefficient
     is 0.
 
@@ -232,7 +388,7 @@ def _fixed(material: Material, solution: Sequence[int], count: int) -> list[froz
 
 
 def _random_solution(
-    material: Material, table: ansatz.LetterTable, matrix: Words, hessians: Words, generator: random.Random
+    material: tm.Material, table: ansatz.LetterTable, matrix: Words, hessians: Words, generator: random.Random
 ) -> list[int]:
     """The coefficients of the shapes of one group, followed by their derivatives, in a random solution at one place."""
     motion, prime = material.motion, table.prime
@@ -276,12 +432,12 @@ class Family:
 
     name: str
     cost: float
-    shapes: Callable[[Material], Sequence[tm.Monomial]]
+    shapes: Callable[[tm.Material], Sequence[tm.Monomial]]
     terms: int
     given: bool = False
 
 
-def kinetic_terms(material: Material, family: Family, factors: Factors, seed: int) -> Iterator[list[tm.Monomial]]:
+def kinetic_terms(material: tm.Material, family: Family, factors: Factors, seed: int) -> Iterator[list[tm.Monomial]]:
     """The terms of an ansatz that have a Hessian, simple ones first; none if they cannot form a regular multiplier.
 
     Systems of several coordinates have few multipliers, so constant coefficients come before functions of position. A
@@ -304,7 +460,7 @@ def kinetic_terms(material: Material, family: Family, factors: Factors, seed: in
 
 
 def _with_functions(
-    material: Material, family: Family, factors: Factors, possible: Possible, chosen: Sequence[tm.Monomial]
+    material: tm.Material, family: Family, factors: Factors, possible: Possible, chosen: Sequence[tm.Monomial]
 ) -> list[tm.Monomial]:
     """The shapes times functions of t and of position."""
     in_time = factors.in_time
@@ -317,11 +473,11 @@ def _with_functions(
     if material.motion.with_time and not material.position_letters:
         # If f contains no position, first integrals can be linear in t: x'' = x'^2 conserves 1/x' + t.
         pairs += [(tm.monomial(ex.TIME), shape) for shape in chosen if possible.may_have(tm.monomial(ex.TIME), shape)]
-    found = distinct([tm.times(m, shape) for m, shape in pairs])
+    found = tm.distinct([tm.times(m, shape) for m, shape in pairs])
     return [key for key in found if is_admissible(material, key) and not tm.is_linear(key)]
 
 
-def _functions(material: Material, factors: Factors, room: int) -> list[tm.Monomial]:
+def _functions(material: tm.Material, factors: Factors, room: int) -> list[tm.Monomial]:
     """The simplest of 1, integrating factors, and products of generators of position."""
     fitted = list(dict.fromkeys([tm.EMPTY, *factors.plain[: room // 3]]))
     others = position_monomials(material, 4, 2 * room)
@@ -332,7 +488,7 @@ def _functions(material: Material, factors: Factors, room: int) -> list[tm.Monom
     return list(dict.fromkeys([*fitted, *others, *plain, *products(fitted, plain)]))[: max(room, len(fitted))]
 
 
-def _fitted(material: Material, factors: Factors, shape: tm.Monomial) -> Iterator[tm.Monomial]:
+def _fitted(material: tm.Material, factors: Factors, shape: tm.Monomial) -> Iterator[tm.Monomial]:
     """The factors, other than a power of v_i, that the coefficients of v_i v_l in f_i require."""
     for i, v in enumerate(material.motion.velocities):
         exponent = dict(shape).get(v, Fraction(0))

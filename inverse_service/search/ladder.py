@@ -18,23 +18,20 @@ from inverse_service.field import exact_field, real_point
 from inverse_service.mechanics import euler_lagrange, implicit_equations
 from inverse_service.search import (
     ansatz,
+    antiderivatives,
     families,
     linear_systems,
+    members,
     moving_matrix,
     one_coordinate,
     one_matrix,
-    protocol,
-    quadratures,
     reductions,
     row_factors,
+    terms as tm,
     tidy,
 )
-from inverse_service.search.factors import NO_FACTORS, Factors, find_factors
-from inverse_service.search.material import Material, gather
-from inverse_service.search.members import best_members
-from inverse_service.search.terms import Monomial, TooManyTerms, tree_of
 
-Rung = protocol.Leaf | families.Family
+_MOST_COORDINATES = 8
 BLOCKS = "decoupled blocks one by one"
 ANSATZ = (
     families.Family("quadratic in the velocities, short factors", 2, families.quadratic, bounds.SMALL),
@@ -45,8 +42,32 @@ ANSATZ = (
 )
 
 
+@dataclass(frozen=True, slots=True)
+class Leaf:
+    """A method for the systems that it accepts; the most costly methods come last.
+
+    `propose(material, seed)` returns regular Lagrangians, simplest first. The search verifies them unless the method is
+    `exact`. `reason` explains in a sentence how such a Lagrangian is derived.
+    """
+
+    name: str
+    cost: float
+    accepts: Callable[[tm.Material], bool]
+    propose: Callable[[tm.Material, int], Sequence[ex.Expression]]
+    reason: str
+    exact: bool = False
+
+
+Rung = Leaf | families.Family
+
+
+def _has_small_matrices(material: tm.Material) -> bool:
+    """Whether there are several coordinates, few enough that kernels of matrices at points are cheap."""
+    return 1 < material.motion.size <= _MOST_COORDINATES
+
+
 def _lifted(
-    smaller_systems: Callable[[Material, int], Iterator[protocol.Smaller]], material: Material, seed: int
+    smaller_systems: Callable[[tm.Material, int], Iterator[reductions.Smaller]], material: tm.Material, seed: int
 ) -> Sequence[ex.Expression]:
     """The Lagrangians lifted from those of smaller systems."""
     for smaller in smaller_systems(material, seed):
@@ -57,7 +78,7 @@ def _lifted(
     return ()
 
 
-def _of_smaller(smaller: protocol.Smaller, seed: int) -> list[tuple[ex.Expression, ...]]:
+def _of_smaller(smaller: reductions.Smaller, seed: int) -> list[tuple[ex.Expression, ...]]:
     """The Lagrangians of each system; none at all if one system has none."""
     found = []
     for system, with_time in zip(smaller.systems, smaller.with_time, strict=True):
@@ -70,23 +91,23 @@ def _of_smaller(smaller: protocol.Smaller, seed: int) -> list[tuple[ex.Expressio
 
 
 LEAVES = (
-    protocol.Leaf(
+    Leaf(
         "one matrix",
         0.4,
-        one_matrix.accepts,
+        _has_small_matrices,
         one_matrix.propose,
         "The algebraic conditions determine a matrix `G(t, q)` up to a factor `phi`. In "
         "`L = phi G_ij v^i v^j/2 + A_i v^i - V`, `G` then determines the derivatives of `phi`, `A` and `V`.",
     ),
-    protocol.Leaf(
+    Leaf(
         "one matrix that depends on the velocities",
         0.5,
-        one_matrix.accepts,
+        _has_small_matrices,
         moving_matrix.propose,
         "The algebraic conditions determine a matrix `G(t, q, v)` up to a factor `phi`, and `G` the derivatives of "
         "`phi`. Integrating `phi G` twice over the velocities, then `A` and `V`, gives `L`.",
     ),
-    protocol.Leaf(
+    Leaf(
         "blocks in sums of the coordinates",
         2.05,
         reductions.has_sums,
@@ -94,7 +115,7 @@ LEAVES = (
         "In sums of the coordinates with constant factors the system decouples, so the Lagrangian is the sum of the "
         "Lagrangians of its blocks.",
     ),
-    protocol.Leaf(
+    Leaf(
         "each equation times a function",
         2.1,
         lambda material: True,
@@ -103,7 +124,7 @@ LEAVES = (
         "the velocity Hessian of `L`, and integration gives `L`.",
         exact=True,
     ),
-    protocol.Leaf(
+    Leaf(
         "linear systems, a constant multiplier times exp(c*t)",
         1.5,
         linear_systems.is_linear,
@@ -111,7 +132,7 @@ LEAVES = (
         "The system is linear. The equations times `exp(c*t)`, with the trace `n c` of the damping, have sums with "
         "constant factors that are self-adjoint; integration gives `L`.",
     ),
-    protocol.Leaf(
+    Leaf(
         "one coordinate, products of Darboux factors",
         6.5,
         one_coordinate.applies,
@@ -119,7 +140,7 @@ LEAVES = (
         "For one coordinate the only condition is `Gamma(g) + g df/dv = 0`. A product of Darboux factors (`Gamma(P)` "
         "is a multiple of `P`) solves it. Integrating `g` twice over `v` gives `L`.",
     ),
-    protocol.Leaf(
+    Leaf(
         "one coordinate, a function of the velocity",
         9.5,
         lambda material: material.motion.size == 1,
@@ -128,7 +149,7 @@ LEAVES = (
         "`phi_t = A phi` and `phi_x = B phi`. Nonelementary integrals are left unevaluated.",
         exact=True,
     ),
-    protocol.Leaf(
+    Leaf(
         BLOCKS,
         3.55,
         reductions.is_decoupled,
@@ -136,7 +157,7 @@ LEAVES = (
         "The system decouples, so the Lagrangian is the sum of the Lagrangians of its blocks.",
         exact=True,
     ),
-    protocol.Leaf(
+    Leaf(
         "a coordinate as time",
         3.6,
         reductions.has_own_time,
@@ -181,12 +202,12 @@ def _small(generator: random.Random) -> mpmath.mpf:
 class _Search:
     """The state of a search: its material, the rungs tried, and the terms without a Lagrangian."""
 
-    material: Material
+    material: tm.Material
     seed: int
     progress: Callable[[str], None]
     tried: list[tuple[str, int]]
-    known: set[Monomial] = field(default_factory=set)
-    factors: Factors | None = None
+    known: set[tm.Monomial] = field(default_factory=set)
+    factors: families.Factors | None = None
 
 
 def search(
@@ -197,35 +218,35 @@ def search(
     own_terms: Sequence[ex.Expression] = (),
     holds: Callable[[ex.Expression], bool] = lambda _: True,
     highest: float = math.inf,
-) -> protocol.SearchOutcome:
+) -> members.SearchOutcome:
     """The result of the first rung that gives a regular Lagrangian, or the rungs tried; the caller's terms come first.
 
     Rungs that cost more than `highest` are skipped. Lagrangians before the first one that `holds` are dropped.
     """
     tried: list[tuple[str, int]] = []
-    with suppress(OutOfTime, TooManyTerms):
+    with suppress(OutOfTime, tm.TooManyTerms):
         analysis = tidy.with_plain_forces(analysis)
-        state = _Search(gather(analysis, with_time), seed, progress, tried)
+        state = _Search(tm.gather(analysis, with_time), seed, progress, tried)
         own = families.own_family(own_terms)
         chosen = [*([own] if own else []), *(rung for rung in RUNGS if rung.cost <= highest)]
         for rung in sorted(chosen, key=lambda rung: rung.cost):
             check()
             found = attempt(state, rung)
             if found is not None and (kept := _kept(found, analysis, holds)) is not None:
-                return protocol.SearchOutcome(kept, tuple(tried))
+                return members.SearchOutcome(kept, tuple(tried))
             if rung.name == BLOCKS and reductions.is_decoupled(state.material):
                 break  # the same rows have been tried on each block, and pairs of blocks come before
-    return protocol.SearchOutcome(None, tuple(tried))
+    return members.SearchOutcome(None, tuple(tried))
 
 
 def _kept(
-    found: protocol.Found, analysis: deciding.Analysis, holds: Callable[[ex.Expression], bool]
-) -> protocol.Found | None:
+    found: members.Found, analysis: deciding.Analysis, holds: Callable[[ex.Expression], bool]
+) -> members.Found | None:
     """The Lagrangians from the first one that holds on, each shortened if possible."""
     table = analysis.real_point or {}
     for k, tree in enumerate(found.lagrangians):
         forms = (tidy.tidied(tree, analysis.system), tree)
-        for form in dict.fromkeys(quadratures.real_form(one, table) if table else one for one in forms):
+        for form in dict.fromkeys(antiderivatives.real_form(one, table) if table else one for one in forms):
             if holds(form):
                 others = (tidy.tidied(other, analysis.system) for other in found.lagrangians[k + 1 :])
                 trees = tuple(dict.fromkeys((form, *others)))
@@ -233,7 +254,7 @@ def _kept(
     return None
 
 
-def attempt(state: _Search, rung: Rung) -> protocol.Found | None:
+def attempt(state: _Search, rung: Rung) -> members.Found | None:
     """The Lagrangians that one rung finds, or None."""
     if isinstance(rung, families.Family):
         return _by_ansatz(state, rung)
@@ -247,7 +268,7 @@ def attempt(state: _Search, rung: Rung) -> protocol.Found | None:
     except (*ansatz.NO_POINTS, errors.InputError, ArithmeticError, KeyError):
         proposed = ()
     state.tried.append((rung.name, len(proposed)))
-    return protocol.Found(proposed, rung.name, proposed[:1]) if proposed else None
+    return members.Found(proposed, rung.name, proposed[:1]) if proposed else None
 
 
 def _verified(state: _Search, trees: Sequence[ex.Expression]) -> list[ex.Expression]:
@@ -257,11 +278,11 @@ def _verified(state: _Search, trees: Sequence[ex.Expression]) -> list[ex.Express
     return list(itertools.islice(held, bounds.FEW))
 
 
-def _by_ansatz(state: _Search, family: families.Family) -> protocol.Found | None:
+def _by_ansatz(state: _Search, family: families.Family) -> members.Found | None:
     state.progress(f"ansatz: {family.name}")
     if state.factors is None and family.cost > 1:
-        state.factors = find_factors(state.material)
-    for terms in families.kinetic_terms(state.material, family, state.factors or NO_FACTORS, state.seed):
+        state.factors = families.find_factors(state.material)
+    for terms in families.kinetic_terms(state.material, family, state.factors or families.NO_FACTORS, state.seed):
         if terms and set(terms) <= state.known:
             continue
         state.known.update(terms)
@@ -272,7 +293,9 @@ def _by_ansatz(state: _Search, family: families.Family) -> protocol.Found | None
     return None
 
 
-def _solve(material: Material, family: families.Family, terms: Sequence[Monomial], seed: int) -> protocol.Found | None:
+def _solve(
+    material: tm.Material, family: families.Family, terms: Sequence[tm.Monomial], seed: int
+) -> members.Found | None:
     """Compute the multipliers in the span of the terms, then Lagrangians for the simplest regular ones."""
     if not terms:
         return None
@@ -282,12 +305,12 @@ def _solve(material: Material, family: families.Family, terms: Sequence[Monomial
             space = ansatz.with_functions_of_parameters(sampler, ansatz.occurring_terms(sampler, terms, seed))
         else:
             space = ansatz.solve_multiplier(sampler, terms, seed)
-        best = best_members(space, seed, partial(families.with_potential, material))
+        best = members.best_members(space, seed, partial(families.with_potential, material))
         parts = [families.with_potential(material, part) for member in best[:1] for part in member.parts]
-    except (*ansatz.NO_POINTS, exact_field.TooLarge, TooManyTerms):
+    except (*ansatz.NO_POINTS, exact_field.TooLarge, tm.TooManyTerms):
         return None
     if not best:
         return None
-    trees = dict.fromkeys(tree_of(member.terms) for member in best)
+    trees = dict.fromkeys(tm.tree_of(member.terms) for member in best)
     kinetic = [key for member in best for part in member.parts for key in part]
-    return protocol.Found(tuple(trees), families.label(family, kinetic), tuple(map(tree_of, parts)))
+    return members.Found(tuple(trees), families.label(family, kinetic), tuple(map(tm.tree_of, parts)))

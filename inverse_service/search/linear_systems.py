@@ -24,9 +24,8 @@ from numpy.typing import NDArray
 from inverse_service import bounds
 from inverse_service.expressions import evaluation, tree as ex
 from inverse_service.field import exact_field, matrices, real_point
-from inverse_service.search import members, quadratures, row_factors, terms as tm
-from inverse_service.search.gradients import Integrator
-from inverse_service.search.material import Material
+from inverse_service.search import antiderivatives, members, row_factors, terms as tm
+from inverse_service.search.antiderivatives import Integrator
 
 # An eigenvalue below this fraction of the largest counts as zero.
 _TINY = 1e-9
@@ -37,7 +36,7 @@ Array = NDArray[Any]
 Rate = tuple[ex.Expression, ex.Expression]
 
 
-def is_linear(material: Material) -> bool:
+def is_linear(material: tm.Material) -> bool:
     """Whether f is linear in q and v, with constant coefficients of v."""
     moving: set[ex.Expression] = {*material.motion.coordinates, *material.motion.velocities}
     for key in (key for terms in material.motion.forces for key in terms):
@@ -50,7 +49,7 @@ def is_linear(material: Material) -> bool:
     return True
 
 
-def propose(material: Material, seed: int) -> list[ex.Expression]:
+def propose(material: tm.Material, seed: int) -> list[ex.Expression]:
     """Regular Lagrangians with such multipliers, definite and short ones first; L(q, q') if g' = 0."""
     system, table = material.analysis.system, material.analysis.real_point
     if table is None:
@@ -111,7 +110,9 @@ class Branch:
         return row_factors.size(self.row) + sum(row_factors.size(g.flat) for _, g in self.parts[1:])
 
 
-def _branches(material: Material, ring: exact_field.ExactRing, tables: Sequence[Array], rate: Rate) -> Iterator[Branch]:
+def _branches(
+    material: tm.Material, ring: exact_field.ExactRing, tables: Sequence[Array], rate: Rate
+) -> Iterator[Branch]:
     """The branches of one rate, for g(0) with many zeros in g(0) or in g(0) K; `tables` are 1, K, and C."""
     one, stiffness, damping = tables
     a, d = map(ring.value, rate)
@@ -161,7 +162,7 @@ def _functions_of_time(a: ex.Expression, d: ex.Expression, table: real_point.Rea
     if d == ex.ZERO:
         yield from (Fraction(1, factorial(k)) * ex.TIME**k * growth for k in count())
     rises = real_point.real_sign(d, table) > 0
-    root = quadratures.extracted_root(d if rises else ex.negated(d))
+    root = antiderivatives.extracted_root(d if rises else ex.negated(d))
     yield growth * ex.Apply("cosh" if rises else "cos", root * ex.TIME)
     yield growth * ex.Apply("sinh" if rises else "sin", root * ex.TIME) / root
 

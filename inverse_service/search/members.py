@@ -1,7 +1,7 @@
-"""Choose the members of a space of Lagrangians to show: regular, definite if possible, simple.
+"""The Lagrangians that the search returns: members of a space that are regular, definite if possible, simple.
 
 If the simplest regular sums are indefinite, weights for which a sum of several has a positive definite Hessian are
-computed at one real point, then made few and short.
+computed at one real point, then made few and short. Further Lagrangians are shown if they have an advantage.
 """
 
 import random
@@ -9,15 +9,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
+import mpmath
 import numpy as np
 from flint import nmod_mat
 from numpy.typing import NDArray
 
 from inverse_service import bounds, deadline
-from inverse_service.expressions import tree as ex
-from inverse_service.field import matrices, point, real_point
+from inverse_service.decision import certify, deciding, solutions
+from inverse_service.expressions import printing, tree as ex
+from inverse_service.field import exact_field, matrices, point, real_point
 from inverse_service.field.sample_points import SamplePoints
-from inverse_service.mechanics import euler_lagrange
+from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.search import ansatz, terms as tm
 
 Residues = NDArray[np.object_]
@@ -25,6 +27,26 @@ Matrix = NDArray[np.float64]
 # The smallest eigenvalue that counts as positive.
 _POSITIVE = 1e-3
 _DENOMINATORS = (1, 2, 3, 4, 6, 12)
+_LONGEST_CHECK = 60.0  # seconds per described Lagrangian
+# Two Hessians are compared at a point and where its coordinates and velocities are larger by this factor.
+_TINY, _STEP = mpmath.mpf(10) ** -20, mpmath.mpf(129) / 128
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Regular Lagrangians of one family, simplest first; `parts` are the Lagrangians whose sum is the first one."""
+
+    lagrangians: tuple[ex.Expression, ...]
+    family: str
+    parts: tuple[ex.Expression, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SearchOutcome:
+    """The Lagrangians found, and each family tried with its number of candidates."""
+
+    found: Found | None
+    tried: tuple[tuple[str, int], ...]
 
 
 def hessians(space: ansatz.LagrangianSpace, points: SamplePoints, first: int = 0) -> tuple[int, list[Residues]]:
@@ -251,3 +273,62 @@ def _real_hessian(space: ansatz.LagrangianSpace, combination: ansatz.Combination
     form = euler_lagrange.hessian_at(tm.tree_of(combination), names, space.sampler.real_point)
     matrix = np.array([] if form is None else form.tolist(), float)
     return matrix if matrix.any() and np.isfinite(matrix).all() else None
+
+
+def describe(analysis: deciding.Analysis, lagrangian: ex.Expression, family: str) -> solutions.Lagrangian:
+    """Describe L: g = d2L/dv dv, the functions that must not vanish, and those that are positive on its domain."""
+    names = analysis.system.coordinates
+    rates = euler_lagrange.hessian(lagrangian, names)
+    short = {entry: _compact(analysis, entry) for row in rates for entry in row}
+    multiplier = tuple(tuple(short[entry] for entry in row) for row in rates)
+    where = certify.where_proved(analysis, lagrangian, min(deadline.left(deadline.end(), 1.0), _LONGEST_CHECK))
+    return solutions.Lagrangian(lagrangian, multiplier, where.nonzero, family, where.positive)
+
+
+def _compact(analysis: deciding.Analysis, entry: ex.Expression) -> ex.Expression:
+    """The entry as a sum of products or, if that is shorter, as one quotient; parameters are printed first."""
+    held, count = set(ex.walk(entry)), 1 + 2 * len(analysis.system.coordinates)
+    moving = [variable for variable in deciding.variables_of(analysis.system)[:count] if variable in held]
+    return writing.shorten(tm.collected(entry), exact_field.Budget.short(), moving)
+
+
+def is_multiple(
+    first: ex.Expression, second: ex.Expression, names: Sequence[str], table: real_point.RealTable | None
+) -> bool:
+    """Whether the Hessians are constant multiples of each other at the real point and at a point near it."""
+    if table is None:
+        return first == second
+    moving = {*map(ex.Symbol, names), *map(ex.Velocity, names)}
+    with mpmath.workdps(30):
+        beside = {leaf: value * _STEP if leaf in moving else value for leaf, value in table.items()}
+        forms = [[euler_lagrange.hessian_at(tree, names, at) for tree in (first, second)] for at in (table, beside)]
+        if any(form is None for pair in forms for form in pair):
+            return False
+        pairs = [entries for pair in forms for entries in zip(*pair, strict=True)]
+        a, b = max(pairs, key=lambda pair: abs(pair[0]))
+        return all(abs(x * b - y * a) < _TINY * (1 + abs(a * b)) for x, y in pairs)
+
+
+def why_shown(
+    shown: ex.Expression, other: ex.Expression, names: Sequence[str], table: real_point.RealTable | None
+) -> str:
+    """The advantage of another Lagrangian over the shown one; "" if it has none."""
+    if len(printing.to_text(other)) < len(printing.to_text(shown)):
+        return "shorter"
+    if is_definite(other, names, table) and not is_definite(shown, names, table):
+        return "positive definite"
+    return "of another kind" if _kind(other, names) < _kind(shown, names) else ""
+
+
+def is_definite(lagrangian: ex.Expression, names: Sequence[str], table: real_point.RealTable | None) -> bool:
+    """Whether the Hessian is positive definite at the real point."""
+    return euler_lagrange.inertia(euler_lagrange.hessian_at(lagrangian, names, table)) == (len(names), 0)
+
+
+def _kind(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[int, bool]:
+    """Its `reading_class`, and whether its degree in the velocities exceeds 2."""
+    moving = {*map(ex.Velocity, names)}
+    is_higher = any(
+        node in moving for row in euler_lagrange.hessian(lagrangian, names) for entry in row for node in ex.walk(entry)
+    )
+    return ex.reading_class(lagrangian, ex.TIME), is_higher

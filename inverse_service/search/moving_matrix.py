@@ -21,20 +21,19 @@ from inverse_service.expressions import derivative, tree as ex
 from inverse_service.field import exact_field, modular
 from inverse_service.field.flow import PRIME, Flow, inverses
 from inverse_service.mechanics import writing
-from inverse_service.search import families, gradients, interpolation, one_matrix, terms as tm
-from inverse_service.search.material import Material, moving_letters, positive
+from inverse_service.search import antiderivatives, families, interpolation, one_matrix, terms as tm
 
 _POINTS = 8
 
 
-def propose(material: Material, seed: int) -> list[ex.Expression]:
+def propose(material: tm.Material, seed: int) -> list[ex.Expression]:
     """The Lagrangian with this multiplier, which the caller must verify; empty if none exists or none is found."""
     search = one_matrix.OneMatrix.at_one_velocity(material.analysis.system, seed)
     found = None if search is None else _lagrangian(search, material)
     return [] if found is None else [found]
 
 
-def _lagrangian(search: one_matrix.OneMatrix, material: Material) -> ex.Expression | None:
+def _lagrangian(search: one_matrix.OneMatrix, material: tm.Material) -> ex.Expression | None:
     variables = search.variables(moving=True)
     matrix = interpolation.whole_numbers(
         interpolation.Interpolation(search.matrix_values, variables, search.units).terms()
@@ -42,7 +41,7 @@ def _lagrangian(search: one_matrix.OneMatrix, material: Material) -> ex.Expressi
     factor = _moving_factor(search, material, matrix)
     if factor is None:
         return None
-    integrator = gradients.Integrator(search.system, material.analysis.real_point)
+    integrator = antiderivatives.Integrator(search.system, material.analysis.real_point)
     shaped = search.oriented([tm.multiply_terms(terms, factor) for terms in matrix], integrator)
     scale = search.scale(shaped, [v for v in variables if not tm.has_velocity(v[1])], integrator)
     kinetic = None if scale is None else _root(search, shaped, factor) or integrator.with_hessian(shaped)
@@ -68,12 +67,12 @@ def _root(search: one_matrix.OneMatrix, matrix: Sequence[tm.Terms], factor: tm.T
     return None if tm.has_velocity(ratio) else tm.multiply_terms(tm.terms_of(ratio), tm.terms_of(root))
 
 
-def _moving_factor(search: one_matrix.OneMatrix, material: Material, matrix: Sequence[tm.Terms]) -> tm.Terms | None:
+def _moving_factor(search: one_matrix.OneMatrix, material: tm.Material, matrix: Sequence[tm.Terms]) -> tm.Terms | None:
     """prod P_a^(e_a)."""
     trees = [tm.tree_of(terms) for terms in matrix]
     real_point = material.analysis.real_point
     sums = [p for tree in trees if tree != ex.ZERO for p in tm.irreducible_factors(tree) if tm.has_velocity(p)]
-    letters = [*material.motion.velocities, *moving_letters(material), *(positive(p, real_point) for p in sums)]
+    letters = [*material.motion.velocities, *tm.moving_letters(material), *(tm.positive(p, real_point) for p in sums)]
     factors = list(dict.fromkeys([*letters, *filter(ex.is_exponential, material.velocity_letters)]))
     points = search.points({}, 4 * _POINTS)
     flow, n = Flow(points, search.forces, 1), len(search.forces)

@@ -24,9 +24,7 @@ from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import derivative, evaluation, tree as ex
 from inverse_service.field import null_vectors, point as ps, real_point
 from inverse_service.mechanics import implicit_equations
-from inverse_service.search import angles, ansatz, families, gradients, members, quadratures, terms as tm
-from inverse_service.search.factors import Factors, find_factors
-from inverse_service.search.material import Material, antiderivatives, positive
+from inverse_service.search import ansatz, antiderivatives, families, members, terms as tm
 
 # The exponents tried for a polynomial of degree 1 or 2 in v.
 _EXPONENTS = {
@@ -46,7 +44,9 @@ class LastMultiplier:
     moving: tuple[tuple[ex.Expression, ex.Expression], ...]
 
 
-def _darboux_powers(material: Material, factors: Factors, seed: int, degree: int) -> Iterator[LastMultiplier]:
+def _darboux_powers(
+    material: tm.Material, factors: families.Factors, seed: int, degree: int
+) -> Iterator[LastMultiplier]:
     """Multipliers phi P^e in factored form, with P of this degree in v."""
     phis = {e: _position_factors(factors, degree * e) for e in _EXPONENTS[degree]}
     candidates = _candidate_terms(material, degree)
@@ -75,7 +75,7 @@ def _darboux_powers(material: Material, factors: Factors, seed: int, degree: int
                     yield _in_factors(material, phi, tm.tree_of(terms), e)
 
 
-def _position_factors(factors: Factors, degree: Fraction) -> list[tm.Monomial]:
+def _position_factors(factors: families.Factors, degree: Fraction) -> list[tm.Monomial]:
     """1, and the factors that accompany v^degree if f has a term c(x) v^2, times functions of t.
 
     With y' = E x', E = exp(-int c dx), a factor P(x, y')^e of a multiplier for y gives E^(2 + e) for x.
@@ -85,7 +85,7 @@ def _position_factors(factors: Factors, degree: Fraction) -> list[tm.Monomial]:
     return list(dict.fromkeys(tm.times(phi, in_time) for phi in fitted for in_time in factors.in_time[:3]))
 
 
-def _candidate_terms(material: Material, degree: int) -> list[tm.Monomial]:
+def _candidate_terms(material: tm.Material, degree: int) -> list[tm.Monomial]:
     """v^degree and the terms B(x) v^j that can cancel residuals of previous terms, simple ones first."""
     motion = material.motion
     velocity = motion.velocities[0]
@@ -101,7 +101,7 @@ def _candidate_terms(material: Material, degree: int) -> list[tm.Monomial]:
     return sorted(found, key=tm.rank)
 
 
-def _cancelling(material: Material, key: tm.Monomial, slope: tm.Terms, degree: int) -> list[tm.Monomial]:
+def _cancelling(material: tm.Material, key: tm.Monomial, slope: tm.Terms, degree: int) -> list[tm.Monomial]:
     """The results of `_raised` that are polynomials of at most this degree, with t only if L may contain it."""
     known: dict[tm.Monomial, list[tm.Monomial]] = material.shared.setdefault("cancelling", {})
     if key not in known:
@@ -110,7 +110,7 @@ def _cancelling(material: Material, key: tm.Monomial, slope: tm.Terms, degree: i
     return [m for m in known[key] if _is_admissible(m, motion.with_time, motion.velocities[0], degree)]
 
 
-def _raised(material: Material, key: tm.Monomial, slope: tm.Terms) -> list[tm.Monomial]:
+def _raised(material: tm.Material, key: tm.Monomial, slope: tm.Terms) -> list[tm.Monomial]:
     """B v^(j-1) with dB/dx = T for a residual T v^j, and T v^j / F for a term F of df/dv."""
     motion = material.motion
     x, velocity = motion.coordinates[0], motion.velocities[0]
@@ -120,9 +120,9 @@ def _raised(material: Material, key: tm.Monomial, slope: tm.Terms) -> list[tm.Mo
         position, moving = tm.split_velocities(term)
         lowered = tm.times(moving, tm.monomial(velocity), -1)
         if _is_polynomial(lowered, velocity, _HIGHEST):
-            found.update(dict.fromkeys([lowered, *(tm.times(m, lowered) for m in antiderivatives(position, x))]))
+            found.update(dict.fromkeys([lowered, *(tm.times(m, lowered) for m in tm.antiderivatives(position, x))]))
         if motion.with_time and _is_polynomial(moving, velocity, _HIGHEST):
-            found.update(dict.fromkeys(tm.times(m, moving) for m in antiderivatives(position, ex.TIME)))
+            found.update(dict.fromkeys(tm.times(m, moving) for m in tm.antiderivatives(position, ex.TIME)))
         quotients = ((part, tm.times(moving, power, -1)) for part, power in divisors)
         found.update(
             (tm.times(position, part, -1) | rest, None)
@@ -143,7 +143,7 @@ def _is_admissible(key: tm.Monomial, with_time: bool, velocity: ex.Velocity, deg
     return with_time or not any(ex.holds(p, ex.TIME) for p, _ in key)
 
 
-def _last_multipliers(material: Material, factors: Factors, seed: int) -> list[LastMultiplier]:
+def _last_multipliers(material: tm.Material, factors: families.Factors, seed: int) -> list[LastMultiplier]:
     """Distinct multipliers in factored form that pass `_may_hold`, few factors first.
 
     If df/dv = 0, multipliers are first integrals and g = 1 is one of them; no other avoids the integral of f that g = 1
@@ -163,7 +163,7 @@ def _last_multipliers(material: Material, factors: Factors, seed: int) -> list[L
     return sorted(fulfilled, key=lambda multiplier: len(multiplier.moving))
 
 
-def _may_hold(material: Material, multiplier: LastMultiplier) -> bool:
+def _may_hold(material: tm.Material, multiplier: LastMultiplier) -> bool:
     """Whether Gamma(log g) + df/dv is 0 at the real point, a necessary condition, and the factors are short."""
     (x,), (v,), (f,) = material.motion.coordinates, material.motion.velocities, material.analysis.system.accelerations
     factors = [(tm.monomial_tree(multiplier.factor), ex.ONE), *multiplier.moving]
@@ -180,23 +180,25 @@ def _may_hold(material: Material, multiplier: LastMultiplier) -> bool:
     return True
 
 
-def _in_factors(material: Material, phi: tm.Monomial, polynomial: ex.Expression, exponent: Fraction) -> LastMultiplier:
+def _in_factors(
+    material: tm.Material, phi: tm.Monomial, polynomial: ex.Expression, exponent: Fraction
+) -> LastMultiplier:
     """phi P^e with P factored; factors without velocity join phi, and constants are dropped."""
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     moving = []
-    for base, e in ex.powers_of(quadratures.factored(polynomial, [x, v])):
+    for base, e in ex.powers_of(antiderivatives.factored(polynomial, [x, v])):
         if tm.has_velocity(base):
-            moving.append((tm.tree_of(angles.shortest(tm.terms_of(base))), ex.number(e * exponent)))
+            moving.append((tm.tree_of(tm.shortest_in_angles(tm.terms_of(base))), ex.number(e * exponent)))
         elif not isinstance(base, ex.Number) and ex.holds(base, x, ex.TIME):
-            phi = tm.times(phi, quadratures.monomial_of(base), e * exponent)
+            phi = tm.times(phi, antiderivatives.monomial_of(base), e * exponent)
     return LastMultiplier(phi, tuple(moving))
 
 
-def _moving_factors(material: Material) -> list[tuple[ex.Expression, ex.Expression]]:
+def _moving_factors(material: tm.Material) -> list[tuple[ex.Expression, ex.Expression]]:
     """(base, exponent) of the factors of f that contain v; 1/F is a multiplier of f = F(v) G(t, x)."""
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     try:
-        force = quadratures.factored(material.analysis.system.accelerations[0], [x, v])
+        force = antiderivatives.factored(material.analysis.system.accelerations[0], [x, v])
     except tm.TooManyTerms:
         return []
     factors = ex.factors_of(force)
@@ -204,7 +206,7 @@ def _moving_factors(material: Material) -> list[tuple[ex.Expression, ex.Expressi
     return [(base, exponent) for base, exponent in pairs if tm.has_velocity(base)]
 
 
-def propose_function_of_velocity(material: Material, seed: int) -> list[ex.Expression]:
+def propose_function_of_velocity(material: tm.Material, seed: int) -> list[ex.Expression]:
     """L with g = phi(t, x)/F(v) for the first suitable F; quadratures give phi, K with K_vv = g, and the potential."""
     for function in _functions_of_velocity(material):
         with suppress(tm.TooManyTerms):
@@ -214,7 +216,7 @@ def propose_function_of_velocity(material: Material, seed: int) -> list[ex.Expre
     return []
 
 
-def _functions_of_velocity(material: Material) -> Iterator[ex.Expression]:
+def _functions_of_velocity(material: tm.Material) -> Iterator[ex.Expression]:
     """Candidates for F: the factors of f that contain only v, and the v-dependent part of each term of f."""
     x = material.motion.coordinates[0]
     found = [ex.multiply(*(base**e for base, e in _moving_factors(material) if not ex.holds(base, x, ex.TIME)))]
@@ -222,20 +224,23 @@ def _functions_of_velocity(material: Material) -> Iterator[ex.Expression]:
     yield from dict.fromkeys(tree for tree in found if not ex.holds(tree, x, ex.TIME))
 
 
-def _of_function(material: Material, function: ex.Expression) -> ex.Expression | None:
+def _of_function(material: tm.Material, function: ex.Expression) -> ex.Expression | None:
     """phi (v P - Q) + int phi G dx for f = F (G - A P - B Q), where P' = 1/F, Q' = v/F, A = phi_t/phi, B = phi_x/phi.
 
     1/F is a multiplier of f = F G; A(t) and B(x) follow from F d(f/F)/dv = -(A + B v).
     """
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     system = material.analysis.system
-    rest = quadratures.factored(system.accelerations[0] / function, [x, v])
-    rate = quadratures.factored(function * (-derivative.differentiate(rest, v)), [x, v])
-    along = quadratures.factored(derivative.differentiate(rate, v), [x, v])
-    in_time = quadratures.factored(rate - v * along, [x, v])
+    rest = antiderivatives.factored(system.accelerations[0] / function, [x, v])
+    rate = antiderivatives.factored(function * (-derivative.differentiate(rest, v)), [x, v])
+    along = antiderivatives.factored(derivative.differentiate(rate, v), [x, v])
+    in_time = antiderivatives.factored(rate - v * along, [x, v])
     if ex.holds(along, v, ex.TIME) or ex.holds(in_time, v, x) or (in_time != ex.ZERO and not material.motion.with_time):
         return None
-    integrator, phi = gradients.Integrator(system, material.analysis.real_point, signs=True), gradients.ONE_TERM
+    integrator, phi = (
+        antiderivatives.Integrator(system, material.analysis.real_point, signs=True),
+        antiderivatives.ONE_TERM,
+    )
     for c, q in ((in_time, ex.TIME), (along, x)):
         logarithm = integrator.function_of([q], [tm.terms_of(c)])
         if logarithm is None:
@@ -243,7 +248,7 @@ def _of_function(material: Material, function: ex.Expression) -> ex.Expression |
         phi = tm.multiply_terms(phi, integrator.exponential(logarithm))
     integrals = []
     for slope, c in ((1 / function, in_time), (v / function, along)):
-        known = quadratures.antiderivative(system, tm.tree_of(tm.terms_of(slope)), v, material.analysis.real_point)
+        known = antiderivatives.antiderivative(system, tm.tree_of(tm.terms_of(slope)), v, material.analysis.real_point)
         if known is None and c != ex.ZERO:
             return None
         tree = (
@@ -253,7 +258,7 @@ def _of_function(material: Material, function: ex.Expression) -> ex.Expression |
         )
         integrals.append(tree)
         rest = rest + c * tree if c != ex.ZERO else rest
-    force = tm.terms_of(tm.tree_of(phi) * quadratures.factored(rest, [x, v]))
+    force = tm.terms_of(tm.tree_of(phi) * antiderivatives.factored(rest, [x, v]))
     if any(tm.has_velocity(letter) for key in force for letter, _ in key):
         return None
     potential_part = integrator.function_of([x], [force])
@@ -261,32 +266,32 @@ def _of_function(material: Material, function: ex.Expression) -> ex.Expression |
     return None if potential_part is None else tm.tree_of(kinetic) + tm.tree_of(potential_part)
 
 
-def applies(material: Material) -> bool:
+def applies(material: tm.Material) -> bool:
     """Whether there is one coordinate, and f has moderate size and a real point."""
     motion = material.motion
     moderate = motion.size == 1 and len(motion.forces[0]) <= _MOST_TERMS_OF_FORCE
     return moderate and material.analysis.real_point is not None
 
 
-def propose(material: Material, seed: int) -> Sequence[ex.Expression]:
+def propose(material: tm.Material, seed: int) -> Sequence[ex.Expression]:
     """Lagrangians whose multiplier is a product of Darboux factors, simplest first; unverified candidates."""
     found: dict[ex.Expression, None] = {}
-    for multiplier in _last_multipliers(material, find_factors(material), seed)[: bounds.CANDIDATES]:
+    for multiplier in _last_multipliers(material, families.find_factors(material), seed)[: bounds.CANDIDATES]:
         deadline.check()
         lagrangian = lagrangian_of(material, multiplier)
         if lagrangian is not None:
             found[lagrangian] = None
-    return sorted(found, key=quadratures.weight)
+    return sorted(found, key=antiderivatives.weight)
 
 
-def lagrangian_of(material: Material, multiplier: LastMultiplier) -> ex.Expression | None:
+def lagrangian_of(material: tm.Material, multiplier: LastMultiplier) -> ex.Expression | None:
     """L in closed form, with d2L/dv2 positive at the real point of f; None if none is found."""
     motion, point = material.motion, material.analysis.real_point
     if point is None:
         return None
-    integrator, (velocity,) = gradients.Integrator(material.analysis.system, point), motion.velocities
+    integrator, (velocity,) = antiderivatives.Integrator(material.analysis.system, point), motion.velocities
     with suppress(evaluation.NoRealValue, errors.IrreducibleAtoms, tm.TooManyTerms):
-        bases = [positive(base, point) ** e for base, e in multiplier.moving]
+        bases = [tm.positive(base, point) ** e for base, e in multiplier.moving]
         slope: tm.Terms | None = tm.terms_of(ex.multiply(tm.monomial_tree(multiplier.factor), *bases))
         for _ in range(2):
             slope = None if slope is None else integrator.function_of([velocity], [slope])
@@ -300,6 +305,6 @@ def lagrangian_of(material: Material, multiplier: LastMultiplier) -> ex.Expressi
 
 def _positive(lagrangian: tm.Terms, velocity: ex.Velocity, point: real_point.RealTable) -> ex.Expression:
     """The simpler of L and its multiple with simple coefficients, with a positive Hessian at the point."""
-    tree = min(tm.tree_of(lagrangian), tm.tree_of(members.scaled(lagrangian)), key=quadratures.weight)
+    tree = min(tm.tree_of(lagrangian), tm.tree_of(members.scaled(lagrangian)), key=antiderivatives.weight)
     hessian = derivative.differentiate(derivative.differentiate(tree, velocity), velocity)
     return tree if real_point.real_sign(hessian, point) > 0 else ex.negated(tree)

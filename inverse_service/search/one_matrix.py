@@ -39,23 +39,15 @@ from inverse_service.field import real_point, tower
 from inverse_service.field.exact_field import Budget, factored
 from inverse_service.field.flow import PRIME, Flow, Generator, Numbers, Points, Units, inverses, matrix_product
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import angles, families, gradients, interpolation, terms as tm
-from inverse_service.search.material import Material
+from inverse_service.search import antiderivatives, families, interpolation, terms as tm
 
-# The number of coordinates up to which kernels at points are cheap.
-_MOST = 8
 # Limits on the degree and on the unknown coefficients.
 _DEGREE, _UNKNOWNS = 2, 700
 # A coefficient: the entry of the matrix and the product of generators.
 Column = tuple[int, tm.Monomial]
 
 
-def accepts(material: Material) -> bool:
-    """Whether the number of coordinates is from 2 to _MOST."""
-    return 1 < material.motion.size <= _MOST
-
-
-def propose(material: Material, seed: int) -> list[ex.Expression]:
+def propose(material: tm.Material, seed: int) -> list[ex.Expression]:
     """The Lagrangian of phi G with one matrix G(t, q), which the caller must verify; empty if none is found."""
     system, table = material.analysis.system, material.analysis.real_point
     search = OneMatrix.of(system, seed)
@@ -63,7 +55,8 @@ def propose(material: Material, seed: int) -> list[ex.Expression]:
         return []
     entries = search.matrix()
     forms = (
-        search.lagrangian(material, gradients.Integrator(system, table, signs), entries) for signs in (False, True)
+        search.lagrangian(material, antiderivatives.Integrator(system, table, signs), entries)
+        for signs in (False, True)
     )
     return [found for found in forms if found is not None][:1]
 
@@ -180,7 +173,7 @@ class OneMatrix:
         return interpolation.Interpolation(self.matrix_values, self.variables(), self.units).terms()
 
     def lagrangian(
-        self, material: Material, integrator: gradients.Integrator, entries: Sequence[tm.Terms]
+        self, material: tm.Material, integrator: antiderivatives.Integrator, entries: Sequence[tm.Terms]
     ) -> ex.Expression | None:
         """The Lagrangian whose Hessian is this matrix times a factor that is computed."""
         variables = self.variables()
@@ -191,7 +184,8 @@ class OneMatrix:
         velocities = list(map(ex.Velocity, self.system.coordinates))
         kinetic = tm.sum_of(
             tm.multiply_terms(
-                angles.shortest(terms), {tm.monomial(velocities[i], velocities[j]): Fraction(1, 2 if i == j else 1)}
+                tm.shortest_in_angles(terms),
+                {tm.monomial(velocities[i], velocities[j]): Fraction(1, 2 if i == j else 1)},
             )
             for (i, j), terms in zip(self.pairs, matrix, strict=True)
         )
@@ -203,7 +197,7 @@ class OneMatrix:
         rest = integrator.linear_terms([tm.multiply_terms(phi, w) for w in wanted])
         return None if rest is None else ex.add(tm.tree_of(phi) * tm.tree_of(kinetic), tm.tree_of(rest))
 
-    def oriented(self, matrix: Sequence[tm.Terms], integrator: gradients.Integrator) -> list[tm.Terms]:
+    def oriented(self, matrix: Sequence[tm.Terms], integrator: antiderivatives.Integrator) -> list[tm.Terms]:
         """The matrix with its first nonzero diagonal entry positive at rest or, if that fails, at the real point."""
         entry = next((m for (i, j), m in zip(self.pairs, matrix, strict=True) if i == j and m), matrix[0])
         tree, zeros = tm.tree_of(entry), dict[ex.Expression, ex.Expression]()
@@ -231,7 +225,7 @@ class OneMatrix:
         return values[0], values[1], (half + half.transpose(0, 2, 1)) % PRIME
 
     def scale(
-        self, matrix: Sequence[tm.Terms], variables: Sequence[Generator], integrator: gradients.Integrator
+        self, matrix: Sequence[tm.Terms], variables: Sequence[Generator], integrator: antiderivatives.Integrator
     ) -> tm.Terms | None:
         """The factor phi(t, q)."""
         points = self.points({}, 12)
@@ -239,10 +233,10 @@ class OneMatrix:
         good = points.good
         defect = (turned - along) % PRIME
         if not defect[good].any():
-            return dict(gradients.ONE_TERM)
+            return dict(antiderivatives.ONE_TERM)
         for (i, j), terms in zip(self.pairs, matrix, strict=True):
             if terms and not turned[good][:, i, j].any():
-                return tm.terms_of(ex.power(tm.tree_of(angles.shortest(terms)), -1))
+                return tm.terms_of(ex.power(tm.tree_of(tm.shortest_in_angles(terms)), -1))
         e = next(pair for pair, terms in zip(self.pairs, matrix, strict=True) if terms)
         n = len(self.forces)
 
@@ -299,7 +293,7 @@ class OneMatrix:
         else:
             trees = factored([tm.tree_of(terms) / tm.tree_of(below) for terms in above], names, Budget.long())
             above = [tm.terms_of(tree) for tree in trees]
-        above = [angles.shortest(terms) for terms in above]
+        above = [tm.shortest_in_angles(terms) for terms in above]
         wanted = [tm.scaled(terms, -1) for terms in above[:n]]
         for (i, j), terms in zip(places, above[n:], strict=True):
             deadline.check()

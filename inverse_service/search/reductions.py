@@ -6,7 +6,7 @@ P.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 
@@ -17,12 +17,23 @@ from inverse_service.expressions import collecting, derivative, tree as ex
 from inverse_service.field import exact_field, flow, matrices, tower
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, connected
-from inverse_service.search import interpolation, linear_systems, protocol, quadratures, terms as tm
-from inverse_service.search.material import Material
+from inverse_service.search import antiderivatives, interpolation, linear_systems, terms as tm
 
 Table = list[list[ex.Expression]]
 # The largest number of coordinates, the number of points at which matrices are compared, and the seed.
 _MOST, _POINTS, _SEED = 8, 8, 1
+
+
+@dataclass(frozen=True, slots=True)
+class Smaller:
+    """Systems whose Lagrangians L(q, q'), or L(t, q, q') for those `with_time`, yield Lagrangians of the given system.
+
+    `lift` takes the Lagrangians of each system, simplest first.
+    """
+
+    systems: tuple[SecondOrderSystem, ...]
+    with_time: tuple[bool, ...]
+    lift: Callable[[Sequence[Sequence[ex.Expression]]], Sequence[ex.Expression]]
 
 
 def decoupled_blocks(system: SecondOrderSystem) -> list[SecondOrderSystem]:
@@ -43,7 +54,7 @@ def _block(system: SecondOrderSystem, group: Collection[str]) -> SecondOrderSyst
     return replace(system, coordinates=coordinates, accelerations=tuple(system.accelerations[k] for k in kept))
 
 
-def _cancelled(material: Material) -> SecondOrderSystem:
+def _cancelled(material: tm.Material) -> SecondOrderSystem:
     """The system with f_i in factored form if fewer coordinates occur in that: (u x - v x)/(u - v) is x."""
     system = material.analysis.system
     pairs = zip(system.accelerations, map(tm.tree_of, material.motion.forces), strict=True)
@@ -51,21 +62,21 @@ def _cancelled(material: Material) -> SecondOrderSystem:
     return replace(system, accelerations=forces)
 
 
-def is_decoupled(material: Material) -> bool:
+def is_decoupled(material: tm.Material) -> bool:
     return len(decoupled_blocks(_cancelled(material))) > 1
 
 
-def into_blocks(material: Material, seed: int) -> Iterator[protocol.Smaller]:
+def into_blocks(material: tm.Material, seed: int) -> Iterator[Smaller]:
     """The blocks; the sum of their Lagrangians is a Lagrangian of the whole system."""
     blocks = tuple(decoupled_blocks(_cancelled(material)))
     system = material.analysis.system
     timed = (material.motion.with_time,) * len(blocks)
-    yield protocol.Smaller(blocks, timed, lambda found: [_sum_of(system, [trees[0] for trees in found])])
+    yield Smaller(blocks, timed, lambda found: [_sum_of(system, [trees[0] for trees in found])])
 
 
 def _sum_of(system: SecondOrderSystem, trees: Sequence[ex.Expression]) -> ex.Expression:
     """The sum of the Lagrangians of blocks, with integrals renamed because several blocks may have an F."""
-    fresh, used, found = quadratures.fresh_names(system, *trees), set[str](), []
+    fresh, used, found = antiderivatives.fresh_names(system, *trees), set[str](), []
     for tree in trees:
         own = {node.name for node in certify.walk_integrals(tree)}
         names = {name: next(fresh) for name in sorted(own & used)}
@@ -79,13 +90,13 @@ def _renamed(tree: ex.Expression, names: Mapping[str, str]) -> ex.Expression:
     return ex.rebuild(named, lambda part: _renamed(part, names))
 
 
-def has_sums(material: Material) -> bool:
+def has_sums(material: tm.Material) -> bool:
     """Whether there are two or more coordinates, and they do not decouple without sums."""
     system = material.analysis.system
     return 1 < len(system.coordinates) <= _MOST and not system.functions and not is_decoupled(material)
 
 
-def _may_decouple(material: Material) -> bool:
+def _may_decouple(material: tm.Material) -> bool:
     """Whether matrices P other than multiples of 1 commute with f_q and f_v at points modulo a prime."""
     system = material.analysis.system
     n = len(system.coordinates)
@@ -101,7 +112,7 @@ def _may_decouple(material: Material) -> bool:
     return bool(rows) and len(interpolation.kernel_of(np.concatenate(rows) % flow.PRIME)) > 1
 
 
-def into_sums(material: Material, seed: int) -> Iterator[protocol.Smaller]:
+def into_sums(material: tm.Material, seed: int) -> Iterator[Smaller]:
     """The two parts of the system in sums of the coordinates; each sum is named after a coordinate."""
     if not _may_decouple(material):
         return
@@ -135,7 +146,7 @@ def _trees(ring: exact_field.ExactRing, rows: Sequence[Sequence[exact_field.Quot
     return [[exact_field.quotient_tree(ring, entry) for entry in row] for row in rows]
 
 
-def _in_forms(material: Material, forms: Table, inverse: Table, first: int) -> protocol.Smaller:
+def _in_forms(material: tm.Material, forms: Table, inverse: Table, first: int) -> Smaller:
     """The blocks of the first forms and of the others; each form is named after the coordinate in its place."""
     system, blocks = material.analysis.system, list[SecondOrderSystem]()
     names, places = system.coordinates, range(len(system.coordinates))
@@ -146,7 +157,7 @@ def _in_forms(material: Material, forms: Table, inverse: Table, first: int) -> p
         accelerations = tuple(tm.collected(ex.substitute(forces[k], table)) for k in chosen)
         blocks.append(replace(system, coordinates=own, accelerations=accelerations, branch=None, nonzero=()))
     back, timed = _substitution(names, forms, names), (material.motion.with_time,) * 2
-    return protocol.Smaller(
+    return Smaller(
         tuple(blocks), timed, lambda found: [ex.substitute(_sum_of(system, [one[0] for one in found]), back)]
     )
 
@@ -161,12 +172,12 @@ def _substitution(names: Sequence[str], forms: Table, others: Sequence[str]) -> 
     }
 
 
-def has_own_time(material: Material) -> bool:
+def has_own_time(material: tm.Material) -> bool:
     """Whether the paths of the motion solve a system with one of the coordinates as time."""
     return any(True for _ in _along(material))
 
 
-def along_a_coordinate(material: Material, seed: int) -> Iterator[protocol.Smaller]:
+def along_a_coordinate(material: tm.Material, seed: int) -> Iterator[Smaller]:
     """With u as time, x'' = F(u, x, dx/du): L = u' M(u, x, x'/u') + S(u, u').
 
     u' M, homogeneous of degree 1, gives the equations of the paths alone (Noether's second theorem: the equation of u
@@ -174,10 +185,10 @@ def along_a_coordinate(material: Material, seed: int) -> Iterator[protocol.Small
     and S are.
     """
     for u, paths, own in sorted(_along(material), key=lambda found: sum(map(ex.node_count, found[1].accelerations))):
-        yield protocol.Smaller((paths, own), (True, material.motion.with_time), partial(_homogeneous, u))
+        yield Smaller((paths, own), (True, material.motion.with_time), partial(_homogeneous, u))
 
 
-def _along(material: Material) -> Iterator[tuple[str, SecondOrderSystem, SecondOrderSystem]]:
+def _along(material: tm.Material) -> Iterator[tuple[str, SecondOrderSystem, SecondOrderSystem]]:
     """(u, the system of dx/du, that of u) for each coordinate u with u'' = f_u(u, u') such that paths have no u'."""
     system = material.analysis.system
     names = system.coordinates

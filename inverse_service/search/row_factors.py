@@ -38,8 +38,7 @@ from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.real_point import RealTable
 from inverse_service.mechanics import euler_lagrange, implicit_equations, writing
 from inverse_service.mechanics.second_order_system import Branch, SecondOrderSystem, connected
-from inverse_service.search import gradients, terms as tm
-from inverse_service.search.material import Material, positive
+from inverse_service.search import antiderivatives, terms as tm
 
 # The number of orders of lines to try: Bateman's pair is two damped oscillators in one order, autonomous in the other.
 _ORDERS = 6
@@ -94,7 +93,9 @@ class Lines:
         moving: list[ex.Expression] = [*self.coordinates, *self.velocities, ex.TIME]
         (matrix, _), *others = self.conditions()
         entries = [entry for table, _ in others for row in table for entry in row]
-        solved = matrix == [[dict(gradients.ONE_TERM) if i == j else {} for j in self.places] for i in self.places]
+        solved = matrix == [
+            [dict(antiderivatives.ONE_TERM) if i == j else {} for j in self.places] for i in self.places
+        ]
         return solved and not any(ex.holds(p, *moving) for entry in entries for key in entry for p, _ in key)
 
     def conditions(self) -> list[tuple[Table, int]]:
@@ -135,7 +136,7 @@ def lagrangians_of_lines(
             continue
         for scaled in _proposed_lines(lines, sums):
             deadline.check()
-            integrator = gradients.Integrator(system, table, signs)
+            integrator = antiderivatives.Integrator(system, table, signs)
             try:
                 found = lagrangian_of(scaled, integrator)
             except _FAILED:
@@ -161,7 +162,7 @@ def _proposed_lines(lines: Lines, sums: bool) -> Iterator[Lines]:
     yield from orders if short else orders[len(own) :]
 
 
-def propose(material: Material, seed: int) -> Sequence[ex.Expression]:
+def propose(material: tm.Material, seed: int) -> Sequence[ex.Expression]:
     """The first Lagrangian of q'' - f; without t if L(q, q') is requested."""
     system, point = material.analysis.system, material.analysis.real_point
     trees = chain.from_iterable(lagrangians_of_lines(system, (), point, signs, not signs) for signs in (False, True))
@@ -179,7 +180,7 @@ def in_own_order(system: SecondOrderSystem) -> SecondOrderSystem | None:
         for scaled in islice(symmetric_lines(lines_of(system, system.given)), _ORDERS):
             deadline.check()
             with suppress(*_FAILED):
-                if lagrangian_of(scaled, gradients.Integrator(system)) is not None:
+                if lagrangian_of(scaled, antiderivatives.Integrator(system)) is not None:
                     return replace(system, branch=Branch(tuple(system.given[k] for k in scaled.order), unsolved=True))
     return None
 
@@ -378,13 +379,13 @@ def _cleared(factors: Sequence[Factor], parts: Sequence[int], constants: set[ex.
     return found
 
 
-def lagrangian_of(lines: Lines, integrator: gradients.Integrator) -> ex.Expression | None:
+def lagrangian_of(lines: Lines, integrator: antiderivatives.Integrator) -> ex.Expression | None:
     """L of lines with a symmetric matrix, each connected part multiplied by its function and its constant."""
     parts = connected(list(lines.places), [{i, j} for i in lines.places for j in lines.places if lines.matrix[i][j]])
     for part in parts:
         for i, j in ((i, j) for i in part for j in lines.places if j not in part):
             given, back = (tm.derivative_of_terms(lines.rest[a], lines.velocities[b]) for a, b in ((i, j), (j, i)))
-            if gradients.is_zero(given) != gradients.is_zero(back):
+            if antiderivatives.is_zero(given) != antiderivatives.is_zero(back):
                 return None  # (H2) between parts: psi_i d_vj B_i + psi_j d_vi B_j = 0
     table = dict[int, tm.Terms]()
     for part in parts:
@@ -393,23 +394,25 @@ def lagrangian_of(lines: Lines, integrator: gradients.Integrator) -> ex.Expressi
             return None
         table |= dict.fromkeys(part, function)
     scaled = (
-        lines.times([table[i] for i in lines.places]) if any(f != gradients.ONE_TERM for f in table.values()) else lines
+        lines.times([table[i] for i in lines.places])
+        if any(f != antiderivatives.ONE_TERM for f in table.values())
+        else lines
     )
     constants = _constants(scaled, parts)
     if constants is None:
         return None
-    if any(c != gradients.ONE_TERM for c in constants.values()):
+    if any(c != antiderivatives.ONE_TERM for c in constants.values()):
         scaled = scaled.times([constants[i] for i in lines.places])
     kinetic = _kinetic(scaled)
     squares = [tm.tree_of(scaled.matrix[i][i]) for i in lines.places]
-    turned = all(tree != ex.ZERO and positive(tree, integrator.table) != tree for tree in squares) or (
+    turned = all(tree != ex.ZERO and tm.positive(tree, integrator.table) != tree for tree in squares) or (
         kinetic is not None and all(c < 0 for c in kinetic.values())
     )
     if kinetic is None:
         kinetic = integrator.with_hessian([row[j] for i, row in enumerate(scaled.matrix) for j in lines.places[i:]])
     if kinetic is None:
         return None
-    own = gradients.expressions_without_acceleration(lines.system.coordinates, kinetic)
+    own = antiderivatives.expressions_without_acceleration(lines.system.coordinates, kinetic)
     rest = integrator.linear_terms(
         [tm.add_terms(terms, part, -1) for terms, part in zip(scaled.rest, own, strict=True)]
     )
@@ -420,17 +423,17 @@ def lagrangian_of(lines: Lines, integrator: gradients.Integrator) -> ex.Expressi
     return ex.add(tm.tree_of(tm.scaled(kinetic, sign)), tm.tree_of(tm.scaled(rest, sign))) if total else None
 
 
-def _common_function(lines: Lines, part: Sequence[int], integrator: gradients.Integrator) -> tm.Terms | None:
+def _common_function(lines: Lines, part: Sequence[int], integrator: antiderivatives.Integrator) -> tm.Terms | None:
     """psi(t, q) for the lines of one connected part; None if there is no such function."""
     pairs = [(i, j) for i in part for j in part if i <= j and lines.matrix[i][j]]
     i, j = min(pairs, key=lambda pair: (len(lines.matrix[pair[0]][pair[1]]), pair[0] != pair[1], pair))
     entry = lines.matrix[i][j]
     rate = _rate(lines, i, j)
-    if gradients.is_zero(rate):
-        return dict(gradients.ONE_TERM)
+    if antiderivatives.is_zero(rate):
+        return dict(antiderivatives.ONE_TERM)
     for k, m in ((k, m) for k in part for m in part if k <= m and (k, m) != (i, j)):
         crossed = tm.multiply_terms(_rate(lines, k, m), entry)
-        if not gradients.is_zero(tm.add_terms(crossed, tm.multiply_terms(rate, lines.matrix[k][m]), -1)):
+        if not antiderivatives.is_zero(tm.add_terms(crossed, tm.multiply_terms(rate, lines.matrix[k][m]), -1)):
             return None  # (H2) requires the same slope of log psi for all entries, including zero entries
     slope = _divided(rate, entry, lines.system)
     parts = tm.affine_parts(slope, lines.velocities)
@@ -493,7 +496,7 @@ def _constant_ratio(lines: Lines, left: tm.Terms, right: tm.Terms, constants: se
 
     found = tm.monomial_factor(left, right)
     if found is None or not is_plain(found):
-        if gradients.is_zero(left) or gradients.is_zero(right):
+        if antiderivatives.is_zero(left) or antiderivatives.is_zero(right):
             return None
         found = tm.terms_of(factored([tm.tree_of(left) / tm.tree_of(right)], lines.system.variables, Budget.short())[0])
     return next(((value, key) for key, value in found.items()), None) if len(found) == 1 and is_plain(found) else None

@@ -1,22 +1,30 @@
-"""Sums of Laurent monomials in generators, and the motion written as such sums.
+"""Sums of Laurent monomials in generators, the motion written as such sums, and the generators of f.
 
 A generator (`letter` in the code) is any tree (x, x', sin(x), x^2 + y^2, A(r1), exp(x)); a monomial is a product of
 generators with rational exponents; terms map monomials to rational coefficients. No relations among generators are
 assumed: an identity found here is true, but one not found may be true as well.
+
+The candidates for the shortest form of a polynomial in cos u, sin u, cos w, … are the polynomial itself, sin^2 in place
+of 1 - cos^2 in one of the angles, and a sum of sines and cosines of sums of angles (cos(u - w) for cos u cos w + sin u
+sin w). The material of a search is f as terms, with the generators from which the ansätze are built.
 """
 
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
-from math import gcd, lcm
+from math import gcd, lcm, prod
+from typing import Any
 
 from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx, fmpz
 
-from inverse_service import bounds
-from inverse_service.expressions import collecting, tree as ex
+from inverse_service import bounds, errors
+from inverse_service.decision.deciding import Analysis
+from inverse_service.expressions import collecting, evaluation, tree as ex
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.field import exact_field
+from inverse_service.field import exact_field, real_point
+from inverse_service.mechanics import conditions
 
 Monomial = frozenset[tuple[ex.Expression, Fraction]]
 Terms = dict[Monomial, Fraction]
@@ -31,6 +39,10 @@ _QUOTIENTS = {
     "tanh": (_HYPERBOLIC, (1, -1)), "coth": (_HYPERBOLIC, (-1, 1)), "sech": (_HYPERBOLIC, (0, -1)),
     "csch": (_HYPERBOLIC, (-1, 0)),
 }  # fmt: skip
+# p^2 = a + b q^2 for the pairs of functions p, q of one argument.
+SQUARES = {"sin": ("cos", 1, -1), "cos": ("sin", 1, -1), "sinh": ("cosh", -1, 1), "cosh": ("sinh", 1, 1)}
+# The largest power of one function that is expanded in multiple angles, and the largest number of waves per product.
+_POWERS, _WAVES = 4, 256
 
 
 class TooManyTerms(ArithmeticError):
@@ -540,3 +552,346 @@ def irreducible_factors(tree: ex.Expression) -> tuple[ex.Expression, ...]:
     found = [terms_of_polynomial(factor, letters) for factor, _ in exact_field.factor_polynomial(polynomial)[1]]
     sums = [{frozenset((p, e / root[p]) for p, e in key): c for key, c in one.items()} for one in found if len(one) > 1]
     return tuple(split_content(one)[2] for one in sums)
+
+
+def shortest_in_angles(terms: Terms) -> Terms:
+    """The form with the fewest terms; the given form if it has as few."""
+    best = terms
+    try:
+        waves = _halved(by_multiple_angles(terms))
+    except TooManyTerms:
+        waves = terms
+    if 2 * len(waves) <= len(terms):
+        return waves
+    try:
+        letters = sorted({p for key in terms for p, _ in key if isinstance(p, ex.Apply)}, key=repr)
+        for name, argument in dict.fromkeys((name, p.argument) for p in letters for name in _with_partner(p.function)):
+            other = _exchanged(best, name, argument)
+            best = other if _length(other) < _length(best) else best
+    except TooManyTerms:
+        return best
+    return waves if _length(waves) < _length(best) else best
+
+
+def _with_partner(function: str) -> tuple[str, ...]:
+    return (function, SQUARES[function][0]) if function in SQUARES else ()
+
+
+def _length(terms: Terms) -> tuple[int, int]:
+    return len(terms), sum(len(key) for key in terms)
+
+
+def _arguments(terms: Terms) -> list[ex.Expression]:
+    return [p.argument for key in terms for p, _ in key if isinstance(p, ex.Apply) and p.function in ("sin", "cos")]
+
+
+def _exchanged(terms: Terms, old: str, argument: ex.Expression) -> Terms:
+    """The terms with 1 - sin^2 for cos^2 in one angle, 1 - cos^2 for sin^2, or likewise for hyperbolic functions."""
+    new, constant, factor = SQUARES[old]
+    letter, square = ex.Apply(old, argument), times(EMPTY, monomial(ex.Apply(new, argument)), 2)
+    parts = list[Terms]()
+    for key, value in terms.items():
+        e = dict(key).get(letter, Fraction(0))
+        half = int(e) // 2 if e.denominator == 1 and e >= 2 else 0
+        part: Terms = {times(key, monomial(letter), -2 * half) if half else key: value}
+        for _ in range(half):
+            part = multiply_terms(part, {EMPTY: Fraction(constant), square: Fraction(factor)})
+        parts.append(part)
+    return sum_of(parts)
+
+
+def _halved(waves: Terms) -> Terms:
+    """The terms with 1 - 2 sin^2 u or 2 cos^2 u - 1 for cos 2u wherever that gives fewer terms."""
+    for double in dict.fromkeys(p for key in waves for p, _ in key if isinstance(p, ex.Apply) and p.function == "cos"):
+        halves = {key: value / 2 for key, value in terms_of(double.argument).items()}
+        if any(value.denominator > 1 for value in halves.values()):
+            continue
+        for name, unit in (("sin", 1), ("cos", -1)):
+            square = times(frozenset(), monomial(ex.Apply(name, tree_of(halves))), 2)
+            held: Terms = {key: value for key, value in waves.items() if (double, Fraction(1)) in key}
+            other = add_terms(waves, held, -1)
+            for extra, factor in ((frozenset(), unit), (square, -2 * unit)):
+                rest = {times(key - {(double, Fraction(1))}, extra): value for key, value in held.items()}
+                other = add_terms(other, rest, factor)
+            waves = other if _length(other) < _length(waves) else waves
+    return waves
+
+
+def by_multiple_angles(terms: Terms) -> Terms:
+    """The terms with products of sines and cosines expanded into sines and cosines of sums of angles."""
+    parts = list[tuple[Terms, Fraction]]()
+    for key, value in terms.items():
+        circular: Monomial = frozenset(
+            (p, e)
+            for p, e in key
+            if isinstance(p, ex.Apply) and p.function in ("sin", "cos") and e.denominator == 1 and 0 < e <= _POWERS
+        )
+        parts += [({times(key - circular, letter): factor}, value) for letter, factor in _in_waves(circular)]
+    return weighted_sum(parts)
+
+
+@lru_cache(maxsize=1024)
+def _in_waves(circular: Monomial) -> tuple[tuple[Monomial, Fraction], ...]:
+    """The expansion of a product of sines and cosines: cos u cos w = (cos(u - w) + cos(u + w))/2, and so on.
+
+    Raises TooManyTerms for more than _WAVES; n angles, each squared, have about 3^n.
+    """
+    functions = sorted((p for p, _ in circular if isinstance(p, ex.Apply)), key=repr)
+    angles = list(dict.fromkeys(p.argument for p in functions))
+    # cos or sin of sum_k n_k angles_k, by name and n.
+    waves = {("cos", (0,) * len(angles)): Fraction(1)}
+    exponents = dict(circular)
+    degrees = [sum(exponents[p] for p in functions if p.argument == angle) for angle in angles]
+    if prod(1 + degree for degree in degrees) > _WAVES:
+        raise TooManyTerms
+    for p in functions:
+        place = angles.index(p.argument)
+        for _ in range(int(exponents[p])):
+            product: dict[tuple[str, tuple[int, ...]], Fraction] = {}
+            for (name, turns), factor in waves.items():
+                same, half = name == p.function, factor / 2
+                for turn, odd in ((1, name == "sin" if same else False), (-1, False if same else name == "cos")):
+                    wave = "cos" if same else "sin", (*turns[:place], turns[place] + turn, *turns[place + 1 :])
+                    product[wave] = product.get(wave, Fraction(0)) + (-half if odd else half)
+            waves = product
+    sums, parts = [terms_of(angle) for angle in angles], list[tuple[Terms, Fraction]]()
+    for (name, turns), factor in waves.items():
+        argument = weighted_sum((angle, turn) for turn, angle in zip(turns, sums, strict=True) if turn)
+        shown = ex.Apply(name, tree_of(argument)) if argument else ex.number(int(name == "cos"))
+        parts.append((terms_of(shown), factor))
+    return tuple(weighted_sum(parts).items())
+
+
+@lru_cache(maxsize=512)
+def with_sums_of_angles(tree: ex.Expression) -> ex.Expression:
+    """The tree with each sum of functions of several angles in its shortest form; cos(a - b) is kept."""
+    tree = ex.rebuild(tree, with_sums_of_angles)
+    match tree:
+        case ex.Power(ex.Sum(parts) as base, ex.Number(e)) if e.denominator == 1 and all(map(_has_minus, parts)):
+            return (ex.ONE if e % 2 == 0 else ex.MINUS_ONE) * ex.negated(base) ** e
+    if not isinstance(tree, ex.Sum):
+        return tree
+    try:
+        terms = terms_of(tree)
+        short = shortest_in_angles(terms) if len(set(_arguments(terms))) > 1 else terms
+        forms = [tree, tree_of(short), _by_letters(short)]
+    except TooManyTerms:
+        return tree
+    return min(forms, key=ex.node_count)
+
+
+def _by_letters(terms: Terms) -> ex.Expression:
+    """The sum, grouped by products of functions and velocities, with common factors taken out of each coefficient."""
+    parts = []
+    for outer, inner in grouped(terms, lambda letter: not isinstance(letter, ex.Symbol)).items():
+        content, common, rest = split_content(inner)
+        if len(inner) > 1 and all(value < 0 for value in inner.values()):
+            content, rest = -content, ex.negated(rest)
+        parts.append(content * monomial_tree(common) * rest * monomial_tree(outer))
+    return ex.add(*parts)
+
+
+def _has_minus(term: ex.Expression) -> bool:
+    first = ex.factors_of(term)[0]
+    return isinstance(first, ex.Number) and first.value < 0
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """f as terms, with generators sorted by the variables they depend on; `shared` caches results that rungs share."""
+
+    analysis: Analysis
+    motion: MotionTerms
+    position_letters: tuple[ex.Expression, ...]
+    velocity_letters: tuple[ex.Expression, ...]
+    shared: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
+
+
+def gather(analysis: Analysis, with_time: bool) -> Material:
+    """The material of a system; TooManyTerms if f cannot be written as a moderate sum."""
+    system = analysis.system
+    trees = _factored(analysis)
+    pairs = zip(trees, system.accelerations, strict=True)
+    forces = tuple(oriented(_shorter(*pair), analysis.real_point) for pair in pairs)
+    motion = MotionTerms(
+        tuple(ex.Symbol(name) for name in system.coordinates),
+        tuple(ex.Velocity(name) for name in system.coordinates),
+        forces,
+        with_time,
+    )
+    letters = _letters(forces)
+    position = [p for p in letters if not has_velocity(p) and ex.holds(p, ex.TIME, *motion.coordinates)]
+    moving = [p for p in letters if has_velocity(p) and not isinstance(p, ex.Velocity)]
+    return Material(analysis, motion, tuple(position), tuple(moving))
+
+
+def _factored(analysis: Analysis) -> list[ex.Expression]:
+    """f with factored numerators and denominators, simplified by known relations among atoms."""
+    system = analysis.system
+    with suppress(exact_field.TooLarge, ZeroDivisionError):
+        exact = conditions.motion_in_ring(system, 0, exact_field.Budget.long())
+        return [exact_field.quotient_tree(exact.ring, value) for value in exact.motion.accelerations]
+    return list(system.accelerations)
+
+
+def _shorter(factored: ex.Expression, given: ex.Expression) -> Terms:
+    """The expansion with fewer terms, because a common denominator can turn a few terms into many."""
+    found = []
+    for tree in (factored, given):
+        with suppress(TooManyTerms):
+            found.append(terms_of(tree))
+    if not found:
+        raise TooManyTerms
+    return min(found, key=len)
+
+
+def simplified(material: Material, terms: Terms) -> Terms:
+    """The sum over its common denominator with common factors cancelled, if that is shorter."""
+    tree, symbols = tree_of(terms), material.analysis.system.variables
+    with suppress(exact_field.TooLarge, ZeroDivisionError, TooManyTerms):
+        other = terms_of(exact_field.factored([tree], symbols, exact_field.Budget.long())[0])
+        return min(terms, other, key=len)
+    return terms
+
+
+def oriented(terms: Terms, table: real_point.RealTable | None) -> Terms:
+    """The terms with sums that are negative at the real point replaced by their opposites, which have roots."""
+    result: Terms = {}
+    for key, value in terms.items():
+        product = EMPTY
+        for letter, e in key:
+            turned = positive(letter, table) if isinstance(letter, ex.Sum) and e.denominator == 1 else letter
+            value = -value if turned != letter and e % 2 else value
+            product = times(product, frozenset([(turned, e)]))
+        result = add_terms(result, {product: value})
+    return result
+
+
+def _letters(forces: Iterable[Terms]) -> list[ex.Expression]:
+    """The generators of f, the symbols inside its sums, the partner of each sine and cosine, and A for A'."""
+    found: dict[ex.Expression, None] = {}
+    for terms in forces:
+        for key in terms:
+            for letter, _ in key:
+                if not isinstance(letter, ex.Number):
+                    found[letter] = None
+                if isinstance(letter, ex.Sum):
+                    found.update(dict.fromkeys(node for node in ex.walk(letter) if isinstance(node, ex.Symbol)))
+    for letter in list(found):
+        for other in companions(letter):
+            found[other] = None
+    return list(found)
+
+
+def companions(letter: ex.Expression) -> list[ex.Expression]:
+    """cos for sin, sin for cos, cosh for sinh, sinh for cosh, and A for A' or A''."""
+    match letter:
+        case ex.Apply(function, argument) if function in SQUARES:
+            return [ex.Apply(SQUARES[function][0], argument)]
+        case ex.Arbitrary(name, arguments, orders) if any(orders):
+            place = next(k for k, order in enumerate(orders) if order)
+            lower = tuple(order - (k == place) for k, order in enumerate(orders))
+            below = ex.Arbitrary(name, arguments, lower)
+            return [below, *companions(below)]
+    return []
+
+
+def moving_letters(material: Material) -> list[ex.Expression]:
+    """The factors and radicands of f that are sums with velocities, and the nonexponential functions of velocities."""
+    if "moving letters" not in material.shared:
+        table, found = material.analysis.real_point, _moving_letters(material)
+        shown = (positive(letter, table) if isinstance(letter, ex.Sum) else letter for letter in found)
+        material.shared["moving letters"] = list(dict.fromkeys(shown))
+    return list(material.shared["moving letters"])
+
+
+def _moving_letters(material: Material) -> Iterator[ex.Expression]:
+    """Generators of f are kept whole, such as 1 - v^2 under a root; other sums, as in an expanded f, are factored."""
+    known = [p for p in material.velocity_letters if not ex.is_exponential(p)]
+    yield from (p for p in known if not isinstance(p, ex.Sum) or _is_plain(p))
+    for node in dict.fromkeys(node for f in material.analysis.system.accelerations for node in ex.walk(f)):
+        if isinstance(node, ex.Sum) and has_velocity(node):
+            with suppress(TooManyTerms, exact_field.TooLarge):
+                whole = split_content(terms)[2] if (terms := terms_of(node)) else node  # a sum may be 0
+                parts = () if whole in known or ex.negated(whole) in known else irreducible_factors(node)
+                yield from (p for p in parts if has_velocity(p) and _is_plain(p))
+
+
+def positive(tree: ex.Expression, table: real_point.RealTable | None) -> ex.Expression:
+    """The tree, or its opposite if that is positive at the real point, so that its roots exist."""
+    with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
+        if table is not None and real_point.real_sign(tree, table) < 0:
+            return ex.negated(tree)
+    return tree
+
+
+def _is_plain(node: ex.Expression) -> bool:
+    """Whether this is a short sum without roots."""
+    exponents = [part.exponent for part in ex.walk(node) if isinstance(part, ex.Power)]
+    whole = all(isinstance(e, ex.Number) and e.value.denominator == 1 for e in exponents)
+    return whole and ex.node_count(node) <= bounds.NODES
+
+
+@lru_cache(maxsize=8192)
+def antiderivatives(key: Monomial, variable: ex.Expression) -> tuple[Monomial, ...]:
+    """Monomials whose derivative by the variable may contain `key`, found by raising one generator at a time."""
+    letters = dict.fromkeys([variable, *(letter for letter, _ in key)])
+    for letter in list(letters):
+        letters.update(dict.fromkeys(companions(letter)))
+        if isinstance(letter, ex.Apply) and isinstance(letter.argument, ex.Sum):
+            letters[letter.argument] = None  # (x + 1) log(x + 1)
+    found: dict[Monomial, None] = dict.fromkeys(
+        times(key, monomial(p, q)) for p, _ in key for q in companions(p) if isinstance(p, ex.Apply)
+    )  # sin(x)/cos(x) for 1/cos(x)^2
+    for letter in letters:
+        try:
+            slope = letter_derivative(letter, variable)
+        except TooManyTerms:
+            continue
+        for unit in slope:
+            raised = times(times(key, monomial(letter)), unit, -1)
+            if any(p == letter for p, _ in raised) or letter == variable:
+                found[raised] = None
+            if not any(p == letter for p, _ in raised):
+                found[times(raised, monomial(ex.Apply("log", letter)))] = None
+    roots = [letter for letter, e in key if isinstance(letter, ex.Sum) and e == Fraction(-1, 2)]
+    if len(roots) == 2:  # sqrt(x - 1) sqrt(x + 1), whose slope is x over it
+        found[times(times(key, monomial(*roots)), monomial(variable), -1)] = None
+    found.update(dict.fromkeys(_raised_powers(key, variable)))
+    found.pop(EMPTY, None)
+    return tuple(found)
+
+
+def _raised_powers(key: Monomial, variable: ex.Expression) -> list[Monomial]:
+    """p^(e+1) / ((e+1) dp) for p^e with a symbolic exponent, combined with an adjacent numeric power of p."""
+    found = []
+    for letter, times_over in key:
+        if not isinstance(letter, ex.Power) or isinstance(letter.exponent, ex.Number):
+            continue
+        base, beside = letter.base, dict(key).get(letter.base, Fraction(0))
+        raised_exponent = times_over * letter.exponent + beside + 1
+        if isinstance(raised_exponent, ex.Sum):
+            whole = times(times(key, monomial(base)), monomial(raised_exponent), -1)
+            found += [times(whole, unit, -1) for unit in letter_derivative(base, variable)]
+    return found
+
+
+def integrating_candidates(material: Material) -> list[tuple[int, Terms, ex.Symbol]]:
+    """(i, c, variable) for each desired factor exp(-int c d variable), from c v_i v_l, c v_i^2, c v_i in f_i."""
+    motion = material.motion
+    found: list[tuple[int, Terms, ex.Symbol]] = []
+    for i, (v, f) in enumerate(zip(motion.velocities, motion.forces, strict=True)):
+        for q, w in zip(motion.coordinates, motion.velocities, strict=True):
+            c = simplified(material, coefficient(f, monomial(v, w)))
+            if c:
+                found.append((i, c, q))
+        drag = simplified(material, coefficient(f, monomial(v))) if motion.with_time else {}
+        still = {key: c for key, c in drag.items() if not any(ex.holds(p, *motion.coordinates) for p, _ in key)}
+        if still and (len(still) == len(drag) or motion.size == 1):
+            found.append((i, still, ex.TIME))
+    return found
+
+
+def distinct(parts: Sequence[Monomial]) -> list[Monomial]:
+    """The monomials without duplicates, simple ones first."""
+    return sorted(dict.fromkeys(parts), key=rank)

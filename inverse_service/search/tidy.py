@@ -14,7 +14,7 @@ from inverse_service.expressions import collecting, tree as ex
 from inverse_service.field import exact_field, point as ps, real_point, tower as towers
 from inverse_service.mechanics import short_forms, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import angles, gradients, material, terms as tm
+from inverse_service.search import antiderivatives, terms as tm
 
 _HALF = Fraction(1, 2)
 _BEFORE_A_BRACKET, _FRACTION_IN_FRACTION = 12, 4
@@ -364,7 +364,7 @@ def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
     for key, inner in groups.items():
         constants, square = tm.monomial_tree(key), _whole_square(inner, velocities)
         for moving, beside in tm.grouped(inner, tm.has_velocity).items() if square is None else ():
-            plain.append(constants * tm.tree_of(angles.shortest(beside)) * tm.monomial_tree(moving))
+            plain.append(constants * tm.tree_of(tm.shortest_in_angles(beside)) * tm.monomial_tree(moving))
         parts += [] if square is None else [constants * square]
     return ex.add(*parts, writing.with_one_coefficient(ex.add(*plain), velocities))
 
@@ -380,7 +380,7 @@ def _whole_square(terms: tm.Terms, velocities: Sequence[ex.Velocity]) -> ex.Expr
         own = {key - tm.monomial(v) - {(v, Fraction(2))}: c for key, c in terms.items() if (v, Fraction(2)) in key}
         if not own:
             continue
-        ((key, value), *more) = angles.shortest(own).items()
+        ((key, value), *more) = tm.shortest_in_angles(own).items()
         content = content or value
         top, below = isqrt(abs((value / content).numerator)), isqrt((value / content).denominator)
         if more or any(e % 2 for _, e in key) or Fraction(top**2, below**2) != value / content:
@@ -390,7 +390,7 @@ def _whole_square(terms: tm.Terms, velocities: Sequence[ex.Velocity]) -> ex.Expr
             both = tm.terms_of(ex.number(content) * ex.add(*form, sign * side) ** 2)
             moving = {node for one in (*form, side) for node in ex.walk(one) if isinstance(node, ex.Velocity)}
             wanted = {k: c for k, c in terms.items() if {p for p, _ in k if isinstance(p, ex.Velocity)} <= moving}
-            if gradients.is_zero(tm.add_terms(both, wanted, -1)):
+            if antiderivatives.is_zero(tm.add_terms(both, wanted, -1)):
                 form.append(sign * side)
                 break
         else:
@@ -490,7 +490,7 @@ def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
         if shift and fixed and not any(map(tm.has_velocity, letters)):
             groups.setdefault(tm.tree_of(squares), []).append(square)
             terms = rest
-    potential = angles.shortest(tm.coefficient(terms, tm.EMPTY))
+    potential = tm.shortest_in_angles(tm.coefficient(terms, tm.EMPTY))
     kept = {key: c for key, c in terms.items() if any(tm.has_velocity(p) for p, _ in key)} | {
         key: c for key, c in potential.items() if not constants.issuperset(p for p, _ in key)
     }
@@ -509,7 +509,7 @@ def _with_springs(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expressi
         terms, u = tm.terms_of(ex.add(*held)), frozenset([(p, _HALF if isinstance(p, ex.Sum) else Fraction(1))])
         squares = [tm.terms_of(p) if isinstance(p, ex.Sum) else {tm.times(u, u): Fraction(1)}]
         if isinstance(p, ex.Apply) and p.function in ("sin", "cos"):
-            (other,) = material.companions(p)
+            (other,) = tm.companions(p)
             squares.append({tm.times(tm.EMPTY, tm.monomial(other), 2): Fraction(-1)})
         squares = [{key: c for key, c in one.items() if not constants.issuperset(p for p, _ in key)} for one in squares]
         linear = {key: c for key, c in terms.items() if u <= key and constants.issuperset(q for q, _ in key - u)}
@@ -600,7 +600,7 @@ def _without_squares(terms: tm.Terms, parameters: frozenset[ex.Symbol]) -> tm.Te
 
 
 def _part(outer: tm.Monomial, inner: tm.Terms, system: SecondOrderSystem) -> ex.Expression:
-    inner = angles.shortest(inner)
+    inner = tm.shortest_in_angles(inner)
     if not inner:  # sin^2 + cos^2 - 1
         return ex.ZERO
     plain = tm.tree_of(inner)

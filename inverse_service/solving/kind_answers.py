@@ -31,7 +31,7 @@ from inverse_service.field import exact_field, matrices, modular, null_vectors, 
 from inverse_service.linear_pde import equations, involution
 from inverse_service.mechanics import euler_lagrange, second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import gradients, members, protocol, row_factors, terms as tm
+from inverse_service.search import antiderivatives, members, row_factors, terms as tm
 from inverse_service.solving import solving
 
 _NO_TIME = "the time limit was reached before this question"
@@ -228,7 +228,7 @@ def _split(system: SecondOrderSystem, push: Sequence[ex.Expression]) -> tuple[ex
     drag = tm.tree_of(tm.terms_of(ex.add(*(HALF * slopes[i][j] * v[i] * v[j] for i, j in pairs))))
     rest = [derivative.differentiate(drag, w) - part for w, part in zip(v, push, strict=True)]
     terms = [tm.terms_of(part) for part in rest]
-    linear = gradients.Integrator(system).linear_terms(terms)
+    linear = antiderivatives.Integrator(system).linear_terms(terms)
     return None if linear is None else (drag, tm.tree_of(linear))
 
 
@@ -277,7 +277,7 @@ def with_drag(
     found = certify.of_lagrangian(analysis, tree, analysis.system.depends_on_time, kind)
     certificate = found | {"dissipation": printing.to_text(drag)}
     return confirmed(
-        KindAnswer("variational", "", certificate, protocol.describe(analysis, tree, FAMILY), drag), deadline
+        KindAnswer("variational", "", certificate, members.describe(analysis, tree, FAMILY), drag), deadline
     )
 
 
@@ -422,7 +422,7 @@ def _definite_of_known(
         alone = parts[0][1] if len(parts) == 1 and parts[0][0] == 1 else None
         whole = alone.expression if alone else collecting.collect(ex.add(*(w * one.expression for w, one in parts)))
         certificate = certify.of_lagrangian(analysis, whole, with_time, kind) | _claim(near, "")
-        shown = alone or protocol.describe(analysis, whole, DEFINITE_SUM)
+        shown = alone or members.describe(analysis, whole, DEFINITE_SUM)
         answer = KindAnswer("variational", "", certificate, shown)
         if (found := confirmed(answer, deadline)) is not None:
             return found

@@ -18,8 +18,8 @@ from inverse_service.expressions import collecting, notation, printing, tree as 
 from inverse_service.linear_pde import involution
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import quadratures, row_factors, terms, tidy
-from inverse_service.search.protocol import Found, SearchOutcome, describe, is_multiple, why_shown
+from inverse_service.search import antiderivatives, row_factors, terms, tidy
+from inverse_service.search.members import Found, SearchOutcome, describe, is_multiple, why_shown
 
 if TYPE_CHECKING:
     from inverse_service.decision.solutions import SoFar
@@ -254,7 +254,7 @@ def _as_given(work: Work) -> Answer | None:
             for tree in row_factors.lagrangians_of_lines(system, written, table, signs):
                 if ex.holds(tree, ex.TIME) and (best is not None or not wants_time):
                     continue
-                real = tree if table is None else quadratures.real_form(tree, table)
+                real = tree if table is None else antiderivatives.real_form(tree, table)
                 forms = dict.fromkeys((tidy.tidied(real, system), real, tree))
                 best = next((form for form in forms if is_confirmed(work, form, ex.holds(form, ex.TIME))), best)
                 if best is not None and not ex.holds(best, ex.TIME):
@@ -304,9 +304,9 @@ def _is_complete(answer: Answer) -> bool:
 
 def _with_time_instead(work: Work, autonomous: Answer) -> Answer:
     """If L(q, v) was not found, has no closed H, or is hard to read: a better L(t, q, v), if there is one."""
-    from inverse_service.search.factors import asks_for_no_time
+    from inverse_service.search import families
 
-    if asks_for_no_time(work.analysis.system):
+    if families.asks_for_no_time(work.analysis.system):
         return autonomous  # without a factor e^(ct), the search would be the same
     decision = _decide(work, with_time=True)
     if decision.verdict != "variational":
