@@ -95,7 +95,7 @@ def test_every_package_has_a_floor() -> None:
     "source",
     [
         "from inverse_service.mechanics.conditions import conditions",
-        "import inverse_service.field.point",
+        "import inverse_service.field.modular",
         "def f():\n    from inverse_service.web import routes",
         "from ..mechanics import conditions",
         "from inverse_service import service",

@@ -27,7 +27,7 @@ from inverse_service.decision.solutions import Answer, Lagrangian, Step, Verdict
 from inverse_service.explanation.wording import said, separated
 from inverse_service.expressions.notation import row
 from inverse_service.expressions.tree import TIME, Expression, Number, Power, Symbol, Velocity, walk
-from inverse_service.field import modular, point as ps
+from inverse_service.field import modular
 from inverse_service.linear_pde.involution import Finding, Unknown, halved_squares, prolonged, solution_of
 from inverse_service.mechanics import constrained_motion, second_order_system
 from inverse_service.mechanics.legendre import legendre
@@ -435,13 +435,13 @@ def series_steps(analyzed: existence.AnalyzedMotion, found: Finding, with_time: 
     motion = analyzed.motion
     if any(deciding.is_irrational(node) for tree in (*analyzed.velocities, *analyzed.forces) for node in walk(tree)):
         return ()
-    variables: list[ps.Variable] = [*[TIME] * with_time, *map(Symbol, analyzed.names), *map(Velocity, motion.free)]
+    variables: list[modular.Variable] = [*[TIME] * with_time, *map(Symbol, analyzed.names), *map(Velocity, motion.free)]
     symbols = [*variables, *map(Symbol, motion.parameters)]
     for first in range(1, 1 + bounds.ATTEMPTS):
         values = {symbol: first + k for k, symbol in enumerate(symbols)}
         try:
             coefficients = _coefficients(analyzed, found, with_time, values)
-        except ps.SingularPoint:
+        except modular.SingularPoint:
             continue
         if coefficients is not None and len(coefficients) <= bounds.SHOWN:
             return (_written(variables, values, coefficients, len(motion.dependent)),)
@@ -449,10 +449,10 @@ def series_steps(analyzed: existence.AnalyzedMotion, found: Finding, with_time: 
 
 
 def _coefficients(
-    analyzed: existence.AnalyzedMotion, found: Finding, with_time: bool, values: Mapping[ps.Variable, int]
+    analyzed: existence.AnalyzedMotion, found: Finding, with_time: bool, values: Mapping[modular.Variable, int]
 ) -> dict[Unknown, Fraction] | None:
     card = existence.ConstrainedAt(
-        analyzed, with_time, lambda seed: ps.Point(modular.safe_prime(seed), seed, variables=dict(values))
+        analyzed, with_time, lambda seed: modular.Point(modular.safe_prime(seed), seed, variables=dict(values))
     )
     return deciding.reconstructed(lambda seed: _residues(card, found, seed))
 
@@ -467,7 +467,10 @@ def _residues(card: existence.ConstrainedAt, found: Finding, seed: int) -> tuple
 
 
 def _written(
-    variables: list[ps.Variable], values: Mapping[ps.Variable, int], found: Mapping[Unknown, Fraction], dependent: int
+    variables: list[modular.Variable],
+    values: Mapping[modular.Variable, int],
+    found: Mapping[Unknown, Fraction],
+    dependent: int,
 ) -> Step:
     def series(function: int) -> Expression:
         chosen = {index: a for (which, index), a in found.items() if which == function and a}

@@ -25,7 +25,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, substitute
 from inverse_service.field import dense_series, tower as towers
 from inverse_service.field.exact_field import TooLarge
-from inverse_service.field.point import Point, SingularPoint, Variable
+from inverse_service.field.modular import Point, SingularPoint, Variable
 from inverse_service.field.real_point import RealTable, find_real_point, is_defined, requirements
 from inverse_service.field.reduction import reduce_atoms, signed_factors
 from inverse_service.linear_pde import equations, involution

@@ -23,7 +23,7 @@ from inverse_service.deadline import OutOfTime, check, left, now, until, within
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import Lagrangian, SolveOptions
 from inverse_service.expressions import collecting, derivative, tree as ex
-from inverse_service.field import exact_field, matrices, modular, null_vectors, tower
+from inverse_service.field import exact_field, matrices, modular, tower
 from inverse_service.field.echelon import Words
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus
 from inverse_service.mechanics import euler_lagrange
@@ -292,7 +292,7 @@ def _solve_ansatz(sampler: ansatz.Sampler, candidates: Sequence[tm.Monomial], se
         return _euler_lagrange_matrix(table, letters, candidates)
 
     # Equations of cyclic coordinates can be trivial, so the first samples need not suffice.
-    kernel = null_vectors.settled_kernel(len(candidates), equations, n, sampler.prime(seed))
+    kernel = matrices.settled_kernel(len(candidates), equations, n, sampler.prime(seed))
     return ansatz.LagrangianSpace(sampler, tuple(ansatz.null_combinations(kernel, candidates)))
 
 

@@ -22,7 +22,7 @@ from inverse_service.deadline import left, now
 from inverse_service.decision import certify, deciding, solutions
 from inverse_service.explanation import positive, wording
 from inverse_service.expressions import notation, tree as ex
-from inverse_service.field import exact_field, point as ps, real_point, reduction, tower
+from inverse_service.field import exact_field, modular, real_point, reduction, tower
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics import constrained_motion, writing
 from inverse_service.mechanics.legendre import legendre
@@ -97,8 +97,8 @@ def closed_subsystem(
         if table is None:
             return None
         point = tower.draw_point(reduction.reduce_atoms(trees, everything, table), 1)
-        rows = [ps.gradient(tree, variables, point) for tree in trees]
-    except (errors.IrreducibleAtoms, ps.SingularPoint, ValueError):
+        rows = [modular.gradient(tree, variables, point) for tree in trees]
+    except (errors.IrreducibleAtoms, modular.SingularPoint, ValueError):
         return None
     own = [[int(k == place) for k in range(len(variables))] for place in range(1 + len(names))]
     for size in range(len(motion.free), 0, -1):

@@ -32,7 +32,7 @@ import numpy as np
 import numpy.typing as npt
 
 from inverse_service.expressions.tree import Expression
-from inverse_service.field import dense_series as machine, point as ps
+from inverse_service.field import dense_series as machine, modular
 from inverse_service.field.dense_series import Registers, SeriesProgram, products, run_again
 from inverse_service.linear_pde.equations import NO_DERIVATIVE, Equations, Function, LocalEquations, TermTable, Unknowns
 from inverse_service.linear_pde.involution import Matrix
@@ -102,7 +102,9 @@ def regular_on_constraints(shape: Shape) -> Matrix:
     return Matrix(matrix_of(shape).entries[: shape.free], shape.free)
 
 
-def written(shape: Shape, variables: Sequence[ps.Variable], field: Sequence[Expression], order: int) -> SeriesProgram:
+def written(
+    shape: Shape, variables: Sequence[modular.Variable], field: Sequence[Expression], order: int
+) -> SeriesProgram:
     """X without its t component, and the coefficients, for series to this order in the displacements of x."""
     series = SeriesProgram(variables, order)
     series.register(shape.one + 2)

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 from inverse_service import bounds, deadline, errors
 from inverse_service.decision import helmholtz, solutions
 from inverse_service.expressions import printing, tree as ex
-from inverse_service.field import dense_series as machine, modular, point as ps, reduction
+from inverse_service.field import dense_series as machine, modular, reduction
 from inverse_service.field.real_point import RealTable, find_real_point, first_real_point
 from inverse_service.field.tower import Tower, draw_point, to_kernels
 from inverse_service.linear_pde import equations as pde, involution
@@ -34,7 +34,6 @@ from inverse_service.mechanics import second_order_system
 
 if TYPE_CHECKING:
     from inverse_service.certificate.checker import CheckResult
-    from inverse_service.field.sample_points import KnownTower
 
 
 # (kind, i, j, alpha): which Helmholtz equation, which Taylor coefficient of it.
@@ -57,7 +56,7 @@ Key = TypeVar("Key")
 class Analysis:
     """f in kernels and the tower of its atoms, built once for both questions.
 
-    `towers` caches the towers that ansätze needed, with their random points, which lie on the constraints if velocities
+    `towers` caches the `KnownTower`s of ansätze, with their random points, which lie on the constraints if velocities
     are `constrained` to be functions of the others. `proofs` caches the checker's results.
     """
 
@@ -66,16 +65,16 @@ class Analysis:
     tower: Tower
     real_point: RealTable | None
     constrained: Mapping[ex.Velocity, ex.Expression] = field(default_factory=dict)
-    towers: list[KnownTower] = field(default_factory=list, compare=False, repr=False)
+    towers: list[Any] = field(default_factory=list, compare=False, repr=False)
     proofs: dict[str, tuple[dict[str, Any], CheckResult]] = field(default_factory=dict, compare=False, repr=False)
 
 
-def variables_of(system: second_order_system.SecondOrderSystem) -> tuple[ps.Variable, ...]:
+def variables_of(system: second_order_system.SecondOrderSystem) -> tuple[modular.Variable, ...]:
     """t, q, v, the parameters, and accelerations that are symbols."""
     return (*system.variables, *map(ex.Symbol, system.parameters), *system.letters)
 
 
-def moving_variables(system: second_order_system.SecondOrderSystem, with_time: bool) -> tuple[ps.Variable, ...]:
+def moving_variables(system: second_order_system.SecondOrderSystem, with_time: bool) -> tuple[modular.Variable, ...]:
     """(t?, q, v)."""
     return variables_of(system)[not with_time : 1 + 2 * len(system.coordinates)]
 
@@ -152,7 +151,7 @@ class HelmholtzAt:
         analysis: Analysis,
         with_time: bool,
         among: helmholtz.Among = (),
-        draw: Callable[[int], ps.Point] | None = None,
+        draw: Callable[[int], modular.Point] | None = None,
     ) -> None:
         variables = moving_variables(analysis.system, with_time)
         n, size, self._among = len(analysis.accelerations), len(variables), among
@@ -223,8 +222,8 @@ def _of_one_coordinate(analysis: Analysis, with_time: bool, seed: int) -> involu
         return None
     point = draw_point(analysis.tower, seed)
     try:
-        ps.evaluate(analysis.accelerations[0], point, {})
-    except ps.SingularPoint:
+        modular.evaluate(analysis.accelerations[0], point, {})
+    except modular.SingularPoint:
         return None
     symbol = involution.Symbol(2, 3, (1, 1, 0)) if with_time else involution.Symbol(1, 1, (1, 0))
     history = ((1,), (1, 3), (1, 3, 6)) if with_time else ((1,), (1, 2), (1, 2, 3))
@@ -282,7 +281,7 @@ def regular_series(analysis: Analysis, with_time: bool, order: int, seed: int, s
         point = draw_point(analysis.tower, seed + attempt)
         try:
             found = regular_at(analysis, point, with_time, (order, spare), _at_random(f"series {seed} {attempt}"))
-        except ps.SingularPoint:
+        except modular.SingularPoint:
             continue
         if found is not None:
             return {
@@ -300,7 +299,7 @@ def _at_random(seed: str) -> involution.Choice:
 
 
 def regular_at(
-    analysis: Analysis, point: ps.Point, with_time: bool, orders: tuple[int, int], choose: involution.Choice
+    analysis: Analysis, point: modular.Point, with_time: bool, orders: tuple[int, int], choose: involution.Choice
 ) -> dict[tuple[int, ...], int] | None:
     """{multi-index: coefficient} of a solution at the point to the first order, prolonged by the second.
 
@@ -311,7 +310,7 @@ def regular_at(
     return None if found is None else {index: value for (_, index), value in found.items()}
 
 
-def prolonged(analysis: Analysis, point: ps.Point, with_time: bool, order: int) -> pde.Prolongation:
+def prolonged(analysis: Analysis, point: modular.Point, with_time: bool, order: int) -> pde.Prolongation:
     """All rows up to the order at the point; SingularPoint if f has no value there."""
     return involution.prolonged(HelmholtzAt(analysis, with_time, draw=lambda _: point), 0, order)
 
@@ -351,18 +350,18 @@ def rational_series(analysis: Analysis, with_time: bool, order: int, spare: int 
             if _dimension(analysis, _at(point, 0), with_time, (order, spare)) != generic:
                 continue
             found = _reconstructed(analysis, point, with_time, (order, spare))
-        except ps.SingularPoint:
+        except modular.SingularPoint:
             continue
         if found is not None:
             return RationalSeries(order, variables, point, {index: a for index, a in found.items() if a})
     return None
 
 
-def _at(values: Mapping[ex.Symbol | ex.Velocity, int], seed: int) -> ps.Point:
-    return ps.Point(modular.safe_prime(seed), seed, variables=dict(values))
+def _at(values: Mapping[ex.Symbol | ex.Velocity, int], seed: int) -> modular.Point:
+    return modular.Point(modular.safe_prime(seed), seed, variables=dict(values))
 
 
-def _dimension(analysis: Analysis, point: ps.Point, with_time: bool, orders: tuple[int, int]) -> int:
+def _dimension(analysis: Analysis, point: modular.Point, with_time: bool, orders: tuple[int, int]) -> int:
     """The number of free coefficients; more than at a random point means that this point is singular."""
     return prolonged(analysis, point, with_time, sum(orders)).dimension(orders[0])
 

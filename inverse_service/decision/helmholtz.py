@@ -44,7 +44,7 @@ import numpy as np
 import numpy.typing as npt
 
 from inverse_service.expressions import derivative, tree as ex
-from inverse_service.field import dense_series as machine, point as ps, tower
+from inverse_service.field import dense_series as machine, modular, tower
 from inverse_service.linear_pde import equations as pde, involution
 from inverse_service.mechanics import conditions
 
@@ -86,7 +86,7 @@ class Written(NamedTuple):
     registers: Integers
 
 
-def written(variables: Sequence[ps.Variable], forces: Sequence[ex.Expression], order: int) -> Written:
+def written(variables: Sequence[modular.Variable], forces: Sequence[ex.Expression], order: int) -> Written:
     """The program for f to order D at most in (t?, q, v), Phi to order D - 2; TooLarge if it needs too much memory."""
     program, field, motion = motion_of_series(variables, forces, order)
     tensors = conditions.connection(motion), conditions.jacobi_endomorphism(motion)
@@ -96,7 +96,7 @@ def written(variables: Sequence[ps.Variable], forces: Sequence[ex.Expression], o
 
 
 def motion_of_series(
-    variables: Sequence[ps.Variable], forces: Sequence[ex.Expression], order: int
+    variables: Sequence[modular.Variable], forces: Sequence[ex.Expression], order: int
 ) -> tuple[machine.SeriesProgram, tuple[machine.Series, ...], conditions.Motion[machine.Series]]:
     """The program, X, and the motion about a point, for series to this order in the displacements (t?, q, v)."""
     program, size, n = machine.SeriesProgram(variables, order), len(variables), len(forces)
@@ -156,7 +156,7 @@ def _entries(n: int) -> Mapping[tuple[int, int], int]:
 class Derivation:
     """The components of Y, the number c, and whether Y(L) = c L is exact."""
 
-    parts: Mapping[ps.Variable, ex.Expression]
+    parts: Mapping[modular.Variable, ex.Expression]
     weight: int
     exact: bool
 
@@ -199,7 +199,7 @@ def invariant(fields: Sequence[Mapping[str, tuple[str, ex.Expression]]], names: 
     """The kind of Lagrangians invariant under vector fields, whose components by coordinate are (text, tree)."""
     found = []
     for field in fields:
-        lifted: dict[ps.Variable, ex.Expression] = {
+        lifted: dict[modular.Variable, ex.Expression] = {
             ex.Symbol(name): tower.to_kernels(tree) for name, (_, tree) in field.items()
         }
         rates = {ex.Velocity(name): derivative.differentiate_in_time(tree, names) for name, (_, tree) in field.items()}

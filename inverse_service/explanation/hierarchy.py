@@ -32,7 +32,7 @@ from flint import nmod_mat
 from inverse_service import bounds, errors
 from inverse_service.decision import deciding, helmholtz
 from inverse_service.expressions import notation, tree as ex
-from inverse_service.field import dense_series as machine, exact_field, matrices, null_vectors, point as ps, tower
+from inverse_service.field import dense_series as machine, exact_field, matrices, modular, tower
 from inverse_service.mechanics import conditions as cd
 from inverse_service.mechanics.conditions import S, Tensor11, Tensor12
 
@@ -146,7 +146,7 @@ class PointwiseConditions:
 
     def kernel(self, names: Sequence[EquationName]) -> list[list[int]]:
         """A basis of the g that satisfy the named equations."""
-        return null_vectors.null_rows([self.rows[name] for name in names], len(unknowns(self.size)), self.prime)
+        return matrices.null_rows([self.rows[name] for name in names], len(unknowns(self.size)), self.prime)
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +171,7 @@ class LocalTensors:
         }
         return cls(motion.size, program, tensors, written)
 
-    def at(self, point: ps.Point) -> tuple[machine.Registers, PointwiseConditions]:
+    def at(self, point: modular.Point) -> tuple[machine.Registers, PointwiseConditions]:
         """All series about the point, and the equations there; SingularPoint if a denominator vanishes."""
         instructions = self.program.listed
         constants = machine.constants_at(self.program, point)
@@ -195,7 +195,7 @@ def tensors_at(analysis: deciding.Analysis, seed: int, depth: int) -> PointwiseC
     tensors = LocalTensors.of(analysis, depth)
     for attempt in range(bounds.ATTEMPTS):
         point = tower.draw_point(analysis.tower, seed * bounds.ATTEMPTS + attempt)
-        with suppress(ps.SingularPoint):
+        with suppress(modular.SingularPoint):
             return tensors.at(point)[1]
     raise errors.IrreducibleAtoms("the formulas vanish or have no value at every random point tried")
 
@@ -500,10 +500,10 @@ def _lines(
     return tuple(lines)
 
 
-def _is_nonzero(ring: exact_field.ExactRing, element: exact_field.Quotient, point: ps.Point) -> bool:
+def _is_nonzero(ring: exact_field.ExactRing, element: exact_field.Quotient, point: modular.Point) -> bool:
     """Whether the value at the random point is nonzero; TooLarge if it cannot be evaluated."""
     numerator = tower.to_kernels(exact_field.polynomial_tree(ring, element.numerator))
     try:
-        return ps.evaluate(numerator, point) % point.prime != 0
-    except (KeyError, TypeError, ValueError, ps.SingularPoint) as error:
+        return modular.evaluate(numerator, point) % point.prime != 0
+    except (KeyError, TypeError, ValueError, modular.SingularPoint) as error:
         raise exact_field.TooLarge("an expression could not be evaluated modulo a prime") from error

@@ -28,7 +28,7 @@ from inverse_service.decision.deciding import Analysis
 from inverse_service.decision.solutions import Step
 from inverse_service.explanation import hierarchy, wording
 from inverse_service.expressions import collecting, notation, printing, tree as ex
-from inverse_service.field import exact_field, matrices, modular, null_vectors, point as ps, tower
+from inverse_service.field import exact_field, matrices, modular, tower
 from inverse_service.field.dense_series import Series
 from inverse_service.mechanics.conditions import MotionInRing, Tensor11, Tensor12, motion_in_ring
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -309,7 +309,7 @@ def _closing_step_at_point(free: Sequence[ex.Symbol]) -> Step:
 
 
 @dataclass(slots=True)
-class SmallPoint(ps.Point):
+class SmallPoint(modular.Point):
     """A point whose free values are small integers, the same modulo every prime."""
 
     def draw(self, key: object) -> int:
@@ -318,7 +318,7 @@ class SmallPoint(ps.Point):
 
 
 @dataclass(slots=True)
-class PlainPoint(ps.Point):
+class PlainPoint(modular.Point):
     """A point where variables and tangents of half angles are often 0, so that fewer terms remain.
 
     Every fourth point has velocities such as 3/5, at which roots like (1 - v^2)^(1/2) are rational.
@@ -329,7 +329,7 @@ class PlainPoint(ps.Point):
         if not (isinstance(key, tuple) and isinstance(key[0], ex.Symbol | ex.Velocity | ex.Sum | ex.Product)):
             return source.randint(1, 2)
         fractions = isinstance(key[0], ex.Velocity) and self.seed % 4 == 3
-        return ps.number_value(source.choice(_SPEEDS if fractions else _PLAIN[self.seed % 4]), self.prime)
+        return modular.number_value(source.choice(_SPEEDS if fractions else _PLAIN[self.seed % 4]), self.prime)
 
 
 def has_points(analysis: Analysis) -> bool:
@@ -337,7 +337,7 @@ def has_points(analysis: Analysis) -> bool:
     radians = any(isinstance(rule, tower.AngleRule) and rule.radians for rule in analysis.tower.rules)
     bare = bare_variables(analysis.accelerations)
     numbers = any(
-        isinstance(atom, ex.Apply) and not ps.variables_in(atom)
+        isinstance(atom, ex.Apply) and not modular.variables_in(atom)
         for atom in tower.atoms_in_order(analysis.accelerations)
     )
     return not radians and ex.PI not in bare and not numbers
@@ -351,7 +351,7 @@ def is_real(analysis: Analysis) -> bool:
     Otherwise they are values allowed by the same algebraic relations.
     """
     bare = bare_variables(analysis.accelerations)
-    arguments: list[Mapping[ps.Variable, Fraction]] = []
+    arguments: list[Mapping[modular.Variable, Fraction]] = []
     for rule in analysis.tower.rules:
         if isinstance(rule, tower.ExponentialRule) and rule.constant:
             return False  # e has its own value
@@ -366,9 +366,9 @@ def is_real(analysis: Analysis) -> bool:
     return not names or len(matrices.echelon_of(rows, len(names))) == len(arguments)
 
 
-def _of_variables(tree: ex.Expression) -> dict[ps.Variable, Fraction] | None:
+def _of_variables(tree: ex.Expression) -> dict[modular.Variable, Fraction] | None:
     """The coefficients of a rational combination of variables; None for another expression."""
-    found: dict[ps.Variable, Fraction] = {}
+    found: dict[modular.Variable, Fraction] = {}
     for monomial, value in collecting.expand(tree):
         match monomial:
             case ((ex.Symbol() | ex.Velocity() as name, 1),):
@@ -378,9 +378,9 @@ def _of_variables(tree: ex.Expression) -> dict[ps.Variable, Fraction] | None:
     return found
 
 
-def bare_variables(expressions: Iterable[ex.Expression]) -> set[ps.Variable]:
+def bare_variables(expressions: Iterable[ex.Expression]) -> set[modular.Variable]:
     """Variables that occur outside transcendental atoms."""
-    found: set[ps.Variable] = set()
+    found: set[modular.Variable] = set()
     for each in expressions:
         if isinstance(each, ex.Symbol | ex.Velocity):
             found.add(each)
@@ -434,8 +434,8 @@ def numbers_at_a_point(analysis: Analysis, chosen: hierarchy.SufficientSet, dead
         if values is None:
             continue
         rows = _rows(values, chosen, width).values()
-        residues = [tuple(ps.number_value(entry, CHOSEN) for entry in row) for row in rows]
-        if hierarchy.all_singular(null_vectors.null_rows(residues, width, CHOSEN), size, CHOSEN):
+        residues = [tuple(modular.number_value(entry, CHOSEN) for entry in row) for row in rows]
+        if hierarchy.all_singular(matrices.null_rows(residues, width, CHOSEN), size, CHOSEN):
             return values
     return None
 
@@ -471,11 +471,11 @@ def _residues(
         for rule in analysis.tower.rules:
             tower.replay(rule, point, analysis.tower.scale)
         for tree, sign in (*((radicand, 1) for radicand in analysis.tower.radicands), *analysis.tower.signs):
-            if modular.is_positive(ps.evaluate(tree, point), prime) != (sign > 0):
+            if modular.is_positive(modular.evaluate(tree, point), prime) != (sign > 0):
                 return None
-        found: dict[Any, int] = {atom: ps.evaluate(atom, point) for atom in _atoms(analysis, chosen)}
+        found: dict[Any, int] = {atom: modular.evaluate(atom, point) for atom in _atoms(analysis, chosen)}
         return {**found, **_conditions(tensors, chosen, point), **point.variables}
-    except (ps.SingularPoint, ValueError, ZeroDivisionError, errors.IrreducibleAtoms):
+    except (modular.SingularPoint, ValueError, ZeroDivisionError, errors.IrreducibleAtoms):
         return None
 
 
@@ -483,7 +483,9 @@ def _atoms(analysis: Analysis, chosen: hierarchy.SufficientSet) -> list[ex.Expre
     return atoms_and_jets(analysis, max(condition.order for condition in chosen.conditions) - 1)
 
 
-def _conditions(tensors: hierarchy.LocalTensors, chosen: hierarchy.SufficientSet, point: ps.Point) -> dict[object, int]:
+def _conditions(
+    tensors: hierarchy.LocalTensors, chosen: hierarchy.SufficientSet, point: modular.Point
+) -> dict[object, int]:
     """The tensors' components and the rows of the equations at the point."""
     registers, pointwise = tensors.at(point)
     found: dict[object, int] = {}

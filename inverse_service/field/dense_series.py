@@ -28,7 +28,7 @@ import numpy as np
 import numpy.typing as npt
 
 from inverse_service.expressions import tree as ex
-from inverse_service.field import modular, point as ps
+from inverse_service.field import modular
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus, power
 from inverse_service.kernels.machine_code.kernels import Kept
@@ -52,7 +52,7 @@ TRIGONOMETRIC = 9  # out, b := sin a, cos a with the constant terms c, c + 1
 PRIMITIVE = 10  # out := y with b E y = E a (log a for b = a) and the constant term c
 WIDTH = 6
 # The value of a constant at a point; the table caches values at that point.
-Recipe = Callable[[ps.Point, dict[ex.Expression, int]], int]
+Recipe = Callable[[modular.Point, dict[ex.Expression, int]], int]
 _ONE = 0
 # Limits on the words of registers and of product tables; positive answers about motions require orders up to 12.
 _MOST_WORDS, _MOST_PRODUCTS = 40_000_000, 16_000_000
@@ -435,14 +435,14 @@ class SeriesProgram:
     TooLarge if the tables or the registers would take too much memory.
     """
 
-    variables: Sequence[ps.Variable]
+    variables: Sequence[modular.Variable]
     order: int
     registers: int = 0
     instructions: list[tuple[int, int, int, int, int, int]] = field(default_factory=list)
     recipes: list[Recipe] = field(default_factory=lambda: [lambda point, known: 1])
     known: dict[Hashable, int] = field(default_factory=dict)
     numbers: dict[tuple[int, int], int] = field(default_factory=lambda: {(1, 1): _ONE})
-    places: dict[ps.Variable, int] = field(init=False)
+    places: dict[modular.Variable, int] = field(init=False)
 
     def __post_init__(self) -> None:
         self.places = {variable: place for place, variable in enumerate(self.variables)}
@@ -470,7 +470,7 @@ class SeriesProgram:
         """The place of a constant number."""
         key = (value.numerator, value.denominator)
         if key not in self.numbers:
-            self.numbers[key] = self.constant(lambda point, known: ps.number_value(Fraction(value), point.prime))
+            self.numbers[key] = self.constant(lambda point, known: modular.number_value(Fraction(value), point.prime))
         return self.numbers[key]
 
     def write(self, operation: int, out: int, a: int = 0, b: int = 0, c: int = _ONE, lost: int = 0) -> int:
@@ -504,7 +504,7 @@ class SeriesProgram:
                 return self._arbitrary(tree)
         raise TypeError(f"{type(tree).__name__} is not a kernel")
 
-    def _variable(self, name: ps.Variable) -> int:
+    def _variable(self, name: modular.Variable) -> int:
         value = self.constant(lambda point, known: point.variable(name))
         out = self.write(CONSTANT, self.register(), c=value)
         if name in self.places:
@@ -537,8 +537,10 @@ class SeriesProgram:
         inner = self.expand(base)
         if exponent.denominator == 1:
             return self._integer_power(base, inner, exponent.numerator)
-        residue = self.constant(lambda point, known: ps.number_value(exponent, point.prime))
-        self.constant(lambda point, known: ps.power_value(ps.evaluate(base, point, known), exponent, point.prime))
+        residue = self.constant(lambda point, known: modular.number_value(exponent, point.prime))
+        self.constant(
+            lambda point, known: modular.power_value(modular.evaluate(base, point, known), exponent, point.prime)
+        )
         return self.write(POWER, self.register(), inner, c=residue)
 
     def _integer_power(self, base: ex.Expression, inner: int, exponent: int) -> int:
@@ -619,8 +621,8 @@ def _taylor_coefficient(tree: ex.Arbitrary, more: tuple[int, ...]) -> Recipe:
     orders = tuple(a + b for a, b in zip(tree.orders, more, strict=True))
     factorials = math.prod(math.factorial(k) for k in more)
 
-    def value(point: ps.Point, known: dict[ex.Expression, int]) -> int:
-        place = tuple(ps.evaluate(argument, point, known) for argument in tree.arguments)
+    def value(point: modular.Point, known: dict[ex.Expression, int]) -> int:
+        place = tuple(modular.evaluate(argument, point, known) for argument in tree.arguments)
         return point.jet(tree.name, place, orders) * pow(factorials, -1, point.prime) % point.prime
 
     return value
@@ -744,7 +746,7 @@ class Registers:
         return found
 
 
-def constants_at(program: SeriesProgram, point: ps.Point) -> Words:
+def constants_at(program: SeriesProgram, point: modular.Point) -> Words:
     """The constants at the point; SingularPoint for a division by zero, ValueError for a missing root."""
     known: dict[ex.Expression, int] = {}
     return np.array([_montgomery(recipe(point, known), point.prime) for recipe in program.recipes], np.uint64)
@@ -788,7 +790,7 @@ def _run(registers: Registers, instructions: Integers, constants: Words) -> Regi
     small, inverses = modular.small_numbers(prime, order + 2), _inverses(prime, order + 1)
     given = Machine(registers.stored, registers.tables, modular.field_of(prime), small, inverses)
     if carry_out(instructions, constants, given) >= 0:
-        raise ps.SingularPoint("division by a series that vanishes at the point")
+        raise modular.SingularPoint("division by a series that vanishes at the point")
     return registers
 
 

@@ -15,7 +15,7 @@ import mpmath
 from inverse_service import errors
 from inverse_service.expressions import evaluation, tree as ex
 from inverse_service.field import tower
-from inverse_service.field.point import Variable
+from inverse_service.field.modular import Variable
 
 _DIGITS = 40
 _TRIES_PER_SCALE = 60

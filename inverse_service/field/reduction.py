@@ -32,7 +32,7 @@ from flint import fmpq_mpoly, fmpz_mat, nmod_mat
 from inverse_service import bounds, errors
 from inverse_service.expressions import collecting, inequalities, tree as ex
 from inverse_service.expressions.pieces import STEP
-from inverse_service.field import exact_field, modular, point as ps, real_point, tower as towers
+from inverse_service.field import exact_field, modular, real_point, tower as towers
 
 _MOST_TERMS, _CAPACITY = 3_000, 48
 # The largest multiple of an angle under a root; the degree of its sine in the tangent of the half angle is twice this.
@@ -260,7 +260,7 @@ def _has_constant_symbol(tower: towers.Tower, factor: ex.Expression) -> bool:
     found = set()
     for k in range(_SAMPLES):
         point = towers.draw_point(tower, 5000 + k)
-        found.add(modular.is_positive(ps.evaluate(factor, point), point.prime))
+        found.add(modular.is_positive(modular.evaluate(factor, point), point.prime))
         if len(found) > 1:
             return False
     return True
@@ -308,7 +308,7 @@ def _square_root(ring: Generators, polynomial: fmpq_mpoly) -> ex.Expression | No
 
 
 def reduce_atoms(
-    expressions: Sequence[ex.Expression], variables: Sequence[ps.Variable], table: real_point.RealTable | None
+    expressions: Sequence[ex.Expression], variables: Sequence[modular.Variable], table: real_point.RealTable | None
 ) -> towers.Tower:
     """The tower of expressions in kernels; raises IrreducibleAtoms if it cannot be determined.
 
@@ -572,8 +572,8 @@ def _order(vectors: Mapping[ex.Expression, Factors], degrees: Mapping[ex.Express
 
 
 def values_modulo_primes(
-    expressions: Sequence[ex.Expression], variables: Sequence[ps.Variable], points: int = 2, seed: int = 1
-) -> list[tuple[ps.Point, list[int]]] | None:
+    expressions: Sequence[ex.Expression], variables: Sequence[modular.Variable], points: int = 2, seed: int = 1
+) -> list[tuple[modular.Point, list[int]]] | None:
     """The residues of all expressions at `points` random points, each over a separate prime.
 
     None if the relations among their functions cannot be determined or no point is found.
@@ -587,8 +587,8 @@ def values_modulo_primes(
             point = towers.draw_point(tower, seed * bounds.ATTEMPTS + attempt)
             known: dict[ex.Expression, int] = {}
             try:
-                found.append((point, [ps.evaluate(kernel, point, known) for kernel in kernels]))
-            except (ps.SingularPoint, ValueError, ZeroDivisionError, KeyError):
+                found.append((point, [modular.evaluate(kernel, point, known) for kernel in kernels]))
+            except (modular.SingularPoint, ValueError, ZeroDivisionError, KeyError):
                 continue
             if len(found) == points:
                 return found
@@ -597,7 +597,7 @@ def values_modulo_primes(
     return None
 
 
-def vanish(expressions: Sequence[ex.Expression], variables: Sequence[ps.Variable], seed: int = 1) -> bool | None:
+def vanish(expressions: Sequence[ex.Expression], variables: Sequence[modular.Variable], seed: int = 1) -> bool | None:
     """True if all vanish at two points, False if one does not, None if that cannot be decided.
 
     A nonzero rational function of degree d vanishes at a random point with probability about d/2^61.
@@ -609,7 +609,7 @@ def vanish(expressions: Sequence[ex.Expression], variables: Sequence[ps.Variable
 
 
 def rank_at_point(
-    matrix: Sequence[Sequence[ex.Expression]], variables: Sequence[ps.Variable], seed: int = 1
+    matrix: Sequence[Sequence[ex.Expression]], variables: Sequence[modular.Variable], seed: int = 1
 ) -> int | None:
     """The rank of a matrix of expressions at a random point, which is its generic rank (almost surely)."""
     flat = [entry for row in matrix for entry in row]

@@ -28,7 +28,7 @@ from flint import nmod_mat
 
 from inverse_service import errors
 from inverse_service.expressions import tree as ex
-from inverse_service.field import modular, null_vectors, point as ps
+from inverse_service.field import matrices, modular
 
 # The angle of one radian, when constants such as cos(1) occur.
 RADIAN = ex.Symbol("radian")
@@ -144,14 +144,14 @@ class ExponentialRule:
     prime_powers: tuple[tuple[int, Fraction], ...] = ()
     constant: Fraction = Fraction(0)
 
-    def value(self, point: ps.Point, scale: Scale) -> int:
+    def value(self, point: modular.Point, scale: Scale) -> int:
         if self.free:
             return pow(point.draw_free(self.atom), 2, point.prime)
-        result = ps.constant_value("exp", self.constant, point)
+        result = modular.constant_value("exp", self.constant, point)
         for atom, exponent in self.exponentials:
             result *= modular.positive_power(point.atoms[atom], exponent, point.prime)
         for argument, exponent in self.arguments_of_logarithms:
-            result *= modular.positive_power(ps.evaluate(argument, point), exponent, point.prime)
+            result *= modular.positive_power(modular.evaluate(argument, point), exponent, point.prime)
         for ell, exponent in self.prime_powers:
             result *= modular.positive_power(ell, exponent, point.prime)
         return result % point.prime
@@ -175,11 +175,11 @@ class LogarithmRule:
     constant: Fraction = Fraction(1)
     root: int = 1
 
-    def value(self, point: ps.Point, scale: Scale) -> int:
+    def value(self, point: modular.Point, scale: Scale) -> int:
         if self.free:
             return point.draw_free(self.atom)
-        result = sum(ps.evaluate(u, point) * ps.number_value(a, point.prime) for u, a in self.linear)
-        logarithm = ps.constant_value("log", self.constant, point) * pow(self.root, -1, point.prime)
+        result = sum(modular.evaluate(u, point) * modular.number_value(a, point.prime) for u, a in self.linear)
+        logarithm = modular.constant_value("log", self.constant, point) * pow(self.root, -1, point.prime)
         return (result + logarithm) % point.prime
 
     @property
@@ -200,7 +200,7 @@ class AngleRule:
     radians: Fraction = Fraction(0)
     turns: Fraction = Fraction(0)
 
-    def value(self, point: ps.Point, scale: Scale) -> tuple[int, int]:
+    def value(self, point: modular.Point, scale: Scale) -> tuple[int, int]:
         """(cos phi, sin phi)."""
         prime = point.prime
         if self.free:
@@ -216,7 +216,7 @@ class AngleRule:
         return total
 
     @staticmethod
-    def _scaled(point: ps.Point, angle: ex.Expression, factor: Fraction, scale: Scale) -> tuple[int, int]:
+    def _scaled(point: modular.Point, angle: ex.Expression, factor: Fraction, scale: Scale) -> tuple[int, int]:
         steps = factor * scale(angle)
         if steps.denominator != 1:
             raise errors.IrreducibleAtoms(f"two angles have the ratio {factor}, which is finer than can be reduced")
@@ -232,11 +232,11 @@ class ArctangentRule:
     linear: Combination = ()
     turns: Fraction = Fraction(0)
 
-    def value(self, point: ps.Point, scale: Scale) -> int:
+    def value(self, point: modular.Point, scale: Scale) -> int:
         if self.free:
             return point.draw_free(self.atom)
-        result = sum(ps.evaluate(u, point) * ps.number_value(a, point.prime) for u, a in self.linear)
-        return (result + point.variable(ex.PI) * ps.number_value(self.turns, point.prime)) % point.prime
+        result = sum(modular.evaluate(u, point) * modular.number_value(a, point.prime) for u, a in self.linear)
+        return (result + point.variable(ex.PI) * modular.number_value(self.turns, point.prime)) % point.prime
 
     @property
     def tree(self) -> ex.Expression:
@@ -251,7 +251,7 @@ def _sum_tree(linear: Combination) -> ex.Expression:
 Rule = ExponentialRule | LogarithmRule | AngleRule | ArctangentRule
 
 
-def replay(rule: Rule, point: ps.Point, scale: Scale) -> None:
+def replay(rule: Rule, point: modular.Point, scale: Scale) -> None:
     """Set the value of the rule's atom at the point."""
     if isinstance(rule, AngleRule):
         cosine, sine = rule.value(point, scale)
@@ -287,12 +287,12 @@ def circle_power(turn: tuple[int, int], exponent: int, prime: int) -> tuple[int,
     return result
 
 
-def _random_turn(point: ps.Point, angle: ex.Expression) -> tuple[int, int]:
+def _random_turn(point: modular.Point, angle: ex.Expression) -> tuple[int, int]:
     """A random point of the circle, by t -> ((1 - t^2)/(1 + t^2), 2t/(1 + t^2)); -1 is not a square."""
     return _circle_point(_random_tangent(point, angle), point.prime)
 
 
-def _random_tangent(point: ps.Point, angle: ex.Expression) -> int:
+def _random_tangent(point: modular.Point, angle: ex.Expression) -> int:
     """The tangent of half the angle in its scale; never the number drawn for an angle such as e^x or log x itself."""
     return point.draw_free(ex.Apply("tan", angle))
 
@@ -302,10 +302,10 @@ def _circle_point(t: int, prime: int) -> tuple[int, int]:
     return (1 - t * t) * factor % prime, 2 * t * factor % prime
 
 
-def _arctangent_turn(atom: ex.Expression, point: ps.Point) -> tuple[int, int]:
+def _arctangent_turn(atom: ex.Expression, point: modular.Point) -> tuple[int, int]:
     """(cos, sin) of atan(w) = (1, w)/sqrt(1 + w^2)."""
     assert isinstance(atom, ex.Apply)
-    w = ps.evaluate(atom.argument, point)
+    w = modular.evaluate(atom.argument, point)
     factor = modular.positive_power((1 + w * w) % point.prime, Fraction(-1, 2), point.prime)
     return factor, w * factor % point.prime
 
@@ -377,8 +377,8 @@ def _is_principal(turn: tuple[int, int], ell: int, order: int, prime: int) -> bo
 class Tower:
     """Rules in order, radicands that must be positive, further signs, scales of the free angles."""
 
-    variables: tuple[ps.Variable, ...]
-    real_signs: Mapping[ps.Variable, int] = field(default_factory=dict)
+    variables: tuple[modular.Variable, ...]
+    real_signs: Mapping[modular.Variable, int] = field(default_factory=dict)
     rules: list[Rule] = field(default_factory=list)
     radicands: list[ex.Expression] = field(default_factory=list)
     signs: list[Requirement] = field(default_factory=list)
@@ -427,7 +427,9 @@ def _collect(expression: ex.Expression, found: dict[ex.Expression, None]) -> Non
         found[expression] = None
 
 
-def draw_point(tower: Tower, seed: int, prime: int | None = None, flipped: frozenset[int] = frozenset()) -> ps.Point:
+def draw_point(
+    tower: Tower, seed: int, prime: int | None = None, flipped: frozenset[int] = frozenset()
+) -> modular.Point:
     """A random point at which every atom has a value and every sign is as in the tower.
 
     The prime is chosen again with each seed unless given. IrreducibleAtoms when no point is found.
@@ -448,7 +450,7 @@ class _Stage:
     The rules are not needed to see whether those `without_atoms` hold.
     """
 
-    names: frozenset[ps.Variable]
+    names: frozenset[modular.Variable]
     without_atoms: tuple[Requirement, ...]
     with_atoms: tuple[Requirement, ...]
 
@@ -458,15 +460,15 @@ class _Stage:
         return range(16 << min(len(self.without_atoms) + len(self.with_atoms), 8)) if self.names else range(1)
 
 
-def _stages(tower: Tower, moving: Iterable[ps.Variable]) -> list[_Stage]:
+def _stages(tower: Tower, moving: Iterable[modular.Variable]) -> list[_Stage]:
     """The requirements in an order in which each adds few of the moving variables to those before.
 
     k requirements of one variable each cost 2 k draws and not 2^k, and so do 1 - u^2, 1 - u^2 - v^2.
     """
     free = frozenset(moving)
     wanted = [*((w, 1) for w in tower.radicands), *tower.signs]
-    open_ones = [(free.intersection(ps.variables_in(requirement[0])), requirement) for requirement in wanted]
-    drawn: frozenset[ps.Variable] = frozenset()
+    open_ones = [(free.intersection(modular.variables_in(requirement[0])), requirement) for requirement in wanted]
+    drawn: frozenset[modular.Variable] = frozenset()
     stages = []
     while open_ones:
         added = min((names - drawn for names, _ in open_ones), key=len)
@@ -483,19 +485,19 @@ def _meet(
     stages: Sequence[_Stage],
     prime: int,
     seed: int,
-    given: Mapping[ps.Variable, int],
+    given: Mapping[modular.Variable, int],
     first: int,
     flipped: frozenset[int] = frozenset(),
-) -> ps.Point | None:
+) -> modular.Point | None:
     """A point with these numbers, the variables of each stage drawn, from one salt on, until its requirements hold."""
     salts, open_names = dict(given), frozenset().union(*(stage.names for stage in stages))
-    point, missing = ps.Point(prime, seed, tower.real_signs, dict(salts), flipped), None
+    point, missing = modular.Point(prime, seed, tower.real_signs, dict(salts), flipped), None
     for stage in stages:
         open_names -= stage.names
         for salt in stage.draws:
             if salt:
                 salts.update(dict.fromkeys(stage.names, first + salt))
-                point, missing = ps.Point(prime, seed, tower.real_signs, dict(salts), flipped), None
+                point, missing = modular.Point(prime, seed, tower.real_signs, dict(salts), flipped), None
             known: dict[ex.Expression, int] = {}
             if not _hold(stage.without_atoms, point, known):
                 continue
@@ -509,7 +511,7 @@ def _meet(
     return None if missing else point
 
 
-def moved_point(tower: Tower, place: ps.Point, moving: Sequence[ps.Variable], number: int) -> ps.Point:
+def moved_point(tower: Tower, place: modular.Point, moving: Sequence[modular.Variable], number: int) -> modular.Point:
     """A point at which all but the moving variables, and the atoms that hold these, are as at `place`.
 
     IrreducibleAtoms when no point is found.
@@ -524,14 +526,14 @@ def moved_point(tower: Tower, place: ps.Point, moving: Sequence[ps.Variable], nu
     raise errors.IrreducibleAtoms("no other point was found at which all roots exist together")
 
 
-def _replayed(tower: Tower, point: ps.Point) -> list[tuple[ps.Variable, ...]]:
+def _replayed(tower: Tower, point: modular.Point) -> list[tuple[modular.Variable, ...]]:
     """Give values to the atoms that have one at the point; the variables of each rule that gives none."""
     missing = []
     for rule in tower.rules:
         try:
             replay(rule, point, tower.scale)
-        except (ps.SingularPoint, ValueError, ZeroDivisionError, KeyError):
-            missing.append(ps.variables_in(rule.angle if isinstance(rule, AngleRule) else rule.atom))
+        except (modular.SingularPoint, ValueError, ZeroDivisionError, KeyError):
+            missing.append(modular.variables_in(rule.angle if isinstance(rule, AngleRule) else rule.atom))
     return missing
 
 
@@ -540,12 +542,13 @@ def _has_no_atoms(expression: ex.Expression) -> bool:
     return not ex.has(expression, ex.Apply)
 
 
-def _hold(requirements: Iterable[Requirement], point: ps.Point, known: dict[ex.Expression, int]) -> bool:
+def _hold(requirements: Iterable[Requirement], point: modular.Point, known: dict[ex.Expression, int]) -> bool:
     try:
         return all(
-            modular.is_positive(ps.evaluate(p, point, known), point.prime) == (sign > 0) for p, sign in requirements
+            modular.is_positive(modular.evaluate(p, point, known), point.prime) == (sign > 0)
+            for p, sign in requirements
         )
-    except (ps.SingularPoint, ValueError, ZeroDivisionError, KeyError):
+    except (modular.SingularPoint, ValueError, ZeroDivisionError, KeyError):
         return False
 
 
@@ -562,16 +565,16 @@ class Samples:
     """
 
     tower: Tower
-    points: list[ps.Point] = field(default_factory=list)
+    points: list[modular.Point] = field(default_factory=list)
     pending: list[Requirement] = field(default_factory=list)
     flips: tuple[int, ...] = ()
 
     def values(self, expression: ex.Expression) -> list[int]:
-        return [ps.evaluate(expression, point) for point in self.points]
+        return [modular.evaluate(expression, point) for point in self.points]
 
     def gradients(self, expression: ex.Expression) -> list[list[int]]:
         """Per point the partial derivatives with respect to all variables and parameters."""
-        return [ps.gradient(expression, self.tower.variables, point) for point in self.points]
+        return [modular.gradient(expression, self.tower.variables, point) for point in self.points]
 
     @property
     def prime(self) -> int:
@@ -583,7 +586,7 @@ class Samples:
             return None if any(target) else []
         rows = [[*entries, b] for entries, b in zip(zip(*columns, strict=True), target, strict=True)]
         reduced, rank = nmod_mat(len(rows), len(rows[0]), [x for row in rows for x in row], self.prime).rref()
-        if len(columns) in null_vectors.leading_columns(reduced, rank):
+        if len(columns) in matrices.leading_columns(reduced, rank):
             return None
         if rank < len(columns):
             raise IrrationalRatio("arguments of exponentials, logarithms or angles have irrational ratios")
@@ -612,13 +615,13 @@ class Samples:
         """From now on only points at which the radicand has a root."""
         if radicand not in self.tower.radicands:
             self.tower.radicands.append(radicand)
-            self.points[:] = [p for p in self.points if modular.is_positive(ps.evaluate(radicand, p), p.prime)]
+            self.points[:] = [p for p in self.points if modular.is_positive(modular.evaluate(radicand, p), p.prime)]
 
 
 def build_tower(
     expressions: Sequence[ex.Expression],
-    variables: Sequence[ps.Variable],
-    real_signs: Mapping[ps.Variable, int],
+    variables: Sequence[modular.Variable],
+    real_signs: Mapping[modular.Variable, int],
     turns: Turns,
     known: Tower | None = None,
 ) -> Tower:
@@ -640,7 +643,7 @@ def build_tower(
                 _admit_root(atom, tower, samples)
             else:
                 _admit(atom, tower, samples, turns)
-    except ps.SingularPoint as problem:
+    except modular.SingularPoint as problem:
         raise errors.IrreducibleAtoms("a denominator inside a function vanishes at the points tried") from problem
     _finish_scales(tower)
     samples.admit_pending()
@@ -721,7 +724,7 @@ def _square_roots(*trees: ex.Expression) -> tuple[int, ...]:
     """The primes under square roots of numbers, where no other roots of constants occur."""
     found: dict[int, None] = {}
     for node in ex.distinct_nodes(trees):
-        if not is_root(node) or not isinstance(node, ex.Power) or ps.variables_in(node):
+        if not is_root(node) or not isinstance(node, ex.Power) or modular.variables_in(node):
             continue
         base, exponent = node.base, node.exponent
         if not (isinstance(base, ex.Number) and isinstance(exponent, ex.Number) and exponent.value.denominator == 2):
@@ -807,19 +810,21 @@ def _constant_factor(
     other = draw_point(samples.tower, 11)
     if found or constant is None or constant <= 0 or other.prime == samples.prime:
         raise errors.IrreducibleAtoms("a logarithm of a constant that is not a rational number cannot be reduced")
-    if ps.number_value(constant, other.prime) != _constant_power(atom, linear, root, other):
+    if modular.number_value(constant, other.prime) != _constant_power(atom, linear, root, other):
         raise errors.IrreducibleAtoms("a logarithm of a constant that is not a rational number cannot be reduced")
     return constant, root
 
 
 def _constant_power(
-    atom: ex.Apply, linear: Sequence[tuple[ex.Expression, Fraction]], root: int, point: ps.Point
+    atom: ex.Apply, linear: Sequence[tuple[ex.Expression, Fraction]], root: int, point: modular.Point
 ) -> int:
     """w^root / prod (e^u_j)^(a_j root) at a point."""
-    value = pow(ps.evaluate(atom.argument, point), root, point.prime)
+    value = pow(modular.evaluate(atom.argument, point), root, point.prime)
     for u, a in linear:
         base = (
-            point.atoms[ex.Apply("exp", u)] if ex.Apply("exp", u) in point.atoms else ps.evaluate(_argument(u), point)
+            point.atoms[ex.Apply("exp", u)]
+            if ex.Apply("exp", u) in point.atoms
+            else modular.evaluate(_argument(u), point)
         )
         value = value * pow(base, -int(a * root), point.prime) % point.prime
     return value

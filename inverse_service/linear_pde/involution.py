@@ -18,12 +18,11 @@ from flint import nmod_mat
 
 from inverse_service.deadline import now
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.field import modular, null_vectors
+from inverse_service.field import matrices, modular
 from inverse_service.field.dense_series import Registers, SeriesProgram, constants_at, run
 from inverse_service.field.echelon import Echelon, Flags, Indices, SparseRows, Words
 from inverse_service.field.exact_field import TooLarge
-from inverse_service.field.modular import GOLDEN, Field, compiled, mixed, multiply
-from inverse_service.field.point import Point, SingularPoint
+from inverse_service.field.modular import GOLDEN, Field, Point, SingularPoint, compiled, mixed, multiply
 from inverse_service.linear_pde import equations as pde
 
 Rows = list[dict[int, int]]
@@ -90,7 +89,7 @@ def generic_rank(prolongation: pde.Prolongation, matrix: Matrix) -> int:
 def rank_of_rows(prolongation: pde.Prolongation, matrix: Matrix, rows: Rows, seed: int) -> int:
     """The rank at the generic solution of some consequences on the unknowns in the matrix."""
     prime, width = prolongation.local.prime, prolongation.width(degree_of(prolongation.unknowns, matrix))
-    basis = null_vectors.kernel_of(null_vectors.table_of(rows, width, prime)).basis
+    basis = matrices.kernel_of(matrices.table_of(rows, width, prime)).basis
     if basis.nrows() == 0:
         return 0
     generator = random.Random(f"regular {seed}")

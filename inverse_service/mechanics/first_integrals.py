@@ -22,7 +22,7 @@ import numpy as np
 from inverse_service import errors
 from inverse_service.deadline import OutOfTime, check, now
 from inverse_service.expressions import collecting, derivative, printing, tree as ex
-from inverse_service.field import exact_field, flow, matrices, null_vectors, point, tower
+from inverse_service.field import exact_field, flow, matrices, modular, tower
 from inverse_service.mechanics import constrained_motion, euler_lagrange, second_order_system, writing
 
 Expression = ex.Expression
@@ -105,7 +105,7 @@ class _Integrals:
         self.positions, self.velocities = tuple(map(ex.Symbol, self.names)), tuple(map(ex.Velocity, self.names))
         self.momenta = () if lagrangian is None else tuple(self._momentum(lagrangian, name) for name in motion.free)
         # What varies along the motion; values of what does not, for which all roots of constants exist.
-        self.moving: tuple[point.Variable, ...] = (ex.TIME, *self.positions, *self.velocities)
+        self.moving: tuple[modular.Variable, ...] = (ex.TIME, *self.positions, *self.velocities)
         self.constants: dict[flow.Generator, int] = {}
         self.drawn: flow.Evaluation | None = None
         self.kept: list[FirstIntegral] = []
@@ -257,7 +257,7 @@ class _Integrals:
         kernels: Sequence[Expression],
         count: int,
         fixed: Mapping[flow.Generator, int] | None = None,
-        moving: tuple[point.Variable, ...] = (),
+        moving: tuple[modular.Variable, ...] = (),
         gradients: bool = False,
     ) -> tuple[flow.Points, list[flow.Jet]]:
         """Points of the motion, and for each tree its value and rate, or its gradients in q and v, at them.
@@ -371,11 +371,11 @@ class _Integrals:
         one[0] = 1
         powers = {key: reduce(product, (pairs[k] for k in key), one) for key in {key for key, _ in ansatz.terms}}
         values = np.array([one, *(product(powers[key], pairs[forms + k]) for key, k in ansatz.terms)])
-        if not null_vectors.kernel(values[1:, 1].T, flow.PRIME).nullity:
+        if not matrices.kernel_modulo(values[1:, 1].T, flow.PRIME).nullity:
             return []
         # Terms that are combinations of 1 and of those before them add nothing.
-        own = [place - 1 for place in null_vectors.pivots(values[:, 0].T, flow.PRIME) if place]
-        vectors = null_vectors.null_rows(values[1:, 1][own].T.tolist(), len(own), flow.PRIME)
+        own = [place - 1 for place in matrices.pivots(values[:, 0].T, flow.PRIME) if place]
+        vectors = matrices.null_rows(values[1:, 1][own].T.tolist(), len(own), flow.PRIME)
         return [{own[k]: c for k, c in enumerate(vector) if c} for vector in vectors]
 
     # Exact.
@@ -507,7 +507,7 @@ def _cleared(
 
 
 def _are_independent(rows: Sequence[flow.Numbers]) -> bool:
-    return len(null_vectors.pivots(np.array(rows).T, flow.PRIME)) == len(rows)
+    return len(matrices.pivots(np.array(rows).T, flow.PRIME)) == len(rows)
 
 
 def _is_negative(tree: Expression) -> bool:

@@ -7,7 +7,7 @@ from itertools import islice
 from typing import TypeVar
 
 from inverse_service.expressions import collecting, tree as ex
-from inverse_service.field import point as ps, real_point, reduction, tower
+from inverse_service.field import modular, real_point, reduction, tower
 from inverse_service.reading.names import Names
 
 # Arbitrary functions, each with the names of the coordinates that it depends on.
@@ -58,7 +58,7 @@ class SecondOrderSystem:
         return Names(self.coordinates, self.parameters, dict(self.functions))
 
     @property
-    def variables(self) -> list[ps.Variable]:
+    def variables(self) -> list[modular.Variable]:
         """t, the coordinates, and the velocities."""
         return [ex.TIME, *map(ex.Symbol, self.coordinates), *map(ex.Velocity, self.coordinates)]
 
@@ -192,7 +192,7 @@ def _has_point(system: SecondOrderSystem, case: reduction.Case) -> bool:
     return real_point.find_real_point(kernels, _variables(system), _SEED, case.positive) is not None
 
 
-def _variables(system: SecondOrderSystem) -> list[ps.Variable]:
+def _variables(system: SecondOrderSystem) -> list[modular.Variable]:
     names = (*system.coordinates, *system.parameters)
     return [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, system.coordinates)]
 

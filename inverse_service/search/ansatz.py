@@ -4,40 +4,299 @@ The Hessian g of a combination must satisfy (H2) Gamma(g) = g N + (g N)^T and (H
 construction. The equations are formed from values of the generators and their logarithmic derivatives at random points
 of a prime field. Terms linear in the velocities do not enter, so this small problem shows whether a family contains a
 regular Lagrangian before the search for its potentials.
+
+The ansätze of a ladder use the same generators at the same points (`SamplePoints`), and each ansatz adds a few.
 """
 
 import itertools
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
 from typing import NamedTuple, TypeGuard, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
-from inverse_service import bounds
-from inverse_service.deadline import STEP, check
+from inverse_service import bounds, deadline, errors
 from inverse_service.decision.deciding import Analysis, variables_of
 from inverse_service.decision.helmholtz import Written, tensors_after, written
-from inverse_service.errors import IrreducibleAtoms
+from inverse_service.expressions import tree as ex
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import PI, Apply, Expression, Symbol, Velocity, distinct_nodes, node_count
-from inverse_service.field import matrices, modular, null_vectors, reduction
-from inverse_service.field.dense_series import constants_at, run
+from inverse_service.field import exact_field, matrices, modular, reduction, tower as towers
+from inverse_service.field.dense_series import Machine, SeriesProgram, constants_at, run
 from inverse_service.field.echelon import Words
-from inverse_service.field.exact_field import Budget, TooLarge, primitive, quotient_tree
-from inverse_service.field.modular import Field, compiled, minus, multiply, plus, positive_power
-from inverse_service.field.point import Point, SingularPoint, evaluate, number_value
+from inverse_service.field.modular import Field, compiled, minus, multiply, plus, power
 from inverse_service.field.real_point import RealTable, find_real_point
-from inverse_service.field.sample_points import Drawn, Integers, KnownTower, Matrix, SamplePoints
-from inverse_service.field.tower import Tower, atoms_in_order, draw_point, to_kernels
 from inverse_service.mechanics import conditions
-from inverse_service.search.terms import Monomial, monomial_tree, multiply_terms, sum_of, terms_of
+from inverse_service.search import terms as tm
 
+Integers = npt.NDArray[np.int64]
+Matrix = list[list[int]]
+# A seed, and the variables that change while the others keep their values at one point.
+Drawn = tuple[int, tuple[ex.Symbol | ex.Velocity, ...]]
 _T = TypeVar("_T")
 # An ansatz whose terms have no common points (a vanishing denominator, a missing root) finds nothing.
-NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
-Combination = dict[Monomial, Fraction]
+NO_POINTS = (errors.IrreducibleAtoms, modular.SingularPoint, ValueError)
+Combination = dict[tm.Monomial, Fraction]
+
+
+@dataclass(frozen=True, slots=True)
+class _LetterProgram:
+    """The series of generators in the same variables, at places `names` of (t, q, v), and their final registers."""
+
+    letters: tuple[ex.Expression, ...]
+    series: SeriesProgram
+    instructions: Integers
+    names: Integers
+    registers: Integers
+    work: int
+
+
+@lru_cache(maxsize=512)
+def _programs(
+    letters: tuple[ex.Expression, ...], variables: tuple[modular.Variable, ...], order: int
+) -> list[_LetterProgram]:
+    """One program per set of variables: only the variables of a generator are displaced, usually a single one."""
+    groups: dict[tuple[int, ...], list[ex.Expression]] = {}
+    for letter in letters:
+        names = set(modular.variables_in(letter))
+        groups.setdefault(tuple(k for k, v in enumerate(variables) if v in names) or (0,), []).append(letter)
+    return [part for names, group in groups.items() for part in _parts(tuple(group), variables, names, order)]
+
+
+def _parts(
+    letters: tuple[ex.Expression, ...], variables: tuple[modular.Variable, ...], names: tuple[int, ...], order: int
+) -> list[_LetterProgram]:
+    """Their program, or several if it is too large; IrreducibleAtoms if one generator is too large."""
+    try:
+        return [_program(letters, variables, names, order)]
+    except exact_field.TooLarge as problem:
+        if len(letters) == 1:
+            raise errors.IrreducibleAtoms("a generator of the ansatz is too long for its series") from problem
+    middle = len(letters) // 2
+    halves = letters[:middle], letters[middle:]
+    return [part for half in halves for part in _parts(half, variables, names, order)]
+
+
+def _program(
+    letters: tuple[ex.Expression, ...], variables: tuple[modular.Variable, ...], names: tuple[int, ...], order: int
+) -> _LetterProgram:
+    series = SeriesProgram([variables[k] for k in names], order)
+    registers = np.array([series.expand(letter) for letter in letters], np.int64)
+    work = sum(map(ex.node_count, letters))
+    return _LetterProgram(letters, series, series.listed, np.array(names, np.int64), registers, work)
+
+
+class _Displaced(NamedTuple):
+    """(1, v, f) in Montgomery form, and the places among (t, q, v) of the variables that are displaced."""
+
+    drift: Words
+    names: Integers
+
+
+class _Slopes(NamedTuple):
+    """p_a/p, p_ab/p and, to order 3, p_abc/p of a generator p."""
+
+    first: Words
+    second: Words
+    third: Words
+
+
+@compiled
+def _slope(r: int, degree: int, place: int, factor: np.uint64, m: Machine) -> np.uint64:
+    """A Taylor coefficient of a generator times a factor."""
+    if degree > m.registers.tops[r]:
+        return np.uint64(0)
+    value = m.registers.values[r * m.registers.stride + m.tables.starts[degree] + place]
+    return multiply(value, factor, m.field)
+
+
+@compiled
+def _slopes_of_letter(r: int, value: np.uint64, m: Machine, d: _Slopes) -> None:
+    """The derivatives of a generator over its value: Taylor coefficients times the factorials of their exponents."""
+    size, starts, raised = m.tables.size, m.tables.raised_starts, m.tables.raised
+    unit = power(value, m.field.prime - np.uint64(2), m.field)
+    twice, six = multiply(unit, m.small[2], m.field), multiply(unit, m.small[6], m.field)
+    for a in range(size):
+        one = raised[starts[0] + a]
+        d.first[a] = _slope(r, 1, one, unit, m)
+        for b in range(size):
+            two = raised[starts[1] + one * size + b]
+            d.second[a, b] = _slope(r, 2, two, twice if a == b else unit, m)
+            for c in range(d.third.shape[2]):
+                three = raised[starts[2] + two * size + c]
+                some = twice if a in (b, c) or b == c else unit
+                d.third[a, b, c] = _slope(r, 3, three, six if a == b == c else some, m)
+
+
+@compiled
+def _second(a: int, b: int, d: _Slopes, field: Field) -> np.uint64:
+    """d_a d_b log p = p_ab/p - u_a u_b, u = grad log p."""
+    return minus(d.second[a, b], multiply(d.first[a], d.first[b], field), field)
+
+
+@compiled
+def _rate(a: int, b: int, displaced: _Displaced, d: _Slopes, field: Field) -> np.uint64:
+    """Gamma'(s_ab), s_ab = d_a d_b log p: d_c s_ab = p_abc/p - s_ab u_c - u_a s_bc - u_b p_ac/p."""
+    total = np.uint64(0)
+    for c in range(d.third.shape[2]):
+        value = minus(d.third[a, b, c], multiply(_second(a, b, d, field), d.first[c], field), field)
+        value = minus(value, multiply(d.first[a], _second(b, c, d, field), field), field)
+        value = minus(value, multiply(d.first[b], d.second[a, c], field), field)
+        total = plus(total, multiply(displaced.drift[displaced.names[c]], value, field), field)
+    return total
+
+
+@compiled
+def _fill(displaced: _Displaced, d: _Slopes, n: int, k: int, found: Words, field: Field) -> None:
+    """Gamma(log p), d log p/dv_i, Gamma'(that), d log p/dq_i, d2 log p/dv_i dv_j, Gamma'(that) behind the value."""
+    names = displaced.names
+    for a in range(len(names)):
+        i, drift = names[a] - n - 1, displaced.drift[names[a]]
+        found[k, 1] = plus(found[k, 1], multiply(drift, d.first[a], field), field)
+        if i < 0:
+            if names[a] > 0:
+                found[k, 1 + 2 * n + names[a]] = d.first[a]
+            continue
+        found[k, 2 + i] = d.first[a]
+        for b in range(len(names)):
+            j, value = names[b] - n - 1, _second(a, b, d, field)
+            part = multiply(displaced.drift[names[b]], value, field)
+            found[k, 2 + n + i] = plus(found[k, 2 + n + i], part, field)
+            if j >= 0:
+                found[k, 2 + 3 * n + i * n + j] = value
+                found[k, 2 + 3 * n + n * n + i * n + j] = _rate(a, b, displaced, d, field)
+
+
+@compiled
+def _logarithmic(chosen: Integers, displaced: _Displaced, m: Machine, d: _Slopes, found: Words) -> bool:
+    """The value of each generator and its logarithmic derivatives (`_fill`) as residues; False if one value is 0."""
+    n, one = len(displaced.drift) // 2, np.uint64(1)
+    for k in range(len(chosen)):
+        r = chosen[k]
+        value = m.registers.values[r * m.registers.stride]
+        if m.registers.tops[r] < 0 or value == np.uint64(0):
+            return False
+        _slopes_of_letter(r, value, m, d)
+        _fill(displaced, d, n, k, found, m.field)
+        found[k, 0] = value
+        for entry in range(found.shape[1]):
+            found[k, entry] = multiply(found[k, entry], one, m.field)
+    return True
+
+
+def _letter_rows(program: _LetterProgram, point: modular.Point, drift: Words, order: int) -> Words | None:
+    """A row of values for each generator at a point; None if one has no value or vanishes."""
+    n, size, prime = len(drift) // 2, len(program.names), point.prime
+    try:
+        constants = constants_at(program.series, point)
+        registers = run(program.series, program.instructions, constants, prime, order)
+    except (modular.SingularPoint, ValueError):
+        return None
+    small = modular.small_numbers(prime, 7)
+    machine = Machine(registers.stored, registers.tables, modular.field_of(prime), small, small)
+    shapes = (size,), (size, size), (size, size, size if order > 2 else 0)
+    slopes = _Slopes(*(np.empty(shape, np.uint64) for shape in shapes))
+    found = np.zeros((len(program.letters), 2 + 3 * n + 2 * n * n), np.uint64)
+    done = _logarithmic(program.registers, _Displaced(drift, program.names), machine, slopes, found)
+    return found if done else None
+
+
+@dataclass(slots=True)
+class _AtPoint:
+    """The cached values at one point; `drift` is (1, v, f) in Montgomery form, empty if f has no value."""
+
+    point: modular.Point
+    drift: Words
+    letters: dict[tuple[ex.Expression, int], Words | None] = field(default_factory=dict)
+    tensors: tuple[Matrix, Matrix] | None = None
+
+
+@dataclass(slots=True)
+class SamplePoints:
+    """The points of a tower generated from a seed, on the constraints if any; `variables` are t, q, v.
+
+    With `base`, the points differ from it only in the `moving` variables.
+    """
+
+    forces: Sequence[ex.Expression]
+    variables: Sequence[ex.Symbol | ex.Velocity]
+    tower: towers.Tower
+    seed: int
+    prime: int
+    constrained: Mapping[ex.Velocity, ex.Expression] = field(default_factory=dict)
+    base: modular.Point | None = None
+    moving: Sequence[ex.Symbol | ex.Velocity] = ()
+    places: list[_AtPoint] = field(default_factory=list)
+
+    def point(self, k: int) -> modular.Point:
+        return self.place(k).point
+
+    def place(self, k: int) -> _AtPoint:
+        while len(self.places) <= k:
+            deadline.check(deadline.STEP)
+            point = self._drawn(len(self.places))
+            self.places.append(_AtPoint(point, self._drift(point)))
+        return self.places[k]
+
+    def _drawn(self, k: int) -> modular.Point:
+        if self.base is None:
+            return towers.draw_point(self.tower, self.seed + 1 + k, self.prime)
+        return towers.moved_point(self.tower, self.base, self.moving, k)
+
+    def _drift(self, point: modular.Point) -> Words:
+        known: dict[ex.Expression, int] = {}
+        try:
+            point.variables.update((v, modular.evaluate(w, point, known)) for v, w in self.constrained.items())
+            f = [modular.evaluate(force, point, known) for force in self.forces]
+        except (modular.SingularPoint, ValueError):
+            return np.empty(0, np.uint64)
+        drift = [1, *(point.variable(v) for v in self.variables[1 + len(f) :]), *f]
+        return np.array([(value << 64) % self.prime for value in drift], np.uint64)
+
+    def letters(self, k: int, kernels: Sequence[ex.Expression], order: int) -> list[Words] | None:
+        """A row for each generator at a point (see `_logarithmic`), to order 3 with third derivatives; else None."""
+        place = self.place(k)
+        if not len(place.drift):
+            return None
+        known = place.letters
+        missing = tuple(kernel for kernel in kernels if (kernel, 3) not in known and (kernel, order) not in known)
+        self._evaluate(place, missing, order)
+        rows = [known[kernel, 3 if (kernel, 3) in known else order] for kernel in kernels]
+        return None if any(row is None for row in rows) else [row for row in rows if row is not None]
+
+    def _evaluate(self, place: _AtPoint, letters: tuple[ex.Expression, ...], order: int) -> None:
+        for program in _programs(letters, tuple(self.variables), order) if letters else ():
+            deadline.check(program.work)
+            rows = _letter_rows(program, place.point, place.drift, order)
+            if rows is not None:
+                place.letters.update(((letter, order), row) for letter, row in zip(program.letters, rows, strict=True))
+            elif len(program.letters) == 1:
+                place.letters[program.letters[0], order] = None
+            else:
+                for letter in program.letters:
+                    self._evaluate(place, (letter,), order)
+
+    def values(self, k: int, kernels: Sequence[ex.Expression]) -> list[int] | None:
+        """The values of all generators at a point, without derivatives; None if one has no value or vanishes."""
+        place, known = self.place(k), dict[ex.Expression, int]()
+        deadline.check(1 + len(kernels))
+        try:
+            found = [modular.evaluate(kernel, place.point, known) for kernel in kernels]
+        except (modular.SingularPoint, ValueError):
+            return None
+        return found if len(place.drift) and all(found) else None
+
+
+@dataclass(frozen=True, slots=True)
+class KnownTower:
+    """A tower of the atoms of f and of an ansatz on the branch of a real point, with the points drawn so far."""
+
+    atoms: frozenset[ex.Expression]
+    real_point: RealTable
+    tower: towers.Tower
+    points: dict[Drawn, SamplePoints] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,18 +304,18 @@ class Sampler:
     """A tower for f together with the generators of an ansatz, and a real point of both."""
 
     analysis: Analysis
-    tower: Tower
+    tower: towers.Tower
     real_point: RealTable | None
     known: dict[Drawn, SamplePoints] = field(default_factory=dict, compare=False)
 
     @property
-    def variables(self) -> list[Symbol | Velocity]:
+    def variables(self) -> list[ex.Symbol | ex.Velocity]:
         return self.analysis.system.variables
 
-    def points(self, seed: int, moving: tuple[Symbol | Velocity, ...] = ()) -> SamplePoints:
+    def points(self, seed: int, moving: tuple[ex.Symbol | ex.Velocity, ...] = ()) -> SamplePoints:
         """The points generated from a seed; with `moving`, they differ from the first in these only; cached."""
         if (seed, moving) not in self.known:
-            base, forces = draw_point(self.tower, seed), self.analysis.accelerations
+            base, forces = towers.draw_point(self.tower, seed), self.analysis.accelerations
             near, constrained = base if moving else None, self.analysis.constrained
             self.known[seed, moving] = SamplePoints(
                 forces, self.variables, self.tower, seed, base.prime, constrained, near, moving
@@ -68,13 +327,15 @@ class Sampler:
         return self.points(seed).prime
 
 
-def sampler_of(analysis: Analysis, terms: Iterable[Monomial]) -> Sampler:
+def sampler_of(analysis: Analysis, terms: Iterable[tm.Monomial]) -> Sampler:
     """The sampler for these terms; IrreducibleAtoms if the terms and f have no common real point or cannot be reduced.
 
     Ansätze whose generators add no atoms share their points.
     """
     letters = dict.fromkeys(item for term in terms for item in term)
-    extra = [to_kernels(tree) for letter, e in letters for tree in (letter, letter ** Fraction(1, e.denominator))]
+    extra = [
+        towers.to_kernels(tree) for letter, e in letters for tree in (letter, letter ** Fraction(1, e.denominator))
+    ]
     wanted = [*analysis.accelerations, *analysis.constrained.values(), *dict.fromkeys(extra)]
     variables = variables_of(analysis.system)
     radicands = [letter for letter, e in letters if e.denominator % 2 == 0]
@@ -83,7 +344,7 @@ def sampler_of(analysis: Analysis, terms: Iterable[Monomial]) -> Sampler:
         if table is not None:
             break
     else:
-        raise IrreducibleAtoms("the ansatz has no real point in common with f")
+        raise errors.IrreducibleAtoms("the ansatz has no real point in common with f")
     atoms = _atoms(wanted)
     for known in analysis.towers:
         if atoms <= known.atoms and all(known.real_point.get(node) == x for node, x in table.items()):
@@ -93,14 +354,14 @@ def sampler_of(analysis: Analysis, terms: Iterable[Monomial]) -> Sampler:
     return Sampler(analysis, shared.tower, table, shared.points)
 
 
-def _atoms(trees: Sequence[Expression]) -> frozenset[Expression]:
+def _atoms(trees: Sequence[ex.Expression]) -> frozenset[ex.Expression]:
     """The atoms, roots, and pi in trees; a cosine counts as its sine, because one rule evaluates both."""
-    atoms = (Apply("sin", atom.argument) if _is_cosine(atom) else atom for atom in atoms_in_order(trees))
-    return frozenset(atoms).union(node for node in distinct_nodes(trees) if node == PI)
+    atoms = (ex.Apply("sin", atom.argument) if _is_cosine(atom) else atom for atom in towers.atoms_in_order(trees))
+    return frozenset(atoms).union(node for node in ex.distinct_nodes(trees) if node == ex.PI)
 
 
-def _is_cosine(atom: Expression) -> TypeGuard[Apply]:
-    return isinstance(atom, Apply) and atom.function == "cos"
+def _is_cosine(atom: ex.Expression) -> TypeGuard[ex.Apply]:
+    return isinstance(atom, ex.Apply) and atom.function == "cos"
 
 
 class Derivatives(NamedTuple):
@@ -138,15 +399,15 @@ class LetterTable:
         return self.known.prime
 
     @property
-    def points(self) -> list[Point]:
+    def points(self) -> list[modular.Point]:
         return [self.known.point(k) for k in self.numbers]
 
 
 def table_at(
-    known: SamplePoints, letters: Sequence[Expression], count: int, with_third: bool = False, first: int = 0
+    known: SamplePoints, letters: Sequence[ex.Expression], count: int, with_third: bool = False, first: int = 0
 ) -> LetterTable:
     """The table at `count` points after the `first`, skipping points at which one of `letters` vanishes."""
-    kernels, order = tuple(to_kernels(letter) for letter in letters), 3 if with_third else 2
+    kernels, order = tuple(towers.to_kernels(letter) for letter in letters), 3 if with_third else 2
     found = _first(lambda k: known.letters(k, kernels, order), count)
     numbers, rows = [k for k, _ in found], [row for _, row in found]
     n, shape = len(known.forces), (count - first, len(letters))
@@ -158,9 +419,9 @@ def table_at(
     return LetterTable(known, tuple(numbers[first:]), value[:, :, 0].tolist(), Derivatives(*arrays))
 
 
-def values_at(known: SamplePoints, letters: Sequence[Expression], count: int) -> list[list[int]]:
+def values_at(known: SamplePoints, letters: Sequence[ex.Expression], count: int) -> list[list[int]]:
     """The values of `letters` at the points that `table_at` uses."""
-    kernels = tuple(to_kernels(letter) for letter in letters)
+    kernels = tuple(towers.to_kernels(letter) for letter in letters)
     return [row for _, row in _first(lambda k: known.values(k, kernels), count)]
 
 
@@ -170,9 +431,9 @@ def _first(at: Callable[[int], _T | None], count: int) -> list[tuple[int, _T]]:
     for k in itertools.count():
         if len(found) == count:
             break
-        check()
+        deadline.check()
         if k >= bounds.ATTEMPTS * count:
-            raise IrreducibleAtoms("the generators of the ansatz vanish at too many points")
+            raise errors.IrreducibleAtoms("the generators of the ansatz vanish at too many points")
         row = at(k)
         if row is not None:
             found.append((k, row))
@@ -180,11 +441,11 @@ def _first(at: Callable[[int], _T | None], count: int) -> list[tuple[int, _T]]:
 
 
 def monomial_values(
-    rows: Sequence[Sequence[int]], letters: Sequence[Expression], candidates: Sequence[Monomial], prime: int
+    rows: Sequence[Sequence[int]], letters: Sequence[ex.Expression], candidates: Sequence[tm.Monomial], prime: int
 ) -> Words:
     """The value of each candidate at each sample from those of `letters`, (samples, candidates), in Montgomery form."""
     index = {letter: k for k, letter in enumerate(letters)}
-    pairs: dict[tuple[Expression, Fraction], int] = {}
+    pairs: dict[tuple[ex.Expression, Fraction], int] = {}
     starts, places = [0], []
     for candidate in candidates:
         places += [pairs.setdefault(item, len(pairs)) for item in candidate]
@@ -192,7 +453,7 @@ def monomial_values(
     radix = (1 << 64) % prime
     # Integers are converted because accessing the parts of a Fraction takes as long as computing the power.
     items = [(index[letter], e if e.denominator > 1 else int(e)) for letter, e in pairs]
-    powers = [[positive_power(sample[k], e, prime) * radix % prime for k, e in items] for sample in rows]
+    powers = [[modular.positive_power(sample[k], e, prime) * radix % prime for k, e in items] for sample in rows]
     field = modular.field_of(prime)
     result = np.full((len(powers), len(candidates)), field.one, np.uint64)
     given = np.array(powers, np.uint64).reshape(len(powers), -1)
@@ -239,29 +500,29 @@ def _scale(numbers: Words, field: Field) -> None:
         numbers[k] = multiply(numbers[k], field.square, field)
 
 
-def exponents_of(letters: Sequence[Expression], candidates: Sequence[Monomial], prime: int) -> Exponents:
+def exponents_of(letters: Sequence[ex.Expression], candidates: Sequence[tm.Monomial], prime: int) -> Exponents:
     """The generators of all candidates in one array, with exponents in Montgomery form."""
     index = {letter: k for k, letter in enumerate(letters)}
     starts, places, exponents = [0], [], []
     for candidate in candidates:
         for letter, e in candidate:
             places.append(index[letter])
-            exponents.append(number_value(e, prime))
+            exponents.append(modular.number_value(e, prime))
         starts.append(len(places))
     numbers = to_montgomery(np.array(exponents, np.uint64), prime)
     return Exponents(np.array(starts, np.int64), np.array(places, np.int64), numbers)
 
 
-def letters_of(candidates: Sequence[Monomial]) -> list[Expression]:
+def letters_of(candidates: Sequence[tm.Monomial]) -> list[ex.Expression]:
     return list(dict.fromkeys(letter for candidate in candidates for letter, _ in candidate))
 
 
-def null_combinations(kernel: null_vectors.Kernel, candidates: Sequence[Monomial]) -> list[Combination]:
+def null_combinations(kernel: matrices.Kernel, candidates: Sequence[tm.Monomial]) -> list[Combination]:
     """The rational part of a kernel, the vectors sorted by their own columns."""
     return [{candidates[k]: a for k, a in vector.items()} for vector in sorted(kernel.rational_vectors(), key=max)]
 
 
-def _kernel(sampler: Sampler, points: SamplePoints, terms: Sequence[Monomial]) -> null_vectors.Kernel:
+def _kernel(sampler: Sampler, points: SamplePoints, terms: Sequence[tm.Monomial]) -> matrices.Kernel:
     """The coefficients of the terms that satisfy (H2) and (H3)."""
     letters, n = letters_of(terms), len(sampler.analysis.accelerations)
 
@@ -270,30 +531,30 @@ def _kernel(sampler: Sampler, points: SamplePoints, terms: Sequence[Monomial]) -
         return helmholtz_matrix(sampler, table, letters, terms)[0]
 
     # Many of the n^2 conditions can be trivial, so the first samples need not suffice.
-    return null_vectors.settled_kernel(len(terms), equations, n * n, points.prime)
+    return matrices.settled_kernel(len(terms), equations, n * n, points.prime)
 
 
-def solve_multiplier(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> LagrangianSpace:
+def solve_multiplier(sampler: Sampler, terms: Sequence[tm.Monomial], seed: int) -> LagrangianSpace:
     """The combinations of the terms that are Lagrangians up to a potential and linear terms."""
     return LagrangianSpace(sampler, tuple(null_combinations(_kernel(sampler, sampler.points(seed), terms), terms)))
 
 
-def occurring_terms(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> list[Monomial]:
+def occurring_terms(sampler: Sampler, terms: Sequence[tm.Monomial], seed: int) -> list[tm.Monomial]:
     """The terms that occur in a multiplier at one value of the parameters, with any numbers as coefficients.
 
     Terms that are combinations of simpler ones there, as k - r is of 1 and r, are omitted.
     """
     points, letters = sampler.points(seed, tuple(sampler.variables)), letters_of(terms)
-    values = values_at(points, letters, len(terms) + null_vectors.SPARE)
-    terms = [terms[k] for k in null_vectors.pivots(monomial_values(values, letters, terms, points.prime), points.prime)]
+    values = values_at(points, letters, len(terms) + matrices.SPARE)
+    terms = [terms[k] for k in matrices.pivots(monomial_values(values, letters, terms, points.prime), points.prime)]
     used = {k for row in _kernel(sampler, points, terms).basis.tolist() for k, x in enumerate(row) if int(x)}
     return [terms[k] for k in sorted(used)]
 
 
-def with_functions_of_parameters(sampler: Sampler, terms: Sequence[Monomial]) -> LagrangianSpace:
+def with_functions_of_parameters(sampler: Sampler, terms: Sequence[tm.Monomial]) -> LagrangianSpace:
     """The same with polynomials of the parameters as coefficients; TooLarge where the conditions are long."""
-    products = list(map(monomial_tree, terms))
-    exact = conditions.motion_in_ring(sampler.analysis.system, 2, Budget.short(), trees=products)
+    products = list(map(tm.monomial_tree, terms))
+    exact = conditions.motion_in_ring(sampler.analysis.system, 2, exact_field.Budget.short(), trees=products)
     motion = exact.motion
     connection, endomorphism = (np.array(f(motion)) for f in (conditions.connection, conditions.jacobi_endomorphism))
     columns = []
@@ -303,10 +564,10 @@ def with_functions_of_parameters(sampler: Sampler, terms: Sequence[Monomial]) ->
         rows = np.vectorize(motion.along, otypes=[object])(hessian) - bent - bent.T
         turned = hessian @ endomorphism
         columns.append([*rows.flat, *(turned - turned.T).flat])
-    vectors = map(primitive, matrices.null_vectors(exact.ring, columns))
+    vectors = map(exact_field.primitive, matrices.null_vectors(exact.ring, columns))
     sums = (
-        sum_of(
-            multiply_terms({term: Fraction(1)}, terms_of(quotient_tree(exact.ring, entry)))
+        tm.sum_of(
+            tm.multiply_terms({term: Fraction(1)}, tm.terms_of(exact_field.quotient_tree(exact.ring, entry)))
             for term, entry in zip(terms, vector, strict=True)
         )
         for vector in vectors
@@ -315,7 +576,7 @@ def with_functions_of_parameters(sampler: Sampler, terms: Sequence[Monomial]) ->
 
 
 def helmholtz_matrix(
-    sampler: Sampler, table: LetterTable, letters: Sequence[Expression], terms: Sequence[Monomial]
+    sampler: Sampler, table: LetterTable, letters: Sequence[ex.Expression], terms: Sequence[tm.Monomial]
 ) -> tuple[Words, Words]:
     """The n^2 conditions H2 (i <= j) and H3 (i < j) of each term at each sample, and its Hessian; Montgomery form.
 
@@ -330,13 +591,15 @@ def helmholtz_matrix(
     return result, hessians
 
 
-def hessians_of(table: LetterTable, letters: Sequence[Expression], terms: Sequence[Monomial]) -> tuple[Words, Words]:
+def hessians_of(
+    table: LetterTable, letters: Sequence[ex.Expression], terms: Sequence[tm.Monomial]
+) -> tuple[Words, Words]:
     """The Hessian of each term at each sample, and its Gamma derivative; Montgomery form, (samples, terms, n, n)."""
     prime, n = table.prime, table.derivatives.size
     values = monomial_values(table.values, letters, terms, prime)
     derivatives = Derivatives(*(to_montgomery(array, prime) for array in table.derivatives))
     hessians, rates = (np.zeros((*values.shape, n, n), np.uint64) for _ in range(2))
-    _differentiate(values, exponents_of(letters, terms, prime), derivatives, modular.field_of(prime), hessians, rates)
+    _fill_hessians(values, exponents_of(letters, terms, prime), derivatives, modular.field_of(prime), hessians, rates)
     return hessians, rates
 
 
@@ -349,13 +612,13 @@ def tensors_of(sampler: Sampler, table: LetterTable) -> list[tuple[Matrix, Matri
     return [place.tensors for place in places if place.tensors is not None]
 
 
-def connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[Matrix, Matrix]:
+def connection_and_endomorphism(sampler: Sampler, point: modular.Point) -> tuple[Matrix, Matrix]:
     """(N, Phi) at a point, each (n, n)."""
-    check(STEP + sum(map(node_count, sampler.analysis.accelerations)))
+    deadline.check(deadline.STEP + sum(map(ex.node_count, sampler.analysis.accelerations)))
     if len(sampler.analysis.accelerations) == 1:  # no condition contains Phi
-        f, known = sampler.analysis.accelerations[0], dict[Expression, int]()
-        evaluate(f, point, known)  # raises SingularPoint if f has no value
-        slope = evaluate(differentiate(f, sampler.variables[2]), point, known)
+        f, known = sampler.analysis.accelerations[0], dict[ex.Expression, int]()
+        modular.evaluate(f, point, known)  # raises SingularPoint if f has no value
+        slope = modular.evaluate(differentiate(f, sampler.variables[2]), point, known)
         return [[-slope * pow(2, -1, point.prime) % point.prime]], [[0]]
     given = _written(tuple(sampler.variables), tuple(sampler.analysis.accelerations))
     constants = constants_at(given.program, point)
@@ -363,15 +626,15 @@ def connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[Matrix,
 
 
 @lru_cache(maxsize=32)
-def _written(variables: tuple[Symbol | Velocity, ...], forces: tuple[Expression, ...]) -> Written:
+def _written(variables: tuple[ex.Symbol | ex.Velocity, ...], forces: tuple[ex.Expression, ...]) -> Written:
     try:
         return written(variables, forces, order=2)
-    except TooLarge as problem:
-        raise IrreducibleAtoms("the forces are too long for their series") from problem
+    except exact_field.TooLarge as problem:
+        raise errors.IrreducibleAtoms("the forces are too long for their series") from problem
 
 
 @compiled
-def _differentiate(
+def _fill_hessians(
     values: Words, terms: Exponents, d: Derivatives, field: Field, hessians: Words, rates: Words
 ) -> None:
     """g_ij = m (V_i V_j + W_ij) and Gamma(g_ij) = m (G (V_i V_j + W_ij) + H_i V_j + V_i H_j + Gamma W_ij).

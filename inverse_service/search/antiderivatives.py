@@ -33,7 +33,7 @@ from typing import Any
 
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import collecting, derivative, evaluation, tree as ex
-from inverse_service.field import exact_field, matrices, point as ps, real_point
+from inverse_service.field import exact_field, matrices, modular, real_point
 from inverse_service.mechanics import implicit_equations, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import terms as tm
@@ -133,7 +133,7 @@ def _of_one_square(key: tm.Monomial) -> tm.Terms:
     return {key: Fraction(1)}
 
 
-def _proper(terms: tm.Terms, x: ps.Variable) -> tm.Terms:
+def _proper(terms: tm.Terms, x: modular.Variable) -> tm.Terms:
     """The terms `in_one_square`, with x - a x/(x^2 + a) for x^3/(x^2 + a), so that no such power multiplies its sum.
 
     Of a sum and its constant multiples, only one remains a generator.
@@ -173,7 +173,7 @@ def _primitive_sum(tree: ex.Sum) -> tuple[int, tm.Monomial, ex.Expression]:
     return sign, outside, tm.tree_of(tm.scaled(terms, sign))
 
 
-def _divided(key: tm.Monomial, x: ps.Variable) -> tm.Terms | None:
+def _divided(key: tm.Monomial, x: modular.Variable) -> tm.Terms | None:
     """The monomial with x^d = (D - r)/c for a generator D = c x^d + r with constant c; None if there is no such D."""
     power = dict(key).get(x, Fraction(0))
     for letter in dict(key):
@@ -191,7 +191,7 @@ def _divided(key: tm.Monomial, x: ps.Variable) -> tm.Terms | None:
 
 
 def quadratic_antiderivatives(
-    key: tm.Monomial, variable: ps.Variable, table: real_point.RealTable | None = None
+    key: tm.Monomial, variable: modular.Variable, table: real_point.RealTable | None = None
 ) -> Iterator[tm.Monomial]:
     """Candidates for the antiderivative of the monomial without constant factors, real at the point of a table."""
     for letter, e in key:
@@ -202,7 +202,7 @@ def quadratic_antiderivatives(
 
 
 def _of_letter(
-    key: tm.Monomial, letter: ex.Sum, e: Fraction, x: ps.Variable, table: real_point.RealTable | None
+    key: tm.Monomial, letter: ex.Sum, e: Fraction, x: modular.Variable, table: real_point.RealTable | None
 ) -> Iterator[tm.Monomial]:
     slope = tm.letter_derivative(letter, x)
     second = tm.derivative_of_terms(slope, x)
@@ -230,7 +230,7 @@ def _of_letter(
 
 
 @lru_cache(maxsize=256)
-def _discriminant(letter: ex.Sum, x: ps.Variable) -> ex.Expression:
+def _discriminant(letter: ex.Sum, x: modular.Variable) -> ex.Expression:
     """D in factored form."""
     slope = tm.letter_derivative(letter, x)
     second = tm.derivative_of_terms(slope, x)
@@ -268,7 +268,7 @@ def _primitive_part(tree: ex.Expression) -> ex.Expression:
     return tm.monomial_tree(common) * rest
 
 
-def primitive(x: ps.Variable, wanted: tm.Terms, table: real_point.RealTable | None = None) -> ex.Expression | None:
+def primitive(x: modular.Variable, wanted: tm.Terms, table: real_point.RealTable | None = None) -> ex.Expression | None:
     """A sum of monomials with the derivative `wanted` by x, by linear algebra over candidate monomials.
 
     The coefficients are rational if possible; otherwise they contain generators without x. The result is real at the
@@ -303,7 +303,7 @@ def primitive(x: ps.Variable, wanted: tm.Terms, table: real_point.RealTable | No
     return _by_partial_fractions(x, wanted)
 
 
-def _has_function_without_slope(trees: Iterable[ex.Expression], x: ps.Variable) -> bool:
+def _has_function_without_slope(trees: Iterable[ex.Expression], x: modular.Variable) -> bool:
     """Whether an arbitrary function of x occurs, but no derivative of it.
 
     Such a formula has no elementary antiderivative: with f in it, its slope contains f'.
@@ -324,7 +324,7 @@ def _in_logarithms(tree: ex.Expression) -> ex.Expression:
     return ex.substitute(tree, table) if table else tree
 
 
-def _by_logarithms(x: ps.Variable, wanted: tm.Terms, poles: Sequence[ex.Expression]) -> ex.Expression | None:
+def _by_logarithms(x: modular.Variable, wanted: tm.Terms, poles: Sequence[ex.Expression]) -> ex.Expression | None:
     """sum c_p log p over denominators p, by the relations of a ring: one fraction of sines of one angle is short in
     one variable only."""
     trees = [tm.tree_of(wanted), *(derivative.differentiate(p, x) / p for p in poles)]
@@ -336,7 +336,7 @@ def _by_logarithms(x: ps.Variable, wanted: tm.Terms, poles: Sequence[ex.Expressi
     return None
 
 
-def _with_constants(x: ps.Variable, columns: Iterable[tm.Monomial], wanted: tm.Terms) -> ex.Expression | None:
+def _with_constants(x: modular.Variable, columns: Iterable[tm.Monomial], wanted: tm.Terms) -> ex.Expression | None:
     """The sum with coefficients from the field of the generators without x."""
     varying = dict.fromkeys(frozenset(item for item in m if ex.holds(item[0], x)) for m in columns)
     plain = {m: _proper(tm.derivative_of_terms({m: Fraction(1)}, x), x) for m in varying if m}
@@ -362,7 +362,7 @@ def _combination(sides: Sequence[Mapping[tm.Monomial, tm.Terms]]) -> list[tuple[
     return [(k, exact_field.quotient_tree(ring, row[-1])) for k, row in zip(found.pivots, found.rows, strict=True)]
 
 
-def _by_partial_fractions(x: ps.Variable, wanted: tm.Terms) -> ex.Expression | None:
+def _by_partial_fractions(x: modular.Variable, wanted: tm.Terms) -> ex.Expression | None:
     """sum c_p log p + c_q atan(q') + (c_j + d_j x) p^-j + c_k x^k over the irreducible factors p, q of denominators.
 
     Everything free of x is constant. All integrals of rational functions whose denominators have factors of degree 1
@@ -398,7 +398,7 @@ def _by_partial_fractions(x: ps.Variable, wanted: tm.Terms) -> ex.Expression | N
     return None if found is None else ex.add(*(c * tm.monomial_tree(primitives[k]) for k, c in found))
 
 
-def _with_factors(key: tm.Monomial, value: Fraction, x: ps.Variable) -> tm.Terms:
+def _with_factors(key: tm.Monomial, value: Fraction, x: modular.Variable) -> tm.Terms:
     """The monomial with its denominators that depend on x factored into irreducible sums."""
     found: tm.Terms = {key: value}
     for letter, e in key:
@@ -408,13 +408,13 @@ def _with_factors(key: tm.Monomial, value: Fraction, x: ps.Variable) -> tm.Terms
     return tm.sum_of(_with_one_sum(k, a) for k, a in found.items())
 
 
-def _is_quadratic(letter: ex.Expression, x: ps.Variable) -> bool:
+def _is_quadratic(letter: ex.Expression, x: modular.Variable) -> bool:
     degrees = [dict(key).get(x, Fraction(0)) for key in tm.terms_of(letter)]
     return max(degrees) == 2 and min(degrees) >= 0
 
 
 def antiderivative(
-    system: SecondOrderSystem, slope: ex.Expression, variable: ps.Variable, table: real_point.RealTable | None
+    system: SecondOrderSystem, slope: ex.Expression, variable: modular.Variable, table: real_point.RealTable | None
 ) -> ex.Expression | None:
     """An elementary antiderivative of a formula in one variable; None if none is found."""
     names = fresh_names(system, slope)
@@ -574,7 +574,7 @@ class Integrator:
     def __post_init__(self) -> None:
         self.names = fresh_names(self.system)
 
-    def function_of(self, variables: Sequence[ps.Variable], slopes: Sequence[tm.Terms]) -> tm.Terms | None:
+    def function_of(self, variables: Sequence[modular.Variable], slopes: Sequence[tm.Terms]) -> tm.Terms | None:
         """phi with d phi/d variables[i] = slopes[i]; None if there is none, or none is found."""
         if not _is_closed(variables, slopes):
             return None
@@ -609,7 +609,7 @@ class Integrator:
             momenta.append(momentum)
         return plain.function_of(velocities, momenta)
 
-    def _under_signs(self, variables: Sequence[ps.Variable], slopes: Sequence[tm.Terms], k: int) -> tm.Terms:
+    def _under_signs(self, variables: Sequence[modular.Variable], slopes: Sequence[tm.Terms], k: int) -> tm.Terms:
         """Integrals with these closed slopes, with constant factors outside the integral sign."""
         rest = [self.in_normal_form(terms) for terms in slopes]
         moving = {q: terms for q, terms in zip(variables, rest, strict=True) if terms}
@@ -636,7 +636,9 @@ class Integrator:
             return tm.terms_of(writing.quotient(tm.tree_of(terms), exact_field.Budget.short(), self.system.variables))
         return terms
 
-    def integral(self, slope: tm.Terms, variable: ps.Variable, is_cancelled: bool = False) -> tuple[tm.Terms, tm.Terms]:
+    def integral(
+        self, slope: tm.Terms, variable: modular.Variable, is_cancelled: bool = False
+    ) -> tuple[tm.Terms, tm.Terms]:
         """(an integral of a part of the slope over one variable, the remaining slope)."""
         groups = tm.grouped(slope, lambda letter: letter != variable and ex.holds(letter, variable))
         total, other = tm.Terms(), tm.Terms()
@@ -681,7 +683,7 @@ class Integrator:
         parts = [tm.multiply_terms({key: Fraction(1)}, self.in_normal_form(inner)) for key, inner in groups.items()]
         return tm.sum_of(parts)
 
-    def under_a_sign(self, known: Mapping[ps.Variable, ex.Expression]) -> tm.Terms:
+    def under_a_sign(self, known: Mapping[modular.Variable, ex.Expression]) -> tm.Terms:
         """F with these slopes, a function of all variables in them; its other slopes remain unspecified."""
         names = (ex.TIME, *map(ex.Symbol, self.system.coordinates))
         others = [name for name in names if any(ex.holds(slope, name) for slope in known.values())]
@@ -836,7 +838,7 @@ def _is_round(field: tm.Terms, x: ex.Symbol, y: ex.Symbol) -> bool:
     return bool(slopes[0]) and turned[0] == turned[1]
 
 
-def _outside(slope: tm.Terms, variable: ps.Variable) -> list[tuple[tm.Terms, tm.Terms]]:
+def _outside(slope: tm.Terms, variable: modular.Variable) -> list[tuple[tm.Terms, tm.Terms]]:
     """(c, g) with slope = sum of c g; c is free of the variable, g has no other factors, no two c are multiples."""
     pairs: list[tuple[tm.Terms, tm.Terms]] = []
     for key, beside in tm.grouped(slope, lambda letter: ex.holds(letter, variable)).items():
@@ -850,7 +852,7 @@ def _outside(slope: tm.Terms, variable: ps.Variable) -> list[tuple[tm.Terms, tm.
     return pairs
 
 
-def _is_closed(variables: Sequence[ps.Variable], slopes: Sequence[tm.Terms]) -> bool:
+def _is_closed(variables: Sequence[modular.Variable], slopes: Sequence[tm.Terms]) -> bool:
     """Whether the mixed derivatives agree."""
     for (p, one), (q, other) in combinations(zip(variables, slopes, strict=True), 2):
         turning = tm.add_terms(tm.derivative_of_terms(one, q), tm.derivative_of_terms(other, p), -1)
@@ -859,7 +861,7 @@ def _is_closed(variables: Sequence[ps.Variable], slopes: Sequence[tm.Terms]) -> 
     return True
 
 
-def _holds(terms: tm.Terms, variable: ps.Variable) -> bool:
+def _holds(terms: tm.Terms, variable: modular.Variable) -> bool:
     return any(ex.holds(letter, variable) for key in terms for letter, _ in key)
 
 
@@ -875,7 +877,7 @@ def is_zero(terms: tm.Terms) -> bool:
         return False
 
 
-def power_rule(own: tm.Monomial, beside: tm.Terms, x: ps.Variable) -> tm.Terms | None:
+def power_rule(own: tm.Monomial, beside: tm.Terms, x: modular.Variable) -> tm.Terms | None:
     """The integral of own * beside over x if the integrand is a power of x, or c u^e du/dx with u^e = own."""
     if not own:
         total, logarithm = tm.Terms(), tm.monomial(ex.Apply("log", x))

@@ -26,11 +26,10 @@ from flint import nmod_mat
 
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import derivative, tree as ex
-from inverse_service.field import modular, null_vectors
+from inverse_service.field import matrices, modular
 from inverse_service.field.echelon import Words
 from inverse_service.field.exact_field import Budget, TooLarge, factored
-from inverse_service.field.modular import Field, compiled, multiply
-from inverse_service.field.point import Variable, variables_in
+from inverse_service.field.modular import Field, Variable, compiled, multiply, variables_in
 from inverse_service.mechanics import implicit_equations, second_order_system
 from inverse_service.search import ansatz, antiderivatives, terms as tm
 
@@ -365,7 +364,7 @@ def _possible_shapes(material: tm.Material, shapes: Sequence[tm.Monomial], seed:
     chosen = list(shapes[: bounds.SMALL])
     sampler = ansatz.sampler_of(material.analysis, chosen)
     points, letters = sampler.points(seed, material.motion.velocities), ansatz.letters_of(chosen)
-    count = (len(chosen) * unknowns + null_vectors.SPARE) // material.motion.size**2 + 2
+    count = (len(chosen) * unknowns + matrices.SPARE) // material.motion.size**2 + 2
     table = ansatz.table_at(points, letters, count, with_third=True)
     matrix, hessians = ansatz.helmholtz_matrix(sampler, table, letters, chosen)
     generator = random.Random(f"velocity shapes {seed}")
@@ -397,7 +396,7 @@ def _random_solution(
     rows = np.zeros((len(matrix), width * (1 + len(rates[0]))), np.uint64)
     rows[:, :width] = matrix
     _fill_rates(ansatz.to_montgomery(np.array(rates, np.uint64), prime), hessians, rows, modular.field_of(prime))
-    return null_vectors.random_null_vector(rows, prime, generator)
+    return matrices.random_null_vector(rows, prime, generator)
 
 
 @compiled

@@ -19,7 +19,7 @@ import numpy as np
 
 from inverse_service import deadline
 from inverse_service.expressions import tree as ex
-from inverse_service.field import modular, null_vectors
+from inverse_service.field import matrices, modular
 from inverse_service.field.flow import PRIME, Generator, Numbers, Points, Units, generator_tree
 from inverse_service.search.terms import Monomial, Terms, add_terms, terms_of, times
 
@@ -220,7 +220,7 @@ def _fits(
 
 def kernel_of(rows: Numbers) -> list[list[int]]:
     """A basis of the kernel of a matrix modulo the prime."""
-    return null_vectors.null_rows(rows.tolist(), rows.shape[1], PRIME)
+    return matrices.null_rows(rows.tolist(), rows.shape[1], PRIME)
 
 
 def _basis(variable: Generator, degree: int) -> list[Power]:

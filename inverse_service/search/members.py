@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from inverse_service import bounds, deadline
 from inverse_service.decision import certify, deciding, solutions
 from inverse_service.expressions import printing, tree as ex
-from inverse_service.field import exact_field, matrices, point, real_point
-from inverse_service.field.sample_points import SamplePoints
+from inverse_service.field import exact_field, matrices, modular, real_point
 from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.search import ansatz, terms as tm
+from inverse_service.search.ansatz import SamplePoints
 
 Residues = NDArray[np.object_]
 Matrix = NDArray[np.float64]
@@ -61,7 +61,9 @@ def hessians(space: ansatz.LagrangianSpace, points: SamplePoints, first: int = 0
     zero = np.zeros((n, n), object)
 
     def combined(combination: ansatz.Combination) -> Residues:
-        weighted = (point.number_value(a, table.prime) * single[key] for key, a in combination.items() if key in single)
+        weighted = (
+            modular.number_value(a, table.prime) * single[key] for key, a in combination.items() if key in single
+        )
         return sum(weighted, start=zero) % table.prime
 
     return table.prime, list(map(combined, space.combinations))

@@ -22,7 +22,7 @@ import numpy as np
 
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import derivative, evaluation, tree as ex
-from inverse_service.field import null_vectors, point as ps, real_point
+from inverse_service.field import matrices, modular, real_point
 from inverse_service.mechanics import implicit_equations
 from inverse_service.search import ansatz, antiderivatives, families, members, terms as tm
 
@@ -52,25 +52,25 @@ def _darboux_powers(
     candidates = _candidate_terms(material, degree)
     every = [*candidates, *(phi for group in phis.values() for phi in group)]
     letters, sampler = ansatz.letters_of(every), ansatz.sampler_of(material.analysis, every)
-    table = ansatz.table_at(sampler.points(seed), letters, len(candidates) + null_vectors.SPARE)
+    table = ansatz.table_at(sampler.points(seed), letters, len(candidates) + matrices.SPARE)
     prime, places = table.prime, {p: k for k, p in enumerate(letters)}
     slopes = [-2 * connection[0][0] for connection, _ in ansatz.tensors_of(sampler, table)]  # df/dv
 
     def along(key: tm.Monomial) -> list[int]:
         """Gamma(log key) at each sample."""
-        powers = [(places[p], ps.number_value(e, prime)) for p, e in key]
+        powers = [(places[p], modular.number_value(e, prime)) for p, e in key]
         return [sum(int(rates[k]) * e for k, e in powers) for rates in table.derivatives.along]
 
     products = ansatz.monomial_values(table.values, letters, candidates, prime)
-    independent = null_vectors.pivots(products, prime)  # without 1 where it is sin^2 + cos^2
+    independent = matrices.pivots(products, prime)  # without 1 where it is sin^2 + cos^2
     candidates, values = [candidates[k] for k in independent], products[:, independent].astype(object)
     rates = np.array(list(map(along, candidates)), object).T
     for e, group in phis.items():
         for phi in group:
             wanted = np.array([slope + rate for slope, rate in zip(slopes, along(phi), strict=True)], object)
             # e Gamma(P) + (df/dv + Gamma(log phi)) P = 0 for the terms of P.
-            rows = values * (ps.number_value(e, prime) * rates + wanted[:, None]) % prime
-            for terms in ansatz.null_combinations(null_vectors.kernel(rows.astype(np.uint64), prime), candidates):
+            rows = values * (modular.number_value(e, prime) * rates + wanted[:, None]) % prime
+            for terms in ansatz.null_combinations(matrices.kernel_modulo(rows.astype(np.uint64), prime), candidates):
                 with suppress(tm.TooManyTerms):
                     yield _in_factors(material, phi, tm.tree_of(terms), e)
 
@@ -155,7 +155,7 @@ def _last_multipliers(material: tm.Material, factors: families.Factors, seed: in
         found[LastMultiplier(tm.EMPTY, ())] = None
     else:
         for degree in _EXPONENTS:
-            with suppress(errors.IrreducibleAtoms, ps.SingularPoint, tm.TooManyTerms, ValueError):
+            with suppress(errors.IrreducibleAtoms, modular.SingularPoint, tm.TooManyTerms, ValueError):
                 powers |= dict.fromkeys(_darboux_powers(material, factors, seed, degree))
     if moving := _moving_factors(material):
         found[LastMultiplier(tm.EMPTY, tuple((base, ex.negated(e)) for base, e in moving))] = None

@@ -11,7 +11,7 @@ from math import isqrt, prod
 from inverse_service import bounds, errors
 from inverse_service.decision import deciding
 from inverse_service.expressions import collecting, tree as ex
-from inverse_service.field import exact_field, point as ps, real_point, tower as towers
+from inverse_service.field import exact_field, modular, real_point, tower as towers
 from inverse_service.mechanics import short_forms, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import antiderivatives, terms as tm
@@ -80,7 +80,7 @@ def _turns_together(tree: ex.Expression, constants: frozenset[ex.Symbol]) -> ex.
 
 
 def _names_in(tree: ex.Expression) -> set[str]:
-    return {node.coordinate if isinstance(node, ex.Velocity) else node.name for node in ps.variables_in(tree)}
+    return {node.coordinate if isinstance(node, ex.Velocity) else node.name for node in modular.variables_in(tree)}
 
 
 def _is_moving(factor: ex.Expression, constants: frozenset[ex.Symbol]) -> bool:
@@ -138,7 +138,8 @@ def _regular_gauge(tree: ex.Expression, system: SecondOrderSystem) -> ex.Express
                     sine: ex.Expression = ex.Apply("sin", letter.argument)
                     others = {base for base in table if base not in (letter, velocity)}
                     plain = all(
-                        isinstance(base, ex.Number) or constants.issuperset(ps.variables_in(base)) for base in others
+                        isinstance(base, ex.Number) or constants.issuperset(modular.variables_in(base))
+                        for base in others
                     )
                     if plain and squares and all((sine, Fraction(2)) in square for square in squares):
                         terms[k] = ex.substitute(terms[k], {letter**2: ex.negated(sine**2)})
@@ -151,7 +152,7 @@ def _constant_divisors(trees: Iterable[ex.Expression], parameters: frozenset[ex.
         node for node in ex.distinct_nodes(trees) if isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number)
     )
     bases = (node.base for node in powers if node.exponent.value < 0)  # type: ignore[union-attr]
-    return {base for base in bases if (held := ps.variables_in(base)) and parameters.issuperset(held)}
+    return {base for base in bases if (held := modular.variables_in(base)) and parameters.issuperset(held)}
 
 
 def with_written_roots(
@@ -505,7 +506,7 @@ def _with_springs(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expressi
     constants = _parameters(system) | {ex.TIME}
     parts = [term for term in ex.summands(tree) if not tm.has_velocity(term)]
     for p in dict.fromkeys(p for term in parts for key in tm.terms_of(term) for p, _ in key if p not in constants):
-        held = [term for term in parts if ex.holds(term, *(set(ps.variables_in(p)) - constants))]
+        held = [term for term in parts if ex.holds(term, *(set(modular.variables_in(p)) - constants))]
         terms, u = tm.terms_of(ex.add(*held)), frozenset([(p, _HALF if isinstance(p, ex.Sum) else Fraction(1))])
         squares = [tm.terms_of(p) if isinstance(p, ex.Sum) else {tm.times(u, u): Fraction(1)}]
         if isinstance(p, ex.Apply) and p.function in ("sin", "cos"):
@@ -534,7 +535,7 @@ def _spring(
     whole = {tm.times(other, stiffness): c * a for other, a in square.items()}
     length = tm.times(key - u, stiffness, -1)
     below = frozenset((q, -e) for q, e in length if e < 0)  # m (R + l sin u)^2 for m l^2 (R/l + sin u)^2
-    held = ps.variables_in(tm.monomial_tree(length) * tm.monomial_tree(stiffness))
+    held = modular.variables_in(tm.monomial_tree(length) * tm.monomial_tree(stiffness))
     is_plain = held and constants.issuperset(held) and all(dict(stiffness).get(q, 0) >= 2 * e for q, e in below)
     if not is_plain or any(terms.get(other) != a for other, a in whole.items()):
         return None

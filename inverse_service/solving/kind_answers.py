@@ -27,7 +27,7 @@ from inverse_service.decision import certify, deciding, helmholtz, solutions
 from inverse_service.decision.deciding import Analysis, Decision
 from inverse_service.decision.helmholtz import ANY_FRICTION, LagrangianKind
 from inverse_service.expressions import collecting, derivative, printing, tree as ex
-from inverse_service.field import exact_field, matrices, modular, null_vectors, point as ps, real_point
+from inverse_service.field import exact_field, matrices, modular, real_point
 from inverse_service.linear_pde import equations, involution
 from inverse_service.mechanics import euler_lagrange, second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -302,18 +302,18 @@ def values_at(
 
     def residues(seed: int) -> tuple[int, dict[tuple[int, int], int] | None]:
         prime = modular.safe_prime(seed)
-        values = {name: ps.number_value(value, prime) for name, value in near.items()}
-        prolongation = deciding.prolonged(analysis, ps.Point(prime, seed, variables=values), with_time, order)
+        values = {name: modular.number_value(value, prime) for name, value in near.items()}
+        prolongation = deciding.prolonged(analysis, modular.Point(prime, seed, variables=values), with_time, order)
         within = involution.consequences(prolongation, 0)
         used = sorted({row for basis in within for row in prolongation.echelon.trace({basis: 1})})
         rows.append(tuple(cast(deciding.RowName, prolongation.row_name(row)) for row in used))
-        reduced, rank = null_vectors.table_of(within.values(), prolongation.width(0), prime).rref()
+        reduced, rank = matrices.table_of(within.values(), prolongation.width(0), prime).rref()
         width = reduced.ncols()
         return prime, {(i, j): int(reduced[i, j]) for i in range(rank) for j in range(width)} | {(-1, 0): rank}
 
     try:
         found = deciding.reconstructed(residues)
-    except (ps.SingularPoint, exact_field.TooLarge):
+    except (modular.SingularPoint, exact_field.TooLarge):
         return None, ()
     if found is None:
         return None, ()

@@ -11,7 +11,7 @@ import pytest
 
 from inverse_service.decision.deciding import HelmholtzAt, analyze, decide
 from inverse_service.field.echelon import Echelon
-from inverse_service.field.point import SingularPoint
+from inverse_service.field.modular import SingularPoint
 from inverse_service.linear_pde import involution as settling
 from inverse_service.linear_pde.equations import LocalEquations
 from inverse_service.linear_pde.involution import Limits

@@ -15,8 +15,7 @@ from inverse_service.decision.deciding import HelmholtzAt, RowName, analyze
 from inverse_service.expressions.tree import TIME, Expression, Number, Power, Product, Sum, Symbol, Velocity
 from inverse_service.field.dense_series import SeriesProgram, constants_at, exponents_of_degree, run
 from inverse_service.field.echelon import Echelon, Flags, SparseRows
-from inverse_service.field.modular import safe_prime
-from inverse_service.field.point import Point
+from inverse_service.field.modular import Point, safe_prime
 from inverse_service.linear_pde import equations as room
 from inverse_service.linear_pde.equations import Prolongation, advance, count_of_degree, start, unknown_names
 from inverse_service.mechanics.reading import read_system
