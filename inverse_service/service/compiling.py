@@ -1,9 +1,9 @@
 """The kernels of this installation: compiled once on a machine before any clock runs, or ahead of time for a wheel.
 
 `python -m inverse_service.service.compiling [FOLDER [MACHINE]]` solves SYSTEMS, which needs every kernel, compiles each
-one for each target of `shipped.TARGETS`, and links all to one shared library. MACHINE is x86_64 or aarch64, this one if
-it is not given. Needs numba, and a linker: `ld`, for another machine its cross linker (`aarch64-linux-gnu-ld`), or the
-package ziglang.
+one for each target of `code_store.TARGETS`, and links all to one shared library. MACHINE is x86_64 or aarch64, this one
+if it is not given. Needs numba, and a linker: `ld`, for another machine its cross linker (`aarch64-linux-gnu-ld`), or
+the package ziglang.
 """
 
 import hashlib
@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from inverse_service import __version__, catalogue
-from inverse_service.kernels.machine_code import code_store, shipped
+from inverse_service.kernels.machine_code import code_store
 
 # Together these systems need all kernels.
 SYSTEMS = ("sho", "douglas-iiib", "nonholonomic-particle-second", "van-der-pol")
@@ -38,13 +38,13 @@ KIND = "warm"
 HOST = re.compile(
     r'"(?:target-cpu|target-features|tune-cpu)"="[^"]*"|^target (?:triple|datalayout) = .*$', re.MULTILINE
 )
-ROOT = Path(shipped.__file__).parents[2]
+ROOT = Path(code_store.__file__).parents[2]
 
 
 def is_warm() -> bool:
     """Whether the kernels came with the program, or were compiled here."""
-    found = None if shipped.is_available() else code_store.read(_stamp(), KIND)
-    return shipped.is_available() or (found is not None and bool(found[0].get("done")))
+    found = None if code_store.has_library() else code_store.read(_stamp(), KIND)
+    return code_store.has_library() or (found is not None and bool(found[0].get("done")))
 
 
 def can_keep() -> bool:
@@ -78,7 +78,7 @@ def _stamp() -> str:
     """Other code, another Python or another processor need other kernels."""
     files = [entry for folder in FOLDERS for entry in os.scandir(ROOT / folder) if entry.name.endswith(".py")]
     newest = max(entry.stat().st_mtime_ns for entry in files)
-    processor = platform.machine(), platform.processor(), *sorted(shipped.processor_flags())
+    processor = platform.machine(), platform.processor(), *sorted(code_store.processor_flags())
     about = (__version__, str(newest), sys.implementation.cache_tag or "", *processor)
     return hashlib.sha256("\x00".join(about).encode()).hexdigest()
 
@@ -103,9 +103,12 @@ def ship(folder: Path, machine: str) -> list[Path]:
         sources.add(Path(kernel.py_func.__code__.co_filename).relative_to(ROOT).as_posix())
     folder.mkdir(parents=True, exist_ok=True)
     index = folder / "kernels.json"
-    digests = {name: shipped.digest(name) for name in sorted(sources)}
+    digests = {name: code_store.digest(name) for name in sorted(sources)}
     index.write_text(json.dumps({"kernels": listed, "sources": digests}), encoding="utf-8")
-    return [index, *(linked(texts, machine, cpu, folder / f"kernels-{cpu}.so") for cpu, _ in shipped.TARGETS[machine])]
+    return [
+        index,
+        *(linked(texts, machine, cpu, folder / f"kernels-{cpu}.so") for cpu, _ in code_store.TARGETS[machine]),
+    ]
 
 
 def linked(texts: list[tuple[str, str]], machine: str, cpu: str, path: Path) -> Path:
@@ -136,4 +139,4 @@ def linked(texts: list[tuple[str, str]], machine: str, cpu: str, path: Path) -> 
 
 if __name__ == "__main__":
     chosen = dict(enumerate(sys.argv))
-    print(*ship(Path(chosen.get(1, shipped.FOLDER)), chosen.get(2, platform.machine())), sep="\n")
+    print(*ship(Path(chosen.get(1, code_store.FOLDER)), chosen.get(2, platform.machine())), sep="\n")

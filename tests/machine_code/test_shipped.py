@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import inverse_service
-from inverse_service.kernels.machine_code import shipped
+from inverse_service.kernels.machine_code import code_store
 from inverse_service.kernels.machine_code.kernels import KERNELS
 
 QUESTIONS = """
@@ -23,9 +23,9 @@ class Absent:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 sys.meta_path.insert(0, Absent())
 from pathlib import Path
-from inverse_service.kernels.machine_code import shipped
-shipped.FOLDER = Path(sys.argv[1])
-shipped.digest = lambda name: ""
+from inverse_service.kernels.machine_code import code_store
+code_store.FOLDER = Path(sys.argv[1])
+code_store.digest = lambda name: ""
 import inverse_service
 for equations in ("x'' = -x - x'", "x'' = -x - x'^2*y; y'' = -y + x'*y'", "x'' = -x*sqrt(y); y'' = x"):
     print(inverse_service.check(inverse_service.solve(equations))["verdict"])
@@ -61,14 +61,14 @@ def test_kernels_are_compiled_for_another_machine(tmp_path: Path) -> None:
 
 def test_a_library_of_other_sources_is_not_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "kernels.json").write_text(json.dumps({"kernels": [], "sources": {"kernels.py": "0" * 64}}))
-    monkeypatch.setattr(shipped, "digest", lambda name: "1" * 64)
-    assert shipped.library(tmp_path) == {}
+    monkeypatch.setattr(code_store, "digest", lambda name: "1" * 64)
+    assert code_store.library(tmp_path) == {}
 
 
 def test_every_processor_has_a_library_that_it_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert all(targets[-1][1] == frozenset() for targets in shipped.TARGETS.values())
-    monkeypatch.setattr(shipped, "CPUINFO", tmp_path / "not mounted")
-    assert shipped.processor_flags() == frozenset()
+    assert all(targets[-1][1] == frozenset() for targets in code_store.TARGETS.values())
+    monkeypatch.setattr(code_store, "CPUINFO", tmp_path / "not mounted")
+    assert code_store.processor_flags() == frozenset()
 
 
 @pytest.mark.slow

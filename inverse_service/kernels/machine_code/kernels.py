@@ -1,6 +1,6 @@
 """Kernels: plain functions of numbers and arrays, compiled for the kinds of their arguments.
 
-The code comes from the library of the installation (`shipped`), or from the user's store, where it is looked up by a
+The code comes from the library of the installation or from the user's store (`code_store`), where it is looked up by a
 digest of everything it is built from and loaded by LLVM. numba is imported only if neither has it. A call takes 2 us,
 and 1 us more for each array that is not held.
 
@@ -44,8 +44,6 @@ Struct = TypeVar("Struct", bound=tuple[Any, ...])
 _buffer: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
 _SMALL = 4096
 Work = TypeVar("Work", bound=Callable[..., Any])
-# Machine code: maps the words of the arguments to the result.
-Entry = Callable[[list[int]], Any]
 _KIND = "modular"
 # Entries pass addresses as 64-bit numbers.
 POINTERS_OF_64_BITS = sys.maxsize > 2**32
@@ -179,7 +177,7 @@ class Kernel:
 
     def __init__(self, work: Callable[..., Any]) -> None:
         self.py_func = work
-        self._entries: dict[Kinds, Entry | None] = {}
+        self._entries: dict[Kinds, code_store.Entry | None] = {}
         self._made: Any = None
         KERNELS.append(self)
 
@@ -220,11 +218,9 @@ class Kernel:
                 self._made = dispatcher(self.py_func)
             return self._made
 
-    def _entry(self, kinds: Kinds) -> Entry | None:
+    def _entry(self, kinds: Kinds) -> code_store.Entry | None:
         """The machine code for arguments of these kinds, or None if numba has to call it."""
-        from inverse_service.kernels.machine_code import shipped
-
-        found = shipped.entry(self.name, kinds)
+        found = code_store.library_entry(self.name, told(kinds))
         if found is not None:
             return found
         from inverse_service.kernels.machine_code import loading  # LLVM takes 0.03 s to import

@@ -14,7 +14,7 @@ import llvmlite
 import llvmlite.binding as llvm
 import numpy as np
 
-from inverse_service.kernels.machine_code import code_store, kernels, shipped
+from inverse_service.kernels.machine_code import code_store, kernels
 
 ENTRY = "entry"
 # Loaded code is never freed.
@@ -58,14 +58,14 @@ def engine_of(code: bytes) -> Any:
     return engine
 
 
-def load(code: bytes, answer: str) -> kernels.Entry:
+def load(code: bytes, answer: str) -> code_store.Entry:
     """Load the kernel in the object file as a function of the words of its arguments (`kinds_of`)."""
     engine = engine_of(code)
     address = engine.get_function_address(ENTRY)
     if not address:
         raise OSError("the object file has no entry")
     _kept.append(engine)
-    return shipped.called(address, answer)
+    return code_store.called(address, answer)
 
 
 class Unstorable(Exception):
