@@ -69,6 +69,12 @@ class Analysis:
     proofs: dict[str, tuple[dict[str, Any], CheckResult]] = field(default_factory=dict, compare=False, repr=False)
 
 
+def questions(time_dependent: bool | None, system: second_order_system.SecondOrderSystem) -> tuple[bool, bool]:
+    """Whether the questions for L(q, q') and for L(t, q, q') are asked; if f contains t, only the latter is."""
+    depends = system.depends_on_time
+    return not depends and time_dependent is not True, depends or time_dependent is not False
+
+
 def variables_of(system: second_order_system.SecondOrderSystem) -> tuple[modular.Variable, ...]:
     """t, q, v, the parameters, and accelerations that are symbols."""
     return (*system.variables, *map(ex.Symbol, system.parameters), *system.letters)

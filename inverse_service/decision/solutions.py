@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 from inverse_service.expressions import tree as ex
 
 if TYPE_CHECKING:
-    from inverse_service.decision.cells import Left
+    from inverse_service.field.real_point import RealTable
     from inverse_service.mechanics.first_integrals import FirstIntegral
     from inverse_service.mechanics.legendre import LegendreTransform
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -45,12 +45,6 @@ class SolveOptions:
     first_integrals: bool = False
     reasons: bool = True
     hand_over: Callable[[Sequence[str], Callable[[], SoFar]], None] | None = None
-
-
-def questions(time_dependent: bool | None, system: SecondOrderSystem) -> tuple[bool, bool]:
-    """Whether the questions for L(q, q') and for L(t, q, q') are asked; if f contains t, only the latter is."""
-    depends = system.depends_on_time
-    return not depends and time_dependent is not True, depends or time_dependent is not False
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +136,15 @@ class Conditions:
     Phi: Matrix
     nabla_Phi: Matrix
     R: tuple[Matrix, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Left:
+    """A set without an answer: the region where the trees are positive, with a point of it if one is known."""
+
+    positive: tuple[ex.Expression, ...]
+    near: RealTable | None
+    reason: str
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from flint import fmpq, fmpq_mpoly
 from inverse_service import bounds, errors
 from inverse_service.deadline import now, until
 from inverse_service.decision import deciding
-from inverse_service.decision.solutions import Verdict, questions
+from inverse_service.decision.solutions import Verdict
 from inverse_service.explanation import hierarchy
 from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import exact_field
@@ -367,7 +367,9 @@ def examine(question: Question, stratum: Stratum, functions: FunctionCase) -> Ca
     else:
         return _with_ideals(question, analysis, case) if system.parameters or system.functions else case
     unknown: Verdict = "undetermined"
-    autonomous, with_time = (unknown if asked else None for asked in questions(question.time_dependent, system))
+    autonomous, with_time = (
+        unknown if asked else None for asked in deciding.questions(question.time_dependent, system)
+    )
     return Case(question, stratum, functions, system, autonomous, with_time, reason=reason, unsettled=unsettled)
 
 
@@ -384,7 +386,7 @@ def _has_no_value(node: ex.Expression) -> bool:
 def _decided(question: Question, analysis: deciding.Analysis, case: Case) -> Case:
     """The case with the requested verdicts; an L(q, v) is also an L(t, q, v)."""
     limits = Limits(deadline=question.deadline)
-    wants_plain, wants_time = questions(question.time_dependent, analysis.system)
+    wants_plain, wants_time = deciding.questions(question.time_dependent, analysis.system)
     found = dict[bool, deciding.Decision]()
     for timed in [False] * wants_plain + [True] * wants_time:
         if False not in found or found[False].verdict != "variational":

@@ -1,4 +1,7 @@
-"""Answer both questions about one system: decide, find a Lagrangian, certify, check, explain."""
+"""Answer both questions about one system: decide, find a Lagrangian, certify, check, explain.
+
+Regions where other formulas are valid have separate answers, so a system is answered cell by cell.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +10,16 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from itertools import islice, product
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from inverse_service import bounds, deadline, errors
 from inverse_service.certificate import checker, formulas
-from inverse_service.decision import cells, certify, deciding
-from inverse_service.decision.solutions import Answer, Conditions, Lagrangian, Solution, SolveOptions, Step, questions
+from inverse_service.decision import certify, deciding
+from inverse_service.decision.solutions import Answer, Conditions, Lagrangian, Left, Solution, SolveOptions, Step
 from inverse_service.explanation import positive, wording
 from inverse_service.expressions import collecting, notation, printing, tree as ex
+from inverse_service.field import real_point, tower
 from inverse_service.linear_pde import involution
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -51,11 +56,19 @@ Progress = Callable[[str], None]
 _AT_ONCE = 1.0
 OPEN = Answer("undetermined", reason=deadline.NOT_YET)  # for a question that is not yet decided
 log = logging.getLogger(__name__)
+Result = TypeVar("Result")
+_MOST_OUTSIDE = 64  # combinations of one side of each cell
+_OTHER_POINTS = range(2, 8)  # seeds of points on other parts of a cell
+_FAR = 8
+NO_TIME = "the time was over"
+NO_POINT = "no real point was found in this set"
+TOO_MANY = f"more than {second_order_system.MOST_BRANCHES} cells"
+BEYOND = "no solved cell contains the point"
 
 
 def solve_branches(
     system: SecondOrderSystem, options: SolveOptions, progress: Progress | None = None
-) -> tuple[tuple[Solution, ...], tuple[cells.Left, ...]]:
+) -> tuple[tuple[Solution, ...], tuple[Left, ...]]:
     """The answers on all cells of the system, and the cells without one.
 
     The first cells are the open sets on which roots of squares, |u|, and the like are single formulas. If the proof of
@@ -84,20 +97,20 @@ def solve_branches(
         solutions.append(found)
         if told is not None and not alone:
             open_ones = tuple(
-                cells.Left(tuple(map(collecting.collect, each.positive)), None, deadline.NOT_YET) for each in waiting
+                Left(tuple(map(collecting.collect, each.positive)), None, deadline.NOT_YET) for each in waiting
             )
             known = tuple(solutions)
             told((), lambda: (known, open_ones))
         return found, sides_of(found)
 
-    _, open_cells = cells.answered(system, answer, end)
+    _, open_cells = cell_by_cell(system, answer, end)
     for found in solutions:
         for one in (found.autonomous, found.with_time):
             if one is not None and one.one_side and one.certificate is not None:
                 analysis = deciding.analyze(found.system)
-                other = cells.other_part(analysis, one.certificate, one.sides, end)
+                other = other_part(analysis, one.certificate, one.sides, end)
                 if other is not None:
-                    open_cells.append(cells.Left(sides_of(found), other[0], _UNCONNECTED))
+                    open_cells.append(Left(sides_of(found), other[0], _UNCONNECTED))
                     break
     return tuple(solutions), tuple(open_cells)
 
@@ -107,6 +120,96 @@ def sides_of(solution: Solution) -> tuple[ex.Expression, ...]:
     answers = [one for one in (solution.autonomous, solution.with_time) if one is not None]
     sides = [*map(collecting.collect, solution.system.positive), *(side for one in answers for side in one.sides)]
     return tuple(dict.fromkeys(sides))
+
+
+def cell_by_cell(
+    system: SecondOrderSystem,
+    answer: Callable[
+        [SecondOrderSystem, Sequence[SecondOrderSystem]],
+        tuple[Result, Sequence[ex.Expression]],
+    ],
+    end: float = math.inf,
+) -> tuple[list[Result], list[Left]]:
+    """The answers on all cells, and the sets without an answer.
+
+    `answer` is called with the system on a cell and the systems still waiting; it returns the answer and the trees that
+    are positive on its cell. The other side of each tree, within the same branch, is a separate cell. No new cell is
+    begun after the time `end`. Branches without a known point, and points in no cell, have no answer either.
+    """
+    branches = second_order_system.branches_of(system)
+    waiting, found, left, known_sides = (
+        [*branches],
+        list[Result](),
+        list[Left](),
+        list[Sequence[ex.Expression]](),
+    )
+    while waiting:
+        cell = waiting.pop(0)
+        if len(found) == second_order_system.MOST_BRANCHES or (cell not in branches and deadline.now() > end):
+            reason = TOO_MANY if len(found) == second_order_system.MOST_BRANCHES else NO_TIME
+            left.append(Left(tuple(map(collecting.collect, cell.positive)), point_of(cell), reason))
+            continue
+        one, sides = answer(cell, waiting)
+        found.append(one)
+        known_sides.append(sides)
+        known = {collecting.collect(tree) for tree in cell.positive}
+        fresh = [side for side in sides if side not in known]
+        for k, side in enumerate(fresh):
+            other = second_order_system.on_side(cell, [*fresh[:k], collecting.collect(-side)])
+            if other is not None and point_of(other) is not None:
+                waiting.append(other)
+    unreached = second_order_system.unreached(system)
+    left += [Left(tuple(map(collecting.collect, one.positive)), None, NO_POINT) for one in unreached]
+    return found, left + (_in_no_cell(system, known_sides) if system.branch is None else [])
+
+
+def _in_no_cell(system: SecondOrderSystem, sides: Sequence[Sequence[ex.Expression]]) -> list[Left]:
+    """The sets with a known point that no cell contains: of the trees positive on each cell, one is negative there."""
+    found = list[Left]()
+    for outside in islice(product(*sides), _MOST_OUTSIDE):
+        beyond = second_order_system.on_side(system, [collecting.collect(-side) for side in outside])
+        point = None if beyond is None else point_of(beyond)
+        if beyond is None or point is None or any(real_point.are_positive(one.positive, point) for one in found):
+            continue
+        found.append(Left(beyond.positive, point, BEYOND))
+    return found
+
+
+def other_part(
+    analysis: deciding.Analysis,
+    certificate: Mapping[str, Any],
+    sides: Sequence[ex.Expression],
+    end: float,
+    wanted: Sequence[str] = ("invalid", "incomplete"),
+) -> tuple[real_point.RealTable, checker.CheckResult] | None:
+    """Repeat the check of a claim at points on other connected parts of its cell, where all `sides` are > 0.
+
+    The point with the wanted verdict and the checker's result; earlier entries of `wanted` take precedence. None if no
+    tried point has such a verdict.
+    """
+    found = dict[str, tuple[real_point.RealTable, checker.CheckResult]]()
+    for point in (one for seed in _OTHER_POINTS for one in _points(analysis.system, seed)):
+        if wanted[0] not in found and real_point.are_positive(sides, point) and deadline.now() < end:
+            moved = {**certificate, "near": certify.moved_to(certificate["near"], point)}
+            proof = certify.proved(replace(analysis, real_point=point), moved, deadline.left(end, 1.0))[1]
+            found.setdefault(proof.verdict, (point, proof))
+    return next((found[verdict] for verdict in wanted if verdict in found), None)
+
+
+def _points(system: SecondOrderSystem, seed: int) -> list[real_point.RealTable]:
+    """A point where f is defined, and one farther in its direction, beyond other zeros of periodic functions."""
+    near = point_of(system, seed)
+    if near is None:
+        return []
+    far = near | {name: _FAR * near[name] for name in deciding.variables_of(system) if name in near}
+    kernels = tuple(map(tower.to_kernels, system.accelerations))
+    return [near, far] if real_point.is_defined(kernels, far) else [near]
+
+
+def point_of(system: SecondOrderSystem, seed: int = 1) -> real_point.RealTable | None:
+    """A real point at which f has a value and everything in `system.positive` is > 0."""
+    kernels = tuple(map(tower.to_kernels, system.accelerations))
+    return real_point.find_real_point(kernels, deciding.variables_of(system), seed, system.positive)
 
 
 def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress | None = None) -> Solution:
@@ -201,13 +304,13 @@ def _first_integrals(work: Work, *answers: Answer | None) -> tuple[FirstIntegral
 
 def _unreduced(system: SecondOrderSystem, options: SolveOptions, found: Conditions | None, reason: str) -> Solution:
     answer = Answer("undetermined", reason=reason, positive=tuple(map(collecting.collect, system.positive)))
-    autonomous, with_time = (answer if asked else None for asked in questions(options.time_dependent, system))
+    autonomous, with_time = (answer if asked else None for asked in deciding.questions(options.time_dependent, system))
     return Solution(system, autonomous, with_time, found, {"seed": options.seed})
 
 
 def _answers(work: Work, given: Answer | None) -> tuple[Answer | None, Answer | None]:
     """(L(q, v), L(t, q, v)); an autonomous Lagrangian, as the `given` one can be, answers the second question too."""
-    wants_plain, wants_time = questions(work.options.time_dependent, work.analysis.system)
+    wants_plain, wants_time = deciding.questions(work.options.time_dependent, work.analysis.system)
     if given is not None and not _holds_time(given):
         return given if wants_plain else None, given if wants_time else None
     if given is not None:
@@ -237,7 +340,7 @@ def _is_excluded(work: Work) -> bool:
     system, options = work.analysis.system, work.options
     if options.given or system.is_unsolved or len(system.coordinates) > _MOST_COORDINATES:
         return False
-    with_time = questions(options.time_dependent, system)[1]
+    with_time = deciding.questions(options.time_dependent, system)[1]
     return _decide(work, with_time, _SHARE_AS_GIVEN).verdict == "not_variational"
 
 
@@ -247,7 +350,7 @@ def _as_given(work: Work) -> Answer | None:
     began = deadline.now()
     work.progress("the equations as given")
     written = tuple(second_order_system.on_branch(equation, system) for equation in work.options.given)
-    wants_time = questions(work.options.time_dependent, system)[1]
+    wants_time = deciding.questions(work.options.time_dependent, system)[1]
     best: ex.Expression | None = None
     with suppress(deadline.OutOfTime), deadline.until(deadline.now() + _SHARE_AS_GIVEN * work.left()):
         for signs in (False, True):
@@ -565,7 +668,7 @@ def tell(work: Work, answer: Answer, with_time: bool) -> None:
     """Hand over a confirmed answer while work continues."""
     found = answer.lagrangian
     work.answers[with_time] = answer = _on_its_set(work, answer)
-    is_main = with_time is not questions(work.options.time_dependent, work.analysis.system)[0]
+    is_main = with_time is not deciding.questions(work.options.time_dependent, work.analysis.system)[0]
     parts = [named("existence", with_time), "certificate"]
     # L(q, q') answers both questions, without L(t, q, q') there is no L(q, q'), and one question has both names.
     if with_time is (answer.verdict == "not_variational") or (with_time and is_main):
@@ -589,7 +692,7 @@ def named(part: str, with_time: bool) -> str:
 def _so_far(work: Work) -> SoFar:
     """The confirmed answers; an undecided question is undetermined."""
     system = work.analysis.system
-    wants_plain, wants_time = questions(work.options.time_dependent, system)
+    wants_plain, wants_time = deciding.questions(work.options.time_dependent, system)
     autonomous = work.answers.get(False, OPEN) if wants_plain else None
     with_time = work.answers.get(True, OPEN) if wants_time else None
     if autonomous is not None and with_time is not None:

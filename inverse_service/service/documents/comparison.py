@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING, Any
 from inverse_service import errors
 from inverse_service.certificate import cell, checker, formulas, question as checks
 from inverse_service.deadline import now
-from inverse_service.decision.cells import point_of
 from inverse_service.expressions import derivative, printing, tree as ex
 from inverse_service.field import real_point, reduction
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.agreement import Canonical, GivenText, equations_agree, motion_agrees
 from inverse_service.reading import document_names, names as nm, reader
 from inverse_service.service.documents import accepting
+from inverse_service.solving.solving import point_of
 
 if TYPE_CHECKING:
     from api_schemas.result import ResultDocument

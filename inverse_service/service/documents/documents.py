@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 from api_schemas.base import ParseAnswer
 from inverse_service import errors
 from inverse_service.deadline import now, whole
-from inverse_service.decision.solutions import SolveOptions, questions
+from inverse_service.decision import deciding
+from inverse_service.decision.solutions import SolveOptions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
 from inverse_service.service.documents import accepting, answers, comparison, derived, growing, translate
@@ -25,8 +26,7 @@ from inverse_service.solving import solving
 
 if TYPE_CHECKING:
     from api_schemas.system import SystemDocument
-    from inverse_service.decision.cells import Left
-    from inverse_service.decision.solutions import Solution
+    from inverse_service.decision.solutions import Left, Solution
 
 # Errors in the mathematics of a valid document, and the reason that the result then gives.
 REASONS = {
@@ -203,7 +203,7 @@ def solve_system(document: Any, options: SolveOptions, grow: growing.Growing | N
 
 def _wanted(schema: SystemDocument, system: SecondOrderSystem, kinds: bool) -> tuple[str, ...]:
     """The parts of the result that is asked for, in the order of wanting."""
-    wants_plain, wants_time = questions(schema.time_dependent_lagrangian, system)
+    wants_plain, wants_time = deciding.questions(schema.time_dependent_lagrangian, system)
     parts = ("conditions", "existence", *["existence_with_time"] * wants_time, "certificate", "lagrangian")
     second = ["lagrangian_with_time"] * (wants_plain and wants_time)
     last = [*["first_integrals"] * schema.first_integrals, *["kinds"] * kinds, *["clock"] * bool(schema.clock)]

@@ -11,8 +11,7 @@ from api_schemas.base import CHECK_FORMAT, MAX_FORWARD
 from api_schemas.result import ConservedQuantity, ForwardParseAnswer, ForwardResult
 from api_schemas.system import LagrangianDocument
 from inverse_service import deadline, errors
-from inverse_service.decision import cells, certify, deciding
-from inverse_service.decision.solutions import Hamiltonian, SolveOptions
+from inverse_service.decision import certify, deciding, solutions
 from inverse_service.expressions import collecting, evaluation, tree as ex
 from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.field import reduction, tower
@@ -22,6 +21,7 @@ from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.document_names import Declared, known_names
 from inverse_service.service.documents import accepting, canonical, growing, translate
+from inverse_service.solving import solving
 
 POINTER = "/lagrangian"
 AS_WRITTEN = (
@@ -70,9 +70,9 @@ def check_lagrangian(document: Any, text: str, time_limit: float = 60.0) -> dict
         return _judged(cell, one.accelerations[-1], lagrangian, own, end)
 
     if system.is_unsolved:
-        found, left = [_judged(system, lagrangian, lagrangian, own, end)[0]], list[cells.Left]()
+        found, left = [_judged(system, lagrangian, lagrangian, own, end)[0]], list[solutions.Left]()
     else:
-        found, left = cells.answered(replace(system, accelerations=(*system.accelerations, lagrangian)), answer)
+        found, left = solving.cell_by_cell(replace(system, accelerations=(*system.accelerations, lagrangian)), answer)
     verdicts = {one["verdict"] for one in found} | ({"incomplete"} if left else set())
     wrong, right = verdicts & {"invalid", "differs"}, verdicts & {"valid", "differs"}
     verdict = verdicts.pop() if len(verdicts) == 1 else "differs" if wrong and right else (
@@ -147,7 +147,7 @@ def _judged(
         domain = [*dict.fromkeys([*known, *statement["domain"]])]
         found = cell(domain, near, "valid", proof.reasons) | {"statement": statement | {"domain": domain}}
         if where.one_side:
-            other = cells.other_part(analysis, claim, where.sides, end)
+            other = solving.other_part(analysis, claim, where.sides, end)
             if other is None or other[1].verdict != "invalid":
                 found |= {"verdict": "incomplete", "reasons": [_ELSEWHERE]}
             else:
@@ -163,7 +163,7 @@ def _judged(
     if proof.verdict == "invalid" and table is not None:
         found |= _failing(system, own, table)
         soon = min(end, deadline.now() + _LOOK)
-        if not system.is_unsolved and cells.other_part(analysis, claim, sides, soon, ("valid",)):
+        if not system.is_unsolved and solving.other_part(analysis, claim, sides, soon, ("valid",)):
             found |= {"verdict": "differs"}
     return found, sides
 
@@ -184,7 +184,7 @@ def _failing(system: SecondOrderSystem, own: Sequence[ex.Expression] | None, tab
     return shown | {"accelerations": numbers} if own else shown
 
 
-def _where(left: cells.Left) -> str:
+def _where(left: solutions.Left) -> str:
     if left.positive:
         return f"where {' and '.join(map(inequality_text, left.positive))}"
     names = [(translate.name_of(key), value) for key, value in (left.near or {}).items()]
@@ -233,7 +233,7 @@ def look_forward(document: Any) -> LagrangianDocument:
     return accepting.validated(document, LagrangianDocument)
 
 
-def solve_forward(document: Any, options: SolveOptions, grow: growing.Growing) -> dict[str, Any]:
+def solve_forward(document: Any, options: solutions.SolveOptions, grow: growing.Growing) -> dict[str, Any]:
     """The forward result; raises InputError, also where the Hessian of L is singular."""
     schema = look_forward(document)
     lagrangian, system = _motion(schema)
@@ -244,7 +244,9 @@ def solve_forward(document: Any, options: SolveOptions, grow: growing.Growing) -
         lagrangian=translate.formula(lagrangian),
         equations=translate.formulas(names, system.accelerations),
         momenta=translate.formulas(names, functions.values()),
-        hamiltonian=translate.hamiltonian_part(Hamiltonian(legendre(lagrangian, names, options.time_limit / 2))),
+        hamiltonian=translate.hamiltonian_part(
+            solutions.Hamiltonian(legendre(lagrangian, names, options.time_limit / 2))
+        ),
         conserved=_conserved(lagrangian, functions),
         guessed=translate.guessed_names(schema, system),
     )

@@ -12,7 +12,6 @@ from api_schemas import base, result as schemas
 from api_schemas.system import LagrangianDocument, MotionDocument, NonholonomicDocument, SystemDocument
 from inverse_service import __version__
 from inverse_service.decision import certify, solutions
-from inverse_service.decision.cells import Left
 from inverse_service.expressions import inequalities, printing, tree as ex
 from inverse_service.field import real_point, tower
 from inverse_service.mechanics import method_advice, second_order_system
@@ -78,7 +77,10 @@ def function_fields(system: second_order_system.SecondOrderSystem | Nonholonomic
 
 
 def to_result(
-    solution: solutions.Solution, schema: Asking, others: Sequence[solutions.Solution] = (), left: Sequence[Left] = ()
+    solution: solutions.Solution,
+    schema: Asking,
+    others: Sequence[solutions.Solution] = (),
+    left: Sequence[solutions.Left] = (),
 ) -> schemas.ResultDocument:
     """The result document; `with_time` is filled where the other question has another answer.
 
@@ -99,7 +101,7 @@ def to_result(
     )
 
 
-def _not_answered(left: Left) -> schemas.NotAnsweredPart:
+def _not_answered(left: solutions.Left) -> schemas.NotAnsweredPart:
     named = {name_of(key): mpmath.nstr(value, 12) for key, value in (left.near or {}).items() if key != tower.RADIAN}
     near = {name: value for name, value in named.items() if name}
     return schemas.NotAnsweredPart(domain=certify.shortest(left.positive), near=near, reason=left.reason)
