@@ -122,7 +122,8 @@ def _of_text(text: str) -> dict[str, Any]:
         except InputError:
             found = None
         return found if isinstance(found, dict) else {"equations": text}
-    return dict(catalogue.document(text)) if catalogue.meant(text) else {"equations": text}
+    is_name = "=" not in text and catalogue.meant(text)
+    return dict(catalogue.document(text)) if is_name else {"equations": text}
 
 
 def nonholonomic(

@@ -13,10 +13,9 @@ from inverse_service.expressions import printing
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import negate
 from inverse_service.mechanics import implicit_equations
-from inverse_service.mechanics.agreement import Canonical
 from inverse_service.reading import parser as grammar
 from inverse_service.service.documents import accepting, translate
-from inverse_service.service.documents.comparison import compared_with_document
+from inverse_service.service.documents.comparison import Canonical, compared_with_document
 
 TWO = ["x", "y"]
 DISK = {

@@ -21,7 +21,7 @@ from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions import inequalities, refusals
 from inverse_service.expressions.printing import to_latex
 from inverse_service.field import real_point
-from inverse_service.mechanics import agreement, second_order_system
+from inverse_service.mechanics import second_order_system
 from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import (
     accepting,
@@ -716,7 +716,7 @@ def _compared(document: Any, certificate: dict[str, Any], moving: bool, limit: f
     if moving:
         return comparison.compared_claim(document, certificate, limit)
     return comparison.compared_with_document(
-        document, agreement.Canonical(system_fields(certificate), certificate), limit
+        document, comparison.Canonical(system_fields(certificate), certificate), limit
     )
 
 

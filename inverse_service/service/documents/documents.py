@@ -163,7 +163,7 @@ def solve_system(document: Any, options: SolveOptions, grow: growing.Growing | N
         series_order=schema.series_order,
         first_integrals=schema.first_integrals,
     )
-    kinds = derived.to_kinds(schema, system)
+    kinds = derived.to_kinds(schema, system) if schema.kinds or schema.near else ()
     factor = None if schema.clock is None else derived.to_clock(schema, system)
     grow.wanted = _wanted(schema, system, bool(kinds))
 
