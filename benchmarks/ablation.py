@@ -25,8 +25,7 @@ from benchmarks.tables import table
 from inverse_service import catalogue
 from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.expressions.printing import to_text
-from inverse_service.mechanics.reading import read_system
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
 from inverse_service.search import ladder
 from inverse_service.service.documents.accepting import to_given, to_schema, to_system
 from inverse_service.solving.solving import solve_branches

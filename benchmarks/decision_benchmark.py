@@ -12,8 +12,7 @@ from benchmarks.isolated import measure
 from benchmarks.plain import SIMPLIFICATIONS
 from inverse_service import catalogue
 from inverse_service.decision.deciding import decide
-from inverse_service.mechanics.reading import read_system
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
 
 Report = Callable[[str], None]
 REPEATS = 5

@@ -25,8 +25,7 @@ from inverse_service.decision.helmholtz import invariant, kind_named
 from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import number
-from inverse_service.mechanics.reading import read_system
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
 from inverse_service.solving import kind_answers
 
 PAGE = Path(__file__).parents[1] / "docs" / "records" / "kinds.md"

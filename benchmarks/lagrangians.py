@@ -20,7 +20,7 @@ from typing import Any
 
 from benchmarks.tables import MISSING, table
 from inverse_service.decision.solutions import Answer, SolveOptions
-from inverse_service.mechanics.reading import read_system
+from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.solving.solving import solve
 
 EVERY = "all"

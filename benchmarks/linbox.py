@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.families import cubic_chain
 from inverse_service.decision.deciding import HelmholtzAt, analyze
 from inverse_service.linear_pde.equations import LocalEquations, advance, rows_of_degree, start, width_below
-from inverse_service.mechanics.reading import read_system
+from inverse_service.mechanics.second_order_system import read_system
 
 SOURCE = Path(__file__).with_name("linbox_rank.cpp")
 FLAGS = ["-O3", "-fopenmp", "-w"]

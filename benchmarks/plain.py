@@ -21,8 +21,7 @@ from typing import Any
 import sympy
 
 from benchmarks.sympy_form import SympyExpression, to_sympy, velocity
-from inverse_service.mechanics.reading import read_system
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
 
 Simplification = Callable[[SympyExpression], SympyExpression]
 SIMPLIFICATIONS: dict[str, Simplification] = {"simplify": sympy.simplify, "cancel": sympy.cancel}

@@ -20,8 +20,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.mechanics.euler_lagrange import momenta
 from inverse_service.mechanics.legendre import legendre
-from inverse_service.mechanics.reading import read_system
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
 from paper.paper_systems import (
     CLASSICAL,
     Member,

@@ -89,7 +89,7 @@ class MotionAnswer:
 
 @dataclass(slots=True)
 class _Work:
-    motion: constrained_motion.ConstrainedMotion
+    motion: second_order_system.ConstrainedMotion
     known: Sequence[KnownLagrangian]
     seed: int
     deadline: float
@@ -104,7 +104,7 @@ class _Work:
 
 
 def answer_motion(
-    motion: constrained_motion.ConstrainedMotion,
+    motion: second_order_system.ConstrainedMotion,
     known: Sequence[KnownLagrangian] = (),
     time_dependent: bool | None = None,
     seed: int = 1,

@@ -29,7 +29,7 @@ from inverse_service.field.modular import Point, SingularPoint, Variable
 from inverse_service.field.real_point import RealTable, find_real_point, is_defined, requirements
 from inverse_service.field.reduction import reduce_atoms, signed_factors
 from inverse_service.linear_pde import equations, involution
-from inverse_service.mechanics.constrained_motion import ConstrainedMotion
+from inverse_service.mechanics.second_order_system import ConstrainedMotion
 
 Integers = npt.NDArray[np.int64]
 _HIGHEST_ORDER, _MOST_UNKNOWNS = 16, 120_000

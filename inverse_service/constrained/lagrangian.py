@@ -27,8 +27,7 @@ from inverse_service.field import exact_field, matrices, modular, tower
 from inverse_service.field.echelon import Words
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus
 from inverse_service.mechanics import euler_lagrange
-from inverse_service.mechanics.constrained_motion import ConstrainedMotion
-from inverse_service.mechanics.second_order_system import SecondOrderSystem, system_of
+from inverse_service.mechanics.second_order_system import ConstrainedMotion, SecondOrderSystem, system_of
 from inverse_service.search import ansatz, families, terms as tm
 from inverse_service.search.members import best_members, describe
 from inverse_service.solving import solving

@@ -24,7 +24,7 @@ from inverse_service.explanation import positive, wording
 from inverse_service.expressions import notation, tree as ex
 from inverse_service.field import exact_field, modular, real_point, reduction, tower
 from inverse_service.linear_pde.involution import Limits
-from inverse_service.mechanics import constrained_motion, writing
+from inverse_service.mechanics import constrained_motion, second_order_system, writing
 from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.nonholonomic_integrals import MeasureDensity
 from inverse_service.mechanics.paper_class import Proposal
@@ -60,7 +60,7 @@ class Reduced:
     reason: str = ""
 
 
-def reduced_system(motion: constrained_motion.ConstrainedMotion) -> SecondOrderSystem | None:
+def reduced_system(motion: second_order_system.ConstrainedMotion) -> SecondOrderSystem | None:
     """r'' = F(r, r') if F and the velocities of the other coordinates contain none of the other coordinates."""
     others = {ex.Symbol(name) for name in motion.dependent}
     trees = (*motion.free_accelerations, *motion.dependent_velocities)
@@ -70,7 +70,7 @@ def reduced_system(motion: constrained_motion.ConstrainedMotion) -> SecondOrderS
 
 
 def decide_reduced(
-    motion: constrained_motion.ConstrainedMotion, lagrangian: ex.Expression | None, options: solutions.SolveOptions
+    motion: second_order_system.ConstrainedMotion, lagrangian: ex.Expression | None, options: solutions.SolveOptions
 ) -> Decided | None:
     """The answer for r'' = F(r, r'); None if the motion does not reduce. `lagrangian` is that of the system."""
     system = reduced_system(motion)
@@ -146,7 +146,7 @@ def answer_closed(system: SecondOrderSystem, options: solutions.SolveOptions) ->
 
 
 def answer_reduced(
-    motion: constrained_motion.ConstrainedMotion,
+    motion: second_order_system.ConstrainedMotion,
     lagrangian: ex.Expression | None,
     density: MeasureDensity | None,
     options: solutions.SolveOptions,
@@ -211,7 +211,7 @@ def chaplygin_factor(system: SecondOrderSystem, density: MeasureDensity | None) 
     return ex.multiply(*(base ** (exponent * root) for base, exponent in ex.powers_of(density.momenta)))
 
 
-def _on_constraints(motion: constrained_motion.ConstrainedMotion, lagrangian: ex.Expression) -> ex.Expression | None:
+def _on_constraints(motion: second_order_system.ConstrainedMotion, lagrangian: ex.Expression) -> ex.Expression | None:
     """l_c(r, r'), or None if it contains another coordinate."""
     found = writing.tidied(ex.substitute(lagrangian, motion.on_constraints))
     return None if any(ex.Symbol(name) in set(ex.walk(found)) for name in motion.dependent) else found

@@ -34,7 +34,7 @@ from inverse_service.decision import deciding
 from inverse_service.explanation import hierarchy, negative, wording
 from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import exact_field, matrices
-from inverse_service.mechanics import conditions, reading, second_order_system
+from inverse_service.mechanics import conditions, second_order_system
 from inverse_service.mechanics.conditions import Motion
 from inverse_service.reading import names as nm, reader
 
@@ -676,7 +676,9 @@ def _of_certificate(certificate: dict[str, Any], seed: int) -> Sequence[Theorem]
     functions = {name: tuple(arguments) for name, arguments in (given.get("functions") or {}).items()}
     if any(map(reader.has_acceleration, given["equations"].values())):
         raise NoTheorem("the equations are not solved for the accelerations")
-    system = reading.read_system(given["coordinates"], given["equations"], given.get("parameters") or (), functions)
+    system = second_order_system.read_system(
+        given["coordinates"], given["equations"], given.get("parameters") or (), functions
+    )
     budget = exact_field.Budget(TERM_LIMIT, deadline.now() + TIME_LIMIT)
     if certificate["kind"] == "nonexistence":
         return [_negative(system, seed, budget)]

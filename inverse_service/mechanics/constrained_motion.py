@@ -22,11 +22,12 @@ from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions import collecting, inequalities, tree as ex
 from inverse_service.expressions.derivative import differentiate, differentiate_in_time
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, holds, substitute, walk
+from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, substitute, walk
 from inverse_service.field import exact_field
 from inverse_service.field.matrices import determinant, dot, reduced_rows, solve_square, weight
 from inverse_service.field.real_point import RealTable, first_real_point
 from inverse_service.mechanics import implicit_equations, second_order_system, writing
+from inverse_service.mechanics.second_order_system import ConstrainedMotion
 from inverse_service.reading import document_names, names as nm, reader
 
 TERM_LIMIT = 20_000
@@ -322,41 +323,6 @@ def _frame(parts: Geometry, minors: Minors, dependent: tuple[int, ...]) -> Frame
         for place in range(n)
     )
     return Frame(free, dependent, basis, tuple(solved(k, n) if k in dependent else zero for k in range(n)))
-
-
-@dataclass(frozen=True, slots=True)
-class ConstrainedMotion:
-    """The equations over (t, q, u): s' = w for the `dependent` coordinates, u' = F for the velocities u of the `free`.
-
-    `dependent_velocities[i]` is the velocity of coordinate dependent[i] (first-order equations),
-    `free_accelerations[i]` the acceleration of free[i] (second-order equations). None of `nonzero` is 0: elsewhere
-    the constraints are dependent, or L is singular on them, and they leave the motion open.
-    """
-
-    coordinates: tuple[str, ...]
-    free: tuple[str, ...]
-    dependent: tuple[str, ...]
-    dependent_velocities: tuple[Expression, ...]
-    free_accelerations: tuple[Expression, ...]
-    parameters: tuple[str, ...] = ()
-    functions: second_order_system.Functions = ()
-    nonzero: tuple[Expression, ...] = ()
-
-    @property
-    def depends_on_time(self) -> bool:
-        trees = (*self.dependent_velocities, *self.free_accelerations)
-        return any(holds(tree, TIME) for tree in trees)
-
-    @property
-    def on_constraints(self) -> dict[Expression, Expression]:
-        """The dependent velocities by the free ones."""
-        return {Velocity(name): w for name, w in zip(self.dependent, self.dependent_velocities, strict=True)}
-
-    def rate(self, tree: Expression) -> Expression:
-        """The derivative along the motion of a function of t, q and the free velocities."""
-        rates, forces = self.on_constraints, zip(self.free, self.free_accelerations, strict=True)
-        speeds = [differentiate(tree, Symbol(q)) * rates.get(Velocity(q), Velocity(q)) for q in self.coordinates]
-        return add(differentiate(tree, TIME), *speeds, *(differentiate(tree, Velocity(u)) * f for u, f in forces))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,7 +23,7 @@ from inverse_service import errors
 from inverse_service.deadline import OutOfTime, check, now
 from inverse_service.expressions import collecting, derivative, printing, tree as ex
 from inverse_service.field import exact_field, flow, matrices, modular, tower
-from inverse_service.mechanics import constrained_motion, euler_lagrange, second_order_system, writing
+from inverse_service.mechanics import euler_lagrange, second_order_system, writing
 
 Expression = ex.Expression
 # Terms of one ansatz, without and with constraints: 400 take 0.3 to 1 s; with more the degree of the functions of
@@ -62,16 +62,16 @@ class _Ansatz:
         return ex.multiply(*(self.forms[k] for k in forms), self.factors[factor])
 
 
-def motion_of(system: second_order_system.SecondOrderSystem) -> constrained_motion.ConstrainedMotion:
+def motion_of(system: second_order_system.SecondOrderSystem) -> second_order_system.ConstrainedMotion:
     """A system without constraints as a motion."""
     names = system.coordinates
-    return constrained_motion.ConstrainedMotion(
+    return second_order_system.ConstrainedMotion(
         names, names, (), (), system.accelerations, system.parameters, system.functions
     )
 
 
 def first_integrals(
-    motion: constrained_motion.ConstrainedMotion,
+    motion: second_order_system.ConstrainedMotion,
     lagrangian: Expression | None,
     seed: int = 1,
     time_limit: float = 2.0,
@@ -93,7 +93,7 @@ class _Integrals:
 
     def __init__(
         self,
-        motion: constrained_motion.ConstrainedMotion,
+        motion: second_order_system.ConstrainedMotion,
         lagrangian: Expression | None,
         seed: int,
         deadline: float,

@@ -1,14 +1,26 @@
-"""The system q'' = f(t, q, q') as data, and on each of the open sets where its roots of squares are single formulas."""
+"""The system q'' = f(t, q, q') as data, the sets where it is one formula, and how it is read from a document.
 
+On each open set where its roots of squares are single formulas it is a branch. First-order pairs q' = h(t, q, p),
+p' = F(t, q, p), h affine in p and solvable for it, are read as q'' = f(t, q, q'): with p = p(t, q, q') from the first
+equations, f = dh/dt + dh/dq q' + dh/dp F. Hamilton's equations of a regular H quadratic in the momenta are such pairs.
+"""
+
+import re
 from collections.abc import Hashable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import islice
+from itertools import combinations, islice
 from typing import TypeVar
 
-from inverse_service.expressions import collecting, tree as ex
+from inverse_service import errors
+from inverse_service.expressions import collecting, printing, refusals, tree as ex
+from inverse_service.expressions.derivative import differentiate
 from inverse_service.field import modular, real_point, reduction, tower
-from inverse_service.reading.names import Names
+from inverse_service.mechanics import euler_lagrange, implicit_equations
+from inverse_service.reading import document_names, reader
+from inverse_service.reading.names import GREEK_NAMES, Names, check_clashes, escaped, is_momentum
+from inverse_service.reading.tokens import Token, at, spelled, walk
 
 # Arbitrary functions, each with the names of the coordinates that it depends on.
 Functions = tuple[tuple[str, tuple[str, ...]], ...]
@@ -17,6 +29,25 @@ MOST_BRANCHES = 8
 MOST_COUNTED = 64
 _SEED = 1
 _Name = TypeVar("_Name", bound=Hashable)
+MOST_PAIRS = 3  # of which every half is tried
+NOT_PAIRS = (
+    "these are first-order equations, and not pairs x' = h, p' = F with h affine in p and solvable for p "
+    "(of such a pair x alone is a coordinate): write equations of second order such as x'' = -x."
+)
+Equations = Mapping[str, str] | Sequence[str] | str
+_EQUAL = re.compile("(?<![<>])=")  # and not a condition of a piece
+_Equation = tuple[ex.Expression, ex.Expression, str]  # left side, right side, pointer
+_Others = tuple[tuple[str, ex.Expression], ...]
+# y_xx, dxdt, dtheta: derivatives to the writer; delta and damping are names
+_DERIVATIVE = re.compile(rf"_(\w)\1$|^dd?(?:[a-z]|{'|'.join(GREEK_NAMES)})_?\d*(?:dt)?$|^diff$")
+_ACCELERATION = re.compile(r"([a-z]\w*?)_?(?:dd|pp)|dd([a-z]\w*)|[dD]2([a-z]\w*?)(?:dt2)?")  # xdd, ddx, d2x, d2xdt2
+DEFINITION = "a definition"
+ROOT = ", of the positive root"
+_AS_VARIANT = re.compile(r"\\(phi|theta|rho|epsilon|kappa|sigma|pi)(?![a-z])")  # \varphi is read as phi
+_DEFINES = re.compile(r"(:?==?|\\[a-z]+|.)")
+_END_OF_TEXT = re.compile(
+    r"\\(?:quad|qquad|text|mbox|[,;]).*$|[\s.,;$]*(?:\\(?:\]|\)|end\s*\{\w+\*?\})\s*)*[\s.,;$]*$", re.DOTALL
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +119,47 @@ class SecondOrderSystem:
     def given(self) -> tuple[ex.Expression, ...]:
         """f as it was given, before its roots of squares were rewritten."""
         return self.accelerations if self.branch is None else self.branch.given
+
+
+@dataclass(frozen=True, slots=True)
+class ConstrainedMotion:
+    """The equations over (t, q, u): s' = w for the `dependent` coordinates, u' = F for the velocities u of the `free`.
+
+    `dependent_velocities[i]` is the velocity of coordinate dependent[i] (first-order equations),
+    `free_accelerations[i]` the acceleration of free[i] (second-order equations). None of `nonzero` is 0: elsewhere
+    the constraints are dependent, or L is singular on them, and they leave the motion open.
+    """
+
+    coordinates: tuple[str, ...]
+    free: tuple[str, ...]
+    dependent: tuple[str, ...]
+    dependent_velocities: tuple[ex.Expression, ...]
+    free_accelerations: tuple[ex.Expression, ...]
+    parameters: tuple[str, ...] = ()
+    functions: Functions = ()
+    nonzero: tuple[ex.Expression, ...] = ()
+
+    @property
+    def depends_on_time(self) -> bool:
+        trees = (*self.dependent_velocities, *self.free_accelerations)
+        return any(ex.holds(tree, ex.TIME) for tree in trees)
+
+    @property
+    def on_constraints(self) -> dict[ex.Expression, ex.Expression]:
+        """The dependent velocities by the free ones."""
+        return {ex.Velocity(name): w for name, w in zip(self.dependent, self.dependent_velocities, strict=True)}
+
+    def rate(self, tree: ex.Expression) -> ex.Expression:
+        """The derivative along the motion of a function of t, q and the free velocities."""
+        rates, forces = self.on_constraints, zip(self.free, self.free_accelerations, strict=True)
+        speeds = [
+            differentiate(tree, ex.Symbol(q)) * rates.get(ex.Velocity(q), ex.Velocity(q)) for q in self.coordinates
+        ]
+        return ex.add(
+            differentiate(tree, ex.TIME),
+            *speeds,
+            *(differentiate(tree, ex.Velocity(u)) * f for u, f in forces),
+        )
 
 
 def unsolved_system(names: Names, equations: Sequence[ex.Expression], name: str = "") -> SecondOrderSystem:
@@ -205,3 +277,404 @@ def connected(names: Sequence[_Name], links: Iterable[set[_Name]]) -> list[tuple
         groups = [*(group for group in groups if not group & link), joined]
     ordered = [tuple(name for name in names if name in group) for group in groups]
     return sorted(ordered, key=lambda group: names.index(group[0]))
+
+
+@dataclass(frozen=True, slots=True)
+class Pairs:
+    """The coordinates, the acceleration of each, and what the other names are by the equations, p = p(t, q, q')."""
+
+    coordinates: tuple[str, ...]
+    accelerations: tuple[ex.Expression, ...]
+    others: tuple[tuple[str, ex.Expression], ...]
+
+
+def from_pairs(
+    equations: Sequence[tuple[ex.Expression, ex.Expression]], coordinates: Sequence[str], preferred: Sequence[str] = ()
+) -> Pairs:
+    """The second-order system of u' = …, one equation for each of `coordinates`; InputError where there is none.
+
+    `preferred` are the names that are to be coordinates, where the writer said so; else they are those whose
+    derivatives are momenta and nothing else (x' = v), else those that are called neither p nor v, else the first half
+    in the order of the equations, else, where no name says what it is, another half: y of x' = y^2, y' = -x.
+    """
+    slopes = _slopes(equations, coordinates)
+    order = tuple(slopes)
+    half = len(order) // 2
+    if len(order) != 2 * half or set(order) != set(coordinates):
+        raise errors.InputError(NOT_PAIRS, "/equations")
+    plain = tuple(name for name in order if slopes[name] in {ex.Symbol(other) for other in order if other != name})
+    named = tuple(name for name in order if not is_momentum(name, order))
+    halves = combinations(order, half) if half <= MOST_PAIRS and len(named) != half else [order[:half]]
+    for chosen in (tuple(preferred), plain, named, *halves):
+        if len(chosen) == half and set(chosen) <= set(order) and (found := _solved(slopes, chosen)):
+            return found
+        if chosen and chosen == tuple(preferred):
+            break
+    raise errors.InputError(NOT_PAIRS, "/equations")
+
+
+def _slopes(
+    equations: Sequence[tuple[ex.Expression, ex.Expression]], coordinates: Sequence[str]
+) -> dict[str, ex.Expression]:
+    """What each derivative is, in the order of the equations; InputError for one that is not u' = … ."""
+    found: dict[str, ex.Expression] = {}
+    for left, right in equations:
+        parts = euler_lagrange.linear_parts(left - right, ex.Velocity)
+        if not isinstance(parts, tuple) or len(parts[0]) != 1 or ex.ZERO in parts[0].values():
+            raise errors.InputError(NOT_PAIRS, "/equations")
+        ((rate, factor),), rest = parts[0].items(), parts[1]
+        found[rate.coordinate] = -(rest if factor == ex.ONE else rest / factor)
+    return found
+
+
+def _solved(slopes: Mapping[str, ex.Expression], chosen: tuple[str, ...]) -> Pairs | None:
+    """The system for these coordinates; None where their equations cannot be solved for the other names."""
+    momenta = [name for name in slopes if name not in chosen]
+    unknowns = {ex.Symbol(name): ex.Acceleration(name) for name in momenta}
+    try:
+        linear = [
+            implicit_equations.linear_equation(ex.substitute(slopes[q], unknowns) - ex.Velocity(q)) for q in chosen
+        ]
+        values = implicit_equations.solve_accelerations(linear, momenta)
+    except errors.InputError:
+        return None
+    known = dict(zip(map(ex.Symbol, momenta), values, strict=True))
+    found = tuple(ex.substitute(_along(slopes[q], slopes, chosen), known) for q in chosen)
+    return Pairs(chosen, found, tuple(zip(momenta, values, strict=True)))
+
+
+def _along(slope: ex.Expression, slopes: Mapping[str, ex.Expression], chosen: Sequence[str]) -> ex.Expression:
+    """The time derivative of h(t, q, p) along the motion."""
+    terms = [differentiate(slope, ex.TIME)]
+    for name, motion in slopes.items():
+        rate = ex.Velocity(name) if name in chosen else motion
+        terms.append(differentiate(slope, ex.Symbol(name)) * rate)
+    return ex.add(*terms)
+
+
+def read_system(
+    coordinates: Sequence[str] | None,
+    equations: Equations,
+    parameters: document_names.Parameters = (),
+    functions: Mapping[str, Sequence[str]] | None = None,
+    name: str = "",
+    where: Mapping[str, str] | None = None,
+) -> SecondOrderSystem:
+    """The system q'' = f of a document.
+
+    `coordinates` left out are the keys of `equations`, or the names with two primes in it, in their
+    order. `equations` gives each acceleration, or whole equations (a list, or a text) that are solved
+    for the accelerations; first-order pairs x' = h, p' = F are turned into such. Parameters with a value
+    and names in `where` are replaced exactly. InputError with JSON
+    pointer and column for anything that is wrong, LimitError for more than `LIMITS.coordinates`.
+    """
+    declared = document_names.Declared(coordinates, parameters, functions or {}, where or {})
+    return solved_system(read_given(declared, equations), name)
+
+
+@dataclass(frozen=True, slots=True)
+class GivenEquations:
+    """What a document says before anything is solved: its names, parameters with a value left out, and its equations.
+
+    These are left and right side with their pointer; `others` are formulas for names that first-order pairs contain.
+    """
+
+    names: Names
+    equations: tuple[_Equation, ...]
+    others: _Others = ()
+
+    @property
+    def residuals(self) -> tuple[ex.Expression, ...]:
+        """E of E = 0."""
+        return tuple(left - right for left, right, _ in self.equations)
+
+
+def solved_system(given: GivenEquations, name: str = "") -> SecondOrderSystem:
+    """The equations solved for the accelerations; InputError and LimitError as in `read_system`."""
+    names, solved = given.names, _solved_for(given.equations, given.names.coordinates)
+    return SecondOrderSystem(
+        coordinates=names.coordinates,
+        accelerations=solved.accelerations,
+        nonzero=solved.nonzero,
+        parameters=names.parameters,
+        functions=tuple(names.functions.items()),
+        name=name,
+        others=given.others,
+    )
+
+
+def read_given(declared: document_names.Declared, equations: Equations) -> GivenEquations:
+    """The equations of a document as given; InputError as in `read_system`."""
+    if isinstance(equations, str):
+        equations += _canonical_equations(equations)
+    try:
+        return _read_lines(declared, equations, False)
+    except errors.InputError as error:
+        if error.detail == NOT_PAIRS:
+            with suppress(errors.InputError):
+                return _read_lines(declared, equations, True)
+        raise
+
+
+def _read_lines(declared: document_names.Declared, equations: Equations, rates: bool) -> GivenEquations:
+    """The same; with `rates`, p = m x' beside p' = -k x defines a name whose rate is that of its formula."""
+    texts = _texts(equations)
+    defined = {} if isinstance(equations, Mapping) else _definitions(texts, declared, rates)
+    if rates and defined.keys() == _definitions(texts, declared).keys():
+        raise errors.InputError(NOT_PAIRS, "/equations")
+    where = {name: formula for name, (formula, _) in defined.items()}
+    try:
+        return _read_with(replace(declared, where={**declared.where, **where}), texts, equations, rates)
+    except errors.InputError as error:
+        typed = {f"/where/{escaped(name)}": pointer for name, (_, pointer) in defined.items()}
+        raise error.placed(typed.get(error.pointer, error.pointer)) from None
+
+
+def _read_with(
+    declared: document_names.Declared, texts: Mapping[str, str], equations: Equations, rates: bool
+) -> GivenEquations:
+    """The same, the definitions among the declarations."""
+    keys = tuple(equations) if isinstance(equations, Mapping) else ()
+    pairs = not keys and not rates and _are_pairs(texts, declared)
+    asked = replace(declared, coordinates=None) if pairs else declared
+    known = document_names.known_names(asked, texts, 1 if pairs or rates else 2, keys, pairs)
+    lines = _read(equations, texts, known.names)
+    found = [(known.put_in(left), known.put_in(right), pointer) for left, right, pointer in lines]
+    names = known.remaining()
+    if not pairs:
+        return GivenEquations(names, tuple(found))
+    system = from_pairs([(left, right) for left, right, _ in found], names.coordinates, declared.coordinates or ())
+    names = replace(names, coordinates=system.coordinates)
+    check_clashes(names)
+    trees = zip(system.coordinates, system.accelerations, strict=True)
+    solved = tuple((ex.Acceleration(name), tree, "/equations") for name, tree in trees)
+    return GivenEquations(names, solved, system.others)
+
+
+def _canonical_equations(text: str) -> str:
+    """; x' = dH/dp; p' = -dH/dx for H = … alone, each momentum having its coordinate; else nothing."""
+    named = document_names.HAMILTONIAN.match(reader.without_words(text).replace(";", " "))
+    tokens = reader.tokens_if_any(text, Names(guesses=True)) if named else []
+    found = list(dict.fromkeys(token.text for token in walk(tokens) if token.kind == "name"))
+    pairs = {name: _partner(name, found) for name in found if re.fullmatch(r"p(?:_\w+|\d)?", name)}
+    alone = sum(token.is_operator("=") for token in tokens) == 1 and not document_names.derivatives(tokens)
+    if named is None or not (alone and all(pairs.values())):
+        return ""
+    equations = [pair for p, q in pairs.items() for pair in ((q, "", p), (p, "-", q))]
+    if equations:
+        shown = "; ".join(f"{name}' = {sign}dH/d{by}" for name, sign, by in equations)
+        reader.note("H", f"the Hamiltonian, with {shown}")
+    if not reader.is_latex(text):
+        return "".join(f"; {name}' = {sign}dH/d{by}" for name, sign, by in equations)
+
+    def write(name: str, accent: str = "") -> str:
+        return _AS_VARIANT.sub(
+            lambda found: f"\\var{found[1]}" if f"\\var{found[1]}" in text else found[0],
+            printing.name_latex(name, accent),
+        )
+
+    return "".join(
+        rf"; {write(name, 'dot')} = {sign}\frac{{\partial {named[1]}}}{{\partial {write(by)}}}"
+        for name, sign, by in equations
+    )
+
+
+def _partner(momentum: str, names: Sequence[str]) -> str:
+    """The coordinate of p_x, p_1 or p."""
+    below = momentum[1:].removeprefix("_")
+    if below and not below.isdigit():
+        return below
+    known = (
+        ("q", "x", "r", "y", "theta", "phi") if not below else (f"q_{below}", f"q{below}", f"x_{below}", f"x{below}")
+    )
+    return next((name for name in known if name in names), "")
+
+
+def _definitions(
+    texts: Mapping[str, str], declared: document_names.Declared, rates: bool = False
+) -> dict[str, tuple[str, str]]:
+    """The names that equations such as omega = sqrt(k/m) define, which move nothing.
+
+    With each its formula, at the columns of the text that has it, and the pointer of that text.
+
+    InputError for a definition of a name that has its own equation, and for a second derivative spelled as a name.
+    """
+    names = Names(tuple(declared.coordinates or ()), tuple(declared.named_parameters()), guesses=True)
+    found: dict[str, tuple[str, str]] = {}
+    for pointer, text in texts.items():
+        try:
+            groups = reader.split_equations(text, names) if "=" in text else []
+        except errors.InputError:
+            continue  # its fault is reported where it is read
+        for group in groups:
+            first, *rest = group.tokens
+            _refuse_acceleration_as_name(first, rest, names, pointer)
+            moves = names.role(first.text) or _DERIVATIVE.search(first.text)
+            elsewhere = {token.text for other in groups if other != group for token in walk(other.tokens)}
+            # r^2 = x^2 + y^2, where r is in another equation
+            squared = _is_squared(group.tokens) * (first.text in elsewhere)
+            called = _is_called(group.tokens)
+            rest = rest[squared or called :]
+            is_definition = first.kind == "name" and not first.order and rest and rest[0].is_operator("=") and not moves
+            if not is_definition or document_names.moving_names(rest, 2):  # F = m*x'' moves x
+                continue
+            rated = document_names.moving_names(rest, 1) and any(_moves(each, first.text, 1) for each in texts.values())
+            if rated and not rates:
+                continue  # p = m*x' next to p' = -k*x
+            if not rated and first.text != "L" and not any(map(_moves, texts.values())):
+                continue  # what is missing is the motion
+            is_lagrangian = first.text == "L" and not rated and "L" not in elsewhere  # and no length
+            _refuse_definition(first, rest, is_lagrangian, texts, pointer)
+            if len(rest) > 1:
+                before = text[first.column - 1 : rest[0].column - 1]
+                _, sign, formula = _DEFINES.split(text[rest[0].column - 1 : group.end_column - 1], 1)
+                formula = _END_OF_TEXT.sub("", formula)
+                root = ("\\sqrt{%s}" if reader.is_latex(text) else "sqrt(%s)") if squared else "%s"
+                name = before.rstrip(" &") if called else first.text
+                before_root = " " * (rest[0].column - 1 + len(sign) - root.index("%"))
+                found[name.replace("\\left", "").replace("\\right", "")] = before_root + root % formula, pointer
+                reader.note(f"{before}{sign}{formula.rstrip()}", DEFINITION + ROOT * bool(squared))
+    return found
+
+
+def _refuse_acceleration_as_name(first: Token, rest: Sequence[Token], names: Names, pointer: str) -> None:
+    """InputError for xdd = … or d2xdt2 = …, which mean x'' = …."""
+    moved = _ACCELERATION.fullmatch(first.text)
+    if moved and not first.order and not names.role(first.text) and rest and rest[0].is_operator("="):
+        meant = f"{next(filter(None, moved.groups()))}''"
+        what, span = f"{first.text} is read as a name; it occurs", (first.column, rest[0].column)
+        instead = f"write {meant} for a second derivative"
+        raise refusals.refusal(what, first.column, instead, (meant,), span).at(pointer)
+
+
+def _refuse_definition(
+    name: Token, rest: Sequence[Token], is_lagrangian: bool, texts: Mapping[str, str], pointer: str
+) -> None:
+    """InputError for a definition that belongs to another part of the document, or of a name with its own equation."""
+    what, instead = f"{name.text} = … is a definition, not an equation of motion; it occurs", ""
+    if is_lagrangian:
+        instead = 'write it in the document as "lagrangian": "…"'
+    elif [token.text for token in rest[1:]] == ["0"]:
+        what = f"{name.text} = 0 holds no acceleration, as an equation of a singular Lagrangian; it occurs"
+        instead = f'write it in the document as "where": {{"{name.text}": "0"}}'
+    elif any(_moves(each, name.text) for each in texts.values()):  # a definition would leave its own equation
+        instead = f"leave out the equation with {name.text}'' and put {name.text} into the others"
+    if instead:
+        raise refusals.refusal(what, name.column, instead).at(pointer)
+
+
+def _is_squared(tokens: Sequence[Token]) -> int:
+    """How many tokens after a name are its square, in r^2 = … and r^{2} = …; else 0."""
+    return 2 * (spelled(tokens[1:4]).replace("(", "").replace(")", "") == "^2=")
+
+
+def _is_called(tokens: Sequence[Token]) -> int:
+    """How many tokens after a name are its arguments, in V(x, y) = …; else 0."""
+    inside = at(tokens, 1).inside
+    named = all((token.kind == "name" and not token.order) or token.is_operator(",") for token in inside)
+    return int(named and at(tokens, 1).is_bracket() and at(tokens, 2).is_operator("="))
+
+
+def _moves(text: str, name: str = "", order: int = 2) -> bool:
+    """Whether a name of the text has a derivative in time; with `name`, whether this has so many."""
+    try:
+        moving = document_names.moving_names(reader.read_tokens(text), order if name else 1)
+        return name in moving if name else bool(moving)
+    except errors.InputError:
+        return not name
+
+
+def _are_pairs(texts: Mapping[str, str], declared: document_names.Declared) -> bool:
+    """Whether no name has two derivatives, and at least two have one."""
+    named = (*declared.named_parameters(), *map(document_names.defined_name, declared.where))
+    names = document_names.with_products(Names((), named, dict.fromkeys(declared.functions, ())), declared, texts)
+    names = replace(names, guesses=True)  # al'' of declared coordinates is no product; others are refused later
+    return (
+        not document_names.inferred_coordinates(texts, names, 2)
+        and len(document_names.inferred_coordinates(texts, names, 1)) > 1
+    )
+
+
+def _texts(equations: Equations) -> dict[str, str]:
+    """The texts by their pointers; InputError for an entry that is none."""
+    if isinstance(equations, str):
+        return {"/equations": equations}
+    keyed = isinstance(equations, Mapping)
+    pairs = equations.items() if isinstance(equations, Mapping) else enumerate(equations)
+    found = {f"/equations/{escaped(str(key))}": text for key, text in pairs}
+    for pointer, text in found.items():
+        if not isinstance(text, str) and (not keyed or type(text) is not int):
+            detail = "an equation is not a text: write it in quotation marks, as in \"x'' = -x\"."
+            raise errors.InputError(detail, pointer)
+    return {pointer: str(text) for pointer, text in found.items()}
+
+
+def _read(equations: Equations, texts: Mapping[str, str], names: Names) -> list[_Equation]:
+    if isinstance(equations, Mapping):
+        return _keyed_equations(equations, texts, names)
+    if not isinstance(equations, str):
+        document_names.bounded(list(equations), "/equations", "equations", refusals.LIMITS.coordinates)
+    return [equation for pointer, text in texts.items() for equation in _whole_equations(text, names, pointer)]
+
+
+def _whole_equations(text: str, names: Names, pointer: str) -> list[_Equation]:
+    with reader.placed_at(pointer):
+        groups = reader.split_equations(text, names)
+        if len(groups) > refusals.LIMITS.coordinates:
+            most = refusals.LIMITS.coordinates
+            raise errors.LimitError(f"there are {len(groups)} equations: the limit is {most}; write fewer.")
+        return [(*reader.read_equation(group, names), pointer) for group in groups if not _defines(group.tokens, names)]
+
+
+def _defines(tokens: Sequence[Token], names: Names) -> bool:
+    """Whether the equation is the definition of a name for a formula."""
+    equals = tokens[1 + (_is_squared(tokens) or _is_called(tokens)) :][:1]
+    defined = (
+        tokens[0].kind == "name"
+        and not tokens[0].order
+        and ex.Symbol(names.spelling(tokens[0].text)) in names.definitions
+    )
+    whole = any(token.is_operator("=") for token in equals)
+    return defined and whole and not document_names.moving_names(tokens, 2)  # F = m*x'' is an equation beside F = -k*x
+
+
+def _keyed_equations(keys: Iterable[str], texts: Mapping[str, str], names: Names) -> list[_Equation]:
+    found: dict[str, _Equation] = {}
+    for key, (pointer, text) in zip(keys, texts.items(), strict=True):
+        coordinate = document_names.key_coordinate(key, names, pointer)
+        if coordinate in found:
+            raise errors.InputError(f"there are two equations for {coordinate}: remove one.", pointer)
+        found[coordinate] = (ex.Acceleration(coordinate), _right_side(text, coordinate, names, pointer), pointer)
+    for coordinate in names.coordinates:
+        if coordinate not in found:
+            raise errors.InputError(
+                f"the equation of {coordinate} is missing: add {coordinate} with its acceleration, 0 if it has none.",
+                "/equations",
+            )
+    return [found[coordinate] for coordinate in names.coordinates]
+
+
+def _right_side(text: str, coordinate: str, names: Names, pointer: str) -> ex.Expression:
+    with reader.placed_at(pointer):
+        if not _EQUAL.search(text):
+            tree = reader.read_formula(text, names)
+            if ex.Acceleration(coordinate) in set(ex.walk(tree)):
+                detail = f"{coordinate}'' occurs in what {coordinate}'' is: write whole equations with = in a list."
+                raise errors.InputError(detail, column=1)
+            return tree
+        groups = reader.split_equations(text, names)
+        if len(groups) != 1:
+            raise errors.InputError("several equations occur here: write only the acceleration.", column=1)
+        left, right = reader.read_equation(groups[0], names)
+        if left != ex.Acceleration(coordinate):
+            raise errors.InputError(f"the left side is not {coordinate}'': write only the acceleration.", column=1)
+        return right
+
+
+def _solved_for(found: Sequence[_Equation], coordinates: tuple[str, ...]) -> implicit_equations.Solved:
+    explicit = {left.coordinate: right for left, right, _ in found if isinstance(left, ex.Acceleration)}
+    solved = not any(ex.has(right, ex.Acceleration) for right in explicit.values())
+    if solved and len(explicit) == len(found) == len(coordinates):
+        return implicit_equations.Solved(tuple(explicit[coordinate] for coordinate in coordinates))
+    residuals = [implicit_equations.linear_equation(left - right, pointer) for left, right, pointer in found]
+    return implicit_equations.solve_lines(residuals, coordinates)

@@ -13,7 +13,7 @@ import atheris
 WATCHED = [
     "inverse_service.expressions",
     "inverse_service.service.documents.plain_data",
-    "inverse_service.mechanics.reading",
+    "inverse_service.mechanics.second_order_system",
 ]
 
 

@@ -12,7 +12,7 @@ import pytest
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.decision import certify
 from inverse_service.decision.deciding import Decision, analyze, decide
-from inverse_service.mechanics.reading import read_system
+from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula as parse
 from tests.generator import random_right_sides, random_systems

@@ -21,8 +21,7 @@ from inverse_service.expressions.tree import (
     substitute,
 )
 from inverse_service.linear_pde.involution import Limits, settle
-from inverse_service.mechanics.reading import read_system
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
 
 
 def system(

@@ -10,7 +10,7 @@ from inverse_service.decision.deciding import Decision, decide, statement
 from inverse_service.field.matrices import kernel_of, table_of
 from inverse_service.field.modular import safe_prime
 from inverse_service.linear_pde.involution import Symbol
-from inverse_service.mechanics.reading import read_system
+from inverse_service.mechanics.second_order_system import read_system
 from tests.values import slow
 
 P = safe_prime(7)

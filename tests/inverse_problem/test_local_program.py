@@ -9,8 +9,7 @@ from inverse_service.decision.deciding import Decision, HelmholtzAt, analyze, de
 from inverse_service.field.modular import safe_prime
 from inverse_service.linear_pde import equations as emission, involution as settling
 from inverse_service.linear_pde.equations import rows_of_degree
-from inverse_service.mechanics.reading import read_system
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
 
 PRIME = safe_prime(5)
 SYSTEMS: list[tuple[dict[str, str], list[str], bool]] = [

@@ -15,7 +15,7 @@ from inverse_service.field.modular import SingularPoint
 from inverse_service.linear_pde import involution as settling
 from inverse_service.linear_pde.equations import LocalEquations
 from inverse_service.linear_pde.involution import Limits
-from inverse_service.mechanics.reading import read_system
+from inverse_service.mechanics.second_order_system import read_system
 
 OSCILLATORS = read_system(["x", "y"], {"x": "-x", "y": "-2*y"})
 

@@ -12,7 +12,7 @@ from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.field import tower
 from inverse_service.linear_pde import equations as pde
-from inverse_service.mechanics import reading
+from inverse_service.mechanics import second_order_system
 from inverse_service.solving import solving
 
 HENON_HEILES = {"x": "-x-2*x*y", "y": "-y-x^2+y^2"}
@@ -32,7 +32,7 @@ SYSTEMS = [
 def decided(
     equations: dict[str, str], parameters: tuple[str, ...], with_time: bool
 ) -> tuple[deciding.Analysis, deciding.Decision]:
-    system = reading.read_system(list(equations), equations, parameters)
+    system = second_order_system.read_system(list(equations), equations, parameters)
     analysis = deciding.analyze(system)
     return analysis, deciding.decide(system, with_time, analysis=analysis)
 
@@ -95,7 +95,7 @@ def test_a_series_that_is_prolonged_far_enough_continues() -> None:
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_the_unknowns_are_counted_right(n: int, with_time: bool) -> None:
     equations = {name: f"-{name}" for name in "xyz"[:n]}
-    analysis = deciding.analyze(reading.read_system(list(equations), equations))
+    analysis = deciding.analyze(second_order_system.read_system(list(equations), equations))
     prolongation = deciding.prolonged(analysis, tower.draw_point(analysis.tower, 1), with_time, 3)
     assert [deciding.count_coefficients(n, with_time, order) for order in range(4)] == [
         prolongation.width(order) for order in range(4)
@@ -104,7 +104,7 @@ def test_the_unknowns_are_counted_right(n: int, with_time: bool) -> None:
 
 @pytest.mark.parametrize("force", ["sin(x)", "sqrt(x)", "exp(x')", "x^(1/3)", "log(x)*x'", "A(x)"])
 def test_only_rational_systems_have_a_series(force: str) -> None:
-    analysis = deciding.analyze(reading.read_system(["x"], {"x": force}, (), {"A": ["x"]}))
+    analysis = deciding.analyze(second_order_system.read_system(["x"], {"x": force}, (), {"A": ["x"]}))
     assert not deciding.is_rational(analysis)
     with pytest.raises(ValueError, match="rational"):
         deciding.regular_series(analysis, False, 2, seed=1)
@@ -125,7 +125,7 @@ def test_a_long_series_is_cut_to_a_bearable_order() -> None:
 
 @pytest.mark.slow
 def test_where_no_closed_form_is_found_the_series_has_the_order_asked_for() -> None:
-    system = reading.read_system(["x"], VAN_DER_POL)
+    system = second_order_system.read_system(["x"], VAN_DER_POL)
     answer = solving.solve(system, SolveOptions(time_dependent=False, series_order=5)).autonomous
     assert answer is not None
     assert answer.verdict == "variational"

@@ -18,7 +18,7 @@ from inverse_service.field.echelon import Echelon, Flags, SparseRows
 from inverse_service.field.modular import Point, safe_prime
 from inverse_service.linear_pde import equations as room
 from inverse_service.linear_pde.equations import Prolongation, advance, count_of_degree, start, unknown_names
-from inverse_service.mechanics.reading import read_system
+from inverse_service.mechanics.second_order_system import read_system
 
 P = safe_prime(6)
 

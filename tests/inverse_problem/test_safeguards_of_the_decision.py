@@ -11,7 +11,7 @@ from inverse_service.decision import certify
 from inverse_service.decision.deciding import HelmholtzAt, analyze, decide
 from inverse_service.linear_pde import involution, involution as settling
 from inverse_service.linear_pde.involution import Finding, Limits
-from inverse_service.mechanics.reading import read_system
+from inverse_service.mechanics.second_order_system import read_system
 
 OSCILLATORS = read_system(["x", "y"], {"x": "-x", "y": "-2*y"})
 ROTATION = read_system(["x", "y"], {"x": "x*y'", "y": "y*x'^2"})

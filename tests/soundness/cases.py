@@ -14,7 +14,7 @@ from inverse_service.decision import certify
 from inverse_service.decision.deciding import Analysis, Decision, analyze, decide
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.linear_pde.involution import Limits
-from inverse_service.mechanics.reading import read_system
+from inverse_service.mechanics.second_order_system import read_system
 from tests.generator import disguised, random_right_side, random_system
 from tests.generator.systems import GeneratedSystem
 from tests.soundness.corruption import corruptions, found_valid, spoilt_lagrangians

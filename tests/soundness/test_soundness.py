@@ -13,7 +13,7 @@ import pytest
 from inverse_service.decision.deciding import decide
 from inverse_service.expressions.evaluation import evaluate
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
-from inverse_service.mechanics.reading import read_system
+from inverse_service.mechanics.second_order_system import read_system
 from tests.soundness import campaign, cases
 from tests.soundness.__main__ import main
 from tests.soundness.cases import KINDS, Outcome, run_case

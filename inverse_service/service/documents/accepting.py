@@ -36,7 +36,7 @@ from api_schemas.system import (
 from inverse_service import errors
 from inverse_service.expressions import collecting, derivative, letters, notation, printing, refusals, tree as ex
 from inverse_service.field import exact_field, reduction
-from inverse_service.mechanics import euler_lagrange, reading, second_order_system
+from inverse_service.mechanics import euler_lagrange, second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import components, document_names, names as nm, reader
 from inverse_service.reading.tokens import at, spelled, walk
@@ -1038,10 +1038,10 @@ def to_schema(document: Any) -> SystemDocument:
 
 def to_system(schema: SystemDocument) -> SecondOrderSystem:
     """The system that a document describes; raises InputError with pointer and column."""
-    return reading.solved_system(to_given(schema), schema.name)
+    return second_order_system.solved_system(to_given(schema), schema.name)
 
 
-def to_solvable(schema: SystemDocument, given: reading.GivenEquations | None = None) -> SecondOrderSystem:
+def to_solvable(schema: SystemDocument, given: second_order_system.GivenEquations | None = None) -> SecondOrderSystem:
     """The system of a document to be solved; its equations as given where these are Euler-Lagrange equations already.
 
     That is where the accelerations, solved for, are too long to be written, or fill pages. InputError as `to_system`.
@@ -1051,7 +1051,7 @@ def to_solvable(schema: SystemDocument, given: reading.GivenEquations | None = N
     asks_more = schema.special_cases or schema.kinds or schema.clock or schema.near
     is_solved = bool(asks_more) or isinstance(schema.equations, Mapping)
     try:
-        system = reading.solved_system(given, schema.name)
+        system = second_order_system.solved_system(given, schema.name)
     except errors.LimitError:
         if is_solved:
             raise
@@ -1063,12 +1063,12 @@ def to_solvable(schema: SystemDocument, given: reading.GivenEquations | None = N
     found = None if next(reduction.sign_cases(given.residuals)).roots else row_factors.in_own_order(lines)
     if found and all(ex.holds(f, ex.Acceleration(q)) for q, f in zip(found.coordinates, found.given, strict=True)):
         return found
-    return system or reading.solved_system(given, schema.name)
+    return system or second_order_system.solved_system(given, schema.name)
 
 
-def to_given(schema: SystemDocument) -> reading.GivenEquations:
+def to_given(schema: SystemDocument) -> second_order_system.GivenEquations:
     """The equations of the document as written; raises InputError as `to_system`."""
-    return reading.read_given(declared(schema), schema.equations)
+    return second_order_system.read_given(declared(schema), schema.equations)
 
 
 def declared(schema: Asking, most: int = refusals.LIMITS.coordinates) -> document_names.Declared:

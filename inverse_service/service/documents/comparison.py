@@ -35,7 +35,8 @@ from inverse_service.solving.solving import point_of
 if TYPE_CHECKING:
     from api_schemas.result import ResultDocument
     from api_schemas.system import SystemDocument
-    from inverse_service.mechanics.constrained_motion import ConstrainedMotion, NonholonomicSystem
+    from inverse_service.mechanics.constrained_motion import NonholonomicSystem
+    from inverse_service.mechanics.second_order_system import ConstrainedMotion
 # The same system leaves with each part of a growing result; what was found to agree is not compared again.
 MOST_KEPT = 16
 _COMPARED: dict[str, checker.CheckResult] = {}

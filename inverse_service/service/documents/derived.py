@@ -22,7 +22,7 @@ from inverse_service.errors import InputError
 from inverse_service.explanation import positive
 from inverse_service.expressions import collecting, derivative, printing, tree as ex
 from inverse_service.field import real_point
-from inverse_service.mechanics import reading, second_order_system
+from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import accepting, translate
@@ -191,7 +191,7 @@ def left_out(result: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any] | 
 
 def _there(system: Mapping[str, Any], text: str) -> dict[str, Any] | None:
     keys = ("coordinates", "equations", "parameters", "functions")
-    whole = reading.read_system(**{key: system[key] for key in keys if system.get(key)})
+    whole = second_order_system.read_system(**{key: system[key] for key in keys if system.get(key)})
     *sides, last = [reader.read_formula(side, whole.names) for side in text.split("=")]
     values = dict[ex.Expression, ex.Expression]()
     for side in sides:

@@ -19,7 +19,13 @@ from inverse_service.deadline import NOT_YET, now, share
 from inverse_service.decision import solutions
 from inverse_service.explanation import wording
 from inverse_service.expressions import collecting, inequalities, notation, printing, tree as ex
-from inverse_service.mechanics import constrained_motion, method_advice, nonholonomic_integrals, paper_class
+from inverse_service.mechanics import (
+    constrained_motion,
+    method_advice,
+    nonholonomic_integrals,
+    paper_class,
+    second_order_system,
+)
 from inverse_service.mechanics.first_integrals import FirstIntegral, first_integrals
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import names as nm, reader
@@ -99,12 +105,12 @@ def look_motion(document: Any) -> MotionDocument:
     return accepting.validated(document, MotionDocument)
 
 
-def motion_of(document: Any) -> constrained_motion.ConstrainedMotion:
+def motion_of(document: Any) -> second_order_system.ConstrainedMotion:
     """The motion that a prepared document gives; raises InputError."""
     return read_given_motion(look_motion(document))
 
 
-def read_given_motion(schema: MotionDocument) -> constrained_motion.ConstrainedMotion:
+def read_given_motion(schema: MotionDocument) -> second_order_system.ConstrainedMotion:
     """The motion that a document describes; raises InputError."""
     declared = accepting.declared(schema, constrained_motion.MOST_CONSTRAINED)
     return constrained_motion.read_motion(declared, schema.motion, schema.constraints)

@@ -30,7 +30,7 @@ from inverse_service.integrators.method_table import GEOMETRIC, METHODS, OWN_STE
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics import paper_class
 from inverse_service.mechanics.constrained_motion import read_nonholonomic
-from inverse_service.mechanics.reading import read_system
+from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
 from inverse_service.reading.document_names import AND_GUESS, Declared, document_names, known_names
 from inverse_service.service.documents import accepting
