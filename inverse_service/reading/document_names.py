@@ -45,6 +45,8 @@ NEVER_GUESSED = (
 )
 CALLED_LETTERS = nm.FUNCTION_LETTERS | {"g", "G", "phi", "Phi", "psi", "Psi", "P", "Q"}
 _PROGRAMS = re.compile(r"\b(?:Eq|diff|Derivative|Mul|Add)\s*\(|\[")  # in these notations E is Euler's number
+# Angles of planes and cones.
+_INCLINATIONS = frozenset(("alpha", "beta", "gamma"))
 # As functions of t, these usually denote impulses and steps.
 _IMPULSES = frozenset(("delta", "theta", "Theta", "H"))
 _Found = tuple[str, Token, int]  # pointer, token, and the column after the arguments
@@ -329,7 +331,8 @@ def _coordinates(declared: Declared, names: nm.Names, texts: Texts, order: int, 
 def _moved_by_definitions(texts: Texts, names: nm.Names) -> list[str]:
     """The theta of x = l sin(theta) and the r of x = r cos(phi) if L has x': angles, and names such as r, rho, and x.
 
-    An angle is the argument of a sine or cosine with numbers as its only factors: nothing moves in cos(omega t + phi).
+    An angle is the argument of a sine or cosine with numbers as its only factors: nothing moves in cos(omega t + phi),
+    nor the alpha of y = x tan(alpha) and x = r sin(alpha) cos(theta).
     """
     formulas = {
         name: text for pointer, text in texts.items() if (name := names.spelling(pointer.removeprefix("/where/")))
@@ -338,9 +341,13 @@ def _moved_by_definitions(texts: Texts, names: nm.Names) -> list[str]:
     todo = [
         names.spelling(name) for name in inferred_coordinates(others, replace(names, parameters=(), functions={}), 1)
     ]
+    alone = {name for name in todo if names.role(name) != "parameter"}
     found: dict[str, None] = {}
     for name in todo:
         tokens = reader.tokens_if_any(formulas.get(name, ""), names) if names.role(name) == "parameter" else []
+        terms = [{names.spelling(token.text) for token in walk(term)} for term in split_at("+-", tokens)]
+        fixed = {each for term in terms if term & alone for each in term}
+        fixed |= {each for term in terms if any(map(nm.looks_like_a_coordinate, term)) for each in term & _INCLINATIONS}
         for line, place, outer in places(tokens):
             token, each = line[place], names.spelling(line[place].text)
             if token.kind != "name" or token.text == "t" or token.text in nm.FUNCTIONS | {"pi"}:
@@ -348,7 +355,9 @@ def _moved_by_definitions(texts: Texts, names: nm.Names) -> list[str]:
             if names.role(each) == "parameter" and each not in todo:
                 todo.append(each)
             elif names.role(each) is None and (
-                each == "rho" or nm.looks_like_a_coordinate(each) or _is_angle(line, place, outer)
+                each == "rho"
+                or nm.looks_like_a_coordinate(each)
+                or (each not in fixed and _is_angle(line, place, outer))
             ):
                 found.setdefault(each)
     return list(found)

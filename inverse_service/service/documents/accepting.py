@@ -16,7 +16,7 @@ from collections import defaultdict
 from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from itertools import combinations
+from itertools import chain, combinations
 from math import perm
 from pathlib import Path
 from typing import Any, TypeVar
@@ -36,7 +36,7 @@ from api_schemas.system import (
 from inverse_service import errors
 from inverse_service.expressions import collecting, derivative, letters, notation, printing, refusals, tree as ex
 from inverse_service.field import exact_field, reduction
-from inverse_service.mechanics import euler_lagrange, second_order_system
+from inverse_service.mechanics import euler_lagrange, position_constraints, second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import components, document_names, names as nm, reader
 from inverse_service.reading.tokens import at, spelled, walk
@@ -100,11 +100,13 @@ _METRIC = re.compile(rf"(?<![A-Za-z\\]){_D}\s?s\s*(?:\^2|\^\{{2\}}|\u00b2)\s*(?=
 _DIFFERENTIAL = re.compile(rf"(?<![A-Za-z\\]){_D}\s?(\\[A-Za-z]+|[^\W\d_][^\W\u00b2\u00b3]*)(?:_\w|_\{{\w+\}})?")
 _DL = r"(?:\u2202|\\partial|\bd)\s{0,9}L\b[^;,\n=]{0,120}"
 _REACTION = r"\s*[-+\u2212]?\s*(?:\u03bb|\\?lambda(?![A-Za-z]))[^;,.\n=]{0,60}"
+# A generalized force, d/dt dL/dx' - dL/dx = -b x'
+_FORCE = r"[^;,\n=L]{1,120}?(?=\s*(?:$|(?<!\\)[;,]|\n|\.\s*(?:$|\n|L)|\\q?quad|\\\\|\b(?:with|where|and|for)\b))"
 _LAGRANGES_EQUATION = re.compile(
     rf"(?:\\delta|\u03b4)\s*(?:\\int|\u222b)[^;\n=LT]{{0,60}}L[^;\n=L]{{0,40}}{_D}\s*t\s*=\s*0\s*(?=$|[;,.\n\\]|(?:with|where|and|for)\b)"
-    rf"|(?:\\[dt]?frac\s*\{{\s*{_D}\s*\}}\s*\{{\s*{_D}\s*t\s*\}}|d\s*/\s*dt)[^;,\n=]{{0,120}}?{_DL}=(?:\s*0|{_REACTION}|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\]|(?:with|where|and|for)\b)"
+    rf"|(?:\\[dt]?frac\s*\{{\s*{_D}\s*\}}\s*\{{\s*{_D}\s*t\s*\}}|d\s*/\s*dt)[^;,\n=]{{0,120}}?{_DL}=(?:(?:\s*0|{_REACTION}|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\]|(?:with|where|and|for)\b)|{_FORCE})"
 )
-_OF_REACTION = re.compile(rf"(?:\u2202|\\partial|d)\s*\\?(\w+)\s*\}}?\s*=({_REACTION})")
+_RIGHT_SIDE = re.compile(r"(?:\u2202|\\partial|\bd)[\s{]*\\?(\w+)[\s})]*=(?!.*(?:\u2202|\\partial|\bd)\s*L\b)(.*)")
 _WORDS_AT_THE_END = re.compile(r"\s\([A-Za-z -]{4,}\)\s*$")
 _WRAPPER_ENDS = re.compile(r"(?:\$+|\\[\],;:! ]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
 # dx and d\theta, in dz = y dx and dz = ydx; \delta x is a virtual displacement, or asked about
@@ -127,6 +129,7 @@ _LOWERED = str.maketrans(f"^{_HIGH}", "_\u2081\u2082\u2083\u2084\u2085\u2086\u20
 # multipliers the lines are the Euler-Lagrange equations of a Lagrangian L, each times a factor. The force with each
 # multiplier has to be a multiple of the form w_i v^i of one constraint (d'Alembert's principle): then the motion is
 # that of L with the constraints.
+_ZERO = re.compile(r"(?:^|(?<=[,;\n]))\s*([A-Za-z])\s*=([^=,;\n]+)(?==\s*0)")  # f = x^2 + y^2 - l^2 = 0
 _MULTIPLIER = re.compile(r"(?:lambda|mu|Lambda)(?:_?\w+)?")
 # Nodes of all accelerations, beyond which they are unreadable; on a cart two links have 1,748, three 14,834.
 _MOST_NODES = 5_000
@@ -222,13 +225,13 @@ class _Energy:
 class _Written:
     """What texts give: energies by kind, and all other equations, each with the pointer of its text.
 
-    `reactions` are the right sides of d/dt dL/dx' - dL/dx = …, by x; `fields` span the directions that are allowed.
+    `forces` are the right sides of d/dt dL/dx' - dL/dx = …, by x; `fields` span the directions that are allowed.
     """
 
     energies: dict[str, _Energy] = field(default_factory=dict)
     others: list[tuple[str, str]] = field(default_factory=list)
     notes: dict[str, str] = field(default_factory=dict)
-    reactions: dict[str, str] = field(default_factory=dict)
+    forces: dict[str, str] = field(default_factory=dict)
     fields: dict[str, str] = field(default_factory=dict)
 
     def gives_lagrangian(self) -> bool:
@@ -307,13 +310,41 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
     rates = [(pointer, line) for pointer, line in others if line in constraints]
     _ask_about_speed(rates, lagrangian, {*declared, *definitions})
     with reader.placed_at(places["/lagrangian"]):
-        _check_multipliers(found.reactions, lagrangian, constraints, declared if is_whole else None)
+        _check_multipliers(found.forces, lagrangian, constraints, declared if is_whole else None)
     made = {**{name: value for name, value in plain.items() if name != key}, "lagrangian": lagrangian}
     if where:
         made["where"] = {**plain.get("where", {}), **where}
     if len(others) > len(where) or found.fields:
         made["constraints"] = constraints
+    elif any(force.strip() not in ("", "0") for force in found.forces.values()):
+        try:
+            return _with_forces(made, found.forces), {}, dict.fromkeys(notes, "the equations of motion")
+        except errors.InputError as error:
+            raise error.placed(places["/lagrangian"]) from None
     return made, places, notes
+
+
+def _with_forces(plain: dict[str, Any], forces: Mapping[str, str]) -> dict[str, Any]:
+    """The equations d/dt(dL/dq') - dL/dq = Q of L with generalized forces Q, by q; InputError where one is missing."""
+    texts = {"/lagrangian": plain["lagrangian"], **{f"/forces/{name}": text for name, text in forces.items()}}
+    try:
+        declared = document_names.Declared(**{key: plain[key] for key in (*NAMES, "where") if plain.get(key)})
+        known = document_names.known_names(declared, texts, 1)
+        names = known.names
+        lagrangian = known.put_in(reader.read_formula(plain["lagrangian"], replace(names, energy=True)))
+        given = {names.spelling(name): known.put_in(reader.read_formula(text, names)) for name, text in forces.items()}
+    except (TypeError, AttributeError):  # the shapes of declarations are refused by the schemas
+        return plain
+    names = known.remaining()
+    if missing := [name for name in names.coordinates if name not in given]:
+        what = f"d/dt(dL/dq') - dL/dq = Q is not given for q = {', '.join(missing)}"
+        raise errors.InputError(f"{what}: write it for each coordinate, with 0 where there is no force.")
+    accelerations = [ex.Acceleration(name) for name in names.coordinates]
+    sums = euler_lagrange.euler_lagrange_sums(lagrangian, names.coordinates, accelerations)
+    sides = [(collecting.collect(tree), given[name]) for name, tree in zip(names.coordinates, sums, strict=True)]
+    kept = {key: part for key, part in plain.items() if key not in ("lagrangian", "where")}
+    equations = [f"{printing.to_text(left)} = {printing.to_text(right)}" for left, right in sides]
+    return {**kept, "coordinates": list(names.coordinates), "equations": equations}
 
 
 def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
@@ -328,7 +359,7 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
             found.notes[metric[0].strip()] = "a metric, whose geodesics are meant"
         omitted = [match[0].strip() for match in _LAGRANGES_EQUATION.finditer(text)]
         found.notes.update(dict.fromkeys(omitted, reader.LEFT_OUT))
-        found.reactions.update({force[1]: force[2] for line in omitted if (force := _OF_REACTION.search(line))})
+        found.forces.update({force[1]: force[2] for line in omitted if (force := _RIGHT_SIDE.search(line))})
         if span := _SPAN.search(text):
             found.fields[pointer] = span["fields"]
             text = text[: span.start()] + " " * len(span[0]) + text[span.end() :]
@@ -384,25 +415,25 @@ def _held_by_fields(text: str, moving: Sequence[str]) -> list[str]:
 
 
 def _check_multipliers(
-    reactions: Mapping[str, str], lagrangian: str, constraints: Sequence[str], known: Collection[str] | None
+    forces: Mapping[str, str], lagrangian: str, constraints: Sequence[str], known: Collection[str] | None
 ) -> None:
     """InputError where the lambda y of d/dt dL/dx' - dL/dx = lambda y, by x, is no reaction of a constraint.
 
     So it is where a lambda that is not known multiplies a constraint in L.
     """
     texts = {"/lagrangian": lagrangian, **{f"/constraints/{k}": text for k, text in enumerate(constraints)}}
-    texts |= {f"/reactions/{name}": text for name, text in reactions.items()}
+    texts |= {f"/forces/{name}": text for name, text in forces.items()}
     try:
         names = document_names.known_names(document_names.Declared(parameters="guess"), texts, 1).names
         pairs = [pair for text in constraints for pair in reader.read_equations(text, replace(names, forms=True))]
-        forces = {names.spelling(name): reader.read_formula(text, names) for name, text in reactions.items()}
+        given = {names.spelling(name): reader.read_formula(text, names) for name, text in forces.items()}
         whole = reader.read_formula(lagrangian, replace(names, energy=True))
     except errors.InputError:
         return  # reported where it is read
-    places = [place for place, name in enumerate(names.coordinates) if name in forces]
+    places = [place for place, name in enumerate(names.coordinates) if name in given]
     forms = [[row[k] for k in places] for row in _rows([left - right for left, right in pairs], names.coordinates)]
     for multiplier in (ex.Symbol(name) for name in names.parameters if _MULTIPLIER.fullmatch(name)):
-        force = [derivative.differentiate(forces[names.coordinates[k]], multiplier) for k in places]
+        force = [derivative.differentiate(given[names.coordinates[k]], multiplier) for k in places]
         if any(entry != ex.ZERO for entry in force) and not any(_are_parallel(force, form) for form in forms):
             what = f"the right sides with {multiplier.name} are no reaction of a constraint"
             raise errors.InputError(f"{what}: write those of d'Alembert, or leave these equations out.")
@@ -422,7 +453,7 @@ def _ask_about_multiplied(
     terms = [term for part in parts if isinstance(part, ex.Sum) for term in part.terms]
     moving = {ex.TIME, *map(ex.Symbol, names.coordinates), *map(ex.Velocity, names.coordinates)}
     still = [term for term in terms if not moving & {*ex.walk(term)} and ex.has(term, ex.Symbol)]
-    is_held = any(_is_zero(slope - tree) or _is_zero(slope + tree) for tree in held)
+    is_held = any(is_zero(slope - tree) or is_zero(slope + tree) for tree in held)
     if not is_held and not (still and all(isinstance(part, ex.Number | ex.Sum) for part in parts)):
         return
     rest = printing.to_text(ex.substitute(whole, {multiplier: ex.ZERO}))
@@ -525,6 +556,9 @@ def _with_multipliers(
     """The same for m x'' = lambda sin(theta), … with x' sin(theta) = y' cos(theta) or sin(theta) dx = cos(theta) dy."""
 
     given = {key: plain[key] for key in ("coordinates", "parameters", "functions", "where") if plain.get(key)}
+    named = {zero[1]: zero[2] for text in texts.values() for zero in _ZERO.finditer(text)}
+    given["where"] = {**given.get("where", {}), **named}
+    texts = {pointer: _ZERO.sub(lambda zero: zero[2].rjust(len(zero[0])), text) for pointer, text in texts.items()}
     lines = [(pointer, line) for pointer, text in texts.items() for line in _lines(text)]
     # dz = y dx, without a derivative dx/dt
     forms = [_FORM.search(line) is not None and not re.search(r"d\s*t|''", line) for _, line in lines]
@@ -571,6 +605,40 @@ def _as_motion(
     kept = {"coordinates": list(moving)} | {key: part for key, part in plain.items() if key != "equations"}
     notes = {line.strip(): words for line, words in held.items()}
     return {**kept, "motion": motion, "constraints": list(held)}, places, notes
+
+
+def _on_positions(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
+    """L with constraints on positions as L in coordinates that fulfil them; what was put in for each constraint.
+
+    The document as it is if there are none, or if one of them has no usual coordinates.
+    """
+    held = plain.get("constraints")
+    texts = [held] if isinstance(held, str) else held
+    given = {key: plain[key] for key in ("coordinates", "parameters", "functions", "where") if plain.get(key)}
+    if not isinstance(plain.get("lagrangian"), str) or not isinstance(texts, list):
+        return plain, {}
+    try:
+        by_pointer = {f"/constraints/{place}": text for place, text in enumerate(texts)}
+        declared = document_names.Declared(**given)
+        known = document_names.known_names(declared, {"/lagrangian": plain["lagrangian"], **by_pointer}, 1)
+        pairs = [(text, reader.read_equations(text, replace(known.names, forms=True))) for text in texts]
+    except (TypeError, AttributeError, errors.InputError):
+        return plain, {}  # refused where it is read
+    trees = {text: known.put_in(left - right) for text, ((left, right), *more) in pairs if not more}
+    still = [text for text in trees if not ex.has(trees[text], ex.Velocity | ex.Acceleration)]
+    names = known.remaining()
+    found = position_constraints.definitions_on(
+        [trees[text] for text in still], names.coordinates, {*known.names.declared()}
+    )
+    if not still or found is None:
+        return plain, {}
+    where = [{name: printing.to_text(formula) for name, formula in each.items()} for each in found[0]]
+    made = {**plain, "coordinates": list(found[1]), "constraints": [text for text in texts if text not in still]}
+    made["where"] = dict(chain(plain.get("where", {}).items(), *(each.items() for each in where)))
+    if is_forward(made):
+        del made["constraints"]
+    shown = [", ".join(f"{name} = {formula}" for name, formula in each.items()) for each in where]
+    return made, dict(zip((text.strip() for text in still), shown, strict=True))
 
 
 def _velocity(differential: re.Match[str]) -> str:
@@ -633,6 +701,8 @@ def prepared(document: Any) -> Prepared:
         extra["ignored"] = ignored
         plain = {key: value for key, value in plain.items() if key not in ignored}
     plain = {key: _LOOSE[key](value) if key in _LOOSE else value for key, value in plain.items()}
+    plain, eliminated = _on_positions(plain)
+    read = read | eliminated
     time = _time_name(plain)
     free = "" if time != "t" else _free_variable(plain)
     notes = read | ({free: "the independent variable"} if free else {})
@@ -1009,18 +1079,18 @@ def _scaled(
 ) -> ex.Expression | None:
     """The force times c where the equation of L is c times the line; None where it is no such multiple."""
     over, under = (derivative.differentiate(tree, acceleration) for tree in (equation, line))
-    same = under != ex.ZERO and _is_zero(equation * under - line * over)
+    same = under != ex.ZERO and is_zero(equation * under - line * over)
     return force * over / under if same else None
 
 
 def _are_parallel(force: Sequence[ex.Expression], form: Sequence[ex.Expression]) -> bool:
     pairs = combinations(range(len(form)), 2)
-    return any(not _is_zero(one) for one in force) and all(
-        _is_zero(force[i] * form[j] - force[j] * form[i]) for i, j in pairs
+    return any(not is_zero(one) for one in force) and all(
+        is_zero(force[i] * form[j] - force[j] * form[i]) for i, j in pairs
     )
 
 
-def _is_zero(tree: ex.Expression) -> bool:
+def is_zero(tree: ex.Expression) -> bool:
     if collecting.collect(tree) == ex.ZERO:
         return True
     with suppress(exact_field.TooLarge, ZeroDivisionError, KeyError):  # sin(x) = cos(x)*tan(x)

@@ -16,9 +16,17 @@ from inverse_service.expressions import collecting, evaluation, tree as ex
 from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.field import reduction, tower
 from inverse_service.field.real_point import RealTable, requirements
-from inverse_service.mechanics import constrained_motion, euler_lagrange, implicit_equations, writing
+from inverse_service.mechanics import (
+    constrained_motion,
+    euler_lagrange,
+    implicit_equations,
+    second_order_system,
+    short_forms,
+    writing,
+)
 from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading import document_names, reader
 from inverse_service.reading.document_names import Declared, known_names
 from inverse_service.service.documents import accepting, canonical, growing, translate
 from inverse_service.solving import solving
@@ -238,7 +246,9 @@ def solve_forward(document: Any, options: solutions.SolveOptions, grow: growing.
     schema = look_forward(document)
     lagrangian, system = _motion(schema)
     names = system.coordinates
-    functions = dict(zip(names, euler_lagrange.momenta(lagrangian, names), strict=True))
+    constants = [*map(ex.Symbol, system.parameters)]
+    momenta = [writing.with_products_in_order(p, constants) for p in euler_lagrange.momenta(lagrangian, names)]
+    functions = dict(zip(names, momenta, strict=True))
     result = ForwardResult(
         system=translate.to_understood(system, schema),
         lagrangian=translate.formula(lagrangian),
@@ -247,7 +257,7 @@ def solve_forward(document: Any, options: solutions.SolveOptions, grow: growing.
         hamiltonian=translate.hamiltonian_part(
             solutions.Hamiltonian(legendre(lagrangian, names, options.time_limit / 2))
         ),
-        conserved=_conserved(lagrangian, functions),
+        conserved=_conserved(lagrangian, functions, constants),
         guessed=translate.guessed_names(schema, system),
     )
     return result.model_dump(mode="json")
@@ -271,23 +281,43 @@ def _motion(schema: LagrangianDocument) -> tuple[ex.Expression, SecondOrderSyste
     known = known_names(declared, {"/lagrangian": schema.lagrangian}, order=1)
     lagrangian = known.put_in(constrained_motion.read_lagrangian(schema.lagrangian, known.names))
     names = known.remaining()
+    tokens = [reader.tokens_if_any(text, known.names) for text in (schema.lagrangian, *schema.where.values())]
+    moving = {known.names.spelling(name) for line in tokens for name in document_names.moving_names(line, 1)}
+    if not moving <= {*names.coordinates}:  # those of x = l sin(theta)
+        lagrangian = _in_few_terms(lagrangian, second_order_system.unsolved_system(names, [lagrangian]))
     solved = _solved(lagrangian, names.coordinates)
     accelerations = tuple(_written(tree, [*map(ex.Symbol, names.parameters)]) for tree in solved)
     functions = tuple(names.functions.items())
     return lagrangian, SecondOrderSystem(names.coordinates, accelerations, names.parameters, functions, schema.name)
 
 
+def _in_few_terms(lagrangian: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
+    """L in few terms where velocities were put in, m l^2 theta'^2/2 for those of x = l cos(theta), y = l sin(theta)."""
+    from inverse_service.search import tidy  # a simulation needs no solver
+
+    moving = [place(name) for name in system.coordinates for place in (ex.Symbol, ex.Velocity)]
+    still = [term for term in ex.summands(lagrangian) if not ex.holds(term, *moving)]
+    short = ex.add(tidy.tidied(collecting.collect(lagrangian), system), *still)
+    return short if accepting.is_zero(short - lagrangian) else lagrangian
+
+
 def _written(tree: ex.Expression, constants: Sequence[ex.Symbol]) -> ex.Expression:
-    """An acceleration as one quotient or multiplied out, whichever is shorter."""
-    shorter = min(collecting.collect(tree), writing.one_square(tree), key=ex.node_count)
+    """An acceleration as one quotient or multiplied out, whichever is shorter; with the relations among its roots."""
+    forms = [collecting.collect(tree), writing.one_square(tree)]
+    if any(isinstance(node, ex.Power) and node.exponent in (ex.HALF, ex.negate(ex.HALF)) for node in ex.walk(tree)):
+        forms.append(short_forms.exact_quotient(tree))
+    shorter = min(forms, key=ex.node_count)
     return writing.with_products_in_order(shorter, constants)
 
 
-def _conserved(lagrangian: ex.Expression, functions: dict[str, ex.Expression]) -> list[ConservedQuantity]:
+def _conserved(
+    lagrangian: ex.Expression, functions: dict[str, ex.Expression], constants: Sequence[ex.Symbol]
+) -> list[ConservedQuantity]:
     """The momenta of the coordinates that are not in L, and the energy where t is not (Noether)."""
     letters = {node for node in ex.walk(lagrangian) if isinstance(node, ex.Symbol)}
     found = {f"momentum of {name}": tree for name, tree in functions.items() if ex.Symbol(name) not in letters}
     if ex.TIME not in letters:
         terms = [ex.multiply(ex.Velocity(name), tree) for name, tree in functions.items()]
-        found["energy"] = collecting.collect(ex.add(*terms, ex.negate(lagrangian)))
+        energy = collecting.collect(ex.add(*terms, ex.negate(lagrangian)))
+        found["energy"] = writing.with_products_in_order(energy, constants)
     return [ConservedQuantity(name=name, **translate.formula_fields(tree)) for name, tree in found.items()]
