@@ -1,21 +1,26 @@
-"""Momenta, velocity Hessian and Euler-Lagrange residual of a Lagrangian L(t, q, v).
+"""Momenta, velocity Hessian and Euler-Lagrange residual of a Lagrangian L(t, q, v), and the integrator it asks for.
 
-Derivatives are collected (like terms added, exact) but not simplified.
+Derivatives are collected (like terms added, exact) but not simplified. The advice {method, order, alpha, reason} is
+seen from the formula alone.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import mpmath
 
-from inverse_service.expressions import collecting, derivative, evaluation, tree as ex
+from inverse_service.expressions import collecting, derivative, evaluation, printing, tree as ex
 
 Matrix = tuple[tuple[ex.Expression, ...], ...]
 Leaf = ex.Symbol | ex.Velocity | ex.Acceleration
 L = TypeVar("L", ex.Velocity, ex.Acceleration)
 # Eigenvalues below this part of the largest are zero.
 _TINY = mpmath.mpf(10) ** -20
+_EXACT = "; where a single trajectory is to be exact, adaptive costs less."
+_ENERGY = f"and the energy does not drift{_EXACT}"
+NOTHING_KEPT = "nothing is known to be conserved that a geometric method would keep."
+_ENDS = " It ends where {} changes its sign: a motion that passes there needs adaptive."
 
 
 def gradient(tree: ex.Expression, leaves: Iterable[Leaf]) -> dict[Leaf, ex.Expression]:
@@ -113,3 +118,55 @@ def euler_lagrange_sums(
         terms = [slopes[leaf] * rate for leaf, rate in rates if leaf in slopes and rate != ex.ZERO]
         sums.append(ex.add(*terms, slopes.get(ex.TIME, ex.ZERO), -forces.get(ex.Symbol(name), ex.ZERO)))
     return tuple(sums)
+
+
+def advice_for_lagrangian(
+    lagrangian: ex.Expression, coordinates: Sequence[str], walls: Iterable[ex.Expression] = ()
+) -> dict[str, Any]:
+    """The advice for a regular L without constraints and forces; `walls` are formulas at whose zeros L ends."""
+    moving = {*map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates), ex.TIME}
+    reached = dict.fromkeys(printing.to_text(wall) for wall in walls if moving & set(ex.walk(wall)))
+    ends = _ENDS.format(" or ".join(reached)) if reached else ""
+    with_time = ex.holds(lagrangian, ex.TIME)
+    why = "; L contains t, so the energy is not constant." if with_time else f", {_ENERGY}"
+    masses = {node for row in hessian(lagrangian, coordinates) for entry in row for node in ex.walk(entry)}
+    separable = is_separable(lagrangian, coordinates)
+    if separable and not moving & masses:
+        return advice("stormer-verlet", 8, f"L is separable, so its steps are explicit and symplectic{why}{ends}")
+    but = "its masses depend on the time" if moving & masses == {ex.TIME} else "not quadratic in the velocities"
+    form = f"separable, but {but}" if separable else "not separable"
+    return advice("variational", 8, f"L is {form}; the steps are implicit and symplectic{why}{ends}", "1/2")
+
+
+def advice_for_constraints(
+    lagrangian: ex.Expression, constraints: Sequence[ex.Expression], coordinates: Sequence[str]
+) -> dict[str, Any]:
+    """The advice for a Lagrangian with nonholonomic constraints.
+
+    The method keeps the energy of regular motions for long, and nearly that of others, where the motion is
+    reversible: L is even in the velocities and the constraints are odd.
+    """
+    turned = {ex.Velocity(name): -ex.Velocity(name) for name in coordinates}
+    why = f"and the energy drifts little, because the motion is reversible{_EXACT}"
+    if collecting.collect(lagrangian - ex.substitute(lagrangian, turned)) != ex.ZERO:
+        why = f"but the energy may drift, since L has terms of odd degree in the velocities{_EXACT}"
+    if any(collecting.collect(one + ex.substitute(one, turned)) != ex.ZERO for one in constraints):
+        why = "but the energy is not constant, because constraints with velocity-free terms do work."
+    if any(ex.holds(tree, ex.TIME) for tree in (lagrangian, *constraints)):
+        why = "but L contains t, so the energy is not constant."
+    return advice("nonholonomic", 8, f"it keeps the discrete constraints to round-off, {why}", "1/2")
+
+
+def advice(method: str, order: int | None, reason: str, alpha: str | None = None) -> dict[str, Any]:
+    """The parts by name."""
+    return {"method": method, "order": order, "alpha": alpha, "reason": reason}
+
+
+def is_separable(lagrangian: ex.Expression, coordinates: Sequence[str]) -> bool:
+    """L = T(t, v) - V(t, q)."""
+    rest = [
+        derivative.differentiate(derivative.differentiate(lagrangian, ex.Velocity(v)), ex.Symbol(q))
+        for v in coordinates
+        for q in coordinates
+    ]
+    return all(collecting.collect(slope) == ex.ZERO for slope in rest)

@@ -2,8 +2,8 @@
 
 The matrix is inverted exactly, block by block of its triangular form, by fraction-free elimination
 (Bareiss 1968) over polynomials in opaque atoms. Atoms may be related (sin^2 + cos^2 = 1), so a
-determinant that is not the zero polynomial is also confirmed not to vanish at random points, to
-50 digits.
+determinant that is not the zero polynomial is also confirmed not to vanish at random real points
+(`sample_points`), to 50 digits.
 
 `OpaqueRing` holds trees as quotients of exact polynomials in opaque atoms (python-flint). An atom is a symbol, a
 velocity, an elementary or arbitrary function, a root or a power that is not an integer; relations among atoms are
@@ -14,6 +14,7 @@ zero function.
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -24,12 +25,18 @@ import flint
 from mpmath import mp, mpf
 
 from inverse_service import bounds, errors
-from inverse_service.expressions import evaluation, graphs, inequalities, tree as ex
+from inverse_service.expressions import collecting, evaluation, graphs, inequalities, tree as ex
 from inverse_service.field import exact_field
-from inverse_service.mechanics import euler_lagrange, sampling, writing
+from inverse_service.mechanics import euler_lagrange, writing
 
 _POINTS = 3
+_MOST_POINTS, _FEWER_POINTS = 20, 8
+_MANY_NAMES = 100
+_MOST_POSITIVE = 6
+_SEED = 18_340_115
+_WIDTHS = ("1", "1", "3", "0.4", "6", "0.1")
 
+Point = dict[ex.Expression, Any]
 Polynomial = Any  # python-flint has no types
 Rows = list[list[Polynomial]]
 
@@ -55,38 +62,6 @@ def linear_equation(residual: ex.Expression, pointer: str = "") -> LinearEquatio
         detail = f"the acceleration {name}'' does not enter linearly: write the equation solved for {name}''."
         raise errors.InputError(detail, pointer)
     return LinearEquation({leaf.coordinate: slope for leaf, slope in parts[0].items()}, parts[1], pointer)
-
-
-def vanishes(tree: ex.Expression) -> bool:
-    """True where the tree is 0 at several random points, relative to the size of its terms.
-
-    InputError where it is 0 at all points found, and these are fewer.
-    """
-    points = sampling.sample_points([tree], most=_POINTS)
-    with mp.workdps(bounds.DIGITS):
-        vanished = all(is_small(tree, point) for point in points)
-    if vanished and len(points) < _POINTS:
-        raise errors.InputError(
-            "no point was found at which the coefficients of the accelerations are real: check roots and logarithms.",
-            "/equations",
-        )
-    return vanished
-
-
-def is_small(tree: ex.Expression, table: Mapping[ex.Expression, evaluation.Real]) -> bool:
-    """Whether a factor is 0 to the working precision; a sum is measured against the sizes of its terms."""
-    match tree:
-        case ex.Power(base, _):
-            return is_small(base, table)
-        case ex.Product(factors):
-            return any(is_small(factor, table) for factor in factors)
-        case ex.Sum(terms):
-            known = dict(table)
-            values = [evaluation.evaluate_once(term, known) for term in terms]
-        case _:
-            values = [evaluation.evaluate(tree, table)]
-    size = mp.fsum(map(abs, values)) if len(values) > 1 else 1
-    return bool(abs(mp.fsum(values)) <= mpf(10) ** (10 - bounds.DIGITS) * size)
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,6 +216,158 @@ def _singular(names: Sequence[str]) -> errors.InputError:
         "write equations that are independent in the accelerations.",
         "/equations",
     )
+
+
+def sample_points(
+    trees: Sequence[ex.Expression], positive: Sequence[ex.Expression] = (), most: int = _MOST_POINTS
+) -> list[Point]:
+    """Up to 20 points (8 of many names) at which every tree is real, up to six of them with all names positive.
+
+    All trees of `positive` are so at each of them. `most` is a lower limit on their number.
+
+    Equal calls of an arbitrary function get the same value however their arguments are written.
+    """
+    leaves, calls = _leaves((*trees, *positive))
+    source, boxes = random.Random(_SEED), _boxes(positive)
+    most = most if len(leaves) <= _MANY_NAMES else min(most, _FEWER_POINTS)
+    found: list[Point] = []
+    in_all = 0
+    with mp.workdps(bounds.DIGITS):
+        least = mpf("0.05")
+        for attempt in range(bounds.TRIES):
+            width = mpf(_WIDTHS[attempt // 2 % len(_WIDTHS)])
+            in_quadrant = attempt % 2 == 0
+            if in_quadrant and in_all == _MOST_POSITIVE:
+                continue
+            point = {
+                leaf: _draw_inside(source, *boxes[leaf], _draw(source, width, least, True))
+                if leaf in boxes
+                else _draw(source, width, least, in_quadrant)
+                for leaf in leaves
+            }
+            point.update({call: point[canonical] for call, canonical in calls.items()})
+            inside = all(is_positive(condition, point) for condition in positive)
+            if inside and all(value(tree, point) is not None for tree in trees):
+                found.append(point)
+                in_all += in_quadrant
+            if len(found) == most:
+                break
+    return found
+
+
+def _leaves(trees: Sequence[ex.Expression]) -> tuple[list[ex.Expression], dict[ex.Arbitrary, ex.Expression]]:
+    """What is drawn, and for every call of an arbitrary function its canonical form, which is drawn too."""
+    nodes = dict.fromkeys(ex.distinct_nodes(trees))
+    if any(isinstance(node, ex.Arbitrary) for node in nodes):  # calls that only collecting brings to light
+        nodes |= dict.fromkeys(ex.distinct_nodes(map(collecting.collect, trees)))
+    calls = {node: collecting.collect(node) for node in nodes if isinstance(node, ex.Arbitrary)}
+    drawn = [node for node in nodes if isinstance(node, ex.Symbol | ex.Velocity) and node != ex.PI]
+    return [*drawn, *dict.fromkeys(calls.values())], calls
+
+
+def _draw(source: random.Random, width: evaluation.Real, least: evaluation.Real, positive: bool) -> evaluation.Real:
+    size = width * (mpf(source.randrange(1, 10**18)) / 10**18 + least)
+    return size if positive or source.random() < 0.5 else -size
+
+
+def _draw_inside(source: random.Random, low: Fraction | None, high: Fraction | None, size: Any) -> evaluation.Real:
+    """Between the two, or at a distance of this size from the only one."""
+    if low is None or high is None:
+        return _real(low) + size if low is not None else _real(high or Fraction(0)) - size
+    return _real(low + (high - low) * Fraction(source.randrange(1, 10**18), 10**18))
+
+
+def _real(value: Fraction) -> evaluation.Real:
+    return mpf(value.numerator) / value.denominator
+
+
+def _boxes(positive: Sequence[ex.Expression]) -> dict[ex.Expression, tuple[Fraction | None, Fraction | None]]:
+    """(a, b) of each name u of which u - a > 0 or b - u > 0 are among the conditions; None for what is not."""
+    low: dict[ex.Expression, Fraction] = {}
+    high: dict[ex.Expression, Fraction] = {}
+    for condition in positive:
+        slope, level = (condition, Fraction(0))
+        match condition:
+            case ex.Sum((part, ex.Number(c))):
+                slope, level = part, c
+        match slope:
+            case ex.Symbol() | ex.Velocity() as leaf:
+                low[leaf] = max(-level, low.get(leaf, -level))
+            case ex.Product((ex.Number(k), ex.Symbol() | ex.Velocity() as leaf)) if k == -1:
+                high[leaf] = min(level, high.get(leaf, level))
+    leaves = dict.fromkeys([*low, *high])
+    return {u: (low.get(u), high.get(u)) for u in leaves if u not in low or u not in high or low[u] < high[u]}
+
+
+def value(tree: ex.Expression, point: Point) -> evaluation.Real | None:
+    """The value in the working precision, None where there is none; the point keeps it, with those of its parts."""
+    try:
+        return evaluation.evaluate_once(tree, point)
+    except evaluation.NoRealValue:
+        return None
+
+
+def is_positive(condition: ex.Expression, point: Point) -> bool:
+    number = value(condition, point)
+    return number is not None and bool(number > 0)
+
+
+def vanishes_at(tree: ex.Expression, points: Sequence[Point]) -> bool:
+    """Whether the tree is 0 to 40 digits at every point at which it is real (one at least)."""
+    with mp.workdps(bounds.DIGITS):
+        values = [number for number in (value(tree, point) for point in points) if number is not None]
+        return bool(values) and all(abs(number) <= mpf(10) ** -bounds.AGREEING for number in values)
+
+
+def is_singular(matrix: Sequence[Sequence[ex.Expression]], points: Sequence[Point]) -> bool:
+    """Whether the determinant vanishes at every point at which the entries are real (one at least)."""
+    verdicts = []
+    with mp.workdps(bounds.DIGITS):
+        for point in points:
+            rows = [[value(entry, point) for entry in row] for row in matrix]
+            if all(entry is not None for row in rows for entry in row):
+                verdicts.append(_vanishes(rows))
+            if verdicts and not verdicts[-1]:
+                return False
+    return bool(verdicts)
+
+
+def _vanishes(rows: list[list[evaluation.Real]]) -> bool:
+    """|det| against the product of the lengths of the rows (Hadamard)."""
+    bound = mp.fprod(mp.norm(row) for row in rows)
+    return bool(bound == 0 or abs(mp.det(mp.matrix(rows))) <= mpf(10) ** -bounds.AGREEING * bound)
+
+
+def vanishes(tree: ex.Expression) -> bool:
+    """True where the tree is 0 at several random points, relative to the size of its terms.
+
+    InputError where it is 0 at all points found, and these are fewer.
+    """
+    points = sample_points([tree], most=_POINTS)
+    with mp.workdps(bounds.DIGITS):
+        vanished = all(is_small(tree, point) for point in points)
+    if vanished and len(points) < _POINTS:
+        raise errors.InputError(
+            "no point was found at which the coefficients of the accelerations are real: check roots and logarithms.",
+            "/equations",
+        )
+    return vanished
+
+
+def is_small(tree: ex.Expression, table: Mapping[ex.Expression, evaluation.Real]) -> bool:
+    """Whether a factor is 0 to the working precision; a sum is measured against the sizes of its terms."""
+    match tree:
+        case ex.Power(base, _):
+            return is_small(base, table)
+        case ex.Product(factors):
+            return any(is_small(factor, table) for factor in factors)
+        case ex.Sum(terms):
+            known = dict(table)
+            values = [evaluation.evaluate_once(term, known) for term in terms]
+        case _:
+            values = [evaluation.evaluate(tree, table)]
+    size = mp.fsum(map(abs, values)) if len(values) > 1 else 1
+    return bool(abs(mp.fsum(values)) <= mpf(10) ** (10 - bounds.DIGITS) * size)
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,7 +36,7 @@ from itertools import combinations, combinations_with_replacement, product
 
 from inverse_service import bounds, errors
 from inverse_service.expressions import collecting, derivative, tree as ex
-from inverse_service.mechanics import euler_lagrange, implicit_equations, sampling, second_order_system, short_forms
+from inverse_service.mechanics import euler_lagrange, implicit_equations, second_order_system, short_forms
 
 Matrix = tuple[tuple[ex.Expression, ...], ...]
 _INVERSES: dict[str, str] = {
@@ -518,7 +518,7 @@ def _log_of_quotient(
     )
     if short_forms.simplified(c + d) != ex.ZERO:
         return None
-    if sampling.vanishes_at(rest, sampling.sample_points([rest])):
+    if implicit_equations.vanishes_at(rest, implicit_equations.sample_points([rest])):
         return over, under, momentum / c
     return over, under, (momentum - short_forms.simplified(ex.substitute(rest, {rate: ex.ZERO}))) / c
 

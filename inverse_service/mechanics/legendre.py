@@ -1,6 +1,6 @@
 """The Legendre transform: p = dL/dv solved for v in closed form where that is possible, H = p v - L.
 
-Every closed form is checked at random real points with 40 digits before it is returned; what does
+Every closed form is checked at random real points with 40 digits before it is returned (`judge`); what does
 not pass is never returned. Where p = dL/dv has several inverses, `note` says on which one H holds.
 """
 
@@ -12,12 +12,24 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice, product
 
+from mpmath import mp, mpf
+
 from inverse_service import bounds, deadline, errors
-from inverse_service.expressions import collecting, printing, tree as ex
+from inverse_service.expressions import collecting, evaluation, printing, tree as ex
 from inverse_service.field import real_point
-from inverse_service.mechanics import euler_lagrange, inverses, sampling, short_forms, writing
+from inverse_service.mechanics import euler_lagrange, inverses, short_forms, writing
+from inverse_service.mechanics.implicit_equations import (
+    Point,
+    is_positive,
+    is_singular,
+    sample_points,
+    value,
+    vanishes_at,
+)
 
 _MANY, _FEW = 16, 4
+_ROUGH_DIGITS, _MOST_DIGITS = 2, 300
+_FEWEST_POINTS = 3
 TIME_LIMIT = 3.0
 _ANY = ex.Velocity("the velocity of a block")
 Table = dict[ex.Expression, ex.Expression]
@@ -55,11 +67,30 @@ class LegendreTransform:
 
 
 @dataclass(frozen=True, slots=True)
+class Claim:
+    """v(p) and H(p) for L(v); `momenta` gives each momentum symbol as a function of v."""
+
+    lagrangian: ex.Expression
+    names: tuple[str, ...]
+    momenta: Mapping[ex.Symbol, ex.Expression]
+    velocities: tuple[ex.Expression, ...]
+    hamiltonian: ex.Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Judgment:
+    """At how many points a claim holds; where it does not hold everywhere, on which conditions it does."""
+
+    holding: int
+    conditions: tuple[ex.Expression, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class _Chosen:
     """A checked branch of a block."""
 
     branch: inverses.InverseBranch
-    judgment: sampling.Judgment
+    judgment: Judgment
 
 
 def legendre(
@@ -84,10 +115,10 @@ def legendre(
     momenta = dict(zip(names, symbols, strict=True))
     parts = inverses.split(plain, names, momenta)
     implicit = LegendreTransform(lagrangian, symbols, _energy(parts), functions, None, True, renamed)
-    points = sampling.sample_points([plain, *functions], positive)
+    points = sample_points([plain, *functions], positive)
     if not points:
         return _noted(implicit, "No real point of L was found to check a closed form at; H is given in the velocities.")
-    if any(sampling.is_singular(euler_lagrange.hessian(block.function, block.names), points) for block in parts.blocks):
+    if any(is_singular(euler_lagrange.hessian(block.function, block.names), points) for block in parts.blocks):
         raise _degenerate(implicit, parts, names, points)
     # Of many blocks each is judged at few points before the whole is judged at all.
     few = points[-_FEW:] if len(parts.blocks) > _MANY else []
@@ -97,15 +128,15 @@ def legendre(
         return _without_closed_form(implicit, missing)
     branches, table = [chosen for chosen in found.values() if chosen], momentum_shifts(parts.linear, momenta)
     closed = _closed(implicit, names, parts, branches, table)
-    claim = sampling.Claim(
+    claim = Claim(
         lagrangian, names, dict(zip(symbols, functions, strict=True)), closed.velocities or (), closed.hamiltonian
     )
     conditions = [ex.substitute(condition, table) for chosen in branches for condition in chosen.judgment.conditions]
-    if sampling.judge(claim, conditions, points) is None:
+    if judge(claim, conditions, points) is None:
         return _without_closed_form(implicit, list(found))
     # Each block needs its own; few points would not show that of one in the presence of another.
     every = [ex.substitute(condition, table) for chosen in branches for condition in chosen.branch.conditions]
-    every += sampling.signs_of_momenta(claim, table, positive, points)
+    every += signs_of_momenta(claim, table, positive, points)
     return replace(_noted(closed, _branch_note(tuple(dict.fromkeys(conditions)), names)), conditions=tuple(every))
 
 
@@ -173,10 +204,10 @@ def _renamed(chosen: _Chosen, first: inverses.Block, block: inverses.Block) -> _
 
 def _in_time(
     block: inverses.Block,
-    points: Sequence[sampling.Point],
+    points: Sequence[Point],
     positive: Sequence[ex.Expression],
     reach: Reach,
-    few: Sequence[sampling.Point],
+    few: Sequence[Point],
 ) -> _Chosen | None:
     """The best branch, or None where the search for it does not end."""
     with suppress(deadline.OutOfTime), deadline.until(reach.last):
@@ -186,10 +217,10 @@ def _in_time(
 
 def _best(
     block: inverses.Block,
-    points: Sequence[sampling.Point],
+    points: Sequence[Point],
     positive: Sequence[ex.Expression],
     reach: Reach,
-    few: Sequence[sampling.Point],
+    few: Sequence[Point],
 ) -> _Chosen | None:
     """A branch with conditions on constants and coordinates alone, then one that holds at most points, then short."""
     functions = euler_lagrange.momenta(block.function, block.names)
@@ -197,16 +228,16 @@ def _best(
     found: list[_Chosen] = []
     for branch in _with_variants(islice(block_branches(block, reach), bounds.CANDIDATES)):
         velocities = inverses.resolved(branch.velocities, block.names)
-        claim = sampling.Claim(block.function, block.names, known, velocities, branch.hamiltonian)
-        quick = sampling.judge(claim, (), few) if few and not branch.conditions else None
-        judgment = quick or sampling.judge(claim, branch.conditions, points)
+        claim = Claim(block.function, block.names, known, velocities, branch.hamiltonian)
+        quick = judge(claim, (), few) if few and not branch.conditions else None
+        judgment = quick or judge(claim, branch.conditions, points)
         if judgment is None:
             continue
         if not judgment.conditions:
             return _Chosen(branch, judgment)
         # Of the points few may lie where the conditions hold: more are drawn there.
         inside = [*positive, *(ex.substitute(condition, known) for condition in judgment.conditions)]
-        if sampling.judge(claim, (), sampling.sample_points([block.function, *functions], inside)) is not None:
+        if judge(claim, (), sample_points([block.function, *functions], inside)) is not None:
             found.append(_Chosen(branch, judgment))
 
     def preference(one: _Chosen) -> tuple[bool, int, int]:
@@ -310,16 +341,170 @@ def _branch_note(conditions: Sequence[ex.Expression], names: Sequence[str]) -> s
 
 
 def _degenerate(
-    implicit: LegendreTransform, parts: inverses.Parts, names: Sequence[str], points: Sequence[sampling.Point]
+    implicit: LegendreTransform, parts: inverses.Parts, names: Sequence[str], points: Sequence[Point]
 ) -> errors.InputError:
     """The refusal of a Lagrangian whose momenta do not determine the velocities."""
     detail = "the Lagrangian is degenerate, its matrix d2L/dv_i dv_j is singular everywhere"
     lost = [name for name in names if not any(short_forms.velocities_in(p, [name]) for p in implicit.momenta)]
     if lost:
         detail += f" (no momentum depends on the velocity of {', '.join(lost)})"
-    elif sampling.vanishes_at(implicit.hamiltonian + parts.free, points):
+    elif vanishes_at(implicit.hamiltonian + parts.free, points):
         detail += " (up to a potential L is homogeneous of degree 1 in the velocities)"
     return errors.InputError(f"{detail}: give one whose momenta determine the velocities.")
+
+
+def judge(claim: Claim, conditions: Sequence[ex.Expression], points: Sequence[Point]) -> Judgment | None:
+    """Where the claim holds; None unless it holds at three points at least and wherever the conditions do."""
+    nodes = ex.distinct_nodes((*claim.velocities, claim.hamiltonian))
+    calls = [node for node in nodes if isinstance(node, ex.Arbitrary)]
+    with mp.workdps(bounds.DIGITS):
+        known = [_with_momenta(claim, point, calls) for point in points]
+        holds = [point is not None and (_holds(claim, point) or _holds_closer(claim, point, calls)) for point in known]
+        signs = [[point is not None and is_positive(c, point) for c in conditions] for point in known]
+    needed = list(range(len(conditions)))
+    if not _is_right(holds, signs, needed):
+        return None
+    for place in list(needed):
+        fewer = [other for other in needed if other != place]
+        if _is_right(holds, signs, fewer):
+            needed = fewer
+    return Judgment(sum(holds), tuple(conditions[place] for place in needed))
+
+
+def _is_right(holds: Sequence[bool], signs: Sequence[Sequence[bool]], needed: Sequence[int]) -> bool:
+    """Whether the claim holds at all points, three at least, at which the needed conditions hold."""
+    inside = [held for held, row in zip(holds, signs, strict=True) if all(row[place] for place in needed)]
+    return len(inside) >= _FEWEST_POINTS and all(inside)
+
+
+def _with_momenta(claim: Claim, point: Point, calls: Sequence[ex.Arbitrary]) -> Point | None:
+    momenta: dict[ex.Expression, evaluation.Real] = {
+        symbol: value(tree, point) for symbol, tree in claim.momenta.items()
+    }
+    if any(p is None for p in momenta.values()):
+        return None
+    return _with_equal_calls(calls, {**point, **momenta})
+
+
+def _with_equal_calls(calls: Sequence[ex.Arbitrary], point: Point) -> Point:
+    """The point with those calls valued whose arguments have the values of those of a call that is drawn."""
+    fresh = [call for call in calls if call not in point]
+    drawn = [call for call in point if isinstance(call, ex.Arbitrary)] if fresh else []
+    for call in fresh:
+        same = [other for other in drawn if (other.name, other.orders) == (call.name, call.orders)]
+        equal = next((other for other in same if _are_equal(other.arguments, call.arguments, point)), None)
+        if equal is not None:
+            point[call] = point[equal]
+    return point
+
+
+def _are_equal(left: Sequence[ex.Expression], right: Sequence[ex.Expression], point: Point) -> bool:
+    """Whether the values agree to 40 digits, each pair."""
+    pairs = [(value(a, point), value(b, point)) for a, b in zip(left, right, strict=True)]
+    near = mpf(10) ** -bounds.AGREEING
+    return all(a is not None and b is not None and abs(a - b) <= near * (1 + abs(a)) for a, b in pairs)
+
+
+def _holds_closer(claim: Claim, point: Point, calls: Sequence[ex.Arbitrary]) -> bool:
+    """The same with more digits, where digits seem to have been lost in differences of large numbers."""
+    if not _holds(claim, point, _ROUGH_DIGITS):
+        return False
+    with mp.workdps(_MOST_DIGITS):
+        leaves = [leaf for leaf in point if isinstance(leaf, ex.Symbol | ex.Velocity | ex.Arbitrary)]
+        fresh: Point = {leaf: point[leaf] for leaf in leaves}
+        closer = _with_momenta(claim, fresh, calls)
+        return closer is not None and _holds(claim, closer)
+
+
+def _holds(claim: Claim, point: Point, digits: int = bounds.AGREEING) -> bool:
+    """v(q, p(q, v)) = v and H(q, p(q, v)) = p v - L at a point, to so many digits."""
+    lagrangian = value(claim.lagrangian, point)
+    if lagrangian is None:
+        return False
+    rates = [point[ex.Velocity(name)] for name in claim.names]
+    works = [point[symbol] * v for symbol, v in zip(claim.momenta, rates, strict=True)]
+    expected = [*rates, mp.fsum([*works, -lagrangian])]
+    found = [value(tree, point) for tree in (*claim.velocities, claim.hamiltonian)]
+    scales = [abs(rate) for rate in rates] + [abs(lagrangian) + mp.fsum(map(abs, works))]
+    return all(
+        a is not None and abs(a - b) <= mpf(10) ** -digits * scale
+        for a, b, scale in zip(found, expected, scales, strict=True)
+    )
+
+
+def signs_of_momenta(
+    claim: Claim,
+    shifts: Mapping[ex.Expression, ex.Expression],
+    positive: Sequence[ex.Expression],
+    points: Sequence[Point],
+) -> tuple[ex.Expression, ...]:
+    """s (p - A) > 0, s = 1 or -1, for momenta p that have this sign where L is defined, if H has values beyond it.
+
+    x' = 4 p^2/9 of p = 3 sqrt(x')/2 has values for p < 0 as well, which belong to another motion.
+    """
+    is_restricted = any(ex.has(tree, ex.Velocity) for tree in positive)
+    allows_all = not is_restricted and _is_polynomial_in_velocities(claim.lagrangian)
+    bounded = {p: tree for p, tree in claim.momenta.items() if not (allows_all and _is_affine(tree))}
+    if not bounded:
+        return ()
+    with mp.workdps(bounds.DIGITS):
+        known = [point for point in (_with_momenta(claim, point, []) for point in points) if point is not None]
+        return tuple(
+            tree if sign > 0 else -tree
+            for symbol in bounded
+            if (sign := _sign_at(tree := shifts.get(symbol, symbol), known))
+            and _leaves_the_image(claim, symbol, tree, positive, known)
+        )
+
+
+def _is_polynomial_in_velocities(tree: ex.Expression) -> bool:
+    """Whether velocities occur in no functions and only in positive integer powers: all their values are allowed."""
+    for node in ex.distinct_nodes((tree,)):
+        match node:
+            case ex.Power(_, ex.Number(exponent)) if exponent > 0 and exponent.denominator == 1:
+                continue
+            case ex.Power() | ex.Apply() | ex.Arbitrary() if ex.has(node, ex.Velocity):
+                return False
+    return True
+
+
+def _is_affine(tree: ex.Expression) -> bool:
+    """Whether a polynomial in the velocities is of degree 1, so that it takes all values."""
+    for node in ex.distinct_nodes((tree,)):
+        factors = node.factors if isinstance(node, ex.Product) else (node, node) if isinstance(node, ex.Power) else ()
+        if sum(ex.has(factor, ex.Velocity) for factor in factors) > 1:
+            return False
+    return ex.has(tree, ex.Velocity)
+
+
+def _sign_at(tree: ex.Expression, points: Sequence[Point]) -> int:
+    """1 or -1 where it has this sign at all points, else 0."""
+    signs = {int(mp.sign(number)) if (number := value(tree, point)) is not None else 0 for point in points}
+    return signs.pop() if len(signs) == 1 else 0
+
+
+def _leaves_the_image(
+    claim: Claim,
+    symbol: ex.Symbol,
+    tree: ex.Expression,
+    positive: Sequence[ex.Expression],
+    points: Sequence[Point],
+) -> bool:
+    """Whether H and v(p) have values with the other sign of p - A, and p(v(p)) is never p where L is defined."""
+    wrong, near = False, mpf(10) ** -bounds.AGREEING
+    for point in points:
+        mirrored: Point = {leaf: point[leaf] for leaf in point if isinstance(leaf, ex.Symbol | ex.Arbitrary)}
+        mirrored[symbol] -= 2 * point[tree]
+        rates = [value(rate, dict(mirrored)) for rate in claim.velocities]
+        if None in rates or value(claim.hamiltonian, dict(mirrored)) is None:
+            continue
+        there: Point = {**mirrored, **dict(zip(map(ex.Velocity, claim.names), rates, strict=True))}
+        found = [(value(p, there), mirrored[name]) for name, p in claim.momenta.items()]
+        is_image = all(a is not None and abs(a - b) <= near * (1 + abs(b)) for a, b in found)
+        if is_image and all(is_positive(condition, there) for condition in positive):
+            return False
+        wrong = True
+    return wrong
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from inverse_service.expressions import arrays, derivative, tree as ex
 from inverse_service.integrators import method_table
-from inverse_service.mechanics import method_advice
+from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import derivation, initial, numeric_formulas, scene_data as data
 from inverse_service.simulation.sentences import say
 
@@ -23,15 +23,15 @@ def advice(scene: data.Scene, derived: derivation.Derived) -> dict[str, Any] | N
     free = scene.found
     lagrangian = free.lagrangian if free is not None else scene.lagrangian
     if is_stiff(derived):
-        return method_advice.advice("stiff", None, "what decays fast would hold an explicit method to short steps.")
+        return euler_lagrange.advice("stiff", None, "what decays fast would hold an explicit method to short steps.")
     if lagrangian is None or scene.forces:
-        return method_advice.advice("adaptive", None, method_advice.NOTHING_KEPT)
+        return euler_lagrange.advice("adaptive", None, euler_lagrange.NOTHING_KEPT)
     if derived.degenerate:
         return None
     if scene.constraints:
-        return method_advice.for_constraints(lagrangian, scene.constraints, scene.coordinates)
+        return euler_lagrange.advice_for_constraints(lagrangian, scene.constraints, scene.coordinates)
     ends = (*numeric_formulas.walls(lagrangian, scene.coordinates), *free.domain) if free is not None else ()
-    return method_advice.for_lagrangian(lagrangian, scene.coordinates, ends)
+    return euler_lagrange.advice_for_lagrangian(lagrangian, scene.coordinates, ends)
 
 
 def by_itself(scene: data.Scene, derived: derivation.Derived) -> data.Scene:

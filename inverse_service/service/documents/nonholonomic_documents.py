@@ -21,7 +21,7 @@ from inverse_service.explanation import wording
 from inverse_service.expressions import collecting, inequalities, notation, printing, tree as ex
 from inverse_service.mechanics import (
     constrained_motion,
-    method_advice,
+    euler_lagrange,
     nonholonomic_integrals,
     paper_class,
     second_order_system,
@@ -569,7 +569,7 @@ class _Made:
         solutions = [_with_images(each.answers[each.main]) for each in studies]
         result = translate.to_result(solutions[0], self.schema, solutions[1:])
         system = self.report.motion.system
-        taken = method_advice.for_constraints(system.lagrangian, system.constraints, system.coordinates)
+        taken = euler_lagrange.advice_for_constraints(system.lagrangian, system.constraints, system.coordinates)
         motions = [to_any_associated(answer) for answer in self.answers or (OPEN,)]
         parts = zip(result.branches, motions * (1 if self.answers else len(studies)), strict=False)
         branches = [schemas.NonholonomicBranch(**dict(branch), any_associated=motion) for branch, motion in parts]

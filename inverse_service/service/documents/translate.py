@@ -14,7 +14,7 @@ from inverse_service import __version__
 from inverse_service.decision import certify, solutions
 from inverse_service.expressions import inequalities, printing, tree as ex
 from inverse_service.field import real_point, tower
-from inverse_service.mechanics import method_advice, second_order_system
+from inverse_service.mechanics import euler_lagrange, second_order_system
 from inverse_service.reading import document_names, names as nm
 
 if TYPE_CHECKING:
@@ -111,10 +111,12 @@ def _advice(solution: solutions.Solution, time_dependent: bool | None) -> schema
     """What to simulate the system with, by the Lagrangian that ends at the fewest places."""
     known = [one.lagrangian for one in main_and_other(solution, time_dependent) if one is not None and one.lagrangian]
     if not known:
-        return schemas.AdvicePart(**method_advice.advice("adaptive", None, method_advice.NOTHING_KEPT))
+        return schemas.AdvicePart(**euler_lagrange.advice("adaptive", None, euler_lagrange.NOTHING_KEPT))
     best = min(known, key=lambda one: len(one.nonzero) + len(one.positive))
     walls = (*best.nonzero, *best.positive)
-    return schemas.AdvicePart(**method_advice.for_lagrangian(best.expression, solution.system.coordinates, walls))
+    return schemas.AdvicePart(
+        **euler_lagrange.advice_for_lagrangian(best.expression, solution.system.coordinates, walls)
+    )
 
 
 def _both_answers(solution: solutions.Solution, schema: Asking, is_a_cell: bool) -> dict[str, Any]:

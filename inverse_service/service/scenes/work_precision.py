@@ -14,7 +14,7 @@ import numpy as np
 from api_schemas.scene import SceneDocument, SceneMethod
 from inverse_service import __version__, errors, settings
 from inverse_service.integrators import method_table
-from inverse_service.mechanics import method_advice
+from inverse_service.mechanics import euler_lagrange
 from inverse_service.service.scenes import scene_lagrangian, scene_reading, simulating, views
 from inverse_service.simulation import accuracy, advice as advising, derivation, precision, scene_data
 from inverse_service.simulation.sentences import say
@@ -61,7 +61,7 @@ def _suitable(derived: derivation.Derived) -> list[SceneMethod]:
     chosen: list[dict[str, Any]] = [{"method": "adaptive"}, {"method": "reference"}]
     chosen += [{"method": "runge-kutta", "order": order} for order in (4, 8)]
     if scene.lagrangian is not None:
-        separable = method_advice.is_separable(scene.lagrangian, scene.coordinates) and not scene.forces
+        separable = euler_lagrange.is_separable(scene.lagrangian, scene.coordinates) and not scene.forces
         own = "nonholonomic" if scene.constraints else "stormer-verlet" if separable else "variational"
         chosen += [{"method": own, "order": order} for order in (2, 4, 8)]
     with suppress(scene_data.Unavailable):
