@@ -31,7 +31,8 @@ from inverse_service.search import (
     tidy,
 )
 
-_MOST_COORDINATES = 8
+# The least and the greatest number of coordinates; kernels of matrices at points are cheap for a few.
+ANY, ONE, SEVERAL, FEW = (1, math.inf), (1, 1), (2, math.inf), (2, 8)
 BLOCKS = "decoupled blocks one by one"
 ANSATZ = (
     families.Family("quadratic in the velocities, short factors", 2, families.quadratic, bounds.SMALL),
@@ -44,7 +45,9 @@ ANSATZ = (
 
 @dataclass(frozen=True, slots=True)
 class Leaf:
-    """A method for the systems that it accepts; the most costly methods come last.
+    """A method for the systems of some `sizes` that it accepts; the most costly methods come last.
+
+    `sizes` are the least and the greatest number of coordinates.
 
     `propose(material, seed)` returns regular Lagrangians, simplest first. The search verifies them unless the method is
     `exact`. `reason` explains in a sentence how such a Lagrangian is derived.
@@ -52,18 +55,22 @@ class Leaf:
 
     name: str
     cost: float
+    sizes: tuple[float, float]
     accepts: Callable[[tm.Material], bool]
     propose: Callable[[tm.Material, int], Sequence[ex.Expression]]
     reason: str
     exact: bool = False
 
+    def fits(self, material: tm.Material) -> bool:
+        least, most = self.sizes
+        return least <= material.motion.size <= most and self.accepts(material)
+
 
 Rung = Leaf | families.Family
 
 
-def _has_small_matrices(material: tm.Material) -> bool:
-    """Whether there are several coordinates, few enough that kernels of matrices at points are cheap."""
-    return 1 < material.motion.size <= _MOST_COORDINATES
+def _any(_: tm.Material) -> bool:
+    return True
 
 
 def _lifted(
@@ -94,7 +101,8 @@ LEAVES = (
     Leaf(
         "one matrix",
         0.4,
-        _has_small_matrices,
+        FEW,
+        _any,
         one_matrix.propose,
         "The algebraic conditions determine a matrix `G(t, q)` up to a factor `phi`. In "
         "`L = phi G_ij v^i v^j/2 + A_i v^i - V`, `G` then determines the derivatives of `phi`, `A` and `V`.",
@@ -102,7 +110,8 @@ LEAVES = (
     Leaf(
         "one matrix that depends on the velocities",
         0.5,
-        _has_small_matrices,
+        FEW,
+        _any,
         moving_matrix.propose,
         "The algebraic conditions determine a matrix `G(t, q, v)` up to a factor `phi`, and `G` the derivatives of "
         "`phi`. Integrating `phi G` twice over the velocities, then `A` and `V`, gives `L`.",
@@ -110,6 +119,7 @@ LEAVES = (
     Leaf(
         "blocks in sums of the coordinates",
         2.05,
+        FEW,
         reductions.has_sums,
         partial(_lifted, reductions.into_sums),
         "In sums of the coordinates with constant factors the system decouples, so the Lagrangian is the sum of the "
@@ -118,7 +128,8 @@ LEAVES = (
     Leaf(
         "each equation times a function",
         2.1,
-        lambda material: True,
+        ANY,
+        _any,
         row_factors.propose,
         "Multiplied by functions of `t` and the coordinates, the equations are self-adjoint. Their mass matrix is then "
         "the velocity Hessian of `L`, and integration gives `L`.",
@@ -127,6 +138,7 @@ LEAVES = (
     Leaf(
         "linear systems, a constant multiplier times exp(c*t)",
         1.5,
+        ANY,
         linear_systems.is_linear,
         linear_systems.propose,
         "The system is linear. The equations times `exp(c*t)`, with the trace `n c` of the damping, have sums with "
@@ -135,6 +147,7 @@ LEAVES = (
     Leaf(
         "one coordinate, products of Darboux factors",
         6.5,
+        ONE,
         one_coordinate.applies,
         one_coordinate.propose,
         "For one coordinate the only condition is `Gamma(g) + g df/dv = 0`. A product of Darboux factors (`Gamma(P)` "
@@ -143,7 +156,8 @@ LEAVES = (
     Leaf(
         "one coordinate, a function of the velocity",
         9.5,
-        lambda material: material.motion.size == 1,
+        ONE,
+        _any,
         one_coordinate.propose_function_of_velocity,
         "`f = F(v) (G(t, x) - A(t) P - B(x) Q)` has the multiplier `phi/F`, where `P' = 1/F`, `Q' = v/F`, "
         "`phi_t = A phi` and `phi_x = B phi`. Nonelementary integrals are left unevaluated.",
@@ -152,6 +166,7 @@ LEAVES = (
     Leaf(
         BLOCKS,
         3.55,
+        SEVERAL,
         reductions.is_decoupled,
         partial(_lifted, reductions.into_blocks),
         "The system decouples, so the Lagrangian is the sum of the Lagrangians of its blocks.",
@@ -160,6 +175,7 @@ LEAVES = (
     Leaf(
         "a coordinate as time",
         3.6,
+        SEVERAL,
         reductions.has_own_time,
         partial(_lifted, reductions.along_a_coordinate),
         "The equation of a coordinate `u` holds no other, and with `u` as time the paths are those of a Lagrangian "
@@ -234,7 +250,7 @@ def search(
             found = attempt(state, rung)
             if found is not None and (kept := _kept(found, analysis, holds)) is not None:
                 return members.SearchOutcome(kept, tuple(tried))
-            if rung.name == BLOCKS and reductions.is_decoupled(state.material):
+            if isinstance(rung, Leaf) and rung.name == BLOCKS and rung.fits(state.material):
                 break  # the same rows have been tried on each block, and pairs of blocks come before
     return members.SearchOutcome(None, tuple(tried))
 
@@ -258,7 +274,7 @@ def attempt(state: _Search, rung: Rung) -> members.Found | None:
     """The Lagrangians that one rung finds, or None."""
     if isinstance(rung, families.Family):
         return _by_ansatz(state, rung)
-    if not rung.accepts(state.material):
+    if not rung.fits(state.material):
         return None
     state.progress(f"method: {rung.name}")
     try:

@@ -267,10 +267,8 @@ def _of_function(material: tm.Material, function: ex.Expression) -> ex.Expressio
 
 
 def applies(material: tm.Material) -> bool:
-    """Whether there is one coordinate, and f has moderate size and a real point."""
-    motion = material.motion
-    moderate = motion.size == 1 and len(motion.forces[0]) <= _MOST_TERMS_OF_FORCE
-    return moderate and material.analysis.real_point is not None
+    """Whether f has moderate size and a real point."""
+    return len(material.motion.forces[0]) <= _MOST_TERMS_OF_FORCE and material.analysis.real_point is not None
 
 
 def propose(material: tm.Material, seed: int) -> Sequence[ex.Expression]:

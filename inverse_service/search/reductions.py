@@ -20,8 +20,8 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem, con
 from inverse_service.search import antiderivatives, interpolation, linear_systems, terms as tm
 
 Table = list[list[ex.Expression]]
-# The largest number of coordinates, the number of points at which matrices are compared, and the seed.
-_MOST, _POINTS, _SEED = 8, 8, 1
+# The number of points at which matrices are compared, and the seed.
+_POINTS, _SEED = 8, 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,9 +91,8 @@ def _renamed(tree: ex.Expression, names: Mapping[str, str]) -> ex.Expression:
 
 
 def has_sums(material: tm.Material) -> bool:
-    """Whether there are two or more coordinates, and they do not decouple without sums."""
-    system = material.analysis.system
-    return 1 < len(system.coordinates) <= _MOST and not system.functions and not is_decoupled(material)
+    """Whether the coordinates do not decouple without sums."""
+    return not material.analysis.system.functions and not is_decoupled(material)
 
 
 def _may_decouple(material: tm.Material) -> bool:
@@ -192,7 +191,7 @@ def _along(material: tm.Material) -> Iterator[tuple[str, SecondOrderSystem, Seco
     """(u, the system of dx/du, that of u) for each coordinate u with u'' = f_u(u, u') such that paths have no u'."""
     system = material.analysis.system
     names = system.coordinates
-    if len(names) == 1 or system.depends_on_time or is_decoupled(material):
+    if system.depends_on_time or is_decoupled(material):
         return
     for u, f in zip(names, system.accelerations, strict=True):
         rate, others = ex.Velocity(u), tuple(name for name in names if name != u)
