@@ -9,7 +9,7 @@ from inverse_service import catalogue
 from inverse_service.decision.deciding import analyze, decide
 from inverse_service.explanation.hierarchy import smallest_sufficient_set
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, multiply, number, subtract
-from inverse_service.field.reduction import vanish
+from inverse_service.field.real_branch import vanish
 from inverse_service.mechanics.conditions import Matrix, conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
 from inverse_service.reading.names import Names

@@ -22,7 +22,7 @@ from inverse_service.expressions.tree import (
     power,
     subtract,
 )
-from inverse_service.field.reduction import vanish
+from inverse_service.field.real_branch import vanish
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents.nonholonomic_documents import solve_nonholonomic

@@ -26,8 +26,14 @@ from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity,
 from inverse_service.field import dense_series, tower as towers
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.modular import Point, SingularPoint, Variable
-from inverse_service.field.real_point import RealTable, find_real_point, is_defined, requirements
-from inverse_service.field.reduction import reduce_atoms, signed_factors
+from inverse_service.field.real_branch import (
+    RealTable,
+    find_real_point,
+    is_defined,
+    reduce_atoms,
+    requirements,
+    signed_factors,
+)
 from inverse_service.linear_pde import equations, involution
 from inverse_service.mechanics.second_order_system import ConstrainedMotion
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from inverse_service import errors
 from inverse_service.expressions import arrays, derivative, printing, tree as ex
-from inverse_service.field import reduction
+from inverse_service.field import real_branch
 from inverse_service.mechanics import constrained_motion, second_order_system, writing
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums
 from inverse_service.mechanics.legendre import LegendreTransform, constraint_images, legendre
@@ -121,7 +121,7 @@ class _Work:
         return dict(zip(self.transform.symbols, self.transform.momenta, strict=True))
 
     def _tested(self, text: str, trees: Sequence[ex.Expression]) -> Statement:
-        found = reduction.vanish(trees, self.variables, self.seed)
+        found = real_branch.vanish(trees, self.variables, self.seed)
         return Statement(text, "not settled" if found is None else "holds" if found else "fails")
 
     def restriction(self) -> Statement:
@@ -157,7 +157,7 @@ class _Work:
             [self._restricted(derivative.differentiate(tree, p)) for p in self.transform.symbols]
             for tree in self.images
         ]
-        rank = reduction.rank_at_point(slopes, self.variables, self.seed)
+        rank = real_branch.rank_at_point(slopes, self.variables, self.seed)
         if rank is None:
             return Statement(text, "not settled")
         return Statement(text, "holds" if rank == len(self.images) else "fails")

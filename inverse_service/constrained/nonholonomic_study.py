@@ -16,7 +16,7 @@ from inverse_service.deadline import now
 from inverse_service.decision import solutions
 from inverse_service.explanation import wording
 from inverse_service.expressions import tree as ex
-from inverse_service.field import exact_field, reduction
+from inverse_service.field import exact_field, real_branch
 from inverse_service.mechanics import (
     constrained_motion,
     first_integrals as kept,
@@ -161,7 +161,7 @@ def _require_vanishing(
         pointer = "/multiples" + (f"/{place}" if count > 1 else "") + f"/{name}"
         names: list[ex.Symbol | ex.Velocity] = [*map(ex.Velocity, system.coordinates)]
         names += map(ex.Symbol, (*system.coordinates, *system.parameters, "t"))
-        found = tree == ex.ZERO or reduction.vanish([ex.substitute(tree, motion.on_constraints)], names)
+        found = tree == ex.ZERO or real_branch.vanish([ex.substitute(tree, motion.on_constraints)], names)
         if not found:
             what = "does not vanish" if found is False else "could not be shown to vanish"
             raise errors.InputError(

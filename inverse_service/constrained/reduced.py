@@ -22,7 +22,7 @@ from inverse_service.deadline import left, now
 from inverse_service.decision import certify, deciding, solutions
 from inverse_service.explanation import positive, wording
 from inverse_service.expressions import notation, tree as ex
-from inverse_service.field import exact_field, modular, real_point, reduction, tower
+from inverse_service.field import exact_field, modular, real_branch, tower
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics import constrained_motion, second_order_system, writing
 from inverse_service.mechanics.legendre import legendre
@@ -93,10 +93,10 @@ def closed_subsystem(
     trees = [tower.to_kernels(tree) for tree in (*velocities, *motion.accelerations)]
     try:
         everything = [*variables, *map(ex.Symbol, motion.parameters)]
-        table = real_point.find_real_point(trees, everything, 2)
+        table = real_branch.find_real_point(trees, everything, 2)
         if table is None:
             return None
-        point = tower.draw_point(reduction.reduce_atoms(trees, everything, table), 1)
+        point = tower.draw_point(real_branch.reduce_atoms(trees, everything, table), 1)
         rows = [modular.gradient(tree, variables, point) for tree in trees]
     except (errors.IrreducibleAtoms, modular.SingularPoint, ValueError):
         return None

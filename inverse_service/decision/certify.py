@@ -20,7 +20,7 @@ from inverse_service import bounds, errors
 from inverse_service.certificate import cell as cells, checker, formulas
 from inverse_service.decision import deciding
 from inverse_service.expressions import collecting, evaluation, inequalities, notation, printing, tree as ex
-from inverse_service.field import exact_field, real_point, reduction, tower
+from inverse_service.field import exact_field, real_branch, tower
 from inverse_service.mechanics import euler_lagrange, implicit_equations, short_forms
 from inverse_service.reading import names as nm, reader
 
@@ -210,7 +210,7 @@ def _hinted(analysis: deciding.Analysis, certificate: dict[str, Any]) -> Iterato
         with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
             positive = [
                 *system.positive,
-                *reduction.signed_factors(real_point.requirements([*map(tower.to_kernels, formulas)], table), table),
+                *real_branch.signed_factors(real_branch.requirements([*map(tower.to_kernels, formulas)], table), table),
             ]
             yield certificate | {"conditions": conditions_of(positive), "roots": [*known, *signs]}
 
@@ -220,12 +220,12 @@ def where_proved(analysis: deciding.Analysis, lagrangian: ex.Expression, time_li
     with_time = analysis.system.depends_on_time or ex.TIME in ex.walk(lagrangian)
     certificate, proof = proved(analysis, of_lagrangian(analysis, lagrangian, with_time), time_limit)
     if proof.verdict != "valid":
-        positive = (*analysis.system.positive, *real_point.own_requirements([lagrangian]))
-        return Where(positive, tuple(real_point.poles([lagrangian])))
+        positive = (*analysis.system.positive, *real_branch.own_requirements([lagrangian]))
+        return Where(positive, tuple(real_branch.poles([lagrangian])))
     return where_of(proof.formulas, names_of(certificate["system"], certificate))
 
 
-def point_of(analysis: deciding.Analysis, lagrangian: ex.Expression) -> real_point.RealTable | None:
+def point_of(analysis: deciding.Analysis, lagrangian: ex.Expression) -> real_branch.RealTable | None:
     """A real point at which f, L, and the integrands are defined, by preference the point of f."""
     slopes = [slope for node in walk_integrals(lagrangian) for slope in node.slopes if slope is not None]
     formulas = [tower.to_kernels(tree) for tree in (*analysis.system.accelerations, lagrangian, *slopes)]
@@ -234,10 +234,10 @@ def point_of(analysis: deciding.Analysis, lagrangian: ex.Expression) -> real_poi
         integrals = {
             node: mpmath.mpf(1) for tree in formulas for node in ex.walk(tree) if isinstance(node, ex.Integral)
         }
-        if real_point.is_defined(formulas, integrals | table):
+        if real_branch.is_defined(formulas, integrals | table):
             return integrals | table
     variables, sides = deciding.variables_of(analysis.system), analysis.system.positive
-    return real_point.find_real_point(formulas, variables, _SEED, sides) or table
+    return real_branch.find_real_point(formulas, variables, _SEED, sides) or table
 
 
 def of_decision(
@@ -318,7 +318,7 @@ def conditions_of(positive: Iterable[ex.Expression]) -> list[str]:
     return [*dict.fromkeys(texts)][:_MOST_CONDITIONS]
 
 
-def moved_to(near: Mapping[str, str], table: real_point.RealTable) -> dict[str, str]:
+def moved_to(near: Mapping[str, str], table: real_branch.RealTable) -> dict[str, str]:
     """The values of the same names at another point, in digits."""
     named = {
         printing.to_text(key): mpmath.nstr(value, _DIGITS)
@@ -328,13 +328,13 @@ def moved_to(near: Mapping[str, str], table: real_point.RealTable) -> dict[str, 
     return {name: named.get(name, value) for name, value in near.items()}
 
 
-def near_of(table: real_point.RealTable | None, names: Sequence[ex.Symbol | ex.Velocity]) -> dict[str, str]:
+def near_of(table: real_branch.RealTable | None, names: Sequence[ex.Symbol | ex.Velocity]) -> dict[str, str]:
     """The values of these names at a real point, in digits."""
     return {printing.to_text(key): mpmath.nstr(table[key], _DIGITS) for key in names if key in table} if table else {}
 
 
 def _head(
-    analysis: deciding.Analysis, table: real_point.RealTable | None, with_time: bool, claim: str, kind: str
+    analysis: deciding.Analysis, table: real_branch.RealTable | None, with_time: bool, claim: str, kind: str
 ) -> dict[str, Any]:
     system = analysis.system
     places: list[ex.Symbol | ex.Velocity] = [
@@ -364,7 +364,7 @@ def _roots_of_system(analysis: deciding.Analysis) -> list[Entry]:
     return [*_of_branch(analysis.system), *_halved(analysis), *_of_numbers(analysis)]
 
 
-def _roots_of_formulas(formulas: Sequence[ex.Expression], table: real_point.RealTable | None) -> list[Entry]:
+def _roots_of_formulas(formulas: Sequence[ex.Expression], table: real_branch.RealTable | None) -> list[Entry]:
     """The roots in the formulas, or implied by their inverse functions, that equal functions or sums of roots."""
     hidden = _hidden_radicands(formulas)
     with_hidden = [*formulas, *map(ex.square_root, hidden)]
@@ -391,7 +391,7 @@ def _hidden_radicands(formulas: Sequence[ex.Expression]) -> list[ex.Expression]:
     return found
 
 
-def _of_squares(radicands: Sequence[ex.Expression], table: real_point.RealTable | None) -> list[Entry]:
+def _of_squares(radicands: Sequence[ex.Expression], table: real_branch.RealTable | None) -> list[Entry]:
     """The roots of the radicands that are squares, valid on the side of the point."""
     found = list[Entry]()
     for under in radicands if table is not None else ():
@@ -401,7 +401,7 @@ def _of_squares(radicands: Sequence[ex.Expression], table: real_point.RealTable 
     return found
 
 
-def _with_roots_inside(formulas: Sequence[ex.Expression], table: real_point.RealTable | None) -> list[Entry]:
+def _with_roots_inside(formulas: Sequence[ex.Expression], table: real_branch.RealTable | None) -> list[Entry]:
     """sqrt(a + b r) = sqrt((a + d)/2) +- sqrt((a - d)/2) for r = sqrt(v), d^2 = a^2 - b^2 v, on the side of the point.
 
     If b = 0 after replacing r^2 by v, it is the root of the square a.
@@ -417,7 +417,7 @@ def _with_roots_inside(formulas: Sequence[ex.Expression], table: real_point.Real
             value = _root_here(a if b == ex.ZERO else a**2 - b**2 * v, table or {})
             if value is not None and b != ex.ZERO:
                 first, second = (ex.square_root(collecting.collect((a + d) / 2)) for d in (value, -value))
-                value = first + second if real_point.are_positive([b], table or {}) else first - second
+                value = first + second if real_branch.are_positive([b], table or {}) else first - second
             if value is not None:
                 found.append(_entry(node, collecting.collect(value)))
     return found
@@ -442,21 +442,21 @@ def _nested_root(node: ex.Expression) -> tuple[ex.Expression, ex.Expression, ex.
     return None if ex.holds(a, letter) or ex.holds(b, letter) else (a, b, v)
 
 
-def _root_here(square: ex.Expression, table: real_point.RealTable) -> ex.Expression | None:
+def _root_here(square: ex.Expression, table: real_branch.RealTable) -> ex.Expression | None:
     """The positive root of a square without a root sign, on the side of the point; None if it is not a square."""
     root = ex.square_root(collecting.collect(square))
     if isinstance(root, ex.Number):
         return root
-    return next((value for side, value in reduction.root_ways(root) if real_point.are_positive(side, table)), None)
+    return next((value for side, value in real_branch.root_ways(root) if real_branch.are_positive(side, table)), None)
 
 
-def _circular(formulas: Sequence[ex.Expression], table: real_point.RealTable | None) -> list[Entry]:
+def _circular(formulas: Sequence[ex.Expression], table: real_branch.RealTable | None) -> list[Entry]:
     """sqrt(1 - sin(u)^2) = +-cos u, sqrt(sinh(u)^2 + 1) = cosh u, and similar roots, on the side of the point.
 
     Also roots of a number times the square of a function in the formulas: sqrt((1 - x)/2) = sin(acos(x)/2).
     """
     found = list[Entry]()
-    others = [node for node in ex.distinct_nodes(formulas) if isinstance(node, ex.Apply) and real_point.varies(node)]
+    others = [node for node in ex.distinct_nodes(formulas) if isinstance(node, ex.Apply) and real_branch.varies(node)]
     for node in ex.distinct_nodes(formulas) if table is not None else ():
         if not isinstance(node, ex.Power) or not tower.is_even_root(node):
             continue
@@ -465,7 +465,7 @@ def _circular(formulas: Sequence[ex.Expression], table: real_point.RealTable | N
         for value in [*(ex.Apply(name, part) for part in parts for name in _CIRCULAR), *others]:
             factor = _ratio(node.base, value**2, table or {})
             if factor is not None:
-                sign = 1 if real_point.are_positive([value], table or {}) else -1
+                sign = 1 if real_branch.are_positive([value], table or {}) else -1
                 found.append(_entry(ex.square_root(node.base), sign * ex.square_root(ex.number(factor)) * value))
                 break
     return found
@@ -473,12 +473,12 @@ def _circular(formulas: Sequence[ex.Expression], table: real_point.RealTable | N
 
 def _angle(node: ex.Expression) -> ex.Expression | None:
     match node:
-        case ex.Apply(name, u) if name in _CIRCULAR and real_point.varies(u):
+        case ex.Apply(name, u) if name in _CIRCULAR and real_branch.varies(u):
             return u
     return None
 
 
-def _ratio(base: ex.Expression, square: ex.Expression, table: real_point.RealTable) -> Fraction | None:
+def _ratio(base: ex.Expression, square: ex.Expression, table: real_branch.RealTable) -> Fraction | None:
     """A rational number that the quotient apparently equals; the checker proves it."""
     ratios = []
     for shift in (mpmath.mpf(0), mpmath.mpf(1) / 7, mpmath.mpf(-2) / 9):
@@ -518,7 +518,7 @@ def _on_branch(node: ex.Expression, value: ex.Expression) -> tuple[ex.Expression
 def _halved(analysis: deciding.Analysis) -> list[Entry]:
     """cos(atan(w)/2) > 0 if f has roots, because nested roots may be products of it and others."""
     if not any(
-        tower.is_even_root(node) and real_point.varies(node) for node in ex.distinct_nodes(analysis.system.given)
+        tower.is_even_root(node) and real_branch.varies(node) for node in ex.distinct_nodes(analysis.system.given)
     ):
         return []
     rules = [rule for rule in analysis.tower.rules if isinstance(rule, tower.AngleRule) and not rule.turns]
@@ -531,7 +531,7 @@ def _of_numbers(analysis: deciding.Analysis) -> Iterator[Entry]:
     nodes = (
         node
         for node in ex.distinct_nodes(analysis.accelerations)
-        if isinstance(node, ex.Power) and not real_point.varies(node)
+        if isinstance(node, ex.Power) and not real_branch.varies(node)
     )
     roots = [node for node in nodes if isinstance(node.exponent, ex.Number) and deciding.is_irrational(node)]
     for node in roots:

@@ -26,8 +26,8 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 from inverse_service import bounds, deadline, errors
 from inverse_service.decision import helmholtz, solutions
 from inverse_service.expressions import printing, tree as ex
-from inverse_service.field import dense_series as machine, modular, reduction
-from inverse_service.field.real_point import RealTable, find_real_point, first_real_point
+from inverse_service.field import dense_series as machine, modular, real_branch
+from inverse_service.field.real_branch import RealTable, find_real_point, first_real_point
 from inverse_service.field.tower import Tower, draw_point, to_kernels
 from inverse_service.linear_pde import equations as pde, involution
 from inverse_service.mechanics import second_order_system
@@ -90,7 +90,7 @@ def analyze(system: second_order_system.SecondOrderSystem) -> Analysis:
     system = second_order_system.branches_of(system)[0]
     kernels = tuple(to_kernels(f) for f in system.accelerations)
     table = _real_point(system, kernels)
-    return Analysis(system, kernels, reduction.reduce_atoms(kernels, variables_of(system), table), table)
+    return Analysis(system, kernels, real_branch.reduce_atoms(kernels, variables_of(system), table), table)
 
 
 def _real_point(system: second_order_system.SecondOrderSystem, kernels: Sequence[ex.Expression]) -> RealTable | None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 from inverse_service.expressions import tree as ex
 
 if TYPE_CHECKING:
-    from inverse_service.field.real_point import RealTable
+    from inverse_service.field.real_branch import RealTable
     from inverse_service.mechanics.first_integrals import FirstIntegral
     from inverse_service.mechanics.legendre import LegendreTransform
     from inverse_service.mechanics.second_order_system import SecondOrderSystem

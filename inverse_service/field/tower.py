@@ -11,7 +11,7 @@ arguments, or logarithms, are linearly dependent over Q; angles and arctangents 
 A rule states the dependence found, or that there is none, in which case the atom is a free generator.
 
 A tower lists these rules, innermost first. Roots need no rule (`modular.py`) except for the branch: `signs` lists the
-quantities whose residue symbol must equal their sign at a real point of the domain (`reduction.py` finds them).
+quantities whose residue symbol must equal their sign at a real point of the domain (`real_branch.py` finds them).
 
 `build_tower` finds the rules. Atoms are taken innermost first. For each transcendental one the linear dependence over
 Q of its argument (exp, angles) or its logarithmic differential (log, atan) on those before it is computed at random

@@ -25,7 +25,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, substitute, walk
 from inverse_service.field import exact_field
 from inverse_service.field.matrices import determinant, dot, reduced_rows, solve_square, weight
-from inverse_service.field.real_point import RealTable, first_real_point
+from inverse_service.field.real_branch import RealTable, first_real_point
 from inverse_service.mechanics import implicit_equations, second_order_system, writing
 from inverse_service.mechanics.second_order_system import ConstrainedMotion
 from inverse_service.reading import document_names, names as nm, reader

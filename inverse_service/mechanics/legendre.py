@@ -16,7 +16,7 @@ from mpmath import mp, mpf
 
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import collecting, evaluation, printing, tree as ex
-from inverse_service.field import real_point
+from inverse_service.field import real_branch
 from inverse_service.mechanics import euler_lagrange, inverses, short_forms, writing
 from inverse_service.mechanics.implicit_equations import (
     Point,
@@ -62,7 +62,7 @@ class LegendreTransform:
         return (
             ()
             if self.implicit
-            else tuple(dict.fromkeys((*self.conditions, *real_point.own_requirements([self.hamiltonian]))))
+            else tuple(dict.fromkeys((*self.conditions, *real_branch.own_requirements([self.hamiltonian]))))
         )
 
 
@@ -609,7 +609,7 @@ def _phase_space(
     first: Table = {leaf: rate for leaf, rate in chained if leaf not in pivots}
     last: Table = dict(zip(rates, velocities, strict=True))
     variables: frozenset[ex.Expression] = frozenset([*map(ex.Symbol, coordinates), *transform.symbols, *rates, ex.TIME])
-    held = [rule([transform.lagrangian]) for rule in (real_point.poles, real_point.own_requirements)]
+    held = [rule([transform.lagrangian]) for rule in (real_branch.poles, real_branch.own_requirements)]
     divisors = [ex.substitute(tree, first) for trees in held for tree in trees]
     harmless = frozenset(_key(factor) for tree in divisors for factor, _ in ex.powers_of(short_forms.quotient(tree)))
     return _PhaseSpace(first, last, variables, harmless)

@@ -26,7 +26,7 @@ import flint
 from inverse_service import bounds
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions import evaluation, tree as ex
-from inverse_service.field import matrices, real_point
+from inverse_service.field import matrices, real_branch
 from inverse_service.field.exact_field import ExactRing, Exponents, Quotient, as_fraction, sum_of
 from inverse_service.mechanics.constrained_motion import EliminatedMotion, Frame, Geometry
 from inverse_service.mechanics.first_integrals import FirstIntegral
@@ -69,7 +69,7 @@ class Potential:
                 table.append((value, element))
         return Potential(tuple((value, element) for value, element in table if not value.is_zero), self.rest)
 
-    def made_positive(self, ring: ExactRing, table: real_point.RealTable | None) -> Potential:
+    def made_positive(self, ring: ExactRing, table: real_branch.RealTable | None) -> Potential:
         """The same function up to a constant with positive arguments of the logarithms at a real point."""
         if table is None:
             return self
@@ -78,9 +78,9 @@ class Potential:
         return Potential(kept, self.rest)
 
 
-def _is_negative(tree: ex.Expression, table: real_point.RealTable) -> bool:
+def _is_negative(tree: ex.Expression, table: real_branch.RealTable) -> bool:
     try:
-        return real_point.real_sign(tree, table) < 0
+        return real_branch.real_sign(tree, table) < 0
     except (evaluation.NoRealValue, IrreducibleAtoms):
         return False
 

@@ -16,7 +16,7 @@ from typing import TypeVar
 from inverse_service import errors
 from inverse_service.expressions import collecting, printing, refusals, tree as ex
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.field import modular, real_point, reduction, tower
+from inverse_service.field import modular, real_branch, tower
 from inverse_service.mechanics import euler_lagrange, implicit_equations
 from inverse_service.reading import document_names, reader
 from inverse_service.reading.names import GREEK_NAMES, Names, check_clashes, escaped, is_momentum
@@ -206,8 +206,8 @@ def _squares(system: SecondOrderSystem) -> tuple[ex.Expression, ...]:
 def _default_first(system: SecondOrderSystem, branches: tuple[SecondOrderSystem, ...]) -> tuple[SecondOrderSystem, ...]:
     """First comes the branch of a point with positive parameters, else of any, that one formula would be taken at."""
     kernels, parameters = tuple(map(tower.to_kernels, system.accelerations)), [*map(ex.Symbol, system.parameters)]
-    table = real_point.first_real_point(kernels, _variables(system), (parameters, ()))
-    return tuple(sorted(branches, key=lambda one: table is None or not real_point.are_positive(one.positive, table)))
+    table = real_branch.first_real_point(kernels, _variables(system), (parameters, ()))
+    return tuple(sorted(branches, key=lambda one: table is None or not real_branch.are_positive(one.positive, table)))
 
 
 def with_values(system: SecondOrderSystem, values: Mapping[ex.Expression, ex.Expression]) -> SecondOrderSystem:
@@ -236,12 +236,12 @@ def _cases(system: SecondOrderSystem) -> tuple[tuple[SecondOrderSystem, bool], .
     Where one of `nonzero` is 0 all over a case, the equations as given leave a motion open there: it is no case.
     """
     found, number = [], len(system.accelerations)
-    for case in islice(reduction.sign_cases((*system.accelerations, *system.nonzero)), 4 * MOST_COUNTED):
+    for case in islice(real_branch.sign_cases((*system.accelerations, *system.nonzero)), 4 * MOST_COUNTED):
         nonzero = tuple(map(collecting.collect, case.formulas[number:]))
         if ex.ZERO in nonzero:
             continue
         reached = not case.positive or _has_point(system, case)
-        if reached or not reduction.is_empty([*case.positive, *real_point.own_requirements(case.formulas)]):
+        if reached or not real_branch.is_empty([*case.positive, *real_branch.own_requirements(case.formulas)]):
             branch = Branch(system.accelerations, case.positive, case.roots)
             solved = tuple(map(collecting.collect, case.formulas[:number])) if case.roots else system.accelerations
             found.append((replace(system, accelerations=solved, nonzero=nonzero, branch=branch), reached))
@@ -254,14 +254,14 @@ def on_side(system: SecondOrderSystem, positive: Sequence[ex.Expression]) -> Sec
     """A system where these trees are positive too; None where they are seen not to be so at once."""
     branch = system.branch or Branch(system.accelerations)
     whole = tuple(dict.fromkeys((*branch.positive, *positive)))
-    if reduction.is_empty([*system.positive, *positive, *real_point.own_requirements(system.accelerations)]):
+    if real_branch.is_empty([*system.positive, *positive, *real_branch.own_requirements(system.accelerations)]):
         return None
     return replace(system, branch=replace(branch, positive=whole))
 
 
-def _has_point(system: SecondOrderSystem, case: reduction.Case) -> bool:
+def _has_point(system: SecondOrderSystem, case: real_branch.Case) -> bool:
     kernels = tuple(map(tower.to_kernels, case.formulas))
-    return real_point.find_real_point(kernels, _variables(system), _SEED, case.positive) is not None
+    return real_branch.find_real_point(kernels, _variables(system), _SEED, case.positive) is not None
 
 
 def _variables(system: SecondOrderSystem) -> list[modular.Variable]:

@@ -23,11 +23,11 @@ from inverse_service.decision.deciding import Analysis, variables_of
 from inverse_service.decision.helmholtz import Written, tensors_after, written
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.field import exact_field, matrices, modular, reduction, tower as towers
+from inverse_service.field import exact_field, matrices, modular, real_branch, tower as towers
 from inverse_service.field.dense_series import Machine, SeriesProgram, constants_at, run
 from inverse_service.field.echelon import Words
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus, power
-from inverse_service.field.real_point import RealTable, find_real_point
+from inverse_service.field.real_branch import RealTable, find_real_point
 from inverse_service.mechanics import conditions
 from inverse_service.search import terms as tm
 
@@ -349,7 +349,7 @@ def sampler_of(analysis: Analysis, terms: Iterable[tm.Monomial]) -> Sampler:
     for known in analysis.towers:
         if atoms <= known.atoms and all(known.real_point.get(node) == x for node, x in table.items()):
             return Sampler(analysis, known.tower, table, known.points)
-    shared = KnownTower(atoms, table, reduction.reduce_atoms(wanted, variables, table))
+    shared = KnownTower(atoms, table, real_branch.reduce_atoms(wanted, variables, table))
     analysis.towers.append(shared)
     return Sampler(analysis, shared.tower, table, shared.points)
 

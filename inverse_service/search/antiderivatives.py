@@ -33,7 +33,7 @@ from typing import Any
 
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import collecting, derivative, evaluation, tree as ex
-from inverse_service.field import exact_field, matrices, modular, real_point
+from inverse_service.field import exact_field, matrices, modular, real_branch
 from inverse_service.mechanics import implicit_equations, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import terms as tm
@@ -191,7 +191,7 @@ def _divided(key: tm.Monomial, x: modular.Variable) -> tm.Terms | None:
 
 
 def quadratic_antiderivatives(
-    key: tm.Monomial, variable: modular.Variable, table: real_point.RealTable | None = None
+    key: tm.Monomial, variable: modular.Variable, table: real_branch.RealTable | None = None
 ) -> Iterator[tm.Monomial]:
     """Candidates for the antiderivative of the monomial without constant factors, real at the point of a table."""
     for letter, e in key:
@@ -202,7 +202,7 @@ def quadratic_antiderivatives(
 
 
 def _of_letter(
-    key: tm.Monomial, letter: ex.Sum, e: Fraction, x: modular.Variable, table: real_point.RealTable | None
+    key: tm.Monomial, letter: ex.Sum, e: Fraction, x: modular.Variable, table: real_branch.RealTable | None
 ) -> Iterator[tm.Monomial]:
     slope = tm.letter_derivative(letter, x)
     second = tm.derivative_of_terms(slope, x)
@@ -246,10 +246,10 @@ def _steps(e: Fraction) -> list[tuple[Fraction, int]]:
     return [(e - k, k) for k in range(bounds.POWER + 1) if e - k > 0]
 
 
-def _is_negative(tree: ex.Expression, table: real_point.RealTable | None) -> bool:
+def _is_negative(tree: ex.Expression, table: real_branch.RealTable | None) -> bool:
     """Whether the tree is negative at the real point or, without a point, all its terms have a minus sign."""
     if table is not None:
-        return real_point.real_sign(tree, table) < 0
+        return real_branch.real_sign(tree, table) < 0
     return all(value < 0 for value in tm.terms_of(tree).values())
 
 
@@ -268,7 +268,9 @@ def _primitive_part(tree: ex.Expression) -> ex.Expression:
     return tm.monomial_tree(common) * rest
 
 
-def primitive(x: modular.Variable, wanted: tm.Terms, table: real_point.RealTable | None = None) -> ex.Expression | None:
+def primitive(
+    x: modular.Variable, wanted: tm.Terms, table: real_branch.RealTable | None = None
+) -> ex.Expression | None:
     """A sum of monomials with the derivative `wanted` by x, by linear algebra over candidate monomials.
 
     The coefficients are rational if possible; otherwise they contain generators without x. The result is real at the
@@ -414,7 +416,7 @@ def _is_quadratic(letter: ex.Expression, x: modular.Variable) -> bool:
 
 
 def antiderivative(
-    system: SecondOrderSystem, slope: ex.Expression, variable: modular.Variable, table: real_point.RealTable | None
+    system: SecondOrderSystem, slope: ex.Expression, variable: modular.Variable, table: real_branch.RealTable | None
 ) -> ex.Expression | None:
     """An elementary antiderivative of a formula in one variable; None if none is found."""
     names = fresh_names(system, slope)
@@ -516,26 +518,26 @@ def _with_squares(tree: ex.Expression, squares: Mapping[ex.Expression, ex.Expres
     return ex.rebuild(tree, lambda part: _with_squares(part, squares))
 
 
-def real_form(tree: ex.Expression, table: real_point.RealTable) -> ex.Expression:
+def real_form(tree: ex.Expression, table: real_branch.RealTable) -> ex.Expression:
     """The tree in a form that is real at the point: log(-u) for log(u) if u < 0, sqrt(-u)*sqrt(-w) for sqrt(u)*sqrt(w).
 
     The first changes it by a constant. In the second, sqrt(u)*sqrt(w) represents sqrt(u*w) next to integer powers of u.
     Odd roots of u < 0 are those of -u with their sign.
     """
     with suppress(evaluation.NoRealValue, errors.IrreducibleAtoms):
-        return tree if real_point.is_defined([tree], table) else _turned(tree, table)
+        return tree if real_branch.is_defined([tree], table) else _turned(tree, table)
     return tree
 
 
-def _turned(tree: ex.Expression, table: real_point.RealTable) -> ex.Expression:
+def _turned(tree: ex.Expression, table: real_branch.RealTable) -> ex.Expression:
     tree = ex.rebuild(tree, lambda part: _turned(part, table))
     if isinstance(tree, ex.Integral):
         return replace(tree, slopes=tuple(slope and _turned(slope, table) for slope in tree.slopes))
-    if isinstance(tree, ex.Apply) and tree.function == "log" and real_point.real_sign(tree.argument, table) < 0:
+    if isinstance(tree, ex.Apply) and tree.function == "log" and real_branch.real_sign(tree.argument, table) < 0:
         return ex.Apply("log", ex.negated(tree.argument))
     match tree:
         case ex.Power(base, ex.Number(e)) if (
-            e.denominator % 2 and e.denominator > 1 and real_point.real_sign(base, table) < 0
+            e.denominator % 2 and e.denominator > 1 and real_branch.real_sign(base, table) < 0
         ):
             return ex.number((-1) ** (e.numerator % 2)) * ex.negated(base) ** e
     factors = tree.factors if isinstance(tree, ex.Product) else ()
@@ -545,7 +547,7 @@ def _turned(tree: ex.Expression, table: real_point.RealTable) -> ex.Expression:
         if isinstance(factor, ex.Power)
         and isinstance(factor.exponent, ex.Number)
         and factor.exponent.value.denominator == 2
-        and real_point.real_sign(factor.base, table) < 0
+        and real_branch.real_sign(factor.base, table) < 0
     }
     is_real = halves and len(halves) % 2 == 0
     return ex.multiply(*(halves.get(factor, factor) for factor in factors)) if is_real else tree
@@ -567,7 +569,7 @@ class Integrator:
     """
 
     system: SecondOrderSystem
-    table: real_point.RealTable | None = None
+    table: real_branch.RealTable | None = None
     signs: bool = False
     names: Iterator[str] = field(init=False)
 

@@ -14,7 +14,7 @@ from inverse_service import bounds, errors
 from inverse_service.deadline import OutOfTime, check, within
 from inverse_service.decision import deciding
 from inverse_service.expressions import evaluation, tree as ex
-from inverse_service.field import exact_field, real_point
+from inverse_service.field import exact_field, real_branch
 from inverse_service.mechanics import euler_lagrange, implicit_equations
 from inverse_service.search import (
     ansatz,
@@ -193,7 +193,7 @@ def holds_numerically(analysis: deciding.Analysis, tree: ex.Expression, seed: in
     form = euler_lagrange.hessian(tree, system.coordinates)
     nodes = ex.distinct_nodes((*residuals, *itertools.chain(*form)))
     functions = [node for node in nodes if isinstance(node, ex.Arbitrary)]
-    other = real_point.find_real_point([*system.accelerations, tree], deciding.variables_of(system), seed)
+    other = real_branch.find_real_point([*system.accelerations, tree], deciding.variables_of(system), seed)
     for table in filter(None, (analysis.real_point, other)):
         with mpmath.workdps(bounds.DIGITS), suppress(evaluation.NoRealValue):
             for _ in range(2):

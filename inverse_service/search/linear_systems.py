@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from inverse_service import bounds
 from inverse_service.expressions import evaluation, tree as ex
-from inverse_service.field import exact_field, matrices, real_point
+from inverse_service.field import exact_field, matrices, real_branch
 from inverse_service.search import antiderivatives, members, row_factors, terms as tm
 from inverse_service.search.antiderivatives import Integrator
 
@@ -156,12 +156,12 @@ def _branches(
         yield Branch(tuple(parts), primitive)
 
 
-def _functions_of_time(a: ex.Expression, d: ex.Expression, table: real_point.RealTable) -> Iterator[ex.Expression]:
+def _functions_of_time(a: ex.Expression, d: ex.Expression, table: real_branch.RealTable) -> Iterator[ex.Expression]:
     """e^(at) t^k/k! or, for the pair of rates, e^(at) cosh(sqrt(d) t) and e^(at) sinh(sqrt(d) t)/sqrt(d)."""
     growth = ex.Apply("exp", a * ex.TIME)
     if d == ex.ZERO:
         yield from (Fraction(1, factorial(k)) * ex.TIME**k * growth for k in count())
-    rises = real_point.real_sign(d, table) > 0
+    rises = real_branch.real_sign(d, table) > 0
     root = antiderivatives.extracted_root(d if rises else ex.negated(d))
     yield growth * ex.Apply("cosh" if rises else "cos", root * ex.TIME)
     yield growth * ex.Apply("sinh" if rises else "sin", root * ex.TIME) / root
@@ -172,7 +172,7 @@ def _scaled(array: Array, factor: Fraction) -> Array:
 
 
 def _chosen(
-    ring: exact_field.ExactRing, branches: Sequence[Branch], table: real_point.RealTable
+    ring: exact_field.ExactRing, branches: Sequence[Branch], table: real_branch.RealTable
 ) -> list[list[tm.Terms]]:
     """Regular g, tested at t = 0 and real parameter values: definite ones first, then those with few terms."""
     size = isqrt(len(branches[0].row) // 2) if branches else 0
@@ -203,7 +203,7 @@ def _is_diagonal(branch: Branch) -> bool:
     return all(entry.is_zero for (i, j), entry in np.ndenumerate(branch.parts[0][1]) if i != j)
 
 
-def _numeric(ring: exact_field.ExactRing, matrix: Array, table: real_point.RealTable) -> NDArray[np.float64]:
+def _numeric(ring: exact_field.ExactRing, matrix: Array, table: real_branch.RealTable) -> NDArray[np.float64]:
     trees = (exact_field.quotient_tree(ring, entry) for entry in matrix.flat)
     with mpmath.workdps(bounds.DIGITS):
         return np.array([float(evaluation.evaluate(tree, table)) for tree in trees]).reshape(matrix.shape)

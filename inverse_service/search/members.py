@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from inverse_service import bounds, deadline
 from inverse_service.decision import certify, deciding, solutions
 from inverse_service.expressions import printing, tree as ex
-from inverse_service.field import exact_field, matrices, modular, real_point
+from inverse_service.field import exact_field, matrices, modular, real_branch
 from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.search import ansatz, terms as tm
 from inverse_service.search.ansatz import SamplePoints
@@ -201,7 +201,7 @@ def _order(member: Member, parameters: frozenset[ex.Symbol]) -> tuple[bool, Frac
     return not member.definite, sum(weights, Fraction(0)), complexity(member.terms)
 
 
-def _divided(member: Member, parameters: frozenset[ex.Symbol], table: real_point.RealTable) -> Member:
+def _divided(member: Member, parameters: frozenset[ex.Symbol], table: real_branch.RealTable) -> Member:
     """The member divided by the parameters of one of its kinetic terms, if that leaves fewer parameters there.
 
     A constant times a multiplier is a multiplier; the sign keeps the Hessian positive at the real point.
@@ -209,7 +209,7 @@ def _divided(member: Member, parameters: frozenset[ex.Symbol], table: real_point
     found = [member]
     for part in dict.fromkeys(_constants(member.terms, parameters)):
         if part:
-            sign = -1 if real_point.real_sign(tm.monomial_tree(part), table) < 0 else 1
+            sign = -1 if real_branch.real_sign(tm.monomial_tree(part), table) < 0 else 1
             terms = {tm.times(key, part, -1): sign * value for key, value in member.terms.items()}
             found.append(replace(member, terms=terms))
     return min(found, key=lambda one: _order(one, parameters))
@@ -295,7 +295,7 @@ def _compact(analysis: deciding.Analysis, entry: ex.Expression) -> ex.Expression
 
 
 def is_multiple(
-    first: ex.Expression, second: ex.Expression, names: Sequence[str], table: real_point.RealTable | None
+    first: ex.Expression, second: ex.Expression, names: Sequence[str], table: real_branch.RealTable | None
 ) -> bool:
     """Whether the Hessians are constant multiples of each other at the real point and at a point near it."""
     if table is None:
@@ -312,7 +312,7 @@ def is_multiple(
 
 
 def why_shown(
-    shown: ex.Expression, other: ex.Expression, names: Sequence[str], table: real_point.RealTable | None
+    shown: ex.Expression, other: ex.Expression, names: Sequence[str], table: real_branch.RealTable | None
 ) -> str:
     """The advantage of another Lagrangian over the shown one; "" if it has none."""
     if len(printing.to_text(other)) < len(printing.to_text(shown)):
@@ -322,7 +322,7 @@ def why_shown(
     return "of another kind" if _kind(other, names) < _kind(shown, names) else ""
 
 
-def is_definite(lagrangian: ex.Expression, names: Sequence[str], table: real_point.RealTable | None) -> bool:
+def is_definite(lagrangian: ex.Expression, names: Sequence[str], table: real_branch.RealTable | None) -> bool:
     """Whether the Hessian is positive definite at the real point."""
     return euler_lagrange.inertia(euler_lagrange.hessian_at(lagrangian, names, table)) == (len(names), 0)
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import derivative, evaluation, tree as ex
-from inverse_service.field import matrices, modular, real_point
+from inverse_service.field import matrices, modular, real_branch
 from inverse_service.mechanics import implicit_equations
 from inverse_service.search import ansatz, antiderivatives, families, members, terms as tm
 
@@ -301,8 +301,8 @@ def lagrangian_of(material: tm.Material, multiplier: LastMultiplier) -> ex.Expre
     return None
 
 
-def _positive(lagrangian: tm.Terms, velocity: ex.Velocity, point: real_point.RealTable) -> ex.Expression:
+def _positive(lagrangian: tm.Terms, velocity: ex.Velocity, point: real_branch.RealTable) -> ex.Expression:
     """The simpler of L and its multiple with simple coefficients, with a positive Hessian at the point."""
     tree = min(tm.tree_of(lagrangian), tm.tree_of(members.scaled(lagrangian)), key=antiderivatives.weight)
     hessian = derivative.differentiate(derivative.differentiate(tree, velocity), velocity)
-    return tree if real_point.real_sign(hessian, point) > 0 else ex.negated(tree)
+    return tree if real_branch.real_sign(hessian, point) > 0 else ex.negated(tree)

@@ -35,7 +35,7 @@ import numpy as np
 
 from inverse_service import deadline, errors
 from inverse_service.expressions import derivative, evaluation, tree as ex
-from inverse_service.field import real_point, tower
+from inverse_service.field import real_branch, tower
 from inverse_service.field.exact_field import Budget, factored
 from inverse_service.field.flow import PRIME, Flow, Generator, Numbers, Points, Units, inverses, matrix_product
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -204,7 +204,7 @@ class OneMatrix:
         zeros.update((ex.Velocity(name), ex.ZERO) for name in self.system.coordinates)
         for form in (ex.substitute(tree, zeros), tree):
             with suppress(evaluation.NoRealValue, errors.IrreducibleAtoms, ZeroDivisionError):
-                if integrator.table is not None and (sign := real_point.real_sign(form, integrator.table)):
+                if integrator.table is not None and (sign := real_branch.real_sign(form, integrator.table)):
                     return [{key: sign * value for key, value in terms.items()} for terms in matrix]
         return list(matrix)
 

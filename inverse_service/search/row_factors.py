@@ -35,7 +35,7 @@ from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.field.exact_field import Budget, TooLarge, factored
-from inverse_service.field.real_point import RealTable
+from inverse_service.field.real_branch import RealTable
 from inverse_service.mechanics import euler_lagrange, implicit_equations, writing
 from inverse_service.mechanics.second_order_system import Branch, SecondOrderSystem, connected
 from inverse_service.search import antiderivatives, terms as tm

@@ -23,7 +23,7 @@ from inverse_service import bounds, errors
 from inverse_service.decision.deciding import Analysis
 from inverse_service.expressions import collecting, evaluation, tree as ex
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.field import exact_field, real_point
+from inverse_service.field import exact_field, real_branch
 from inverse_service.mechanics import conditions
 
 Monomial = frozenset[tuple[ex.Expression, Fraction]]
@@ -754,7 +754,7 @@ def simplified(material: Material, terms: Terms) -> Terms:
     return terms
 
 
-def oriented(terms: Terms, table: real_point.RealTable | None) -> Terms:
+def oriented(terms: Terms, table: real_branch.RealTable | None) -> Terms:
     """The terms with sums that are negative at the real point replaced by their opposites, which have roots."""
     result: Terms = {}
     for key, value in terms.items():
@@ -817,10 +817,10 @@ def _moving_letters(material: Material) -> Iterator[ex.Expression]:
                 yield from (p for p in parts if has_velocity(p) and _is_plain(p))
 
 
-def positive(tree: ex.Expression, table: real_point.RealTable | None) -> ex.Expression:
+def positive(tree: ex.Expression, table: real_branch.RealTable | None) -> ex.Expression:
     """The tree, or its opposite if that is positive at the real point, so that its roots exist."""
     with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
-        if table is not None and real_point.real_sign(tree, table) < 0:
+        if table is not None and real_branch.real_sign(tree, table) < 0:
             return ex.negated(tree)
     return tree
 

@@ -11,7 +11,7 @@ from math import isqrt, prod
 from inverse_service import bounds, errors
 from inverse_service.decision import deciding
 from inverse_service.expressions import collecting, tree as ex
-from inverse_service.field import exact_field, modular, real_point, tower as towers
+from inverse_service.field import exact_field, modular, real_branch, tower as towers
 from inverse_service.mechanics import short_forms, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import antiderivatives, terms as tm
@@ -156,7 +156,7 @@ def _constant_divisors(trees: Iterable[ex.Expression], parameters: frozenset[ex.
 
 
 def with_written_roots(
-    tree: ex.Expression, system: SecondOrderSystem, point: real_point.RealTable
+    tree: ex.Expression, system: SecondOrderSystem, point: real_branch.RealTable
 ) -> ex.Expression | None:
     """A multiple of L with the roots of sums that f has as written, and without constant divisors.
 
@@ -185,12 +185,12 @@ def with_written_roots(
                 return None
             key = tm.times(tm.times(key, frozenset([(letter, -e)])), frozenset([(base, e)])) if below else key
             for constant, power in below:
-                value = value * (1 if real_point.real_sign(constant, point) > 0 or not (power * e) % 2 else -1)
+                value = value * (1 if real_branch.real_sign(constant, point) > 0 or not (power * e) % 2 else -1)
             key = tm.times(key, below, e)
         found[key] = found.get(key, Fraction(0)) + value
     rooted = {letter for _, below, _ in written.values() for letter, _ in below}
     below = _divisor(found, constants)
-    sign = prod(real_point.real_sign(letter, point) for letter, e in below if letter in rooted and e % 2)
+    sign = prod(real_branch.real_sign(letter, point) for letter, e in below if letter in rooted and e % 2)
     tree = kinetic_first(tm.tree_of({tm.times(key, below): sign * value for key, value in found.items()}))
     return _in_order(tree, system)
 

@@ -8,7 +8,7 @@ from inverse_service import bounds
 from inverse_service.deadline import now
 from inverse_service.decision import deciding
 from inverse_service.expressions import derivative, tree as ex
-from inverse_service.field import exact_field, real_point, tower
+from inverse_service.field import exact_field, real_branch, tower
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics import constrained_motion, nonholonomic_integrals, second_order_system
 from inverse_service.search import terms
@@ -31,14 +31,16 @@ def with_clock(
     names, variables = system.coordinates, deciding.variables_of(system)
     for case in second_order_system.branches_of(replace(system, accelerations=(*system.given, factor), branch=None)):
         *forces, clock = case.accelerations
-        table = real_point.find_real_point([*map(tower.to_kernels, forces), 1 / clock], variables, _SEED, case.positive)
+        table = real_branch.find_real_point(
+            [*map(tower.to_kernels, forces), 1 / clock], variables, _SEED, case.positive
+        )
         if table is None:
             continue
         faster = {ex.Velocity(name): clock * ex.Velocity(name) for name in names}
         rate = ex.add(*(ex.Velocity(q) * derivative.differentiate(clock, ex.Symbol(q)) for q in names)) / clock
         pushes = (ex.substitute(f, faster) / clock**2 for f in forces)
         found = tuple(written(ex.subtract(f, rate * ex.Velocity(name))) for f, name in zip(pushes, names, strict=True))
-        positive = tuple(dict.fromkeys((*case.positive, *real_point.requirements([tower.to_kernels(clock)], table))))
+        positive = tuple(dict.fromkeys((*case.positive, *real_branch.requirements([tower.to_kernels(clock)], table))))
         return replace(system, accelerations=found, branch=second_order_system.Branch(found, positive), name="")
     return None
 
@@ -53,9 +55,9 @@ def with_real_clock(
     if changed is None:
         powers = ex.powers_of(factor)
         trees = [tower.to_kernels(tree) for tree in (*system.accelerations, *(base**-1 for base, _ in powers))]
-        table = real_point.find_real_point(trees, deciding.variables_of(system), _SEED, system.positive)
+        table = real_branch.find_real_point(trees, deciding.variables_of(system), _SEED, system.positive)
         if table is not None:
-            even = {base for base, e in powers if e.denominator % 2 == 0 and real_point.real_sign(base, table) < 0}
+            even = {base for base, e in powers if e.denominator % 2 == 0 and real_branch.real_sign(base, table) < 0}
             factor = ex.multiply(*((ex.negated(base) if base in even else base) ** e for base, e in powers))
             changed = with_clock(system, factor, written)
     return factor, changed

@@ -27,7 +27,7 @@ from inverse_service.decision import certify, deciding, helmholtz, solutions
 from inverse_service.decision.deciding import Analysis, Decision
 from inverse_service.decision.helmholtz import ANY_FRICTION, LagrangianKind
 from inverse_service.expressions import collecting, derivative, printing, tree as ex
-from inverse_service.field import exact_field, matrices, modular, real_point
+from inverse_service.field import exact_field, matrices, modular, real_branch
 from inverse_service.linear_pde import equations, involution
 from inverse_service.mechanics import euler_lagrange, second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -340,7 +340,7 @@ def answer_definite(
     """
     near, known = point_near(analysis, given), lagrangians_of(main)
     there = _real(analysis, near)
-    if not real_point.is_defined(analysis.accelerations, there) or not real_point.are_positive(
+    if not real_branch.is_defined(analysis.accelerations, there) or not real_branch.are_positive(
         analysis.system.positive, there
     ):
         return KindAnswer("undetermined", OUTSIDE)
@@ -382,12 +382,12 @@ def point_near(analysis: deciding.Analysis, given: Near) -> Near:
     for digits in (_DIGITS, 20):
         ours = ((name, table.get(name, mpmath.mpf(1))) for name in deciding.variables_of(analysis.system))
         found = {name: Fraction(mpmath.nstr(value, digits)) for name, value in ours} | dict(given)
-        if real_point.is_defined(analysis.accelerations, _real(analysis, found)):
+        if real_branch.is_defined(analysis.accelerations, _real(analysis, found)):
             break
     return found
 
 
-def _real(analysis: deciding.Analysis, near: Near) -> real_point.RealTable:
+def _real(analysis: deciding.Analysis, near: Near) -> real_branch.RealTable:
     """The point in floating-point numbers, with chosen values of arbitrary functions."""
     return dict(analysis.real_point or {}) | {s: mpmath.mpf(x.numerator) / x.denominator for s, x in near.items()}
 

@@ -19,7 +19,7 @@ from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import Answer, Conditions, Lagrangian, Left, Solution, SolveOptions, Step
 from inverse_service.explanation import positive, wording
 from inverse_service.expressions import collecting, notation, printing, tree as ex
-from inverse_service.field import real_point, tower
+from inverse_service.field import real_branch, tower
 from inverse_service.linear_pde import involution
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -169,7 +169,7 @@ def _in_no_cell(system: SecondOrderSystem, sides: Sequence[Sequence[ex.Expressio
     for outside in islice(product(*sides), _MOST_OUTSIDE):
         beyond = second_order_system.on_side(system, [collecting.collect(-side) for side in outside])
         point = None if beyond is None else point_of(beyond)
-        if beyond is None or point is None or any(real_point.are_positive(one.positive, point) for one in found):
+        if beyond is None or point is None or any(real_branch.are_positive(one.positive, point) for one in found):
             continue
         found.append(Left(beyond.positive, point, BEYOND))
     return found
@@ -181,35 +181,35 @@ def other_part(
     sides: Sequence[ex.Expression],
     end: float,
     wanted: Sequence[str] = ("invalid", "incomplete"),
-) -> tuple[real_point.RealTable, checker.CheckResult] | None:
+) -> tuple[real_branch.RealTable, checker.CheckResult] | None:
     """Repeat the check of a claim at points on other connected parts of its cell, where all `sides` are > 0.
 
     The point with the wanted verdict and the checker's result; earlier entries of `wanted` take precedence. None if no
     tried point has such a verdict.
     """
-    found = dict[str, tuple[real_point.RealTable, checker.CheckResult]]()
+    found = dict[str, tuple[real_branch.RealTable, checker.CheckResult]]()
     for point in (one for seed in _OTHER_POINTS for one in _points(analysis.system, seed)):
-        if wanted[0] not in found and real_point.are_positive(sides, point) and deadline.now() < end:
+        if wanted[0] not in found and real_branch.are_positive(sides, point) and deadline.now() < end:
             moved = {**certificate, "near": certify.moved_to(certificate["near"], point)}
             proof = certify.proved(replace(analysis, real_point=point), moved, deadline.left(end, 1.0))[1]
             found.setdefault(proof.verdict, (point, proof))
     return next((found[verdict] for verdict in wanted if verdict in found), None)
 
 
-def _points(system: SecondOrderSystem, seed: int) -> list[real_point.RealTable]:
+def _points(system: SecondOrderSystem, seed: int) -> list[real_branch.RealTable]:
     """A point where f is defined, and one farther in its direction, beyond other zeros of periodic functions."""
     near = point_of(system, seed)
     if near is None:
         return []
     far = near | {name: _FAR * near[name] for name in deciding.variables_of(system) if name in near}
     kernels = tuple(map(tower.to_kernels, system.accelerations))
-    return [near, far] if real_point.is_defined(kernels, far) else [near]
+    return [near, far] if real_branch.is_defined(kernels, far) else [near]
 
 
-def point_of(system: SecondOrderSystem, seed: int = 1) -> real_point.RealTable | None:
+def point_of(system: SecondOrderSystem, seed: int = 1) -> real_branch.RealTable | None:
     """A real point at which f has a value and everything in `system.positive` is > 0."""
     kernels = tuple(map(tower.to_kernels, system.accelerations))
-    return real_point.find_real_point(kernels, deciding.variables_of(system), seed, system.positive)
+    return real_branch.find_real_point(kernels, deciding.variables_of(system), seed, system.positive)
 
 
 def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress | None = None) -> Solution:

@@ -9,8 +9,7 @@ import pytest
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.field.modular import evaluate, is_positive, positive_power, safe_prime
-from inverse_service.field.real_point import find_real_point
-from inverse_service.field.reduction import reduce_atoms
+from inverse_service.field.real_branch import find_real_point, reduce_atoms
 from inverse_service.field.tower import (
     Tower,
     atoms_in_order,

@@ -10,8 +10,7 @@ from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.field.dense_series import SeriesProgram, along, constants_at, run, series_of
 from inverse_service.field.modular import Point, SingularPoint, Variable, evaluate, gradient
-from inverse_service.field.real_point import find_real_point
-from inverse_service.field.reduction import reduce_atoms
+from inverse_service.field.real_branch import find_real_point, reduce_atoms
 from inverse_service.field.tower import draw_point, to_kernels
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula

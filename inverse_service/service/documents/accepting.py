@@ -35,7 +35,7 @@ from api_schemas.system import (
 )
 from inverse_service import errors
 from inverse_service.expressions import collecting, derivative, letters, notation, printing, refusals, tree as ex
-from inverse_service.field import exact_field, reduction
+from inverse_service.field import exact_field, real_branch
 from inverse_service.mechanics import euler_lagrange, position_constraints, second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import components, document_names, names as nm, reader
@@ -1130,7 +1130,7 @@ def to_solvable(schema: SystemDocument, given: second_order_system.GivenEquation
     from inverse_service.search import row_factors  # a simulation needs no solver
 
     lines = second_order_system.unsolved_system(given.names, given.residuals, schema.name)
-    found = None if next(reduction.sign_cases(given.residuals)).roots else row_factors.in_own_order(lines)
+    found = None if next(real_branch.sign_cases(given.residuals)).roots else row_factors.in_own_order(lines)
     if found and all(ex.holds(f, ex.Acceleration(q)) for q, f in zip(found.coordinates, found.given, strict=True)):
         return found
     return system or second_order_system.solved_system(given, schema.name)

@@ -26,7 +26,7 @@ from inverse_service import errors
 from inverse_service.certificate import cell, checker, formulas, numbers, question as checks
 from inverse_service.deadline import now
 from inverse_service.expressions import derivative, printing, tree as ex
-from inverse_service.field import real_point, reduction
+from inverse_service.field import real_branch
 from inverse_service.mechanics import second_order_system
 from inverse_service.reading import document_names, names as nm, reader
 from inverse_service.service.documents import accepting
@@ -118,7 +118,7 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
         return checker.CheckResult("invalid", (sentence,))
     positions = [ex.TIME, *map(ex.Symbol, claimed.coordinates)]
     variables: list[ex.Symbol | ex.Velocity] = [*positions, *map(ex.Velocity, claimed.free)]
-    found = None if differ else reduction.vanish(trees, [*variables, *map(ex.Symbol, claimed.parameters)])
+    found = None if differ else real_branch.vanish(trees, [*variables, *map(ex.Symbol, claimed.parameters)])
     if differ or not found:
         sentence = "The motion of a certificate is not that of the document as given."
         return checker.CheckResult("incomplete" if found is None and not differ else "invalid", (sentence,))
@@ -563,7 +563,7 @@ def gaps(
     branches = second_order_system.branches_of(system)
     points = [*map(point_of, branches), *(point_of(system, seed) for seed in _SEEDS)]
     for point in filter(None, points):
-        if not any(real_point.are_positive(cell, point) for cell in cells):
+        if not any(real_branch.are_positive(cell, point) for cell in cells):
             place = ", ".join(f"{key} = {float(value):.4g}" for key, value in list(point.items())[:6])
             return f"No cell contains the point {place}."
     return ""
@@ -713,12 +713,14 @@ def image_agrees(document: Any, shown: Mapping[str, Any], names: nm.Names) -> bo
     good = _vanish(held, names, motion.free)
     slopes = [[derivative.differentiate(tree, ex.Symbol(p)) for p in shown["momenta"]] for tree in listed]
     variables = [ex.TIME, *map(ex.Symbol, names.coordinates), *map(ex.Symbol, names.parameters)]
-    return good if not good else reduction.rank_at_point(slopes, variables) == len(listed) or None
+    return good if not good else real_branch.rank_at_point(slopes, variables) == len(listed) or None
 
 
 def _vanish(trees: Sequence[ex.Expression], names: nm.Names, moving: Sequence[str]) -> bool | None:
     constants = [ex.Symbol(name) for name in names.parameters]
-    return reduction.vanish(trees, [ex.TIME, *map(ex.Symbol, names.coordinates), *map(ex.Velocity, moving), *constants])
+    return real_branch.vanish(
+        trees, [ex.TIME, *map(ex.Symbol, names.coordinates), *map(ex.Velocity, moving), *constants]
+    )
 
 
 # What a result goes through before it leaves: checked, one verdict over its cells, its fields in order.

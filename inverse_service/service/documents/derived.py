@@ -21,7 +21,7 @@ from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.errors import InputError
 from inverse_service.explanation import positive
 from inverse_service.expressions import collecting, derivative, printing, tree as ex
-from inverse_service.field import real_point
+from inverse_service.field import real_branch
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import names as nm, reader
@@ -327,7 +327,7 @@ def questions_of(part: Mapping[str, Any], system: SecondOrderSystem) -> Sequence
 def is_inside(system: SecondOrderSystem, near: Mapping[str, str]) -> bool:
     """Whether the point is one of the case of signs that the formulas of the system are for."""
     try:
-        return real_point.are_positive(system.positive, real_point.table_at(near)) or any(
+        return real_branch.are_positive(system.positive, real_branch.table_at(near)) or any(
             isinstance(node, ex.Arbitrary) for tree in system.positive for node in ex.walk(tree)
         )
     except (KeyError, ValueError, TypeError, AttributeError):

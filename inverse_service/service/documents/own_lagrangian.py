@@ -14,8 +14,8 @@ from inverse_service import deadline, errors
 from inverse_service.decision import certify, deciding, solutions
 from inverse_service.expressions import collecting, evaluation, tree as ex
 from inverse_service.expressions.inequalities import inequality_text
-from inverse_service.field import reduction, tower
-from inverse_service.field.real_point import RealTable, requirements
+from inverse_service.field import real_branch, tower
+from inverse_service.field.real_branch import RealTable, requirements
 from inverse_service.mechanics import (
     constrained_motion,
     euler_lagrange,
@@ -165,7 +165,7 @@ def _judged(
     if table is not None:
         with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
             formulas = [*map(tower.to_kernels, (*system.given, written))]
-            sides = list(dict.fromkeys([*sides, *reduction.signed_factors(requirements(formulas, table), table)]))
+            sides = list(dict.fromkeys([*sides, *real_branch.signed_factors(requirements(formulas, table), table)]))
     domain = certify.shortest(sides)
     found = cell(domain, near, proof.verdict, proof.reasons)
     if proof.verdict == "invalid" and table is not None:

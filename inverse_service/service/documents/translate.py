@@ -13,7 +13,7 @@ from api_schemas.system import LagrangianDocument, MotionDocument, NonholonomicD
 from inverse_service import __version__
 from inverse_service.decision import certify, solutions
 from inverse_service.expressions import inequalities, printing, tree as ex
-from inverse_service.field import real_point, tower
+from inverse_service.field import real_branch, tower
 from inverse_service.mechanics import euler_lagrange, second_order_system
 from inverse_service.reading import document_names, names as nm
 
@@ -142,7 +142,7 @@ def _both_answers(solution: solutions.Solution, schema: Asking, is_a_cell: bool)
 
 def integral_part(found: FirstIntegral, cell: Sequence[ex.Expression] = ()) -> schemas.FirstIntegralPart:
     """A first integral with the conditions under which its formula has a value, on a cell where these are positive."""
-    positive, nonzero = (rule([found.expression]) for rule in (real_point.own_requirements, real_point.poles))
+    positive, nonzero = (rule([found.expression]) for rule in (real_branch.own_requirements, real_branch.poles))
     domain = certify.shortest([*cell, *positive], nonzero)
     return schemas.FirstIntegralPart(
         name=found.name, symmetry=found.symmetry, domain=domain, **formula_fields(found.expression)

@@ -1,8 +1,11 @@
-"""Reduce all atoms of expressions to independent generators on the branch of one real point.
+"""A real point at which formulas are defined, and their atoms reduced to independent generators on its branch.
 
-Trees become fractions of polynomials over Q, so that radicands can be factored. Generators are the variables, e^(u/m)
-for free exponentials, tan(phi/2m) for free angles (sin and cos are rational in it), the other free atoms, and roots of
-irreducible factors. Without roots the generators are algebraically independent and the ring is factorial.
+The point selects the branch of the roots, logarithms, and inverse functions on which a verdict is valid.
+
+In `reduce_atoms`, trees become fractions of polynomials over Q, so that radicands can be factored. Generators are the
+variables, e^(u/m) for free exponentials, tan(phi/2m) for free angles (sin and cos are rational in it), the other free
+atoms, and roots of irreducible factors. Without roots the generators are algebraically independent and the ring is
+factorial.
 
 Branches of even roots determine which residues must be "positive" for a point to represent the real domain. Every
 irreducible factor of a radicand gets its sign at the real point. A factor that itself contains roots may be a hidden
@@ -21,31 +24,299 @@ way, with the signs of their factors as cases. asin(sin u) and similar are u and
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
-from itertools import combinations
+from itertools import combinations, pairwise
 
+import mpmath
 from flint import fmpq_mpoly, fmpz_mat, nmod_mat
 
 from inverse_service import bounds, errors
-from inverse_service.expressions import collecting, inequalities, tree as ex
+from inverse_service.expressions import collecting, evaluation, inequalities, tree as ex
 from inverse_service.expressions.pieces import STEP
-from inverse_service.field import exact_field, modular, real_point, tower as towers
+from inverse_service.field import exact_field, modular, tower as towers
 
+_DIGITS = 40
+_TRIES_PER_SCALE = 60
+_SCALES = ("1.7", "0.9", "0.4", "0.1", "5", "0.01", "30")
+_LARGEST = 10_000
+_STARTS, _NODES = 4, (0, 1, -1, 2, -2, 3)  # for walks along the axes
+_FINEST = 720  # of parts of pi
+_TINY = mpmath.mpf(10) ** -12
+_HUGE = mpmath.mpf(10) ** 2000  # the checker's balls distinguish numbers up to 2^8192 = 10^2466
+
+RealTable = dict[ex.Expression, mpmath.mpf]
 _MOST_TERMS, _CAPACITY = 3_000, 48
 # The largest multiple of an angle under a root; the degree of its sine in the tangent of the half angle is twice this.
 _LARGEST_MULTIPLE = 24
-
 _SAMPLES = 24
 _DEEPEST = 6
-
 Factors = dict[ex.Expression, int]
 # The largest number under a root that is factored.
 _LARGEST_NUMBER = 10**40
 Way = tuple[ex.Expression, tuple[ex.Expression, ...]]
 _INVERSE_PAIRS = frozenset((("asin", "sin"), ("acos", "cos"), ("atan", "tan")))
+
+
+def find_real_point(
+    expressions: Sequence[ex.Expression],
+    variables: Sequence[modular.Variable],
+    seed: int,
+    positive: Sequence[ex.Expression] = (),
+    margins: Sequence[Fraction] = (Fraction(1, 4), Fraction(0)),
+) -> RealTable | None:
+    """A random real point at which all expressions have values and `positive` exceed the first margin with such a
+    point, or None."""
+    functions = (node for node in ex.distinct_nodes((*expressions, *positive)) if isinstance(node, ex.Arbitrary))
+    names = list(dict.fromkeys([*variables, *functions]))
+    generator = random.Random(f"real {seed}")
+    with mpmath.workdps(_DIGITS):
+        for margin in margins if positive else margins[-1:]:
+            inside = [tree - margin for tree in positive]
+            for scale in map(mpmath.mpf, [*_SCALES, *_sizes(positive)]):
+                for attempt in range(_TRIES_PER_SCALE):
+                    table: RealTable = {name: _draw(generator, scale, attempt % 2 == 0) for name in names}
+                    table[towers.RADIAN] = mpmath.mpf(1)
+                    if are_positive(inside, table) and is_defined(expressions, table, _HUGE):
+                        return table
+        for _ in range(_STARTS if positive else 0):
+            table = {towers.RADIAN: mpmath.mpf(1)}
+            table.update({name: _draw(generator, mpmath.mpf(2), False) for name in names})
+            for name in [*variables, *reversed(variables)]:
+                _move_along(name, positive, table)
+            if are_positive(positive, table) and is_defined(expressions, table):
+                return _off_axes(table, positive, expressions)
+    return None
+
+
+def first_real_point(
+    expressions: Sequence[ex.Expression],
+    variables: Sequence[modular.Variable],
+    choices: Iterable[Sequence[ex.Expression]],
+) -> RealTable | None:
+    """A point as of `find_real_point` for the first of some choices of positive trees for which one is found."""
+    points = (find_real_point(expressions, variables, 1, positive) for positive in choices)
+    return next((point for point in points if point is not None), None)
+
+
+def _off_axes(table: RealTable, positive: Sequence[ex.Expression], expressions: Sequence[ex.Expression]) -> RealTable:
+    """The point with a small number in place of each 0."""
+    for name in [name for name, value in table.items() if not value]:
+        for k in range(1, 4 * _DIGITS):
+            moved = table | {name: mpmath.mpf(10) ** -k}
+            if are_positive(positive, moved) and is_defined(expressions, moved):
+                table = moved
+                break
+    return table
+
+
+def _move_along(name: modular.Variable, positive: Sequence[ex.Expression], table: RealTable) -> None:
+    """Move the point along the axis of a name so that most trees are positive and the smallest is as large as possible.
+
+    Only trees that are polynomials of degree at most 4 along the axis are used; this finds small sets between zeros.
+    """
+    places, trees = [mpmath.mpf(0)], [tree for tree in positive if name in ex.walk(tree)]
+    for tree in trees:
+        try:
+            values = [evaluation.evaluate(tree, table | {name: node}) for node in map(mpmath.mpf, _NODES)]
+            found = mpmath.lu_solve(mpmath.matrix([[mpmath.mpf(x) ** k for k in range(5)] for x in _NODES[:5]]),
+                                    mpmath.matrix(values[:5]))  # fmt: skip
+            least = mpmath.mpf(10) ** (8 - _DIGITS) * max(map(abs, values))
+            shape = [a if abs(a) > least else mpmath.mpf(0) for a in found]
+            while shape and not shape[-1]:
+                shape.pop()
+            if abs(mpmath.polyval(shape[::-1] or [0], _NODES[5]) - values[5]) > least * 10**6 or len(shape) < 2:
+                continue
+            slope = [k * a for k, a in enumerate(shape)][1:]
+            for coefficients in (shape, slope):
+                if len(coefficients) > 1:
+                    roots = mpmath.polyroots(coefficients[::-1], maxsteps=200, extraprec=200)
+                    places += [mpmath.re(z) for z in roots if abs(mpmath.im(z)) <= abs(z) * least + least]
+        except (evaluation.NoRealValue, mpmath.libmp.NoConvergence, ZeroDivisionError):
+            continue
+    places = sorted({*places})
+    between = [(a + b) / 2 for a, b in pairwise(places)]
+    choices = [*places, *between, places[0] - 1 - abs(places[0]), places[-1] + 1 + abs(places[-1]), table[name]]
+    table[name] = max(choices, key=lambda x: _fit(trees, table | {name: x}))
+
+
+def _fit(trees: Sequence[ex.Expression], table: RealTable) -> tuple[int, mpmath.mpf]:
+    try:
+        values = [evaluation.evaluate(tree, table) for tree in trees]
+    except evaluation.NoRealValue:
+        return -1, mpmath.mpf(0)
+    return sum(value > 0 for value in values), min(values, default=mpmath.mpf(0))
+
+
+def _sizes(trees: Iterable[ex.Expression]) -> list[int]:
+    """Sizes of points beyond the numbers in the trees: abs(x + 40) has a side beyond -40."""
+    numbers = {abs(node.value) for tree in trees for node in ex.walk(tree) if isinstance(node, ex.Number)}
+    return [3 * math.ceil(value) for value in sorted(numbers) if 10 < value < _LARGEST]
+
+
+def table_at(near: Mapping[str, str]) -> RealTable:
+    """The point given by texts of the values of x, x', t, a, ..."""
+    values = {name: mpmath.mpf(text) for name, text in near.items()}
+    named: RealTable = {ex.Velocity(n[:-1]) if n.endswith("'") else ex.Symbol(n): x for n, x in values.items()}
+    return {towers.RADIAN: mpmath.mpf(1)} | named
+
+
+def _draw(generator: random.Random, scale: mpmath.mpf, positive: bool) -> mpmath.mpf:
+    magnitude = scale * generator.randrange(1_000, 10_000) / 10_000
+    return magnitude if positive or generator.random() < 0.5 else -magnitude
+
+
+def is_defined(expressions: Sequence[ex.Expression], table: RealTable, most: mpmath.mpf = mpmath.inf) -> bool:
+    """Whether all expressions have finite values below `most` at the point."""
+    known = dict(table)
+    try:
+        return all(abs(evaluation.evaluate_once(expression, known)) < most for expression in expressions)
+    except evaluation.NoRealValue:
+        return False
+
+
+def are_positive(trees: Sequence[ex.Expression], table: RealTable) -> bool:
+    """Whether all trees are positive at the point by more than rounding errors."""
+    try:
+        return all(real_sign(tree, table) > 0 for tree in trees)
+    except (evaluation.NoRealValue, errors.IrreducibleAtoms):
+        return False
+
+
+def real_sign(expression: ex.Expression, table: RealTable) -> int:
+    """The sign of a nonzero value of any size: a sum is compared with its largest term."""
+    match expression:
+        case ex.Number(value) if value:
+            return 1 if value > 0 else -1
+        case ex.Product(factors):
+            return math.prod(real_sign(factor, table) for factor in factors)
+        case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1:
+            sign = real_sign(base, table)
+            return sign if exponent.numerator % 2 else sign * sign
+    known = table.get(expression)
+    with mpmath.workdps(_DIGITS):
+        value = evaluation.evaluate(expression, table) if known is None else known
+        size = (
+            max(abs(evaluation.evaluate(term, table)) for term in expression.terms)
+            if isinstance(expression, ex.Sum)
+            else 1
+        )
+    if _may_be_tiny(expression):
+        return 1
+    if abs(value) < _TINY * size:
+        raise errors.IrreducibleAtoms("the sign of an expression under a root could not be determined at a real point")
+    return 1 if value > 0 else -1
+
+
+def _may_be_tiny(expression: ex.Expression) -> bool:
+    """Whether it is positive even if its value is tiny."""
+    return isinstance(expression, ex.Power) or (
+        isinstance(expression, ex.Apply) and expression.function in ("exp", "cosh")
+    )
+
+
+def turns(
+    table: RealTable | None, atom: ex.Expression, known: towers.Combination, constants: Sequence[ex.Expression]
+) -> towers.Combination | None:
+    """The undetermined part of an arctangent relation: atom - sum a_j u_j as a combination of pi and constant
+    arctangents.
+
+    None if it is not such a combination. IrreducibleAtoms if there is no real point. This is a guess from 30 digits: no
+    consequence of it is shown before the checker, which proves such relations itself, agrees.
+    """
+    if table is None:
+        raise errors.IrreducibleAtoms("an arctangent depends on other angles and no real point of f was found")
+    with mpmath.workdps(_DIGITS):
+        total = evaluation.evaluate(atom, table)
+        for u, a in known:
+            total -= evaluation.evaluate(u, table) * a.numerator / a.denominator
+        if abs(total) < _TINY:
+            return ()
+        part = Fraction(int(mpmath.nint(total / mpmath.pi * 10**20)), 10**20).limit_denominator(_FINEST)
+        if abs(total / mpmath.pi * part.denominator - part.numerator) < _TINY:
+            return ((ex.PI, part),)
+        values = [total, *(evaluation.evaluate(u, table) for u in constants), +mpmath.pi]
+        found = mpmath.pslq(values, tol=mpmath.mpf(10) ** -30, maxcoeff=1000, maxsteps=10_000) if constants else None
+    if not found or not found[0]:
+        return None
+    return tuple((u, Fraction(-a, found[0])) for u, a in zip((*constants, ex.PI), found[1:], strict=True) if a)
+
+
+def requirements(formulas: Iterable[ex.Expression], table: RealTable) -> list[ex.Expression]:
+    """The trees that must be positive for the multivalued functions in the formulas to remain on their branches.
+
+    These are bases of roots and symbolic powers, arguments of logarithms, distances of the arguments of inverse
+    functions from the ends of their domains, and denominators inside any of these.
+    """
+    formulas = tuple(formulas)
+    found = dict.fromkeys(own_requirements(formulas))
+    for node in ex.distinct_nodes(formulas):
+        for tree in poles(_branch_arguments(node)):
+            found[tree if real_sign(tree, table) > 0 else -tree] = None
+    return [tree for tree in found if varies(tree)]
+
+
+def own_requirements(formulas: Iterable[ex.Expression]) -> list[ex.Expression]:
+    """The trees, such as radicands, that are positive wherever the formulas have a real value."""
+    found = dict.fromkeys(tree for node in ex.distinct_nodes(formulas) for tree in _own_requirements(node))
+    return [tree for tree in found if varies(tree)]
+
+
+def varies(tree: ex.Expression) -> bool:
+    return any(isinstance(node, ex.Symbol | ex.Velocity | ex.Arbitrary) and node != ex.PI for node in ex.walk(tree))
+
+
+def _own_requirements(node: ex.Expression) -> list[ex.Expression]:
+    match node:
+        case ex.Power(base, ex.Number(exponent)) if exponent.denominator > 1:
+            return [base]
+        case ex.Power(base, exponent) if not isinstance(exponent, ex.Number):
+            return [base]
+        case ex.Apply("log", u):
+            return [u]
+        case ex.Apply("asin" | "acos" | "atanh", u):
+            return [1 - u, 1 + u]
+        case ex.Apply("acosh", u):
+            return [u - 1]
+        case _:
+            return []
+
+
+def _branch_arguments(node: ex.Expression) -> tuple[ex.Expression, ...]:
+    match node:
+        case ex.Apply("log" | "asin" | "acos" | "atan" | "asinh" | "acosh" | "atanh", u):
+            return (u,)
+        case ex.Integral():
+            return (*node.arguments, *(slope for slope in node.slopes if slope is not None))
+        case ex.Arbitrary(_, arguments, _):
+            return arguments
+        case ex.Power(base, exponent) if not isinstance(exponent, ex.Number) or exponent.value.denominator > 1:
+            return (base, exponent)
+        case _:
+            return ()
+
+
+def poles(formulas: Iterable[ex.Expression]) -> list[ex.Expression]:
+    """The trees that must not vanish in the formulas."""
+    found = dict.fromkeys(tree for node in ex.distinct_nodes(formulas) for tree in _own_poles(node))
+    return [tree for tree in found if varies(tree)]
+
+
+def _own_poles(node: ex.Expression) -> list[ex.Expression]:
+    match node:
+        case ex.Power(base, ex.Number(exponent)) if exponent < 0:
+            return [base]
+        case ex.Apply("tan" | "sec", u):
+            return [ex.Apply("cos", u)]
+        case ex.Apply("cot" | "csc", u):
+            return [ex.Apply("sin", u)]
+        case ex.Apply("coth" | "csch", u):
+            return [u]
+        case _:
+            return []
 
 
 @dataclass(slots=True)
@@ -214,7 +485,7 @@ def _sine_cosine(ring: Generators, rule: towers.AngleRule) -> tuple[exact_field.
     return real / denominator, imaginary / denominator
 
 
-def fix_branches(tower: towers.Tower, table: real_point.RealTable | None) -> None:
+def fix_branches(tower: towers.Tower, table: RealTable | None) -> None:
     """Add the signs of all factors of its radicands to the tower; IrreducibleAtoms if that fails."""
     radicands, tower.radicands = tower.radicands, []
     if radicands and table is None:
@@ -226,16 +497,16 @@ def fix_branches(tower: towers.Tower, table: real_point.RealTable | None) -> Non
         tower.radicands.append(radicand)
 
 
-def _fix(ring: Generators, radicand: ex.Expression, table: real_point.RealTable, depth: int) -> None:
+def _fix(ring: Generators, radicand: ex.Expression, table: RealTable, depth: int) -> None:
     if depth == 0:
         raise errors.IrreducibleAtoms("roots are nested too deeply to be reduced")
-    if real_point.real_sign(radicand, table) < 0:
+    if real_sign(radicand, table) < 0:
         raise errors.IrreducibleAtoms("an even root of a negative quantity is not real")
     for factor, _ in positive_factors(ring, to_quotient(ring, radicand)):
         _fix_factor(ring, factor, table, depth)
 
 
-def _fix_factor(ring: Generators, factor: ex.Expression, table: real_point.RealTable, depth: int) -> None:
+def _fix_factor(ring: Generators, factor: ex.Expression, table: RealTable, depth: int) -> None:
     known = ring.tower.signs
     # Variables already have a sign, and a root is positive by construction.
     if (
@@ -244,14 +515,14 @@ def _fix_factor(ring: Generators, factor: ex.Expression, table: real_point.RealT
         or any(p == factor for p, _ in known)
     ):
         return
-    sign = real_point.real_sign(factor, table)
+    sign = real_sign(factor, table)
     polynomial = to_quotient(ring, factor).numerator
     if any(towers.is_root(ring.trees[k]) for k in used_generators(polynomial)) and _has_constant_symbol(
         ring.tower, factor
     ):
         positive = factor if sign > 0 else -factor
         root = _denested(ring, positive, table, depth)
-        known.append((root, real_point.real_sign(root, table)))
+        known.append((root, real_sign(root, table)))
     known.append((factor, sign))
 
 
@@ -266,7 +537,7 @@ def _has_constant_symbol(tower: towers.Tower, factor: ex.Expression) -> bool:
     return True
 
 
-def _denested(ring: Generators, factor: ex.Expression, table: real_point.RealTable, depth: int) -> ex.Expression:
+def _denested(ring: Generators, factor: ex.Expression, table: RealTable, depth: int) -> ex.Expression:
     """A tree in roots of simpler quantities whose square is the factor."""
     polynomial = to_quotient(ring, factor).numerator
     for k in used_generators(polynomial):
@@ -274,13 +545,13 @@ def _denested(ring: Generators, factor: ex.Expression, table: real_point.RealTab
         if root is None:
             continue
         for radicand in root[:2]:
-            if real_point.real_sign(radicand, table) < 0:
+            if real_sign(radicand, table) < 0:
                 break
             _fix(ring, radicand, table, depth - 1)
             ring.tower.radicands.append(radicand)
         else:
             first, second = ex.square_root(root[0]), ex.square_root(root[1])
-            sign = real_point.real_sign(root[2], table)
+            sign = real_sign(root[2], table)
             return first + second if sign > 0 else first - second
     raise errors.IrreducibleAtoms("a nested root depends on other roots in a way that was not found; denest it by hand")
 
@@ -308,18 +579,18 @@ def _square_root(ring: Generators, polynomial: fmpq_mpoly) -> ex.Expression | No
 
 
 def reduce_atoms(
-    expressions: Sequence[ex.Expression], variables: Sequence[modular.Variable], table: real_point.RealTable | None
+    expressions: Sequence[ex.Expression], variables: Sequence[modular.Variable], table: RealTable | None
 ) -> towers.Tower:
     """The tower of expressions in kernels; raises IrreducibleAtoms if it cannot be determined.
 
     Relations may depend on branches: exp(sqrt((x - y)^2)) is exp(x - y) where x > y. If a function has a root in its
     argument, they are therefore searched for again once the branches are known.
     """
-    signs = {} if table is None else {name: real_point.real_sign(name, table) for name in variables}
-    tower = towers.build_tower(expressions, variables, signs, partial(real_point.turns, table))
+    signs = {} if table is None else {name: real_sign(name, table) for name in variables}
+    tower = towers.build_tower(expressions, variables, signs, partial(turns, table))
     fix_branches(tower, table)
     if tower.signs and _have_root_inside(expressions):
-        tower = towers.build_tower(expressions, variables, signs, partial(real_point.turns, table), known=tower)
+        tower = towers.build_tower(expressions, variables, signs, partial(turns, table), known=tower)
         fix_branches(tower, table)
     return tower
 
@@ -464,10 +735,10 @@ def root_factors(tree: ex.Expression) -> tuple[Fraction, Factors]:
     return content, {factor: k for factor, k in found.items() if k}
 
 
-def signed_factors(trees: Iterable[ex.Expression], table: real_point.RealTable) -> list[ex.Expression]:
+def signed_factors(trees: Iterable[ex.Expression], table: RealTable) -> list[ex.Expression]:
     """The factors of trees, each with the sign that makes it positive at the point."""
-    found = dict.fromkeys(factor for tree in trees for factor in root_factors(tree)[1] if real_point.varies(factor))
-    signed = (factor if real_point.real_sign(factor, table) > 0 else -factor for factor in found)
+    found = dict.fromkeys(factor for tree in trees for factor in root_factors(tree)[1] if varies(factor))
+    signed = (factor if real_sign(factor, table) > 0 else -factor for factor in found)
     return [factor for factor in signed if not inequalities.is_positive(factor)]
 
 
@@ -580,7 +851,7 @@ def values_modulo_primes(
     """
     kernels = [towers.to_kernels(expression) for expression in expressions]
     try:
-        table = real_point.find_real_point(kernels, variables, seed)
+        table = find_real_point(kernels, variables, seed)
         tower = reduce_atoms(kernels, variables, table)
         found = []
         for attempt in range(bounds.ATTEMPTS):
