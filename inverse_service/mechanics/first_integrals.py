@@ -110,6 +110,9 @@ class _Integrals:
         self.drawn: flow.Evaluation | None = None
         self.kept: list[FirstIntegral] = []
         self.functions: list[Expression] = []
+        # By forms: whether an integral, or t and a function without t, is linear in them. If F is an integral of a
+        # motion without t, so are its derivatives by t, and the last that is not constant is free of t or rises with it.
+        self.rises: dict[tuple[Expression, ...], bool] = {}
         held = [*motion.free_accelerations, *motion.dependent_velocities, *([] if lagrangian is None else [lagrangian])]
         self.moves = any(ex.holds(tree, ex.TIME) for tree in held)
         self.trees = held
@@ -132,6 +135,8 @@ class _Integrals:
                 for forms in frames:
                     if self._is_complete(with_time) or (with_time and (self.moves or len(forms) > 4 - degree)):
                         break
+                    if with_time and not self.rises.get(forms, True):
+                        continue
                     self._search(self.units.ansatz(forms, degree, with_time), degree, with_time)
             self._scale()
 
@@ -296,6 +301,9 @@ class _Integrals:
     def _search(self, ansatz: _Ansatz, degree: int, with_time: bool) -> None:
         """Integrals of the form; the degree is that of its terms in the momenta or other forms."""
         candidates = self._candidates(ansatz) if ansatz.terms else []
+        if degree == 1 and not with_time:
+            self.rises[ansatz.forms] = bool(candidates)
+            candidates = [one for one in candidates if ansatz.factors[ansatz.terms[max(one)][1]] != ex.TIME]
         known, gradients = self._gradients(ansatz, candidates) or ([], [])
         for number, candidate in enumerate(candidates):
             if self._is_complete(with_time):
@@ -363,20 +371,27 @@ class _Integrals:
         forms = len(ansatz.forms)
 
         def product(one: flow.Numbers, other: flow.Numbers) -> flow.Numbers:
-            """(u w, u' w + u w') of two functions along the motion."""
+            """(u w, u' w + u w') of functions along the motion."""
             rate = (one[0] * other[1] % flow.PRIME + one[1] * other[0]) % flow.PRIME
             return np.stack([one[0] * other[0] % flow.PRIME, rate])
 
         one = np.zeros((2, wanted), np.int64)
         one[0] = 1
         powers = {key: reduce(product, (pairs[k] for k in key), one) for key in {key for key, _ in ansatz.terms}}
-        values = np.array([one, *(product(powers[key], pairs[forms + k]) for key, k in ansatz.terms)])
-        if not matrices.kernel_modulo(values[1:, 1].T, flow.PRIME).nullity:
+        first, second = [one], [one]
+        for key, k in ansatz.terms:
+            first.append(powers[key])
+            second.append(pairs[forms + k])
+        values = product(np.stack(first, 1), np.stack(second, 1))
+        found = matrices.kernel_modulo(values[1, 1:].T, flow.PRIME).basis.tolist()
+        used = [place for place in range(len(ansatz.terms)) if any(int(vector[place]) for vector in found)]
+        if not used:
             return []
         # Terms that are combinations of 1 and of those before them add nothing.
-        own = [place - 1 for place in matrices.pivots(values[:, 0].T, flow.PRIME) if place]
-        vectors = matrices.null_rows(values[1:, 1][own].T.tolist(), len(own), flow.PRIME)
-        return [{own[k]: c for k, c in enumerate(vector) if c} for vector in vectors]
+        values = values[:, [0, *(place + 1 for place in used)], : len(used) + _SPARE]
+        own = [place for place in matrices.pivots(values[0].T, flow.PRIME) if place]
+        vectors = matrices.null_rows(values[1, own].T.tolist(), len(own), flow.PRIME)
+        return [{used[own[k] - 1]: c for k, c in enumerate(vector) if c} for vector in vectors]
 
     # Exact.
 
@@ -411,6 +426,10 @@ class _Integrals:
         forms = () if self.lagrangian is None else _squared_forms(self.lagrangian)
         at_rest = (ex.substitute(p, dict.fromkeys(self.velocities, ex.ZERO)) for p in self.momenta)
         shifted = not self.constraints and any(p != ex.ZERO for p in at_rest)
+        slopes = (derivative.differentiate(p, v) for p in self.momenta for v in self.velocities)
+        moving = (ex.TIME, *self.positions, *self.velocities)
+        if not shifted and not self.constraints and not any(ex.holds(slope, *moving) for slope in slopes):
+            forms = tuple(form for form in forms if form not in self.velocities)  # combinations of the momenta
         frames = [self.momenta, self.velocities if shifted or not self.momenta else (), forms]
         seen: set[frozenset[Expression]] = set()
         for frame in frames:
@@ -656,7 +675,7 @@ class _Units:
         `with_time`: powers of t are among the factors. `plain`: forms and their products have constant coefficients.
         """
         keys: list[tuple[int, ...]] = list(itertools.combinations_with_replacement(range(len(forms)), degree))
-        keys += [(k,) for k in range(len(forms))] if degree == 2 and not self._is_even() else []
+        keys += [(k,) for k in range(len(forms))] if degree == 2 and not self._is_even else []
         inners: Iterator[list[Expression]] = iter([[ex.ONE]]) if plain else self._inner(forms, degree, with_time)
         inner: list[Expression] = []
         for width in (2, 1, 0):
@@ -668,8 +687,13 @@ class _Units:
             terms = [(key, place[tree]) for tree in inner for key in keys]
             terms += [((), place[tree]) for tree in outer]
             if len(terms) <= (max(self.most, _MOST_LINEAR) if degree == 1 else self.most):
-                order = sorted(range(len(terms)), key=lambda k: (ex.node_count(factors[terms[k][1]]), len(terms[k][0])))
-                return _Ansatz(forms, tuple(factors), tuple(terms[k] for k in order))
+                if degree == 1 and not with_time and self._is_odd(forms):
+                    terms = [(key, k) for key, k in terms if key]
+                order = sorted(terms, key=lambda term: (ex.node_count(factors[term[1]]), len(term[0])))
+                if degree == 1 and not with_time and not self.work.moves:
+                    order.append(((), len(factors)))
+                    factors.append(ex.TIME)
+                return _Ansatz(forms, tuple(factors), tuple(order))
         return _Ansatz(forms, (), ())
 
     def _polynomials(self) -> list[Expression]:
@@ -688,6 +712,13 @@ class _Units:
             for chosen in itertools.combinations_with_replacement(plain, k)
         ]
 
+    def _is_odd(self, forms: Sequence[Expression]) -> bool:
+        """Whether integrals linear in the forms have no other terms: those change their sign backwards."""
+        at_rest: dict[Expression, Expression] = dict.fromkeys(self.work.velocities, ex.ZERO)
+        plain = all(ex.substitute(form, at_rest) == ex.ZERO for form in forms)
+        return plain and not self.work.constraints and self._is_even
+
+    @cached_property
     def _is_even(self) -> bool:
         """Whether the motion is the same backwards."""
         back = {v: ex.negate(v) for v in self.work.velocities}
