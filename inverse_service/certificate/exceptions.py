@@ -259,10 +259,13 @@ class Finding:
         self.generic.work(ring)
         found = arithmetic.divisors
         self.done += 1
-        pace = (time.thread_time() - self.began) / self.done
-        if pace * self.needed > self.question.deadline - self.began:  # it could not finish
-            raise Undefined
+        self.check_pace(self.needed)
         return [math.prod(found) % self.prime] if self.generic.telescopes else list(found)
+
+    def check_pace(self, needed: int) -> None:
+        """Undefined where so many evaluations in all could not be finished."""
+        if (time.thread_time() - self.began) / self.done * needed > self.question.deadline - self.began:
+            raise Undefined
 
     def numerators(self, places: Sequence[int], table: list[list[int]]) -> list[Any | None]:
         """The numerators of the rational functions that take the values of the table at the places.
@@ -298,6 +301,7 @@ class Finding:
         shapes = [list(combinations_with_replacement(range(m), k)) for k in range(degree + 1)]
         if len(shapes[-1]) > MAX_SHAPES:
             raise Undefined
+        self.check_pace(self.done + 2 * self.enough * (len(shapes[-1]) - 1))
         lines = [(direction, rest)]
         while len(lines) < len(shapes[-1]):
             other = self.direction()

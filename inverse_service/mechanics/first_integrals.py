@@ -110,8 +110,8 @@ class _Integrals:
         self.drawn: flow.Evaluation | None = None
         self.kept: list[FirstIntegral] = []
         self.functions: list[Expression] = []
-        # By forms: whether an integral, or t and a function without t, is linear in them. If F is an integral of a
-        # motion without t, so are its derivatives by t, and the last that is not constant is free of t or rises with it.
+        # By forms: whether an integral without t, or t plus a function without t, is linear in them. The derivatives by
+        # t of an integral of an autonomous motion are integrals; the last one that is not constant is such a one.
         self.rises: dict[tuple[Expression, ...], bool] = {}
         held = [*motion.free_accelerations, *motion.dependent_velocities, *([] if lagrangian is None else [lagrangian])]
         self.moves = any(ex.holds(tree, ex.TIME) for tree in held)
