@@ -378,11 +378,9 @@ class _Integrals:
         one = np.zeros((2, wanted), np.int64)
         one[0] = 1
         powers = {key: reduce(product, (pairs[k] for k in key), one) for key in {key for key, _ in ansatz.terms}}
-        first, second = [one], [one]
-        for key, k in ansatz.terms:
-            first.append(powers[key])
-            second.append(pairs[forms + k])
-        values = product(np.stack(first, 1), np.stack(second, 1))
+        of_forms = [one, *(powers[key] for key, _ in ansatz.terms)]
+        of_factors = [one, *(pairs[forms + k] for _, k in ansatz.terms)]
+        values = product(np.stack(of_forms, 1), np.stack(of_factors, 1))
         found = matrices.kernel_modulo(values[1, 1:].T, flow.PRIME).basis.tolist()
         used = [place for place in range(len(ansatz.terms)) if any(int(vector[place]) for vector in found)]
         if not used:
@@ -427,8 +425,7 @@ class _Integrals:
         at_rest = (ex.substitute(p, dict.fromkeys(self.velocities, ex.ZERO)) for p in self.momenta)
         shifted = not self.constraints and any(p != ex.ZERO for p in at_rest)
         slopes = (derivative.differentiate(p, v) for p in self.momenta for v in self.velocities)
-        moving = (ex.TIME, *self.positions, *self.velocities)
-        if not shifted and not self.constraints and not any(ex.holds(slope, *moving) for slope in slopes):
+        if not shifted and not self.constraints and not any(ex.holds(slope, *self.moving) for slope in slopes):
             forms = tuple(form for form in forms if form not in self.velocities)  # combinations of the momenta
         frames = [self.momenta, self.velocities if shifted or not self.momenta else (), forms]
         seen: set[frozenset[Expression]] = set()
