@@ -6,7 +6,8 @@ shapes of constraints have one usual choice:
 - a coordinate that enters linearly, with a constant factor, is solved for: x2 = l - x1 for x1 + x2 = l;
 - two or three squares with constant factors, c_i u_i^2, u_i linear in coordinates that r does not have, with the sum
   r^2: then u_i = r n_i/sqrt(c_i), n a unit vector, (cos(theta), sin(theta)) or
-  (sin(theta) cos(phi), sin(theta) sin(phi), cos(theta)).
+  (sin(theta) cos(phi), sin(theta) sin(phi), cos(theta)). In a uniform field, theta = 0 is the lowest point:
+  (sin(theta), -cos(theta)) for V = m g y.
 """
 
 import itertools
@@ -20,9 +21,9 @@ _FIRST, _SECOND = ("theta", "alpha", "chi"), ("phi", "psi", "beta")  # names of 
 
 
 def definitions_on(
-    constraints: Sequence[ex.Expression], coordinates: Sequence[str], taken: Collection[str]
+    constraints: Sequence[ex.Expression], lagrangian: ex.Expression, coordinates: Sequence[str], taken: Collection[str]
 ) -> tuple[list[Definitions], tuple[str, ...]] | None:
-    """What the constraints, each zero and without velocities, define, and the names of the coordinates that are left.
+    """What the constraints on L, each zero and without velocities, define, and the names of the coordinates left.
 
     None if a constraint has neither shape. An angle has none of the `taken` names.
     """
@@ -34,7 +35,7 @@ def definitions_on(
         linear |= solved
         if not solved and (squares := _squares(tree, left) or _squares(collecting.collect(ex.negate(tree)), left)):
             own = [ex.Symbol(next(names)) for names in (first, second)[: len(squares) - 1]]
-            solved = _on_sphere(squares, own)
+            solved = _on_sphere(squares, own, [_fall(name, lagrangian, coordinates) for _, name, _ in squares])
             angles += [angle.name for angle in own]
         if not solved:
             return None
@@ -113,11 +114,22 @@ def _root(tree: ex.Expression) -> ex.Expression:
     return ex.multiply(*(p ** (e / 2) for p, e in ex.powers_of(tree)))
 
 
-def _on_sphere(squares: Sequence[tuple[ex.Expression, str, ex.Expression]], angles: Sequence[ex.Symbol]) -> Definitions:
+def _fall(name: str, lagrangian: ex.Expression, coordinates: Sequence[str]) -> int:
+    """1 if L grows along the coordinate at a constant rate (it points down), -1 if L decreases, 0 otherwise."""
+    slope = collecting.collect(derivative.differentiate(lagrangian, ex.Symbol(name)))
+    moves = not _names(slope).isdisjoint({*coordinates, ex.TIME.name}) or ex.has(slope, ex.Velocity)
+    return 0 if moves or slope == ex.ZERO else -1 if _is_negative(slope) else 1
+
+
+def _on_sphere(
+    squares: Sequence[tuple[ex.Expression, str, ex.Expression]], angles: Sequence[ex.Symbol], falls: Sequence[int]
+) -> Definitions:
     sine, cosine = ex.Apply("sin", angles[0]), ex.Apply("cos", angles[0])
-    unit: tuple[ex.Expression, ...] = (cosine, sine)
+    unit: list[ex.Expression] = [cosine, sine]
     if len(angles) == 2:
-        unit = sine * ex.Apply("cos", angles[1]), sine * ex.Apply("sin", angles[1]), cosine
+        unit = [sine * ex.Apply("cos", angles[1]), sine * ex.Apply("sin", angles[1]), cosine * (falls[-1] or 1)]
+    elif sum(map(abs, falls)) == 1:
+        unit = [cosine * fall if fall else sine for fall in falls]
     found = Definitions()
     for (u, name, radius), n in zip(squares, unit, strict=True):
         slope = derivative.differentiate(u, ex.Symbol(name))

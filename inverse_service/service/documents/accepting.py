@@ -622,13 +622,14 @@ def _on_positions(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]
         declared = document_names.Declared(**given)
         known = document_names.known_names(declared, {"/lagrangian": plain["lagrangian"], **by_pointer}, 1)
         pairs = [(text, reader.read_equations(text, replace(known.names, forms=True))) for text in texts]
+        lagrangian = known.put_in(reader.read_formula(plain["lagrangian"], replace(known.names, energy=True)))
     except (TypeError, AttributeError, errors.InputError):
         return plain, {}  # refused where it is read
     trees = {text: known.put_in(left - right) for text, ((left, right), *more) in pairs if not more}
     still = [text for text in trees if not ex.has(trees[text], ex.Velocity | ex.Acceleration)]
     names = known.remaining()
     found = position_constraints.definitions_on(
-        [trees[text] for text in still], names.coordinates, {*known.names.declared()}
+        [trees[text] for text in still], lagrangian, names.coordinates, {*known.names.declared()}
     )
     if not still or found is None:
         return plain, {}
