@@ -56,7 +56,7 @@ def test_every_file_that_the_architecture_page_names_exists() -> None:
 
 
 def test_no_two_modules_have_the_same_name() -> None:
-    """A file name such as `members.py` identifies one file."""
+    """A file name such as `ansatz.py` identifies one file."""
     names = [path.stem for path in SOURCES if path.name not in ("__init__.py", "__main__.py")]
     assert [name for name, times in Counter(names).items() if times > 1] == []
 

@@ -29,7 +29,8 @@ from inverse_service.field.modular import Field, compiled, minus, multiply, plus
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.mechanics.second_order_system import ConstrainedMotion, SecondOrderSystem, system_of
 from inverse_service.search import ansatz, families, terms as tm
-from inverse_service.search.members import best_members, describe
+from inverse_service.search.ansatz import best_members
+from inverse_service.search.tidy import describe
 from inverse_service.solving import solving
 
 # With 4,000 terms the inclined knife edge, which needs v^-3, has none.

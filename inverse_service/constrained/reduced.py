@@ -29,7 +29,7 @@ from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.nonholonomic_integrals import MeasureDensity
 from inverse_service.mechanics.paper_class import Proposal
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, system_of
-from inverse_service.search import members
+from inverse_service.search import tidy
 from inverse_service.solving import clock, solving
 
 CONSTRAINED = "constrained Lagrangian"
@@ -272,7 +272,7 @@ def solution_with(
 def _answer(analysis: deciding.Analysis, decision: deciding.Decision, known: Sequence[Proposal]) -> solutions.Answer:
     chosen, *others = known
     tree = chosen.transform.lagrangian
-    lagrangian = members.describe(analysis, tree, chosen.source)
+    lagrangian = tidy.describe(analysis, tree, chosen.source)
     where = certify.where_proved(analysis, tree, _LONGEST_CHECK)
     claim = certify.of_lagrangian(analysis, tree, with_time=False)
     certificate, proof = certify.proved(analysis, claim, _LONGEST_CHECK)
@@ -287,7 +287,7 @@ def _answer(analysis: deciding.Analysis, decision: deciding.Decision, known: Seq
     return solutions.Answer(
         "variational",
         lagrangian=lagrangian,
-        other_lagrangians=tuple(members.describe(analysis, one.transform.lagrangian, one.source) for one in others),
+        other_lagrangians=tuple(tidy.describe(analysis, one.transform.lagrangian, one.source) for one in others),
         hamiltonian=hamiltonian,
         space=decision.space if decided else None,
         certificate=certificate,

@@ -25,7 +25,7 @@ from inverse_service.field.matrices import determinant
 from inverse_service.mechanics import conditions
 from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search.members import SearchOutcome, describe
+from inverse_service.search.tidy import SearchOutcome, describe
 
 if TYPE_CHECKING:
     from inverse_service.decision.deciding import Analysis, Decision

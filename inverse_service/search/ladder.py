@@ -21,7 +21,6 @@ from inverse_service.search import (
     antiderivatives,
     families,
     linear_systems,
-    members,
     moving_matrix,
     one_coordinate,
     one_matrix,
@@ -234,7 +233,7 @@ def search(
     own_terms: Sequence[ex.Expression] = (),
     holds: Callable[[ex.Expression], bool] = lambda _: True,
     highest: float = math.inf,
-) -> members.SearchOutcome:
+) -> tidy.SearchOutcome:
     """The result of the first rung that gives a regular Lagrangian, or the rungs tried; the caller's terms come first.
 
     Rungs that cost more than `highest` are skipped. Lagrangians before the first one that `holds` are dropped.
@@ -249,15 +248,13 @@ def search(
             check()
             found = attempt(state, rung)
             if found is not None and (kept := _kept(found, analysis, holds)) is not None:
-                return members.SearchOutcome(kept, tuple(tried))
+                return tidy.SearchOutcome(kept, tuple(tried))
             if isinstance(rung, Leaf) and rung.name == BLOCKS and rung.fits(state.material):
                 break  # the same rows have been tried on each block, and pairs of blocks come before
-    return members.SearchOutcome(None, tuple(tried))
+    return tidy.SearchOutcome(None, tuple(tried))
 
 
-def _kept(
-    found: members.Found, analysis: deciding.Analysis, holds: Callable[[ex.Expression], bool]
-) -> members.Found | None:
+def _kept(found: tidy.Found, analysis: deciding.Analysis, holds: Callable[[ex.Expression], bool]) -> tidy.Found | None:
     """The Lagrangians from the first one that holds on, each shortened if possible."""
     table = analysis.real_point or {}
     for k, tree in enumerate(found.lagrangians):
@@ -270,7 +267,7 @@ def _kept(
     return None
 
 
-def attempt(state: _Search, rung: Rung) -> members.Found | None:
+def attempt(state: _Search, rung: Rung) -> tidy.Found | None:
     """The Lagrangians that one rung finds, or None."""
     if isinstance(rung, families.Family):
         return _by_ansatz(state, rung)
@@ -284,7 +281,7 @@ def attempt(state: _Search, rung: Rung) -> members.Found | None:
     except (*ansatz.NO_POINTS, errors.InputError, ArithmeticError, KeyError):
         proposed = ()
     state.tried.append((rung.name, len(proposed)))
-    return members.Found(proposed, rung.name, proposed[:1]) if proposed else None
+    return tidy.Found(proposed, rung.name, proposed[:1]) if proposed else None
 
 
 def _verified(state: _Search, trees: Sequence[ex.Expression]) -> list[ex.Expression]:
@@ -294,7 +291,7 @@ def _verified(state: _Search, trees: Sequence[ex.Expression]) -> list[ex.Express
     return list(itertools.islice(held, bounds.FEW))
 
 
-def _by_ansatz(state: _Search, family: families.Family) -> members.Found | None:
+def _by_ansatz(state: _Search, family: families.Family) -> tidy.Found | None:
     state.progress(f"ansatz: {family.name}")
     if state.factors is None and family.cost > 1:
         state.factors = families.find_factors(state.material)
@@ -311,7 +308,7 @@ def _by_ansatz(state: _Search, family: families.Family) -> members.Found | None:
 
 def _solve(
     material: tm.Material, family: families.Family, terms: Sequence[tm.Monomial], seed: int
-) -> members.Found | None:
+) -> tidy.Found | None:
     """Compute the multipliers in the span of the terms, then Lagrangians for the simplest regular ones."""
     if not terms:
         return None
@@ -321,7 +318,7 @@ def _solve(
             space = ansatz.with_functions_of_parameters(sampler, ansatz.occurring_terms(sampler, terms, seed))
         else:
             space = ansatz.solve_multiplier(sampler, terms, seed)
-        best = members.best_members(space, seed, partial(families.with_potential, material))
+        best = ansatz.best_members(space, seed, partial(families.with_potential, material))
         parts = [families.with_potential(material, part) for member in best[:1] for part in member.parts]
     except (*ansatz.NO_POINTS, exact_field.TooLarge, tm.TooManyTerms):
         return None
@@ -329,4 +326,4 @@ def _solve(
         return None
     trees = dict.fromkeys(tm.tree_of(member.terms) for member in best)
     kinetic = [key for member in best for part in member.parts for key in part]
-    return members.Found(tuple(trees), families.label(family, kinetic), tuple(map(tm.tree_of, parts)))
+    return tidy.Found(tuple(trees), families.label(family, kinetic), tuple(map(tm.tree_of, parts)))

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from inverse_service import bounds
 from inverse_service.expressions import evaluation, tree as ex
 from inverse_service.field import exact_field, matrices, real_branch
-from inverse_service.search import antiderivatives, members, row_factors, terms as tm
+from inverse_service.search import ansatz, antiderivatives, row_factors, terms as tm
 from inverse_service.search.antiderivatives import Integrator
 
 # An eigenvalue below this fraction of the largest counts as zero.
@@ -182,7 +182,7 @@ def _chosen(
     alone = [[Fraction(int(j == k)) for j in range(k + 1)] for k in range(len(ordered))]
     first = [[Fraction(1)] * k for k in range(2, len(ordered) + 1)]
     found = list[tuple[tuple[bool, bool, int], list[tm.Terms]]]()
-    for weights in [*members.definite_weights(starts[: bounds.COLUMNS]), *alone, *first]:
+    for weights in [*ansatz.definite_weights(starts[: bounds.COLUMNS]), *alone, *first]:
         used = [(w, k) for k, w in enumerate(weights) if w]
         values = np.linalg.eigvalsh(sum(float(w) * starts[k] for w, k in used))
         if min(abs(values)) > _TINY * max(abs(values)):

@@ -24,7 +24,7 @@ from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import derivative, evaluation, tree as ex
 from inverse_service.field import matrices, modular, real_branch
 from inverse_service.mechanics import implicit_equations
-from inverse_service.search import ansatz, antiderivatives, families, members, terms as tm
+from inverse_service.search import ansatz, antiderivatives, families, terms as tm
 
 # The exponents tried for a polynomial of degree 1 or 2 in v.
 _EXPONENTS = {
@@ -303,6 +303,6 @@ def lagrangian_of(material: tm.Material, multiplier: LastMultiplier) -> ex.Expre
 
 def _positive(lagrangian: tm.Terms, velocity: ex.Velocity, point: real_branch.RealTable) -> ex.Expression:
     """The simpler of L and its multiple with simple coefficients, with a positive Hessian at the point."""
-    tree = min(tm.tree_of(lagrangian), tm.tree_of(members.scaled(lagrangian)), key=antiderivatives.weight)
+    tree = min(tm.tree_of(lagrangian), tm.tree_of(ansatz.scaled(lagrangian)), key=antiderivatives.weight)
     hessian = derivative.differentiate(derivative.differentiate(tree, velocity), velocity)
     return tree if real_branch.real_sign(hessian, point) > 0 else ex.negated(tree)

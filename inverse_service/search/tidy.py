@@ -1,23 +1,32 @@
-"""Shorten Lagrangians, with terms of the same velocities and parameters over one denominator, and simplify f."""
+"""The Lagrangians that the search returns, written for people: shortened, described, and compared.
+
+Terms of the same velocities and parameters are over one denominator. f is simplified in the same way before the search.
+"""
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache, partial
 from itertools import combinations, product
 from math import isqrt, prod
 
-from inverse_service import bounds, errors
-from inverse_service.decision import deciding
-from inverse_service.expressions import collecting, tree as ex
+import mpmath
+
+from inverse_service import bounds, deadline, errors
+from inverse_service.decision import certify, deciding
+from inverse_service.decision.solutions import Lagrangian
+from inverse_service.expressions import collecting, printing, tree as ex
 from inverse_service.field import exact_field, modular, real_branch, tower as towers
-from inverse_service.mechanics import short_forms, writing
+from inverse_service.mechanics import euler_lagrange, short_forms, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import antiderivatives, terms as tm
 
 _HALF = Fraction(1, 2)
 _BEFORE_A_BRACKET, _FRACTION_IN_FRACTION = 12, 4
+_LONGEST_CHECK = 60.0  # seconds per described Lagrangian
+# Two Hessians are compared at a point and where its coordinates and velocities are larger by this factor.
+_TINY, _STEP = mpmath.mpf(10) ** -20, mpmath.mpf(129) / 128
 # The terms of a potential keep their familiar separate form unless one bracket is this much shorter.
 _MUCH = 2
 
@@ -29,6 +38,23 @@ _FAILED = (
     errors.InputError,
     ValueError,
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Regular Lagrangians of one family, simplest first; `parts` are the Lagrangians whose sum is the first one."""
+
+    lagrangians: tuple[ex.Expression, ...]
+    family: str
+    parts: tuple[ex.Expression, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SearchOutcome:
+    """The Lagrangians found, and each family tried with its number of candidates."""
+
+    found: Found | None
+    tried: tuple[tuple[str, int], ...]
 
 
 def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
@@ -665,3 +691,62 @@ def _plainer(tower: towers.Tower, force: ex.Expression) -> ex.Expression:
     with suppress(errors.InputError):
         plain = plain if plain == force else writing.collected_inside(plain, _size)
     return min(writing.much_shorter(force), plain, key=ex.node_count)
+
+
+def describe(analysis: deciding.Analysis, lagrangian: ex.Expression, family: str) -> Lagrangian:
+    """Describe L: g = d2L/dv dv, the functions that must not vanish, and those that are positive on its domain."""
+    names = analysis.system.coordinates
+    rates = euler_lagrange.hessian(lagrangian, names)
+    short = {entry: _compact(analysis, entry) for row in rates for entry in row}
+    multiplier = tuple(tuple(short[entry] for entry in row) for row in rates)
+    where = certify.where_proved(analysis, lagrangian, min(deadline.left(deadline.end(), 1.0), _LONGEST_CHECK))
+    return Lagrangian(lagrangian, multiplier, where.nonzero, family, where.positive)
+
+
+def _compact(analysis: deciding.Analysis, entry: ex.Expression) -> ex.Expression:
+    """The entry as a sum of products or, if that is shorter, as one quotient; parameters are printed first."""
+    held, count = set(ex.walk(entry)), 1 + 2 * len(analysis.system.coordinates)
+    moving = [variable for variable in deciding.variables_of(analysis.system)[:count] if variable in held]
+    return writing.shorten(tm.collected(entry), exact_field.Budget.short(), moving)
+
+
+def is_multiple(
+    first: ex.Expression, second: ex.Expression, names: Sequence[str], table: real_branch.RealTable | None
+) -> bool:
+    """Whether the Hessians are constant multiples of each other at the real point and at a point near it."""
+    if table is None:
+        return first == second
+    moving = {*map(ex.Symbol, names), *map(ex.Velocity, names)}
+    with mpmath.workdps(30):
+        beside = {leaf: value * _STEP if leaf in moving else value for leaf, value in table.items()}
+        forms = [[euler_lagrange.hessian_at(tree, names, at) for tree in (first, second)] for at in (table, beside)]
+        if any(form is None for pair in forms for form in pair):
+            return False
+        pairs = [entries for pair in forms for entries in zip(*pair, strict=True)]
+        a, b = max(pairs, key=lambda pair: abs(pair[0]))
+        return all(abs(x * b - y * a) < _TINY * (1 + abs(a * b)) for x, y in pairs)
+
+
+def why_shown(
+    shown: ex.Expression, other: ex.Expression, names: Sequence[str], table: real_branch.RealTable | None
+) -> str:
+    """The advantage of another Lagrangian over the shown one; "" if it has none."""
+    if len(printing.to_text(other)) < len(printing.to_text(shown)):
+        return "shorter"
+    if is_definite(other, names, table) and not is_definite(shown, names, table):
+        return "positive definite"
+    return "of another kind" if _kind(other, names) < _kind(shown, names) else ""
+
+
+def is_definite(lagrangian: ex.Expression, names: Sequence[str], table: real_branch.RealTable | None) -> bool:
+    """Whether the Hessian is positive definite at the real point."""
+    return euler_lagrange.inertia(euler_lagrange.hessian_at(lagrangian, names, table)) == (len(names), 0)
+
+
+def _kind(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[int, bool]:
+    """Its `reading_class`, and whether its degree in the velocities exceeds 2."""
+    moving = {*map(ex.Velocity, names)}
+    is_higher = any(
+        node in moving for row in euler_lagrange.hessian(lagrangian, names) for entry in row for node in ex.walk(entry)
+    )
+    return ex.reading_class(lagrangian, ex.TIME), is_higher

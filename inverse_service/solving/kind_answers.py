@@ -31,7 +31,7 @@ from inverse_service.field import exact_field, matrices, modular, real_branch
 from inverse_service.linear_pde import equations, involution
 from inverse_service.mechanics import euler_lagrange, second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import antiderivatives, members, row_factors, terms as tm
+from inverse_service.search import ansatz, antiderivatives, row_factors, terms as tm, tidy
 from inverse_service.solving import solving
 
 _NO_TIME = "the time limit was reached before this question"
@@ -276,9 +276,7 @@ def with_drag(
 ) -> KindAnswer | None:
     found = certify.of_lagrangian(analysis, tree, analysis.system.depends_on_time, kind)
     certificate = found | {"dissipation": printing.to_text(drag)}
-    return confirmed(
-        KindAnswer("variational", "", certificate, members.describe(analysis, tree, FAMILY), drag), deadline
-    )
+    return confirmed(KindAnswer("variational", "", certificate, tidy.describe(analysis, tree, FAMILY), drag), deadline)
 
 
 def without_friction(system: SecondOrderSystem) -> SecondOrderSystem:
@@ -417,12 +415,12 @@ def _definite_of_known(
         if form is None:
             return None
         hessians.append(np.array(form.tolist(), float))
-    for weights in members.definite_weights(hessians[: bounds.COLUMNS]):
+    for weights in ansatz.definite_weights(hessians[: bounds.COLUMNS]):
         parts = [(w, one) for w, one in zip(weights, known, strict=False) if w]
         alone = parts[0][1] if len(parts) == 1 and parts[0][0] == 1 else None
         whole = alone.expression if alone else collecting.collect(ex.add(*(w * one.expression for w, one in parts)))
         certificate = certify.of_lagrangian(analysis, whole, with_time, kind) | _claim(near, "")
-        shown = alone or members.describe(analysis, whole, DEFINITE_SUM)
+        shown = alone or tidy.describe(analysis, whole, DEFINITE_SUM)
         answer = KindAnswer("variational", "", certificate, shown)
         if (found := confirmed(answer, deadline)) is not None:
             return found

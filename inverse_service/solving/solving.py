@@ -24,7 +24,7 @@ from inverse_service.linear_pde import involution
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import antiderivatives, row_factors, terms, tidy
-from inverse_service.search.members import Found, SearchOutcome, describe, is_multiple, why_shown
+from inverse_service.search.tidy import Found, SearchOutcome, describe, is_multiple, why_shown
 
 if TYPE_CHECKING:
     from inverse_service.decision.solutions import SoFar
