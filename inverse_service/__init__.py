@@ -18,15 +18,16 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from inverse_service.client import Client
+    from inverse_service.decision.solutions import SolveOptions
     from inverse_service.errors import InputError
-    from inverse_service.sympy.result_objects import Result, Run
+    from inverse_service.sympy.objects import Result, Run
 
 __all__ = ["Client", "InputError", "Result", "catalogue", "check", "simulate", "solve"]
 __version__ = "0.2.0"
 _ELSEWHERE = {
     "Client": "inverse_service.client",
     "InputError": "inverse_service.errors",
-    "Result": "inverse_service.sympy.result_objects",
+    "Result": "inverse_service.sympy.objects",
 }
 
 
@@ -56,22 +57,20 @@ def solve(
     seed. `keys` are additional keys of the document, such as time="x", or of `inverse_service.sympy.solve`. Raises
     InputError.
     """
-    from inverse_service.sympy import asked
-    from inverse_service.sympy.result_objects import result_of
+    from inverse_service.sympy.objects import asked, from_result
 
     whole, names = asked(document, **keys)
     from inverse_service.decision.solutions import SolveOptions
     from inverse_service.service.compiling import warm_first, warm_up
     from inverse_service.service.documents.documents import solve_document
-    from inverse_service.service.jobs.model import JobOptions, read_options, split_options
 
-    alone, given = split_options(_plain(whole))
-    wanted = read_options(given, JobOptions(time_limit=time_limit, seed=seed))
+    alone, options = _plain(whole), SolveOptions(seed=seed, time_limit=time_limit)
+    if "options" in alone:
+        alone, options = _with_its_options(alone, options)
     warm_first(logging.getLogger(__name__).warning, warm_up)
-    options = SolveOptions(seed=wanted.seed, time_limit=wanted.time_limit)
     if progress is None:
-        return result_of(solve_document(alone, options), names)
-    return result_of(_told_by_part(lambda tell: solve_document(alone, options, tell), progress), names)
+        return from_result(solve_document(alone, options), names)
+    return from_result(_told_by_part(lambda tell: solve_document(alone, options, tell), progress), names)
 
 
 def check(result: Mapping[str, Any] | str, document: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -87,7 +86,7 @@ def check(result: Mapping[str, Any] | str, document: Mapping[str, Any] | None = 
 
     given = None if document is None else split_options(_plain(document))[0]
     if isinstance(result, Mapping) and result.keys() == {"system", "lagrangian"}:
-        from inverse_service.sympy import asked
+        from inverse_service.sympy.objects import asked
 
         system = dict(asked(result["system"], ansatz=[result["lagrangian"]])[0])
         result = {"lagrangian": system.pop("ansatz")[0], "system": system}
@@ -107,9 +106,19 @@ def simulate(scene: Mapping[str, Any], *, time_limit: float = 600.0) -> Run:
     except ImportError as error:
         raise missing_extra(error) or error from None
 
-    from inverse_service.sympy.result_objects import Run
+    from inverse_service.sympy.objects import Run
 
     return Run(run(_plain(scene), time_limit=time_limit))
+
+
+def _with_its_options(document: dict[str, Any], options: SolveOptions) -> tuple[dict[str, Any], SolveOptions]:
+    """The document without its key `options`, and what that key asks for."""
+    from inverse_service.decision.solutions import SolveOptions
+    from inverse_service.service.jobs.model import JobOptions, read_options, split_options
+
+    alone, given = split_options(document)
+    wanted = read_options(given, JobOptions(time_limit=options.time_limit, seed=options.seed))
+    return alone, SolveOptions(seed=wanted.seed, time_limit=wanted.time_limit)
 
 
 def _told_by_part(

@@ -31,7 +31,7 @@ from inverse_service.errors import InputError
 from inverse_service.sympy.from_sympy import expression
 
 if TYPE_CHECKING:
-    from inverse_service.sympy.result_objects import Answer
+    from inverse_service.sympy.objects import Answer
 
 
 QUANTITIES = ("accelerations", "lagrangian", "momenta", "hamiltonian", "multiplier")

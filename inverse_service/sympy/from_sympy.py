@@ -24,10 +24,10 @@ from inverse_service.mechanics.conditions import conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import names as nm, parser, reader
 from inverse_service.service.documents import accepting
-from inverse_service.sympy import asked
+from inverse_service.sympy.objects import asked
 
 if TYPE_CHECKING:
-    from inverse_service.sympy.result_objects import Answer, Verification
+    from inverse_service.sympy.objects import Answer, Verification
 
 
 _GOOD = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
@@ -684,7 +684,7 @@ class Conditions:
     reason: str = ""
 
     def _repr_latex_(self) -> str:
-        from inverse_service.sympy.result_objects import aligned
+        from inverse_service.sympy.objects import aligned
 
         named = (("N", self.N), (r"\Phi", self.Phi), (r"\nabla\Phi", self.nabla_Phi), ("R", self.R))
         return aligned((name, part) for name, part in named if part is not None)
@@ -728,7 +728,7 @@ def _inside(names: Table | None, ready: accepting.Prepared, motion: SecondOrderS
 
 def verification(answer: Answer) -> Verification:
     """The residuals of an answer, simplified; ValueError where it has no Lagrangian."""
-    from inverse_service.sympy.result_objects import Verification
+    from inverse_service.sympy.objects import Verification
 
     lagrangian = answer.lagrangian
     if lagrangian is None:
