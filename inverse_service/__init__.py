@@ -61,7 +61,8 @@ def solve(
 
     whole, names = asked(document, **keys)
     from inverse_service.decision.solutions import SolveOptions
-    from inverse_service.service.compiling import warm_first, warm_up
+    from inverse_service.kernels.machine_code.code_store import warm_first
+    from inverse_service.service.compiling import warm_up
     from inverse_service.service.documents.documents import solve_document
 
     alone, options = _plain(whole), SolveOptions(seed=seed, time_limit=time_limit)

@@ -57,7 +57,7 @@ def serve(
         # Another name would be a page elsewhere that lets its own name point here.
         settings = dataclasses.replace(settings, hosts=LOOPBACK)
     listener = _listen(host, port)
-    from inverse_service.service import compiling
+    from inverse_service.kernels.machine_code import code_store
     from inverse_service.service.jobs import monitoring, workers
     from inverse_service.web import middleware, pages
 
@@ -72,8 +72,8 @@ def serve(
     bound, number = listener.getsockname()[:2]
     if not (settings.api_keys or settings.api_keys_file or ipaddress.ip_address(bound.partition("%")[0]).is_loopback):
         log.warning("no keys are set: anyone who can reach %s may use this service and see all its jobs", host)
-    if not compiling.is_warm():
-        log.warning(compiling.SENTENCE)
+    if not code_store.is_warm():
+        log.warning(code_store.SENTENCE)
     application = create_application(settings)
     # Opened here so that a database that cannot be used is one sentence, and before the address is printed.
     application.state.engine.open()

@@ -14,6 +14,7 @@ import typer
 from inverse_service import catalogue as catalog, errors
 from inverse_service.cli import command_line as cli
 from inverse_service.decision.solutions import SolveOptions
+from inverse_service.kernels.machine_code import code_store
 from inverse_service.reading import document_names
 from inverse_service.service import compiling
 from inverse_service.service.documents import growing, plain_data
@@ -129,7 +130,7 @@ def _is_open(result: dict[str, Any]) -> bool:
 def warm_alone(memory_limit: int) -> cli.ExitCode:
     """Compile missing kernels in a separate process before any time limit starts; report it on standard error."""
     say = functools.partial(print, file=sys.stderr, flush=True)
-    compiling.warm_first(say, lambda: workers.run_alone(compiling.warm_up, (), compiling.PATIENCE, memory_limit))
+    code_store.warm_first(say, lambda: workers.run_alone(compiling.warm_up, (), compiling.PATIENCE, memory_limit))
     return cli.ExitCode.DONE
 
 

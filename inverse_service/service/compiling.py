@@ -6,52 +6,27 @@ if it is not given. Needs numba, and a linker: `ld`, for another machine its cro
 the package ziglang.
 """
 
-import hashlib
 import json
-import os
 import platform
 import re
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from inverse_service import __version__, catalogue
+from inverse_service import catalogue
 from inverse_service.kernels.machine_code import code_store
 
 # Together these systems need all kernels.
 SYSTEMS = ("sho", "douglas-iiib", "nonholonomic-particle-second", "van-der-pol")
-# Where kernels are defined.
-FOLDERS = ("field", "search", "linear_pde")
-SENTENCE = "Compiling for this machine, once; this takes some 20 seconds of processor time."
-NOTHING_KEPT = (
-    f"Compiling takes some 20 seconds at every start: {code_store.cache_directory_name()} cannot be written. "
-    "Set INVERSE_SERVICE_CACHE to a folder of yours that can, or install the wheel of this platform."
-)
 # Far more than it takes on a slow machine that does other work, s.
 PATIENCE = 900.0
-KIND = "warm"
 # What numba says of the processor at hand: attributes of each function, two lines at the head of a module.
 HOST = re.compile(
     r'"(?:target-cpu|target-features|tune-cpu)"="[^"]*"|^target (?:triple|datalayout) = .*$', re.MULTILINE
 )
-ROOT = Path(code_store.__file__).parents[2]
-
-
-def is_warm() -> bool:
-    """Whether the kernels came with the program, or were compiled here."""
-    found = None if code_store.has_library() else code_store.read(_stamp(), KIND)
-    return code_store.has_library() or (found is not None and bool(found[0].get("done")))
-
-
-def can_keep() -> bool:
-    """Whether this user's store takes what is compiled; elsewhere every process compiles again."""
-    stamp = _stamp()
-    code_store.write(stamp, {"done": False}, b"", KIND)
-    return code_store.read(stamp, KIND) is not None
 
 
 def warm_up() -> None:
@@ -61,26 +36,7 @@ def warm_up() -> None:
 
     for name in SYSTEMS:
         solve_document(catalogue.document(name), SolveOptions(time_limit=PATIENCE))
-    code_store.write(_stamp(), {"done": True}, b"", KIND)
-
-
-def warm_first(say: Callable[[str], None], work: Callable[[], object]) -> None:
-    """Compile what is missing before the clock of a question starts, and say so."""
-    if not is_warm():
-        if can_keep():
-            say(SENTENCE)
-            work()
-        else:
-            say(NOTHING_KEPT)
-
-
-def _stamp() -> str:
-    """Other code, another Python or another processor need other kernels."""
-    files = [entry for folder in FOLDERS for entry in os.scandir(ROOT / folder) if entry.name.endswith(".py")]
-    newest = max(entry.stat().st_mtime_ns for entry in files)
-    processor = platform.machine(), platform.processor(), *sorted(code_store.processor_flags())
-    about = (__version__, str(newest), sys.implementation.cache_tag or "", *processor)
-    return hashlib.sha256("\x00".join(about).encode()).hexdigest()
+    code_store.mark_warm()
 
 
 def ship(folder: Path, machine: str) -> list[Path]:
@@ -100,7 +56,7 @@ def ship(folder: Path, machine: str) -> list[Path]:
             texts.append((symbol, HOST.sub("", str(module))))
             listed.append({"name": kernel.name, "kinds": kernels.told(kinds), "answer": answer, "symbol": symbol})
     for kernel in kernels.KERNELS:  # whichever calls which: all files that define one
-        sources.add(Path(kernel.py_func.__code__.co_filename).relative_to(ROOT).as_posix())
+        sources.add(Path(kernel.py_func.__code__.co_filename).relative_to(code_store.ROOT).as_posix())
     folder.mkdir(parents=True, exist_ok=True)
     index = folder / "kernels.json"
     digests = {name: code_store.digest(name) for name in sorted(sources)}

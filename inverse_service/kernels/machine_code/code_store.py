@@ -1,4 +1,5 @@
-"""Where compiled kernels are: in a library that came with the installation, or in the user's store on disk.
+"""Where compiled kernels are: in a library that came with the installation, or in the user's store on disk, and
+whether they are all there.
 
 The library for this processor was built with the wheel, and its index lists the kernels:
 
@@ -23,6 +24,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from inverse_service import __version__
+
 # Machine code: maps the words of the arguments to the result.
 Entry = Callable[[list[int]], Any]
 FOLDER, CPUINFO = Path(__file__).parent / "compiled", Path("/proc/cpuinfo")
@@ -39,6 +42,16 @@ _VARIABLE = "INVERSE_SERVICE_CACHE"
 _MOST_ENTRIES = 2000
 # Write permissions for group and others, which a folder of compiled code must not have.
 _WRITABLE = 0o022
+# The package, and the folders in it where kernels are defined.
+ROOT = Path(__file__).parents[2]
+_FOLDERS = ("field", "search", "linear_pde")
+# The kind of the entry that says whether all kernels are compiled.
+_WARM = "warm"
+SENTENCE = "Compiling for this machine, once; this takes some 20 seconds of processor time."
+_NOTHING_KEPT = (
+    "Compiling takes some 20 seconds at every start: {} cannot be written. "
+    "Set INVERSE_SERVICE_CACHE to a folder of yours that can, or install the wheel of this platform."
+)
 
 
 def has_library() -> bool:
@@ -85,7 +98,7 @@ def library(folder: Path) -> dict[tuple[str, str], Entry]:
 
 def digest(name: str) -> str:
     """SHA-256 of a file of the package, named from its root."""
-    return hashlib.sha256((Path(__file__).parents[2] / name).read_bytes()).hexdigest()
+    return hashlib.sha256((ROOT / name).read_bytes()).hexdigest()
 
 
 def processor_flags() -> frozenset[str]:
@@ -201,3 +214,40 @@ def _prune(directory: Path, kind: str) -> None:
     entries.sort(key=lambda path: path.stat().st_mtime)
     for path in entries[: len(entries) // 2]:
         path.unlink(missing_ok=True)
+
+
+def is_warm() -> bool:
+    """Whether the kernels came with the program, or were compiled here."""
+    found = None if has_library() else read(_stamp(), _WARM)
+    return has_library() or (found is not None and bool(found[0].get("done")))
+
+
+def can_keep() -> bool:
+    """Whether this user's store takes what is compiled; elsewhere every process compiles again."""
+    stamp = _stamp()
+    write(stamp, {"done": False}, b"", _WARM)
+    return read(stamp, _WARM) is not None
+
+
+def mark_warm() -> None:
+    """All kernels are compiled."""
+    write(_stamp(), {"done": True}, b"", _WARM)
+
+
+def warm_first(say: Callable[[str], None], work: Callable[[], object]) -> None:
+    """Compile what is missing before the clock of a question starts, and say so."""
+    if not is_warm():
+        if can_keep():
+            say(SENTENCE)
+            work()
+        else:
+            say(_NOTHING_KEPT.format(cache_directory_name()))
+
+
+def _stamp() -> str:
+    """Other code, another Python or another processor need other kernels."""
+    files = [entry for folder in _FOLDERS for entry in os.scandir(ROOT / folder) if entry.name.endswith(".py")]
+    newest = max(entry.stat().st_mtime_ns for entry in files)
+    processor = platform.machine(), platform.processor(), *sorted(processor_flags())
+    about = (__version__, str(newest), sys.implementation.cache_tag or "", *processor)
+    return hashlib.sha256("\x00".join(about).encode()).hexdigest()

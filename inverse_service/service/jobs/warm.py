@@ -10,6 +10,7 @@ import gc
 import importlib
 
 from inverse_service.decision.solutions import SolveOptions
+from inverse_service.kernels.machine_code import code_store
 from inverse_service.service import compiling
 from inverse_service.service.jobs import tasks, workers
 
@@ -19,7 +20,7 @@ workers.die_with_parent()
 tasks.guard(tasks.load_engine)
 # Kernels and formulas of simulation take a second to import.
 tasks.guard(importlib.import_module, "inverse_service.service.scenes.simulating")
-if not compiling.is_warm():  # who starts the pool has said so
+if not code_store.is_warm():  # who starts the pool has said so
     compiling.warm_up()
 tasks.guard(tasks.solve_task, SMALL, SolveOptions(time_limit=10.0))
 # What is loaded stays: workers need not look through it for garbage, which takes a tenth of a small solve, nor copy it.
