@@ -33,7 +33,7 @@ TICKED_OBSERVABLES = ("trajectory", "energy", "constraints")
 # Of use with constraints only.
 OF_CONSTRAINTS = ("nonholonomic", "modified", "constraints")
 PLANE = ("x", "y")
-CONSTRAINED = ("name", "time", "coordinates", "lagrangian", "constraints", "parameters", "functions")
+CONSTRAINED = ("name", "time", "coordinates", "lagrangian", "where", "constraints", "parameters", "functions")
 FIRST_SYSTEM = "vertically-rolling-disk"
 WITHOUT_LAGRANGIAN = ("runge-kutta", "reference")
 # What a price is compared with, besides the methods that are ticked.
@@ -456,6 +456,8 @@ def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dic
         # L and constraints may stand in one text. Names that were left to be found in it are taken from what was found.
         ready = accepting.prepared(given)
         read = ready.outward(ready.document) | {key: given[key] for key in ("time",) if key in given}
+        if is_forward and read.pop("where", None):  # x = l sin(theta) is put in
+            read["lagrangian"] = result["lagrangian"]["text"]
         names = {key: result["system"][key] for key in ("coordinates", "parameters", "functions")
                  if key in result["system"] and not isinstance(given.get(key), list | dict)}  # fmt: skip
         system: dict[str, Any] = {"document": {key: read[key] for key in CONSTRAINED if key in read} | names}

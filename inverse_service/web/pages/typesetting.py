@@ -118,8 +118,11 @@ def _terms(text: str, names: nm.Names) -> list[str] | None:
             if isinstance(widest, ex.Sum) and len(factors) > 1 and _width(written) > WIDE // 2:
                 outside = printing.to_text(ex.multiply(*(factor for factor in factors if factor is not widest)))
                 pieces = _terms(written, names) or []
-                pieces[0] = f'{inner_mathml(outside, names)}<mo stretchy="false">(</mo>{pieces[0]}'
+                pieces[0] = '<mo stretchy="false">(</mo>' + pieces[0]
                 pieces[-1] += '<mo stretchy="false">)</mo>'
+                before, first = inner_mathml(outside, names) or "", printing.to_text(widest.terms[0])
+                is_wide = _width(outside) + _width(first) > WIDE
+                pieces = [before, *pieces] if is_wide else [before + pieces[0], *pieces[1:]]
         sign = sign.strip()
         lead = f'<mo form="infix">{escape(SIGNS.get(sign, sign))}</mo>' if sign else ""
         left = found.pop() if sign in RELATIONS and len(found) == 1 else ""  # no line ends behind the left side

@@ -329,8 +329,9 @@ def test_a_constrained_result_is_simulated_with_the_lagrangian_that_was_found(vi
     expect(visit.page.locator("tbody tr", has_text="completed").first).to_contain_text("60", timeout=40_000)
 
 
-def test_a_lagrangian_typed_as_text_is_simulated(visit: Visit) -> None:
-    document = {"equations": "L = a'^2 + a'*b'*cos(a - b) + b'^2/2 + 2*g*cos(a) - V(b)", "parameters": "guess"}
+@pytest.mark.parametrize("rest", ["b'^2/2 + 2*g*cos(a) - V(b)", "b'^2 - g*b, a + b = c"])
+def test_a_lagrangian_typed_as_text_is_simulated(visit: Visit, rest: str) -> None:
+    document = {"equations": f"L = a'^2 + a'*b'*cos(a - b) + {rest}", "parameters": "guess"}
     solved = visit.page.request.post(f"{visit.address}/v1/solve", data=document, headers={"Prefer": "wait=20"})
     visit.go("/simulate?job=" + solved.headers["location"].rpartition("/")[2])
     visit.page.get_by_role("button", name="Run").click()
