@@ -57,7 +57,8 @@ class Analysis:
     """f in kernels and the tower of its atoms, built once for both questions.
 
     `towers` caches the `KnownTower`s of ansätze, with their random points, which lie on the constraints if velocities
-    are `constrained` to be functions of the others. `proofs` caches the checker's results.
+    are `constrained` to be functions of the others. `proofs` caches the results of the checker, `proposals` what
+    searches for L(q, v) and L(t, q, v) share.
     """
 
     system: second_order_system.SecondOrderSystem
@@ -67,6 +68,7 @@ class Analysis:
     constrained: Mapping[ex.Velocity, ex.Expression] = field(default_factory=dict)
     towers: list[Any] = field(default_factory=list, compare=False, repr=False)
     proofs: dict[str, tuple[dict[str, Any], CheckResult]] = field(default_factory=dict, compare=False, repr=False)
+    proposals: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
 
 def questions(time_dependent: bool | None, system: second_order_system.SecondOrderSystem) -> tuple[bool, bool]:

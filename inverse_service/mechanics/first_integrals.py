@@ -301,7 +301,7 @@ class _Integrals:
     def _search(self, ansatz: _Ansatz, degree: int, with_time: bool) -> None:
         """Integrals of the form; the degree is that of its terms in the momenta or other forms."""
         candidates = self._candidates(ansatz) if ansatz.terms else []
-        if degree == 1 and not with_time:
+        if degree == 1 and not with_time and not self.moves:
             self.rises[ansatz.forms] = bool(candidates)
             candidates = [one for one in candidates if ansatz.factors[ansatz.terms[max(one)][1]] != ex.TIME]
         known, gradients = self._gradients(ansatz, candidates) or ([], [])
@@ -425,8 +425,9 @@ class _Integrals:
         at_rest = (ex.substitute(p, dict.fromkeys(self.velocities, ex.ZERO)) for p in self.momenta)
         shifted = not self.constraints and any(p != ex.ZERO for p in at_rest)
         slopes = (derivative.differentiate(p, v) for p in self.momenta for v in self.velocities)
-        if not shifted and not self.constraints and not any(ex.holds(slope, *self.moving) for slope in slopes):
-            forms = tuple(form for form in forms if form not in self.velocities)  # combinations of the momenta
+        fixed = not any(ex.holds(slope, *self.moving) for slope in slopes)
+        if fixed and not shifted and not self.constraints and all(form in self.velocities for form in forms):
+            forms = ()  # combinations of the momenta
         frames = [self.momenta, self.velocities if shifted or not self.momenta else (), forms]
         seen: set[frozenset[Expression]] = set()
         for frame in frames:
@@ -551,6 +552,7 @@ class _Units:
     def __init__(self, work: _Integrals) -> None:
         self.names, self.positions, self.work = work.names, work.positions, work
         self.most = _MOST_WITH_CONSTRAINTS if work.constraints else _MOST_TERMS
+        self.back = {v: ex.negate(v) for v in work.velocities}
         nodes = list(dict.fromkeys(node for tree in work.trees for node in ex.walk(tree)))
         self.single: dict[Expression, dict[Expression, int]] = {q: {} for q in self.positions}
         self.mixed: dict[Expression, int] = {}
@@ -684,7 +686,7 @@ class _Units:
             terms = [(key, place[tree]) for tree in inner for key in keys]
             terms += [((), place[tree]) for tree in outer]
             if len(terms) <= (max(self.most, _MOST_LINEAR) if degree == 1 else self.most):
-                if degree == 1 and not with_time and self._is_odd(forms):
+                if degree == 1 and not with_time and self._are_odd(forms):
                     terms = [(key, k) for key, k in terms if key]
                 order = sorted(terms, key=lambda term: (ex.node_count(factors[term[1]]), len(term[0])))
                 if degree == 1 and not with_time and not self.work.moves:
@@ -709,15 +711,13 @@ class _Units:
             for chosen in itertools.combinations_with_replacement(plain, k)
         ]
 
-    def _is_odd(self, forms: Sequence[Expression]) -> bool:
-        """Whether integrals linear in the forms have no other terms: those change their sign backwards."""
-        at_rest: dict[Expression, Expression] = dict.fromkeys(self.work.velocities, ex.ZERO)
-        plain = all(ex.substitute(form, at_rest) == ex.ZERO for form in forms)
-        return plain and not self.work.constraints and self._is_even
+    def _are_odd(self, forms: Sequence[Expression]) -> bool:
+        """Whether integrals linear in the forms have no other terms, because those change their sign backwards."""
+        both = (collecting.collect(ex.substitute(form, self.back) + form) for form in forms)
+        return not self.work.constraints and self._is_even and all(tree == ex.ZERO for tree in both)
 
     @cached_property
     def _is_even(self) -> bool:
         """Whether the motion is the same backwards."""
-        back = {v: ex.negate(v) for v in self.work.velocities}
-        turned = [collecting.collect(ex.substitute(f, back) - f) for f in self.work.motion.free_accelerations]
+        turned = [collecting.collect(ex.substitute(f, self.back) - f) for f in self.work.motion.free_accelerations]
         return not self.work.moves and all(tree == ex.ZERO for tree in turned)

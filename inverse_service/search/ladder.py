@@ -49,7 +49,8 @@ class Leaf:
     `sizes` are the least and the greatest number of coordinates.
 
     `propose(material, seed)` returns regular Lagrangians, simplest first. The search verifies them unless the method is
-    `exact`. `reason` explains in a sentence how such a Lagrangian is derived.
+    `exact`. `reason` explains in a sentence how such a Lagrangian is derived. A method `for_both` proposes the same for
+    L(q, v) and L(t, q, v).
     """
 
     name: str
@@ -59,6 +60,7 @@ class Leaf:
     propose: Callable[[tm.Material, int], Sequence[ex.Expression]]
     reason: str
     exact: bool = False
+    for_both: bool = False
 
     def fits(self, material: tm.Material) -> bool:
         least, most = self.sizes
@@ -105,6 +107,7 @@ LEAVES = (
         one_matrix.propose,
         "The algebraic conditions determine a matrix `G(t, q)` up to a factor `phi`. In "
         "`L = phi G_ij v^i v^j/2 + A_i v^i - V`, `G` then determines the derivatives of `phi`, `A` and `V`.",
+        for_both=True,
     ),
     Leaf(
         "one matrix that depends on the velocities",
@@ -114,6 +117,7 @@ LEAVES = (
         moving_matrix.propose,
         "The algebraic conditions determine a matrix `G(t, q, v)` up to a factor `phi`, and `G` the derivatives of "
         "`phi`. Integrating `phi G` twice over the velocities, then `A` and `V`, gives `L`.",
+        for_both=True,
     ),
     Leaf(
         "blocks in sums of the coordinates",
@@ -170,6 +174,15 @@ LEAVES = (
         partial(_lifted, reductions.into_blocks),
         "The system decouples, so the Lagrangian is the sum of the Lagrangians of its blocks.",
         exact=True,
+    ),
+    Leaf(
+        "constant sums of velocities",
+        4.5,
+        FEW,
+        _any,
+        partial(_lifted, reductions.with_constant_sums),
+        "Some sums of the coordinates with constant factors have constant velocities. The Lagrangian is one of the "
+        "system in these sums and in others.",
     ),
     Leaf(
         "a coordinate as time",
@@ -240,8 +253,10 @@ def search(
     """
     tried: list[tuple[str, int]] = []
     with suppress(OutOfTime, tm.TooManyTerms):
-        analysis = tidy.with_plain_forces(analysis)
-        state = _Search(tm.gather(analysis, with_time), seed, progress, tried)
+        if "material" not in analysis.proposals:
+            analysis.proposals["material"] = tm.gather(tidy.with_plain_forces(analysis), with_time)
+        material = tm.asked(analysis.proposals["material"], with_time)
+        analysis, state = material.analysis, _Search(material, seed, progress, tried)
         own = families.own_family(own_terms)
         chosen = [*([own] if own else []), *(rung for rung in RUNGS if rung.cost <= highest)]
         for rung in sorted(chosen, key=lambda rung: rung.cost):
@@ -274,11 +289,14 @@ def attempt(state: _Search, rung: Rung) -> tidy.Found | None:
     if not rung.fits(state.material):
         return None
     state.progress(f"method: {rung.name}")
+    known = state.material.analysis.proposals if rung.for_both else {}
     try:
-        trees = rung.propose(state.material, state.seed)
+        trees = known[rung.name] if rung.name in known else rung.propose(state.material, state.seed)
+        known[rung.name] = trees
         asked = [tree for tree in trees if state.material.motion.with_time or not ex.holds(tree, ex.TIME)]
         proposed = tuple(asked if rung.exact else _verified(state, asked))
     except (*ansatz.NO_POINTS, errors.InputError, ArithmeticError, KeyError):
+        known.setdefault(rung.name, ())
         proposed = ()
     state.tried.append((rung.name, len(proposed)))
     return tidy.Found(proposed, rung.name, proposed[:1]) if proposed else None

@@ -5,10 +5,12 @@ They are those of a constant P with two eigenvalues that commutes with all f_q a
 P.
 """
 
+import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import partial
-from itertools import product
+from itertools import chain, product
 
 import numpy as np
 
@@ -141,21 +143,38 @@ def into_sums(material: tm.Material, seed: int) -> Iterator[Smaller]:
                 return
 
 
+def with_constant_sums(material: tm.Material, seed: int) -> Iterator[Smaller]:
+    """The system in sums of the coordinates: those with constant velocities, and sums orthogonal to them."""
+    forces, n = material.motion.forces, material.motion.size
+    rows = [[f.get(key, Fraction(0)) for f in forces] for key in dict.fromkeys(chain(*forces))]
+    constant = matrices.kernel(rows, n)
+    if all(sum(map(bool, row)) == 1 for row in constant):
+        return
+    forms = [
+        [c * math.lcm(*(each.denominator for each in row)) for c in row]
+        for row in (*constant, *matrices.kernel(constant, n))
+    ]
+    beside = [row + [Fraction(i == k) for k in range(n)] for i, row in enumerate(forms)]
+    inverse = [line[n:] for _, line in matrices.echelon_of(beside, 2 * n)]
+    numbers, back = ([list[ex.Expression](map(ex.number, row)) for row in table] for table in (forms, inverse))
+    yield _in_forms(material, numbers, back, n)
+
+
 def _trees(ring: exact_field.ExactRing, rows: Sequence[Sequence[exact_field.Quotient]]) -> Table:
     return [[exact_field.quotient_tree(ring, entry) for entry in row] for row in rows]
 
 
 def _in_forms(material: tm.Material, forms: Table, inverse: Table, first: int) -> Smaller:
-    """The blocks of the first forms and of the others; each form is named after the coordinate in its place."""
+    """The blocks of the first forms and of the others, if any; each form is named after the coordinate in its place."""
     system, blocks = material.analysis.system, list[SecondOrderSystem]()
     names, places = system.coordinates, range(len(system.coordinates))
     forces = [ex.add(*map(ex.multiply, form, system.accelerations)) for form in forms]
-    for chosen in (places[:first], places[first:]):
+    for chosen in filter(None, (places[:first], places[first:])):
         own = tuple(names[k] for k in chosen)
         table = _substitution(names, [[row[k] for k in chosen] for row in inverse], own)
         accelerations = tuple(tm.collected(ex.substitute(forces[k], table)) for k in chosen)
         blocks.append(replace(system, coordinates=own, accelerations=accelerations, branch=None, nonzero=()))
-    back, timed = _substitution(names, forms, names), (material.motion.with_time,) * 2
+    back, timed = _substitution(names, forms, names), (material.motion.with_time,) * len(blocks)
     return Smaller(
         tuple(blocks), timed, lambda found: [ex.substitute(_sum_of(system, [one[0] for one in found]), back)]
     )

@@ -11,7 +11,7 @@ sin w). The material of a search is f as terms, with the generators from which t
 
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import lru_cache
 from math import gcd, lcm, prod
@@ -705,6 +705,11 @@ class Material:
     position_letters: tuple[ex.Expression, ...]
     velocity_letters: tuple[ex.Expression, ...]
     shared: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
+
+
+def asked(material: Material, with_time: bool) -> Material:
+    """The material for one of the two questions."""
+    return replace(material, motion=replace(material.motion, with_time=with_time), shared={})
 
 
 def gather(analysis: Analysis, with_time: bool) -> Material:
