@@ -10,9 +10,10 @@ from dataclasses import replace
 from itertools import combinations
 from typing import TYPE_CHECKING, cast
 
+from inverse_service import bounds
 from inverse_service.decision.solutions import Answer, Conditions, Part, Solution, Step
 from inverse_service.expressions import notation, printing
-from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
+from inverse_service.expressions.tree import Expression, Symbol, Velocity, node_count, walk
 from inverse_service.field.exact_field import ExactRing, quotient_tree
 from inverse_service.mechanics.conditions import Tensor11, Tensor12, conditions
 from inverse_service.search import terms as tm
@@ -259,7 +260,10 @@ def printed_conditions(system: SecondOrderSystem) -> tuple[Conditions | None, st
     tensors = conditions(system)
     if tensors.Phi is None or tensors.nabla_Phi is None or tensors.R is None:
         return None, tensors.reason
-    short = tm.with_sums_of_angles
+
+    def short(tree: Expression) -> Expression:
+        return tm.with_sums_of_angles(tree) if node_count(tree) <= bounds.LARGE else tree  # a page of formulas
+
     Phi, nabla = (tuple(tuple(map(short, row)) for row in each) for each in (tensors.Phi, tensors.nabla_Phi))
     R = tuple(tuple(tuple(map(short, row)) for row in rows) for rows in tensors.R)
     return Conditions(Phi, nabla, R), tensors.reason

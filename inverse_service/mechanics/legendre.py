@@ -357,11 +357,14 @@ def judge(claim: Claim, conditions: Sequence[ex.Expression], points: Sequence[Po
     """Where the claim holds; None unless it holds at three points at least and wherever the conditions do."""
     nodes = ex.distinct_nodes((*claim.velocities, claim.hamiltonian))
     calls = [node for node in nodes if isinstance(node, ex.Arbitrary)]
+    holds, signs, needed = list[bool](), list[list[bool]](), list(range(len(conditions)))
     with mp.workdps(bounds.DIGITS):
-        known = [_with_momenta(claim, point, calls) for point in points]
-        holds = [point is not None and (_holds(claim, point) or _holds_closer(claim, point, calls)) for point in known]
-        signs = [[point is not None and is_positive(c, point) for c in conditions] for point in known]
-    needed = list(range(len(conditions)))
+        for point in points:
+            known = _with_momenta(claim, point, calls)
+            signs.append([known is not None and is_positive(c, known) for c in conditions])
+            holds.append(known is not None and (_holds(claim, known) or _holds_closer(claim, known, calls)))
+            if all(signs[-1]) and not holds[-1]:
+                return None
     if not _is_right(holds, signs, needed):
         return None
     for place in list(needed):

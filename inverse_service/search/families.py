@@ -142,6 +142,10 @@ def find_factors(material: tm.Material) -> Factors:
     return Factors(along, across, tuple(_first(in_time, whole)), chosen)
 
 
+def has_factors_of_time(material: tm.Material) -> bool:
+    return len(find_factors(tm.asked(material, with_time=True)).in_time) > 1
+
+
 def _first(in_time: Iterable[tm.Monomial], whole: tm.Monomial | None) -> list[tm.Monomial]:
     """1, the factor `whole` of the divergence, and the simplest other factors."""
     ordered = [tm.EMPTY, *([whole] if whole else []), *sorted(in_time, key=tm.rank)]

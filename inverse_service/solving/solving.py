@@ -409,7 +409,9 @@ def _with_time_instead(work: Work, autonomous: Answer) -> Answer:
     """If L(q, v) was not found, has no closed H, or is hard to read: a better L(t, q, v), if there is one."""
     from inverse_service.search import families
 
-    if families.asks_for_no_time(work.analysis.system):
+    system, known = work.analysis.system, work.analysis.proposals
+    found = autonomous.lagrangian is not None and len(system.coordinates) > 1 and "material" in known
+    if families.asks_for_no_time(system) or (found and not families.has_factors_of_time(known["material"])):
         return autonomous  # without a factor e^(ct), the search would be the same
     decision = _decide(work, with_time=True)
     if decision.verdict != "variational":
