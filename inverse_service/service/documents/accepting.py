@@ -453,7 +453,7 @@ def _ask_about_multiplied(
     terms = [term for part in parts if isinstance(part, ex.Sum) for term in part.terms]
     moving = {ex.TIME, *map(ex.Symbol, names.coordinates), *map(ex.Velocity, names.coordinates)}
     still = [term for term in terms if not moving & {*ex.walk(term)} and ex.has(term, ex.Symbol)]
-    is_held = any(is_zero(slope - tree) or is_zero(slope + tree) for tree in held)
+    is_held = any(_is_zero(slope - tree) or _is_zero(slope + tree) for tree in held)
     if not is_held and not (still and all(isinstance(part, ex.Number | ex.Sum) for part in parts)):
         return
     rest = printing.to_text(ex.substitute(whole, {multiplier: ex.ZERO}))
@@ -1080,18 +1080,18 @@ def _scaled(
 ) -> ex.Expression | None:
     """The force times c where the equation of L is c times the line; None where it is no such multiple."""
     over, under = (derivative.differentiate(tree, acceleration) for tree in (equation, line))
-    same = under != ex.ZERO and is_zero(equation * under - line * over)
+    same = under != ex.ZERO and _is_zero(equation * under - line * over)
     return force * over / under if same else None
 
 
 def _are_parallel(force: Sequence[ex.Expression], form: Sequence[ex.Expression]) -> bool:
     pairs = combinations(range(len(form)), 2)
-    return any(not is_zero(one) for one in force) and all(
-        is_zero(force[i] * form[j] - force[j] * form[i]) for i, j in pairs
+    return any(not _is_zero(one) for one in force) and all(
+        _is_zero(force[i] * form[j] - force[j] * form[i]) for i, j in pairs
     )
 
 
-def is_zero(tree: ex.Expression) -> bool:
+def _is_zero(tree: ex.Expression) -> bool:
     if collecting.collect(tree) == ex.ZERO:
         return True
     with suppress(exact_field.TooLarge, ZeroDivisionError, KeyError):  # sin(x) = cos(x)*tan(x)
