@@ -24,7 +24,7 @@ from inverse_service.constrained.hamiltonise import Hamiltonisation, hamiltonise
 from inverse_service.deadline import OutOfTime, now, share, until
 from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import Answer, Lagrangian, Step, Verdict
-from inverse_service.explanation.wording import said, separated
+from inverse_service.explanation.explaining import said, separated
 from inverse_service.expressions.notation import row
 from inverse_service.expressions.tree import TIME, Expression, Number, Power, Symbol, Velocity, walk
 from inverse_service.field import modular

@@ -14,7 +14,7 @@ from inverse_service.constrained.hamiltonise import Hamiltonisation, hamiltonise
 from inverse_service.constrained.reduced import confirmed, solution_with
 from inverse_service.deadline import now
 from inverse_service.decision import solutions
-from inverse_service.explanation import wording
+from inverse_service.explanation import explaining
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, real_branch
 from inverse_service.mechanics import (
@@ -198,7 +198,7 @@ def study(
             answers[place] = replace(one, solution=solving.with_reasons(one.solution, quiet, named))
     solution = answers[main].solution
     if solution is not None and options.conditions:
-        answers[main] = replace(answers[main], solution=wording.with_conditions(solution))
+        answers[main] = replace(answers[main], solution=explaining.with_conditions(solution))
     return Study(report, tuple(answers), main)
 
 

@@ -20,7 +20,7 @@ from inverse_service import errors
 from inverse_service.certificate import checker
 from inverse_service.deadline import left, now
 from inverse_service.decision import certify, deciding, solutions
-from inverse_service.explanation import positive, wording
+from inverse_service.explanation import explaining
 from inverse_service.expressions import notation, tree as ex
 from inverse_service.field import exact_field, modular, real_branch, tower
 from inverse_service.linear_pde.involution import Limits
@@ -253,7 +253,7 @@ def solution_with(
     The decision is still made, because it determines the size of the space of multipliers.
     """
     began = now()
-    found, left_out = wording.printed_conditions(system) if options.conditions else (None, "")
+    found, left_out = explaining.printed_conditions(system) if options.conditions else (None, "")
     analysis = deciding.analyze(system)
     decision = deciding.decide(
         system, False, options.seed, Limits(deadline=began + options.time_limit), analysis=analysis
@@ -279,10 +279,12 @@ def _answer(analysis: deciding.Analysis, decision: deciding.Decision, known: Seq
     hamiltonian = solutions.Hamiltonian(chosen.transform, chosen.images)
     decided = decision.verdict == "variational" and decision.space is not None and decision.symbol is not None
     steps = (
-        *(positive.existence_steps(decision) if decided else ()),
-        wording.said(f"The {chosen.source} is a regular Lagrangian of the system: ", notation.row("L = ", tree), "."),
-        *_short(positive.verification_steps(analysis, lagrangian)),
-        *positive.legendre_steps(hamiltonian),
+        *(explaining.existence_steps(decision) if decided else ()),
+        explaining.said(
+            f"The {chosen.source} is a regular Lagrangian of the system: ", notation.row("L = ", tree), "."
+        ),
+        *_short(explaining.verification_steps(analysis, lagrangian)),
+        *explaining.legendre_steps(hamiltonian),
     )
     return solutions.Answer(
         "variational",
@@ -307,5 +309,5 @@ def _short(steps: Sequence[solutions.Step]) -> tuple[solutions.Step, ...]:
     if length <= _LONGEST_STEPS:
         return tuple(steps)
     return (
-        wording.said("Worked out, its Helmholtz conditions fill pages; the independent checker has confirmed them."),
+        explaining.said("Worked out, its Helmholtz conditions fill pages; the independent checker has confirmed them."),
     )

@@ -26,7 +26,8 @@ from inverse_service import bounds, errors
 from inverse_service.deadline import now
 from inverse_service.decision.deciding import Analysis
 from inverse_service.decision.solutions import Step
-from inverse_service.explanation import hierarchy, wording
+from inverse_service.explanation import hierarchy
+from inverse_service.explanation.explaining import Piece, said, separated
 from inverse_service.expressions import collecting, notation, printing, tree as ex
 from inverse_service.field import exact_field, matrices, modular, tower
 from inverse_service.field.dense_series import Series
@@ -38,6 +39,9 @@ Tensors = Mapping[hierarchy.ConditionName, Tensor11[exact_field.Quotient] | Tens
 TIME_LIMIT = 1.0
 NUMBERS_LIMIT = 5.0
 LARGEST_N = 5
+_SYMMETRIC = "g_ij T^j_k = g_kj T^j_i"
+_CYCLIC = "g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0"
+SINGULAR = "det g = 0"
 # The number of characters of one step beyond which numbers at one point are easier to follow.
 LONGEST_SHOWN = 2_000
 
@@ -65,7 +69,7 @@ def explain_negative(
     """
     system = analysis.system
     budget = exact_field.Budget(bounds.TERMS, now() + time_limit)
-    summary = wording.differential_summary(system) if chosen is None else wording.summary_steps(system, chosen)
+    summary = differential_summary(system) if chosen is None else summary_steps(system, chosen)
     found = None
     try:
         if chosen is None:
@@ -91,7 +95,7 @@ def _by_elimination(
     analysis: Analysis, chosen: hierarchy.SufficientSet, seed: int, budget: exact_field.Budget
 ) -> tuple[Step, ...]:
     solved = solve_conditions(analysis, chosen, seed, budget)
-    return (wording.opening(analysis.system, chosen), *solved.steps, _closing_step(solved))
+    return (opening(analysis.system, chosen), *solved.steps, _closing_step(solved))
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +141,7 @@ def solve_conditions(
     rows = exact_rows(analysis, chosen, seed, budget, further_orders)
     result = hierarchy.eliminate(rows.equations, rows.table)
     ring = rows.exact.ring
-    steps = [wording.tensor_step(ring, condition, rows.tensors[condition]) for condition in chosen.conditions]
+    steps = [tensor_step(ring, condition, rows.tensors[condition]) for condition in chosen.conditions]
     steps += [_solved_step(ring, rows.symbols, step, analysis.system.parameters) for step in result.solved]
     return SolvedConditions(rows.exact, rows.symbols, result, tuple(steps))
 
@@ -151,8 +155,8 @@ def _by_differentiation(analysis: Analysis, with_time: bool, seed: int, budget: 
     ring, n = solved.exact.ring, solved.exact.motion.size
     direction = hierarchy.direction_matrix(solved.result, n, ring.constant(1))
     found = hierarchy.contradiction(analysis, solved.exact, direction, with_time, seed)
-    steps = (*solved.steps, *wording.factor_steps(ring, direction, found))
-    return (wording.opening(analysis.system, chosen), *steps)
+    steps = (*solved.steps, *factor_steps(ring, direction, found))
+    return (opening(analysis.system, chosen), *steps)
 
 
 def entry_symbols(system: SecondOrderSystem) -> dict[hierarchy.Unknown, ex.Symbol]:
@@ -188,7 +192,7 @@ def _solved_step(
 ) -> Step:
     original, reduced, result = (linear_tree(ring, symbols, row) for row in (step.original, step.reduced, step.value))
     divisors = [*exact_field.factor_trees(ring, step.content), *exact_field.factor_trees(ring, step.divisor)]
-    return wording.equation_step(step.name, original, reduced, symbols[step.pivot], result, divisors, parameters)
+    return equation_step(step.name, original, reduced, symbols[step.pivot], result, divisors, parameters)
 
 
 def linear_tree(
@@ -203,7 +207,7 @@ def _closing_step(solved: SolvedConditions) -> Step:
     n = solved.exact.motion.size
     block = hierarchy.vanishing_block(solved.result.values, n)
     if block is not None:
-        return wording.block_sentence(solved.symbols, *block, n)
+        return block_sentence(solved.symbols, *block, n)
     ring = solved.exact.ring
     elements = {unknown: ring.atoms[symbol] for unknown, symbol in solved.symbols.items()}
     if not hierarchy.remaining_determinant(solved.result, n, elements, ring.constant(1)).is_zero:
@@ -218,10 +222,8 @@ def _det_vanishes(solved: SolvedConditions) -> Step:
     remaining = solved.result.matrix(solved.exact.motion.size, ring.constant(1))
     rows = [[linear_tree(ring, solved.symbols, row) for row in line] for line in remaining]
     if sum(ex.node_count(entry) for line in rows for entry in line) > bounds.SHOWN:
-        return wording.said(f"With these values {end}", shown=[wording.SINGULAR])
-    return wording.said(
-        "With these values ", notation.row("g = ", notation.matrix(rows)), f", and {end}", shown=[wording.SINGULAR]
-    )
+        return said(f"With these values {end}", shown=[SINGULAR])
+    return said("With these values ", notation.row("g = ", notation.matrix(rows)), f", and {end}", shown=[SINGULAR])
 
 
 def _in_numbers(analysis: Analysis, chosen: hierarchy.SufficientSet) -> tuple[Step, ...] | None:
@@ -237,18 +239,18 @@ def _in_numbers(analysis: Analysis, chosen: hierarchy.SufficientSet) -> tuple[St
         if not condition.cyclic
     }
     solution = _echelon(list(rows.values()))
-    steps = [wording.opening(analysis.system, chosen), _point_step(analysis, chosen, values)]
+    steps = [opening(analysis.system, chosen), _point_step(analysis, chosen, values)]
     for condition, entries in tensors.items():
         shown = notation.row(notation.theory(f"{condition.name} = "), entries)
-        steps.append(wording.said("At this point ", shown, "."))
+        steps.append(said("At this point ", shown, "."))
     for name, row in rows.items():
         shown = notation.row(_combination(row, names), " = 0")
-        steps.append(wording.said(wording.equation_name(name), ", up to a constant factor: ", shown, "."))
+        steps.append(said(equation_name(name), ", up to a constant factor: ", shown, "."))
     values_of_g = []
     for pivot, row in solution:
         others = [-a * (k != pivot) for k, a in enumerate(row)]
         values_of_g.append(notation.row(names[pivot], " = ", _combination(others, names)))
-    steps.append(wording.said("These linear equations have the solution ", *wording.separated(values_of_g), "."))
+    steps.append(said("These linear equations have the solution ", *separated(values_of_g), "."))
     free = [name for k, name in enumerate(names) if k not in dict(solution)]
     return (*steps, _closing_step_at_point(free))
 
@@ -276,13 +278,13 @@ def _point_step(analysis: Analysis, chosen: hierarchy.SufficientSet, values: Val
     bare = bare_variables(analysis.accelerations)
     variables = [each for each in values if isinstance(each, ex.Symbol | ex.Velocity) and each in bare]
     shown = (*sorted(variables, key=printing.to_text), *_atoms(analysis, chosen))
-    listed = wording.separated([notation.row(each, " = ", ex.number(values[each])) for each in shown])
+    listed = separated([notation.row(each, " = ", ex.number(values[each])) for each in shown])
     if not listed:
-        return wording.said("Take any point.")
+        return said("Take any point.")
     why = "The conditions are too long to print"
     if is_real(analysis):
-        return wording.said(f"{why}, so evaluate them at one point: ", *listed, ".")
-    return wording.said(
+        return said(f"{why}, so evaluate them at one point: ", *listed, ".")
+    return said(
         f"{why}, so substitute numbers for the functions: ", *listed, ". No real point need have these values, but "
         "they satisfy every algebraic relation among these functions and the variables.",
     )  # fmt: skip
@@ -294,18 +296,193 @@ def _closing_step_at_point(free: Sequence[ex.Symbol]) -> Step:
     `free` are the entries of g that the solution leaves free.
     """
     if not free:
-        return wording.said(
+        return said(
             "Hence `g = 0`. The same argument applies at every generic point, because a minor that is nonzero for "
             "these numbers vanishes at most on a set without interior points. So there is no Lagrangian.",
-            shown=[wording.SINGULAR],
+            shown=[SINGULAR],
         )
-    return wording.said(
+    return said(
         "Hence `det g = 0` for all values of ",
-        *wording.enumerated(free),
+        *enumerated(free),
         ". The choice of point does not matter: at random points, modulo large primes, the same equations also admit "
         "only singular `g`, so `det g = 0` at every generic point. So there is no Lagrangian.",
-        shown=[wording.SINGULAR],
+        shown=[SINGULAR],
     )
+
+
+def enumerated(formulas: Sequence[Piece]) -> list[Piece]:
+    """a, b and c."""
+    found: list[Piece] = []
+    for k, formula in enumerate(formulas):
+        found += [" and " if k == len(formulas) - 1 else ", ", formula] if k else [formula]
+    return found
+
+
+def indices(system: SecondOrderSystem) -> list[Piece]:
+    """Which index belongs to which coordinate."""
+    found: list[Piece] = []
+    for k, name in enumerate(system.coordinates, 1):
+        found += [f"{', ' * (k > 1)}{k} for ", ex.Symbol(name)]
+    return found
+
+
+def opening(system: SecondOrderSystem, chosen: hierarchy.SufficientSet) -> Step:
+    """The conditions that a multiplier must satisfy."""
+    kinds = {condition.cyclic for condition in chosen.conditions}
+    return said(
+        "Suppose that a regular Lagrangian exists. Its velocity Hessian `g` is symmetric and nonsingular, and ",
+        *_listed_conditions(chosen), " (indices: ", *indices(system), ").",
+        shown=[formula for kind, formula in ((False, _SYMMETRIC), (True, _CYCLIC)) if kind in kinds],
+    )  # fmt: skip
+
+
+def _listed_conditions(chosen: hierarchy.SufficientSet) -> list[Piece]:
+    plain = [notation.theory(condition.name) for condition in chosen.conditions if not condition.cyclic]
+    cyclic = [condition.name for condition in chosen.conditions if condition.cyclic]
+    found: list[Piece] = ["`g T` is symmetric for `T` = ", *enumerated(plain)] if plain else []
+    if cyclic:
+        found += [" and "] if found else []
+        found.append(notation.theory(_CYCLIC))
+        others: list[Piece] = [" for ", *enumerated([notation.theory(name) for name in cyclic]), " in the place of `R`"]
+        found += [] if cyclic == ["R"] else others
+    return found
+
+
+def _listed(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def tensor_step(
+    ring: exact_field.ExactRing,
+    condition: hierarchy.ConditionName,
+    tensor: Tensor11[exact_field.Quotient] | Tensor12[exact_field.Quotient],
+) -> Step:
+    """The nonzero components of a tensor of the conditions, the first index above; k < l for T^j_kl."""
+    span = range(len(tensor))
+    found: list[tuple[tuple[int, ...], exact_field.Quotient]]
+    if condition.cyclic:
+        bend = cast("Tensor12[exact_field.Quotient]", tensor)
+        found = [((i, k, m), bend[i][k][m]) for i in span for k, m in itertools.combinations(span, 2)]
+    else:
+        plain = cast("Tensor11[exact_field.Quotient]", tensor)
+        found = [((i, k), plain[i][k]) for i in span for k in span]
+    shown = [
+        notation.row(f"({condition.name})^{above + 1}_{_numbers(below)} = ", exact_field.quotient_tree(ring, value))
+        for (above, *below), value in found
+        if not value.is_zero
+    ]
+    name = notation.theory(condition.name)
+    if not shown:
+        return said("All components of ", name, " are zero.")
+    return said("The nonzero components of ", name, " are ", *separated(shown), ".", shown=shown)
+
+
+def _numbers(indices: Sequence[int]) -> str:
+    """The indices as a person counts them."""
+    return "".join(str(index + 1) for index in indices)
+
+
+def equation_name(name: hierarchy.EquationName) -> notation.Formula:
+    """(nabla Phi)_12: entry 12 of g nabla Phi, which must equal entry 21."""
+    return notation.theory(f"({name.condition.name})_{_numbers(name.indices)}")
+
+
+def equation_step(
+    name: hierarchy.EquationName,
+    original: ex.Expression,
+    reduced: ex.Expression,
+    pivot: ex.Symbol,
+    result: ex.Expression,
+    divisors: Sequence[ex.Expression],
+    parameters: Collection[str] = (),
+) -> Step:
+    """One equation, its reduced form, the divisors used, and the result.
+
+    Parameters are numbers, so the step says for which of their values it holds.
+    """
+    pieces: list[Piece] = [equation_name(name), ": ", notation.row(original, " = 0"), ". "]
+    if reduced != original:
+        pieces += ["Substituting the results above gives ", notation.row(reduced, " = 0"), ". "]
+    return said(*pieces, *_divided_by(dict.fromkeys(divisors), parameters), notation.row(pivot, " = ", result), ".")
+
+
+def _divided_by(divisors: Iterable[ex.Expression], parameters: Collection[str]) -> list[Piece]:
+    """For a != 0, since x is not identically zero, …"""
+    numbers, others = list[notation.Formula](), list[notation.Formula]()
+    for divisor in divisors:
+        leaves = [node for node in ex.walk(divisor) if isinstance(node, ex.Symbol | ex.Velocity)]
+        constant = leaves and all(isinstance(leaf, ex.Symbol) and leaf.name in parameters for leaf in leaves)
+        (numbers if constant else others).append(notation.formula_of(divisor))
+    if not numbers and not others:
+        return ["Hence "]
+    values: list[Piece] = (
+        ["For ", *separated([notation.row(one, " != 0") for one in numbers], " and "), ", "] if numbers else []
+    )
+    verb = "is" if len(others) == 1 else "are"
+    word = "since " if numbers else "Since "
+    return [*values, *([word, *enumerated(others), f" {verb} not identically zero, "] if others else [])]
+
+
+def block_sentence(
+    symbols: Mapping[hierarchy.Unknown, ex.Symbol], rows: tuple[int, ...], columns: tuple[int, ...], n: int
+) -> Step:
+    """Explain that g is singular because the common entries of these rows and columns vanish."""
+    names = sorted({symbols[min(r, c), max(r, c)].name for r in rows for c in columns})
+    equal = notation.row(*separated([ex.Symbol(name) for name in names], " = "), " = 0")
+    if len(rows) == 1 and len(columns) == n:
+        why = f"row {rows[0] + 1} of `g` is zero"
+    else:
+        left, top = (_listed([str(k + 1) for k in part]) for part in (rows, columns))
+        why = f"the entries of rows {left} of `g` in columns {top} are zero, so these rows are linearly dependent"
+    return said(equal, f": {why}, hence `{SINGULAR}`. This is a contradiction, so no regular Lagrangian exists.")
+
+
+def summary_steps(system: SecondOrderSystem, chosen: hierarchy.SufficientSet) -> tuple[Step, ...]:
+    """Conditions and ranks, for expressions too large to follow by hand."""
+    n = len(system.coordinates)
+    end = "so `g = 0`" if chosen.dimension == 0 else "in which every matrix is singular"
+    closing = said(
+        "The linear equations ", *enumerated([equation_name(name) for name in chosen.equations]),
+        f" on the {n * (n + 1) // 2} entries of `g` have rank {chosen.rank} at a generic point; the symmetric matrices "
+        f"that satisfy them form a space of dimension {chosen.dimension}, {end}. Hence no regular Lagrangian exists.",
+        shown=[SINGULAR],
+    )  # fmt: skip
+    middle = said("For each `T` the equation is `g_11 T^1_2 + g_12 (T^2_2 - T^1_1) - g_22 T^2_1 = 0`.")
+    return (opening(system, chosen), *([middle] if n == 2 else []), closing)
+
+
+def differential_summary(system: SecondOrderSystem) -> tuple[Step, ...]:
+    """The text used if only the prolonged equations decide and no short argument was found."""
+    step = said(
+        "A nonsingular `g` survives every algebraic condition (`Phi`, `nabla Phi`, ..., `R`) at a generic point; the "
+        "Helmholtz conditions differentiated by ", *separated([ex.Symbol(name) for name in system.coordinates]),
+        " and the velocities leave only singular ones. The certificate lists the differentiated equations that were "
+        "used.",
+        shown=["Gamma(g) = g N + (g N)^T", "dg_ij/dv^k = dg_ik/dv^j"],
+    )  # fmt: skip
+    return (step,)
+
+
+def factor_steps(
+    ring: exact_field.ExactRing, direction: Tensor11[exact_field.Quotient], found: hierarchy.Contradiction
+) -> list[Step]:
+    """g = e^u times a known matrix; the derivatives of u, and the two that contradict each other."""
+    rows = [[exact_field.quotient_tree(ring, entry) for entry in line] for line in direction]
+    fixed = said(
+        "The algebraic conditions therefore determine `g` up to a factor: `g = e^u G` or `g = -e^u G` with ",
+        notation.row("G = ", notation.matrix(rows)), " and unknown `u`.",
+    )  # fmt: skip
+    steps = [fixed]
+    steps += [
+        said(f"{line.reason}: ", notation.row(line.formula, " = ", exact_field.quotient_tree(ring, line.value)), ".")
+        for line in found.lines
+    ]
+    tree = exact_field.quotient_tree(ring, found.difference)
+    steps.append(
+        said("For such `u`, ", found.formula, f"{found.note} must vanish, but it is ", tree,
+             ", which is not identically zero. Hence no regular Lagrangian exists.")
+    )  # fmt: skip
+    return steps
 
 
 @dataclass(slots=True)

@@ -31,7 +31,7 @@ from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 from inverse_service import deadline, errors
 from inverse_service.certificate import formulas
 from inverse_service.decision import deciding
-from inverse_service.explanation import hierarchy, negative, wording
+from inverse_service.explanation import hierarchy, negative
 from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import conditions, second_order_system
@@ -358,7 +358,7 @@ class _Elimination:
         for step in self.result.solved:
             row = exact_field.sum_of(self.ring.constant(0), [c * self._entry(*u) for u, c in step.original.items()])
             fact = Fact(f"eq{len(equations) + 1}", primitive(row.numerator))
-            equations.append((fact, wording.equation_name(step.name).text))
+            equations.append((fact, negative.equation_name(step.name).text))
             self.origins.append((step.name, row))
             values.append(self._reduced(Divisor(fact, self.places[step.pivot]), values))
         for k in reversed(range(len(values))):

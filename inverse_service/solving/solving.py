@@ -17,7 +17,7 @@ from inverse_service import bounds, deadline, errors
 from inverse_service.certificate import checker, formulas
 from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import Answer, Conditions, Lagrangian, Left, Solution, SolveOptions, Step
-from inverse_service.explanation import positive, wording
+from inverse_service.explanation import explaining
 from inverse_service.expressions import collecting, notation, printing, tree as ex
 from inverse_service.field import real_branch, tower
 from inverse_service.linear_pde import involution
@@ -282,7 +282,7 @@ def _conditions(system: SecondOrderSystem, options: SolveOptions, report: Progre
     if not options.conditions:
         return None, ""
     report("conditions")
-    return wording.printed_conditions(system)
+    return explaining.printed_conditions(system)
 
 
 def _first_integrals(work: Work, *answers: Answer | None) -> tuple[FirstIntegral, ...]:
@@ -371,7 +371,7 @@ def _as_given(work: Work) -> Answer | None:
     short = not (system.is_unsolved or len(system.coordinates) > _MOST_COORDINATES)
     short = short and sum(map(ex.node_count, system.accelerations)) <= bounds.TERMS
     decision = _decide(work, with_time, _SHARE_AS_GIVEN, _MOST_FOR_FREEDOM) if short else None
-    found = positive.of_lagrangian(work.analysis, with_time, best, AS_GIVEN, positive.as_given_steps(), decision)
+    found = explaining.of_lagrangian(work.analysis, with_time, best, AS_GIVEN, explaining.as_given_steps(), decision)
     return completed(work, replace(found, checked="valid"), None, with_time)
 
 
@@ -385,13 +385,13 @@ def _explained(
     """Both answers with a note on ambiguous names and on their sets; a common answer remains one object."""
 
     def explained(answer: Answer | None) -> Answer | None:
-        answer = answer and wording.with_shared_letters(answer, system)
+        answer = answer and explaining.with_shared_letters(answer, system)
         if answer is None or not answer.explanation:
             return answer
-        steps = positive.branch_steps(system, answer.positive, answer.nonzero)
+        steps = explaining.branch_steps(system, answer.positive, answer.nonzero)
         known, found = {*answer.positive, *answer.nonzero}, answer.lagrangian
         if len(system.coordinates) == 1 and found and not known.issuperset((*found.positive, *found.nonzero)):
-            steps += (positive.of_one_coordinate(system.coordinates[0], _holds_time(answer), is_found=True),)
+            steps += (explaining.of_one_coordinate(system.coordinates[0], _holds_time(answer), is_found=True),)
         return replace(answer, explanation=(*steps, *answer.explanation))
 
     autonomous = explained(answers[0])
@@ -510,7 +510,7 @@ def _with_its_reasons(work: Work, answer: Answer, with_time: bool) -> Answer:
     try:
         steps = _reasons(work, with_time)
     except errors.IrreducibleAtoms as problem:
-        steps = (wording.said(f"The conditions could not be printed: {problem.detail}.".replace("`", "")),)
+        steps = (explaining.said(f"The conditions could not be printed: {problem.detail}.".replace("`", "")),)
     work.add_seconds("explanation", began)
     return replace(answer, explanation=steps)
 
@@ -531,15 +531,15 @@ def _reasons(work: Work, with_time: bool) -> tuple[Step, ...]:
 
 def _by_existence(work: Work, decision: deciding.Decision) -> Answer:
     certificate = certify.of_decision(work.analysis, decision, work.options.series_order, work.options.seed)
-    series = positive.series_steps(work.analysis, decision, work.options.series_order)
+    series = explaining.series_steps(work.analysis, decision, work.options.series_order)
     steps, known = (
-        (positive.not_found(work.analysis.system, decision.space), *series),
-        positive.existence_steps(decision),
+        (explaining.not_found(work.analysis.system, decision.space), *series),
+        explaining.existence_steps(decision),
     )
     if len(work.analysis.system.coordinates) == 1:
         name = work.analysis.system.coordinates[0]
-        steps = (positive.of_one_coordinate(name, decision.with_time, is_found=False),)
-        known = (positive.not_found(work.analysis.system, decision.space), *series)
+        steps = (explaining.of_one_coordinate(name, decision.with_time, is_found=False),)
+        known = (explaining.not_found(work.analysis.system, decision.space), *series)
     return Answer("variational", space=decision.space, certificate=certificate, explanation=steps, details=known)
 
 
@@ -575,8 +575,8 @@ def _as_written(work: Work, decision: deciding.Decision, tree: ex.Expression) ->
 def _proposed(work: Work, decision: deciding.Decision, tree: ex.Expression) -> Answer:
     assert work.outcome is not None
     assert work.outcome.found is not None
-    how = positive.search_steps(work.outcome)
-    return positive.of_lagrangian(work.analysis, decision.with_time, tree, work.outcome.found.family, how, decision)
+    how = explaining.search_steps(work.outcome)
+    return explaining.of_lagrangian(work.analysis, decision.with_time, tree, work.outcome.found.family, how, decision)
 
 
 def _searched(work: Work, decision: deciding.Decision, highest: float) -> SearchOutcome:
@@ -726,9 +726,9 @@ def completed(work: Work, answer: Answer, others: Found | None, with_time: bool)
     began = deadline.now()
     work.progress("Hamiltonian")
     names = work.analysis.system.coordinates
-    hamiltonian = positive.hamiltonian_of(answer.lagrangian.expression, names, answer.lagrangian.positive)
-    verified = positive.verification_steps(work.analysis, answer.lagrangian)
-    steps = (*answer.details, *verified, *positive.legendre_steps(hamiltonian))
+    hamiltonian = explaining.hamiltonian_of(answer.lagrangian.expression, names, answer.lagrangian.positive)
+    verified = explaining.verification_steps(work.analysis, answer.lagrangian)
+    steps = (*answer.details, *verified, *explaining.legendre_steps(hamiltonian))
     work.add_seconds("Hamiltonian", began)
     answer = replace(answer, hamiltonian=hamiltonian, details=steps)
     tell(work, answer, with_time)

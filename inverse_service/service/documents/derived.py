@@ -19,7 +19,7 @@ from inverse_service.decision import deciding
 from inverse_service.decision.helmholtz import LagrangianKind, invariant, kind_named
 from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.errors import InputError
-from inverse_service.explanation import positive
+from inverse_service.explanation import explaining
 from inverse_service.expressions import collecting, derivative, printing, tree as ex
 from inverse_service.field import real_branch
 from inverse_service.mechanics import second_order_system
@@ -242,7 +242,7 @@ def _with_friction(solution: Solution, asked: SolveOptions, end: float) -> schem
         return None
 
     names, lagrangian = solution.system.coordinates, found.lagrangian
-    hamiltonian = positive.hamiltonian_of(lagrangian.expression, names, lagrangian.positive)
+    hamiltonian = explaining.hamiltonian_of(lagrangian.expression, names, lagrangian.positive)
     shown_hamiltonian = None if hamiltonian is None else translate.hamiltonian_part(hamiltonian)
     shown = kind_part(found).model_dump(include={"lagrangian", "dissipation", "certificate", "checked"})
     return schemas.InsteadPart(kind="rayleigh", hamiltonian=shown_hamiltonian, **shown)

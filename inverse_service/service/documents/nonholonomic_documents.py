@@ -17,7 +17,7 @@ from inverse_service.constrained import answering, hamiltonise, nonholonomic_stu
 from inverse_service.constrained.lagrangian import first_system
 from inverse_service.deadline import NOT_YET, now, share
 from inverse_service.decision import solutions
-from inverse_service.explanation import wording
+from inverse_service.explanation import explaining
 from inverse_service.expressions import collecting, inequalities, notation, printing, tree as ex
 from inverse_service.mechanics import (
     constrained_motion,
@@ -227,9 +227,9 @@ def _integrability(report: nonholonomic_study.MotionReport) -> schemas.Integrabi
     return translate.part_of(schemas.IntegrabilityPart, found, **_stated(text))
 
 
-def _stated(*pieces: wording.Piece, key: str = "statement") -> dict[str, Any]:
+def _stated(*pieces: explaining.Piece, key: str = "statement") -> dict[str, Any]:
     """A sentence (see `said`) as text and in parts."""
-    step = translate.step_part(wording.said(*pieces))
+    step = translate.step_part(explaining.said(*pieces))
     return {key: step.text, "parts": step.parts}
 
 
@@ -257,7 +257,7 @@ def to_any_associated(answer: answering.MotionAnswer) -> schemas.AnyAssociatedPa
     )
 
 
-def _statement(answer: answering.MotionAnswer) -> list[wording.Piece]:
+def _statement(answer: answering.MotionAnswer) -> list[explaining.Piece]:
     """The answer about the motion in one sentence, with the set that its proof speaks of."""
     if "variational" in (answer.verdict, answer.verdict_with_time):
         kind = "" if answer.lagrangian is None else answer.lagrangian.kind
@@ -272,7 +272,7 @@ def _statement(answer: answering.MotionAnswer) -> list[wording.Piece]:
     return [comparison.OPEN_MOTION]
 
 
-def _where(answer: answering.MotionAnswer) -> Iterator[wording.Piece]:
+def _where(answer: answering.MotionAnswer) -> Iterator[explaining.Piece]:
     """ ", where A > 0 and B > 0" with the conditions of the first certificate, in its names; nothing without one."""
     certificate = answer.certificates[0] if answer.certificates else {}
     for place, condition in enumerate(certificate.get("conditions") or ()):

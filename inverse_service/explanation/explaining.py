@@ -1,7 +1,8 @@
-"""A positive answer in words: how the Lagrangian was found, what proves it, and its Hamiltonian.
+"""The steps of an explanation: how they are said, and those of a positive answer.
 
-`explain_positive` works out every Helmholtz condition of a given multiplier; `euler_lagrange_steps` is the proof that
-needs no theory: L put into the Euler-Lagrange equations gives the equations of motion.
+A positive answer says how the Lagrangian was found, what proves it, and what its Hamiltonian is. `explain_positive`
+works out every Helmholtz condition of a given multiplier; `euler_lagrange_steps` is the proof that needs no theory: L
+put into the Euler-Lagrange equations gives the equations of motion.
 """
 
 from __future__ import annotations
@@ -14,28 +15,52 @@ from typing import TYPE_CHECKING
 from inverse_service import bounds, deadline
 from inverse_service.certificate import checker
 from inverse_service.decision import certify
-from inverse_service.decision.solutions import Answer, Hamiltonian, Lagrangian, SolutionSpace, Step
+from inverse_service.decision.solutions import (
+    Answer,
+    Conditions,
+    Hamiltonian,
+    Lagrangian,
+    Part,
+    Solution,
+    SolutionSpace,
+    Step,
+)
 from inverse_service.errors import InputError
-from inverse_service.explanation.wording import Piece, said, separated
-from inverse_service.expressions import collecting, derivative, inequalities
-from inverse_service.expressions.notation import Formula, listed, matrix, partial_derivative, row, theory
-from inverse_service.expressions.tree import ONE, TIME, ZERO, Acceleration, Expression, Symbol, Velocity, node_count
-from inverse_service.field.exact_field import Budget, Quotient, TooLarge, quotient_tree
+from inverse_service.expressions import collecting, derivative, inequalities, printing, tree as ex
+from inverse_service.expressions.notation import Formula, formula_of, listed, matrix, partial_derivative, row, theory
+from inverse_service.field import exact_field
 from inverse_service.field.matrices import determinant
 from inverse_service.mechanics import conditions
 from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.search import terms as tm
 from inverse_service.search.tidy import SearchOutcome, describe
 
 if TYPE_CHECKING:
     from inverse_service.decision.deciding import Analysis, Decision
 
-
+Piece = str | Formula | ex.Expression
+_MEANING = {
+    "g": "the multiplier (the velocity Hessian of L)",
+    "L": "the Lagrangian",
+    "H": "the Hamiltonian",
+    "N": "the matrix -1/2 df/dv",
+    "Phi": "the matrix of the first conditions",
+    "R": "the curvature in the conditions",
+    "Gamma": "the derivative along the motion",
+    "f": "the right-hand sides",
+    "p": "the momenta",
+    "v": "the velocities",
+    "u": "the exponent in g = e^u G",
+    "G": "the matrix in g = e^u G",
+    "T": "any of the matrices of the conditions",
+    "L_0": "the Lagrangian without damping",
+}
 TIME_LIMIT = 1.0
 LARGEST_N = 8
 # More terms than this fill pages, and to print them takes seconds.
 MOST_TERMS_SHOWN = 600
-Matrix = Sequence[Sequence[Quotient]]
+Matrix = Sequence[Sequence[exact_field.Quotient]]
 # Coordinates whose equations are written out one by one.
 _MOST_LINES = 8
 
@@ -44,20 +69,83 @@ _SERIES_ORDER = 2
 _MOST_COEFFICIENTS = 60
 
 
-def explain_positive(system: SecondOrderSystem, multiplier: Sequence[Sequence[Expression]]) -> tuple[Step, ...]:
+def said(*pieces: Piece, shown: Sequence[Piece] = ()) -> Step:
+    """A sentence of words and formulas, and the formulas that are `shown`: below it, unless they are in the sentence.
+
+    In a text, grave accents enclose a formula in the notation of the theory.
+    """
+    sentence = [part for piece in pieces for part in _parts(piece)]
+    texts = {part.text for part in sentence}
+    below = [part for part in (_formula(piece, "display") for piece in shown) if part.text not in texts]
+    return Step("".join(part.text for part in sentence), (*sentence, *below))
+
+
+def _parts(piece: Piece) -> list[Part]:
+    if not isinstance(piece, str):
+        return [_formula(piece)]
+    return [_formula(text) if k % 2 else Part("text", text) for k, text in enumerate(piece.split("`")) if text]
+
+
+def _formula(piece: Piece, kind: str = "formula") -> Part:
+    if isinstance(piece, ex.Expression):
+        return Part(kind, printing.to_text(piece))
+    formula = formula_of(piece)
+    return Part(kind, formula.text, formula.letters)
+
+
+def separated(formulas: Sequence[Piece], between: str = ", ") -> list[Piece]:
+    """The formulas with the same words between them."""
+    return [piece for k, formula in enumerate(formulas) for piece in ([between, formula] if k else [formula])]
+
+
+def with_shared_letters(answer: Answer, system: SecondOrderSystem) -> Answer:
+    """The answer with a first sentence that defines each symbol that the theory and the system both use."""
+    names = {*system.coordinates, *system.parameters, *dict(system.functions)}
+    parts = [part for step in (*answer.explanation, *answer.details) for part in step.parts]
+    words = {word for part in parts for word in part.letters}
+    shared = [name for name in _MEANING if name in names & words]
+    if not shared:
+        return answer
+    meanings = ", ".join(f"{name} is {_MEANING[name]}" for name in shared)
+    also = "these names may also be those" if len(shared) > 1 else f"the name {shared[0]} may also be that"
+    step = said(f"In the sentences below, {meanings}; inside their formulas {also} of the system.")
+    return replace(answer, explanation=(step, *answer.explanation))
+
+
+def printed_conditions(system: SecondOrderSystem) -> tuple[Conditions | None, str]:
+    """The conditions, or None with the reason for omitting them."""
+    tensors = conditions.conditions(system)
+    if tensors.Phi is None or tensors.nabla_Phi is None or tensors.R is None:
+        return None, tensors.reason
+
+    def short(tree: ex.Expression) -> ex.Expression:
+        return tm.with_sums_of_angles(tree) if ex.node_count(tree) <= bounds.LARGE else tree  # a page of formulas
+
+    Phi, nabla = (tuple(tuple(map(short, row)) for row in each) for each in (tensors.Phi, tensors.nabla_Phi))
+    R = tuple(tuple(tuple(map(short, row)) for row in rows) for rows in tensors.R)
+    return Conditions(Phi, nabla, R), tensors.reason
+
+
+def with_conditions(solution: Solution) -> Solution:
+    """The solution of `solve` without conditions, with them."""
+    found, reason = printed_conditions(solution.system)
+    return replace(solution, conditions=found, provenance={**solution.provenance, "conditions_left_out": reason})
+
+
+def explain_positive(system: SecondOrderSystem, multiplier: Sequence[Sequence[ex.Expression]]) -> tuple[Step, ...]:
     """The Helmholtz conditions for the multiplier g, shape (n, n), each worked out and seen to hold.
 
     Where an identity was not recognized (too large, or atoms whose relations are not known here), the steps only say
     what must be computed.
     """
-    budget = Budget(bounds.TERMS, deadline.now() + TIME_LIMIT)
+    budget = exact_field.Budget(bounds.TERMS, deadline.now() + TIME_LIMIT)
     try:
         if len(system.coordinates) > LARGEST_N:
-            raise TooLarge("too many coordinates to write everything out")
+            raise exact_field.TooLarge("too many coordinates to write everything out")
         exact = conditions.motion_in_ring(system, 2, budget, trees=[entry for row in multiplier for entry in row])
         g = tuple(tuple(exact.ring.value(entry) for entry in row) for row in multiplier)
         return _worked_out(exact, g)
-    except (TooLarge, ZeroDivisionError):
+    except (exact_field.TooLarge, ZeroDivisionError):
         return (
             said("The matrix `g` is the velocity Hessian of `L`; `dg_ij/dv^k` is symmetric in `j` and `k`."),
             said("With `N = -1/2 df/dv`, compare `Gamma(g)` with `g N + (g N)^T`."),
@@ -65,7 +153,7 @@ def explain_positive(system: SecondOrderSystem, multiplier: Sequence[Sequence[Ex
         )
 
 
-def _worked_out(exact: conditions.MotionInRing, g: conditions.Tensor11[Quotient]) -> tuple[Step, ...]:
+def _worked_out(exact: conditions.MotionInRing, g: conditions.Tensor11[exact_field.Quotient]) -> tuple[Step, ...]:
     motion, span = exact.motion, range(exact.motion.size)
     n = conditions.connection(motion)
     product = conditions.product(motion, g, n)
@@ -78,14 +166,14 @@ def _worked_out(exact: conditions.MotionInRing, g: conditions.Tensor11[Quotient]
     _require_zero([*_asymmetry(g), *slopes, *_asymmetry(lowered)])
     _require_zero([moved[i][j] - forced[i][j] for i in span for j in span])
     if size.is_zero:
-        raise TooLarge("the determinant was seen to vanish")
+        raise exact_field.TooLarge("the determinant was seen to vanish")
     shown = [entry for matrix in (g, moved, n, lowered) for row in matrix for entry in row]
     if sum(len(entry.numerator) for entry in [*shown, size]) > MOST_TERMS_SHOWN:
-        raise TooLarge("the products fill pages")
+        raise exact_field.TooLarge("the products fill pages")
     if len(g) == 1:  # what concerns symmetry says nothing
         step = said(
-            "The velocity Hessian ", row("g = ", quotient_tree(exact.ring, size)),
-            " is not identically zero, and ", row("Gamma(g) = ", quotient_tree(exact.ring, moved[0][0])),
+            "The velocity Hessian ", row("g = ", exact_field.quotient_tree(exact.ring, size)),
+            " is not identically zero, and ", row("Gamma(g) = ", exact_field.quotient_tree(exact.ring, moved[0][0])),
             " equals `-g df/dv`, so it is a multiplier.",
         )  # fmt: skip
         return (step,)
@@ -94,33 +182,36 @@ def _worked_out(exact: conditions.MotionInRing, g: conditions.Tensor11[Quotient]
         said("The velocity Hessian of `L` is the multiplier `g`; `dg_ij/dv^k` is symmetric in `j` and `k`."),
         said(along, ", and `g N + (g N)^T` with ", row("N = ", _matrix(exact, n)), " is the same."),
         said(row("g Phi = ", _matrix(exact, lowered)), " is symmetric."),
-        said(row("det g = ", quotient_tree(exact.ring, size)), " is not identically zero, so `g` is a multiplier."),
+        said(
+            row("det g = ", exact_field.quotient_tree(exact.ring, size)),
+            " is not identically zero, so `g` is a multiplier.",
+        ),
     )
 
 
-def _asymmetry(matrix: Matrix) -> list[Quotient]:
+def _asymmetry(matrix: Matrix) -> list[exact_field.Quotient]:
     return [matrix[i][j] - matrix[j][i] for i, j in itertools.combinations(range(len(matrix)), 2)]
 
 
-def _require_zero(differences: Sequence[Quotient]) -> None:
+def _require_zero(differences: Sequence[exact_field.Quotient]) -> None:
     if not all(difference.is_zero for difference in differences):
-        raise TooLarge("an identity was not recognized")
+        raise exact_field.TooLarge("an identity was not recognized")
 
 
 def _matrix(exact: conditions.MotionInRing, entries: Matrix) -> Formula:
     if len(entries) > 1 and all(entry.is_zero for line in entries for entry in line):
         return theory("0")
-    return matrix([[quotient_tree(exact.ring, entry) for entry in line] for line in entries])
+    return matrix([[exact_field.quotient_tree(exact.ring, entry) for entry in line] for line in entries])
 
 
-def euler_lagrange_steps(system: SecondOrderSystem, lagrangian: Expression) -> tuple[Step, ...]:
+def euler_lagrange_steps(system: SecondOrderSystem, lagrangian: ex.Expression) -> tuple[Step, ...]:
     """One step for each coordinate: dL/dv, dL/dq, and the equation that they make.
 
     A single sentence where these formulas are long.
     """
     short = len(system.coordinates) <= _MOST_LINES
     lines = [_line(lagrangian, name, system.coordinates) for name in system.coordinates if short]
-    if not short or any(sum(map(node_count, line)) > bounds.SHOWN for line in lines):
+    if not short or any(sum(map(ex.node_count, line)) > bounds.SHOWN for line in lines):
         if system.is_unsolved:
             return (said("The Euler-Lagrange equations of the Lagrangian are the equations as given."),)
         return (said("The motion satisfies the Euler-Lagrange equations of the Lagrangian."),)
@@ -129,31 +220,31 @@ def euler_lagrange_steps(system: SecondOrderSystem, lagrangian: Expression) -> t
     return tuple(said(*pieces) for pieces in (*sentences[:-1], concluded))
 
 
-def _line(lagrangian: Expression, name: str, names: Sequence[str]) -> tuple[Expression, ...]:
+def _line(lagrangian: ex.Expression, name: str, names: Sequence[str]) -> tuple[ex.Expression, ...]:
     """(dL/dv, dL/dq, d/dt dL/dv - dL/dq)."""
-    momentum = collecting.collect(derivative.differentiate(lagrangian, Velocity(name)))
-    force = collecting.collect(derivative.differentiate(lagrangian, Symbol(name)))
+    momentum = collecting.collect(derivative.differentiate(lagrangian, ex.Velocity(name)))
+    force = collecting.collect(derivative.differentiate(lagrangian, ex.Symbol(name)))
     return momentum, force, collecting.collect(derivative.differentiate_in_time(momentum, names) - force)
 
 
-def _sentence(name: str, momentum: Expression, force: Expression, equation: Expression) -> list[Piece]:
+def _sentence(name: str, momentum: ex.Expression, force: ex.Expression, equation: ex.Expression) -> list[Piece]:
     lagrangian = theory("L")
-    slope, pull = (partial_derivative(lagrangian, by) for by in (Velocity(name), Symbol(name)))
+    slope, pull = (partial_derivative(lagrangian, by) for by in (ex.Velocity(name), ex.Symbol(name)))
     return [
         row(slope, " = ", momentum), " and ", row(pull, " = ", force), ", so ",
         row("d/dt ", slope, " - ", pull, " = 0"), " reads ", row(equation, " = 0"), ".",
     ]  # fmt: skip
 
 
-def _conclusion(system: SecondOrderSystem, equations: Sequence[Expression]) -> list[Piece]:
+def _conclusion(system: SecondOrderSystem, equations: Sequence[ex.Expression]) -> list[Piece]:
     if system.is_unsolved:
         return ["These are the given equations."]
     pairs = list(zip(system.coordinates, system.accelerations, strict=True))
-    motion: list[Formula] = [row(Acceleration(name), " = ", f) for name, f in pairs]
+    motion: list[Formula] = [row(ex.Acceleration(name), " = ", f) for name, f in pairs]
     if len(pairs) > 1:
         return ["Solving for the accelerations gives ", *separated(motion), "."]
-    factor = derivative.differentiate(equations[0], Acceleration(system.coordinates[0]))
-    what: list[Piece] = ["That is "] if factor == ONE else ["Dividing by ", factor, " gives "]
+    factor = derivative.differentiate(equations[0], ex.Acceleration(system.coordinates[0]))
+    what: list[Piece] = ["That is "] if factor == ex.ONE else ["Dividing by ", factor, " gives "]
     return [*what, motion[0], "."]
 
 
@@ -193,7 +284,7 @@ def not_found(system: SecondOrderSystem, space: SolutionSpace | None) -> Step:
     factor: list[Piece] = []
     if found is not None:
         places = itertools.combinations_with_replacement(range(len(system.coordinates)), 2)
-        entries = [row(f"G_{i + 1}{j + 1} = ", found[0][i][j]) for i, j in places if found[0][i][j] != ZERO]
+        entries = [row(f"G_{i + 1}{j + 1} = ", found[0][i][j]) for i, j in places if found[0][i][j] != ex.ZERO]
         integrand = separated([row("(", slope, ") d", variable) for variable, slope in found[1]], " + ")
         factor = [" The conditions leave `g = e^u G` with ", *separated(entries), ", where `u` is the integral of ",
                   *integrand, "; no elementary antiderivative was found."]  # fmt: skip
@@ -219,7 +310,7 @@ def series_steps(analysis: Analysis, decision: Decision, order: int | None) -> t
     found = rational_series(analysis, decision.with_time, fitting[-1], spare) if fitting else None
     if found is None:
         return ()
-    named = [symbol for symbol in found.point if symbol != TIME or TIME in found.variables]
+    named = [symbol for symbol in found.point if symbol != ex.TIME or ex.TIME in found.variables]
     place = separated([row(symbol, f" = {found.point[symbol]}") for symbol in named])
     series = row("L = ", as_tree(found), " + …")
     step = said(
@@ -231,7 +322,12 @@ def series_steps(analysis: Analysis, decision: Decision, order: int | None) -> t
 
 
 def of_lagrangian(
-    analysis: Analysis, with_time: bool, tree: Expression, family: str, how: Sequence[Step], decision: Decision | None
+    analysis: Analysis,
+    with_time: bool,
+    tree: ex.Expression,
+    family: str,
+    how: Sequence[Step],
+    decision: Decision | None,
 ) -> Answer:
     """The answer that this Lagrangian proves, not yet checked: the plain proof, and how L was found."""
     return Answer(
@@ -245,11 +341,11 @@ def of_lagrangian(
 
 
 def branch_steps(
-    system: SecondOrderSystem, positive: Sequence[Expression], nonzero: Sequence[Expression] = ()
+    system: SecondOrderSystem, positive: Sequence[ex.Expression], nonzero: Sequence[ex.Expression] = ()
 ) -> tuple[Step, ...]:
     """The variables that first-order equations eliminate, the set where the answer holds, and the roots there."""
     if system.others:
-        known = listed([row(Symbol(name), " = ", tree) for name, tree in system.others])
+        known = listed([row(ex.Symbol(name), " = ", tree) for name, tree in system.others])
         first = said("The first-order equations give ", known, "; substituting these leaves second-order equations.")
         return (first, *branch_steps(replace(system, others=()), positive, nonzero))
     if not positive and not nonzero:
@@ -297,7 +393,7 @@ def verification_steps(analysis: Analysis, lagrangian: Lagrangian) -> tuple[Step
 
 
 def hamiltonian_of(
-    lagrangian: Expression, names: Sequence[str], positive: Sequence[Expression] = ()
+    lagrangian: ex.Expression, names: Sequence[str], positive: Sequence[ex.Expression] = ()
 ) -> Hamiltonian | None:
     """The Legendre transform where all of `positive` are > 0; None where the Hessian is singular after all."""
     try:
