@@ -86,7 +86,7 @@ def _squares(tree: ex.Expression, names: Sequence[str]) -> list[tuple[ex.Express
         slopes = _slopes(u, names) or {}
         own = [name for name in reversed(names) if name not in others and slopes.get(name, ex.ZERO) != ex.ZERO]
         own.sort(key=lambda name: slopes[name] != ex.ONE)  # x of (x - X)^2
-        ratio = collecting.collect(radius / factor)
+        ratio = min(radius / factor, collecting.collect(radius / factor), key=ex.node_count)
         if not own or len(squares) not in (2, 3) or radius == ex.ZERO or _is_negative(ratio):
             return []
         found.append((u, own[0], _root(ratio)))
@@ -134,5 +134,5 @@ def _on_sphere(
     for (u, name, radius), n in zip(squares, unit, strict=True):
         slope = derivative.differentiate(u, ex.Symbol(name))
         rest = ex.substitute(u, {ex.Symbol(name): ex.ZERO})
-        found[name] = collecting.collect((radius * n - rest) / slope)
+        found[name] = ex.add(ex.negate(rest) / slope, radius * n / slope)
     return found

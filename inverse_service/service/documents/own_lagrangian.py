@@ -295,18 +295,18 @@ def _in_few_terms(lagrangian: ex.Expression, system: SecondOrderSystem) -> ex.Ex
     """L in few terms where velocities were put in, m l^2 theta'^2/2 for those of x = l cos(theta), y = l sin(theta)."""
     from inverse_service.search import tidy  # a simulation needs no solver
 
-    short = tidy.tidied(collecting.collect(lagrangian), system)  # up to a constant factor and a constant
-    moving = [ex.TIME, *(place(name) for name in system.coordinates for place in (ex.Symbol, ex.Velocity))]
+    short = tidy.tidied(collecting.collect(lagrangian), system)  # up to a constant factor and a function of t
+    moving = [place(name) for name in system.coordinates for place in (ex.Symbol, ex.Velocity)]
     slopes = [euler_lagrange.gradient(tree, map(ex.Velocity, system.coordinates)) for tree in (lagrangian, short)]
     velocity = next((velocity for velocity in slopes[0] if velocity in slopes[1]), None)
     if velocity is None:
         return lagrangian
     factor = short_forms.exact_quotient(slopes[0][velocity] / slopes[1][velocity])
     terms = [factor * term for term in ex.summands(short)]
-    constant = short_forms.exact_quotient(lagrangian - ex.add(*terms))
-    if ex.holds(factor, *moving) or ex.holds(constant, *moving):
+    rest = short_forms.exact_quotient(lagrangian - ex.add(*terms))
+    if ex.holds(factor, ex.TIME, *moving) or ex.holds(rest, *moving):
         return lagrangian
-    return writing.with_products_in_order(ex.add(*terms, constant), [*map(ex.Symbol, system.parameters)])
+    return writing.with_products_in_order(ex.add(*terms, rest), [*map(ex.Symbol, system.parameters)])
 
 
 def _written(tree: ex.Expression, constants: Sequence[ex.Symbol]) -> ex.Expression:
