@@ -827,9 +827,12 @@ def _prime(token: Token) -> errors.InputError:
 
 def parse_tokens(tokens: Tokens, end_column: int, names: nm.Names) -> ex.Expression:
     """The formula that the tokens form; errors about a missing end have the column `end_column`."""
-    for line, place, _ in tk.places(tokens):  # the * of x +* 3, before any name is looked up
-        if line[place].is_operator(*"*/^") and at(line, place - 1).is_operator(*"+-*/^"):
-            raise tk.unexpected(line[place], _OPERAND)
+    for line, place, _ in tk.places(tokens):  # before any name is looked up
+        token, before, after = line[place], at(line, place - 1), at(line, place + 1)
+        twice = token.is_operator(*"*/^") and before.is_operator(*"+-*/^")  # x +* 3
+        sum_of = token.is_operator("+") or (token.is_operator("-") and after.space_before)  # x'^ + y'^2, not e^-x
+        if twice or (sum_of and before.is_operator("^") and after.kind != "number"):
+            raise tk.unexpected(token, _OPERAND)
     try:
         return FormulaParser(tokens, end_column, names).formula()
     except RecursionError:  # only if the caller is itself deeply nested, since the depth limit leaves ample room

@@ -27,7 +27,7 @@ def scene(system: dict[str, Any], methods: list[Any], **more: Any) -> dict[str, 
         (["x' - y'", "2*x' - 2*y'"], "only 1 of the 2 constraints are independent"),
         (["x'^2 + y'^2 - 1"], "constraint 1 is not linear in the velocities"),
         (["x'", "y'"], "2 constraints on 2 coordinates leave no motion"),
-        (["x^2 + y^2 - 1/2"], "restricts the positions"),
+        (["x^2 - y^2 - 1/2"], "restricts the positions"),
         (["0"], "has no velocity in it: leave it out"),
     ],
 )
