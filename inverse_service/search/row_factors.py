@@ -25,7 +25,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache
-from itertools import chain, combinations, combinations_with_replacement, islice, product
+from itertools import chain, combinations, combinations_with_replacement, islice, permutations, product
 from typing import Any
 
 import numpy as np
@@ -176,13 +176,22 @@ def lagrangian_as_given(system: SecondOrderSystem, given: Sequence[ex.Expression
 
 def in_own_order(system: SecondOrderSystem) -> SecondOrderSystem | None:
     """The system with its lines in an order in which they have a Lagrangian; None if there is none."""
-    with suppress(*_FAILED):
-        for scaled in islice(symmetric_lines(lines_of(system, system.given)), _ORDERS):
-            deadline.check()
-            with suppress(*_FAILED):
-                if lagrangian_of(scaled, antiderivatives.Integrator(system)) is not None:
-                    return replace(system, branch=Branch(tuple(system.given[k] for k in scaled.order), unsolved=True))
+    for written in _undone(system.given):
+        with suppress(*_FAILED):
+            for scaled in islice(symmetric_lines(lines_of(system, written)), _ORDERS):
+                deadline.check()
+                with suppress(*_FAILED):
+                    if lagrangian_of(scaled, antiderivatives.Integrator(system)) is not None:
+                        return replace(system, branch=Branch(tuple(written[k] for k in scaled.order), unsolved=True))
     return None
+
+
+def _undone(given: Sequence[ex.Expression]) -> Iterator[Sequence[ex.Expression]]:
+    """The lines, and the lines if one was added to another or subtracted from it."""
+    yield given
+    for sign, (i, k) in product((-1, 1), permutations(range(len(given)), 2)):
+        with suppress(tm.TooManyTerms):
+            yield [*given[:i], tm.collected(given[i] + sign * given[k]), *given[i + 1 :]]
 
 
 def lines_of(system: SecondOrderSystem, equations: Sequence[ex.Expression]) -> Lines:

@@ -17,7 +17,7 @@ import random
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
-from itertools import chain, pairwise
+from itertools import chain, combinations, pairwise
 from time import thread_time
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -231,7 +231,7 @@ def equations_agree(
     slopes = [
         [derivative.differentiate(equation, ex.Acceleration(name)) for name in coordinates] for equation in equations
     ]
-    candidates: dict[int, list[tuple[int, int]]] = {}
+    candidates: dict[int, list[Sequence[tuple[int, int]]]] = {}
 
     def vanishing(ring: Ring) -> _Vanishing:
         table, zeros = _table(ring, coordinates, ring.names), list[tuple[Value, str]]()
@@ -251,18 +251,22 @@ def equations_agree(
     return _examined(canonical, coordinates, vanishing, slopes, plain, (found, wrong), time_limit)
 
 
-def _against(value: Value, ring: Ring, candidates: list[tuple[int, int]]) -> Value:
-    """A value that vanishes where E is plus or minus a line of the certificate, if these lines are not solved for q''.
+def _against(value: Value, ring: Ring, candidates: list[Sequence[tuple[int, int]]]) -> Value:
+    """A value that vanishes where E is a line of the certificate or the sum of two, each with a sign.
 
-    As the matrix dE/dq'' is regular, two equations cannot be the same line. The first call finds the candidates, lines
-    with their signs: a difference that is not 0 at one point is not 0.
+    That is if these lines are not solved for q''. As the matrix dE/dq'' is regular, so is the matrix of the signs. The
+    first call finds the candidates: a difference that is not 0 at one point is not 0.
     """
     texts = ring.question.unsolved
     if not texts:
         return value
     lines = [formulas.value_of(ring, text) for text in texts]
-    every = [(k, sign) for k in range(len(lines)) for sign in (1, -1)]
-    differences = {(k, sign): ring.add([value, lines[k]], [1, sign]) for k, sign in candidates or every}
+    alone = [(k, sign) for k in range(len(lines)) for sign in (1, -1)]
+    every = [*((one,) for one in alone), *(pair for pair in combinations(alone, 2) if pair[0][0] != pair[1][0])]
+    differences = {
+        chosen: ring.add([value, *(lines[k] for k, _ in chosen)], [1, *(sign for _, sign in chosen)])
+        for chosen in candidates or every
+    }
     if not candidates:
         candidates += [one for one in every if _may_vanish(differences[one], ring)] or every
     return reduce(lambda left, right: ring.multiply(left, right, 0), [differences[one] for one in candidates])

@@ -159,7 +159,7 @@ def solve_system(document: Any, options: SolveOptions, grow: growing.Growing | N
         time_dependent=schema.time_dependent_lagrangian,
         time_limit=share * (end - now()),
         ansatz=accepting.to_ansatz(schema, system),
-        given=given.residuals,
+        given=system.given if system.is_unsolved else given.residuals,
         series_order=schema.series_order,
         first_integrals=schema.first_integrals,
     )
