@@ -52,6 +52,7 @@ def compared(document: Any, equations: dict[str, str], claim: Any = None, **name
         ({"equations": {"x": "-w^2 x"}, "parameters": {"w": "sqrt(2)"}}, {"x": "-2*x"}, {}),
         ({"equations": "x'' = sin(x - sin(t)^2 - cos(t)^2 + 1 - x)"}, {"x": "0"}, {}),
         ({"equations": MASSES, "parameters": ["a", "b"]}, SOLVED, {"parameters": ["b", "a"]}),
+        ({"equations": "x'' + x - y'' - y = 0; y'' + y = 0"}, {"x": "x'' + x", "y": "-y'' - y"}, {}),  # lines
         (
             {"coordinates": TWO, "equations": {"x": "A'(x)*y'", "y": "B[1,1](x, y)"},
              "functions": {"A": ["x"], "B": TWO}},
@@ -80,6 +81,8 @@ def test_the_same_system_in_another_form_is_the_system_given(document: Any, equa
         ({"equations": "0*(x'' + x) = 0"}, {"x": "-x"}, {}),
         ({"equations": "(sin(x)^2 + cos(x)^2 - 1)*(x'' + x) = 0"}, {"x": "-x"}, {}),
         ({"equations": "x'' + y'' = 0; 2*x'' + 2*y'' = 0"}, {"x": "-y", "y": "y"}, {}),  # does not determine them
+        ({"equations": "x'' + x + y'' + y = 0; y'' + x'' + x + y = 0"}, {"x": "x'' + x", "y": "y'' + y"}, {}),
+        ({"equations": "x'' + x + y'' - y = 0; y'' + y = 0"}, {"x": "x'' + x", "y": "y'' + y"}, {}),
         ({"equations": "x'' = 0"}, {"x": "0", "y": "0"}, {}),
         ({"equations": "x'' = a*x", "parameters": ["a"]}, {"x": "a*x"}, {"parameters": ["a", "b"]}),
         ({"equations": "x'' = a*x", "parameters": {"a": 2}}, {"x": "3*x"}, {}),
