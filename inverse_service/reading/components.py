@@ -12,7 +12,7 @@ from fractions import Fraction
 
 from inverse_service.expressions.refusals import fault
 from inverse_service.reading import tokens as tk
-from inverse_service.reading.notes import UNUSED, note
+from inverse_service.reading.prose import UNUSED, note
 from inverse_service.reading.tokens import Line, Token, Tokens, bracket
 
 MATRICES = ("matrix", "pmatrix", "bmatrix")

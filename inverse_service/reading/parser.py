@@ -27,7 +27,7 @@ from inverse_service.expressions import derivative, tree as ex
 from inverse_service.expressions.pieces import either, piecewise, step
 from inverse_service.expressions.refusals import LIMITS, at_most, fault, limit_passed, refusal, shorten
 from inverse_service.reading import names as nm, tokens as tk
-from inverse_service.reading.notes import note
+from inverse_service.reading.prose import note
 from inverse_service.reading.tokens import Token, Tokens, at
 
 _BITS_PER_DIGIT = 3.3219280948873626

@@ -8,17 +8,22 @@ A run is a sentence if it has a word such as "is" or "the", and a title if it ha
 Both are removed, a sentence together with the names next to it, as is a clause without = that contains a word or ends
 with a colon. Everything else remains: a single word may be a name, and the parser asks about it if it would be a
 factor. Separators and blanks replace the removed text, so that columns stay correct.
+
+What is removed, or read differently from how it is written, is noted for the reader of the answer.
 """
 
 import re
 from collections.abc import Collection, Container, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import lru_cache
 
 from inverse_service.expressions import letters
 from inverse_service.reading import names as nm
-from inverse_service.reading.notes import note
 
+_NOTES: ContextVar[dict[str, str] | None] = ContextVar("notes", default=None)
+LEFT_OUT, UNUSED = "left out", "a vector that is not used"
 _WORDS = {kind: frozenset(words) for kind, words in nm.WORDS["sentences"].items()}
 # Words that make a sentence, that can begin a clause alone, and that a formula may follow.
 _OF_SENTENCES, _BEGINNINGS, _OPENERS = (_WORDS[kind] for kind in ("sentences", "beginnings", "openers"))
@@ -86,6 +91,23 @@ _COUNTED = re.compile(
     r"((?:^|[;,\n]|quad)[ \t]*\\?(?:omega|eta|theta|alpha|[\u03c9\u03b7\u03b8\u03b1]))"
     r"(\^\{?\d\}?|[\u00b9\u00b2\u00b3])(?=\s*:?=[^;\n=]*d[\\a-z])"
 )
+
+
+@contextmanager
+def noted() -> Iterator[dict[str, str]]:
+    """Collect texts that are interpreted differently from how they were typed (kx as k*x), and omitted lines."""
+    notes: dict[str, str] = {}
+    mark = _NOTES.set(notes)
+    try:
+        yield notes
+    finally:
+        _NOTES.reset(mark)
+
+
+def note(text: str, meant: str = LEFT_OUT) -> None:
+    """Record for the caller of `noted` that a text was interpreted as another."""
+    if (notes := _NOTES.get()) is not None:
+        notes[text] = meant
 
 
 @dataclass(frozen=True, slots=True)

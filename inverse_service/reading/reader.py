@@ -14,7 +14,7 @@ from functools import lru_cache
 from inverse_service import errors
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.refusals import fault, most_characters, shorten
-from inverse_service.reading import components, latex, notations, notes as kept, parser, prose, tokens as tk
+from inverse_service.reading import components, latex, notations, parser, prose, tokens as tk
 from inverse_service.reading.names import FUNCTIONS, GREEK_NAMES, MAY_BE_FUNCTIONS, Names, written_product
 from inverse_service.reading.tokens import Line, Token, at
 
@@ -36,7 +36,7 @@ _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
 _LETTER_OF_A_FORM = re.compile(rf"(?:[A-Za-z]|{'|'.join(sorted(GREEK_NAMES))})(?:_?[0-9]+)?")
 _OF_PROGRAMS = re.compile(r"[A-Za-z']\[|==|\.diff\(|\w\$\d|:=\s*\{")
 OF_A_FORM = Fraction(1)  # marks a name with a prime that replaces a differential
-LEFT_OUT, note, noted = kept.LEFT_OUT, kept.note, kept.noted
+LEFT_OUT, note, noted = prose.LEFT_OUT, prose.note, prose.noted
 CONDITION = "a condition that is not used"
 _JOINS = dict.fromkeys(tk.JOINING, ("=", *tk.COMPARED)) | dict.fromkeys(tk.CONDITIONAL, tk.COMPARED)
 _CONSTANT = ("const", "constant")
