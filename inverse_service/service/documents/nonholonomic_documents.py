@@ -29,7 +29,7 @@ from inverse_service.mechanics import (
 from inverse_service.mechanics.first_integrals import FirstIntegral, first_integrals
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import names as nm, reader
-from inverse_service.service.documents import accepting, comparison, derived, translate
+from inverse_service.service.documents import accepting, comparison, derived, own_lagrangian, translate
 from inverse_service.service.documents.growing import Growing
 
 # What looking at a document again may take for an associated system that is only shown, s.
@@ -75,7 +75,10 @@ def nonholonomic_of(document: Any) -> constrained_motion.NonholonomicSystem:
 def to_nonholonomic(schema: NonholonomicDocument) -> constrained_motion.NonholonomicSystem:
     """The system that a document describes; raises InputError with pointer and column."""
     declared = accepting.declared(schema, constrained_motion.MOST_CONSTRAINED)
-    return constrained_motion.read_nonholonomic(declared, schema.lagrangian, schema.constraints, schema.name)
+    found = constrained_motion.read_nonholonomic(declared, schema.lagrangian, schema.constraints, schema.name)
+    names = nm.Names(found.coordinates, found.parameters, dict(found.functions))
+    short = own_lagrangian.in_few_terms(found.lagrangian, names, (schema.lagrangian, *schema.where.values()))
+    return dataclasses.replace(found, lagrangian=short)
 
 
 def to_families(

@@ -26,7 +26,7 @@ from inverse_service.mechanics import (
 )
 from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.reading import document_names, reader
+from inverse_service.reading import document_names, names as nm, reader
 from inverse_service.reading.document_names import Declared, known_names
 from inverse_service.service.documents import accepting, canonical, growing, translate
 from inverse_service.solving import solving
@@ -281,20 +281,26 @@ def _motion(schema: LagrangianDocument) -> tuple[ex.Expression, SecondOrderSyste
     known = known_names(declared, {"/lagrangian": schema.lagrangian}, order=1)
     lagrangian = known.put_in(constrained_motion.read_lagrangian(schema.lagrangian, known.names))
     names = known.remaining()
-    tokens = [reader.tokens_if_any(text, known.names) for text in (schema.lagrangian, *schema.where.values())]
-    moving = {known.names.spelling(name) for line in tokens for name in document_names.moving_names(line, 1)}
-    if not moving <= {*names.coordinates}:  # those of x = l sin(theta)
-        lagrangian = _in_few_terms(lagrangian, second_order_system.unsolved_system(names, [lagrangian]))
+    lagrangian = in_few_terms(lagrangian, names, (schema.lagrangian, *schema.where.values()))
     solved = _solved(lagrangian, names.coordinates)
     accelerations = tuple(_written(tree, [*map(ex.Symbol, names.parameters)]) for tree in solved)
     functions = tuple(names.functions.items())
     return lagrangian, SecondOrderSystem(names.coordinates, accelerations, names.parameters, functions, schema.name)
 
 
-def _in_few_terms(lagrangian: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
-    """L in few terms where velocities were put in, m l^2 theta'^2/2 for those of x = l cos(theta), y = l sin(theta)."""
+def in_few_terms(lagrangian: ex.Expression, names: nm.Names, texts: Sequence[str]) -> ex.Expression:
+    """L in few terms where velocities were put in, m l^2 theta'^2/2 for those of x = l cos(theta), y = l sin(theta).
+
+    `texts` are those of L and of its definitions; L is as it is where only coordinates move in them.
+    """
     from inverse_service.search import tidy  # a simulation needs no solver
 
+    tokens = [reader.tokens_if_any(text, names) for text in texts]
+    if {names.spelling(name) for line in tokens for name in document_names.moving_names(line, 1)} <= {
+        *names.coordinates
+    }:
+        return lagrangian
+    system = second_order_system.unsolved_system(names, [lagrangian])
     short = tidy.tidied(collecting.collect(lagrangian), system)  # up to a constant factor and a function of t
     moving = [place(name) for name in system.coordinates for place in (ex.Symbol, ex.Velocity)]
     slopes = [euler_lagrange.gradient(tree, map(ex.Velocity, system.coordinates)) for tree in (lagrangian, short)]
@@ -322,10 +328,12 @@ def _conserved(
     lagrangian: ex.Expression, functions: dict[str, ex.Expression], constants: Sequence[ex.Symbol]
 ) -> list[ConservedQuantity]:
     """The momenta of the coordinates that are not in L, and the energy where t is not (Noether)."""
+    from inverse_service.search import tidy  # as above
+
     letters = {node for node in ex.walk(lagrangian) if isinstance(node, ex.Symbol)}
     found = {f"momentum of {name}": tree for name, tree in functions.items() if ex.Symbol(name) not in letters}
     if ex.TIME not in letters:
         terms = [ex.multiply(ex.Velocity(name), tree) for name, tree in functions.items()]
         energy = collecting.collect(ex.add(*terms, ex.negate(lagrangian)))
-        found["energy"] = writing.with_products_in_order(energy, constants)
+        found["energy"] = tidy.kinetic_first(writing.with_products_in_order(energy, constants))
     return [ConservedQuantity(name=name, **translate.formula_fields(tree)) for name, tree in found.items()]
