@@ -172,7 +172,7 @@ def _in_forms(material: tm.Material, forms: Table, inverse: Table, first: int) -
     for chosen in filter(None, (places[:first], places[first:])):
         own = tuple(names[k] for k in chosen)
         table = _substitution(names, [[row[k] for k in chosen] for row in inverse], own)
-        accelerations = tuple(tm.collected(ex.substitute(forces[k], table)) for k in chosen)
+        accelerations = tuple(tm.collected(collecting.collect(ex.substitute(forces[k], table))) for k in chosen)
         blocks.append(replace(system, coordinates=own, accelerations=accelerations, branch=None, nonzero=()))
     back, timed = _substitution(names, forms, names), (material.motion.with_time,) * len(blocks)
     return Smaller(
