@@ -257,6 +257,12 @@ class OneMatrix:
             level = level - sum(v * slope % PRIME for v, slope in zip(start, slopes, strict=True))
             return np.array([np.ones(count, np.int64), level % PRIME, *slopes])[:, good], first
 
+        start, step = ([self.random.integers(2, PRIME - 2, points.count) for _ in range(n)] for _ in range(2))
+        along_a_line = [points.again([(v + k * w) % PRIME for v, w in zip(start, step, strict=True)]) for k in range(3)]
+        first, second, third = map(rate, along_a_line)
+        bent = (first - 2 * second + third) % PRIME  # 0 if S is affine in the velocities
+        if bent[np.all([one.good for one in along_a_line], axis=0)].any():
+            return None
         below, *above = interpolation.Interpolation(form, variables, self.units).terms()
         slopes = [tm.tree_of(terms) / tm.tree_of(below) for terms in above]
         names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
