@@ -119,7 +119,8 @@ def printed_conditions(system: SecondOrderSystem) -> tuple[Conditions | None, st
         return None, tensors.reason
 
     def short(tree: ex.Expression) -> ex.Expression:
-        return tm.with_sums_of_angles(tree) if ex.node_count(tree) <= bounds.LARGE else tree  # a page of formulas
+        has_angles = any(isinstance(node, ex.Apply) and node.function in ("sin", "cos") for node in ex.walk(tree))
+        return tm.with_sums_of_angles(tree) if has_angles or ex.node_count(tree) <= bounds.LARGE else tree
 
     Phi, nabla = (tuple(tuple(map(short, row)) for row in each) for each in (tensors.Phi, tensors.nabla_Phi))
     R = tuple(tuple(tuple(map(short, row)) for row in rows) for rows in tensors.R)
