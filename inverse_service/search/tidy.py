@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache, partial
-from itertools import combinations, product
+from itertools import combinations, permutations, product
 from math import isqrt, prod
 
 import mpmath
@@ -65,7 +65,7 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     moving = [place(name) for name in system.coordinates for place in (ex.Symbol, ex.Velocity)]
     tree = ex.add(*(term for term in ex.summands(collecting.merge_powers(tree)) if ex.holds(term, *moving)))
     with suppress(*_FAILED):
-        tree = _finite(_regular_gauge(tree, system), system)
+        tree = _finite(_regular_gauge(_cyclic_gauge(tree, system), system), system)
     if _size(tree) > bounds.TERMS:
         return tree
     tree = _with_squares_inside(system, writing.one_square(writing.joined(_shortened(tree, system))))
@@ -170,6 +170,23 @@ def _regular_gauge(tree: ex.Expression, system: SecondOrderSystem) -> ex.Express
                     if plain and squares and all((sine, Fraction(2)) in square for square in squares):
                         terms[k] = ex.substitute(terms[k], {letter**2: ex.negated(sine**2)})
     return ex.add(*terms)
+
+
+def _cyclic_gauge(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
+    """The tree with F(x) y', F' = B, for -y B(x) x' with an arbitrary function in B if y then is cyclic."""
+    signs, terms = antiderivatives.Integrator(system, signs=True), [*ex.summands(tree)]
+    for x, y in permutations(system.coordinates, 2) if not ex.has(tree, ex.Integral) else ():
+        outer = ex.Symbol(y) * ex.Velocity(x)
+        held = [term for term in terms if ex.holds(term, ex.Symbol(y))]
+        if len(held) != 1 or not ex.has(held[0], ex.Arbitrary):
+            continue
+        slope = collecting.collect(-held[0] / outer)
+        moving = {*map(ex.Symbol, system.coordinates), *map(ex.Velocity, system.coordinates), ex.TIME}
+        if moving & {*ex.walk(slope)} == {ex.Symbol(x)}:
+            found = signs.function_of([ex.Symbol(x)], [tm.terms_of(slope)])
+            others = [term for term in terms if term != held[0]]
+            return ex.add(*others, tm.tree_of(found) * ex.Velocity(y)) if found else tree
+    return tree
 
 
 def _constant_divisors(trees: Iterable[ex.Expression], parameters: frozenset[ex.Symbol]) -> set[ex.Expression]:

@@ -30,3 +30,9 @@ def test_a_factor_that_is_not_elementary_is_given_by_its_slopes() -> None:
     (factor,) = result["integrals"].values()
     assert factor["derivatives"] == {"x": "exp(x*y)/x", "y": "exp(x*y)/y"}
     assert result.check()["verdict"] == "valid"
+
+
+def test_an_angle_that_the_motion_does_not_hold_is_cyclic() -> None:
+    lines = "r'' = r*phi'^2 + r*B(r)*phi'; phi'' = -2*r'*phi'/r - B(r)*r'/r"
+    result = inverse_service.solve({"coordinates": ["r", "phi"], "functions": {"B": ["r"]}, "equations": lines})
+    assert "F(r)*phi'" in result["lagrangian"]["text"]
