@@ -168,7 +168,8 @@ def _mathematics(formula: str) -> str:
     return "".join(found)
 
 
-def _scanned(text: str) -> list[Piece]:
+@lru_cache(maxsize=32)  # a text is read several times
+def _scanned(text: str) -> tuple[Piece, ...]:
     """The pieces one by one, without spaces."""
     found: list[Piece] = []
     place = 0
@@ -179,7 +180,7 @@ def _scanned(text: str) -> list[Piece]:
         if kind != "space":
             found.append(Piece(kind, place, place + len(shown), shown, (), kind == "mark" or _is_dotted(shown)))
         place += len(shown)
-    return found
+    return tuple(found)
 
 
 def _nested(pieces: Sequence[Piece], text: str) -> list[Piece]:

@@ -98,15 +98,20 @@ _D = r"(?:d|\\(?:mathrm|text)\s*\{\s*d\s*\}|\\(?:rm|mathrm)\s+d)"
 # A metric, ds^2 = dr^2 + r^2 dphi^2, whose geodesics are meant: 2 L = (ds/dt)^2
 _METRIC = re.compile(rf"(?<![A-Za-z\\]){_D}\s?s\s*(?:\^2|\^\{{2\}}|\u00b2)\s*(?==|&\s*=)")
 _DIFFERENTIAL = re.compile(rf"(?<![A-Za-z\\]){_D}\s?(\\[A-Za-z]+|[^\W\d_][^\W\u00b2\u00b3]*)(?:_\w|_\{{\w+\}})?")
-_DL = r"(?:\u2202|\\partial|\bd)\s{0,9}L\b[^;,\n=]{0,120}"
-_REACTION = r"\s*[-+\u2212]?\s*(?:\u03bb|\\?lambda(?![A-Za-z]))[^;,.\n=]{0,60}"
-# A generalized force, d/dt dL/dx' - dL/dx = -b x'
-_FORCE = r"[^;,\n=L]{1,120}?(?=\s*(?:$|(?<!\\)[;,]|\n|\.\s*(?:$|\n|L)|\\q?quad|\\\\|\b(?:with|where|and|for)\b))"
+# d/dt dL/dx', and dL/dx; the end of an equation.
+_PARTIAL = r"(?:\u2202|\\partial|\bd)\s{0,9}"
+_BY = r"((?:\\d?dot\s{0,9})?\{?[^\s+\-\u2212=(){}\[\],;*/]{1,30}\}?(?:_\{?\w{1,9}\}?)?)"
+_SLOPE = rf"(?:\\[dt]?frac\s*\{{\s*{_PARTIAL}L\s*\}}\s*\{{\s*{_PARTIAL}{_BY}\s*\}}|{_PARTIAL}L\s*/\s*{_PARTIAL}{_BY})"
+_BRACKET = r"\s{0,9}(?:\\(?:left|right|[bB]igg?[lr]?)\s{0,9})?"
+_IN_TIME = rf"(?:\\[dt]?frac\s*\{{\s*{_D}\s*\}}\s*\{{\s*{_D}\s*t\s*\}}|{_D}\s*/\s*{_D}\s*t)"
+_RATE = rf"{_IN_TIME}{_BRACKET}[(\[{{]?\s{{0,9}}{_SLOPE}(?:{_BRACKET}[)\]}}])?"
+_ENDS = r"\s{0,99}(?:$|(?<!\\)[;,]|[\n$]|\.(?=\s|$)|\\q?quad|\\[\\\])]|\\end|\b(?:with|where|and|for)\b)"
 _LAGRANGES_EQUATION = re.compile(
-    rf"(?:\\delta|\u03b4)\s*(?:\\int|\u222b)[^;\n=LT]{{0,60}}L[^;\n=L]{{0,40}}{_D}\s*t\s*=\s*0\s*(?=$|[;,.\n\\]|(?:with|where|and|for)\b)"
-    rf"|(?:\\[dt]?frac\s*\{{\s*{_D}\s*\}}\s*\{{\s*{_D}\s*t\s*\}}|d\s*/\s*dt)[^;,\n=]{{0,120}}?{_DL}=(?:(?:\s*0|{_REACTION}|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\]|(?:with|where|and|for)\b)|{_FORCE})"
+    rf"(?:\\delta|\u03b4)\s*(?:\\int|\u222b)[^;\n=LT]{{0,60}}L[^;\n=L]{{0,40}}{_D}\s*t\s*=\s*0(?={_ENDS})"
+    rf"|{_RATE}[^;,\n=]{{0,120}}=[^;,\n=]{{1,120}}?(?={_ENDS})"
 )
-_RIGHT_SIDE = re.compile(r"(?:\u2202|\\partial|\bd)[\s{]*\\?(\w+)[\s})]*=(?!.*(?:\u2202|\\partial|\bd)\s*L\b)(.*)")
+_OF_RATE, _OF_SLOPE = re.compile(_RATE), re.compile(rf"([-+\u2212]?)\s*{_SLOPE}")
+_MARKS = re.compile(r"\\d?dot|['\u2032\u0307\\{}\s]|_?dot$")
 _WORDS_AT_THE_END = re.compile(r"\s\([A-Za-z -]{4,}\)\s*$")
 _WRAPPER_ENDS = re.compile(r"(?:\$+|\\[\],;:! ]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
 # dx and d\theta, in dz = y dx and dz = ydx; \delta x is a virtual displacement, or asked about
@@ -225,7 +230,8 @@ class _Energy:
 class _Written:
     """What texts give: energies by kind, and all other equations, each with the pointer of its text.
 
-    `forces` are the right sides of d/dt dL/dx' - dL/dx = …, by x; `fields` span the directions that are allowed.
+    `forces` are the Q of d/dt dL/dx' - dL/dx = Q, by x, and by x' those of d/dt dL/dx' = Q; `fields` span the
+    directions that are allowed.
     """
 
     energies: dict[str, _Energy] = field(default_factory=dict)
@@ -316,7 +322,7 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
         made["where"] = {**plain.get("where", {}), **where}
     if len(others) > len(where) or found.fields:
         made["constraints"] = constraints
-    elif any(force.strip() not in ("", "0") for force in found.forces.values()):
+    elif any(force.strip() != "0" or name[-1] == "'" for name, force in found.forces.items()):
         try:
             return _with_forces(made, found.forces), {}, dict.fromkeys(notes, "the equations of motion")
         except errors.InputError as error:
@@ -332,7 +338,15 @@ def _with_forces(plain: dict[str, Any], forces: Mapping[str, str]) -> dict[str, 
         known = document_names.known_names(declared, texts, 1)
         names = known.names
         lagrangian = known.put_in(reader.read_formula(plain["lagrangian"], replace(names, energy=True)))
-        given = {names.spelling(name): known.put_in(reader.read_formula(text, names)) for name, text in forces.items()}
+        given = {
+            names.spelling(name.rstrip("'")): known.put_in(reader.read_formula(text, names))
+            - (
+                derivative.differentiate(lagrangian, ex.Symbol(names.spelling(name[:-1])))
+                if name[-1] == "'"
+                else ex.ZERO
+            )
+            for name, text in forces.items()
+        }
     except (TypeError, AttributeError):  # the shapes of declarations are refused by the schemas
         return plain
     names = known.remaining()
@@ -359,7 +373,8 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
             found.notes[metric[0].strip()] = "a metric, whose geodesics are meant"
         omitted = [match[0].strip() for match in _LAGRANGES_EQUATION.finditer(text)]
         found.notes.update(dict.fromkeys(omitted, reader.LEFT_OUT))
-        found.forces.update({force[1]: force[2] for line in omitted if (force := _RIGHT_SIDE.search(line))})
+        with reader.placed_at(pointer):
+            found.forces.update(force for line in omitted if (force := _force(line)) is not None)
         if span := _SPAN.search(text):
             found.fields[pointer] = span["fields"]
             text = text[: span.start()] + " " * len(span[0]) + text[span.end() :]
@@ -377,6 +392,24 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
                 formula = formula[summed.end() :].rjust(len(formula)) if summed else formula
                 found.energies[kind] = _Energy(named, formula, pointer)
     return found
+
+
+def _force(line: str) -> tuple[str, str] | None:
+    """(x, Q) of d/dt dL/dx' - dL/dx = Q, with all other terms of the equation in Q, or (x', Q) without dL/dx."""
+    rate = _OF_RATE.search(line)
+    if rate is None:  # a variation of the action
+        return None
+    sides, name = line.replace(rate[0], " ", 1).split("="), ""
+    for place, sign in enumerate(("-\u2212", "+")):
+        if slope := _OF_SLOPE.search(sides[place]):
+            if name or (slope[1] or "+") not in sign:
+                raise errors.InputError("dL/dx has the other sign here: write d/dt(dL/dx') - dL/dx = Q, Q the force.")
+            name = slope[2] or slope[3]
+            sides[place] = sides[place].replace(slope[0], " ", 1)
+    left, right = (f"0 {side}" if side[:1] in "+-\u2212" else side for side in (side.strip(" &") for side in sides))
+    force = f"{right} - ({left})" if left != "0 " else right
+    name, velocity = (_MARKS.sub("", unicodedata.normalize("NFD", each or "")) for each in (name, rate[1] or rate[2]))
+    return name or f"{velocity}'", force
 
 
 def _definitions(lines: Sequence[tuple[str, str]], moving: Collection[str]) -> dict[str, str]:
@@ -426,13 +459,17 @@ def _check_multipliers(
     try:
         names = document_names.known_names(document_names.Declared(parameters="guess"), texts, 1).names
         pairs = [pair for text in constraints for pair in reader.read_equations(text, replace(names, forms=True))]
-        given = {names.spelling(name): reader.read_formula(text, names) for name, text in forces.items()}
+        given = {names.spelling(name.rstrip("'")): reader.read_formula(text, names) for name, text in forces.items()}
         whole = reader.read_formula(lagrangian, replace(names, energy=True))
     except errors.InputError:
         return  # reported where it is read
+    multipliers = [ex.Symbol(name) for name in names.parameters if _MULTIPLIER.fullmatch(name)]
+    free = dict.fromkeys(multipliers, ex.ZERO)
+    if constraints and any(ex.substitute(force, free) != ex.ZERO for force in given.values()):
+        raise errors.InputError("A force next to a constraint is not accepted here: give the equations of motion.")
     places = [place for place, name in enumerate(names.coordinates) if name in given]
     forms = [[row[k] for k in places] for row in _rows([left - right for left, right in pairs], names.coordinates)]
-    for multiplier in (ex.Symbol(name) for name in names.parameters if _MULTIPLIER.fullmatch(name)):
+    for multiplier in multipliers:
         force = [derivative.differentiate(given[names.coordinates[k]], multiplier) for k in places]
         if any(entry != ex.ZERO for entry in force) and not any(_are_parallel(force, form) for form in forms):
             what = f"the right sides with {multiplier.name} are no reaction of a constraint"
