@@ -111,6 +111,10 @@ _LAGRANGES_EQUATION = re.compile(
     rf"|{_RATE}[^;,\n=]{{0,120}}=[^;,\n=]{{1,120}}?(?={_ENDS})"
 )
 _OF_RATE, _OF_SLOPE = re.compile(_RATE), re.compile(rf"([-+\u2212]?)\s*{_SLOPE}")
+# dF/dx' of a function of Rayleigh
+_DISSIPATED = re.compile(
+    rf"(?:\\[dt]?frac\s*\{{\s*)?{_PARTIAL}([A-Z])(?![A-Za-z])\s*(?:/\s*{_PARTIAL}{_BY}|\}}\s*\{{\s*{_PARTIAL}{_BY}\s*\}})"
+)
 _MARKS = re.compile(r"\\d?dot|['\u2032\u0307\\{}\s]|_?dot$")
 _WORDS_AT_THE_END = re.compile(r"\s\([A-Za-z -]{4,}\)\s*$")
 _WRAPPER_ENDS = re.compile(r"(?:\$+|\\[\],;:! ]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
@@ -290,6 +294,7 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
         with reader.placed_at(pointer):
             constraints += _held_by_fields(text, velocities)
     definitions, where = _definitions(others, {*velocities}), dict[str, str]()
+    forces = [_DISSIPATED.sub(r"\1", force) for force in found.forces.values()]
     for pointer, line in others:
         name, squared = _defined(line, {*velocities})
         if name and definitions[name] is line:
@@ -306,7 +311,7 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
             energy = _ENERGY.match(line)
             rest = [text for k, (_, text) in enumerate(others) if k != place]
             whole = lagrangian if is_whole and energy and energy["potential"] else ""
-            if _is_unused(line, pointer, [lagrangian, *rest], {*velocities}, whole):
+            if _is_unused(line, pointer, [lagrangian, *rest, *forces], {*velocities}, whole):
                 notes[line.strip()] = reader.LEFT_OUT
     vectors = [f", {vector[0]}" for text in texts.values() for vector in _VECTOR.finditer(text)]
     lagrangian, *constraints = (
@@ -332,21 +337,13 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
 
 def _with_forces(plain: dict[str, Any], forces: Mapping[str, str]) -> dict[str, Any]:
     """The equations d/dt(dL/dq') - dL/dq = Q of L with generalized forces Q, by q; InputError where one is missing."""
-    texts = {"/lagrangian": plain["lagrangian"], **{f"/forces/{name}": text for name, text in forces.items()}}
+    texts = {f"/forces/{name}": _DISSIPATED.sub(r"\1", text) for name, text in forces.items()}
     try:
         declared = document_names.Declared(**{key: plain[key] for key in (*NAMES, "where") if plain.get(key)})
-        known = document_names.known_names(declared, texts, 1)
+        known = document_names.known_names(declared, {"/lagrangian": plain["lagrangian"], **texts}, 1)
         names = known.names
         lagrangian = known.put_in(reader.read_formula(plain["lagrangian"], replace(names, energy=True)))
-        given = {
-            names.spelling(name.rstrip("'")): known.put_in(reader.read_formula(text, names))
-            - (
-                derivative.differentiate(lagrangian, ex.Symbol(names.spelling(name[:-1])))
-                if name[-1] == "'"
-                else ex.ZERO
-            )
-            for name, text in forces.items()
-        }
+        given = dict(_read_force(name, text, lagrangian, known) for name, text in forces.items())
     except (TypeError, AttributeError):  # the shapes of declarations are refused by the schemas
         return plain
     names = known.remaining()
@@ -359,6 +356,32 @@ def _with_forces(plain: dict[str, Any], forces: Mapping[str, str]) -> dict[str, 
     kept = {key: part for key, part in plain.items() if key not in ("lagrangian", "where")}
     equations = [f"{printing.to_text(left)} = {printing.to_text(right)}" for left, right in sides]
     return {**kept, "coordinates": list(names.coordinates), "equations": equations}
+
+
+def _read_force(
+    name: str, text: str, lagrangian: ex.Expression, known: document_names.Known
+) -> tuple[str, ex.Expression]:
+    """(x, Q) of a force by x, and of one by x', to which dL/dx does not belong; with dF/dx' of a defined F."""
+    names, latex = known.names, reader.is_latex(text)
+
+    def slope(match: re.Match[str]) -> str:
+        dissipated = known.definitions.get(ex.Symbol(names.spelling(match[1])))
+        if dissipated is None:
+            raise errors.InputError(f"{match[1]} is differentiated here and is not given: write {match[1]} = … too.")
+        by = unicodedata.normalize("NFD", match[2] or match[3])
+        kind = ex.Velocity if re.search("dot|['\u2032\u0307]", by) else ex.Symbol
+        found = derivative.differentiate(dissipated, kind(names.spelling(_plain_name(by))))
+        return f"({printing.to_latex(found) if latex else printing.to_text(found)})"
+
+    force = known.put_in(reader.read_formula(_DISSIPATED.sub(slope, text), names))
+    coordinate = names.spelling(name.rstrip("'"))
+    literal = derivative.differentiate(lagrangian, ex.Symbol(coordinate)) if name.endswith("'") else ex.ZERO
+    return coordinate, force - literal
+
+
+def _plain_name(written: str) -> str:
+    r"""q of \dot{q}, q', and q with a dot."""
+    return _MARKS.sub("", unicodedata.normalize("NFD", written))
 
 
 def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
@@ -408,7 +431,7 @@ def _force(line: str) -> tuple[str, str] | None:
             sides[place] = sides[place].replace(slope[0], " ", 1)
     left, right = (f"0 {side}" if side[:1] in "+-\u2212" else side for side in (side.strip(" &") for side in sides))
     force = f"{right} - ({left})" if left != "0 " else right
-    name, velocity = (_MARKS.sub("", unicodedata.normalize("NFD", each or "")) for each in (name, rate[1] or rate[2]))
+    name, velocity = _plain_name(name), _plain_name(rate[1] or rate[2])
     return name or f"{velocity}'", force
 
 
