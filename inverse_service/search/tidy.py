@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache, partial
-from itertools import combinations, permutations, product
+from itertools import combinations, product
 from math import isqrt, prod
 
 import mpmath
@@ -174,18 +174,20 @@ def _regular_gauge(tree: ex.Expression, system: SecondOrderSystem) -> ex.Express
 
 def _cyclic_gauge(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     """The tree with F(x) y', F' = B, for -y B(x) x' with an arbitrary function in B if y then is cyclic."""
+    if ex.has(tree, ex.Integral) or not ex.has(tree, ex.Arbitrary):
+        return tree
     signs, terms = antiderivatives.Integrator(system, signs=True), [*ex.summands(tree)]
-    for x, y in permutations(system.coordinates, 2) if not ex.has(tree, ex.Integral) else ():
-        outer = ex.Symbol(y) * ex.Velocity(x)
-        held = [term for term in terms if ex.holds(term, ex.Symbol(y))]
+    moving = {*map(ex.Symbol, system.coordinates), *map(ex.Velocity, system.coordinates), ex.TIME}
+    for y in map(ex.Symbol, system.coordinates):
+        held = [term for term in terms if ex.holds(term, y)]
         if len(held) != 1 or not ex.has(held[0], ex.Arbitrary):
             continue
-        slope = collecting.collect(-held[0] / outer)
-        moving = {*map(ex.Symbol, system.coordinates), *map(ex.Velocity, system.coordinates), ex.TIME}
-        if moving & {*ex.walk(slope)} == {ex.Symbol(x)}:
-            found = signs.function_of([ex.Symbol(x)], [tm.terms_of(slope)])
-            others = [term for term in terms if term != held[0]]
-            return ex.add(*others, tm.tree_of(found) * ex.Velocity(y)) if found else tree
+        for x in system.coordinates:
+            slope = collecting.collect(-held[0] / (y * ex.Velocity(x)))
+            if x != y.name and moving & {*ex.walk(slope)} == {ex.Symbol(x)}:
+                found = signs.function_of([ex.Symbol(x)], [tm.terms_of(slope)])
+                others = [term for term in terms if term != held[0]]
+                return ex.add(*others, tm.tree_of(found) * ex.Velocity(y.name)) if found else tree
     return tree
 
 
