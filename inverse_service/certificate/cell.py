@@ -174,6 +174,8 @@ class Letters:
             a, b = self.parts_of(q, place, 1)
             conjugate = a - b * self.generators[place]
             above, norm = (self.put_square(each * conjugate, place, w) for each in (p, q))
+            if norm.above == 0:  # x + |x| divides zero
+                continue
             rest = self.reduced(above.above * norm.below, above.below * norm.above)
             if rest.below.is_constant() and rest.above.total_degree() < p.total_degree():
                 product, same = (self.put_square(one, place, w) for one in (rest.above * q, p))

@@ -83,7 +83,7 @@ def test_the_command_decides_them(no: dict[str, Any], tmp_path: Path) -> None:
         slow("abs(x' - abs(x))"),
         slow("sign(x') + x^2*x'^4"),
         slow(" + ".join(f"abs(x - {k})*x'" for k in range(10))),
-        slow(" + ".join(f"sin({k}*x + x')*x'^{k}" for k in range(1, 20))),
+        slow(" + ".join(f"sin({k}*x + x')*x'^{k}" for k in range(2, 20))),
     ],
 )
 def test_one_coordinate_is_never_undetermined(force: str) -> None:
