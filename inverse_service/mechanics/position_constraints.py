@@ -33,7 +33,8 @@ def definitions_on(
         tree = ex.substitute(constraint, {ex.Symbol(name): formula for name, formula in linear.items()})
         solved = _solved(tree, left)
         linear |= solved
-        if not solved and (squares := _squares(tree, left) or _squares(collecting.collect(ex.negate(tree)), left)):
+        forms = (tree, collecting.collect(tree), collecting.collect(ex.negate(tree)))
+        if not solved and (squares := next(filter(None, (_squares(form, left) for form in forms)), None)):
             own = [ex.Symbol(next(names)) for names in (first, second)[: len(squares) - 1]]
             solved = _on_sphere(squares, own, [_fall(name, lagrangian, coordinates) for _, name, _ in squares])
             angles += [angle.name for angle in own]

@@ -297,7 +297,7 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
     forces = [_DISSIPATED.sub(r"\1", force) for force in found.forces.values()]
     for pointer, line in others:
         name, squared = _defined(line, {*velocities})
-        if name and definitions[name] is line:
+        if name and definitions[name] is line and not (squared and name in velocities):  # y^2 = l^2 - x^2 has two roots
             left, _, right = line.partition("=")
             root = ("(", ")^{1/2}" if reader.is_latex(right) else ")^(1/2)") if squared else ("", "")
             where[name] = root[0].rjust(len(left) + 1) + right + root[1]
@@ -329,7 +329,8 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
         made["constraints"] = constraints
     elif any(force.strip() != "0" or name[-1] == "'" for name, force in found.forces.items()):
         try:
-            return _with_forces(made, found.forces), {}, dict.fromkeys(notes, "the equations of motion")
+            read = {line: "an equation of motion" if _OF_RATE.search(line) else words for line, words in notes.items()}
+            return _with_forces(made, found.forces), {}, read
         except errors.InputError as error:
             raise error.placed(places["/lagrangian"]) from None
     return made, places, notes
