@@ -665,16 +665,17 @@ class FormulaParser(tk.TokenStream):
         return formula is not None and names & moving <= listed <= moving
 
     def _defined_motion(self, node: ex.Expression, token: Token) -> ex.Expression:
-        """z' for z = a*r^2, and 0 for r = a beside L.
+        """z' for z = a*r^2, and 0 for r = a beside L, in which u, v, and w are displacements.
 
         InputError for U' or U'(x), usually a slope, and for a constant with a prime as a mark.
         """
         name = token.text
         self._skip_time_argument()
         found = carry_out(node, [Variable(ex.TIME, token.order, token.primed)], self._names)
-        moves = nm.looks_like_a_coordinate(name) or name in nm.GREEK_NAMES
+        displaced = self._names.energy and name in ("u", "v", "w")
+        moves = nm.looks_like_a_coordinate(name) or name in nm.GREEK_NAMES or displaced
         marked = found == ex.ZERO and not (self._names.energy and moves)
-        if name in nm.MAY_BE_FUNCTIONS or self._opens_arguments() or marked:
+        if (name in nm.MAY_BE_FUNCTIONS and not displaced) or self._opens_arguments() or marked:
             raise fault("prime of a defined name", token.primed, name=name)
         return found
 

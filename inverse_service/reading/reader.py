@@ -471,10 +471,13 @@ def read_equation(equation: EquationTokens, names: Names) -> tuple[ex.Expression
 def refuse_remark(line: Line, place: int, alone: Collection[str]) -> None:
     """InputError for a word next to a factor that is not meant as one, such as damping, unless it is in `alone`.
 
-    Also for (spring) after an equation and (a) before one.
+    Also for the drag of (drag -b x'), and for (spring) after an equation and (a) before one.
     """
     token, before, after = line[place], at(line, place - 1), at(line, place + 1)
     shown = shorten(token.text)
+    if token.kind == "name" and prose.is_word(token.text) and token.text not in alone and _is_signed_term(line, place):
+        span = (token.column, at(line, place + 2).column)
+        raise fault("word before a sign", token.column, span, name=token.text, sign=after.text)
     behind = before.text not in FUNCTIONS and before.kind in ("name", "number", "prime", "bracket")
     ahead = after.kind in ("name", "number") or (after.is_bracket() and after.space_before)
     if token.kind == "name" and prose.is_word(token.text) and token.text not in alone and (behind or ahead):
@@ -496,11 +499,18 @@ def alone(lines: Iterable[Line]) -> set[str]:
     found, once = set[str](), set[str]()
     for line, place, _ in (each for tokens in lines for each in tk.places(tokens)):
         name, beside = line[place], (at(line, place - 1), at(line, place + 1))
-        signs = all(token.kind in ("end", "operator") for token in beside)
+        signs = all(token.kind in ("end", "operator") for token in beside) and not _is_signed_term(line, place)
         if name.kind == "name" and (signs or name.order or name.text in once):
             found.add(name.text)
         once.add(name.text)
     return found
+
+
+def _is_signed_term(line: Line, place: int) -> bool:
+    """Whether a term with its own sign follows the name at the beginning of a bracket: the -b x' of (drag -b x')."""
+    sign, after = at(line, place + 1), at(line, place + 2)
+    apart = sign.is_operator("-", "+") and sign.space_before and after.kind != "end" and not after.space_before
+    return apart and place == 0 and line[place].kind == "name"
 
 
 def _is_edge(token: Token) -> bool:

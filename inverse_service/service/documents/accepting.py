@@ -106,11 +106,15 @@ _BRACKET = r"\s{0,9}(?:\\(?:left|right|[bB]igg?[lr]?)\s{0,9})?"
 _IN_TIME = rf"(?:\\[dt]?frac\s*\{{\s*{_D}\s*\}}\s*\{{\s*{_D}\s*t\s*\}}|{_D}\s*/\s*{_D}\s*t)"
 _RATE = rf"{_IN_TIME}{_BRACKET}[(\[{{]?\s{{0,9}}{_SLOPE}(?:{_BRACKET}[)\]}}])?"
 _ENDS = r"\s{0,99}(?:$|(?<!\\)[;,]|[\n$]|\.(?=\s|$)|\\q?quad|\\[\\\])]|\\end|\b(?:with|where|and|for)\b)"
+# Terms before the d/dt of an equation of Lagrange, from the beginning of the equation.
+_BEFORE = r"(?:(?<![^;,\n$\]])|(?<=quad)|(?<=\\\\))(?:(?!\\q?quad|\\\\)[^;,\n=$]){0,120}?[-+\u2212]\s*"
+_OTHER_SIDE = r"[^;,\n=]{1,120}?"
 _LAGRANGES_EQUATION = re.compile(
     rf"(?:\\delta|\u03b4)\s*(?:\\int|\u222b)[^;\n=LT]{{0,60}}L[^;\n=L]{{0,40}}{_D}\s*t\s*=\s*0(?={_ENDS})"
-    rf"|{_RATE}[^;,\n=]{{0,120}}=[^;,\n=]{{1,120}}?(?={_ENDS})"
+    rf"|(?:{_BEFORE})?{_RATE}[^;,\n=]{{0,120}}={_OTHER_SIDE}(?={_ENDS})"
+    rf"|(?<![^;,\n$\]]){_OTHER_SIDE}=(?:{_OTHER_SIDE}[-+\u2212])?[\s&]*{_RATE}(?:\s*[-+\u2212]{_OTHER_SIDE})?(?={_ENDS})"
 )
-_OF_RATE, _OF_SLOPE = re.compile(_RATE), re.compile(rf"([-+\u2212]?)\s*{_SLOPE}")
+_OF_RATE, _OF_SLOPE = (re.compile(rf"([-+\u2212]?)[\s&]*{part}") for part in (_RATE, _SLOPE))
 # dF/dx' of a function of Rayleigh
 _DISSIPATED = re.compile(
     rf"(?:\\[dt]?frac\s*\{{\s*)?{_PARTIAL}([A-Z])(?![A-Za-z])\s*(?:/\s*{_PARTIAL}{_BY}|\}}\s*\{{\s*{_PARTIAL}{_BY}\s*\}})"
@@ -424,15 +428,17 @@ def _force(line: str) -> tuple[str, str] | None:
     if rate is None:  # a variation of the action
         return None
     sides, name = line.replace(rate[0], " ", 1).split("="), ""
-    for place, sign in enumerate(("-\u2212", "+")):
+    is_positive = (rate[1] in ("", "+")) is not ("=" in line[: rate.start()])
+    for place, plus in enumerate((not is_positive, is_positive)):
         if slope := _OF_SLOPE.search(sides[place]):
-            if name or (slope[1] or "+") not in sign:
+            if name or (slope[1] in ("", "+")) is not plus:
                 raise errors.InputError("dL/dx has the other sign here: write d/dt(dL/dx') - dL/dx = Q, Q the force.")
             name = slope[2] or slope[3]
             sides[place] = sides[place].replace(slope[0], " ", 1)
-    left, right = (f"0 {side}" if side[:1] in "+-\u2212" else side for side in (side.strip(" &") for side in sides))
-    force = f"{right} - ({left})" if left != "0 " else right
-    name, velocity = _plain_name(name), _plain_name(rate[1] or rate[2])
+    sides = [f"0 {side}" if side[:1] in ("", *"+-\u2212") else side for side in (side.strip(" &") for side in sides)]
+    left, right = sides if is_positive else reversed(sides)
+    force = f"{right} - ({left})" if left.strip() != "0" else right
+    name, velocity = _plain_name(name), _plain_name(rate[2] or rate[3])
     return name or f"{velocity}'", force
 
 
