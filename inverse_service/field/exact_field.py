@@ -26,7 +26,7 @@ import dataclasses
 import functools
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
@@ -510,14 +510,16 @@ class ExactRing:
 
     `variables` are t, coordinates, and velocities; `atoms` maps the tree of each atom to its value; `trees[index]` is
     the tree of generator `index`; `images[k][index]` is its derivative by `variables[k]` if the ring has `slopes`;
-    `undefined` are generators whose derivatives exceed the requested order. Generators are assigned from the last index
-    down, so that later ones are greater in the order.
+    `undefined` are generators whose derivatives exceed the requested order; with `plain_powers`, powers of generators
+    are written exp(u)^2 and sqrt(u)^3. Generators are assigned from the last index down, so that later ones are greater
+    in the order.
     """
 
     field: QuotientField
     variables: tuple[ex.Expression, ...]
     free: int
     slopes: bool = True
+    plain_powers: bool = False
     atoms: dict[ex.Expression, Quotient] = dataclasses.field(default_factory=dict)
     trees: dict[int, ex.Expression] = dataclasses.field(default_factory=dict)
     images: list[dict[int, Quotient]] = dataclasses.field(default_factory=list)
@@ -575,7 +577,7 @@ class ExactRing:
             case ex.Number(value):
                 return self.constant(value)
             case ex.Sum(terms):
-                return sum(map(self.value, terms), self.constant(0))
+                return sum_of(self.constant(0), map(self.value, terms))
             case ex.Product(factors):
                 return math.prod(map(self.value, factors), start=self.constant(1))
             case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1:
@@ -588,6 +590,68 @@ class ExactRing:
 def is_integer_power(tree: ex.Expression) -> bool:
     """Whether the node is a Power with an integer exponent, which needs no generator."""
     return isinstance(tree, ex.Power) and isinstance(tree.exponent, ex.Number) and tree.exponent.value.denominator == 1
+
+
+def opaque_ring(
+    trees: Iterable[ex.Expression], budget: Budget | None = None, places: Mapping[ex.Expression, int] | None = None
+) -> ExactRing:
+    """A ring that holds the trees, in which symbols, functions, and roots are independent generators.
+
+    An identity in it is true, but an element that is not zero may be the zero function. Symbols come first, velocities
+    last, each by its number in `places` and then as they appear: so products look like R sin(phi) phi'.
+    """
+    powers = dict(pair for tree in trees for pair in _powers_in(tree))
+    atoms = _atoms_of(powers.values())
+    roots = {
+        atom.base: (atom, atom.exponent.value.denominator)
+        for atom in atoms
+        if isinstance(atom, ex.Power) and isinstance(atom.exponent, ex.Number)
+    }
+    known = places or {}
+    atoms.sort(key=lambda atom: (_rank(atom), known.get(atom, math.inf)))
+    owner = QuotientField.with_generators(len(atoms), budget)
+    ring = ExactRing(owner, (), len(atoms), slopes=False, plain_powers=True)
+    for atom in reversed(atoms):
+        ring.atoms[atom] = ring.generator(ring.new_generator(atom))
+    for node, (base, exponent) in powers.items():
+        if base in roots and exponent != 1:  # u^-2 beside sqrt(u) is sqrt(u)^-4
+            base, degree = roots[base]
+            exponent *= degree
+        if base in ring.atoms:
+            ring.atoms[node] = ring.atoms[base] ** exponent
+    return ring
+
+
+def _powers_in(tree: ex.Expression) -> Iterator[tuple[ex.Expression, tuple[ex.Expression, int]]]:
+    """(node, (u, k)) for each node u^k outside of functions and roots; u^(p/q) is the p-th power of u^(1/q)."""
+    match tree:
+        case ex.Power(base, ex.Number(value)) if value.denominator > 1:
+            yield tree, (ex.Power(base, ex.number(Fraction(1, value.denominator))), value.numerator)
+        case ex.Power(base, ex.Number(value)):
+            yield tree, (base, value.numerator)
+            yield from _powers_in(base)
+        case ex.Sum() | ex.Product():
+            for part in ex.children(tree):
+                yield from _powers_in(part)
+        case _ if not isinstance(tree, ex.Number):
+            yield tree, (tree, 1)
+
+
+def opaque_atoms(tree: ex.Expression) -> list[ex.Expression]:
+    """The symbols, functions, and roots outside of functions and roots, in order of appearance."""
+    return _atoms_of(power for _, power in _powers_in(tree))
+
+
+def _atoms_of(powers: Iterable[tuple[ex.Expression, int]]) -> list[ex.Expression]:
+    return [base for base in dict.fromkeys(base for base, _ in powers) if not _is_composed(base)]
+
+
+def _is_composed(tree: ex.Expression) -> bool:
+    return isinstance(tree, ex.Sum | ex.Product | ex.Number) or is_integer_power(tree)
+
+
+def _rank(atom: ex.Expression) -> int:
+    return 0 if isinstance(atom, ex.Symbol) else 2 if isinstance(atom, ex.Velocity) else 1
 
 
 def add_symbols(ring: ExactRing, symbols: Sequence[ex.Symbol | ex.Velocity]) -> None:
@@ -635,9 +699,7 @@ def _factored(ring: ExactRing, quotient: Quotient) -> ex.Expression:
     ordered = sorted(
         table.items(), key=lambda item: (item[1] < 0, isinstance(item[0], ex.Sum), rank.get(item[0], (3, 0)))
     )
-    return ex.multiply(
-        ex.number(constant), *(generator_power(tree, exponent) for tree, exponent in ordered if exponent)
-    )
+    return ex.multiply(ex.number(constant), *(_power(ring, tree, exponent) for tree, exponent in ordered if exponent))
 
 
 def factor_trees(ring: ExactRing, quotient: Quotient) -> list[ex.Expression]:
@@ -661,7 +723,8 @@ def _factors(ring: ExactRing, polynomial: fmpq_mpoly) -> tuple[Fraction, list[tu
 
 def _collect(ring: ExactRing, table: dict[ex.Expression, Fraction], factor: fmpq_mpoly, exponent: int) -> None:
     """Multiply a power of a factor into the table of trees and exponents."""
-    for base, inner in ex.powers_of(polynomial_tree(ring, factor)):
+    tree = polynomial_tree(ring, factor)
+    for base, inner in [(tree, Fraction(1))] if ring.plain_powers else ex.powers_of(tree):
         table[base] = table.get(base, Fraction(0)) + inner * exponent
 
 
@@ -685,10 +748,14 @@ def _monomial_tree(
     for index in order:
         exponent = int(exponents[index])
         if exponent and (index, exponent) not in powers:
-            powers[index, exponent] = generator_power(ring.trees[index], Fraction(exponent))
+            powers[index, exponent] = _power(ring, ring.trees[index], Fraction(exponent))
         if exponent:
             parts.append(powers[index, exponent])
     return ex.multiply(ex.number(coefficient), *parts)
+
+
+def _power(ring: ExactRing, tree: ex.Expression, exponent: Fraction) -> ex.Expression:
+    return tree**exponent if ring.plain_powers else generator_power(tree, exponent)
 
 
 def _place(ring: ExactRing, index: int) -> tuple[int, int]:

@@ -106,6 +106,14 @@ def solve_square(matrix: Sequence[Sequence[Quotient]], right: Sequence[Quotient]
     return tuple(row[size] for _, row in sorted(zip(found.pivots, found.rows, strict=True), key=lambda item: item[0]))
 
 
+def inverse(matrix: Sequence[Sequence[Quotient]], one: Quotient) -> list[list[Quotient]] | None:
+    """The inverse; None if the matrix is singular."""
+    size, zero = len(matrix), one - one
+    units = [[one if i == j else zero for j in range(size)] for i in range(size)]
+    found = reduced_rows([[*row, *unit] for row, unit in zip(matrix, units, strict=True)], range(size))
+    return [list(row[size:]) for row in found.rows] if len(found.pivots) == size else None
+
+
 def determinant(matrix: Sequence[Sequence[Quotient]], one: Quotient) -> Quotient:
     """The determinant by expansion along the rows, those with fewest entries first, with each minor computed once."""
     order = sorted(range(len(matrix)), key=lambda i: sum(not entry.is_zero for entry in matrix[i]))

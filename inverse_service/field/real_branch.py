@@ -321,13 +321,9 @@ def _own_poles(node: ex.Expression) -> list[ex.Expression]:
 
 @dataclass(slots=True)
 class Generators(exact_field.ExactRing):
-    """A ring that adjoins functions and roots on demand; a square root gets its relation.
-
-    If `opaque`, functions and roots become generators unchanged, and their relations are ignored.
-    """
+    """A ring that adjoins functions and roots on demand; a square root gets its relation."""
 
     tower: towers.Tower = field(default_factory=lambda: towers.Tower(()))
-    opaque: bool = False
 
     def letter(self, tree: ex.Expression, square: fmpq_mpoly | None = None) -> exact_field.Quotient:
         """The tree as a generator; IrreducibleAtoms if there are too many."""
@@ -346,33 +342,17 @@ class Generators(exact_field.ExactRing):
                 return self.letter(tree)
             case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1:
                 return self.value(base) ** int(exponent)
-            case ex.Power() | ex.Apply() if self.opaque:
-                return self.letter(tree)
             case ex.Power(base, ex.Number(exponent)):
                 return _root(self, base, exponent)
             case ex.Apply():
                 return _atom(self, tree)
         return exact_field.ExactRing.value(self, tree)
 
-    def tree_of(self, polynomial: fmpq_mpoly) -> ex.Expression:
-        """The polynomial as a tree."""
-        parts = []
-        for exponents, coefficient in polynomial.to_dict().items():
-            factors = [self.trees[k] ** int(e) for k, e in enumerate(exponents) if e]
-            parts.append(ex.multiply(ex.number(exact_field.as_fraction(coefficient)), *factors))
-        return ex.add(*parts)
-
     def sign(self, factor: ex.Expression) -> int:
         """The sign of an irreducible factor at the real point, on the branches fixed so far."""
         if isinstance(factor, ex.Symbol | ex.Velocity):
             return self.tower.real_signs.get(factor, 1)
         return next((sign for known, sign in self.tower.signs if known == factor), 1)
-
-
-def _generators(tower: towers.Tower | None = None) -> Generators:
-    """A ring without generators, opaque if there is no tower."""
-    field = exact_field.QuotientField.with_generators(_CAPACITY)
-    return Generators(field, (), _CAPACITY, False, tower=tower or towers.Tower(()), opaque=tower is None)
 
 
 def used_generators(polynomial: fmpq_mpoly) -> list[int]:
@@ -415,8 +395,10 @@ def positive_factors(ring: Generators, quotient: exact_field.Quotient) -> Iterat
     content, found = factors(quotient.numerator)
     for value, way in ((abs(content.numerator), 1), (content.denominator, -1)):
         yield from ((ex.number(ell), way * k) for ell, k in modular.prime_factors(value))
-    yield from ((ring.tree_of(factor), k) for factor, k in found)
-    yield from ((ring.tree_of(ring.field.denominators[index]), -k) for index, k in quotient.exponents)
+    yield from ((exact_field.polynomial_tree(ring, factor), k) for factor, k in found)
+    yield from (
+        (exact_field.polynomial_tree(ring, ring.field.denominators[index]), -k) for index, k in quotient.exponents
+    )
 
 
 def _root_power(ring: Generators, base: ex.Expression, exponent: Fraction) -> exact_field.Quotient:
@@ -490,7 +472,8 @@ def fix_branches(tower: towers.Tower, table: RealTable | None) -> None:
     radicands, tower.radicands = tower.radicands, []
     if radicands and table is None:
         raise errors.IrreducibleAtoms("f contains roots and no real point was found at which all of them are defined")
-    ring = _generators(tower)
+    owner = exact_field.QuotientField.with_generators(_CAPACITY)
+    ring = Generators(owner, (), _CAPACITY, slopes=False, plain_powers=True, tower=tower)
     for radicand in radicands:
         assert table is not None
         _fix(ring, radicand, table, _DEEPEST)
@@ -565,8 +548,8 @@ def _split_root(
     e = _square_root(ring, ring.field.reduce(rest * rest - slope * slope * ring.field.relations[k].right))
     if e is None:
         return None
-    middle, half = ring.tree_of(rest), ex.number(Fraction(1, 2))
-    return half * (middle + e), half * (middle - e), ring.tree_of(slope)
+    middle, half = exact_field.polynomial_tree(ring, rest), ex.number(Fraction(1, 2))
+    return half * (middle + e), half * (middle - e), exact_field.polynomial_tree(ring, slope)
 
 
 def _square_root(ring: Generators, polynomial: fmpq_mpoly) -> ex.Expression | None:
@@ -574,7 +557,7 @@ def _square_root(ring: Generators, polynomial: fmpq_mpoly) -> ex.Expression | No
     content, found = factors(polynomial)
     if content <= 0 or any(k % 2 for _, k in found):
         return None
-    parts = [ex.multiply(*[ring.tree_of(factor)] * (k // 2)) for factor, k in found]
+    parts = [ex.multiply(*[exact_field.polynomial_tree(ring, factor)] * (k // 2)) for factor, k in found]
     return ex.multiply(ex.square_root(ex.number(content)), *parts)
 
 
@@ -746,16 +729,16 @@ def _factored(tree: ex.Expression) -> tuple[Fraction, Factors]:
     """The irreducible factors over Q, with functions and roots as generators."""
     if isinstance(tree, ex.Number):
         return (tree.value, {}) if tree.value else (Fraction(1), {tree: 1})
-    ring = _generators()
     try:
-        quotient = to_quotient(ring, tree)
-        content, pieces = factors(quotient.numerator)
-    except errors.IrreducibleAtoms:
+        ring = exact_field.opaque_ring([tree], exact_field.Budget(_MOST_TERMS))
+        quotient = ring.value(tree)
+        content, pieces = exact_field.factor_polynomial(quotient.numerator)
+    except (exact_field.TooLarge, ZeroDivisionError):
         return Fraction(1), {tree: 1}
     if not content:
         return Fraction(1), {tree: 1}
-    found = {ring.tree_of(piece): times for piece, times in pieces}
-    found |= {ring.tree_of(ring.field.denominators[index]): -times for index, times in quotient.exponents}
+    powers = [*pieces, *((ring.field.denominators[index], -times) for index, times in quotient.exponents)]
+    found = {exact_field.polynomial_tree(ring, piece): times for piece, times in powers}
     if len(found) == 1 and content == 1 and next(iter(found.values())) == 1:
         return content, {tree: 1}
     return content, found

@@ -1,32 +1,24 @@
 """Whole equations, linear in the accelerations, solved for them: M(t, q, q') q'' = -b(t, q, q').
 
-The matrix is inverted exactly, block by block of its triangular form, by fraction-free elimination
-(Bareiss 1968) over polynomials in opaque atoms. Atoms may be related (sin^2 + cos^2 = 1), so a
-determinant that is not the zero polynomial is also confirmed not to vanish at random real points
-(`sample_points`), to 50 digits.
-
-`OpaqueRing` holds trees as quotients of exact polynomials in opaque atoms (python-flint). An atom is a symbol, a
-velocity, an elementary or arbitrary function, a root or a power that is not an integer; relations among atoms are
-not known here. So an identity proven in these polynomials is true, but a polynomial that is not zero may still be the
-zero function.
+The matrix is inverted exactly, block by block of its triangular form, over a ring of opaque atoms. Atoms may be related
+(sin^2 + cos^2 = 1), so what the inverse is divided by is also confirmed not to vanish at random real points
+(`sample_points`), to 50 digits; each factor of the determinant is among these divisors.
 """
 
 from __future__ import annotations
 
-import math
 import random
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-import flint
 from mpmath import mp, mpf
 
 from inverse_service import bounds, errors
 from inverse_service.expressions import collecting, evaluation, graphs, inequalities, tree as ex
-from inverse_service.field import exact_field
+from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import euler_lagrange, writing
 
 _POINTS = 3
@@ -37,12 +29,6 @@ _SEED = 18_340_115
 _WIDTHS = ("1", "1", "3", "0.4", "6", "0.1")
 
 Point = dict[ex.Expression, Any]
-Polynomial = Any  # python-flint has no types
-Rows = list[list[Polynomial]]
-
-MOST_TERMS = 40_000
-_FACTORED_TERMS = 100
-_LARGE = 10**9
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,30 +74,44 @@ def solve_lines(equations: Sequence[LinearEquation], coordinates: Sequence[str])
     """
     if len(equations) != len(coordinates):
         raise _wrong_number(len(equations), coordinates)
-    ring = OpaqueRing([c for equation in equations for c in equation.coefficients.values()])
-    atoms = (atom for equation in equations for atom in atoms_of(equation.rest))
-    places = {atom: place for place, atom in enumerate(atoms)}
-    rows = [_row(ring, equation, coordinates) for equation in equations]
-    pattern = [[k for k, entry in enumerate(row) if not entry.numerator.is_zero()] for row in rows]
-    row_of = _matched(pattern, equations, coordinates)
-    solved: dict[str, ex.Expression] = {}
-    divisors = dict[ex.Expression, None]()
-    for block in graphs.components({column: pattern[row_of[column]] for column in range(len(pattern))}):
-        chosen = [row_of[column] for column in block]
-        rests = [_with_known(equations[row], solved) for row in chosen]
-        matrix = [[rows[row][column] for column in block] for row in chosen]
-        inverse = inverse_of(ring, matrix)
-        if inverse is None or vanishes(ring.tree(OpaqueFraction(inverse.determinant, ring.constant(1)))):
-            raise _singular([coordinates[column] for column in block])
-        below = (inverse.determinant, *inverse.scales)
-        divisors.update(dict.fromkeys(factor for each in below for factor in ring.factors_of(each)))
-        for row, column in zip(inverse.adjugate, block, strict=True):
-            entries = [ring.reduced(entry, inverse.determinant) for entry in row]
-            solved[coordinates[column]] = _solution(ring, entries, rests, places)
+    try:
+        solved, divisors = _solve_blocks(equations, coordinates)
+    except exact_field.TooLarge as error:
+        detail = f"the accelerations cannot be solved for, {error}: write the equations solved, or with fewer symbols."
+        raise errors.LimitError(detail, "/equations") from None
     written = [tree for equation in equations for tree in (*equation.coefficients.values(), equation.rest)]
     found = tuple(writing.with_sums_as_in(solved[name], written) for name in coordinates)
     moving = {ex.TIME, *map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates)}
     return Solved(found, unseen([one for one in divisors if not moving.isdisjoint(ex.walk(one))], found))
+
+
+def _solve_blocks(
+    equations: Sequence[LinearEquation], coordinates: Sequence[str]
+) -> tuple[dict[str, ex.Expression], list[ex.Expression]]:
+    """The acceleration of each coordinate, and what the matrix and its inverse are divided by."""
+    slopes = [c for equation in equations for c in equation.coefficients.values()]
+    ring = exact_field.opaque_ring(slopes)
+    rows = [_row(ring, equation, coordinates) for equation in equations]
+    pattern = [[k for k, entry in enumerate(row) if not entry.is_zero] for row in rows]
+    row_of = _matched(pattern, equations, coordinates)
+    atoms = (atom for equation in equations for atom in exact_field.opaque_atoms(equation.rest))
+    solved, places = dict[str, ex.Expression](), {atom: place for place, atom in enumerate(atoms)}
+    divisors = dict[int, ex.Expression]()
+    for block in graphs.components({column: pattern[row_of[column]] for column in range(len(pattern))}):
+        chosen = [row_of[column] for column in block]
+        rests = [_with_known(equations[row], solved) for row in chosen]
+        matrix = [[rows[row][column] for column in block] for row in chosen]
+        inverse = matrices.inverse(matrix, ring.constant(1))
+        if inverse is None:
+            raise _singular([coordinates[column] for column in block])
+        used = {index for row in (*inverse, *matrix) for entry in row for index, _ in entry.exponents}
+        found = {index: exact_field.polynomial_tree(ring, ring.field.denominators[index]) for index in used}
+        if vanishes(ex.multiply(*found.values())):
+            raise _singular([coordinates[column] for column in block])
+        divisors |= found
+        for row, column in zip(inverse, block, strict=True):
+            solved[coordinates[column]] = _solution(ring, row, rests, places)
+    return solved, list(divisors.values())
 
 
 def unseen(divisors: Sequence[ex.Expression], accelerations: Sequence[ex.Expression]) -> tuple[ex.Expression, ...]:
@@ -125,17 +125,17 @@ def unseen(divisors: Sequence[ex.Expression], accelerations: Sequence[ex.Express
         if node.exponent.value.denominator > 1:
             seen.append(node.base ** Fraction(1, node.exponent.value.denominator))
         if node.exponent.value < 0 or node.exponent.value.denominator > 1:
-            ring = OpaqueRing([node.base])
-            with suppress(errors.LimitError, ZeroDivisionError):
-                seen += ring.factors_of(ring.fraction(node.base).numerator)
+            with suppress(exact_field.TooLarge, ZeroDivisionError):
+                ring = exact_field.opaque_ring([node.base])
+                seen += exact_field.factor_trees(ring, ring.value(node.base))
     return tuple(one for one in divisors if not inequalities.is_nonzero(one, seen))
 
 
-def _row(ring: OpaqueRing, equation: LinearEquation, coordinates: Sequence[str]) -> list[OpaqueFraction]:
-    zero = ring.fraction(ex.ZERO)
+def _row(
+    ring: exact_field.ExactRing, equation: LinearEquation, coordinates: Sequence[str]
+) -> list[exact_field.Quotient]:
     try:
-        found = {name: ring.fraction(tree) for name, tree in equation.coefficients.items()}
-        return [found.get(name, zero) for name in coordinates]
+        return [ring.value(equation.coefficients.get(name, ex.ZERO)) for name in coordinates]
     except ZeroDivisionError:
         raise errors.InputError("an equation divides by zero: remove the division.", equation.pointer) from None
 
@@ -172,15 +172,19 @@ def _scaled(coefficient: ex.Expression, expression: ex.Expression) -> ex.Express
 
 
 def _solution(
-    ring: OpaqueRing,
-    inverse_row: Sequence[OpaqueFraction],
+    ring: exact_field.ExactRing,
+    inverse_row: Sequence[exact_field.Quotient],
     rests: Sequence[ex.Expression],
     places: Mapping[ex.Expression, int],
 ) -> ex.Expression:
     """-Σ inverse_j rest_j: unchanged, or over one denominator where that is not much longer."""
-    parts = [(entry, rest) for entry, rest in zip(inverse_row, rests, strict=True) if not entry.numerator.is_zero()]
-    plain = ex.add(*(_scaled(-1 * ring.tree(entry), rest) for entry, rest in parts))
-    if all(isinstance(ring.tree(entry), ex.Number) and len(parts) == 1 for entry, _ in parts):
+    parts = [
+        (-1 * exact_field.quotient_tree(ring, entry), rest)
+        for entry, rest in zip(inverse_row, rests, strict=True)
+        if not entry.is_zero
+    ]
+    plain = ex.add(*(_scaled(slope, rest) for slope, rest in parts))
+    if len(parts) == 1 and isinstance(parts[0][0], ex.Number):
         return plain
     gathered = writing.numbers_outside(writing.one_square(_gathered(plain, places)))
     return gathered if 2 * ex.node_count(gathered) <= 3 * ex.node_count(plain) else plain
@@ -188,12 +192,10 @@ def _solution(
 
 def _gathered(plain: ex.Expression, places: Mapping[ex.Expression, int]) -> ex.Expression:
     """The same over one denominator, in lowest terms; as it is where that would be too large."""
-    if max(expanded_terms(plain)) > bounds.TERMS:
-        return plain
-    ring = OpaqueRing([plain], places)
+    ring = exact_field.opaque_ring([plain], exact_field.Budget(bounds.EXPANSION), places)
     try:
-        return ring.tree(ring.fraction(plain))
-    except (errors.LimitError, ZeroDivisionError):
+        return exact_field.quotient_tree(ring, ring.value(plain))
+    except (exact_field.TooLarge, ZeroDivisionError):
         return plain
 
 
@@ -368,262 +370,3 @@ def is_small(tree: ex.Expression, table: Mapping[ex.Expression, evaluation.Real]
             values = [evaluation.evaluate(tree, table)]
     size = mp.fsum(map(abs, values)) if len(values) > 1 else 1
     return bool(abs(mp.fsum(values)) <= mpf(10) ** (10 - bounds.DIGITS) * size)
-
-
-@dataclass(frozen=True, slots=True)
-class OpaqueFraction:
-    """numerator / denominator without a common factor; the denominator is not the zero polynomial."""
-
-    numerator: Polynomial
-    denominator: Polynomial
-
-
-class OpaqueRing:
-    """Polynomials over the rationals in the atoms of some trees.
-
-    Symbols come first, velocities last, each by its number in `places` and then as they appear in
-    the trees: so printed products look like R sin(phi) phi'.
-    """
-
-    __slots__ = ("_context", "_index", "_roots", "atoms")
-
-    def __init__(self, trees: Iterable[ex.Expression], places: Mapping[ex.Expression, int] | None = None) -> None:
-        found: dict[ex.Expression, None] = {}
-        for tree in trees:
-            found.update(dict.fromkeys(atoms_of(tree)))
-        known = places or {}
-        self.atoms = tuple(sorted(found, key=lambda atom: (_rank(atom), known.get(atom, math.inf))))
-        self._index = {atom: place for place, atom in enumerate(self.atoms)}
-        self._roots = {base: (atom, degree) for atom in self.atoms for base, degree in _root_of(atom)}
-        names = tuple(f"a{place}" for place in range(max(1, len(self.atoms))))
-        self._context = flint.fmpq_mpoly_ctx.get(names, flint.Ordering.lex)
-
-    def constant(self, value: int | Fraction) -> Polynomial:
-        value = Fraction(value)
-        return self._context.constant(flint.fmpq(value.numerator, value.denominator))
-
-    def reduced(self, numerator: Polynomial, denominator: Polynomial) -> OpaqueFraction:
-        """The quotient in lowest terms."""
-        common = numerator.gcd(denominator)
-        if not common.is_constant():
-            numerator, denominator = divmod(numerator, common)[0], divmod(denominator, common)[0]
-        return OpaqueFraction(numerator, denominator)
-
-    def fraction(self, tree: ex.Expression) -> OpaqueFraction:
-        """The tree as a quotient; ZeroDivisionError where it divides by the zero polynomial."""
-        match tree:
-            case ex.Number(value):
-                return OpaqueFraction(self.constant(value), self.constant(1))
-            case ex.Sum(terms):
-                return self.sum([self.fraction(term) for term in terms])
-            case ex.Product(factors):
-                return self.product([self.fraction(factor) for factor in factors])
-            case _:
-                base, exponent = _whole_power(tree)
-                if base in self._roots and exponent != 1:  # u^-2 beside sqrt(u) is sqrt(u)^-4
-                    base, degree = self._roots[base]
-                    exponent *= degree
-                if base in self._index:
-                    inner = OpaqueFraction(self._context.gen(self._index[base]), self.constant(1))
-                else:
-                    inner = self.fraction(base)
-                return self._raised(inner, exponent)
-
-    def sum(self, fractions: Sequence[OpaqueFraction]) -> OpaqueFraction:
-        total = OpaqueFraction(self.constant(0), self.constant(1))
-        for part in fractions:
-            common = total.denominator.gcd(part.denominator)
-            left, right = divmod(part.denominator, common)[0], divmod(total.denominator, common)[0]
-            over = times(total.numerator, left) + times(part.numerator, right)
-            total = self.reduced(over, times(total.denominator, left))
-        return total
-
-    def product(self, fractions: Sequence[OpaqueFraction]) -> OpaqueFraction:
-        total = OpaqueFraction(self.constant(1), self.constant(1))
-        for part in fractions:
-            over = times(total.numerator, part.numerator)
-            total = self.reduced(over, times(total.denominator, part.denominator))
-        return total
-
-    def _raised(self, base: OpaqueFraction, exponent: int) -> OpaqueFraction:
-        over, under = (base.numerator, base.denominator) if exponent >= 0 else (base.denominator, base.numerator)
-        if under.is_zero():
-            raise ZeroDivisionError("a formula divides by zero")
-        return OpaqueFraction(over ** abs(exponent), under ** abs(exponent))
-
-    def tree(self, fraction: OpaqueFraction) -> ex.Expression:
-        """The quotient as a tree, factored where that is cheap."""
-        content, over = self._factors(fraction.numerator)
-        under_content, under = self._factors(fraction.denominator)
-        below = [factor**-exponent for factor, exponent in under]
-        if len(under) > 1 or (under and (content / under_content).denominator != 1):
-            inside = ex.multiply(*(factor**exponent for factor, exponent in under))
-            below = [inside**-1]
-        return ex.multiply(ex.number(content / under_content), *(f**k for f, k in over), *below)
-
-    def factors_of(self, polynomial: Polynomial) -> list[ex.Expression]:
-        """Its factors that are no numbers, each once."""
-        return [factor for factor, _ in self._factors(polynomial)[1]]
-
-    def _factors(self, polynomial: Polynomial) -> tuple[Fraction, list[tuple[ex.Expression, int]]]:
-        if polynomial.is_zero():
-            return Fraction(0), []
-        total, factors = Fraction(1), [(polynomial, 1)]
-        if len(polynomial) <= _FACTORED_TERMS:
-            try:
-                total, factors = exact_field.factor_polynomial(polynomial)
-            except exact_field.TooLarge:
-                factors = self._monomial_apart(polynomial)
-        result = []
-        for factor, exponent in factors:
-            scale = self._scale(factor)
-            total *= scale**exponent
-            result.append((self._sum_tree(factor, scale), exponent))
-        return total, sorted(result, key=lambda pair: self._index.get(pair[0], len(self.atoms)))
-
-    def _monomial_apart(self, polynomial: Polynomial) -> list[tuple[Polynomial, int]]:
-        """The powers of single atoms that divide a polynomial, and the remaining factor."""
-        shared = polynomial.term_content()
-        powers = zip(self._context.gens(), shared.degrees(), strict=True)
-        rest = divmod(polynomial, shared / shared.leading_coefficient())[0]
-        return [(rest, 1), *((atom, int(k)) for atom, k in powers if k)]
-
-    def _scale(self, polynomial: Polynomial) -> Fraction:
-        """The content, with the sign of the leading term."""
-        scale = polynomial.term_content().leading_coefficient()
-        sign = -1 if polynomial.leading_coefficient() < 0 else 1
-        return sign * abs(exact_field.as_fraction(scale))
-
-    def _sum_tree(self, polynomial: Polynomial, scale: Fraction) -> ex.Expression:
-        terms = []
-        for exponents, value in polynomial.to_dict().items():
-            powers = [self.atoms[k] ** int(e) for k, e in enumerate(exponents) if e]
-            terms.append(ex.multiply(ex.number(exact_field.as_fraction(value) / scale), *powers))
-        return ex.add(*terms)
-
-
-def _rank(atom: ex.Expression) -> int:
-    return 0 if isinstance(atom, ex.Symbol) else 2 if isinstance(atom, ex.Velocity) else 1
-
-
-def times(left: Polynomial, right: Polynomial, most: int = MOST_TERMS) -> Polynomial:
-    """The product; LimitError where it could have too many terms."""
-    if len(left) * len(right) > most:
-        raise errors.LimitError(
-            f"the accelerations cannot be solved for, a polynomial would have over {most:,} terms: "
-            "write the equations solved, or with fewer symbols.",
-            "/equations",
-        )
-    return left * right
-
-
-@dataclass(frozen=True, slots=True)
-class InverseRows:
-    """The inverse adjugate / determinant of a matrix P whose rows had the denominators `scales`.
-
-    The determinant is +-det of the matrix of polynomials D P, D = diag(scales); the quotients need not be reduced.
-    """
-
-    adjugate: Rows
-    determinant: Polynomial
-    scales: tuple[Polynomial, ...]
-
-
-def inverse_of(
-    ring: OpaqueRing, matrix: Sequence[Sequence[OpaqueFraction]], most: int = MOST_TERMS
-) -> InverseRows | None:
-    """None where the matrix is singular; LimitError as `times`.
-
-    Fraction-free Gauss-Jordan elimination (Bareiss 1968) of (D P | D) to (d I | d P^-1).
-    """
-    size, zero = len(matrix), ring.constant(0)
-    scales = tuple(_common_denominator(ring, row, most) for row in matrix)
-    table = [
-        [
-            *(times(entry.numerator, divmod(scale, entry.denominator)[0], most) for entry in row),
-            *(scale if i == j else zero for j in range(size)),
-        ]
-        for i, (row, scale) in enumerate(zip(matrix, scales, strict=True))
-    ]
-    previous = ring.constant(1)
-    for column in range(size):
-        rows = [row for row in range(column, size) if not table[row][column].is_zero()]
-        if not rows:
-            return None
-        best = min(rows, key=lambda row: len(table[row][column]))
-        table[column], table[best] = table[best], table[column]
-        top, pivot = table[column], table[column][column]
-        for place, row in enumerate(table):
-            if place != column:
-                pairs = zip(row, top, strict=True)
-                table[place] = [
-                    divmod(times(pivot, a, most) - times(row[column], b, most), previous)[0] for a, b in pairs
-                ]
-        previous = pivot
-    return InverseRows([row[size:] for row in table], previous, scales)
-
-
-def _common_denominator(ring: OpaqueRing, entries: Iterable[OpaqueFraction], most: int) -> Polynomial:
-    """The least common multiple of the denominators."""
-    common = ring.constant(1)
-    for entry in entries:
-        common = times(common, divmod(entry.denominator, common.gcd(entry.denominator))[0], most)
-    return common
-
-
-def expanded_terms(tree: ex.Expression) -> tuple[int, int]:
-    """An upper bound for the numbers of terms of numerator and denominator, capped."""
-    match tree:
-        case ex.Sum(terms):
-            over, under = 0, 1
-            for part_over, part_under in map(expanded_terms, terms):
-                over, under = over * part_under + part_over * under, under * part_under
-        case ex.Product(factors):
-            over, under = 1, 1
-            for part_over, part_under in map(expanded_terms, factors):
-                over, under = over * part_over, under * part_under
-        case _:
-            base, exponent = _whole_power(tree)
-            if base == tree or not isinstance(base, ex.Sum | ex.Product):
-                return 1, 1
-            pair = expanded_terms(base)
-            over, under = (min(_LARGE, size ** min(abs(exponent), 40)) for size in pair[:: 1 if exponent > 0 else -1])
-    return min(over, _LARGE), min(under, _LARGE)
-
-
-def _whole_power(tree: ex.Expression) -> tuple[ex.Expression, int]:
-    """(base, k) with tree = base^k; u^(p/q) is the p-th power of the atom u^(1/q)."""
-    match tree:
-        case ex.Power(base, ex.Number(value)) if value.denominator == 1:
-            return base, int(value)
-        case ex.Power(base, ex.Number(value)):
-            return ex.Power(base, ex.number(Fraction(1, value.denominator))), value.numerator
-        case _:
-            return tree, 1
-
-
-def atoms_of(tree: ex.Expression) -> list[ex.Expression]:
-    """The atoms in order of appearance; the arguments of atoms are not searched."""
-    found: dict[ex.Expression, None] = {}
-    stack = [tree]
-    while stack:
-        node = stack.pop()
-        if isinstance(node, ex.Sum):
-            stack.extend(reversed(node.terms))
-        elif isinstance(node, ex.Product):
-            stack.extend(reversed(node.factors))
-        elif not isinstance(node, ex.Number):
-            base, _ = _whole_power(node)
-            if base == node or _root_of(base):
-                found[base] = None
-            else:
-                stack.append(base)
-    return list(found)
-
-
-def _root_of(atom: ex.Expression) -> list[tuple[ex.Expression, int]]:
-    """[(u, d)] for the root u^(1/d), else []."""
-    match atom:
-        case ex.Power(base, ex.Number(value)) if value.denominator != 1:
-            return [(base, value.denominator)]
-    return []

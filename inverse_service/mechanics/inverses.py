@@ -1,8 +1,8 @@
 """p = dL/dv solved for the velocities: L cut into blocks, quadratic ones inverted, then each family of others in turn.
 
 The parts of L are free of velocities, linear, and independent blocks; a candidate for an inverse is checked by the
-caller. Of a quadratic block L = v^T G v/2 it is v = G^-1 p, with H = p^T G^-1 p/2: G is inverted exactly by
-fraction-free elimination (Bareiss 1968) over polynomials in opaque atoms.
+caller. Of a quadratic block L = v^T G v/2 it is v = G^-1 p, with H = p^T G^-1 p/2: G is inverted exactly over
+a ring of opaque atoms.
 
 One velocity: F(v) = dL/dv = p is solved from the outside to the inside where v occurs in F once; else F may be a short
 polynomial in z, a power of v or exp(v). With z^d = y the equation is c_2 y^2 + c_1 y + c_0 = 0, or a cubic; its
@@ -34,8 +34,9 @@ from fractions import Fraction
 from functools import lru_cache
 from itertools import combinations, combinations_with_replacement, product
 
-from inverse_service import bounds, errors
+from inverse_service import bounds
 from inverse_service.expressions import collecting, derivative, tree as ex
+from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import euler_lagrange, implicit_equations, second_order_system, short_forms
 
 Matrix = tuple[tuple[ex.Expression, ...], ...]
@@ -198,43 +199,27 @@ def form_matrix(terms: Sequence[collecting.Term], names: Sequence[str]) -> Matri
 def invert(matrix: Sequence[Sequence[ex.Expression]]) -> Inverse | None:
     """The exact inverse; None where the determinant is the zero polynomial or everything is too large."""
     plain = [[short_forms.separated(entry) for entry in row] for row in matrix]
-    ring = implicit_equations.OpaqueRing([entry for row in plain for entry in row])
+    ring = exact_field.opaque_ring([entry for row in plain for entry in row], exact_field.Budget(bounds.TERMS))
     try:
-        fractions = [[ring.fraction(entry) for entry in row] for row in plain]
-        found = implicit_equations.inverse_of(ring, fractions, bounds.TERMS)
-        return None if found is None else _reduced(ring, found.adjugate, found.determinant)
-    except (errors.LimitError, ZeroDivisionError):
+        inverse = matrices.inverse([list(map(ring.value, row)) for row in plain], ring.constant(1))
+    except (exact_field.TooLarge, ZeroDivisionError):
         return None
+    if inverse is None:
+        return None
+    entries = [entry for row in inverse for entry in row]
+    *above, below = matrices.numerators(ring, [*entries, ring.constant(1)])
+    numbers = [exact_field.as_fraction(p.term_content().leading_coefficient()) for p in above if p]
+    scale = Fraction(math.gcd(*(c.denominator for c in numbers)), math.lcm(*(c.numerator for c in numbers)))
 
+    def tree(element: exact_field.Quotient) -> ex.Expression:
+        return short_forms.trigonometric(collecting.merge_powers(exact_field.quotient_tree(ring, element)))
 
-def _reduced(
-    ring: implicit_equations.OpaqueRing,
-    adjugate: implicit_equations.Rows,
-    determinant: implicit_equations.Polynomial,
-) -> Inverse:
-    """adjugate / determinant, reduced as a whole and entry by entry."""
-    common = determinant
-    for row in adjugate:
-        for entry in row:
-            common = common.gcd(entry)
-    short = [[divmod(entry, common)[0] for entry in row] for row in adjugate]
-    bottom = divmod(determinant, common)[0]
-    first = ex.factors_of(_tree(ring, bottom, ring.constant(1)))[0]
-    if isinstance(first, ex.Number) and first.value < 0:
-        short, bottom = [[-entry for entry in row] for row in short], -bottom
-    return Inverse(
-        tuple(tuple(_tree(ring, entry, ring.constant(1)) for entry in row) for row in short),
-        _tree(ring, bottom, ring.constant(1)),
-        tuple(tuple(_tree(ring, entry, bottom) for entry in row) for row in short),
-    )
+    def square(elements: Sequence[exact_field.Quotient]) -> Matrix:
+        trees, size = list(map(tree, elements)), len(matrix)
+        return tuple(tuple(trees[k : k + size]) for k in range(0, size * size, size))
 
-
-def _tree(
-    ring: implicit_equations.OpaqueRing,
-    numerator: implicit_equations.Polynomial,
-    denominator: implicit_equations.Polynomial,
-) -> ex.Expression:
-    return short_forms.trigonometric(collecting.merge_powers(ring.tree(ring.reduced(numerator, denominator))))
+    whole = [exact_field.Quotient(ring.field, polynomial, ()).scaled(scale) for polynomial in (*above, below)]
+    return Inverse(square(whole[:-1]), tree(whole[-1]), square(entries))
 
 
 def quadratic_form(inverse: Inverse, momenta: Sequence[ex.Symbol]) -> ex.Expression:

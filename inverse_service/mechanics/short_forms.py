@@ -15,11 +15,11 @@ from math import isqrt
 
 from flint import fmpq, fmpq_mpoly_ctx
 
-from inverse_service import bounds, deadline, errors
+from inverse_service import bounds, deadline
 from inverse_service.expressions import collecting, tree as ex
 from inverse_service.expressions.collecting import Monomial, Term, expand, terms_tree
 from inverse_service.field import exact_field
-from inverse_service.mechanics import implicit_equations, writing
+from inverse_service.mechanics import writing
 
 # Terms met on the way (`Budget`) in exact work on one tree.
 _WORK = 20_000
@@ -47,12 +47,12 @@ def separated(tree: ex.Expression) -> ex.Expression:
 def quotient(tree: ex.Expression) -> ex.Expression:
     """The tree as one factored quotient of polynomials in atoms; as it is where that is too large."""
     plain = separated(tree)
-    if max(implicit_equations.expanded_terms(plain)) > implicit_equations.MOST_TERMS:
+    if ex.node_count(plain) > bounds.TERMS:
         return tree
     try:
-        ring = implicit_equations.OpaqueRing([plain])
-        return collecting.merge_powers(ring.tree(ring.fraction(plain)))
-    except (ZeroDivisionError, errors.LimitError):
+        ring = exact_field.opaque_ring([plain], exact_field.Budget(bounds.TERMS))
+        return collecting.merge_powers(exact_field.quotient_tree(ring, ring.value(plain)))
+    except (ZeroDivisionError, exact_field.TooLarge):
         return tree
 
 
