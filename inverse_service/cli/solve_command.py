@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
+from unicodedata import normalize
 
 import typer
 
@@ -24,6 +25,7 @@ from inverse_service.settings import read_settings
 STAGE_WIDTH, LINE_WIDTH = 78, 118
 LINES_AFTER = 1.0  # seconds
 _CALLED = re.compile(r"[\s\[({]*(?:Eq|Equal|Equality|Derivative)\s*[\[(]")  # SymPy's and Mathematica's equations
+_ACCELERATED = re.compile("''|\u2033|\\\\ddot|[^AOUaou]\u0308")  # no umlaut of a file's name
 PROOFS = ("coq", "identities")
 # How `solve` writes its result.
 Format = StrEnum(
@@ -141,7 +143,7 @@ def given_document(name: str, guess: bool | None) -> Any:
     """
     if name == "-" or _is_file(name):
         document = plain_data.read_document(cli.read_bytes(name), name)
-    elif "=" in name or "''" in name or name.startswith("{") or _CALLED.match(name):
+    elif "=" in name or name.startswith("{") or _CALLED.match(name) or _ACCELERATED.search(normalize("NFD", name)):
         document = plain_data.read_document(name, "") if "=" in name or name.startswith("{") else {"equations": name}
         guess = guess if guess is not None else "equations" in document and "parameters" not in document
     elif catalog.meant(name):

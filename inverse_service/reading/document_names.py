@@ -15,7 +15,7 @@ from typing import Any
 from inverse_service import errors
 from inverse_service.expressions import collecting, derivative, graphs, tree as ex
 from inverse_service.expressions.refusals import LIMITS, fault, joined, shorten
-from inverse_service.reading import names as nm, reader
+from inverse_service.reading import names as nm, prose, reader
 from inverse_service.reading.tokens import Line, Token, after_power, at, flat, places, source, spelled, split_at, walk
 
 ParameterValue = str | int | float | None
@@ -356,7 +356,7 @@ def _moved_by_definitions(texts: Texts, names: nm.Names) -> list[str]:
                 todo.append(each)
             elif names.role(each) is None and (
                 each == "rho"
-                or nm.looks_like_a_coordinate(each)
+                or (nm.looks_like_a_coordinate(each) and not _lost_power(each, [*alone]))
                 or (each not in fixed and _is_angle(line, place, outer))
             ):
                 found.setdefault(each)
@@ -384,8 +384,8 @@ def _nothing_moves(texts: Texts, names: nm.Names, order: int) -> errors.InputErr
     for name in inferred_coordinates(texts, nm.Names(), order):
         known = names.spelling(name)
         what = f"{name} has {'two derivatives' if order == 2 else 'a derivative'} in time"
-        if f"/where/{known}" in texts:
-            return fault("defined name that moves", f"/where/{known}", what=what)
+        if at := next((at for at in texts if names.spelling(at.removeprefix("/where/")) == known), None):
+            return fault("defined name that moves", at, what=what)
         pointer = "/equations" if order == 2 else "/lagrangian"
         return fault("declared name that moves", pointer, what=what, name=known, role=names.role(known))
     for key, pattern in _SPELLED.items():
@@ -446,6 +446,7 @@ def inferred_coordinates(texts: Texts, declared: nm.Names, order: int = 2) -> Wo
             moving += reader.moving_in_forms(tokens, declared) if pointer.startswith("/constraints") else []
             names = [name for name in moving if declared.role_meant(name) is None]
             _refuse_sums(tokens, names, order)
+            _refuse_glued_words(tokens, [*found, *names])
         found.update(dict.fromkeys(nm.declared_name(name, pointer, "coordinate") for name in names))
     return tuple(found)
 
@@ -457,6 +458,18 @@ def _refuse_sums(tokens: Line, moving: Sequence[str], order: int) -> None:
         summed = token.text in moving and re.search("_[ijk]$", token.text) and token.order < 2
         if summed and (order == 1 or at(words, place + 1).text == token.text):
             raise fault("summed index", token.column, name=token.text, stem=token.text[:-1])
+
+
+def _refuse_glued_words(tokens: Line, moving: Sequence[str]) -> None:
+    """InputError for constraintz' next to z', which is the word and the coordinate."""
+    for token in walk(tokens):
+        ends = [
+            q
+            for q in moving
+            if token.text in moving and token.text.endswith(q) and prose.is_word(token.text[: -len(q)])
+        ]
+        if ends:
+            raise nm.undeclared(token.text, token.column, (f"{token.text[: -len(ends[0])]} {ends[0]}",))
 
 
 def key_coordinate(key: str, names: nm.Names, pointer: str) -> str:
@@ -800,11 +813,10 @@ def _ask_back(guessed: Mapping[str, _Found], names: nm.Names, raised: Mapping[st
             splits[name] = parts
             continue
         parts = nm.factors_of(name)
-        mixed = not (name.islower() or name.istitle() or name.isupper())  # GMm, where m also occurs alone
         mechanical = name.removesuffix("e" * (not raised.get(name, True)))  # k e^(-x)
         of_motion = _FACTOR_OF_MOTION.fullmatch(mechanical) is not None
         squared = name in raised and name not in plain and parts  # ml^2 is m*l^2
-        if of_motion and (squared or (mixed and {*parts} & {*plain})):
+        if of_motion and (squared or {*parts} & {*plain}):  # mgl, where l also occurs alone
             splits[name] = parts
             continue
         if squared:
@@ -824,13 +836,18 @@ def _ask_back(guessed: Mapping[str, _Found], names: nm.Names, raised: Mapping[st
 
 
 def _lost_power(name: str, coordinates: Sequence[str]) -> Words:
-    """a*x^2 for ax2, which lost its superscript when pasted, or a*q2 for aq2 next to q1; Fx1 is usually a component."""
-    cut = re.fullmatch("((?:[A-Za-z][0-9]?){1,3}?)([A-Za-z])([1-9])", name)
+    """x^2 for x2 next to x, a*x^2 for ax2, xdot^2 for xdot2, and dx/dt for dxdt, which lost a sign when pasted.
+
+    Also a*q2 for aq2 next to q1; Fx1 is usually a component.
+    """
+    if dotted := re.fullmatch("([A-Za-z]+dot)([2-9])|d([A-Za-z]+)dt", name):
+        return (f"d{dotted[3]}/dt" if dotted[3] else f"{dotted[1]}^{dotted[2]}",)
+    cut = re.fullmatch("((?:[A-Za-z][0-9]?){0,3}?)([A-Za-z])([1-9])", name)
     if cut is None or cut[1] in _COMPONENTS:
         return ()
-    if cut[2] in coordinates:
-        return (f"{cut[1]}*{cut[2]}^{cut[3]}",)
-    return (f"{cut[1]}*{cut[2]}{cut[3]}",) if _is_one_of_many(cut[2] + cut[3], coordinates) else ()
+    if cut[2] in coordinates and cut[3] != "1":
+        return (f"{cut[1]}{'*' * bool(cut[1])}{cut[2]}^{cut[3]}",)
+    return (f"{cut[1]}*{cut[2]}{cut[3]}",) if cut[1] and _is_one_of_many(cut[2] + cut[3], coordinates) else ()
 
 
 def _may_be_motion(name: str, coordinates: Sequence[str]) -> Words:

@@ -69,7 +69,7 @@ DOTTED = (
 _LONGEST_PRODUCT = 20
 _COORDINATE_LETTERS = frozenset(("x", "y", "z", "r", "s", "q", "tau"))
 _LETTER = re.compile("[A-Za-z](?:_?[0-9]+)?")
-ENDINGS = ("sinh", "cosh", "tanh", "sqrt", "sin", "cos", "tan", "exp", "log", "ln")
+ENDINGS = ("sinh", "cosh", "tanh", "sqrt", "sin", "cos", "tan", "cot", "exp", "log", "ln")
 _CALLED_INSIDE = re.compile(rf"((?:{_LETTER.pattern}){{1,5}}?)({'|'.join(ENDINGS)})([0-9]*)([A-Za-z]\w*)?")
 _OF_NUMBERS = ("sqrt", "cbrt", "ln", "log")
 GREEK_NAMES = frozenset(GREEK.values())
@@ -222,6 +222,10 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
         return fault("unknown d", column, **words)
     if follows[:1] == "'" and (meant := readings(name, names)):
         return fault("unknown product with a prime", column, factors=meant[-1], **words)
+    if follows[:1] == "'" and follows != "'(" and name in FUNCTION_LETTERS and names.coordinates:
+        return fault(
+            "prime of an unknown function", column, (column, column + len(name) + 1), by=names.coordinates[0], **words
+        )
     if follows[:1] == "'":
         return fault("unknown name with a prime", column, **words)
     if follows == "(":
@@ -229,7 +233,8 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
         close = misspelt(name) or difflib.get_close_matches(name.lower(), known_functions, 1)
         hint = f" (did you mean {close[0]}?)" if close else ""
         return fault("unknown function", column, (column, column + len(name)), tuple(close), hint=hint, **words)
-    meant = (*difflib.get_close_matches(name, [*names.declared(), *FUNCTIONS], 1, 0.7), *readings(name, names))
+    alike = [*names.declared(), *(FUNCTIONS if len(name) > 2 else ())]
+    meant = (*difflib.get_close_matches(name, alike, 1, 0.7), *readings(name, names))
     if meant:
         return undeclared(name, column, meant)
     if looks_like_a_coordinate(name):
@@ -238,7 +243,10 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
 
 
 def undeclared(name: str, column: int, meant: tuple[str, ...], span: tuple[int, int] | None = None) -> InputError:
-    """The error for a name, with possible meanings of the name or of the text in the span."""
+    """The error for a name, with possible meanings of the name or of the text in the span: omega0 for omga0 too."""
+    stem = name.rstrip("0123456789")
+    greek = [] if stem in GREEK_NAMES or len(stem) < 4 else difflib.get_close_matches(stem, GREEK_NAMES, 1, 0.85)
+    meant = (*(letter + name[len(stem) :] for letter in greek), *meant)
     return fault(
         "name with other meanings", column, span, meant, shown=shorten(name), hint=" or ".join(dict.fromkeys(meant))
     )

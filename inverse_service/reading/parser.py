@@ -624,7 +624,7 @@ class FormulaParser(tk.TokenStream):
             return self._single(ex.TIME, token)
         if name == "t":
             raise fault("time", token.column)
-        follows = "'" if token.order else self.ahead.text
+        follows = "'" * (token.order > 0) + self.ahead.text
         raise nm.unknown_name(token.text, self._names, token.column, follows)
 
     def _euler(self, token: Token) -> ex.Expression:
@@ -646,6 +646,8 @@ class FormulaParser(tk.TokenStream):
         if token.order and not isinstance(node, ex.Velocity | ex.Acceleration):
             if node in self._names.definitions:
                 return self._defined_motion(node, token)
+            if self._names.guesses and (nm.looks_like_a_coordinate(name) or name in nm.GREEK_NAMES):
+                raise fault("prime of a guessed constant", token.column, name=name)
             raise fault("prime of a constant", token.primed, (token.column, token.primed + token.order), name=name)
         if ahead.is_bracket() and not ahead.space_before and self._are_its_names(node):
             self.take()
@@ -832,7 +834,7 @@ def parse_tokens(tokens: Tokens, end_column: int, names: nm.Names) -> ex.Express
         token, before, after = line[place], at(line, place - 1), at(line, place + 1)
         twice = token.is_operator(*"*/^") and before.is_operator(*"+-*/^")  # x +* 3
         sum_of = token.is_operator("+") or (token.is_operator("-") and after.space_before)  # x'^ + y'^2, not e^-x
-        if twice or (sum_of and before.is_operator("^") and after.kind != "number"):
+        if twice or (sum_of and before.is_operator("^") and (after.kind != "number" or after.space_before)):
             raise tk.unexpected(token, _OPERAND)
     try:
         return FormulaParser(tokens, end_column, names).formula()

@@ -16,7 +16,7 @@ import re
 from collections.abc import Collection, Container, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 from inverse_service.expressions import letters
@@ -280,13 +280,13 @@ def _names_among(pieces: Sequence[Piece], text: str, declared: Container[str]) -
 def _as_remark(piece: Piece, before: Sequence[Piece], named: Collection[str], text: str) -> Piece:
     """The piece, with kind "word" only if it is a word, and "remark" for words in brackets."""
     if piece.kind == "word" and (piece.text in named or not is_word(piece.text)):
-        return Piece("name", piece.start, piece.end, piece.text)
+        return replace(piece, kind="name")
     last = before[-1] if before else None
     argument = last and last.end == piece.start and last.kind in ("name", "word", "opening", "sign", "mark")
     if piece.kind == "opening" and not argument:
         kinds = {each.kind if each.inside else _as_remark(each, (), named, text).kind for each in piece.inside}
         if kinds & {"word", "numbered"} and not kinds & {"relation", "sign", "mark"}:
-            return Piece("remark", piece.start, piece.end, piece.text)
+            return replace(piece, kind="remark", inside=())
     return piece
 
 
@@ -332,7 +332,7 @@ def _runs(clause: Sequence[Piece], text: str) -> Iterator[tuple[int, int, bool]]
             place += 1
             continue
         last = place
-        while place < len(clause) and clause[place].kind in (*_OF_RUNS, "name", "number"):
+        while place < len(clause) and clause[place].kind in (*_OF_RUNS, "name", "number") and not clause[place].marked:
             defined = clause[place + 2].kind == "relation" if place + 2 < len(clause) else False
             article = clause[place].text in ("a", "A") and last == place - 1 and defined  # Find a L = ...
             last = place if article or clause[place].kind not in ("name", "number") else last

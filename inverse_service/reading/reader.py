@@ -224,7 +224,12 @@ def _without_labels(tokens: list[Token], names: Names) -> list[Token]:
             given = line[equal].value == tk.GIVEN and any(token.is_operator("=") for token in tk.walk(rest))
             last = len(rest) > 2 and tk.spelled(rest[-2:]) == "=0"
             form = any(token.order and token.value == OF_A_FORM for token in tk.walk(rest))
-            held = names.forms and (last or form) and names.role_meant(line[0].text) != "coordinate"
+            held = (
+                names.forms
+                and (last or form)
+                and line[0].text not in "LTUVK"
+                and names.role_meant(line[0].text) != "coordinate"
+            )
             if given or held:
                 note(f"{line[0].text} {':' * given}=", LEFT_OUT)
                 line = rest if given or last else [Token("number", "0", line[0].column), *line[equal:]]

@@ -303,6 +303,8 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
         name, squared = _defined(line, {*velocities})
         if name and definitions[name] is line and not (squared and name in velocities):  # y^2 = l^2 - x^2 has two roots
             left, _, right = line.partition("=")
+            if name in velocities and document_names.moving_names(reader.tokens_if_any(right, nm.Names()), 1):
+                raise refusals.fault("definition by velocities", pointer, name=name)
             root = ("(", ")^{1/2}" if reader.is_latex(right) else ")^(1/2)") if squared else ("", "")
             where[name] = root[0].rjust(len(left) + 1) + right + root[1]
             places[f"/where/{name}"] = pointer
@@ -1018,8 +1020,8 @@ def _in_latex(text: str, table: Mapping[str, str], pad: bool) -> str:
         if word.startswith("\\"):
             new = table.get(word[1:])
             return match.group() if new is None else below + _spelled(new).rjust(len(word) if pad else 0)
-        if word in nm.FUNCTIONS:
-            return match.group()
+        if word in nm.FUNCTIONS or (len(word) > 2 and word in letters.LETTER_COMMANDS):
+            return below + _spelled(table[word]) if word in table else match.group()
         return below + "".join(_spelled(table[letter]) if letter in table else letter for letter in word)
 
     return _LATEX_WORD.sub(replaced, text)
