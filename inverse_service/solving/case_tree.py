@@ -509,7 +509,7 @@ def _polynomial_conditions(name: str, arguments: tuple[str, ...], case: Case) ->
 def _of_parameters(case: Case) -> list[Equation]:
     """The values of the solved parameters if these are polynomials, else the equations."""
     stratum, hidden = case.stratum, case.hidden
-    if not stratum.roots and all(value.denominator.is_constant() for value in stratum.values.values()):
+    if not stratum.roots and not any(value.exponents for value in stratum.values.values()):
         table = {name: tree for name, tree in stratum.trees().items() if isinstance(name, ex.Symbol)}
         order = [ex.Symbol(name) for name in stratum.space.names if name not in hidden]
         return [(name, table[name]) for name in order if name in table]

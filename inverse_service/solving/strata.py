@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from flint import Ordering, fmpq_mpoly, fmpq_mpoly_ctx
+from flint import fmpq_mpoly, fmpq_mpoly_ctx
 
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field
@@ -30,8 +30,13 @@ class ParameterSpace:
     names: tuple[str, ...]
 
     @cached_property
+    def ring(self) -> exact_field.ExactRing:
+        """The field of rational functions of the parameters."""
+        return exact_field.opaque_ring(map(ex.Symbol, self.names))
+
+    @property
     def context(self) -> fmpq_mpoly_ctx:
-        return fmpq_mpoly_ctx.get(self.names or ("none",), Ordering.lex)
+        return self.ring.field.context
 
     def generator(self, name: str) -> fmpq_mpoly:
         """The parameter of this name."""
@@ -39,19 +44,15 @@ class ParameterSpace:
 
     def tree(self, polynomial: fmpq_mpoly) -> ex.Expression:
         """The polynomial as a sum of monomials."""
-        symbols, terms = [ex.Symbol(name) for name in self.names], []
-        for exponents, c in polynomial.terms():
-            powers = [s ** int(e) for s, e in zip(symbols, exponents, strict=False)]
-            terms.append(ex.multiply(ex.number(exact_field.as_fraction(c)), *powers))
-        return ex.add(*terms)
+        return exact_field.polynomial_tree(self.ring, polynomial)
 
+    def element(self, polynomial: fmpq_mpoly) -> exact_field.Quotient:
+        return exact_field.Quotient(self.ring.field, polynomial, ())
 
-@dataclass(frozen=True)
-class Fraction:
-    """numerator / denominator in the free parameters."""
-
-    numerator: fmpq_mpoly
-    denominator: fmpq_mpoly
+    def put_in(self, polynomial: fmpq_mpoly, index: int, value: exact_field.Quotient) -> exact_field.Quotient:
+        """The polynomial with the value substituted for one parameter."""
+        parts = map(self.element, coefficients_in(polynomial, index))
+        return exact_field.sum_of(self.ring.constant(0), [part * value**degree for degree, part in enumerate(parts)])
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class Stratum:
     space: ParameterSpace
     equations: tuple[fmpq_mpoly, ...] = ()
     excluded: tuple[fmpq_mpoly, ...] = ()
-    values: Mapping[int, Fraction] = field(default_factory=dict)
+    values: Mapping[int, exact_field.Quotient] = field(default_factory=dict)
     roots: tuple[Root, ...] = ()
     unsolved: tuple[fmpq_mpoly, ...] = ()
 
@@ -84,7 +85,11 @@ class Stratum:
         for index, high, middle, low in self.roots:
             root = self._root(middle * middle - high * low * 4) - self.space.tree(middle)
             table[ex.Symbol(self.space.names[index])] = root / (2 * self.space.tree(high))
-        values = {ex.Symbol(self.space.names[index]): self._fraction(value) for index, value in self.values.items()}
+        space, expand = self.space, self.space.ring.field.expand
+        values = {
+            ex.Symbol(space.names[index]): space.tree(value.numerator) / space.tree(expand(value.exponents))
+            for index, value in self.values.items()
+        }
         return table | {name: ex.substitute(tree, table) for name, tree in values.items()}
 
     def _root(self, radicand: fmpq_mpoly) -> ex.Expression:
@@ -94,11 +99,6 @@ class Stratum:
         inside = [self.space.tree(base) for base, exponent in parts if exponent % 2]
         return ex.multiply(*outside, ex.square_root(ex.multiply(ex.number(content), *inside)))
 
-    def _fraction(self, value: Fraction) -> ex.Expression:
-        if value.denominator.is_constant():
-            return self.space.tree(value.numerator / value.denominator.leading_coefficient())
-        return self.space.tree(value.numerator) / self.space.tree(value.denominator)
-
     def vanishes(self, polynomial: fmpq_mpoly) -> bool:
         """Whether a polynomial in all parameters is zero on the whole stratum."""
         return bool(self.reduced(polynomial).is_zero())
@@ -106,7 +106,7 @@ class Stratum:
     def reduced(self, polynomial: fmpq_mpoly) -> fmpq_mpoly:
         """The polynomial on the stratum, times a power of an element that does not vanish there."""
         for index, value in self.values.items():
-            polynomial = put_in(polynomial, index, value)
+            polynomial = self.space.put_in(polynomial, index, value).numerator
         for index, a, b, c in self.roots:
             x = self.space.context.gen(index)
             polynomial = exact_field.pseudo_division(polynomial, a * x * x + b * x + c, index)[2]
@@ -125,15 +125,6 @@ def coefficients_in(polynomial: fmpq_mpoly, index: int) -> list[fmpq_mpoly]:
     """The coefficients of 1, x, x^2, … for the generator x of this index."""
     found = exact_field.coefficients_of(polynomial, [index])
     return [found.get((degree,), polynomial * 0) for degree in range(max(found, default=(-1,))[0] + 1)]
-
-
-def put_in(polynomial: fmpq_mpoly, index: int, value: Fraction, power: int = 0) -> fmpq_mpoly:
-    """The numerator of the polynomial with N/D substituted for one generator, over D^power or a higher power."""
-    parts = coefficients_in(polynomial, index)
-    total, most = polynomial * 0, max(power, len(parts) - 1)
-    for degree, part in enumerate(parts):
-        total += part * value.numerator**degree * value.denominator ** (most - degree)
-    return total
 
 
 def factors(polynomial: fmpq_mpoly) -> list[fmpq_mpoly]:
@@ -239,36 +230,36 @@ def _solved_linear(equations: Sequence[fmpq_mpoly], stratum: Stratum, others: Se
     equation = equations[place]
     rest = [*others, *(p for k, p in enumerate(equations) if k != place)]
     low, high = coefficients_in(equation, index)
-    value = Fraction(-low, high)
+    space = stratum.space
+    value = space.element(-low) / space.element(high)
     solved = replace(
         stratum,
         equations=(*stratum.equations, equation),
         excluded=stratum.excluded if high.is_constant() else (*stratum.excluded, *factors(high)),
-        values={**{k: _updated(old, index, value) for k, old in stratum.values.items()}, index: value},
-        roots=tuple(_updated_root(root, index, value) for root in stratum.roots),
+        values={**{k: _updated(space, old, index, value) for k, old in stratum.values.items()}, index: value},
+        roots=tuple(_updated_root(space, root, index, value) for root in stratum.roots),
     )
-    found = [_Open(tuple(put_in(p, index, value) for p in rest), solved)]
+    found = [_Open(tuple(space.put_in(p, index, value).numerator for p in rest), solved)]
     if not high.is_constant():
         found.append(_Open((high, low, *rest), stratum))
     return found
 
 
-def _updated(old: Fraction, index: int, value: Fraction) -> Fraction:
+def _updated(
+    space: ParameterSpace, old: exact_field.Quotient, index: int, value: exact_field.Quotient
+) -> exact_field.Quotient:
     """A previous value with the new one substituted."""
-    parts = (old.numerator, old.denominator)
-    degree = max(part.degrees()[index] for part in parts)
-    numerator, denominator = (put_in(part, index, value, degree) for part in parts)
-    if denominator.is_zero():
-        return Fraction(numerator, denominator + 1)  # an excluded polynomial vanishes there, so the piece is dropped
-    common = numerator.gcd(denominator)
-    return Fraction(numerator / common, denominator / common)
+    below = space.put_in(space.ring.field.expand(old.exponents), index, value)
+    if below.is_zero:
+        return old  # an excluded polynomial vanishes there, so the piece is dropped
+    return space.put_in(old.numerator, index, value) / below
 
 
-def _updated_root(root: Root, index: int, value: Fraction) -> Root:
+def _updated_root(space: ParameterSpace, root: Root, index: int, value: exact_field.Quotient) -> Root:
     """The coefficients of a quadratic equation with the new value substituted."""
     own, high, middle, low = root
     x = high.context().gen(own)
-    parts = coefficients_in(put_in(high * x * x + middle * x + low, index, value), own)
+    parts = coefficients_in(space.put_in(high * x * x + middle * x + low, index, value).numerator, own)
     return own, parts[2], parts[1], parts[0]
 
 
