@@ -18,7 +18,7 @@ are dropped.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import product
@@ -74,30 +74,27 @@ class Jet:
         return Jet(self.data * factor % PRIME)
 
     def __mul__(self, other: Jet) -> Jet:
-        a, b = self.data, other.data
-        result = np.zeros_like(a)
-        for k in range(a.shape[1]):
-            for j in range(k + 1):
-                result[0, k] += a[0, j] * b[0, k - j] % PRIME
-                if a.shape[0] > 1:
-                    result[1:, k] += (a[1:, j] * b[0, k - j] + a[0, j] * b[1:, k - j] % PRIME) % PRIME
-        return Jet(result % PRIME)
+        value = _times(self.data[0], other.data[0])[None]
+        if len(self.data) == 1:
+            return Jet(value)
+        slopes = self._slopes_times(other.data[0]) + other._slopes_times(self.data[0])
+        return Jet(np.concatenate([value, slopes % PRIME]))
 
     def with_series(self, value: Numbers, slope: Numbers) -> Jet:
         """h(self) for a function with these series of h and of h' along the flow."""
-        result = np.empty_like(self.data)
-        result[0] = value
-        for k in range(value.shape[0]):
-            result[1:, k] = sum(slope[j] * self.data[1:, k - j] % PRIME for j in range(k + 1)) % PRIME
-        return Jet(result)
+        return Jet(np.concatenate([value[None], self._slopes_times(slope)]))
+
+    def _slopes_times(self, series: Numbers) -> Numbers:
+        """The gradients times a series, (directions, order, points)."""
+        return _times(self.data[1:].swapaxes(0, 1), series[:, None]).swapaxes(0, 1)
 
 
-def _times(a: Numbers, b: Numbers) -> Numbers:
-    """The product of two series, (order, points) each."""
+def _times(a: Numbers, b: Numbers, product: Callable[[Numbers, Numbers], Numbers] = np.multiply) -> Numbers:
+    """The product of two series, (order, …) each, of the shape of the first, by the product of coefficients."""
     result = np.zeros_like(a)
     for k in range(a.shape[0]):
         for j in range(k + 1):
-            result[k] += a[j] * b[k - j] % PRIME
+            result[k] += product(a[j], b[k - j]) % PRIME
     return result % PRIME
 
 
@@ -243,22 +240,13 @@ class Flow:
         half = pow(2, -1, PRIME)
         connection = -by_velocity * half % PRIME
         rate = _derivative(by_velocity)
-        current = (rate - 2 * by_position - _matrices(by_velocity, by_velocity) * half) % PRIME
+        current = (rate - 2 * by_position - _times(by_velocity, by_velocity, matrix_product) * half) % PRIME
         found = [current[0]]
         for _ in range(count - 1):
-            turned = _matrices(connection, current) - _matrices(current, connection)
+            turned = _times(connection, current, matrix_product) - _times(current, connection, matrix_product)
             current = (_derivative(current) + turned) % PRIME
             found.append(current[0])
         return connection[0], found
-
-
-def _matrices(a: Numbers, b: Numbers) -> Numbers:
-    """Products of matrix series, (order, points, n, n)."""
-    result = np.zeros_like(a)
-    for k in range(a.shape[0]):
-        for j in range(k + 1):
-            result[k] += matrix_product(a[j], b[k - j])
-    return result % PRIME
 
 
 def matrix_product(a: Numbers, b: Numbers) -> Numbers:
