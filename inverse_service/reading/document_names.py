@@ -6,6 +6,7 @@ sinx, or an r without an equation. In that case an error asks the writer what is
 names.
 """
 
+import graphlib
 import itertools
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -13,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from inverse_service import errors
-from inverse_service.expressions import collecting, derivative, graphs, tree as ex
+from inverse_service.expressions import collecting, derivative, tree as ex
 from inverse_service.expressions.refusals import LIMITS, fault, joined, shorten
 from inverse_service.reading import names as nm, prose, reader
 from inverse_service.reading.tokens import Line, Token, after_power, at, flat, places, source, spelled, split_at, walk
@@ -25,7 +26,6 @@ Texts = Mapping[str, str]  # formulas by name or pointer
 GUESS = "guess"
 AND_GUESS = "..."
 ANY_SPEED = ("u", "v", "s", "V")  # of x' = v cos(theta), y' = v sin(theta)
-ELIMINATED = "eliminate it where it is any speed, as in x'*sin(theta) = y'*cos(theta)"
 _VELOCITY = re.compile(r"\s*(?:\\dot\s*\{?\s*(\\?\w+)\s*\}?|(.+)')\s*")
 # Other spellings of a second derivative, with the message for each.
 _SPELLED = {
@@ -215,10 +215,11 @@ def _of_its_arguments(tree: ex.Expression, name: str, arguments: Sequence[str], 
 
 def _ordered(used: Mapping[str, set[str]]) -> list[str]:
     """The names sorted so that each follows the names in its formula; InputError for circular definitions."""
-    for name, *others in (groups := graphs.components(used)):
-        if others or name in used[name]:
-            raise fault("circular definition", f"/where/{name}", name=name)
-    return [name for (name,) in groups]
+    try:
+        return [*graphlib.TopologicalSorter(used).static_order()]
+    except graphlib.CycleError as error:
+        name = next(name for name in used if name in error.args[1])
+        raise fault("circular definition", f"/where/{name}", name=name) from None
 
 
 def document_names(
@@ -826,7 +827,7 @@ def _ask_back(guessed: Mapping[str, _Found], names: nm.Names, raised: Mapping[st
         if name == "x" or _is_one_of_many(name, names.coordinates):
             raise nm.ask_for_the_time(name, column, names.coordinates).at(pointer)
         if name in ANY_SPEED and pointer.startswith("/constraints"):
-            raise fault("any speed", column, name=name, instead=ELIMINATED).at(pointer)
+            raise fault("any speed", column, name=name).at(pointer)
         if alike := _may_be_motion(name, names.coordinates):
             raise nm.undeclared(name, column, alike).at(pointer)
         other = seen.setdefault(name.replace("_", ""), name)
