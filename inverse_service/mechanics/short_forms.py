@@ -10,8 +10,9 @@ import math
 from collections.abc import Collection, Iterator, Sequence
 from fractions import Fraction
 from functools import lru_cache
-from itertools import islice, permutations
+from itertools import islice, permutations, product
 from math import isqrt
+from operator import itemgetter
 
 from flint import fmpq, fmpq_mpoly_ctx
 
@@ -253,13 +254,14 @@ def short_forms(tree: Expression, letters: Collection[Expression]) -> Iterator[E
         for d, some in parts.items()
         if (part := {key: value for key, value in some.items() if value})
     ]
-    groups = list(_by_exponentials(quadratic).values())
     own = [v for v in letters if any(v in dict(key) for key in quadratic)]
-    yield ex.add(*(part for group in groups for part in _by_pairs(group, own, 2)), *higher, *rest)
     mixed = [v for v in own if any(dict(key).get(v) == 1 for key in quadratic)]
-    for order in islice(permutations(mixed), _MOST_ORDERS if mixed else 0):
-        squares = [square for group in groups for square in _squares(group, order)]
-        yield ex.add(*squares, *higher, *rest)
+    whole, apart = ([*_grouped(quadratic, with_divisors).values()] for with_divisors in (False, True))
+    for groups in [whole, *([apart] if len(whole) < len(apart) else [])]:
+        yield ex.add(*(part for group in groups for part in _by_pairs(group, own, 2)), *higher, *rest)
+        for order in islice(permutations(mixed), _MOST_ORDERS if mixed else 0):
+            squares = [square for group in groups for square in _squares(group, order)]
+            yield ex.add(*squares, *higher, *rest)
 
 
 @lru_cache(maxsize=1024)
@@ -320,11 +322,12 @@ def _degree(monomial: Monomial, letters: Collection[Expression]) -> int | None:
     return int(total) if total.denominator == 1 and total >= 0 else None
 
 
-def _by_exponentials(terms: Terms) -> dict[Monomial, Terms]:
-    """The terms by their exponentials, which no form divides or multiplies."""
+def _grouped(terms: Terms, with_divisors: bool) -> dict[Monomial, Terms]:
+    """The terms by their exponentials, which no form divides or multiplies, and by their divisors."""
     groups: dict[Monomial, Terms] = {}
     for monomial, value in terms.items():
-        outer = tuple(item for item in monomial if ex.is_exponential(item[0]))
+        outer = tuple((p, e) for p, e in monomial
+                      if ex.is_exponential(p) or (with_divisors and e < 0 and isinstance(p, ex.Sum)))  # fmt: skip
         groups.setdefault(outer, {})[monomial] = value
     return groups
 
@@ -455,6 +458,26 @@ def _by_constants(tree: Expression, letters: Collection[Expression], others: Col
     return ex.add(*found, *rest)
 
 
+def proper_quotients(tree: Expression, letters: Collection[Expression], others: Collection[Expression]) -> Expression:
+    """c v w + r v w/D for (c D + r) v w/D where r has fewer terms; v and w are letters, c holds none and no others."""
+    groups, found = dict[Monomial, list[Term]](), list[Expression]()
+    for monomial, value in expand(tree):
+        outer = tuple(item for item in monomial if item[0] in letters or isinstance(item[0], ex.Sum))
+        groups.setdefault(outer, []).append((_times(monomial, outer, -1), value))
+    for outer, inner in groups.items():
+        divisors = [p for p, e in outer if e == -1 and isinstance(p, ex.Sum)] if _degree(outer, letters) == 2 else []
+        forms: list[tuple[int, Expression, Monomial, Sequence[Term]]] = [(len(inner), ex.ZERO, outer, inner)]
+        for divisor in divisors:
+            ratios = [(_times(key, other, -1), a / b) for (key, a), (other, b) in product(inner, expand(divisor))]
+            fixed = [(key, c) for key, c in ratios if not any(ex.holds(p, *letters, *others) for p, _ in key)]
+            for c in dict.fromkeys(terms_tree([one]) for one in fixed):
+                rest = expand(terms_tree(inner) - c * divisor)
+                forms.append((len(rest), c, _times(outer, ((divisor, Fraction(1)),)), rest))
+        _, c, proper, left = min(forms, key=itemgetter(0))
+        found += [c * terms_tree([(proper, Fraction(1))]), terms_tree(left) * terms_tree([(outer, Fraction(1))])]
+    return ex.add(*found)
+
+
 def shortest_form(tree: Expression, letters: Collection[Expression], others: Collection[Expression] = ()) -> Expression:
     """The tree itself, or the shortest of its forms where one is shorter.
 
@@ -463,6 +486,7 @@ def shortest_form(tree: Expression, letters: Collection[Expression], others: Col
     (cos(u) p + sin(u) q)^2/(2 A) + (cos(u) q - sin(u) p)^2/(2 B).
     """
     forms = [tree, *short_forms(tree, letters), _by_constants(tree, letters, others)]
+    forms += short_forms(proper_quotients(tree, letters, others), letters)
     terms = [term for term in ex.summands(tree) if ex.holds(term, *letters)]
     powers = [ex.powers_of(term) for term in terms]
     sums = dict.fromkeys((p, e) for term in powers for p, e in term if isinstance(p, ex.Sum))

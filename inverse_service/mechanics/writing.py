@@ -161,14 +161,20 @@ def with_sums_as_in(tree: ex.Expression, models: Sequence[ex.Expression]) -> ex.
 
 
 def with_one_coefficient(tree: ex.Expression, letters: Collection[ex.Expression]) -> ex.Expression:
-    """(p^2 + q^2)/(2 m) for p^2/(2 m) + q^2/(2 m): squares with letters in one bracket."""
+    """(p^2 + q^2)/(2 m) for p^2/(2 m) + q^2/(2 m): squares with letters in one bracket.
+
+    Beside a sum, other factors of a square go into the bracket too: (A + C) (p^2 + sin(u)^2 q^2).
+    """
     groups = dict[ex.Expression, list[ex.Expression]]()
     for term in ex.summands(tree):
         factors = ex.factors_of(term)
         squares = [f for f in factors if isinstance(f, ex.Power) and f.exponent == ex.TWO and ex.holds(f, *letters)]
-        outside = ex.multiply(*(f for f in factors if f not in squares))
-        plain = len(squares) != 1 or isinstance(outside, ex.Number) or ex.holds(outside, *letters)
-        groups.setdefault(ex.ONE if plain else outside, []).append(term if plain else squares[0])
+        sums = [f for f in factors if isinstance(f, ex.Sum)]
+        outside = [f for f in factors if f in sums or isinstance(f, ex.Number) or not (sums or f in squares)]
+        coefficient = ex.multiply(*outside)
+        plain = len(squares) != 1 or isinstance(coefficient, ex.Number) or ex.holds(coefficient, *letters)
+        inside = term if plain else ex.multiply(*(f for f in factors if f not in outside))
+        groups.setdefault(ex.ONE if plain else coefficient, []).append(inside)
     return ex.add(*(coefficient * ex.add(*parts) for coefficient, parts in groups.items()))
 
 
@@ -332,7 +338,7 @@ def numbers_outside(tree: ex.Expression) -> ex.Expression:
 
 
 def plain_quotients(tree: ex.Expression) -> ex.Expression:
-    """18 (c u v - u^2/3 - v^2/3)/(c^2 - 16) as 6 (u^2 + v^2 - 3 c u v)/(16 - c^2).
+    """18 (c u v - u^2/3 - v^2/3)/(c^2 - 16) as 6 (u^2 + v^2 - 3 c u v)/(16 - c^2), and (2 u - 4 v)/6 as (u - 2 v)/3.
 
     Fractions in a bracket above a line, or that the number in front takes away; minus signs of two brackets at once.
     """
@@ -348,8 +354,10 @@ def plain_quotients(tree: ex.Expression) -> ex.Expression:
         if surplus[one] + surplus[other] > 0:
             sums |= {k: tuple(map(ex.negate, sums[k][::-1])) for k in (one, other)}
     for k, terms in sums.items():
-        share = math.lcm(*(ex.coefficient(term).denominator for term in terms)) if powers[k][1] == 1 else 1
-        share = share if number.numerator % share == 0 or min(e for _, e in powers) < 0 else 1
+        share = Fraction(math.lcm(*(ex.coefficient(term).denominator for term in terms)) if powers[k][1] == 1 else 1)
+        share = share if number.numerator % share == 0 or min(e for _, e in powers) < 0 else Fraction(1)
+        below = number.denominator if powers[k][1] == 1 else 1
+        share /= math.gcd(below, *((share * ex.coefficient(term)).numerator for term in terms))
         number /= share
         powers[k] = ex.add(*(share * term for term in terms)), powers[k][1]
     return ex.multiply(ex.number(number), *(base**e for base, e in powers))

@@ -294,14 +294,16 @@ def _self_adjoint_sums(lines: Lines) -> Lines | None:
         """The entries of C and of C K."""
         return [*c, *(np.array(c).reshape(n, n).T @ others[0]).flat] if others else c
 
-    def rank(c: Vector) -> tuple[bool, bool, bool, int, int]:
-        """Prefer no 1 - w^2 among the minors, squares of all velocities, definite for positive symbols, few terms."""
+    def rank(c: Vector) -> tuple[bool, bool, bool, bool, int, int]:
+        """Prefer no 1 - w^2 among the minors, definite for positive symbols or else regular for all, squares of all
+        velocities, few terms."""
         g = np.array(c).reshape(n, n).T @ mass
         minors = [g[i, i] * g[j, j] - g[i, j] * g[j, i] for i, j in combinations(lines.places, 2)]
         negative = any(all(a < 0 for a in minor.numerator.coeffs()) for minor in minors)
         mixed = any(len(set(map(sum, minor.numerator.monoms()))) > 1 for minor in minors)
         flat = any(entry.is_zero for entry in np.diagonal(g))
-        return mixed, flat, negative, size(exact_field.primitive(shown(c))), size(c)
+        varying = any(minor.numerator.total_degree() > 0 for minor in minors)
+        return mixed, negative and varying, flat, negative, size(exact_field.primitive(shown(c))), size(c)
 
     def tested(c: Vector) -> list[exact_field.Quotient]:
         """The candidates for 0: the entries of `shown`, and differences of two entries in one column of C."""

@@ -329,8 +329,8 @@ def _other_forms(tree: ex.Expression, system: SecondOrderSystem, of_terms: bool)
     found = list[ex.Expression]()
     as_written = _with_whole_squares, _with_shifted_rates, _with_springs
     every = (
-        _by_parameters, _with_common_factor, _by_rates, _with_whole_squares, _by_functions, _with_shifted_rates,
-        _with_springs, _by_sines, _by_cosines,
+        _by_parameters, _with_common_factor, _by_rates, _with_whole_squares, _with_proper_quotients, _by_functions,
+        _with_shifted_rates, _with_springs, _by_sines, _by_cosines,
     )  # fmt: skip
     for form in every if of_terms else as_written:
         with suppress(*_FAILED):
@@ -412,7 +412,18 @@ def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
         for moving, beside in tm.grouped(inner, tm.has_velocity).items() if square is None else ():
             plain.append(constants * tm.tree_of(tm.shortest_in_angles(beside)) * tm.monomial_tree(moving))
         parts += [] if square is None else [constants * square]
-    return ex.add(*parts, writing.with_one_coefficient(ex.add(*plain), velocities))
+    rest = ex.add(*plain)
+    forms = [
+        writing.with_one_coefficient(rest, velocities),
+        *([_grouped_by_rates(system, _terms_of(rest))] if parts else []),
+    ]
+    return ex.add(*parts, min(forms, key=_preference))
+
+
+def _with_proper_quotients(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
+    """The tree with proper quotients, and what is above their lines as squares if possible."""
+    symbols, velocities = ([kind(name) for name in system.coordinates] for kind in (ex.Symbol, ex.Velocity))
+    return _with_whole_squares(system, short_forms.proper_quotients(tree, velocities, [*symbols, ex.TIME]))
 
 
 def _is_quadratic(moving: tm.Monomial) -> bool:
@@ -469,8 +480,12 @@ def _by_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
 
     The terms without velocities remain separate unless one bracket is much shorter, or two brackets are shorter.
     """
+    return _grouped_by_rates(system, _without_squares(_terms_of(tree), _parameters(system)))
+
+
+def _grouped_by_rates(system: SecondOrderSystem, every: tm.Terms) -> ex.Expression:
     parts = []
-    for rates, inner in tm.grouped(_without_squares(_terms_of(tree), _parameters(system)), tm.has_velocity).items():
+    for rates, inner in tm.grouped(every, tm.has_velocity).items():
         terms = {key | rates: value for key, value in inner.items()}
         forms = [tm.tree_of(terms), *([_by_both(system, terms)] if len(terms) > 1 else [])]
         shared = tm.grouped(terms, lambda letter: isinstance(letter, ex.Sum))

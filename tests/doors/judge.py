@@ -40,18 +40,18 @@ def equations_of(system: Mapping[str, Any], values: Mapping[str, Any] | None = N
 
 
 class _Anything(dict[str, Any]):
-    """A parameter gets a value on first use, positive and determined by name and seed."""
+    """A parameter gets a value on first use, determined by name and seed, and positive unless `signs`."""
 
-    def __init__(self, given: Mapping[str, Any], seed: int, high: int) -> None:
+    def __init__(self, given: Mapping[str, Any], seed: int, high: int, signs: bool) -> None:
         super().__init__(given)
-        self.seed, self.high = seed, high
+        self.seed, self.high, self.signs = seed, high, (-1, 1) if signs else (1,)
 
     def __contains__(self, name: object) -> bool:
         return name != "pi" or super().__contains__(name)
 
     def __missing__(self, name: str) -> Any:
         draw = random.Random(f"{name} {self.seed}")
-        self[name] = mpmath.mpf(draw.randint(10**6, self.high * 10**6)) / (5 * 10**6)
+        self[name] = mpmath.mpf(draw.randint(10**6, self.high * 10**6)) / (5 * 10**6) * draw.choice(self.signs)
         return self[name]
 
 
@@ -76,7 +76,7 @@ def points(
             numbers[name] = _number(value) * (1 + mpmath.mpf(draw.uniform(-span, span)))
         numbers |= {name: _number(value) for name, value in given.values.items() if value is not None}
         point = Point({}, given.variables, integrals)
-        point.numbers = _Anything(numbers, draw.randint(0, 10**6), high)
+        point.numbers = _Anything(numbers, draw.randint(0, 10**6), high, attempt > TRIES // 2)
         try:
             if all(map(point.holds, domain)) and all(point.jet(text) for text in given.accelerations):
                 yield point
