@@ -168,16 +168,17 @@ class _Work:
 
     def invariance(self) -> Statement:
         """{P, H} = 0 on the submanifold."""
-        h = self.transform.hamiltonian
-        trees = []
-        for image in self.images:
-            terms = [derivative.differentiate(image, ex.TIME)]
-            for name, p in zip(self.names, self.transform.symbols, strict=True):
-                q = ex.Symbol(name)
-                terms.append(derivative.differentiate(image, q) * derivative.differentiate(h, p))
-                terms.append(-(derivative.differentiate(image, p) * derivative.differentiate(h, q)))
-            trees.append(self._restricted(ex.add(*terms)))
+        trees = [self._restricted(derivative.along(image, self._canonical_rates())) for image in self.images]
         return self._tested("The flow of H keeps the constraints in phase space.", trees)
+
+    def _canonical_rates(self) -> list[tuple[ex.Expression, ex.Expression]]:
+        """q' = dH/dp, p' = -dH/dq."""
+        h, pairs = (
+            self.transform.hamiltonian,
+            list(zip(map(ex.Symbol, self.names), self.transform.symbols, strict=True)),
+        )
+        forward = [(q, derivative.differentiate(h, p)) for q, p in pairs]
+        return [*forward, *((p, -derivative.differentiate(h, q)) for q, p in pairs)]
 
     def comparison(self) -> Comparison | None:
         """Both flows in floating point from one start."""
@@ -187,13 +188,10 @@ class _Work:
         rates = [self.motion.on_constraints.get(ex.Velocity(name), ex.Velocity(name)) for name in self.names]
         speeds = tuple(map(ex.Velocity, self.motion.free))
         first = Flow((*positions, *speeds), (*rates, *self.motion.free_accelerations))
-        h, symbols = self.transform.hamiltonian, self.transform.symbols
-        forward = [derivative.differentiate(h, p) for p in symbols]
-        backward = [-derivative.differentiate(h, q) for q in positions]
-        second = Flow((*positions, *symbols), (*forward, *backward))
+        second = Flow(*zip(*self._canonical_rates(), strict=True))
         momenta = [ex.substitute(p, self.motion.on_constraints) for p in self.transform.momenta]
         constants = [ex.Symbol(name) for name in self.associated.parameters]
-        return compare(first, second, momenta, [h, *self.images], constants, self.seed)
+        return compare(first, second, momenta, [self.transform.hamiltonian, *self.images], constants, self.seed)
 
 
 @dataclass(frozen=True, slots=True)

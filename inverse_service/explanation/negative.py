@@ -15,7 +15,6 @@ tried. Values are found modulo a prime and reconstructed as fractions (Wang 1981
 from __future__ import annotations
 
 import itertools
-import math
 import random
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -264,9 +263,8 @@ def _echelon(rows: Sequence[Row]) -> list[tuple[int, Row]]:
 
 def _whole(row: Row) -> Row:
     """The multiple of the row with integer entries without a common divisor."""
-    scale = math.lcm(*(value.denominator for value in row))
-    divisor = math.gcd(*(int(value * scale) for value in row)) or 1
-    return tuple(value * scale / divisor for value in row)
+    content = collecting.content_of(row) or 1
+    return tuple(value / content for value in row)
 
 
 def _combination(row: Sequence[Fraction], names: Sequence[ex.Symbol]) -> ex.Expression:

@@ -175,12 +175,15 @@ def _raised(terms: Terms, exponent: Fraction) -> Terms:
     return _product([outside, {((_tree(rest), exponent),): Fraction(1)}])
 
 
+def content_of(numbers: Iterable[Fraction]) -> Fraction:
+    """The largest number of which all are integer multiples; 0 if all are 0."""
+    values = tuple(numbers)
+    return Fraction(math.gcd(*(v.numerator for v in values)), math.lcm(*(v.denominator for v in values)))
+
+
 def _primitive(terms: Terms, with_monomial: bool) -> tuple[Fraction, Monomial, Terms]:
     """(content, common monomial, rest); the content is positive unless powers of -1 are harmless."""
-    content = Fraction(
-        math.gcd(*(value.numerator for value in terms.values())),
-        math.lcm(*(value.denominator for value in terms.values())),
-    )
+    content = content_of(terms.values())
     first = min(terms, key=order)
     if with_monomial and terms[first] < 0:
         content = -content

@@ -1,6 +1,6 @@
 """The elementary functions, and partial and time derivatives of trees, which are not simplified."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
@@ -104,6 +104,11 @@ def _partial(expression: ex.Expression, variable: ex.Expression) -> ex.Expressio
     if isinstance(expression, ex.Symbol | ex.Velocity | ex.Acceleration):
         return ex.ONE if expression == variable else ex.ZERO
     return _derivative(expression, lambda part: _partial(part, variable))
+
+
+def along(tree: ex.Expression, rates: Iterable[tuple[ex.Expression, ex.Expression]]) -> ex.Expression:
+    """The derivative in time, (leaf, its rate) for each name other than t that changes."""
+    return ex.add(differentiate(tree, ex.TIME), *(differentiate(tree, leaf) * rate for leaf, rate in rates))
 
 
 def differentiate_in_time(expression: ex.Expression, coordinates: Collection[str]) -> ex.Expression:

@@ -438,11 +438,7 @@ def common_factor(coefficients: Sequence[Quotient]) -> Quotient:
     """The quotient that divides all coefficients so that polynomials without a common factor remain."""
     owner = coefficients[0].field
     numerator = functools.reduce(lambda a, b: a.gcd(b), (c.numerator for c in coefficients))
-    worst: dict[int, int] = {}
-    for coefficient in coefficients:
-        for index, power in coefficient.exponents:
-            worst[index] = max(worst.get(index, 0), power)
-    content = owner.quotient(numerator, tuple(sorted(worst.items())))
+    content = owner.quotient(numerator, functools.reduce(_maximum, (c.exponents for c in coefficients)))
     leading = coefficients[0] / content
     number = leading.constant_value
     return content if number is None else content.scaled(number)

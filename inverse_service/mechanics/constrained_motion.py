@@ -224,8 +224,7 @@ def _constraint_parts(
 def _refuse_factor(ring: exact_field.ExactRing, value: exact_field.Quotient, place: int, names: Sequence[str]) -> None:
     """InputError for a constraint such as x (y' - z) = 0, which leaves the motion open where x = 0."""
     moving = {TIME, *map(Symbol, names)}
-    for factor, _ in value.numerator.factor()[1]:
-        tree = exact_field.quotient_tree(ring, exact_field.Quotient(ring.field, factor, ()))
+    for tree in exact_field.factor_trees(ring, value):
         nodes = {*walk(tree)}
         if any(isinstance(node, Velocity) for node in nodes) or not nodes & moving:
             continue
@@ -408,11 +407,8 @@ def open_places(
     moving, one = {TIME, *map(Symbol, parts.system.coordinates)}, parts.ring.constant(1)
     minor = determinant([[row[column] for column in choice.dependent] for row in parts.rows], one)
     whole = minor * minor * determinant(inertia, one)
-    trees = [
-        exact_field.quotient_tree(parts.ring, exact_field.Quotient(parts.ring.field, factor, ()))
-        for factor, _ in whole.numerator.factor()[1]
-    ]
-    return implicit_equations.unseen([tree for tree in trees if not moving.isdisjoint(walk(tree))], formulas)
+    trees = [tree for tree in exact_field.factor_trees(parts.ring, whole) if not moving.isdisjoint(walk(tree))]
+    return implicit_equations.unseen(trees, formulas)
 
 
 def eliminate_multipliers(parts: Geometry, choice: Frame) -> EliminatedMotion:

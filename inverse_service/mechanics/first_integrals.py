@@ -510,17 +510,10 @@ def _cleared(
     ring: exact_field.ExactRing, vector: Sequence[exact_field.Quotient], counted: Sequence[bool]
 ) -> list[exact_field.Quotient]:
     """The vector times its common denominator, the numbers of its entries that are `counted` whole and coprime."""
-    powers: dict[int, int] = {}
-    for entry in vector:
-        for index, power in entry.exponents:
-            powers[index] = max(powers.get(index, 0), power)
-    scale = exact_field.Quotient(ring.field, ring.field.expand(tuple(sorted(powers.items()))), ())
-    whole = [entry * scale for entry in vector]
-    numbers = [
-        exact_field.as_fraction(c) for one in itertools.compress(whole, counted) for _, c in one.numerator.terms()
-    ]
-    content = Fraction(math.gcd(*(c.numerator for c in numbers)), math.lcm(*(c.denominator for c in numbers)))
-    return [entry.scaled(1 / content) for entry in whole] if content else whole
+    whole = matrices.numerators(ring, vector)
+    numbers = [exact_field.as_fraction(c) for one in itertools.compress(whole, counted) for c in one.coeffs()]
+    scale = 1 / (collecting.content_of(numbers) or Fraction(1))
+    return [exact_field.Quotient(ring.field, one, ()).scaled(scale) for one in whole]
 
 
 def _are_independent(rows: Sequence[flow.Numbers]) -> bool:

@@ -346,7 +346,7 @@ def polynomial_roots(tree: ex.Expression, leaf: ex.Velocity, target: ex.Expressi
     table[Fraction(0)] = table.get(Fraction(0), ex.ZERO) - target
     table = {exponent: value for exponent, value in table.items() if value != ex.ZERO}
     lowest = min(table)
-    step = _common_step([exponent - lowest for exponent in table])
+    step = collecting.content_of(exponent - lowest for exponent in table)
     if not step or max(table) - lowest > 3 * step:
         return
     unknown = laurent.generator**step
@@ -356,12 +356,6 @@ def polynomial_roots(tree: ex.Expression, leaf: ex.Velocity, target: ex.Expressi
     elif len(c) in (3, 4):
         for root in _quadratic(c, unknown) if len(c) == 3 else _cubic(c, unknown):
             yield from isolate(unknown, leaf, root)
-
-
-def _common_step(exponents: Sequence[Fraction]) -> Fraction:
-    """The largest number of which all are multiples."""
-    below = math.lcm(*(e.denominator for e in exponents))
-    return Fraction(math.gcd(*(int(e * below) for e in exponents)), below)
 
 
 def laurent_polynomial(tree: ex.Expression, leaf: ex.Velocity) -> Laurent | None:

@@ -15,7 +15,7 @@ from typing import TypeVar
 
 from inverse_service import errors
 from inverse_service.expressions import collecting, printing, refusals, tree as ex
-from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.derivative import along
 from inverse_service.field import modular, real_branch, tower
 from inverse_service.mechanics import euler_lagrange, implicit_equations
 from inverse_service.reading import document_names, reader
@@ -151,15 +151,8 @@ class ConstrainedMotion:
 
     def rate(self, tree: ex.Expression) -> ex.Expression:
         """The derivative along the motion of a function of t, q and the free velocities."""
-        rates, forces = self.on_constraints, zip(self.free, self.free_accelerations, strict=True)
-        speeds = [
-            differentiate(tree, ex.Symbol(q)) * rates.get(ex.Velocity(q), ex.Velocity(q)) for q in self.coordinates
-        ]
-        return ex.add(
-            differentiate(tree, ex.TIME),
-            *speeds,
-            *(differentiate(tree, ex.Velocity(u)) * f for u, f in forces),
-        )
+        speeds = [(ex.Symbol(q), self.on_constraints.get(ex.Velocity(q), ex.Velocity(q))) for q in self.coordinates]
+        return along(tree, [*speeds, *zip(map(ex.Velocity, self.free), self.free_accelerations, strict=True)])
 
 
 def unsolved_system(names: Names, equations: Sequence[ex.Expression], name: str = "") -> SecondOrderSystem:
@@ -339,17 +332,9 @@ def _solved(slopes: Mapping[str, ex.Expression], chosen: tuple[str, ...]) -> Pai
     except errors.InputError:
         return None
     known = dict(zip(map(ex.Symbol, momenta), values, strict=True))
-    found = tuple(ex.substitute(_along(slopes[q], slopes, chosen), known) for q in chosen)
+    rates = [(ex.Symbol(name), ex.Velocity(name) if name in chosen else slope) for name, slope in slopes.items()]
+    found = tuple(ex.substitute(along(slopes[q], rates), known) for q in chosen)
     return Pairs(chosen, found, tuple(zip(momenta, values, strict=True)))
-
-
-def _along(slope: ex.Expression, slopes: Mapping[str, ex.Expression], chosen: Sequence[str]) -> ex.Expression:
-    """The time derivative of h(t, q, p) along the motion."""
-    terms = [differentiate(slope, ex.TIME)]
-    for name, motion in slopes.items():
-        rate = ex.Velocity(name) if name in chosen else motion
-        terms.append(differentiate(slope, ex.Symbol(name)) * rate)
-    return ex.add(*terms)
 
 
 def read_system(
