@@ -27,7 +27,6 @@ v_k = g*'(p_k + phi*(p_w)) and H = g*(p_k + phi*(p_w)). For g = a v_k^2/2 and ph
 H = (p_k + p_w^T S^-1 p_w/2)^2 / (2 a).
 """
 
-import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -208,8 +207,9 @@ def invert(matrix: Sequence[Sequence[ex.Expression]]) -> Inverse | None:
         return None
     entries = [entry for row in inverse for entry in row]
     *above, below = matrices.numerators(ring, [*entries, ring.constant(1)])
-    numbers = [exact_field.as_fraction(p.term_content().leading_coefficient()) for p in above if p]
-    scale = Fraction(math.gcd(*(c.denominator for c in numbers)), math.lcm(*(c.numerator for c in numbers)))
+    # As many numbers as possible are fractions: those are seen and taken out of brackets later.
+    contents = [collecting.content_of(map(exact_field.as_fraction, polynomial.coeffs())) for polynomial in above]
+    scale = collecting.content_of(1 / content for content in contents if content)
 
     def tree(element: exact_field.Quotient) -> ex.Expression:
         return short_forms.trigonometric(collecting.merge_powers(exact_field.quotient_tree(ring, element)))
