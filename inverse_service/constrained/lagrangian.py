@@ -292,7 +292,7 @@ def _solve_ansatz(sampler: ansatz.Sampler, candidates: Sequence[tm.Monomial], se
         return _euler_lagrange_matrix(table, letters, candidates)
 
     # Equations of cyclic coordinates can be trivial, so the first samples need not suffice.
-    kernel = matrices.settled_kernel(len(candidates), equations, n, sampler.prime(seed))
+    kernel = matrices.settled_kernel(len(candidates), equations, n, sampler.points(seed).prime)
     return ansatz.LagrangianSpace(sampler, tuple(ansatz.null_combinations(kernel, candidates)))
 
 
@@ -302,9 +302,8 @@ def _euler_lagrange_matrix(
     """EL_i of each candidate at each sample, (samples * n, candidates)."""
     prime = table.prime
     values = ansatz.monomial_values(table.values, letters, candidates, prime)
-    result = np.zeros((len(values) * table.derivatives.size, len(candidates)), np.uint64)
-    derivatives = ansatz.Derivatives(*(ansatz.to_montgomery(array, prime) for array in table.derivatives))
-    _fill(values, ansatz.exponents_of(letters, candidates, prime), derivatives, modular.field_of(prime), result)
+    result = np.zeros((len(values) * table.size, len(candidates)), np.uint64)
+    _fill(values, ansatz.exponents_of(letters, candidates, prime), table.derivatives, modular.field_of(prime), result)
     return result
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from inverse_service import bounds, deadline
@@ -30,7 +31,7 @@ from inverse_service.expressions import collecting, derivative, inequalities, pr
 from inverse_service.expressions.notation import Formula, formula_of, listed, matrix, partial_derivative, row, theory
 from inverse_service.field import exact_field
 from inverse_service.field.matrices import determinant
-from inverse_service.mechanics import conditions
+from inverse_service.mechanics import conditions, writing
 from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import terms as tm
@@ -120,11 +121,42 @@ def printed_conditions(system: SecondOrderSystem) -> tuple[Conditions | None, st
 
     def short(tree: ex.Expression) -> ex.Expression:
         has_angles = any(isinstance(node, ex.Apply) and node.function in ("sin", "cos") for node in ex.walk(tree))
-        return tm.with_sums_of_angles(tree) if has_angles or ex.node_count(tree) <= bounds.LARGE else tree
+        return _in_sums_of_angles(tree) if has_angles or ex.node_count(tree) <= bounds.LARGE else tree
 
     Phi, nabla = (tuple(tuple(map(short, row)) for row in each) for each in (tensors.Phi, tensors.nabla_Phi))
     R = tuple(tuple(tuple(map(short, row)) for row in rows) for rows in tensors.R)
     return Conditions(Phi, nabla, R), tensors.reason
+
+
+@lru_cache(maxsize=512)
+def _in_sums_of_angles(tree: ex.Expression) -> ex.Expression:
+    """The tree with each sum of functions of several angles in its shortest form; cos(a - b) is kept."""
+    tree = ex.rebuild(tree, _in_sums_of_angles)
+    match tree:
+        case ex.Power(ex.Sum(parts) as base, ex.Number(e)) if e.denominator == 1:
+            if all(map(writing.is_negative, parts)):
+                return (ex.ONE if e % 2 == 0 else ex.MINUS_ONE) * ex.negated(base) ** e
+    if not isinstance(tree, ex.Sum):
+        return tree
+    try:
+        terms = tm.terms_of(tree)
+        functions = [p for key in terms for p, _ in key if isinstance(p, ex.Apply) and p.function in ("sin", "cos")]
+        short = tm.shortest_in_angles(terms) if len({p.argument for p in functions}) > 1 else terms
+        forms = [tree, tm.tree_of(short), _by_functions(short)]
+    except tm.TooManyTerms:
+        return tree
+    return min(forms, key=ex.node_count)
+
+
+def _by_functions(terms: tm.Terms) -> ex.Expression:
+    """The sum, grouped by products of functions and velocities, with common factors taken out of each coefficient."""
+    parts = []
+    for outer, inner in tm.grouped(terms, lambda letter: not isinstance(letter, ex.Symbol)).items():
+        content, common, rest = tm.split_content(inner)
+        if len(inner) > 1 and all(value < 0 for value in inner.values()):
+            content, rest = -content, ex.negated(rest)
+        parts.append(content * tm.monomial_tree(common) * rest * tm.monomial_tree(outer))
+    return ex.add(*parts)
 
 
 def with_conditions(solution: Solution) -> Solution:

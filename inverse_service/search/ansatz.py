@@ -17,8 +17,8 @@ import random
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import lru_cache
-from typing import NamedTuple, TypeGuard, TypeVar
+from functools import lru_cache, reduce
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -28,11 +28,10 @@ from inverse_service import bounds, deadline, errors
 from inverse_service.decision.deciding import Analysis, variables_of
 from inverse_service.decision.helmholtz import Written, tensors_after, written
 from inverse_service.expressions import tree as ex
-from inverse_service.expressions.derivative import differentiate
 from inverse_service.field import exact_field, matrices, modular, real_branch, tower as towers
-from inverse_service.field.dense_series import Machine, SeriesProgram, constants_at, run
+from inverse_service.field.dense_series import CONSTANT, Series, SeriesProgram, along, constants_at, run, series_of
 from inverse_service.field.echelon import Words
-from inverse_service.field.modular import Field, compiled, minus, multiply, plus, power
+from inverse_service.field.modular import Field, compiled, multiply, plus
 from inverse_service.field.real_branch import RealTable, find_real_point
 from inverse_service.mechanics import conditions, euler_lagrange
 from inverse_service.search import terms as tm
@@ -52,9 +51,33 @@ _POSITIVE = 1e-3
 _DENOMINATORS = (1, 2, 3, 4, 6, 12)
 
 
+class Derivatives(NamedTuple):
+    """For each sample and generator p: Gamma(log p), d log p/dv_i, Gamma'(d log p/dv_i), and d log p/dq_i.
+
+    Residues in Montgomery form, (samples, letters) and (samples, letters, n); Gamma' acts on the derivative
+    only, so that EL_i(m)/m = V_i G + H_i - Q_i with sums over the generators of m. `hessian` is
+    d2 log p/dv_i dv_j, `third` Gamma of it (zero unless asked for), (samples, letters, n, n).
+    """
+
+    along: Words
+    by_velocity: Words
+    mixed: Words
+    by_position: Words
+    hessian: Words
+    third: Words
+
+
+def derivatives_in(rows: npt.NDArray[Any], n: int) -> Derivatives:
+    """The parts of rows of 1 + 3 n + 2 n^2 numbers, the last dimension; those of a single row are views of it."""
+    parts = np.split(rows, np.cumsum([1, n, n, n, n * n]), axis=-1)
+    shapes = ((), (n,), (n,), (n,), (n, n), (n, n))
+    pairs = zip(parts, shapes, strict=True)
+    return Derivatives(*(np.ascontiguousarray(part.reshape((*rows.shape[:-1], *shape))) for part, shape in pairs))
+
+
 @dataclass(frozen=True, slots=True)
 class _LetterProgram:
-    """The series of generators in the same variables, at places `names` of (t, q, v), and their final registers."""
+    """The rows of generators (see `_program`) in the same variables, at places `names` of (t, q, v)."""
 
     letters: tuple[ex.Expression, ...]
     series: SeriesProgram
@@ -93,125 +116,44 @@ def _parts(
 def _program(
     letters: tuple[ex.Expression, ...], variables: tuple[modular.Variable, ...], names: tuple[int, ...], order: int
 ) -> _LetterProgram:
-    series = SeriesProgram([variables[k] for k in names], order)
-    registers = np.array([series.expand(letter) for letter in letters], np.int64)
+    """A row of registers for each generator p, p itself and its `Derivatives`.
+
+    The constants after the first one are the rates of the variables in (1, v, f).
+    """
+    program, n = SeriesProgram([variables[k] for k in names], order), len(variables) // 2
+    rates = [program.constant(lambda point, known: 0) for _ in names]
+    drift = [(k, Series(program, ((1, program.write(CONSTANT, program.register(), c=c), None),)))
+             for k, c in enumerate(rates)]  # fmt: skip
+    registers = np.full((len(letters), 2 + 3 * n + 2 * n * n), program.register())  # that of 0
+    for row, letter in zip(registers, letters, strict=True):
+        value, inverse = series_of(program, letter), series_of(program, ex.Power(letter, ex.MINUS_ONE))
+        row[0], d = value.register, derivatives_in(row[1:], n)
+        if order:
+            row[1] = (along(drift, value) * inverse).register
+        for k, place in enumerate(names if order else ()):
+            slope, i = value.derivative(k) * inverse, place - n - 1
+            if 0 < place <= n:
+                d.by_position[place - 1] = slope.register
+            elif place:
+                d.by_velocity[i], d.mixed[i] = slope.register, along(drift, slope).register
+                for m, j in ((m, other - n - 1) for m, other in enumerate(names) if other >= place):
+                    bend = slope.derivative(m)
+                    d.hessian[i, j] = d.hessian[j, i] = bend.register
+                    if order > 2:
+                        d.third[i, j] = d.third[j, i] = along(drift, bend).register
     work = sum(map(ex.node_count, letters))
-    return _LetterProgram(letters, series, series.listed, np.array(names, np.int64), registers, work)
+    return _LetterProgram(letters, program, program.listed, np.array(names, np.int64), registers, work)
 
 
-class _Displaced(NamedTuple):
-    """(1, v, f) in Montgomery form, and the places among (t, q, v) of the variables that are displaced."""
-
-    drift: Words
-    names: Integers
-
-
-class _Slopes(NamedTuple):
-    """p_a/p, p_ab/p and, to order 3, p_abc/p of a generator p."""
-
-    first: Words
-    second: Words
-    third: Words
-
-
-@compiled
-def _slope(r: int, degree: int, place: int, factor: np.uint64, m: Machine) -> np.uint64:
-    """A Taylor coefficient of a generator times a factor."""
-    if degree > m.registers.tops[r]:
-        return np.uint64(0)
-    value = m.registers.values[r * m.registers.stride + m.tables.starts[degree] + place]
-    return multiply(value, factor, m.field)
-
-
-@compiled
-def _slopes_of_letter(r: int, value: np.uint64, m: Machine, d: _Slopes) -> None:
-    """The derivatives of a generator over its value: Taylor coefficients times the factorials of their exponents."""
-    size, starts, raised = m.tables.size, m.tables.raised_starts, m.tables.raised
-    unit = power(value, m.field.prime - np.uint64(2), m.field)
-    twice, six = multiply(unit, m.small[2], m.field), multiply(unit, m.small[6], m.field)
-    for a in range(size):
-        one = raised[starts[0] + a]
-        d.first[a] = _slope(r, 1, one, unit, m)
-        for b in range(size):
-            two = raised[starts[1] + one * size + b]
-            d.second[a, b] = _slope(r, 2, two, twice if a == b else unit, m)
-            for c in range(d.third.shape[2]):
-                three = raised[starts[2] + two * size + c]
-                some = twice if a in (b, c) or b == c else unit
-                d.third[a, b, c] = _slope(r, 3, three, six if a == b == c else some, m)
-
-
-@compiled
-def _second(a: int, b: int, d: _Slopes, field: Field) -> np.uint64:
-    """d_a d_b log p = p_ab/p - u_a u_b, u = grad log p."""
-    return minus(d.second[a, b], multiply(d.first[a], d.first[b], field), field)
-
-
-@compiled
-def _rate(a: int, b: int, displaced: _Displaced, d: _Slopes, field: Field) -> np.uint64:
-    """Gamma'(s_ab), s_ab = d_a d_b log p: d_c s_ab = p_abc/p - s_ab u_c - u_a s_bc - u_b p_ac/p."""
-    total = np.uint64(0)
-    for c in range(d.third.shape[2]):
-        value = minus(d.third[a, b, c], multiply(_second(a, b, d, field), d.first[c], field), field)
-        value = minus(value, multiply(d.first[a], _second(b, c, d, field), field), field)
-        value = minus(value, multiply(d.first[b], d.second[a, c], field), field)
-        total = plus(total, multiply(displaced.drift[displaced.names[c]], value, field), field)
-    return total
-
-
-@compiled
-def _fill(displaced: _Displaced, d: _Slopes, n: int, k: int, found: Words, field: Field) -> None:
-    """Gamma(log p), d log p/dv_i, Gamma'(that), d log p/dq_i, d2 log p/dv_i dv_j, Gamma'(that) behind the value."""
-    names = displaced.names
-    for a in range(len(names)):
-        i, drift = names[a] - n - 1, displaced.drift[names[a]]
-        found[k, 1] = plus(found[k, 1], multiply(drift, d.first[a], field), field)
-        if i < 0:
-            if names[a] > 0:
-                found[k, 1 + 2 * n + names[a]] = d.first[a]
-            continue
-        found[k, 2 + i] = d.first[a]
-        for b in range(len(names)):
-            j, value = names[b] - n - 1, _second(a, b, d, field)
-            part = multiply(displaced.drift[names[b]], value, field)
-            found[k, 2 + n + i] = plus(found[k, 2 + n + i], part, field)
-            if j >= 0:
-                found[k, 2 + 3 * n + i * n + j] = value
-                found[k, 2 + 3 * n + n * n + i * n + j] = _rate(a, b, displaced, d, field)
-
-
-@compiled
-def _logarithmic(chosen: Integers, displaced: _Displaced, m: Machine, d: _Slopes, found: Words) -> bool:
-    """The value of each generator and its logarithmic derivatives (`_fill`) as residues; False if one value is 0."""
-    n, one = len(displaced.drift) // 2, np.uint64(1)
-    for k in range(len(chosen)):
-        r = chosen[k]
-        value = m.registers.values[r * m.registers.stride]
-        if m.registers.tops[r] < 0 or value == np.uint64(0):
-            return False
-        _slopes_of_letter(r, value, m, d)
-        _fill(displaced, d, n, k, found, m.field)
-        found[k, 0] = value
-        for entry in range(found.shape[1]):
-            found[k, entry] = multiply(found[k, entry], one, m.field)
-    return True
-
-
-def _letter_rows(program: _LetterProgram, point: modular.Point, drift: Words, order: int) -> Words | None:
-    """A row of values for each generator at a point; None if one has no value or vanishes."""
-    n, size, prime = len(drift) // 2, len(program.names), point.prime
+def _letter_rows(program: _LetterProgram, point: modular.Point, drift: Words) -> Words | None:
+    """A row of values for each generator at a point, in Montgomery form; None if one has no value or vanishes."""
     try:
         constants = constants_at(program.series, point)
-        registers = run(program.series, program.instructions, constants, prime, order)
+        constants[1 : 1 + len(program.names)] = drift[program.names]
+        found = run(program.series, program.instructions, constants, point.prime, program.series.order).stored
     except (modular.SingularPoint, ValueError):
         return None
-    small = modular.small_numbers(prime, 7)
-    machine = Machine(registers.stored, registers.tables, modular.field_of(prime), small, small)
-    shapes = (size,), (size, size), (size, size, size if order > 2 else 0)
-    slopes = _Slopes(*(np.empty(shape, np.uint64) for shape in shapes))
-    found = np.zeros((len(program.letters), 2 + 3 * n + 2 * n * n), np.uint64)
-    done = _logarithmic(program.registers, _Displaced(drift, program.names), machine, slopes, found)
-    return found if done else None
+    return np.where(found.tops < 0, np.uint64(0), found.values[:: found.stride])[program.registers]
 
 
 @dataclass(slots=True)
@@ -241,9 +183,6 @@ class SamplePoints:
     moving: Sequence[ex.Symbol | ex.Velocity] = ()
     places: list[_AtPoint] = field(default_factory=list)
 
-    def point(self, k: int) -> modular.Point:
-        return self.place(k).point
-
     def place(self, k: int) -> _AtPoint:
         while len(self.places) <= k:
             deadline.check(deadline.STEP)
@@ -267,20 +206,19 @@ class SamplePoints:
         return np.array([(value << 64) % self.prime for value in drift], np.uint64)
 
     def letters(self, k: int, kernels: Sequence[ex.Expression], order: int) -> list[Words] | None:
-        """A row for each generator at a point (see `_logarithmic`), to order 3 with third derivatives; else None."""
+        """A row for each generator at a point (see `_program`); None if one has no value or vanishes."""
         place = self.place(k)
         if not len(place.drift):
             return None
         known = place.letters
-        missing = tuple(kernel for kernel in kernels if (kernel, 3) not in known and (kernel, order) not in known)
-        self._evaluate(place, missing, order)
-        rows = [known[kernel, 3 if (kernel, 3) in known else order] for kernel in kernels]
+        self._evaluate(place, tuple(kernel for kernel in kernels if (kernel, order) not in known), order)
+        rows = [known[kernel, order] for kernel in kernels]
         return None if any(row is None for row in rows) else [row for row in rows if row is not None]
 
     def _evaluate(self, place: _AtPoint, letters: tuple[ex.Expression, ...], order: int) -> None:
         for program in _programs(letters, tuple(self.variables), order) if letters else ():
             deadline.check(program.work)
-            rows = _letter_rows(program, place.point, place.drift, order)
+            rows = _letter_rows(program, place.point, place.drift)
             if rows is not None:
                 place.letters.update(((letter, order), row) for letter, row in zip(program.letters, rows, strict=True))
             elif len(program.letters) == 1:
@@ -288,16 +226,6 @@ class SamplePoints:
             else:
                 for letter in program.letters:
                     self._evaluate(place, (letter,), order)
-
-    def values(self, k: int, kernels: Sequence[ex.Expression]) -> list[int] | None:
-        """The values of all generators at a point, without derivatives; None if one has no value or vanishes."""
-        place, known = self.place(k), dict[ex.Expression, int]()
-        deadline.check(1 + len(kernels))
-        try:
-            found = [modular.evaluate(kernel, place.point, known) for kernel in kernels]
-        except (modular.SingularPoint, ValueError):
-            return None
-        return found if len(place.drift) and all(found) else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -319,23 +247,15 @@ class Sampler:
     real_point: RealTable | None
     known: dict[Drawn, SamplePoints] = field(default_factory=dict, compare=False)
 
-    @property
-    def variables(self) -> list[ex.Symbol | ex.Velocity]:
-        return self.analysis.system.variables
-
     def points(self, seed: int, moving: tuple[ex.Symbol | ex.Velocity, ...] = ()) -> SamplePoints:
         """The points generated from a seed; with `moving`, they differ from the first in these only; cached."""
         if (seed, moving) not in self.known:
             base, forces = towers.draw_point(self.tower, seed), self.analysis.accelerations
             near, constrained = base if moving else None, self.analysis.constrained
             self.known[seed, moving] = SamplePoints(
-                forces, self.variables, self.tower, seed, base.prime, constrained, near, moving
+                forces, self.analysis.system.variables, self.tower, seed, base.prime, constrained, near, moving
             )
         return self.known[seed, moving]
-
-    def prime(self, seed: int) -> int:
-        """The prime of the points generated from a seed."""
-        return self.points(seed).prime
 
 
 def sampler_of(analysis: Analysis, terms: Iterable[tm.Monomial]) -> Sampler:
@@ -367,73 +287,56 @@ def sampler_of(analysis: Analysis, terms: Iterable[tm.Monomial]) -> Sampler:
 
 def _atoms(trees: Sequence[ex.Expression]) -> frozenset[ex.Expression]:
     """The atoms, roots, and pi in trees; a cosine counts as its sine, because one rule evaluates both."""
-    atoms = (ex.Apply("sin", atom.argument) if _is_cosine(atom) else atom for atom in towers.atoms_in_order(trees))
-    return frozenset(atoms).union(node for node in ex.distinct_nodes(trees) if node == ex.PI)
-
-
-def _is_cosine(atom: ex.Expression) -> TypeGuard[ex.Apply]:
-    return isinstance(atom, ex.Apply) and atom.function == "cos"
-
-
-class Derivatives(NamedTuple):
-    """For each sample and generator p: Gamma(log p), d log p/dv_i, Gamma'(d log p/dv_i), and d log p/dq_i.
-
-    Arrays of residues, (samples, letters) and (samples, letters, n); Gamma' acts on the derivative
-    only, so that EL_i(m)/m = V_i G + H_i - Q_i with sums over the generators of m. `hessian` is
-    d2 log p/dv_i dv_j, `third` Gamma of it (zero unless asked for), (samples, letters, n, n).
-    """
-
-    along: Words
-    by_velocity: Words
-    mixed: Words
-    by_position: Words
-    hessian: Words
-    third: Words
-
-    @property
-    def size(self) -> int:
-        """The number of coordinates."""
-        return int(self.by_velocity.shape[2])
+    atoms = towers.atoms_in_order(trees)
+    cosines = [p for p in atoms if isinstance(p, ex.Apply) and p.function == "cos"]
+    sines: dict[ex.Expression, ex.Expression] = {p: ex.Apply("sin", p.argument) for p in cosines}
+    return frozenset(sines.get(p, p) for p in atoms).union(p for p in ex.distinct_nodes(trees) if p == ex.PI)
 
 
 @dataclass(frozen=True, slots=True)
 class LetterTable:
-    """The values of the generators and their derivatives; `numbers` are the indices of the samples among the points."""
+    """The values of the generators, and their `Derivatives` in rows, (samples, letters, 1 + 3 n + 2 n^2).
+
+    `numbers` are the indices of the samples among the points.
+    """
 
     known: SamplePoints
     numbers: tuple[int, ...]
     values: list[list[int]]
-    derivatives: Derivatives
+    rows: Words
 
     @property
     def prime(self) -> int:
         return self.known.prime
 
     @property
+    def size(self) -> int:
+        """The number of coordinates."""
+        return len(self.known.forces)
+
+    @property
+    def derivatives(self) -> Derivatives:
+        return derivatives_in(self.rows, self.size)
+
+    @property
     def points(self) -> list[modular.Point]:
-        return [self.known.point(k) for k in self.numbers]
+        return [self.known.place(k).point for k in self.numbers]
 
 
 def table_at(
-    known: SamplePoints, letters: Sequence[ex.Expression], count: int, with_third: bool = False, first: int = 0
+    known: SamplePoints, letters: Sequence[ex.Expression], count: int, order: int = 2, first: int = 0
 ) -> LetterTable:
-    """The table at `count` points after the `first`, skipping points at which one of `letters` vanishes."""
-    kernels, order = tuple(towers.to_kernels(letter) for letter in letters), 3 if with_third else 2
+    """The table at `count` points after the `first`, skipping points at which one of `letters` vanishes.
+
+    To order 0 it has no derivatives, and to order 2 no `third`.
+    """
+    kernels = tuple(map(towers.to_kernels, letters))
     found = _first(lambda k: known.letters(k, kernels, order), count)
     numbers, rows = [k for k, _ in found], [row for _, row in found]
-    n, shape = len(known.forces), (count - first, len(letters))
-    table = np.array(rows[first:], np.uint64).reshape(*shape, 2 + 3 * n + 2 * n * n)
-    ends = np.cumsum([1, 1, n, n, n, n * n])
-    value, *parts = np.split(table, ends, axis=2)
-    ranks = (0, 1, 1, 1, 2, 2)
-    arrays = [np.ascontiguousarray(part).reshape(*shape, *(n,) * rank) for part, rank in zip(parts, ranks, strict=True)]
-    return LetterTable(known, tuple(numbers[first:]), value[:, :, 0].tolist(), Derivatives(*arrays))
-
-
-def values_at(known: SamplePoints, letters: Sequence[ex.Expression], count: int) -> list[list[int]]:
-    """The values of `letters` at the points that `table_at` uses."""
-    kernels = tuple(towers.to_kernels(letter) for letter in letters)
-    return [row for _, row in _first(lambda k: known.values(k, kernels), count)]
+    n = len(known.forces)
+    table = np.array(rows[first:], np.uint64).reshape(count - first, len(letters), 2 + 3 * n + 2 * n * n)
+    values = residues(table[:, :, 0], known.prime).tolist()
+    return LetterTable(known, tuple(numbers[first:]), values, np.ascontiguousarray(table[:, :, 1:]))
 
 
 def _first(at: Callable[[int], _T | None], count: int) -> list[tuple[int, _T]]:
@@ -497,18 +400,15 @@ class Exponents(NamedTuple):
     exponents: Words
 
 
-def to_montgomery(array: Words, prime: int) -> Words:
+def to_montgomery(numbers: npt.ArrayLike, prime: int) -> Words:
     """x R modulo the prime for each residue x."""
-    result = np.ascontiguousarray(array).copy()
-    _scale(result.reshape(-1), modular.field_of(prime))
-    return result
+    return (np.asarray(numbers, object) * (1 << 64) % prime).astype(np.uint64)
 
 
-@compiled
-def _scale(numbers: Words, field: Field) -> None:
-    """Multiply each number by R, in place."""
-    for k in range(numbers.shape[0]):
-        numbers[k] = multiply(numbers[k], field.square, field)
+def residues(numbers: Words, prime: int) -> Residues:
+    """x for each x R modulo the prime."""
+    found: Residues = numbers.astype(object) * pow(1 << 64, -1, prime) % prime
+    return found
 
 
 def exponents_of(letters: Sequence[ex.Expression], candidates: Sequence[tm.Monomial], prime: int) -> Exponents:
@@ -520,7 +420,7 @@ def exponents_of(letters: Sequence[ex.Expression], candidates: Sequence[tm.Monom
             places.append(index[letter])
             exponents.append(modular.number_value(e, prime))
         starts.append(len(places))
-    numbers = to_montgomery(np.array(exponents, np.uint64), prime)
+    numbers = to_montgomery(exponents, prime)
     return Exponents(np.array(starts, np.int64), np.array(places, np.int64), numbers)
 
 
@@ -538,7 +438,7 @@ def _kernel(sampler: Sampler, points: SamplePoints, terms: Sequence[tm.Monomial]
     letters, n = letters_of(terms), len(sampler.analysis.accelerations)
 
     def equations(begin: int, end: int) -> Words:
-        table = table_at(points, letters, end, with_third=True, first=begin)
+        table = table_at(points, letters, end, order=3, first=begin)
         return helmholtz_matrix(sampler, table, letters, terms)[0]
 
     # Many of the n^2 conditions can be trivial, so the first samples need not suffice.
@@ -555,8 +455,8 @@ def occurring_terms(sampler: Sampler, terms: Sequence[tm.Monomial], seed: int) -
 
     Terms that are combinations of simpler ones there, as k - r is of 1 and r, are omitted.
     """
-    points, letters = sampler.points(seed, tuple(sampler.variables)), letters_of(terms)
-    values = values_at(points, letters, len(terms) + matrices.SPARE)
+    points, letters = sampler.points(seed, tuple(sampler.analysis.system.variables)), letters_of(terms)
+    values = table_at(points, letters, len(terms) + matrices.SPARE, order=0).values
     terms = [terms[k] for k in matrices.pivots(monomial_values(values, letters, terms, points.prime), points.prime)]
     used = {k for row in _kernel(sampler, points, terms).basis.tolist() for k, x in enumerate(row) if int(x)}
     return [terms[k] for k in sorted(used)]
@@ -591,27 +491,81 @@ def helmholtz_matrix(
 ) -> tuple[Words, Words]:
     """The n^2 conditions H2 (i <= j) and H3 (i < j) of each term at each sample, and its Hessian; Montgomery form.
 
-    Shapes (samples n^2, terms) and (samples, terms, n, n).
+    They are Gamma(g) - g N - (g N)^T and g Phi - (g Phi)^T. Shapes (samples n^2, terms) and (samples, terms, n, n).
     """
-    prime, n, field = table.prime, table.derivatives.size, modular.field_of(table.prime)
-    tensors = tensors_of(sampler, table)
-    connection, endomorphism = (to_montgomery(np.array(part, np.uint64), prime) for part in zip(*tensors, strict=True))
+    n, field = table.size, modular.field_of(table.prime)
     hessians, rates = hessians_of(table, letters, terms)
-    result = np.zeros((len(hessians) * n * n, len(terms)), np.uint64)
-    _write_conditions(hessians, rates, connection, endomorphism, field, result)
-    return result, hessians
+    connection, endomorphism = (
+        to_montgomery(part, table.prime)[:, None] for part in zip(*tensors_of(sampler, table), strict=True)
+    )
+    bent, turned = (_matrix_product(hessians, tensor, field) for tensor in (connection, endomorphism))
+    moved = _difference(_difference(rates, bent, field), bent.swapaxes(2, 3), field)
+    skew = _difference(turned, turned.swapaxes(2, 3), field)
+    rows = [moved[:, :, *np.triu_indices(n)], skew[:, :, *np.triu_indices(n, 1)]]
+    return np.concatenate(rows, axis=2).swapaxes(1, 2).reshape(-1, len(terms)), hessians
 
 
 def hessians_of(
     table: LetterTable, letters: Sequence[ex.Expression], terms: Sequence[tm.Monomial]
 ) -> tuple[Words, Words]:
-    """The Hessian of each term at each sample, and its Gamma derivative; Montgomery form, (samples, terms, n, n)."""
-    prime, n = table.prime, table.derivatives.size
-    values = monomial_values(table.values, letters, terms, prime)
-    derivatives = Derivatives(*(to_montgomery(array, prime) for array in table.derivatives))
-    hessians, rates = (np.zeros((*values.shape, n, n), np.uint64) for _ in range(2))
-    _fill_hessians(values, exponents_of(letters, terms, prime), derivatives, modular.field_of(prime), hessians, rates)
-    return hessians, rates
+    """The Hessian of each term m at each sample, and its Gamma derivative; Montgomery form, (samples, terms, n, n).
+
+    g_ij = m (V_i V_j + W_ij) and Gamma(g_ij) = m (G (V_i V_j + W_ij) + H_i V_j + V_i H_j + Gamma W_ij), where V, W, G,
+    H are the derivatives of log m, sums over the generators of m.
+    """
+    prime, field = table.prime, modular.field_of(table.prime)
+    values = monomial_values(table.values, letters, terms, prime)[:, :, None, None]
+    sums = np.zeros((len(values), len(terms), table.rows.shape[2]), np.uint64)
+    _add_multiples(exponents_of(letters, terms, prime), table.rows, field, sums)
+    d = derivatives_in(sums, table.size)
+    crossed = product(d.mixed[..., :, None], d.by_velocity[..., None, :], field)
+    form = _sum(product(d.by_velocity[..., :, None], d.by_velocity[..., None, :], field), d.hessian, field)
+    rate = _sum(product(d.along[..., None, None], form, field), d.third, field)
+    rate = _sum(rate, _sum(crossed, crossed.swapaxes(2, 3), field), field)
+    return product(values, form, field), product(values, rate, field)
+
+
+@compiled
+def _add_multiples(terms: Exponents, rows: Words, field: Field, sums: Words) -> None:
+    """Add to sums[s, c] the rows of sample s of the generators of term c, each times its exponent."""
+    for s in range(sums.shape[0]):
+        for c in range(sums.shape[1]):
+            for k in range(terms.starts[c], terms.starts[c + 1]):
+                for place in range(sums.shape[2]):
+                    part = multiply(terms.exponents[k], rows[s, terms.letters[k], place], field)
+                    sums[s, c, place] = plus(sums[s, c, place], part, field)
+
+
+def product(left: Words, right: Words, field: Field) -> Words:
+    """The product of arrays in Montgomery form, entry by entry."""
+    a, b = map(np.ascontiguousarray, np.broadcast_arrays(left, right))
+    result = np.empty(a.shape, np.uint64)
+    _multiply_all(a.reshape(-1), b.reshape(-1), field, result.reshape(-1))
+    return result
+
+
+@compiled
+def _multiply_all(left: Words, right: Words, field: Field, result: Words) -> None:
+    for k in range(len(result)):
+        result[k] = multiply(left[k], right[k], field)
+
+
+def _sum(left: Words, right: Words, field: Field) -> Words:
+    total: Words = left + right
+    below: Words = np.minimum(total, total - field.prime)  # less than 0 is a large word
+    return below
+
+
+def _difference(left: Words, right: Words, field: Field) -> Words:
+    total: Words = left - right
+    below: Words = np.minimum(total, total + field.prime)
+    return below
+
+
+def _matrix_product(left: Words, right: Words, field: Field) -> Words:
+    """The product of matrices, the last two dimensions."""
+    parts = (product(left[..., :, k, None], right[..., None, k, :], field) for k in range(left.shape[-1]))
+    return reduce(lambda a, b: _sum(a, b, field), parts)
 
 
 def tensors_of(sampler: Sampler, table: LetterTable) -> list[tuple[Matrix, Matrix]]:
@@ -626,12 +580,7 @@ def tensors_of(sampler: Sampler, table: LetterTable) -> list[tuple[Matrix, Matri
 def connection_and_endomorphism(sampler: Sampler, point: modular.Point) -> tuple[Matrix, Matrix]:
     """(N, Phi) at a point, each (n, n)."""
     deadline.check(deadline.STEP + sum(map(ex.node_count, sampler.analysis.accelerations)))
-    if len(sampler.analysis.accelerations) == 1:  # no condition contains Phi
-        f, known = sampler.analysis.accelerations[0], dict[ex.Expression, int]()
-        modular.evaluate(f, point, known)  # raises SingularPoint if f has no value
-        slope = modular.evaluate(differentiate(f, sampler.variables[2]), point, known)
-        return [[-slope * pow(2, -1, point.prime) % point.prime]], [[0]]
-    given = _written(tuple(sampler.variables), tuple(sampler.analysis.accelerations))
+    given = _written(tuple(sampler.analysis.system.variables), tuple(sampler.analysis.accelerations))
     constants = constants_at(given.program, point)
     return tensors_after(given, run(given.program, given.program.listed, constants, point.prime, order=2))
 
@@ -644,84 +593,15 @@ def _written(variables: tuple[ex.Symbol | ex.Velocity, ...], forces: tuple[ex.Ex
         raise errors.IrreducibleAtoms("the forces are too long for their series") from problem
 
 
-@compiled
-def _fill_hessians(
-    values: Words, terms: Exponents, d: Derivatives, field: Field, hessians: Words, rates: Words
-) -> None:
-    """g_ij = m (V_i V_j + W_ij) and Gamma(g_ij) = m (G (V_i V_j + W_ij) + H_i V_j + V_i H_j + Gamma W_ij).
-
-    V, W, G, H are sums over the generators of m. Everything is in Montgomery form; the results, (samples, terms, n, n),
-    must be zero on entry.
-    """
-    n = d.by_velocity.shape[2]
-    for s in range(values.shape[0]):
-        for c in range(values.shape[1]):
-            first, last = terms.starts[c], terms.starts[c + 1]
-            along = _sum_of(terms, d.along, s, first, last, field)
-            for i in range(n):
-                for j in range(i, n):
-                    v = h = w = x = part = rate = np.uint64(0)
-                    for k in range(first, last):
-                        e, p = terms.exponents[k], terms.letters[k]
-                        v = plus(v, multiply(e, d.by_velocity[s, p, i], field), field)
-                        h = plus(h, multiply(e, d.mixed[s, p, i], field), field)
-                        w = plus(w, multiply(e, d.by_velocity[s, p, j], field), field)
-                        x = plus(x, multiply(e, d.mixed[s, p, j], field), field)
-                        part = plus(part, multiply(e, d.hessian[s, p, i, j], field), field)
-                        rate = plus(rate, multiply(e, d.third[s, p, i, j], field), field)
-                    part = plus(part, multiply(v, w, field), field)
-                    rate = plus(rate, multiply(along, part, field), field)
-                    rate = plus(rate, plus(multiply(h, w, field), multiply(v, x, field), field), field)
-                    hessians[s, c, i, j] = hessians[s, c, j, i] = multiply(values[s, c], part, field)
-                    rates[s, c, i, j] = rates[s, c, j, i] = multiply(values[s, c], rate, field)
-
-
-@compiled
-def _sum_of(terms: Exponents, numbers: Words, s: int, first: int, last: int, field: Field) -> np.uint64:
-    """The sum over the generators of a term of a quantity times the exponent."""
-    total = np.uint64(0)
-    for k in range(first, last):
-        total = plus(total, multiply(terms.exponents[k], numbers[s, terms.letters[k]], field), field)
-    return total
-
-
-@compiled
-def _write_conditions(
-    hessians: Words, rates: Words, connection: Words, endomorphism: Words, field: Field, result: Words
-) -> None:
-    """Set `result` to Gamma(g_ij) - g_ik N_kj - g_jk N_ki, i <= j, g_ik Phi_kj - g_jk Phi_ki, i < j, per sample."""
-    samples, count, n, _ = hessians.shape
-    for s in range(samples):
-        for c in range(count):
-            row = s * n * n
-            for i in range(n):
-                for j in range(i, n):
-                    rate = rates[s, c, i, j]
-                    for k in range(n):
-                        rate = minus(rate, multiply(hessians[s, c, i, k], connection[s, k, j], field), field)
-                        rate = minus(rate, multiply(hessians[s, c, j, k], connection[s, k, i], field), field)
-                    result[row, c] = rate
-                    row += 1
-            for i in range(n):
-                for j in range(i + 1, n):
-                    skew = np.uint64(0)
-                    for k in range(n):
-                        skew = plus(skew, multiply(hessians[s, c, i, k], endomorphism[s, k, j], field), field)
-                        skew = minus(skew, multiply(hessians[s, c, j, k], endomorphism[s, k, i], field), field)
-                    result[row, c] = skew
-                    row += 1
-
-
-def _hessians_at(space: LagrangianSpace, points: SamplePoints, first: int = 0) -> tuple[int, list[Residues]]:
-    """(prime, d2L/dv dv of each combination at one of the points), skipping the `first` points."""
+def _hessians_at(space: LagrangianSpace, points: SamplePoints) -> tuple[int, list[Residues]]:
+    """(prime, d2L/dv dv of each combination at the first of the points)."""
     every = dict.fromkeys(key for c in space.combinations for key in c)
     candidates = [key for key in every if not tm.is_linear(key)]
     letters = letters_of(candidates)
-    table = table_at(points, letters, first + 1, first=first)
-    inverse, n = pow(1 << 64, -1, table.prime), table.derivatives.size
-    values = hessians_of(table, letters, candidates)[0][0].astype(object) * inverse % table.prime
+    table = table_at(points, letters, 1, order=3)
+    values = residues(hessians_of(table, letters, candidates)[0][0], table.prime)
     single = dict(zip(candidates, values, strict=True))
-    zero = np.zeros((n, n), object)
+    zero = np.zeros((table.size, table.size), object)
 
     def combined(combination: Combination) -> Residues:
         weighted = (
@@ -911,7 +791,7 @@ def _definite_sums(
     space: LagrangianSpace, gauge: Sequence[Combination], simplest: Sequence[Combination]
 ) -> list[Member]:
     """Sums of the simplest combinations with a positive definite Hessian at the real point."""
-    if not all(map(_is_quadratic, space.combinations)):
+    if not all(tm.velocity_degree(key) in (0, 1, 2) for combination in space.combinations for key in combination):
         return []  # a Hessian that contains velocities is definite at some places only
     with_hessian = [(c, matrix) for c in simplest if (matrix := _real_hessian(space, c)) is not None]
     found = []
@@ -920,15 +800,6 @@ def _definite_sums(
         total = tm.weighted_sum((c, weight) for weight, c in used)
         found.append(Member(scaled(reduced(total, gauge), sign=1), tuple(c for _, c in used), definite=True))
     return found
-
-
-def _is_quadratic(combination: Combination) -> bool:
-    """Whether its terms are v_i v_j, v_i or 1 times functions of position."""
-    moving = [[(letter, e) for letter, e in key if tm.has_velocity(letter)] for key in combination]
-    plain = all(isinstance(letter, ex.Velocity) for part in moving for letter, _ in part)
-    return plain and all(
-        sum(e for _, e in part) in (0, 1, 2) and min((e for _, e in part), default=1) > 0 for part in moving
-    )
 
 
 def _real_hessian(space: LagrangianSpace, combination: Combination) -> RealMatrix | None:

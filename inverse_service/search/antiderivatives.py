@@ -235,8 +235,8 @@ def _discriminant(letter: ex.Sum, x: modular.Variable) -> ex.Expression:
     slope = tm.letter_derivative(letter, x)
     second = tm.derivative_of_terms(slope, x)
     twice = {key: 2 * a for key, a in tm.multiply_terms(tm.terms_of(letter), second).items()}
-    held = [node for node in ex.walk(letter) if isinstance(node, ex.Symbol | ex.Velocity) and node != ex.TIME]
-    return factored(tm.tree_of(tm.add_terms(twice, tm.multiply_terms(slope, slope), -1)), list(dict.fromkeys(held)))
+    held = [variable for variable in modular.variables_in(letter) if variable != ex.TIME]
+    return factored(tm.tree_of(tm.add_terms(twice, tm.multiply_terms(slope, slope), -1)), held)
 
 
 def _steps(e: Fraction) -> list[tuple[Fraction, int]]:
@@ -557,8 +557,7 @@ def fresh_names(system: SecondOrderSystem, *trees: ex.Expression) -> Iterator[st
     """Unused names for functions."""
     used = {*system.coordinates, *system.parameters, *dict(system.functions)}
     used |= {node.name for tree in trees for node in ex.walk(tree) if isinstance(node, ex.Arbitrary)}
-    yield from (name for name in _NAMES if name not in used)
-    yield from (f"F_{k}" for k in range(1, 1_000) if f"F_{k}" not in used)
+    yield from (name for name in (*_NAMES, *(f"F_{k}" for k in range(1, 1_000))) if name not in used)
 
 
 @dataclass(slots=True)
@@ -630,8 +629,6 @@ class Integrator:
 
     def in_normal_form(self, terms: tm.Terms) -> tm.Terms:
         """The sum over one denominator, simplified by relations among its generators; 0 if it vanishes."""
-        if not terms:
-            return terms
         if is_zero(terms):
             return {}
         with suppress(tm.TooManyTerms):
@@ -869,10 +866,8 @@ def _holds(terms: tm.Terms, variable: modular.Variable) -> bool:
 
 def is_zero(terms: tm.Terms) -> bool:
     """Whether the sum vanishes, possibly by relations among its generators: tested at random points."""
-    if not terms:
-        return True
-    if len(terms) == 1:
-        return False
+    if len(terms) < 2:
+        return not terms
     try:
         return implicit_equations.vanishes(tm.tree_of(terms))
     except errors.InputError:
@@ -895,10 +890,8 @@ def power_rule(own: tm.Monomial, beside: tm.Terms, x: modular.Variable) -> tm.Te
     factor = tm.monomial_factor(beside, tm.letter_derivative(u, x))
     if factor is None or _holds(factor, x) or ex.is_exponential(u):
         return None
-    power: tm.Terms = (
-        {frozenset([(u, e + 1)]): 1 / (e + 1)} if e != -1 else {tm.monomial(ex.Apply("log", u)): Fraction(1)}
-    )
-    return tm.multiply_terms(factor, power)
+    raised = tm.monomial(ex.Apply("log", u)) if e == -1 else frozenset([(u, e + 1)])
+    return tm.multiply_terms(factor, {raised: Fraction(1) if e == -1 else 1 / (e + 1)})
 
 
 def _is_turned(symbols: Sequence[ex.Symbol], slopes: Sequence[tm.Terms], pairs: Sequence[tuple[int, int]]) -> bool:

@@ -29,7 +29,7 @@ from inverse_service.expressions import derivative, tree as ex
 from inverse_service.field import matrices, modular
 from inverse_service.field.echelon import Words
 from inverse_service.field.exact_field import Budget, TooLarge, factored
-from inverse_service.field.modular import Field, Variable, compiled, multiply, variables_in
+from inverse_service.field.modular import Variable, variables_in
 from inverse_service.mechanics import implicit_equations, second_order_system
 from inverse_service.search import ansatz, antiderivatives, terms as tm
 
@@ -118,7 +118,7 @@ def find_factors(material: tm.Material) -> Factors:
     along: dict[int, tm.Monomial] = {}
     across: dict[int, tm.Monomial] = {}
     single: dict[tm.Monomial, None] = {tm.EMPTY: None}
-    in_time: dict[tm.Monomial, None] = {tm.EMPTY: None}
+    in_time: dict[tm.Monomial, None] = {}
     for i, c, variable in tm.integrating_candidates(material)[: bounds.COLUMNS]:
         factor = integrating_factor(material, c, variable)
         if not factor:
@@ -133,23 +133,16 @@ def find_factors(material: tm.Material) -> Factors:
             across[i] = tm.times(across.get(i, tm.EMPTY), factor)
             single[factor] = None
     whole = divergence_factor(material) if material.motion.with_time else None
-    if whole:
-        in_time[whole] = None
+    ordered = dict.fromkeys([tm.EMPTY, *([whole] if whole else []), *sorted(in_time, key=tm.rank)])
     for i in range(material.motion.size):
         single[tm.times(across.get(i, tm.EMPTY), along.get(i, tm.EMPTY), 2)] = None
     inverted = [tm.times(tm.EMPTY, factor, -1) for factor in single]
     chosen = tuple(dict.fromkeys([*sorted(single, key=tm.rank), *sorted(inverted, key=tm.rank)]))[: bounds.CANDIDATES]
-    return Factors(along, across, tuple(_first(in_time, whole)), chosen)
+    return Factors(along, across, tuple(ordered)[:_MOST_IN_TIME], chosen)
 
 
 def has_factors_of_time(material: tm.Material) -> bool:
     return len(find_factors(tm.asked(material, with_time=True)).in_time) > 1
-
-
-def _first(in_time: Iterable[tm.Monomial], whole: tm.Monomial | None) -> list[tm.Monomial]:
-    """1, the factor `whole` of the divergence, and the simplest other factors."""
-    ordered = [tm.EMPTY, *([whole] if whole else []), *sorted(in_time, key=tm.rank)]
-    return list(dict.fromkeys(ordered))[:_MOST_IN_TIME]
 
 
 def products(left: Iterable[tm.Monomial], right: Sequence[tm.Monomial]) -> list[tm.Monomial]:
@@ -209,12 +202,13 @@ def polynomials(material: tm.Material) -> list[tm.Monomial]:
 
 def roots_of_constants(material: tm.Material) -> list[tm.Monomial]:
     """v_i v_j and 1 times roots of constant velocities and of their combinations in f, such as w^2 + k."""
-    constant = [v for v, f in zip(material.motion.velocities, material.motion.forces, strict=True) if not f]
-    moving: list[ex.Expression] = [
-        *material.motion.coordinates,
-        *(v for v in material.motion.velocities if v not in constant),
+    constant = constant_velocities(material)
+    moving: set[ex.Expression] = {*material.motion.coordinates, *material.motion.velocities}
+    sums = [
+        p
+        for p in tm.moving_letters(material)
+        if isinstance(p, ex.Sum) and not ex.holds(p, *moving.difference(constant))
     ]
-    sums = [p for p in tm.moving_letters(material) if isinstance(p, ex.Sum) and not ex.holds(p, *moving)]
     made = tm.distinct([*map(tm.monomial, sums), tm.monomial(*sums)]) if sums else []
     kept = list(map(tm.monomial, constant))
     rooted = [tm.times(tm.EMPTY, key, e) for key in (*kept, *products([tm.EMPTY, *kept], made)) for e in _HALVES]
@@ -250,16 +244,14 @@ def quotients(material: tm.Material) -> list[tm.Monomial]:
     return [
         tm.times(product, tm.monomial(w), -1)
         for product in quadratic(material)
-        for w in divisors(material)
-        if all(w != letter for letter, _ in product)
+        for w in constant_velocities(material) or material.motion.velocities
+        if w not in dict(product)
     ]
 
 
-def divisors(material: tm.Material) -> list[ex.Expression]:
-    """The velocities that are constant along the motion; all velocities if there are none."""
-    motion = material.motion
-    constant = [v for v, f in zip(motion.velocities, motion.forces, strict=True) if not f]
-    return list(constant or motion.velocities)
+def constant_velocities(material: tm.Material) -> list[ex.Velocity]:
+    """The velocities that are constant along the motion."""
+    return [v for v, f in zip(material.motion.velocities, material.motion.forces, strict=True) if not f]
 
 
 def single(velocity: ex.Expression) -> list[tm.Monomial]:
@@ -369,7 +361,7 @@ def _possible_shapes(material: tm.Material, shapes: Sequence[tm.Monomial], seed:
     sampler = ansatz.sampler_of(material.analysis, chosen)
     points, letters = sampler.points(seed, material.motion.velocities), ansatz.letters_of(chosen)
     count = (len(chosen) * unknowns + matrices.SPARE) // material.motion.size**2 + 2
-    table = ansatz.table_at(points, letters, count, with_third=True)
+    table = ansatz.table_at(points, letters, count, order=3)
     matrix, hessians = ansatz.helmholtz_matrix(sampler, table, letters, chosen)
     generator = random.Random(f"velocity shapes {seed}")
 
@@ -396,25 +388,15 @@ def _random_solution(
     """The coefficients of the shapes of one group, followed by their derivatives, in a random solution at one place."""
     motion, prime = material.motion, table.prime
     rates = [[1] * motion.with_time + [point.variable(v) for v in motion.velocities] for point in table.points]
-    width = matrix.shape[1]
-    rows = np.zeros((len(matrix), width * (1 + len(rates[0]))), np.uint64)
-    rows[:, :width] = matrix
-    _fill_rates(ansatz.to_montgomery(np.array(rates, np.uint64), prime), hessians, rows, modular.field_of(prime))
-    return matrices.random_null_vector(rows, prime, generator)
-
-
-@compiled
-def _fill_rates(rates: Words, hessians: Words, rows: Words, field: Field) -> None:
-    """Fill in the entries for d_t c (if L may contain t) and each d_k c: s_ij times 1 and v^k in (H2), 0 in (H3)."""
     samples, count, n, _ = hessians.shape
-    for s in range(samples):
-        for r in range(rates.shape[1]):
-            row = s * n * n
-            for i in range(n):
-                for j in range(i, n):
-                    for c in range(count):
-                        rows[row, (r + 1) * count + c] = multiply(rates[s, r], hessians[s, c, i, j], field)
-                    row += 1
+    rows = np.zeros((samples, n * n, 1 + len(rates[0]), count), np.uint64)
+    rows[:, :, 0] = matrix.reshape(samples, n * n, count)
+    # d_t c (if L may contain t) and each d_k c enter (H2) times 1 and v^k, but not (H3).
+    moved = ansatz.to_montgomery(rates, prime)[:, None, :, None]
+    i, j = np.triu_indices(n)
+    forms = hessians[:, :, i, j].swapaxes(1, 2)[:, :, None]
+    rows[:, : len(i), 1:] = ansatz.product(forms, moved, modular.field_of(prime))
+    return matrices.random_null_vector(rows.reshape(samples * n * n, -1), prime, generator)
 
 
 def _used(shapes: Sequence[tm.Monomial], weights: Sequence[int], hessians: Words, prime: int) -> list[tm.Monomial]:
@@ -504,34 +486,29 @@ def _fitted(material: tm.Material, factors: Factors, shape: tm.Monomial) -> Iter
 
 def label(family: Family, terms: Sequence[tm.Monomial]) -> str:
     """The displayed name of the ansatz in which these kinetic terms were found."""
-    moving = [[(p, e) for p, e in key if tm.has_velocity(p)] for key in terms if not tm.is_linear(key)]
+    kinetic = [key for key in terms if not tm.is_linear(key)]
+    degrees, moving = set(map(tm.velocity_degree, kinetic)), [tm.split_velocities(key)[1] for key in kinetic]
     if family.name == NAME:
         return NAME
+    if None not in degrees:
+        return "quadratic in the velocities" if degrees == {2} else "polynomial in the velocities"
     if not all(isinstance(p, ex.Velocity) for part in moving for p, _ in part):
         return "functions of the velocities"
-    if all(e.denominator == 1 for part in moving for _, e in part):
-        if all(e > 0 for part in moving for _, e in part):
-            degrees = {sum((e for _, e in part), Fraction(0)) for part in moving}
-            return "quadratic in the velocities" if degrees == {2} else "polynomial in the velocities"
-        return "Laurent monomials in the velocities"
-    return "powers of the velocities"
+    whole = all(e.denominator == 1 for part in moving for _, e in part)
+    return "Laurent monomials in the velocities" if whole else "powers of the velocities"
 
 
 def own_family(given: Sequence[ex.Expression]) -> Family | None:
     """The ansatz of the monomials of the given terms, each with its own coefficient; None without terms.
 
     As for any family, the search adds potentials and linear terms, so that kinetic terms are enough; given ones
-    accompany every choice.
+    accompany every choice. A term whose expansion would be long is one generator.
     """
-    monomials = list(dict.fromkeys(key for term in given for key in monomials_of(term)))[: bounds.LARGE]
-    if not monomials:
-        return None
-    return Family(NAME, 0, lambda material: monomials, 0, given=True)
-
-
-def monomials_of(term: ex.Expression) -> list[tm.Monomial]:
-    """The monomials of the expanded term; the term as one generator if the expansion would be long."""
-    try:
-        return list(tm.terms_of(term))
-    except tm.TooManyTerms:
-        return [tm.monomial(term)]
+    monomials: dict[tm.Monomial, None] = {}
+    for term in given:
+        try:
+            monomials |= dict.fromkeys(tm.terms_of(term))
+        except tm.TooManyTerms:
+            monomials[tm.monomial(term)] = None
+    chosen = list(monomials)[: bounds.LARGE]
+    return Family(NAME, 0, lambda material: chosen, 0, given=True) if chosen else None

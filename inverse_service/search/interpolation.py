@@ -68,10 +68,8 @@ class Interpolation:
             if not done:
                 support, vector = self._fitted(support, entries, done, fixed)
         found = self._trees(support, vector, done)
-        whole: list[Terms] = [{} for _ in values]
-        for e, terms in zip(entries, found, strict=True):
-            whole[e] = terms
-        return whole
+        known = dict(zip(entries, found, strict=True))
+        return _whole_numbers([known.get(e, {}) for e in range(len(values))])
 
     def drawn(self, fixed: Given, count: int) -> tuple[Numbers, Points]:
         """The vector at `count` or more good points, and these points."""
@@ -120,14 +118,8 @@ class Interpolation:
         kernel = self._kernel(candidates, entries, done, _without(fixed, done))
         if len(kernel) != 1:
             raise NoFit("the vector is not the only one in its support")
-        (vector,), place = kernel, 0
-        kept, coefficients = list[list[tuple[Power, ...]]](), list[int]()
-        for products in candidates:
-            values = vector[place : place + len(products)]
-            place += len(products)
-            kept.append([one for one, value in zip(products, values, strict=True) if value])
-            coefficients += [value for value in values if value]
-        return kept, coefficients
+        values = iter(kernel[0])
+        return [[one for one in products if next(values)] for products in candidates], list(filter(None, kernel[0]))
 
     def _kernel(
         self,
@@ -150,9 +142,9 @@ class Interpolation:
         """The entries with these products of powers and coefficients, scaled so that the first coefficient is 1."""
         unit = pow(vector[0], -1, PRIME)
         numbers = [modular.reconstruct(value * unit % PRIME, PRIME, _LARGEST) for value in vector]
-        if any(number is None for number in numbers):
+        if None in numbers:
             raise NoFit("the coefficients are not small rational numbers")
-        found, place = list[Terms](), 0
+        found, known = list[Terms](), filter(None, numbers)
         letters = [letters_of(variable, self.units) for variable in done]
         for products in support:
             total: Terms = {}
@@ -161,10 +153,7 @@ class Interpolation:
                 for power, pair in zip(one, letters, strict=True):
                     for letter, e in zip(pair, power, strict=True):
                         key = times(key, letter, e) if e else key
-                number = numbers[place]
-                assert number is not None
-                total = add_terms(total, {key: number})
-                place += 1
+                total = add_terms(total, {key: next(known)})
             found.append(total)
         return found
 
@@ -252,7 +241,7 @@ def _monomial(tree: ex.Expression) -> Monomial:
     return key
 
 
-def whole_numbers(vector: Sequence[Terms]) -> list[Terms]:
+def _whole_numbers(vector: Sequence[Terms]) -> list[Terms]:
     """The multiple of the vector whose coefficients are integers without a common factor."""
     numbers = [value for terms in vector for value in terms.values()]
     if not numbers:

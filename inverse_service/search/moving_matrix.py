@@ -35,9 +35,7 @@ def propose(material: tm.Material, seed: int) -> list[ex.Expression]:
 
 def _lagrangian(search: one_matrix.OneMatrix, material: tm.Material) -> ex.Expression | None:
     variables = search.variables(moving=True)
-    matrix = interpolation.whole_numbers(
-        interpolation.Interpolation(search.matrix_values, variables, search.units).terms()
-    )
+    matrix = interpolation.Interpolation(search.matrix_values, variables, search.units).terms()
     factor = _moving_factor(search, material, matrix)
     if factor is None:
         return None

@@ -56,10 +56,12 @@ def _darboux_powers(
     prime, places = table.prime, {p: k for k, p in enumerate(letters)}
     slopes = [-2 * connection[0][0] for connection, _ in ansatz.tensors_of(sampler, table)]  # df/dv
 
+    rates_of_letters = ansatz.residues(table.derivatives.along, prime)
+
     def along(key: tm.Monomial) -> list[int]:
         """Gamma(log key) at each sample."""
         powers = [(places[p], modular.number_value(e, prime)) for p, e in key]
-        return [sum(int(rates[k]) * e for k, e in powers) for rates in table.derivatives.along]
+        return [sum(rates[k] * e for k, e in powers) for rates in rates_of_letters]
 
     products = ansatz.monomial_values(table.values, letters, candidates, prime)
     independent = matrices.pivots(products, prime)  # without 1 where it is sin^2 + cos^2
@@ -107,7 +109,8 @@ def _cancelling(material: tm.Material, key: tm.Monomial, slope: tm.Terms, degree
     if key not in known:
         known[key] = _raised(material, key, slope)
     motion = material.motion
-    return [m for m in known[key] if _is_admissible(m, motion.with_time, motion.velocities[0], degree)]
+    own = known[key] if motion.with_time else [m for m in known[key] if not any(ex.holds(p, ex.TIME) for p, _ in m)]
+    return [m for m in own if _is_polynomial(m, degree)]
 
 
 def _raised(material: tm.Material, key: tm.Monomial, slope: tm.Terms) -> list[tm.Monomial]:
@@ -119,28 +122,19 @@ def _raised(material: tm.Material, key: tm.Monomial, slope: tm.Terms) -> list[tm
     for term in {**tm.along(motion, {key: Fraction(1)}), **tm.multiply_terms({key: Fraction(1)}, slope)}:
         position, moving = tm.split_velocities(term)
         lowered = tm.times(moving, tm.monomial(velocity), -1)
-        if _is_polynomial(lowered, velocity, _HIGHEST):
+        if _is_polynomial(lowered):
             found.update(dict.fromkeys([lowered, *(tm.times(m, lowered) for m in tm.antiderivatives(position, x))]))
-        if motion.with_time and _is_polynomial(moving, velocity, _HIGHEST):
+        if motion.with_time and _is_polynomial(moving):
             found.update(dict.fromkeys(tm.times(m, moving) for m in tm.antiderivatives(position, ex.TIME)))
         quotients = ((part, tm.times(moving, power, -1)) for part, power in divisors)
-        found.update(
-            (tm.times(position, part, -1) | rest, None)
-            for part, rest in quotients
-            if _is_polynomial(rest, velocity, _HIGHEST)
-        )
+        found.update((tm.times(position, part, -1) | rest, None) for part, rest in quotients if _is_polynomial(rest))
     return list(found)
 
 
-def _is_polynomial(moving: tm.Monomial, velocity: ex.Velocity, degree: int) -> bool:
-    return all(p == velocity and e.denominator == 1 and 0 <= e <= degree for p, e in moving)
-
-
-def _is_admissible(key: tm.Monomial, with_time: bool, velocity: ex.Velocity, degree: int) -> bool:
-    """Whether this is a polynomial of at most this degree in v, without t unless L may contain it."""
-    if not _is_polynomial(tm.split_velocities(key)[1], velocity, degree):
-        return False
-    return with_time or not any(ex.holds(p, ex.TIME) for p, _ in key)
+def _is_polynomial(key: tm.Monomial, degree: int = _HIGHEST) -> bool:
+    """Whether this is a polynomial of at most this degree in v."""
+    found = tm.velocity_degree(key)
+    return found is not None and found <= degree
 
 
 def _last_multipliers(material: tm.Material, factors: families.Factors, seed: int) -> list[LastMultiplier]:
@@ -237,10 +231,8 @@ def _of_function(material: tm.Material, function: ex.Expression) -> ex.Expressio
     in_time = antiderivatives.factored(rate - v * along, [x, v])
     if ex.holds(along, v, ex.TIME) or ex.holds(in_time, v, x) or (in_time != ex.ZERO and not material.motion.with_time):
         return None
-    integrator, phi = (
-        antiderivatives.Integrator(system, material.analysis.real_point, signs=True),
-        antiderivatives.ONE_TERM,
-    )
+    integrator = antiderivatives.Integrator(system, material.analysis.real_point, signs=True)
+    phi = antiderivatives.ONE_TERM
     for c, q in ((in_time, ex.TIME), (along, x)):
         logarithm = integrator.function_of([q], [tm.terms_of(c)])
         if logarithm is None:
@@ -248,16 +240,13 @@ def _of_function(material: tm.Material, function: ex.Expression) -> ex.Expressio
         phi = tm.multiply_terms(phi, integrator.exponential(logarithm))
     integrals = []
     for slope, c in ((1 / function, in_time), (v / function, along)):
-        known = antiderivatives.antiderivative(system, tm.tree_of(tm.terms_of(slope)), v, material.analysis.real_point)
-        if known is None and c != ex.ZERO:
+        plain = tm.tree_of(tm.terms_of(slope))
+        found = antiderivatives.antiderivative(system, plain, v, material.analysis.real_point)
+        if found is None and c != ex.ZERO:
             return None
-        tree = (
-            ex.Integral(next(integrator.names), (v,), (0,), (tm.tree_of(tm.terms_of(slope)),))
-            if known is None
-            else known
-        )
-        integrals.append(tree)
-        rest = rest + c * tree if c != ex.ZERO else rest
+        integral = ex.Integral(next(integrator.names), (v,), (0,), (plain,)) if found is None else found
+        integrals.append(integral)
+        rest = rest + c * integral
     force = tm.terms_of(tm.tree_of(phi) * antiderivatives.factored(rest, [x, v]))
     if any(tm.has_velocity(letter) for key in force for letter, _ in key):
         return None

@@ -54,11 +54,11 @@ def propose(material: tm.Material, seed: int) -> list[ex.Expression]:
     if search is None:
         return []
     entries = search.matrix()
-    forms = (
-        search.lagrangian(material, antiderivatives.Integrator(system, table, signs), entries)
-        for signs in (False, True)
-    )
-    return [found for found in forms if found is not None][:1]
+    for signs in (False, True):
+        found = search.lagrangian(material, antiderivatives.Integrator(system, table, signs), entries)
+        if found is not None:
+            return [found]
+    return []
 
 
 @dataclass(slots=True)
@@ -129,18 +129,22 @@ class OneMatrix:
             good = good & points.good
             base.values |= {key: value for key, value in points.values.items() if key not in base.values}
         base.good = good
-        rows = np.concatenate([self._conditions(tensor) for batch in batches for tensor in batch], axis=1)
+        rows = np.concatenate([self.conditions(tensor) for batch in batches for tensor in batch], axis=1)
         return [interpolation.kernel_of(rows[k]) for k in np.flatnonzero(good)], base
 
-    def _conditions(self, tensor: Numbers) -> Numbers:
+    def unit_products(self, tensor: Numbers) -> Numbers:
+        """E T for the symmetric matrix E with ones in each entry of `pairs`, (points, entries, n, n)."""
+        units = np.zeros((len(self.pairs), *tensor.shape[1:]), np.int64)
+        for unit, (i, j) in zip(units, self.pairs, strict=True):
+            unit[i, j] = unit[j, i] = 1
+        product: Numbers = units @ tensor[:, None]
+        return product
+
+    def conditions(self, tensor: Numbers) -> Numbers:
         """The rows of (g T)_ij = (g T)_ji in the entries of g, (points, rows, entries)."""
-        n, place = len(self.forces), {pair: k for k, pair in enumerate(self.pairs)}
-        rows = np.zeros((tensor.shape[0], n * (n - 1) // 2, len(self.pairs)), np.int64)
-        for row, (i, j) in enumerate(combinations(range(n), 2)):
-            for m in range(n):
-                rows[:, row, place[min(i, m), max(i, m)]] += tensor[:, m, j]
-                rows[:, row, place[min(j, m), max(j, m)]] -= tensor[:, m, i]
-        return rows % PRIME
+        product = self.unit_products(tensor)
+        i, j = np.triu_indices(len(self.forces), 1)
+        return (product[:, :, i, j] - product[:, :, j, i]).transpose(0, 2, 1) % PRIME
 
     def matrix_values(self, fixed: interpolation.Given, count: int) -> tuple[Numbers, Points]:
         """G_11 : … : G_nn at good points."""
@@ -177,18 +181,15 @@ class OneMatrix:
     ) -> ex.Expression | None:
         """The Lagrangian whose Hessian is this matrix times a factor that is computed."""
         variables = self.variables()
-        matrix = self.oriented(interpolation.whole_numbers(entries), integrator)
+        matrix = self.oriented(entries, integrator)
         phi = self.scale(matrix, variables, integrator)
         if phi is None:
             return None
         velocities = list(map(ex.Velocity, self.system.coordinates))
-        kinetic = tm.sum_of(
-            tm.multiply_terms(
-                tm.shortest_in_angles(terms),
-                {tm.monomial(velocities[i], velocities[j]): Fraction(1, 2 if i == j else 1)},
-            )
-            for (i, j), terms in zip(self.pairs, matrix, strict=True)
-        )
+        kinetic = tm.Terms()
+        for (i, j), terms in zip(self.pairs, matrix, strict=True):
+            square = {tm.monomial(velocities[i], velocities[j]): Fraction(1, 2 if i == j else 1)}
+            kinetic = tm.add_terms(kinetic, tm.multiply_terms(tm.shortest_in_angles(terms), square))
         try:
             wanted = self._wanted(matrix, variables, phi)
         except interpolation.NoFit:  # where f has roots
@@ -200,12 +201,12 @@ class OneMatrix:
     def oriented(self, matrix: Sequence[tm.Terms], integrator: antiderivatives.Integrator) -> list[tm.Terms]:
         """The matrix with its first nonzero diagonal entry positive at rest or, if that fails, at the real point."""
         entry = next((m for (i, j), m in zip(self.pairs, matrix, strict=True) if i == j and m), matrix[0])
-        tree, zeros = tm.tree_of(entry), dict[ex.Expression, ex.Expression]()
-        zeros.update((ex.Velocity(name), ex.ZERO) for name in self.system.coordinates)
+        tree = tm.tree_of(entry)
+        zeros: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): ex.ZERO for name in self.system.coordinates}
         for form in (ex.substitute(tree, zeros), tree):
             with suppress(evaluation.NoRealValue, errors.IrreducibleAtoms, ZeroDivisionError):
                 if integrator.table is not None and (sign := real_branch.real_sign(form, integrator.table)):
-                    return [{key: sign * value for key, value in terms.items()} for terms in matrix]
+                    return [tm.scaled(terms, sign) for terms in matrix]
         return list(matrix)
 
     def _at(self, points: Points, matrix: Sequence[tm.Terms], order: int) -> tuple[Flow, Numbers]:
@@ -264,12 +265,17 @@ class OneMatrix:
         if bent[np.all([one.good for one in along_a_line], axis=0)].any():
             return None
         below, *above = interpolation.Interpolation(form, variables, self.units).terms()
-        slopes = [tm.tree_of(terms) / tm.tree_of(below) for terms in above]
         names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
-        logarithm = integrator.function_of(
-            names, [tm.terms_of(tree) for tree in factored(slopes, names, Budget.long())]
-        )
+        logarithm = integrator.function_of(names, self._over(above, below))
         return None if logarithm is None else integrator.exponential(logarithm)
+
+    def _over(self, above: Sequence[tm.Terms], below: tm.Terms) -> list[tm.Terms]:
+        """The quotients with common factors cancelled."""
+        if below.keys() == {tm.EMPTY}:
+            return [tm.scaled(terms, 1 / below[tm.EMPTY]) for terms in above]
+        names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
+        trees = factored([tm.tree_of(terms) / tm.tree_of(below) for terms in above], names, Budget.long())
+        return list(map(tm.terms_of, trees))
 
     def _wanted(self, matrix: Sequence[tm.Terms], variables: Sequence[Generator], phi: tm.Terms) -> list[tm.Terms]:
         """-(W_i + F_ij v_j), the Euler-Lagrange expressions of A_i v_i - V divided by phi."""
@@ -293,13 +299,7 @@ class OneMatrix:
             return np.array(found)[:, points.good], points
 
         below, *above = interpolation.Interpolation(form, variables, self.units).terms()
-        names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
-        if below.keys() == {tm.EMPTY}:
-            above = [tm.scaled(terms, 1 / below[tm.EMPTY]) for terms in above]
-        else:
-            trees = factored([tm.tree_of(terms) / tm.tree_of(below) for terms in above], names, Budget.long())
-            above = [tm.terms_of(tree) for tree in trees]
-        above = [tm.shortest_in_angles(terms) for terms in above]
+        above = [tm.shortest_in_angles(terms) for terms in self._over(above, below)]
         wanted = [tm.scaled(terms, -1) for terms in above[:n]]
         for (i, j), terms in zip(places, above[n:], strict=True):
             deadline.check()
@@ -377,7 +377,8 @@ class _Solver:
     def kernels(self, given: interpolation.Given, count: int) -> list[list[list[int]]]:
         """The coefficients that satisfy them, for each of `count` values of the given generators."""
         search, n = self.search, len(self.search.forces)
-        each = len(search.pairs) + n * (n - 1) // 2
+        entries = len(search.pairs)
+        each = entries + n * (n - 1) // 2
         places = -(-len(self.columns) // each) + 3
         wide = {key: np.repeat(np.broadcast_to(np.asarray(v, np.int64), count), 2 * places) for key, v in given.items()}
         points = search.points(wide, 2 * places * count)
@@ -385,24 +386,14 @@ class _Solver:
         connection, (tensor,) = flow.tensors(1)
         series = {key: flow.tree(tm.monomial_tree(key)).data[0] for key in {key for _, key in self.columns}}
         deadline.check(len(self.columns) * points.count)
+        bent, (i, j) = search.unit_products(connection), np.triu_indices(n)
+        damping, skew = (bent[:, :, i, j] + bent[:, :, j, i]) % PRIME, search.conditions(tensor)
         rows = np.zeros((points.count, each, len(self.columns)), np.int64)
-        number = {pair: k for k, pair in enumerate(search.pairs)}
-        skew = list(combinations(range(n), 2))
         for c, (entry, key) in enumerate(self.columns):
-            a, b = search.pairs[entry]
-            value, rate = series[key][0], series[key][1]
+            value, rate = series[key][0, :, None], series[key][1]
+            rows[:, :entries, c] = -value * damping[:, entry]
             rows[:, entry, c] += rate
-            for j in range(n):
-                for i, m in {(a, b), (b, a)}:  # row i of g has this column at place m
-                    # (g N)_ij + (g N)_ji
-                    place = number[min(i, j), max(i, j)]
-                    rows[:, place, c] -= value * connection[:, m, j] % PRIME * (2 if i == j else 1) % PRIME
-            for row, (i, j) in enumerate(skew, len(search.pairs)):
-                for p, m in {(a, b), (b, a)}:
-                    if p == i:
-                        rows[:, row, c] += value * tensor[:, m, j] % PRIME
-                    if p == j:
-                        rows[:, row, c] -= value * tensor[:, m, i] % PRIME
+            rows[:, entries:, c] = value * skew[:, :, entry]
         rows %= PRIME
         found = []
         for k in range(count):

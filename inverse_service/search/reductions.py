@@ -131,10 +131,8 @@ def into_sums(material: tm.Material, seed: int) -> Iterator[Smaller]:
         eigenvalues = linear_systems.eigenvalues_of(_trees(ring, p.tolist()))
         for value in (value for value, spread in eigenvalues if spread == ex.ZERO):
             power = np.linalg.matrix_power(p - identity * ring.value(value), n)
-            own, others = (
-                matrices.null_space(power.T.tolist(), n, one).values(),
-                matrices.reduced_rows(power.tolist(), range(n)).rows,
-            )
+            own = matrices.null_space(power.T.tolist(), n, one).values()
+            others = matrices.reduced_rows(power.tolist(), range(n)).rows
             if own and others:
                 forms = [exact_field.primitive(form) for form in (*own, *others)]
                 solved = [matrices.solve_square(forms, row) or () for row in identity.tolist()]

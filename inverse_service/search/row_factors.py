@@ -31,10 +31,10 @@ from typing import Any
 import numpy as np
 
 from inverse_service import bounds, deadline
-from inverse_service.errors import InputError, IrreducibleAtoms
+from inverse_service.errors import InputError
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, matrices
-from inverse_service.field.exact_field import Budget, TooLarge, factored
+from inverse_service.field.exact_field import Budget, factored
 from inverse_service.field.real_branch import RealTable
 from inverse_service.mechanics import euler_lagrange, implicit_equations, writing
 from inverse_service.mechanics.second_order_system import Branch, SecondOrderSystem, connected
@@ -46,7 +46,6 @@ _ORDERS = 6
 _STEPS = 4_000
 # The number of free numbers in C: with a third one, zeros no longer lead to the lines of textbooks.
 _MOST_FREE = 2
-_FAILED = (ValueError, tm.TooManyTerms, TooLarge, InputError, ZeroDivisionError, IrreducibleAtoms, KeyError)
 
 Factor = tuple[Fraction, tm.Monomial]
 Vector = Sequence[exact_field.Quotient]
@@ -76,6 +75,8 @@ class Lines:
 
     def times(self, factors: Sequence[tm.Terms]) -> Lines:
         """Each line times its factor."""
+        if all(c == antiderivatives.ONE_TERM for c in factors):
+            return self
         matrix = [[tm.multiply_terms(c, entry) for entry in row] for c, row in zip(factors, self.matrix, strict=True)]
         return replace(
             self, matrix=matrix, rest=[tm.multiply_terms(*pair) for pair in zip(factors, self.rest, strict=True)]
@@ -93,9 +94,7 @@ class Lines:
         moving: list[ex.Expression] = [*self.coordinates, *self.velocities, ex.TIME]
         (matrix, _), *others = self.conditions()
         entries = [entry for table, _ in others for row in table for entry in row]
-        solved = matrix == [
-            [dict(antiderivatives.ONE_TERM) if i == j else {} for j in self.places] for i in self.places
-        ]
+        solved = matrix == [[antiderivatives.ONE_TERM if i == j else {} for j in self.places] for i in self.places]
         return solved and not any(ex.holds(p, *moving) for entry in entries for key in entry for p, _ in key)
 
     def conditions(self) -> list[tuple[Table, int]]:
@@ -132,14 +131,14 @@ def lagrangians_of_lines(
             continue
         try:
             lines = lines_of(system, equations)
-        except _FAILED:
+        except tm.FAILED:
             continue
         for scaled in _proposed_lines(lines, sums):
             deadline.check()
             integrator = antiderivatives.Integrator(system, table, signs)
             try:
                 found = lagrangian_of(scaled, integrator)
-            except _FAILED:
+            except tm.FAILED:
                 continue
             if found is not None:
                 yield found
@@ -155,7 +154,7 @@ def _proposed_lines(lines: Lines, sums: bool) -> Iterator[Lines]:
     short = len(lines.rest) == 2 and lines.are_oscillators
     yield from () if short else own
     if sums or short or not own:
-        with suppress(*_FAILED):
+        with suppress(*tm.FAILED):
             found = _self_adjoint_sums(lines)
             if found is not None:
                 yield found
@@ -177,10 +176,10 @@ def lagrangian_as_given(system: SecondOrderSystem, given: Sequence[ex.Expression
 def in_own_order(system: SecondOrderSystem) -> SecondOrderSystem | None:
     """The system with its lines in an order in which they have a Lagrangian; None if there is none."""
     for written in _undone(system.given):
-        with suppress(*_FAILED):
+        with suppress(*tm.FAILED):
             for scaled in islice(symmetric_lines(lines_of(system, written)), _ORDERS):
                 deadline.check()
-                with suppress(*_FAILED):
+                with suppress(*tm.FAILED):
                     if lagrangian_of(scaled, antiderivatives.Integrator(system)) is not None:
                         return replace(system, branch=Branch(tuple(written[k] for k in scaled.order), unsolved=True))
     return None
@@ -404,16 +403,11 @@ def lagrangian_of(lines: Lines, integrator: antiderivatives.Integrator) -> ex.Ex
         if function is None:
             return None
         table |= dict.fromkeys(part, function)
-    scaled = (
-        lines.times([table[i] for i in lines.places])
-        if any(f != antiderivatives.ONE_TERM for f in table.values())
-        else lines
-    )
+    scaled = lines.times([table[i] for i in lines.places])
     constants = _constants(scaled, parts)
     if constants is None:
         return None
-    if any(c != antiderivatives.ONE_TERM for c in constants.values()):
-        scaled = scaled.times([constants[i] for i in lines.places])
+    scaled = scaled.times([constants[i] for i in lines.places])
     kinetic = _kinetic(scaled)
     squares = [tm.tree_of(scaled.matrix[i][i]) for i in lines.places]
     turned = all(tree != ex.ZERO and tm.positive(tree, integrator.table) != tree for tree in squares) or (
@@ -547,10 +541,10 @@ def with_written_masses(
     parameters: set[ex.Expression] = {ex.PI, *map(ex.Symbol, system.parameters)}
     (number, wanted), (value, known) = _constant(written[0][0], parameters), _constant(hessian[0][0], parameters)
     factor, ratio = tm.times(wanted, known, -1), abs(number / value)
+    if not factor:
+        return None
     # The factor is kept whole so that it cancels: (m + M)/(m + M).
-    return (
-        tm.tree_of({tm.times(key, factor): ratio * c for key, c in tm.terms_of(lagrangian).items()}) if factor else None
-    )
+    return tm.tree_of({tm.times(key, factor): ratio * c for key, c in tm.terms_of(lagrangian).items()})
 
 
 def _is_multiple(left: Sequence[Sequence[tm.Terms]], right: Sequence[Sequence[tm.Terms]]) -> bool:

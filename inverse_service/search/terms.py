@@ -9,11 +9,13 @@ of 1 - cos^2 in one of the angles, and a sum of sines and cosines of sums of ang
 sin w). The material of a search is f as terms, with the generators from which the ansätze are built.
 """
 
+from collections import defaultdict
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import lru_cache
+from itertools import product
 from math import gcd, lcm, prod
 from typing import Any
 
@@ -47,6 +49,13 @@ _POWERS, _WAVES = 4, 256
 
 class TooManyTerms(ArithmeticError):
     """An expansion exceeded its bound; the caller continues without it."""
+
+
+# What an attempt at another form may raise; the caller continues without it.
+FAILED = (
+    errors.InputError, errors.IrreducibleAtoms, exact_field.TooLarge, TooManyTerms, ZeroDivisionError, ValueError,
+    KeyError,
+)  # fmt: skip
 
 
 @lru_cache(maxsize=4096)
@@ -533,10 +542,16 @@ def is_constant(letter: ex.Expression, constants: Container[ex.Expression]) -> b
     return bool(leaves) and all(leaf in constants for leaf in leaves)
 
 
+def velocity_degree(key: Monomial) -> int | None:
+    """The degree of a product of velocities and a function of position; None for other functions of the velocities."""
+    _, moving = split_velocities(key)
+    plain = all(isinstance(letter, ex.Velocity) and e.denominator == 1 and e > 0 for letter, e in moving)
+    return int(sum(e for _, e in moving)) if plain else None
+
+
 def is_linear(key: Monomial) -> bool:
     """Whether a term is a function of position times at most one velocity."""
-    _, moving = split_velocities(key)
-    return not moving or (len(moving) == 1 and all(isinstance(letter, ex.Velocity) and e == 1 for letter, e in moving))
+    return velocity_degree(key) in (0, 1)
 
 
 @lru_cache(maxsize=1024)
@@ -565,7 +580,9 @@ def shortest_in_angles(terms: Terms) -> Terms:
         return waves
     try:
         letters = sorted({p for key in terms for p, _ in key if isinstance(p, ex.Apply)}, key=repr)
-        for name, argument in dict.fromkeys((name, p.argument) for p in letters for name in _with_partner(p.function)):
+        squares = [p for p in letters if p.function in SQUARES]
+        pairs = ((name, p.argument) for p in squares for name in (p.function, SQUARES[p.function][0]))
+        for name, argument in dict.fromkeys(pairs):
             other = _exchanged(best, name, argument)
             best = other if _length(other) < _length(best) else best
     except TooManyTerms:
@@ -573,16 +590,8 @@ def shortest_in_angles(terms: Terms) -> Terms:
     return waves if _length(waves) < _length(best) else best
 
 
-def _with_partner(function: str) -> tuple[str, ...]:
-    return (function, SQUARES[function][0]) if function in SQUARES else ()
-
-
 def _length(terms: Terms) -> tuple[int, int]:
     return len(terms), sum(len(key) for key in terms)
-
-
-def _arguments(terms: Terms) -> list[ex.Expression]:
-    return [p.argument for key in terms for p, _ in key if isinstance(p, ex.Apply) and p.function in ("sin", "cos")]
 
 
 def _exchanged(terms: Terms, old: str, argument: ex.Expression) -> Terms:
@@ -636,64 +645,25 @@ def _in_waves(circular: Monomial) -> tuple[tuple[Monomial, Fraction], ...]:
 
     Raises TooManyTerms for more than _WAVES; n angles, each squared, have about 3^n.
     """
-    functions = sorted((p for p, _ in circular if isinstance(p, ex.Apply)), key=repr)
-    angles = list(dict.fromkeys(p.argument for p in functions))
-    # cos or sin of sum_k n_k angles_k, by name and n.
-    waves = {("cos", (0,) * len(angles)): Fraction(1)}
-    exponents = dict(circular)
-    degrees = [sum(exponents[p] for p in functions if p.argument == angle) for angle in angles]
-    if prod(1 + degree for degree in degrees) > _WAVES:
+    functions = sorted(((p, int(e)) for p, e in circular if isinstance(p, ex.Apply)), key=repr)
+    angles = list(dict.fromkeys(p.argument for p, _ in functions))
+    if prod(1 + sum(e for p, e in functions if p.argument == angle) for angle in angles) > _WAVES:
         raise TooManyTerms
-    for p in functions:
-        place = angles.index(p.argument)
-        for _ in range(int(exponents[p])):
-            product: dict[tuple[str, tuple[int, ...]], Fraction] = {}
-            for (name, turns), factor in waves.items():
-                same, half = name == p.function, factor / 2
-                for turn, odd in ((1, name == "sin" if same else False), (-1, False if same else name == "cos")):
-                    wave = "cos" if same else "sin", (*turns[:place], turns[place] + turn, *turns[place + 1 :])
-                    product[wave] = product.get(wave, Fraction(0)) + (-half if odd else half)
-            waves = product
+    # cos(sum_k n_k angles_k - m pi/2) by n and m; sin u is cos(u - pi/2).
+    waves = {((0,) * len(angles), 0): Fraction(1)}
+    for p in (p for p, e in functions for _ in range(e)):
+        place, quarter = angles.index(p.argument), int(p.function == "sin")
+        turned = defaultdict[tuple[tuple[int, ...], int], Fraction](Fraction)
+        for ((turns, quarters), factor), sign in product(waves.items(), (1, -1)):
+            more = (*turns[:place], turns[place] + sign, *turns[place + 1 :])
+            turned[more, (quarters + sign * quarter) % 4] += factor / 2
+        waves = turned
     sums, parts = [terms_of(angle) for angle in angles], list[tuple[Terms, Fraction]]()
-    for (name, turns), factor in waves.items():
-        argument = weighted_sum((angle, turn) for turn, angle in zip(turns, sums, strict=True) if turn)
+    for (turns, quarters), factor in waves.items():
+        name, argument = ("sin" if quarters % 2 else "cos"), weighted_sum(zip(sums, turns, strict=True))
         shown = ex.Apply(name, tree_of(argument)) if argument else ex.number(int(name == "cos"))
-        parts.append((terms_of(shown), factor))
+        parts.append((terms_of(shown), -factor if quarters > 1 else factor))
     return tuple(weighted_sum(parts).items())
-
-
-@lru_cache(maxsize=512)
-def with_sums_of_angles(tree: ex.Expression) -> ex.Expression:
-    """The tree with each sum of functions of several angles in its shortest form; cos(a - b) is kept."""
-    tree = ex.rebuild(tree, with_sums_of_angles)
-    match tree:
-        case ex.Power(ex.Sum(parts) as base, ex.Number(e)) if e.denominator == 1 and all(map(_has_minus, parts)):
-            return (ex.ONE if e % 2 == 0 else ex.MINUS_ONE) * ex.negated(base) ** e
-    if not isinstance(tree, ex.Sum):
-        return tree
-    try:
-        terms = terms_of(tree)
-        short = shortest_in_angles(terms) if len(set(_arguments(terms))) > 1 else terms
-        forms = [tree, tree_of(short), _by_letters(short)]
-    except TooManyTerms:
-        return tree
-    return min(forms, key=ex.node_count)
-
-
-def _by_letters(terms: Terms) -> ex.Expression:
-    """The sum, grouped by products of functions and velocities, with common factors taken out of each coefficient."""
-    parts = []
-    for outer, inner in grouped(terms, lambda letter: not isinstance(letter, ex.Symbol)).items():
-        content, common, rest = split_content(inner)
-        if len(inner) > 1 and all(value < 0 for value in inner.values()):
-            content, rest = -content, ex.negated(rest)
-        parts.append(content * monomial_tree(common) * rest * monomial_tree(outer))
-    return ex.add(*parts)
-
-
-def _has_minus(term: ex.Expression) -> bool:
-    first = ex.factors_of(term)[0]
-    return isinstance(first, ex.Number) and first.value < 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -741,13 +711,12 @@ def _factored(analysis: Analysis) -> list[ex.Expression]:
 
 def _shorter(factored: ex.Expression, given: ex.Expression) -> Terms:
     """The expansion with fewer terms, because a common denominator can turn a few terms into many."""
-    found = []
-    for tree in (factored, given):
+    with suppress(TooManyTerms):
+        short = terms_of(factored)
         with suppress(TooManyTerms):
-            found.append(terms_of(tree))
-    if not found:
-        raise TooManyTerms
-    return min(found, key=len)
+            return min(short, terms_of(given), key=len)
+        return short
+    return terms_of(given)
 
 
 def simplified(material: Material, terms: Terms) -> Terms:

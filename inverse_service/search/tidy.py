@@ -30,15 +30,6 @@ _TINY, _STEP = mpmath.mpf(10) ** -20, mpmath.mpf(129) / 128
 # The terms of a potential keep their familiar separate form unless one bracket is this much shorter.
 _MUCH = 2
 
-_FAILED = (
-    exact_field.TooLarge,
-    tm.TooManyTerms,
-    ZeroDivisionError,
-    errors.IrreducibleAtoms,
-    errors.InputError,
-    ValueError,
-)
-
 
 @dataclass(frozen=True, slots=True)
 class Found:
@@ -64,7 +55,7 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     """
     moving = [place(name) for name in system.coordinates for place in (ex.Symbol, ex.Velocity)]
     tree = ex.add(*(term for term in ex.summands(collecting.merge_powers(tree)) if ex.holds(term, *moving)))
-    with suppress(*_FAILED):
+    with suppress(*tm.FAILED):
         tree = _finite(_regular_gauge(_cyclic_gauge(tree, system), system), system)
     if _size(tree) > bounds.TERMS:
         return tree
@@ -94,7 +85,10 @@ def _turns_together(tree: ex.Expression, constants: frozenset[ex.Symbol]) -> ex.
     terms = [*ex.summands(tree)]
     for one, other in combinations(terms, 2):
         if _degree(one) == _degree(other) == 1:
-            parts = [[f for f in ex.factors_of(term) if _is_moving(f, constants)] for term in (one, other)]
+            parts = [
+                [f for f in ex.factors_of(term) if not constants.issuperset(modular.variables_in(f))]
+                for term in (one, other)
+            ]
             outside = ex.multiply(*(f for f in ex.factors_of(one) if f not in parts[0]))
             left, right = (ex.multiply(*part) for part in parts)
             alike = _names_in(left) == _names_in(right) and not isinstance(outside, ex.Number)
@@ -107,10 +101,6 @@ def _turns_together(tree: ex.Expression, constants: frozenset[ex.Symbol]) -> ex.
 
 def _names_in(tree: ex.Expression) -> set[str]:
     return {node.coordinate if isinstance(node, ex.Velocity) else node.name for node in modular.variables_in(tree)}
-
-
-def _is_moving(factor: ex.Expression, constants: frozenset[ex.Symbol]) -> bool:
-    return any(isinstance(node, ex.Symbol | ex.Velocity) and node not in constants for node in ex.walk(factor))
 
 
 def _grouped_alike(tree: ex.Expression) -> ex.Expression:
@@ -268,7 +258,7 @@ def _terms_of(tree: ex.Expression) -> tm.Terms:
 
 def _terms_if_few(tree: ex.Expression) -> tm.Terms:
     """The terms; empty if there are too many."""
-    with suppress(*_FAILED):
+    with suppress(*tm.FAILED):
         return _terms_of(tree)
     return {}
 
@@ -283,8 +273,7 @@ def kinetic_first(tree: ex.Expression) -> ex.Expression:
 def _place(term: ex.Expression) -> tuple[int, bool]:
     """A sort key: the degree in the velocities (at most 2); a kinetic energy does not begin with a minus sign."""
     degree = min(_degree(term), 2)
-    negative = isinstance(term, ex.Product) and isinstance(term.factors[0], ex.Number) and term.factors[0].value < 0
-    return -degree, degree == 2 and negative
+    return -degree, degree == 2 and isinstance(term, ex.Product) and writing.is_negative(term)
 
 
 def _is_upside_down(tree: ex.Expression, system: SecondOrderSystem) -> bool:
@@ -333,7 +322,7 @@ def _other_forms(tree: ex.Expression, system: SecondOrderSystem, of_terms: bool)
         _with_shifted_rates, _with_springs, _by_sines, _by_cosines,
     )  # fmt: skip
     for form in every if of_terms else as_written:
-        with suppress(*_FAILED):
+        with suppress(*tm.FAILED):
             found.append(form(system, tree))
     velocities, positions = ([kind(name) for name in system.coordinates] for kind in (ex.Velocity, ex.Symbol))
     springs = short_forms.sums_of_squares(tree, tuple(positions))
@@ -401,7 +390,7 @@ def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
     velocities = [ex.Velocity(name) for name in system.coordinates]
     for part in ex.summands(tree):
         terms = tm.terms_of(part)
-        if all(_is_quadratic(tm.split_velocities(key)[1]) for key in terms):
+        if all(tm.velocity_degree(key) == 2 for key in terms):
             quadratic = tm.add_terms(quadratic, terms)
         else:
             parts.append(part)
@@ -424,10 +413,6 @@ def _with_proper_quotients(system: SecondOrderSystem, tree: ex.Expression) -> ex
     """The tree with proper quotients, and what is above their lines as squares if possible."""
     symbols, velocities = ([kind(name) for name in system.coordinates] for kind in (ex.Symbol, ex.Velocity))
     return _with_whole_squares(system, short_forms.proper_quotients(tree, velocities, [*symbols, ex.TIME]))
-
-
-def _is_quadratic(moving: tm.Monomial) -> bool:
-    return sum(e for _, e in moving) == 2 and all(isinstance(p, ex.Velocity) and e > 0 for p, e in moving)
 
 
 def _whole_square(terms: tm.Terms, velocities: Sequence[ex.Velocity]) -> ex.Expression | None:
@@ -681,13 +666,9 @@ def _part(outer: tm.Monomial, inner: tm.Terms, system: SecondOrderSystem) -> ex.
 @lru_cache(maxsize=256)
 def _quotient(tree: ex.Expression, parameters: tuple[str, ...], names: tuple[str, ...]) -> ex.Expression:
     """The sum as one factored quotient, or unchanged if it is too large; cached for the several forms."""
-    symbols: list[ex.Symbol | ex.Velocity] = [
-        *map(ex.Symbol, parameters),
-        ex.TIME,
-        *map(ex.Symbol, names),
-        *map(ex.Velocity, names),
-    ]
-    return writing.quotient(tree, exact_field.Budget.short(), symbols)
+    velocities: list[modular.Variable] = [*map(ex.Velocity, names)]
+    fixed = [*map(ex.Symbol, parameters), ex.TIME, *map(ex.Symbol, names)]
+    return writing.quotient(tree, exact_field.Budget.short(), fixed + velocities)
 
 
 def _constants_first(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
