@@ -142,7 +142,8 @@ def _derivative(expression: ex.Expression, rate: Rule) -> ex.Expression:
         case ex.Sum(terms):
             return ex.add(*map(rate, terms))
         case ex.Product(factors):
-            return _of_product(factors, rate)
+            slopes = [(place, slope) for place, factor in enumerate(factors) if (slope := rate(factor)) != ex.ZERO]
+            return ex.add(*(ex.multiply(*factors[:k], slope, *factors[k + 1 :]) for k, slope in slopes))
         case ex.Power(base, exponent):
             return _of_power(base, exponent, rate)
         case ex.Apply(function, argument):
@@ -151,15 +152,6 @@ def _derivative(expression: ex.Expression, rate: Rule) -> ex.Expression:
         case ex.Arbitrary():
             return _of_function(expression, rate)
     raise TypeError(f"{type(expression).__name__} has no derivative")
-
-
-def _of_product(factors: tuple[ex.Expression, ...], rate: Rule) -> ex.Expression:
-    terms = []
-    for place, factor in enumerate(factors):
-        inner = rate(factor)
-        if inner != ex.ZERO:
-            terms.append(ex.multiply(*factors[:place], inner, *factors[place + 1 :]))
-    return ex.add(*terms)
 
 
 def _of_power(base: ex.Expression, exponent: ex.Expression, rate: Rule) -> ex.Expression:

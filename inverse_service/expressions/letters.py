@@ -2,7 +2,6 @@
 
 import re
 import unicodedata
-from dataclasses import dataclass
 
 _SMALL = "\u03b1\u03b2\u03b3\u03b4\u03b5\u03b6\u03b7\u03b8\u03b9\u03ba\u03bb\u03bc\u03bd\u03be\u03bf\u03c0\u03c1"
 _SMALL += "\u03c3\u03c4\u03c5\u03c6\u03c7\u03c8\u03c9"
@@ -46,14 +45,8 @@ def letter(character: str) -> tuple[str, int] | None:
         return _MEANT[character]
     if unicodedata.name(character, "").startswith(_SLANTED):  # produced by word processors
         return letter(unicodedata.normalize("NFKC", character))
-    return _dotted_letter(character)
-
-
-def _dotted_letter(character: str) -> tuple[str, int] | None:
-    parts = unicodedata.normalize("NFD", character)
-    if len(parts) != 2 or parts[1] not in DOTS or not parts[0].isascii():
-        return None
-    return parts[0], DOTS[parts[1]]
+    body, marks = (parts := unicodedata.normalize("NFD", character))[:1], parts[1:]
+    return (body, DOTS[marks]) if marks in DOTS and body.isascii() else None
 
 
 def describe(character: str) -> str:
@@ -61,23 +54,15 @@ def describe(character: str) -> str:
     return f"'{character}'" if " " < character <= "~" else f"U+{ord(character):04X}"
 
 
-@dataclass(frozen=True, slots=True)
-class Written:
-    """The body of a name and the words of its subscript, each a name or a number."""
+def written(name: str) -> tuple[str, list[str]]:
+    """The body of a name and the words of its subscript, each a name or a number.
 
-    body: str
-    subscript: tuple[str, ...]
-
-
-def written(name: str) -> Written:
-    """The parts of a name; p_q_1 and p_q1 are momenta, whose subscript is one name with a numeric subscript."""
+    p_q_1 and p_q1 are momenta, whose subscript is one name with a numeric subscript.
+    """
     match = _PARTS.fullmatch(name)
-    if match is None:
-        return Written(name, ())
-    body, rest = match.groups()
-    if body == "p" and is_letter_with_number(rest[1:]):
-        return Written(body, (rest[1:],))
-    return Written(body, tuple(word for word in rest.split("_") if word))
+    body, rest = match.groups() if match else (name, "")
+    is_momentum = body == "p" and is_letter_with_number(rest[1:])
+    return body, [rest[1:]] if is_momentum else [word for word in rest.split("_") if word]
 
 
 def is_letter_with_number(word: str) -> bool:

@@ -16,8 +16,9 @@ STEP = "Heaviside"
 def step(u: ex.Expression, column: int) -> ex.Expression:
     """Heaviside(u) for a polynomial u; InputError for any other u."""
     for node in ex.walk(u):
-        root = isinstance(node, ex.Power) and not (isinstance(node.exponent, ex.Number) and _is_natural(node.exponent))
-        if root or isinstance(node, ex.Apply | ex.Arbitrary | ex.Acceleration):
+        exponent = node.exponent if isinstance(node, ex.Power) else ex.ONE
+        natural = isinstance(exponent, ex.Number) and exponent.value.denominator == 1 and exponent.value > 0
+        if not natural or isinstance(node, ex.Apply | ex.Arbitrary | ex.Acceleration):
             raise fault("condition", column)
     u = collecting.collect(u)
     if isinstance(u, ex.Number):
@@ -27,10 +28,6 @@ def step(u: ex.Expression, column: int) -> ex.Expression:
     if (len(turned), turned) < (len(shown), shown):
         return 1 - ex.Apply(STEP, other)
     return ex.Apply(STEP, u)
-
-
-def _is_natural(exponent: ex.Number) -> bool:
-    return exponent.value.denominator == 1 and exponent.value > 0
 
 
 def either(left: ex.Expression, right: ex.Expression) -> ex.Expression:

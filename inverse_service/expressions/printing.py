@@ -192,6 +192,9 @@ class _Notation:
     """
 
     plus, minus = " + ", " - "
+    # The signs before and after a formula.
+    parentheses, radical = ("(", ")"), ("sqrt(", ")")
+    bars: tuple[str, ...] = ()  # of sqrt(u^2)
 
     def joined(self, pieces: Sequence[str]) -> str:
         """The terms of a sum with their signs."""
@@ -240,7 +243,7 @@ class _Notation:
         return name + "'" * order
 
     def brackets(self, tree: ex.Expression) -> str:
-        return f"({_written(self, tree, True)})"
+        return _written(self, tree, True).join(self.parentheses)
 
     def product(self, coefficient: str, factors: Sequence[ex.Expression]) -> str:
         pieces = [self.number(coefficient)] if coefficient != "1" or not factors else []
@@ -263,7 +266,10 @@ class _Notation:
         return f"{self.atom(base)}^{self.atom(exponent) if plain else self.brackets(exponent)}"
 
     def root(self, base: ex.Expression) -> str:
-        return f"sqrt{self.brackets(base)}"
+        match base:
+            case ex.Power(inner, exponent) if exponent == ex.TWO and self.bars:
+                return _written(self, inner, True).join(self.bars)
+        return _written(self, base, True).join(self.radical)
 
     def call(self, function: str, argument: ex.Expression) -> str:
         return f"{function}{self.brackets(argument)}"
@@ -305,6 +311,8 @@ def to_text(expression: ex.Expression, within: bool = False) -> str:
 
 
 class _Latex(_Notation):
+    parentheses, radical, bars = ("\\left(", "\\right)"), ("\\sqrt{", "}"), ("\\left|", "\\right|")
+
     def quotient(self, over: _Side, under: _Side) -> str:
         return f"\\frac{{{self.alone(*over)}}}{{{self.alone(*under)}}}"
 
@@ -325,15 +333,6 @@ class _Latex(_Notation):
 
     def name(self, name: str, order: int) -> str:
         return name_latex(name, ("", "dot", "ddot")[order])
-
-    def brackets(self, tree: ex.Expression) -> str:
-        return f"\\left({_written(self, tree, True)}\\right)"
-
-    def root(self, base: ex.Expression) -> str:
-        match base:
-            case ex.Power(inner, exponent) if exponent == ex.TWO:
-                return f"\\left|{_written(self, inner, True)}\\right|"
-        return f"\\sqrt{{{_written(self, base, True)}}}"
 
     def call(self, function: str, argument: ex.Expression) -> str:
         if function == "exp" and not isinstance(argument, ex.Number):
@@ -371,11 +370,9 @@ def _command(function: str) -> str:
 
 def name_latex(name: str, accent: str = "") -> str:
     r"""r1 as r_{1}, phi as \phi, x_left as x_{\mathrm{left}}; `accent` is placed over the body."""
-    parts = letters.written(name)
-    body = _word(parts.body)
-    if accent:
-        body = f"\\{accent}{{{body}}}"
-    subscript = ",".join(_word(word) for word in parts.subscript)
+    body, words = letters.written(name)
+    body = f"\\{accent}{{{_word(body)}}}" if accent else _word(body)
+    subscript = ",".join(map(_word, words))
     return f"{body}_{{{subscript}}}" if subscript else body
 
 
@@ -397,6 +394,8 @@ def _partial(name: str, function: ex.Arbitrary) -> str:
 
 class _Mathml(_Notation):
     plus, minus = "<mo>+</mo>", "<mo>&#x2212;</mo>"
+    parentheses, radical = ("<mrow><mo>(</mo>", "<mo>)</mo></mrow>"), ("<msqrt>", "</msqrt>")
+    bars = "<mrow><mo>|</mo>", "<mo>|</mo></mrow>"
 
     def joined(self, pieces: Sequence[str]) -> str:
         return f"<mrow>{''.join(pieces)}</mrow>"
@@ -428,24 +427,15 @@ class _Mathml(_Notation):
         return f"<mn>{digits}</mn>"
 
     def name(self, name: str, order: int) -> str:
-        parts = letters.written(name)
-        body = _identifier(parts.body)
+        letter, below = letters.written(name)
+        body = _identifier(letter)
         if order:
             body = f'<mover accent="true">{body}<mo>{_DOTS[order]}</mo></mover>'
-        words = [self.number(word) if word.isdigit() else self._below(word) for word in parts.subscript]
+        words = [self.number(word) if word.isdigit() else self._below(word) for word in below]
         return f"<msub>{body}<mrow>{'<mo>,</mo>'.join(words)}</mrow></msub>" if words else body
 
     def _below(self, word: str) -> str:
         return self.name(word, 0) if letters.is_letter_with_number(word) else _identifier(word)
-
-    def brackets(self, tree: ex.Expression) -> str:
-        return f"<mrow><mo>(</mo>{_written(self, tree, True)}<mo>)</mo></mrow>"
-
-    def root(self, base: ex.Expression) -> str:
-        match base:
-            case ex.Power(inner, exponent) if exponent == ex.TWO:
-                return f"<mrow><mo>|</mo>{_written(self, inner, True)}<mo>|</mo></mrow>"
-        return f"<msqrt>{_written(self, base, True)}</msqrt>"
 
     def call(self, function: str, argument: ex.Expression) -> str:
         if function == "exp":

@@ -929,8 +929,7 @@ def parameters_of(text: str) -> dict[str, str | None]:
 def functions_of(text: str) -> dict[str, list[str]]:
     """ "A(r1), V(x, y)" as names with their arguments; raises InputError for anything else."""
     if _CALL.sub("", text).strip(" ,;\n"):
-        detail = "The functions must be written as A(r1), V(x, y): a name and its coordinates."
-        raise errors.InputError(detail, "/functions")
+        raise fault("functions as a text", "/functions")
     return {match[1]: words_of(match[2]) for match in _CALL.finditer(text)}
 
 

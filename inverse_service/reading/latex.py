@@ -17,17 +17,7 @@ from inverse_service.reading import components, names as nm, prose, tokens as pl
 from inverse_service.reading.tokens import CASES, FACTOR, FRACTION, MATRIX, PARTIAL, TOTAL, Line, Token, Tokens, bracket
 
 _NO_LETTER = "(?![A-Za-z])"
-# Spacing becomes blanks before anything else is parsed; a wide gap is a line end. \\\\ is not spacing.
-_ENVIRONMENTS = "alignat|aligned|align|equation|flalign|gathered|gather|multline|split|eqnarray|subequations"
-_SPACE = re.compile(
-    rf"(?P<row>\\\\)|(?P<line>\\(?:q?quad|hfill?){_NO_LETTER}|\\hspace\*?\s*\{{[^{{}}]*\}})"
-    rf"|[{''.join(letters.SPACES)}~]|\\[,;:! \n]"
-    rf"|\\(?:displaystyle|textstyle|limits|nonumber|notag|(?:big|Big|bigg|Bigg)[lr]?){_NO_LETTER}"
-    rf"|\\(?:enspace|enskip|(?:neg)?(?:thin|med|thick)space|noindent|strut|mathstrut){_NO_LETTER}"
-    r"|\\(?:label|tag\*?|l?eqno|vspace\*?)\s*(?:\{[^{}]*\}|\([^()]*\))"
-    r"|\\(?:stackrel|overset)\s*\{[^{}]*\}(?=\s*\{\s*=)"
-    rf"|\\(?:begin|end)\s*\{{\s*(?:{_ENVIRONMENTS})\*?\s*\}}(?:\s*\{{[lcr| ]*\}})?"
-)
+_SPACE = nm.pattern("latex", "space", spaces="".join(letters.SPACES))
 _COLUMNS = r"\*?\s*\}(?:\s*\{(?:[lcr| ]|@\{[^{}]*\})*\})?"
 _MATRIX = re.compile(rf"\\(begin|end)\s*\{{\s*({'|'.join(components.MATRICES)}){_COLUMNS}")
 _CASES = re.compile(rf"\\(begin|end)\s*\{{\s*(array|d?cases){_COLUMNS}")

@@ -46,6 +46,19 @@ def meanings(kind: str) -> dict[str, str]:
     return {word: meaning for meaning, words in WORDS[kind].items() for word in words}
 
 
+_PATTERNS = tomllib.loads((_ROOM / "patterns.toml").read_text(encoding="utf-8"))
+
+
+def pattern(of: str, name: str, **parts: str) -> re.Pattern[str]:
+    """The expression of this name in a table of `patterns.toml`; <<part>> in it is one of the parts or another name."""
+
+    def text_of(name: str) -> str:
+        text = parts.get(name) or "".join(map(str.strip, _PATTERNS[of][name].splitlines()))
+        return re.sub(r"<<(\w+)>>", lambda part: text_of(part[1]), text)
+
+    return re.compile(text_of(name))
+
+
 ALIASES = meanings("functions")
 # Maximum and minimum: (a + b + |a - b|)/2, (a + b - |a - b|)/2.
 _EXTREMES = {"max": 1, "min": -1}
@@ -63,9 +76,7 @@ Role = Literal["coordinate", "parameter", "function"]
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
 _LATEX_NAME = re.compile(r"\\?([A-Za-z]+[0-9]*)(?:_\{?\\?([A-Za-z0-9]+)\}?)?")
 # Suffixes that denote time derivatives, longer ones first.
-DOTTED = (
-    ("_dot_dot", 2), ("_dotdot", 2), ("_ddot", 2), ("dotdot", 2), ("_dot", 1), ("ddot", 2), ("dot", 1),
-)  # fmt: skip
+DOTTED = {"_dot_dot": 2, "_dotdot": 2, "_ddot": 2, "dotdot": 2, "_dot": 1, "ddot": 2, "dot": 1}
 _LONGEST_PRODUCT = 20
 _COORDINATE_LETTERS = frozenset(("x", "y", "z", "r", "s", "q", "tau"))
 _LETTER = re.compile("[A-Za-z](?:_?[0-9]+)?")
@@ -198,7 +209,7 @@ class Names:
 
         Also None for a name that is itself declared.
         """
-        stems = [(name[: -len(ending)], order) for ending, order in DOTTED if name.endswith(ending) and name != ending]
+        stems = [(name.removesuffix(end), order) for end, order in DOTTED.items() if name.endswith(end) and name != end]
         moving = [(self.spelling(stem), order) for stem, order in stems if self.spelling(stem) in self.coordinates]
         found = moving or ([] if known else stems)
         return found[0] if found and self.role(self.spelling(name)) is None else None
@@ -456,9 +467,7 @@ def refuse_two_spellings(texts: Mapping[str, str], declared: tuple[str, ...] = (
                 continue
             if seen.setdefault(name, spelling) != spelling:
                 first, second = sorted((seen[name], spelling), key=len)
-                detail = f"{first} and {second} both occur and look alike: "
-                instead = f"write the same letter, or declare both names, {first} and {second}."
-                raise InputError(detail + instead, pointer, found.start() + 1)
+                raise fault("letters that look alike", found.start() + 1, first=first, second=second).at(pointer)
 
 
 def _spelling(word: str, latex: bool) -> str:

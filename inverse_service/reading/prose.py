@@ -28,32 +28,10 @@ _WORDS = {kind: frozenset(words) for kind, words in nm.WORDS["sentences"].items(
 # Words that make a sentence, that can begin a clause alone, and that a formula may follow.
 _OF_SENTENCES, _BEGINNINGS, _OPENERS = (_WORDS[kind] for kind in ("sentences", "beginnings", "openers"))
 SHORTEST_WORD = 4  # letters from which on a word is unlikely to be a product of constants
-# Words that may change the meaning of a formula, so they are not removed.
-_BINDING = re.compile(
-    r"\b(?:if|when|while|for(?!\s+(?:an?|the|this|all|small|large|every|any|some)\b)|unless|provided|otherwise|else|except|either"
-    r"|(?<!does )(?<!do )not|only|times|plus|minus|over|divided|squared?|cubed?|per|sum|product|root)\b",
-    re.I,
-)
+_BINDING = nm.pattern("prose", "binding")
 _CONSTANT = re.compile(r"\b(?:is|are)\s+(?:an?\s+)?const(?:ant)?s?$")  # h = r^2 phi' is constant
-_LETTER = r"[^\W\d_\u00b2\u00b3]"
-_MARKS = "'\u2032\u2033\u2019\u0307\u0308\u00a8\u02d9"
-_WRAPPED = r"\\(?:text|textrm|textbf|textit|emph|mbox|intertext)\s*\{(?P<said>[^{}]*)\}"
-_PIECES = re.compile(
-    rf"(?P<comment>#.*)|(?P<wrapped>(?<![_^])(?<![_^]\{{){_WRAPPED})"
-    rf"|(?P<numbered>[\[(]?\b(?:[Ee]q(?:uation|n)?s?(?=[.\s(])|Sect(?:ion)?|Problem|Example|Exercise|Ex|Fig|Chapter)\.?\s*"
-    rf"\(?\d[\d.]*(?:[a-z](?![a-z]))?\)?[\])]?[.:]?(?=\s|$))|(?P<short>\b(?:i\.\s?e\.|e\.\s?g\.|s\.\s?t\.),?)"
-    r"|(?P<separator>\\(?:q?quad|hfill?)(?![A-Za-z])|\\\\|[;,\n]|\.{3,}|\u2026|[:?](?=\s|\\|\$|$)"
-    r"|(?<![\d.\s])\s*\.(?=\s+\S|\s*\Z|\s*\\(?:q?quad|\\|right|end))|(?<=\d)\.(?=\s+[A-Z](?:[a-z]{2}|\s*=)))"
-    r"|(?P<frame>\\(?:begin|end)\s*\{[^{}]*\}(?:\{[lcr| ]*\})?|\\(?:left|right)\s*(?:\.|\\?\|))"
-    r"|(?P<relation>:?[=<>\u2260\u2264\u2265\u2261\u226a\u226b~]|\\(?:le|ge|ne|leq|geq|neq|ll|gg|lt|gt|equiv)(?![A-Za-z]))"
-    r"|(?P<sign>[-+*/^|\u2212\u00b7\u00d7\u22c5\u2202\u2207]|\\(?:cdot|times|[dt]?frac|over|partial)(?![A-Za-z]))"
-    rf"|(?P<mark>[{_MARKS}]+|\\d?dot(?![A-Za-z]))|(?P<opening>\\?[(\[{{])|(?P<closing>\\?[)\]}}])"
-    r"|(?P<name>\\(?:[A-Za-z]+|.))|(?P<number>[\u00b2\u00b3\u00b9\u2070-\u2099]+|\d+(?:\.(?!\s+[A-Z](?:[a-z]{2}|\s*=))\d*)?)"
-    rf"|(?P<word>{_LETTER}+(?:[-\u2010\u2013]{_LETTER}{{3,}})*(?:['\u2019]s(?!\w))?)|(?P<space>\s+)|(?P<other>.)",
-    re.DOTALL,
-)
-_SHOWN = r"\s*\{(?:equation|align|gather|displaymath)\*?\}"
-_ENDED = re.compile(rf"\\end{_SHOWN}(?=\s*\\begin{_SHOWN})")
+_PIECES = nm.pattern("prose", "pieces")
+_ENDED = nm.pattern("prose", "ended")
 _OF_RUNS = ("word", "remark", "numbered", "wrapped", "short")
 _CLOSING = {"(": ")", "[": "]", "{": "}", "\\{": "\\}", "\\(": "\\)", "\\[": "\\]"}
 _OF_LETTERS = sorted((*letters.LETTER_COMMANDS, *nm.FUNCTIONS), key=len, reverse=True)
@@ -67,30 +45,9 @@ MATHEMATICS = re.compile(r"(?<![\w)\\])(\$\$?)([^$]+)\1(?!\w)|(?<!\\)(?<!\\!)\\[
 _JOINED = re.compile(r"\b(?:and|with|where)(?=\s+\\[^;,.]*=)")
 ITEM = re.compile(r"\((?:[a-h]|[ivx]+)\)")  # (a), (ii)
 _FIRST_ITEM, _ITEM_INSIDE = re.compile(r"\s*\([ai]\)\s"), re.compile(r"\s\((?:[b-h]|i[iv]i?)\)(?=\s)")
-# x, y \in R, (x, phi) \in R^2 x S^1, Q = SE(2).
-_SPACE = (
-    r"(?:[\u211d\u2124\u2115\u2102]|\\mathbb\s*(?:\{\s*\w\s*\}|\w)|\\R(?![a-z])|[RST](?=\s*\^|[\u00b9\u00b2\u00b3])|S[EO](?=\())"
-    r"(?:\s*\^\s*(?:\{[^{}]*\}|[\w+*])|[\u00b9\u00b2\u00b3\u207f\u207a]|_\{?[+>\d]+\}?|\(\w\))*"
-)
-_SPACES = rf"{_SPACE}(?:\s*(?:\u00d7|\\times|x)\s*{_SPACE})*"
-_NAME = rf"(?:(?<!\w)\\?{_LETTER}\w*+[{_MARKS}]*+(?:_\{{?\w++\}}?)?|\((?:[^()=]|\([^()]*\))*+\))"
-_LIST = rf"{_NAME}(?:\s*+,\s*+{_NAME}){{0,9}}+\s*+"
-_SETS = re.compile(
-    rf"(?:(?:\\forall|\u2200|\bfor\s+(?:all|every|any))\s*+)?(?:{_NAME}\s*+=\s*+)?{_LIST}(?:\u2208|\\in(?![A-Za-z]))\s*+"
-    rf"(?:{_SPACES}|\[[^\[\]]*\]|\([^()]*\)|\\?[A-Z]\w*(?:\^\*)?)|^\s*+{_SPACES}(?=\s*[,;:])"
-    rf"|{_NAME}\s*+(?:\u2248|\u2243|\\(?:approx|simeq)(?![a-z]))\s*+\d[^,;\n]*"
-    rf"|(?<![\w\\])[A-Z]\s*+=\s*+{_SPACES}|\b(?:on|in|is|space)\s+\$?{_SPACES}"
-)
-# D = {z' = y x'} and ker(dz - y dx), the allowed velocities.
-_ALLOWED = re.compile(
-    r"(?:\\mathcal\s*(?:\{\s*D\s*\}|D)|\\Delta(?![a-z])|\b[D\u0394]|\u0394)(?:_?\w|\(q\))?\s*=\s*(?:\\?\{(?:[^{}=]*?(?::|\\mid|\|)(?![=A-Za-z]))?"
-    r"(?P<equations>(?:[^{}]|\{[^{}]*\})*=(?:[^{}\\]|\{[^{}]*\}|\\(?!\}))*)\\?\}|(?:\\?ker|\\mathrm\{ker\})\s*\\?[({](?P<form>[^=;]*?)\\?[)}](?=\s*(?:[,;.\n\\]|$)))"
-)
-# \omega^1 = dz - y dx, where the index numbers the forms.
-_COUNTED = re.compile(
-    r"((?:^|[;,\n]|quad)[ \t]*\\?(?:omega|eta|theta|alpha|[\u03c9\u03b7\u03b8\u03b1]))"
-    r"(\^\{?\d\}?|[\u00b9\u00b2\u00b3])(?=\s*:?=[^;\n=]*d[\\a-z])"
-)
+_SETS = nm.pattern("prose", "sets")
+_ALLOWED = nm.pattern("prose", "allowed")
+_COUNTED = nm.pattern("prose", "counted")
 
 
 @contextmanager

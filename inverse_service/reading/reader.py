@@ -15,21 +15,13 @@ from inverse_service import errors
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.refusals import fault, most_characters, shorten
 from inverse_service.reading import components, latex, notations, parser, prose, tokens as tk
-from inverse_service.reading.names import FUNCTIONS, GREEK_NAMES, MAY_BE_FUNCTIONS, Names, written_product
+from inverse_service.reading.names import FUNCTIONS, GREEK_NAMES, MAY_BE_FUNCTIONS, Names, pattern, written_product
 from inverse_service.reading.tokens import Line, Token, at
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
-# q''_1, \omega^2_0, and \u03c9\u00b2\u2080, which TeX sets like q_1''; \Gamma^x_{xx} is a tensor.
-_RAISED_FIRST = re.compile(
-    r"(?<=[^\W\d_]|\})((?:['\u2032\u2033\u2019]+|\^(?:[^\W_]|\{[^{}_^]*\}))(?=_\d|_\{\d|[\u2080-\u2089])"
-    r"|[\u2070\u00b9\u00b2\u00b3\u2074-\u2079]+|\^(?:\d|\{-?\d+\}))"
-    r"(_(?:\{\w+\}|[A-Za-z](?!\w)|\d+(?![\d_']))|[\u2080-\u2089]+)"
-)
+_RAISED_FIRST = pattern("reader", "raised_first")
 _LOST = dict(zip("\a\b\f\n\r\t\v", "abfnrtv", strict=True))
-_LOST_BACKSLASH = re.compile(
-    r"([\a\b\f\v])(lpha|eta|ar[a-z]*|egin|oldsymbol|rac|ec)(?![A-Za-z])|(\t)(an|anh|heta|au|imes|ext|ilde)(?![A-Za-z])|(\r)(ho|ight)(?![A-Za-z])"
-    r"|(?<=[-+*({])\s*(\n)(abla|u)(?![A-Za-z'])"
-)
+_LOST_BACKSLASH = pattern("reader", "lost_backslash")
 # The y'' of y''_{xx} = x y.
 _BY_INDEX = re.compile(r"('')_?(?:\{([xts])\2\}|([xts])\3(?!\w))")
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
@@ -80,8 +72,7 @@ def without_accelerations(tree: ex.Expression, what: str, pointer: str) -> ex.Ex
     """The tree; InputError if it contains an acceleration."""
     found = next((node for node in ex.walk(tree) if isinstance(node, ex.Acceleration)), None)
     if found is not None:
-        acceleration = f"the acceleration {found.coordinate}''"
-        raise errors.InputError(f"{what} contains {acceleration}: use coordinates and velocities.", pointer)
+        raise fault("acceleration", pointer, what=what, name=found.coordinate)
     return tree
 
 

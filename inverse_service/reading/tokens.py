@@ -19,7 +19,7 @@ from typing import Literal
 
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions import letters, refusals
-from inverse_service.reading.names import Reason, meanings, reasons
+from inverse_service.reading.names import Reason, meanings, pattern, reasons
 
 Kind = Literal["number", "name", "prime", "operator", "bracket", "newline", "end", "vector", "command", "fault"]
 FACTOR, FRACTION, MATRIX, CASES = map(Fraction, range(1, 5))
@@ -52,10 +52,7 @@ _CONDITION = re.compile(r"<=|>=|&&|\|\|(?=\s)|[<>&~\u2264\u2265]|\b(?:and|or|not
 _EQUALITY = re.compile(r"!?={1,2}|\u2260")
 _CONDITION_SIGNS = meanings("conditions")
 _REASONS, _REFUSED_SIGNS = reasons("characters"), reasons("signs")
-# Maple's t$2 and Maxima's $ at the end, %pi, %e; x.diff(t) and sp.sin; Maple's D@@2.
-_OTHER_PROGRAMS = re.compile(
-    r"(?P<times>\$(?=\s*\d))|(?P<end>\$\s*(?=\n|\Z))|(?P<nothing>%(?=(?:e|pi)\b))|(?P<dot>(?<=[\w)'])\.(?=[A-Za-z]))|(?P<power>@(?=@)|(?<=@)@)"
-)
+_OTHER_PROGRAMS = pattern("tokens", "other_programs")
 _OTHER_SIGNS = {"times": ",", "end": ";", "nothing": "", "dot": ".", "power": "@", None: ""}
 _OTHERWISE = Reason("", "use letters, digits, + - * / ^ ( ) , = and '")
 
@@ -405,7 +402,11 @@ def next_tokens(text: str, place: int, space: bool, known: Container[str] = ()) 
     if character in letters.PRIMES:
         return [Token("prime", character, place + 1, space, Fraction(letters.PRIMES[character]))], place + 1
     if character in _SUPERSCRIPTS:
-        return _superscript(text, place)
+        raised = _RAISED.match(text, place)
+        if raised is None:
+            raise refusals.fault("raised minus", place + 1)
+        digits = "".join(map(_SUPERSCRIPTS.__getitem__, raised[0]))
+        return written(f"^({digits})", Token("name", "", place + 1)), raised.end()  # x^(2) for x\u00b2
     if character in _ROOTS:
         return [Token("name", _ROOTS[character], place + 1, space)], place + 1
     found = letters.letter(character)
@@ -423,15 +424,6 @@ def number_token(text: str, column: int, space: bool) -> Token:
         raise refusals.limit_passed("the power of ten of a number is too large", column, most)
     value = Fraction(mantissa) * Fraction(10) ** int(exponent or 0)
     return Token("number", text, column, space, value)
-
-
-def _superscript(text: str, place: int) -> tuple[Tokens, int]:
-    """x\u00b2 as x^(2)."""
-    raised = _RAISED.match(text, place)
-    if raised is None:
-        raise refusals.fault("raised minus", place + 1)
-    digits = "".join(map(_SUPERSCRIPTS.__getitem__, raised[0]))
-    return written(f"^({digits})", Token("name", "", place + 1)), raised.end()
 
 
 def _name(text: str, place: int, space: bool, known: Container[str]) -> tuple[Tokens, int]:

@@ -49,6 +49,7 @@ NAMES = ("coordinates", "parameters", "functions")
 KEPT = frozenset(("certificate", "provenance", "given", "format", "question", "id", "kind", "time", "verdict"))
 _LETTERS = "wzkbcudhgnalsTYZWJKBUDGNCP"
 _TIMED = re.compile(r"(?<![A-Za-z\\])d?t(?![A-Za-z])")
+_MOVING = nm.pattern("lagrangian_texts", "moving")
 _PLAIN_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_\u2080-\u2089]*")
 _LATEX_WORD = re.compile(r"(_\{?)?(\\?[A-Za-z]+)")
 # Of documents of every kind.
@@ -309,7 +310,7 @@ def _with_time_apart(plain: Mapping[str, Any], time: str) -> tuple[dict[str, Any
     if not _guesses(plain):
         return dict(plain), {}
     texts = dict(_placed({key: plain[key] for key in FORMULAS if key in plain}, ""))
-    moving = {match[1] for text in texts.values() for match in lagrangian_texts.MOVING.finditer(text)}
+    moving = {match[1] for text in texts.values() for match in _MOVING.finditer(text)}
     products = document_names.moving_products(texts, nm.Names(guesses=True), 1)
     moving = (moving - products.keys()) | {parts[-1] for parts in products.values()}
     known = nm.Names(

@@ -23,76 +23,29 @@ from inverse_service.mechanics import euler_lagrange, position_constraints, seco
 from inverse_service.reading import components, document_names, names as nm, reader
 from inverse_service.reading.tokens import at, walk
 
-# A name at the beginning of a word, behind a number; one inside. No long word may take time that grows with its square.
 # A document, by the pointer of each of its formulas that of the text with it at the same columns, and the notes.
 _Found = tuple[dict[str, Any], dict[str, str], dict[str, str]]
-_FIRST = r"\b\d*([A-Za-z\u0391-\u03c9]\w*)"
-MOVING = re.compile(rf"{_FIRST}(?:\s*['\u2032\u2033]|_?d?dot\b)")
-_MOVES = re.compile(rf"{MOVING.pattern}|\\dot|[\u0307\u1e8b\u1e8f\u017c]|d[A-Za-z]\w*\s*/\s*dt")
-_BARE = re.compile(rf"{_FIRST}(?:''|\u2033)(?!\s*[\[(])|\\ddot\s*\{{?\\?([A-Za-z]+)|{_FIRST}_?ddot\b")
-_SCRIPT_L = r"\\(?:mathcal|mathscr|mathrm|cal)\s*(?:\{L\}|L)(?![A-Za-z])"
-_LETTER_L = re.compile(
-    rf"(?:\{{\s*{_SCRIPT_L}\s*\}}|{_SCRIPT_L}|[\u2112\U0001d4db])"
-    r"|(?P<named>\bL(?:agrangian)?\s*:(?:\s*L\s*)?=?|\bLagrangian\s*=)"
-)
-# D = span{∂_x + y ∂_z, ∂_y}, the directions that are allowed, and each ∂_x in it
-_SPAN = re.compile(
-    r"(?:\\math[a-z]{1,5}\s{0,3}\{?\s{0,3})?[D\u0394]\w?\}?(?:_\{?\w\}?)?\s*=\s*\\?(?:mathrm|operatorname|text)?\s*\{?\s*span\s*\}?\s*"
-    r"(?:\\left)?\\?[{(](?P<fields>(?:[^{}]|\{[^{}]*\})*?)(?:\\right)?\\?[})](?=\s*(?:[;,.\n\\]|$))"
-)
-_FIELD = re.compile(
-    r"(?:\\[dt]?frac\s*\{\s*)?(?:\u2202|\\partial)[\s}{]*(?:/?[\s(]*(?:\u2202|\\partial)\s*|_\{?)(\\?\w+)[)}]?"
-)
-# L, T, and V with an argument perhaps, and =; half of 2 T = … is meant.
-_ENERGY = re.compile(
-    r"(?:\$+|\\\[|\s|\\begin\s*\{\w+\*?\})*(?P<twice>2\s*)?(?:(?P<whole>L)|(?P<kinetic>[TK]|KE|E_\{?k(?:in)?\}?)"
-    r"|(?P<potential>[UV\u03a0]|PE|\\Pi|Pi|E_\{?p(?:ot)?\}?))(?P<arguments>\s*\([^()=]*\))?\s*&?\s*"
-    r"(?:=(?!=)|\u2261|\\(?:equiv|triangleq|coloneqq)(?![A-Za-z])|\\(?:stackrel|overset)\s*\{[^{}]*\}\s*\{\s*=\s*\})"
-)
-# The T - V of L = T - V = …
-_ENERGIES = re.compile(
-    r"(?:[\s&]*[-+\u2212]?[\s&]*(?:\\(?:mathcal|mathrm)\s*)?\{?[TKUVE]\}?(?:_\{?\w+\}?)?\s*(?:\([^()=]*\))?)+\s*&?\s*="
-)
-# The components of a vector, \mathbf{r} = (x, y, z) and r = (x, y, z)
-_VECTOR = re.compile(
-    rf"(?:\\(?:{'|'.join(components.BOLD)})\s*(?:\{{\s*\\?\w+\s*\}}|\\?\w)|(?<![\w\\)'])\w+)\s*=\s*(?:\\left\s*)?\([^()=,]+,[^()=]*\)"
-)
-_GIVEN = re.compile(rf"(?:\b(?:for|with|where|and)\s+)?{_VECTOR.pattern}")
-# d/dt ∂L/∂x' - ∂L/∂x = 0 and δ∫L dt = 0 beside L = …
-_D = r"(?:d|\\(?:mathrm|text)\s*\{\s*d\s*\}|\\(?:rm|mathrm)\s+d)"
-# A metric, ds^2 = dr^2 + r^2 dphi^2, whose geodesics are meant: 2 L = (ds/dt)^2
-_METRIC = re.compile(rf"(?<![A-Za-z\\]){_D}\s?s\s*(?:\^2|\^\{{2\}}|\u00b2)\s*(?==|&\s*=)")
-_DIFFERENTIAL = re.compile(rf"(?<![A-Za-z\\]){_D}\s?(\\[A-Za-z]+|[^\W\d_][^\W\u00b2\u00b3]*)(?:_\w|_\{{\w+\}})?")
-# d/dt dL/dx', and dL/dx; the end of an equation.
-_PARTIAL = r"(?:\u2202|\\partial|\bd)\s{0,9}"
-_BY = r"((?:\\d?dot\s{0,9})?\{?[^\s+\-\u2212=(){}\[\],;*/]{1,30}\}?(?:_\{?\w{1,9}\}?)?)"
-_SLOPE = rf"(?:\\[dt]?frac\s*\{{\s*{_PARTIAL}L\s*\}}\s*\{{\s*{_PARTIAL}{_BY}\s*\}}|{_PARTIAL}L\s*/\s*{_PARTIAL}{_BY})"
-_BRACKET = r"\s{0,9}(?:\\(?:left|right|[bB]igg?[lr]?)\s{0,9})?"
-_IN_TIME = rf"(?:\\[dt]?frac\s*\{{\s*{_D}\s*\}}\s*\{{\s*{_D}\s*t\s*\}}|{_D}\s*/\s*{_D}\s*t)"
-_RATE = rf"{_IN_TIME}{_BRACKET}[(\[{{]?\s{{0,9}}{_SLOPE}(?:{_BRACKET}[)\]}}])?"
-_ENDS = r"\s{0,99}(?:$|(?<!\\)[;,]|[\n$]|\.(?=\s|$)|\\q?quad|\\[\\\])]|\\end|\b(?:with|where|and|for)\b)"
-# Terms before the d/dt of an equation of Lagrange, from the beginning of the equation.
-_BEFORE = r"(?:(?<![^;,\n$\]])|(?<=quad)|(?<=\\\\))(?:(?!\\q?quad|\\\\)[^;,\n=$]){0,120}?[-+\u2212]\s*"
-_OTHER_SIDE = r"[^;,\n=]{1,120}?"
-_LAGRANGES_EQUATION = re.compile(
-    rf"(?:\\delta|\u03b4)\s*(?:\\int|\u222b)[^;\n=LT]{{0,60}}L[^;\n=L]{{0,40}}{_D}\s*t\s*=\s*0(?={_ENDS})"
-    rf"|(?:{_BEFORE})?{_RATE}[^;,\n=]{{0,120}}={_OTHER_SIDE}(?={_ENDS})"
-    rf"|(?<![^;,\n$\]]){_OTHER_SIDE}=(?:{_OTHER_SIDE}[-+\u2212])?[\s&]*{_RATE}(?:\s*[-+\u2212]{_OTHER_SIDE})?(?={_ENDS})"
-)
-_OF_RATE, _OF_SLOPE = (re.compile(rf"([-+\u2212]?)[\s&]*{part}") for part in (_RATE, _SLOPE))
-# dF/dx' of a function of Rayleigh
-_DISSIPATED = re.compile(
-    rf"(?:\\[dt]?frac\s*\{{\s*)?{_PARTIAL}([A-Z])(?![A-Za-z])\s*(?:/\s*{_PARTIAL}{_BY}|\}}\s*\{{\s*{_PARTIAL}{_BY}\s*\}})"
-)
+_MOVES = nm.pattern("lagrangian_texts", "moves")
+_BARE = nm.pattern("lagrangian_texts", "bare")
+_LETTER_L = nm.pattern("lagrangian_texts", "letter_l")
+_SPAN = nm.pattern("lagrangian_texts", "span")
+_FIELD = nm.pattern("lagrangian_texts", "field")
+_ENERGY = nm.pattern("lagrangian_texts", "energy")
+_ENERGIES = nm.pattern("lagrangian_texts", "energies")
+_VECTOR = nm.pattern("lagrangian_texts", "vector", bold="|".join(components.BOLD))
+_GIVEN = nm.pattern("lagrangian_texts", "given", bold="|".join(components.BOLD))
+_METRIC = nm.pattern("lagrangian_texts", "metric")
+_DIFFERENTIAL = nm.pattern("lagrangian_texts", "differential")
+_LAGRANGES_EQUATION = nm.pattern("lagrangian_texts", "lagranges_equation")
+_OF_RATE, _OF_SLOPE = nm.pattern("lagrangian_texts", "of_rate"), nm.pattern("lagrangian_texts", "of_slope")
+_DISSIPATED = nm.pattern("lagrangian_texts", "dissipated")
 _MARKS = re.compile(r"\\d?dot|['\u2032\u0307\\{}\s]|_?dot$")
 _WORDS_AT_THE_END = re.compile(r"\s\([A-Za-z -]{4,}\)\s*$")
 _WRAPPER_ENDS = re.compile(r"(?:\$+|\\[\],;:! ]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
 # dx and d\theta, in dz = y dx and dz = ydx; \delta x is a virtual displacement, or asked about
 _FORM = re.compile(r"(?<![A-Za-z\\][A-Za-z])(?<!\\)d(?:[A-Za-z]|\s*\\)|(?:\u03b4|\bdelta\s)\s*[\w\\]")
 _OF_A_FORM = re.compile(r"\s*(?:d|\u03b4)")
-_DEFINED = re.compile(
-    r"\s*\\?([A-Za-z\u0391-\u03c9][^\W\u00b2]*(?:_\{\w+\})?)(?:(\([^()]*\))|(\^2|\^\{2\}|\u00b2))?\s*"
-)
+_DEFINED = nm.pattern("lagrangian_texts", "defined")
 _IS_NUMBER = re.compile(r"[^=]*=[\s\d./-]*")
 _LAMBDA = re.compile(r"lambda|Lambda|\bmu|\\mu|[\u03bb\u03bc\u039b]")
 # Equations of motion with multipliers as L and constraints: x'' = lambda sin(u), ..., x' sin(u) = y' cos(u). Without
