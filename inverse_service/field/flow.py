@@ -21,8 +21,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import reduce
 from itertools import product
 from math import factorial, lcm
+from operator import add, mul
 
 import numpy as np
 import numpy.typing as npt
@@ -300,19 +302,11 @@ class Evaluation:
                     jet.data[0, 1] = 1
                 return jet
             case ex.Sum(terms):
-                total = self.jet(terms[0])
-                for term in terms[1:]:
-                    total = total + self.jet(term)
-                return total
+                return reduce(add, map(self.jet, terms))
+            case ex.Product((ex.Number(value), *factors)):
+                return reduce(mul, map(self.jet, factors)).scaled(residue(value))
             case ex.Product(factors):
-                total = self.jet(factors[0])
-                for factor in factors[1:]:
-                    total = (
-                        total.scaled(residue(factor.value))
-                        if isinstance(factor, ex.Number)
-                        else total * self.jet(factor)
-                    )
-                return total
+                return reduce(mul, map(self.jet, factors))
             case ex.Power(base, ex.Number(exponent)):
                 return self._rational_power(self.jet(base), exponent)
             case ex.Apply(function, argument):
@@ -323,10 +317,7 @@ class Evaluation:
 
     def _rational_power(self, base: Jet, exponent: Fraction) -> Jet:
         if exponent.denominator == 1 and 0 < exponent <= 4:
-            result = base
-            for _ in range(int(exponent) - 1):
-                result = result * base
-            return result
+            return reduce(mul, [base] * int(exponent))
         value = base.data[0, 0]
         if exponent < 0 or exponent.denominator > 1:
             self.points.good &= value != 0

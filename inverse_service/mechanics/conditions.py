@@ -261,22 +261,6 @@ def factor_slopes(exact: MotionInRing, direction: Tensor11[exact_field.Quotient]
     return FactorSlopes(tuple(mu), a, tuple(nu), tau)
 
 
-def _symmetry_rows(
-    motion: Motion[exact_field.Quotient],
-    tensors: Sequence[Tensor11[exact_field.Quotient]],
-    places: Sequence[tuple[int, int]],
-) -> list[tuple[exact_field.Quotient, ...]]:
-    """The coefficients of g_ij, (i, j) of `places`, in g_ik T^k_j - g_jk T^k_i = 0, i < j, for each tensor T."""
-    rows, span = [], range(motion.size)
-    for tensor, (i, j) in itertools.product(tensors, itertools.combinations(span, 2)):
-        row = dict.fromkeys(places, motion.zero)
-        for k in span:
-            row[min(i, k), max(i, k)] += tensor[k][j]
-            row[min(j, k), max(j, k)] -= tensor[k][i]
-        rows.append(tuple(row.values()))
-    return rows
-
-
 def one_matrix(system: SecondOrderSystem) -> tuple[Matrix, tuple[tuple[ex.Expression, ex.Expression], ...]] | None:
     """(G, (variable, du by it), …) where g T = (g T)^T for T = Phi, nabla Phi leaves one matrix, g = e^u G.
 
@@ -289,8 +273,12 @@ def one_matrix(system: SecondOrderSystem) -> tuple[Matrix, tuple[tuple[ex.Expres
         exact = motion_in_ring(system, 6, exact_field.Budget(10 * bounds.TERMS, deadline.now() + TIME_LIMIT))
         ring, motion = exact.ring, exact.motion
         phi = jacobi_endomorphism(motion)
-        rows = _symmetry_rows(motion, (phi, nabla(motion, connection(motion), phi)), places)
-        found = list(matrices.null_space(rows, len(places), ring.constant(1)).values())
+        tensors, columns = (phi, nabla(motion, connection(motion), phi)), list[list[exact_field.Quotient]]()
+        for place in places:
+            unit = tuple(tuple(ring.constant((min(i, j), max(i, j)) == place) for j in range(n)) for i in range(n))
+            products = [product(motion, unit, tensor) for tensor in tensors]
+            columns.append([p[i][j] - p[j][i] for p in products for i, j in itertools.combinations(range(n), 2)])
+        found = list(matrices.null_space(list(zip(*columns, strict=True)), len(places), ring.constant(1)).values())
         if len(found) != 1:
             return None
         entries = dict(zip(places, found[0], strict=True))
