@@ -186,14 +186,13 @@ class SamplePoints:
     def place(self, k: int) -> _AtPoint:
         while len(self.places) <= k:
             deadline.check(deadline.STEP)
-            point = self._drawn(len(self.places))
+            number = len(self.places)
+            if self.base is None:
+                point = towers.draw_point(self.tower, self.seed + 1 + number, self.prime)
+            else:
+                point = towers.moved_point(self.tower, self.base, self.moving, number)
             self.places.append(_AtPoint(point, self._drift(point)))
         return self.places[k]
-
-    def _drawn(self, k: int) -> modular.Point:
-        if self.base is None:
-            return towers.draw_point(self.tower, self.seed + 1 + k, self.prime)
-        return towers.moved_point(self.tower, self.base, self.moving, k)
 
     def _drift(self, point: modular.Point) -> Words:
         known: dict[ex.Expression, int] = {}
@@ -360,10 +359,7 @@ def monomial_values(
     """The value of each candidate at each sample from those of `letters`, (samples, candidates), in Montgomery form."""
     index = {letter: k for k, letter in enumerate(letters)}
     pairs: dict[tuple[ex.Expression, Fraction], int] = {}
-    starts, places = [0], []
-    for candidate in candidates:
-        places += [pairs.setdefault(item, len(pairs)) for item in candidate]
-        starts.append(len(places))
+    places = [pairs.setdefault(item, len(pairs)) for candidate in candidates for item in candidate]
     radix = (1 << 64) % prime
     # Integers are converted because accessing the parts of a Fraction takes as long as computing the power.
     items = [(index[letter], e if e.denominator > 1 else int(e)) for letter, e in pairs]
@@ -371,7 +367,7 @@ def monomial_values(
     field = modular.field_of(prime)
     result = np.full((len(powers), len(candidates)), field.one, np.uint64)
     given = np.array(powers, np.uint64).reshape(len(powers), -1)
-    _products(given, np.array(starts, np.int64), np.array(places, np.int64), result, field)
+    _products(given, np.cumsum([0, *map(len, candidates)]), np.array(places, np.int64), result, field)
     return result
 
 
@@ -414,14 +410,9 @@ def residues(numbers: Words, prime: int) -> Residues:
 def exponents_of(letters: Sequence[ex.Expression], candidates: Sequence[tm.Monomial], prime: int) -> Exponents:
     """The generators of all candidates in one array, with exponents in Montgomery form."""
     index = {letter: k for k, letter in enumerate(letters)}
-    starts, places, exponents = [0], [], []
-    for candidate in candidates:
-        for letter, e in candidate:
-            places.append(index[letter])
-            exponents.append(modular.number_value(e, prime))
-        starts.append(len(places))
-    numbers = to_montgomery(exponents, prime)
-    return Exponents(np.array(starts, np.int64), np.array(places, np.int64), numbers)
+    items = [item for candidate in candidates for item in candidate]
+    starts, places = np.cumsum([0, *map(len, candidates)]), np.array([index[letter] for letter, _ in items], np.int64)
+    return Exponents(starts, places, to_montgomery([modular.number_value(e, prime) for _, e in items], prime))
 
 
 def letters_of(candidates: Sequence[tm.Monomial]) -> list[ex.Expression]:

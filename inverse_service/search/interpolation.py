@@ -19,7 +19,7 @@ import numpy as np
 
 from inverse_service import deadline
 from inverse_service.expressions import tree as ex
-from inverse_service.field import matrices, modular
+from inverse_service.field import flow, matrices, modular
 from inverse_service.field.flow import PRIME, Generator, Numbers, Points, Units, generator_tree
 from inverse_service.search.terms import Monomial, Terms, add_terms, terms_of, times
 
@@ -178,8 +178,7 @@ def _powers(
         result = np.ones(int(points.good.sum()), np.int64)
         for power, variable in zip(one, done, strict=True):
             for base, e in zip(letters_at(variable, points), power, strict=True):
-                for _ in range(e):
-                    result = result * base[points.good] % PRIME
+                result = result * flow.powers(base[points.good], e) % PRIME
         found[one] = result
     return found
 

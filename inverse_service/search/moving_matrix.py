@@ -13,7 +13,7 @@ so two integrations of closed forms give L.
 
 from collections.abc import Sequence
 from fractions import Fraction
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
@@ -81,14 +81,11 @@ def _moving_factor(search: one_matrix.OneMatrix, material: tm.Material, matrix: 
     good = np.flatnonzero(points.good)[:_POINTS]
     place = {pair: trees[k] for k, pair in enumerate(search.pairs)}
     rows = []
-    for i in range(n):
-        for j, k in combinations(range(n), 2):
-            (g, by_g), (h, by_h) = (slopes[place[min(i, m), max(i, m)]] for m in (k, j))
-            row = []
-            for factor in factors:
-                value, slope = slopes[factor]
-                row.append((g * slope[j] - h * slope[k] % PRIME) % PRIME * inverses(value) % PRIME)
-            rows.append([*row, (by_h[k] - by_g[j]) % PRIME])
+    for i, (j, k) in product(range(n), combinations(range(n), 2)):
+        (g, by_g), (h, by_h) = (slopes[place[min(i, m), max(i, m)]] for m in (k, j))
+        known = (slopes[factor] for factor in factors)
+        row = [(g * slope[j] - h * slope[k] % PRIME) % PRIME * inverses(value) % PRIME for value, slope in known]
+        rows.append([*row, (by_h[k] - by_g[j]) % PRIME])
     table = np.array(rows).transpose(0, 2, 1)[:, good].reshape(-1, len(factors) + 1)
     for vector in interpolation.kernel_of(table):
         if vector[-1]:

@@ -29,6 +29,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import reduce
 from itertools import combinations, product
 
 import numpy as np
@@ -342,10 +343,7 @@ def _monomials(own: Sequence[Generator], search: OneMatrix, degree: int) -> list
         for chosen in combinations(used, size):
             letters = [[letter for letter in interpolation.letters_of(v, search.units) if letter] for v in chosen]
             for some in product(*letters):
-                key = tm.EMPTY
-                for letter in some:
-                    key = tm.times(key, letter)
-                found[key] = None
+                found[reduce(tm.times, some)] = None
     return list(found)
 
 
