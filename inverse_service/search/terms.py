@@ -649,20 +649,21 @@ def _in_waves(circular: Monomial) -> tuple[tuple[Monomial, Fraction], ...]:
     angles = list(dict.fromkeys(p.argument for p, _ in functions))
     if prod(1 + sum(e for p, e in functions if p.argument == angle) for angle in angles) > _WAVES:
         raise TooManyTerms
-    # cos(sum_k n_k angles_k - m pi/2) by n and m; sin u is cos(u - pi/2).
+    # cos(sum_k n_k angles_k - m pi/2) by n and m, 0 or 1; sin u is cos(u - pi/2).
     waves = {((0,) * len(angles), 0): Fraction(1)}
     for p in (p for p, e in functions for _ in range(e)):
         place, quarter = angles.index(p.argument), int(p.function == "sin")
         turned = defaultdict[tuple[tuple[int, ...], int], Fraction](Fraction)
         for ((turns, quarters), factor), sign in product(waves.items(), (1, -1)):
-            more = (*turns[:place], turns[place] + sign, *turns[place + 1 :])
-            turned[more, (quarters + sign * quarter) % 4] += factor / 2
+            more, whole = (*turns[:place], turns[place] + sign, *turns[place + 1 :]), quarters + sign * quarter
+            turned[more, whole % 2] += (-factor if whole in (-1, 2) else factor) / 2
         waves = turned
     sums, parts = [terms_of(angle) for angle in angles], list[tuple[Terms, Fraction]]()
     for (turns, quarters), factor in waves.items():
-        name, argument = ("sin" if quarters % 2 else "cos"), weighted_sum(zip(sums, turns, strict=True))
+        argument = weighted_sum((angle, turn) for turn, angle in zip(turns, sums, strict=True) if turn)
+        name = "sin" if quarters else "cos"
         shown = ex.Apply(name, tree_of(argument)) if argument else ex.number(int(name == "cos"))
-        parts.append((terms_of(shown), -factor if quarters > 1 else factor))
+        parts.append((terms_of(shown), factor))
     return tuple(weighted_sum(parts).items())
 
 
