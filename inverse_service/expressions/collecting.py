@@ -274,15 +274,11 @@ def _logarithm(argument: Terms) -> Terms:
     sign = -1 if rest and all(exponent < 0 for _, exponent in rest) else 1
     factors = tuple((base, sign * exponent) for base, exponent in rest)
     value = value**sign
-    if len(factors) == 1 and value == 1 and factors[0][1] != 0 and not _is_even(factors[0][1]):
+    if len(factors) == 1 and value == 1 and factors[0][1] % 2 != 0:
         return _sum([*logs, _scaled(_atom(ex.Apply("log", factors[0][0])), sign * factors[0][1])])
     if factors or value != 1:
         logs.append(_scaled(_atom(ex.Apply("log", _tree({factors: value}))), Fraction(sign)))
     return _sum(logs)
-
-
-def _is_even(exponent: Fraction) -> bool:
-    return exponent.denominator == 1 and exponent % 2 == 0
 
 
 def _scaled(terms: Terms, factor: Fraction) -> Terms:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 
-from inverse_service import errors
 from inverse_service.expressions import tree as ex
+from inverse_service.expressions.refusals import fault
 
 # Arbitrary function to (names of its arguments, formula in these names).
 Definitions = Mapping[str, tuple[tuple[str, ...], ex.Expression]]
@@ -83,8 +83,7 @@ def _rule(function: str) -> Rule:
     """The derivative of a function; InputError for a step, which is not differentiable where its pieces meet."""
     if function in FUNCTION:
         return FUNCTION[function].derivative
-    instead = "piecewise formulas are accepted in the right sides of equations; write one piece here"
-    raise errors.InputError(f"a piecewise formula has no derivative where its pieces meet: {instead}.")
+    raise fault("derivative of pieces", "")
 
 
 def differentiate(expression: ex.Expression, variable: ex.Expression) -> ex.Expression:

@@ -7,10 +7,8 @@ _SMALL = "\u03b1\u03b2\u03b3\u03b4\u03b5\u03b6\u03b7\u03b8\u03b9\u03ba\u03bb\u03
 _SMALL += "\u03c3\u03c4\u03c5\u03c6\u03c7\u03c8\u03c9"
 _LETTERS = [unicodedata.name(small).split()[-1].lower().replace("lamda", "lambda") for small in _SMALL]
 # Variant letter shapes are separate names; the micro sign is the letter mu.
-_VARIANTS = {
-    "\u03d5": "varphi", "\u03d1": "vartheta", "\u03f5": "varepsilon", "\u03f1": "varrho", "\u03d6": "varpi",
-    "\u03c2": "varsigma", "\u03f0": "varkappa",
-}  # fmt: skip
+_VARIED = ("phi", "theta", "epsilon", "rho", "pi", "sigma", "kappa")
+_VARIANTS = dict(zip("\u03d5\u03d1\u03f5\u03f1\u03d6\u03c2\u03f0", map("var".__add__, _VARIED), strict=True))
 
 GREEK: dict[str, str] = dict(zip(_SMALL, _LETTERS, strict=True))
 GREEK |= {small.upper(): name.capitalize() for small, name in zip(_SMALL, _LETTERS, strict=True)}

@@ -120,7 +120,7 @@ def _written(text: str) -> Iterator[tuple[str, str]]:
             yield r"\frac{d}{dt}", "<mfrac><mi>d</mi><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>"
         elif name := match["name"]:
             marks, primes = _MARK.findall(match["marks"] + (match["power"] or "")), match["primes"]
-            yield _name_latex(name, marks, primes), _name_mathml(name, marks, primes)
+            yield _marked(name, marks, primes)
         elif above := match["above"]:
             yield f"){_mark_latex(above)}", f"<msup><mo>)</mo><mrow>{_mark(above)}</mrow></msup>"
         elif digits := match["digits"]:
@@ -149,24 +149,19 @@ def _body(name: str) -> tuple[str, str]:
     return (name, f"<mi>{name}</mi>") if len(name) == 1 or name == "dt" else (rf"\mathrm{{{name}}}", f"<mi>{name}</mi>")
 
 
-def _name_latex(name: str, marks: Sequence[str], primes: str) -> str:
-    body = _body(name)[0]
-    command = body.startswith("\\") and not body.endswith(("}", " "))
-    found = body + "'" * len(primes)
-    found += "".join(map(_mark_latex, marks))
-    return found + (" " if command and not marks else "")
-
-
-def _name_mathml(name: str, marks: Sequence[str], primes: str) -> str:
-    body = _body(name)[1]
-    sub = "".join(_mark(mark) for mark in marks if mark[0] == "_")
-    sup = "".join(_mark(mark) for mark in marks if mark[0] == "^")
-    head, base = ("<mi>∂</mi>", body[len("<mi>∂</mi>") :]) if body.startswith("<mi>∂") else ("", body)
+def _marked(name: str, marks: Sequence[str], primes: str) -> tuple[str, str]:
+    """(LaTeX, MathML) of a name with its marks."""
+    latex, body = _body(name)
+    command = latex.startswith("\\") and not latex.endswith(("}", " "))
+    latex += "'" * len(primes) + "".join(map(_mark_latex, marks)) + " " * (command and not marks)
+    sub, sup = ("".join(_mark(mark) for mark in marks if mark[0] == sign) for sign in "_^")
+    base = body.removeprefix("<mi>∂</mi>")
+    head = body.removesuffix(base)
     if sub and sup and not primes:
-        return f"{head}<msubsup>{base}<mrow>{sub}</mrow><mrow>{sup}</mrow></msubsup>"
+        return latex, f"{head}<msubsup>{base}<mrow>{sub}</mrow><mrow>{sup}</mrow></msubsup>"
     base = f"<msub>{base}<mrow>{sub}</mrow></msub>" if sub else base
     base = f"<mrow>{base}{printing.PRIME * len(primes)}</mrow>" if primes else base
-    return f"{head}<msup>{base}<mrow>{sup}</mrow></msup>" if sup else f"{head}{base}"
+    return latex, f"{head}<msup>{base}<mrow>{sup}</mrow></msup>" if sup else f"{head}{base}"
 
 
 def _mark_latex(mark: str) -> str:

@@ -431,11 +431,9 @@ class _Mathml(_Notation):
         body = _identifier(letter)
         if order:
             body = f'<mover accent="true">{body}<mo>{_DOTS[order]}</mo></mover>'
-        words = [self.number(word) if word.isdigit() else self._below(word) for word in below]
+        names = {word: self.name(word, 0) for word in below if letters.is_letter_with_number(word)}
+        words = [self.number(word) if word.isdigit() else names.get(word) or _identifier(word) for word in below]
         return f"<msub>{body}<mrow>{'<mo>,</mo>'.join(words)}</mrow></msub>" if words else body
-
-    def _below(self, word: str) -> str:
-        return self.name(word, 0) if letters.is_letter_with_number(word) else _identifier(word)
 
     def call(self, function: str, argument: ex.Expression) -> str:
         if function == "exp":

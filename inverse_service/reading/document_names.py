@@ -79,10 +79,7 @@ def _constant(value: str | int | float, pointer: str) -> ex.Expression:
     try:
         return reader.read_formula(value if isinstance(value, str) else repr(value), nm.Names(time=False))
     except errors.InputError as error:
-        if error.declare:
-            detail = 'the value of a parameter contains a name: write a number as in "1/2" or "2*pi", or use "where".'
-            raise errors.InputError(detail, pointer, error.column) from None
-        raise error.at(pointer) from None
+        raise (fault("name in a value", error.column or 1) if error.declare else error).at(pointer) from None
 
 
 def with_values(expression: ex.Expression, values: Mapping[str, ex.Expression]) -> ex.Expression:
@@ -464,13 +461,9 @@ def _refuse_sums(tokens: Line, moving: Sequence[str], order: int) -> None:
 def _refuse_glued_words(tokens: Line, moving: Sequence[str]) -> None:
     """InputError for constraintz' next to z', which is the word and the coordinate."""
     for token in walk(tokens):
-        ends = [
-            q
-            for q in moving
-            if token.text in moving and token.text.endswith(q) and prose.is_word(token.text[: -len(q)])
-        ]
-        if ends:
-            raise nm.undeclared(token.text, token.column, (f"{token.text[: -len(ends[0])]} {ends[0]}",))
+        heads = [(token.text.removesuffix(q), q) for q in moving if token.text in moving and token.text.endswith(q)]
+        if meant := next((f"{head} {q}" for head, q in heads if head.lower() in prose.BEGINNINGS), None):
+            raise nm.undeclared(token.text, token.column, (meant,))
 
 
 def key_coordinate(key: str, names: nm.Names, pointer: str) -> str:
@@ -817,7 +810,8 @@ def _ask_back(guessed: Mapping[str, _Found], names: nm.Names, raised: Mapping[st
         mechanical = name.removesuffix("e" * (not raised.get(name, True)))  # k e^(-x)
         of_motion = _FACTOR_OF_MOTION.fullmatch(mechanical) is not None
         squared = name in raised and name not in plain and parts  # ml^2 is m*l^2
-        if of_motion and (squared or {*parts} & {*plain}):  # mgl, where l also occurs alone
+        mixed = name[:2] == "mg" or not (name.islower() or name.istitle() or name.isupper())
+        if of_motion and (squared or (mixed and {*parts} & {*plain})):  # mgl and GMm, where l and m also occur alone
             splits[name] = parts
             continue
         if squared:

@@ -629,16 +629,12 @@ class FormulaParser(tk.TokenStream):
 
     def _euler(self, token: Token) -> ex.Expression:
         """exp(1) if it is raised to a formula; e alone or e^2 may be a charge."""
-        ahead = self.ahead
-        if token.order or not ahead.is_operator("^") or self._number_alone():
-            raise fault("Euler's number", token.column, name=token.text)
-        return ex.Apply("exp", ex.ONE)
-
-    def _number_alone(self) -> bool:
-        """Whether the exponent after the ^ ahead is a single number, possibly with signs or in brackets."""
         signs = itertools.takewhile(lambda k: self.look(k).is_operator("+", "-"), itertools.count(1))
-        raised = tk.walk([self.look(1 + len(list(signs)))])
-        return [token.kind for token in raised if not (token.is_bracket() or token.is_operator("+", "-"))] == ["number"]
+        exponent = tk.walk([self.look(1 + len(list(signs)))])
+        kinds = [each.kind for each in exponent if not (each.is_bracket() or each.is_operator("+", "-"))]
+        if token.order or not self.ahead.is_operator("^") or kinds == ["number"]:
+            raise fault("Euler's number", token.column, name=token.text)
+        return _EXPONENTIAL
 
     def _single(self, node: ex.Expression, token: Token) -> ex.Expression:
         """A name without arguments; InputError if a bracket makes it look like a function."""

@@ -26,7 +26,7 @@ _NOTES: ContextVar[dict[str, str] | None] = ContextVar("notes", default=None)
 LEFT_OUT, UNUSED = "left out", "a vector that is not used"
 _WORDS = {kind: frozenset(words) for kind, words in nm.WORDS["sentences"].items()}
 # Words that make a sentence, that can begin a clause alone, and that a formula may follow.
-_OF_SENTENCES, _BEGINNINGS, _OPENERS = (_WORDS[kind] for kind in ("sentences", "beginnings", "openers"))
+_OF_SENTENCES, BEGINNINGS, _OPENERS = (_WORDS[kind] for kind in ("sentences", "beginnings", "openers"))
 SHORTEST_WORD = 4  # letters from which on a word is unlikely to be a product of constants
 _BINDING = nm.pattern("prose", "binding")
 _CONSTANT = re.compile(r"\b(?:is|are)\s+(?:an?\s+)?const(?:ant)?s?$")  # h = r^2 phi' is constant
@@ -168,7 +168,7 @@ def is_word(text: str) -> bool:
     parts = re.split("[-\u2010\u2013]", plain)
     if len(parts) > 1:
         return all(is_word(part) or part.lower() in _WORDS["prefixes"] for part in parts)
-    if plain.lower() in _OF_SENTENCES | _BEGINNINGS or (plain != text and len(plain) > 2):
+    if plain.lower() in _OF_SENTENCES | BEGINNINGS or (plain != text and len(plain) > 2):
         return True
     known = plain in nm.FUNCTIONS | nm.DERIVATIVE_NAMES | nm.REFUSED.keys() | letters.LETTER_COMMANDS.keys()
     if not plain.isascii():  # Painlevé, but not Greek letters
@@ -332,4 +332,4 @@ def _is_left_out(before: Sequence[Piece], run: Sequence[Piece], after: Sequence[
     names = list(after[:2])
     plain = len(names) > 1 and names[0].kind == "name" and names[1].kind in ("relation", "opening")
     defines = plain and any(piece.kind == "relation" for piece in after[1:3])
-    return article and bool(after) and (words[0].text.lower() in _BEGINNINGS or defines)
+    return article and bool(after) and (words[0].text.lower() in BEGINNINGS or defines)

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
 
-from inverse_service.errors import InputError, LimitError
+from inverse_service.errors import InputError
 from inverse_service.expressions import letters, refusals
 from inverse_service.reading.names import Reason, meanings, pattern, reasons
 
@@ -331,9 +331,7 @@ def unexpected(token: Token, wanted: str) -> InputError:
 def check_length(text: str) -> None:
     """LimitError for too many characters, InputError for an empty text."""
     most = refusals.most_characters()
-    if len(text) > most:
-        detail = f"the formula has {len(text):,} characters: the limit is {most:,}; shorten it."
-        raise LimitError(detail, column=most + 1)
+    refusals.at_most(len(text), most, "the formula has too many characters", most + 1)
     if not text.strip():
         raise refusals.fault("empty formula", len(text) + 1)
 

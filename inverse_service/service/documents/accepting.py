@@ -253,12 +253,10 @@ def _time_name(plain: dict[str, Any]) -> str:
     if given is None:
         return _found_time(plain)
     if not isinstance(given, str):
-        raise errors.InputError("'time' is not a text: write the name of the time, such as \"tau\".", "/time")
+        raise refusals.fault("time that is no text", "/time")
     name = "t" if given == "t" else nm.declared_name(given, "/time", "time")
     if name in _declared(plain):
-        raise errors.InputError(
-            f"{name} is the time here and is declared too: give one of the two another name.", "/time"
-        )
+        raise refusals.fault("time declared twice", "/time", name=name)
     return name
 
 
