@@ -642,7 +642,8 @@ class FormulaParser(tk.TokenStream):
         if token.order and not isinstance(node, ex.Velocity | ex.Acceleration):
             if node in self._names.definitions:
                 return self._defined_motion(node, token)
-            if self._names.guesses and (nm.looks_like_a_coordinate(name) or name in nm.GREEK_NAMES):
+            guessed = self._names.guesses and node != ex.PI
+            if guessed and (nm.looks_like_a_coordinate(name) or name in nm.GREEK_NAMES):
                 raise fault("prime of a guessed constant", token.column, name=name)
             raise fault("prime of a constant", token.primed, (token.column, token.primed + token.order), name=name)
         if ahead.is_bracket() and not ahead.space_before and self._are_its_names(node):
