@@ -31,12 +31,13 @@ import numpy.typing as npt
 
 from inverse_service import deadline
 from inverse_service.expressions import collecting, derivative, tree as ex
-from inverse_service.field import tower
+from inverse_service.field import modular, tower
 
 Numbers = npt.NDArray[np.int64]
 # 2 q + 1 with q prime, modulo which 2, 3, 5, 7, 11, 13, and 17 are squares.
 PRIME = 2_147_454_839
 _HALF = (PRIME - 1) // 2
+SQUARE_ROOT = pow(2, -1, _HALF)  # the exponent that gives one of the roots of a square
 # ("variable" | "root", itself), ("angle" | "exp", its unit), ("function", a derivative of it), (name, argument) else.
 Generator = tuple[str, ex.Expression]
 _INVERSES = ("log", "atan", "asin", "acos", "asinh", "acosh", "atanh")
@@ -133,12 +134,14 @@ def _derivative(a: Numbers) -> Numbers:
 class Units:
     """The common denominator of each unit of the generators of angles and exponentials.
 
-    `roots` are the variables whose square roots occur and serve as generators.
+    `roots` are the variables whose square roots occur and serve as generators. `radicands` are polynomials whose square
+    roots occur, by each of their variables; no two share a variable.
     """
 
     angles: dict[ex.Expression, int] = field(default_factory=dict)
     exponentials: dict[ex.Expression, int] = field(default_factory=dict)
     roots: set[ex.Expression] = field(default_factory=set)
+    radicands: dict[ex.Expression, ex.Expression] = field(default_factory=dict)
 
     @classmethod
     def of(cls, trees: Iterable[ex.Expression]) -> Units:
@@ -148,6 +151,11 @@ class Units:
             match node:
                 case ex.Power(ex.Symbol() | ex.Velocity() as base, ex.Number(e)) if e.denominator == 2:
                     found.roots.add(base)
+                case ex.Power(ex.Sum() as base, ex.Number(e)) if e.denominator == 2:
+                    letters = {p: base for key, _ in collecting.expand(base) for p, _ in key}
+                    plain = letters.keys() == {*modular.variables_in(base)}
+                    if plain and not letters.keys() & found.radicands.keys():
+                        found.radicands |= letters
             if isinstance(node, ex.Apply) and node.function in ("sin", "cos", "exp"):
                 table = found.exponentials if node.function == "exp" else found.angles
                 for unit, value in _multiples(node.argument):

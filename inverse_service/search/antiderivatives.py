@@ -710,8 +710,15 @@ class Integrator:
                 rest = tm.add_terms(rest, tm.multiply_terms(coefficient, {tm.monomial(log): Fraction(1)}))
             else:
                 exponents[log.argument] = coefficient
+        groups: dict[ex.Expression, list[ex.Expression]] = {}
         for base, exponent in exponents.items():
-            product = tm.multiply_terms(product, tm.terms_of(tm.positive(base, self.table) ** tm.tree_of(exponent)))
+            groups.setdefault(tm.tree_of(exponent), []).append(tm.positive(base, self.table))
+        for power, bases in groups.items():
+            together = tm.collected(ex.multiply(*bases))  # sqrt(1 - x^2) for sqrt(1 - x) sqrt(1 + x)
+            is_root = isinstance(power, ex.Number) and power.value.denominator > 1
+            shorter = is_root and ex.node_count(together) < ex.node_count(ex.multiply(*bases))
+            for base in [together] if shorter else bases:
+                product = tm.multiply_terms(product, tm.terms_of(base**power))
         return tm.multiply_terms(product, tm.terms_of(ex.Apply("exp", tm.tree_of(rest)))) if rest else product
 
     def linear_terms(self, wanted: Sequence[tm.Terms]) -> tm.Terms | None:

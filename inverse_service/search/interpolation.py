@@ -13,6 +13,7 @@ them and reconstructed as rational numbers. The caller must verify the result.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import reduce
 from math import gcd, lcm
 
 import numpy as np
@@ -62,11 +63,20 @@ class Interpolation:
                 if degrees[variable] == 0:
                     continue
                 done.append(variable)
-                added = _basis(variable, degrees[variable])
-                candidates = [[(*one, power) for power in added for one in products] for products in support]
-                support, vector = self._fitted(candidates, entries, done, fixed)
+                # A root is no factor twice, and where one is a factor already, the degree may be less.
+                shared = [k for k, one in enumerate(done[:-1]) if _have_one_root(one, variable, self.units)]
+                for degree in range(0 if shared else degrees[variable], degrees[variable] + 1):
+                    candidates = [
+                        [(*one, power) for power in _basis(variable, degree, self.units) for one in products
+                         if not (power[1] and any(one[k][1] for k in shared))]
+                        for products in support
+                    ]  # fmt: skip
+                    kernel = self._kernel(candidates, entries, done, _without(fixed, done))
+                    if kernel:
+                        break
+                support, vector = _split(candidates, kernel)
             if not done:
-                support, vector = self._fitted(support, entries, done, fixed)
+                support, vector = _split(support, self._kernel(support, entries, done, fixed))
         found = self._trees(support, vector, done)
         known = dict(zip(entries, found, strict=True))
         return _whole_numbers([known.get(e, {}) for e in range(len(values))])
@@ -95,7 +105,7 @@ class Interpolation:
         for place, variable in enumerate(self.variables):
             mine = np.flatnonzero(own == place)
             for degree in range(_DEGREE + 1):
-                basis = [[(power,) for power in _basis(variable, degree)] for _ in entries]
+                basis = [[(power,) for power in _basis(variable, degree, self.units)] for _ in entries]
                 if _needed(basis) <= len(mine):
                     fits = _fits(basis, entries, values, _powers(basis, [variable], points), mine)
                 else:
@@ -106,20 +116,6 @@ class Interpolation:
             else:
                 raise NoFit("the degree in one variable is high")
         return found
-
-    def _fitted(
-        self,
-        candidates: list[list[tuple[Power, ...]]],
-        entries: Sequence[int],
-        done: Sequence[Generator],
-        fixed: Mapping[Generator, int],
-    ) -> tuple[list[list[tuple[Power, ...]]], list[int]]:
-        """The support and coefficients of the unique vector in the span of the candidates."""
-        kernel = self._kernel(candidates, entries, done, _without(fixed, done))
-        if len(kernel) != 1:
-            raise NoFit("the vector is not the only one in its support")
-        values = iter(kernel[0])
-        return [[one for one in products if next(values)] for products in candidates], list(filter(None, kernel[0]))
 
     def _kernel(
         self,
@@ -156,6 +152,16 @@ class Interpolation:
                 total = add_terms(total, {key: next(known)})
             found.append(total)
         return found
+
+
+def _split(
+    candidates: Sequence[list[tuple[Power, ...]]], kernel: Sequence[Sequence[int]]
+) -> tuple[list[list[tuple[Power, ...]]], list[int]]:
+    """The support and coefficients of the unique vector in the span of the candidates."""
+    if len(kernel) != 1:
+        raise NoFit("the vector is not the only one in its support")
+    values = iter(kernel[0])
+    return [[one for one in products if next(values)] for products in candidates], list(filter(None, kernel[0]))
 
 
 def _without(fixed: Mapping[Generator, int], done: Sequence[Generator]) -> dict[Generator, int]:
@@ -211,26 +217,43 @@ def kernel_of(rows: Numbers) -> list[list[int]]:
     return matrices.null_rows(rows.tolist(), rows.shape[1], PRIME)
 
 
-def _basis(variable: Generator, degree: int) -> list[Power]:
-    """Exponents of (cos, sin) for an angle, of (x, unused) for other variables."""
-    if variable[0] == "angle":
+def _basis(variable: Generator, degree: int, units: Units) -> list[Power]:
+    """Exponents of (cos, sin) for an angle, of (x, sqrt(P(x)) if it occurs) for other variables."""
+    if variable[0] == "angle" or _radicand(variable, units):
         return [(total - b, b) for total in range(degree + 1) for b in (0, 1) if b <= total]
     return [(k, 0) for k in range(degree + 1)]
 
 
 def letters_at(variable: Generator, points: Points) -> tuple[Numbers, Numbers]:
-    """The values of the two generators of a variable; the second is meaningful for an angle only."""
+    """The values of the two generators of a variable; the second is 1 if there is none."""
     if variable[0] == "angle":
         sine, cosine = points.circle(variable[1])
         return cosine, sine
-    return points.value(variable), np.ones(points.count, np.int64)
+    x, second = points.value(variable), np.ones(points.count, np.int64)
+    if radicand := _radicand(variable, points.units):
+        total = np.zeros(points.count, np.int64)
+        for key, c in terms_of(radicand).items():
+            values = [flow.powers(points.value(("variable", p)), int(e)) for p, e in key]
+            total += reduce(lambda one, other: one * other % PRIME, values, second * flow.residue(c))
+        second = flow.powers(total % PRIME, flow.SQUARE_ROOT)
+    return x, second
 
 
 def letters_of(variable: Generator, units: Units) -> tuple[Monomial, Monomial]:
     """The two generators of a variable as monomials."""
-    tree = generator_tree(variable, units)
-    second = ex.Apply("sin", tree.argument) if variable[0] == "angle" and isinstance(tree, ex.Apply) else ex.ONE
+    tree, second = generator_tree(variable, units), ex.power(_radicand(variable, units) or ex.ONE, ex.HALF)
+    if variable[0] == "angle" and isinstance(tree, ex.Apply):
+        second = ex.Apply("sin", tree.argument)
     return _monomial(tree), _monomial(second)
+
+
+def _have_one_root(one: Generator, other: Generator, units: Units) -> bool:
+    radicand = _radicand(one, units)
+    return radicand is not None and radicand == _radicand(other, units)
+
+
+def _radicand(variable: Generator, units: Units) -> ex.Expression | None:
+    return units.radicands.get(variable[1]) if variable[0] == "variable" else None
 
 
 def _monomial(tree: ex.Expression) -> Monomial:
