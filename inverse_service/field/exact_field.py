@@ -695,7 +695,11 @@ def _factored(ring: ExactRing, quotient: Quotient) -> ex.Expression:
     ordered = sorted(
         table.items(), key=lambda item: (item[1] < 0, isinstance(item[0], ex.Sum), rank.get(item[0], (3, 0)))
     )
-    return ex.multiply(ex.number(constant), *(_power(ring, tree, exponent) for tree, exponent in ordered if exponent))
+    powers = [(tree, exponent) for tree, exponent in ordered if exponent]
+    below = [(tree, -exponent) for tree, exponent in powers if exponent < 0]
+    if ring.plain_powers and len(below) > 1:  # 1/(u^a w^a) rather than u^(-a) w^(-a)
+        powers = [*powers[: -len(below)], (ex.multiply(*(tree**exponent for tree, exponent in below)), Fraction(-1))]
+    return ex.multiply(ex.number(constant), *(_power(ring, tree, exponent) for tree, exponent in powers))
 
 
 def factor_trees(ring: ExactRing, quotient: Quotient) -> list[ex.Expression]:
