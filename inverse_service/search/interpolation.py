@@ -64,7 +64,8 @@ class Interpolation:
                     continue
                 done.append(variable)
                 # A root is no factor twice, and where one is a factor already, the degree may be less.
-                shared = [k for k, one in enumerate(done[:-1]) if _have_one_root(one, variable, self.units)]
+                root = _radicand(variable, self.units)
+                shared = [k for k, one in enumerate(done[:-1]) if root and _radicand(one, self.units) == root]
                 for degree in range(0 if shared else degrees[variable], degrees[variable] + 1):
                     candidates = [
                         [(*one, power) for power in _basis(variable, degree, self.units) for one in products
@@ -245,11 +246,6 @@ def letters_of(variable: Generator, units: Units) -> tuple[Monomial, Monomial]:
     if variable[0] == "angle" and isinstance(tree, ex.Apply):
         second = ex.Apply("sin", tree.argument)
     return _monomial(tree), _monomial(second)
-
-
-def _have_one_root(one: Generator, other: Generator, units: Units) -> bool:
-    radicand = _radicand(one, units)
-    return radicand is not None and radicand == _radicand(other, units)
 
 
 def _radicand(variable: Generator, units: Units) -> ex.Expression | None:

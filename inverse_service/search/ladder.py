@@ -141,7 +141,7 @@ LEAVES = (
     Leaf(
         "linear systems, a constant multiplier times exp(c*t)",
         1.5,
-        ANY,
+        SEVERAL,
         linear_systems.is_linear,
         linear_systems.propose,
         "The system is linear. The equations times `exp(c*t)`, with the trace `n c` of the damping, have sums with "

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache, partial
 from itertools import combinations, product
-from math import isqrt, prod
+from math import prod
 
 import mpmath
 
@@ -397,15 +397,16 @@ def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
     held = _parameters(system)
     groups = tm.grouped(quadratic, lambda p: p in held or (isinstance(p, ex.Sum) and not tm.has_velocity(p)))
     for key, inner in groups.items():
-        constants, square = tm.monomial_tree(key), _whole_square(inner, velocities)
-        for moving, beside in tm.grouped(inner, tm.has_velocity).items() if square is None else ():
-            plain.append(constants * tm.tree_of(tm.shortest_in_angles(beside)) * tm.monomial_tree(moving))
+        constants, rates = tm.monomial_tree(key), tm.grouped(inner, tm.has_velocity)
+        short = [tm.tree_of(tm.shortest_in_angles(beside)) * tm.monomial_tree(v) for v, beside in rates.items()]
+        whole = (form for form in short_forms.short_forms(ex.add(*short), velocities) if _is_square(form))
+        square = next(whole, None) if len(rates) > 1 else None
         parts += [] if square is None else [constants * square]
+        plain += [constants * term for term in short] if square is None else []
     rest = ex.add(*plain)
-    forms = [
-        writing.with_one_coefficient(rest, velocities),
-        *([_grouped_by_rates(system, _terms_of(rest))] if parts else []),
-    ]
+    forms = [writing.with_one_coefficient(rest, velocities)]
+    if parts:
+        forms.append(_grouped_by_rates(system, _terms_of(rest)))
     return ex.add(*parts, min(forms, key=_preference))
 
 
@@ -415,29 +416,8 @@ def _with_proper_quotients(system: SecondOrderSystem, tree: ex.Expression) -> ex
     return _with_whole_squares(system, short_forms.proper_quotients(tree, velocities, [*symbols, ex.TIME]))
 
 
-def _whole_square(terms: tm.Terms, velocities: Sequence[ex.Velocity]) -> ex.Expression | None:
-    """c (l_i v_i)^2 with a number c, for a quadratic form in more than one velocity; None if it is not a square."""
-    form, content = list[ex.Expression](), Fraction(0)
-    for v in velocities:
-        own = {key - tm.monomial(v) - {(v, Fraction(2))}: c for key, c in terms.items() if (v, Fraction(2)) in key}
-        if not own:
-            continue
-        ((key, value), *more) = tm.shortest_in_angles(own).items()
-        content = content or value
-        top, below = isqrt(abs((value / content).numerator)), isqrt((value / content).denominator)
-        if more or any(e % 2 for _, e in key) or Fraction(top**2, below**2) != value / content:
-            return None
-        side = tm.monomial_tree(frozenset((p, e / 2) for p, e in key)) * ex.number(Fraction(top, below)) * v
-        for sign in (1, -1):
-            both = tm.terms_of(ex.number(content) * ex.add(*form, sign * side) ** 2)
-            moving = {node for one in (*form, side) for node in ex.walk(one) if isinstance(node, ex.Velocity)}
-            wanted = {k: c for k, c in terms.items() if {p for p, _ in k if isinstance(p, ex.Velocity)} <= moving}
-            if antiderivatives.is_zero(tm.add_terms(both, wanted, -1)):
-                form.append(sign * side)
-                break
-        else:
-            return None
-    return ex.number(content) * ex.add(*form) ** 2 if len(form) > 1 else None
+def _is_square(tree: ex.Expression) -> bool:
+    return any(isinstance(factor, ex.Power) and isinstance(factor.base, ex.Sum) for factor in ex.factors_of(tree))
 
 
 def _with_squares_inside(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
