@@ -32,7 +32,7 @@ class Limits:
     """
 
     characters: int = 20_000
-    tokens: int = 5_000
+    tokens: int = 8_000
     depth: int = 100
     digits: int = 200
     exponent: int = 4_096

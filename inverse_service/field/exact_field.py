@@ -198,9 +198,12 @@ class QuotientField:
         """The expanded product D^e (used to bring fractions to one denominator)."""
         result = self.context.constant(1)
         for index, power in exponents:
+            base = self.denominators[index]
+            if len(base) == 1 and self._relation_of(base) is None:  # exp(t/1000)^999999 is one monomial
+                base, power = base**power, 1
             self.budget.charge(power)  # a step has a cost even if a monomial is multiplied
             for _ in range(power):
-                result = self.product(result, self.denominators[index])
+                result = self.product(result, base)
         return result
 
     def quotient(self, numerator: fmpq_mpoly, exponents: Exponents) -> Quotient:

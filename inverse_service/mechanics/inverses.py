@@ -201,12 +201,12 @@ def invert(matrix: Sequence[Sequence[ex.Expression]]) -> Inverse | None:
     ring = exact_field.opaque_ring([entry for row in plain for entry in row], exact_field.Budget(bounds.TERMS))
     try:
         inverse = matrices.inverse([list(map(ring.value, row)) for row in plain], ring.constant(1))
+        if inverse is None:
+            return None
+        entries = [entry for row in inverse for entry in row]
+        *above, below = matrices.numerators(ring, [*entries, ring.constant(1)])
     except (exact_field.TooLarge, ZeroDivisionError):
         return None
-    if inverse is None:
-        return None
-    entries = [entry for row in inverse for entry in row]
-    *above, below = matrices.numerators(ring, [*entries, ring.constant(1)])
     # As many numbers as possible are fractions: those are seen and taken out of brackets later.
     contents = [collecting.content_of(map(exact_field.as_fraction, polynomial.coeffs())) for polynomial in above]
     scale = collecting.content_of(1 / content for content in contents if content)
