@@ -77,19 +77,19 @@ class Jet:
         return Jet(self.data * factor % PRIME)
 
     def __mul__(self, other: Jet) -> Jet:
-        value = _times(self.data[0], other.data[0])[None]
-        if len(self.data) == 1:
-            return Jet(value)
-        slopes = self._slopes_times(other.data[0]) + other._slopes_times(self.data[0])
-        return Jet(np.concatenate([value, slopes % PRIME]))
+        a, b = self.data, other.data
+        result = np.zeros_like(a)
+        for k in range(a.shape[1]):
+            for j in range(k + 1):
+                result[0, k] += a[0, j] * b[0, k - j] % PRIME
+                if a.shape[0] > 1:  # both terms of a gradient in one pass, as most of the time goes here
+                    result[1:, k] += (a[1:, j] * b[0, k - j] + a[0, j] * b[1:, k - j] % PRIME) % PRIME
+        return Jet(result % PRIME)
 
     def with_series(self, value: Numbers, slope: Numbers) -> Jet:
         """h(self) for a function with these series of h and of h' along the flow."""
-        return Jet(np.concatenate([value[None], self._slopes_times(slope)]))
-
-    def _slopes_times(self, series: Numbers) -> Numbers:
-        """The gradients times a series, (directions, order, points)."""
-        return _times(self.data[1:].swapaxes(0, 1), series[:, None]).swapaxes(0, 1)
+        slopes = _times(self.data[1:].swapaxes(0, 1), slope[:, None]).swapaxes(0, 1)
+        return Jet(np.concatenate([value[None], slopes]))
 
 
 def _times(a: Numbers, b: Numbers, product: Callable[[Numbers, Numbers], Numbers] = np.multiply) -> Numbers:
