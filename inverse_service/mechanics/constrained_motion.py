@@ -256,10 +256,8 @@ def _refuse_dependent(parts: Geometry) -> None:
             pointer,
         )
     if len(parts.rows) >= n:
-        raise InputError(
-            f"{len(parts.rows)} independent constraints leave {n} coordinates no freedom: give fewer constraints.",
-            "/constraints",
-        )
+        detail = f"a system with {n} coordinate{'s' * (n != 1)} and as many independent constraints has no freedom"
+        raise InputError(f"{detail}: give fewer constraints.", "/constraints")
 
 
 def frames(parts: Geometry) -> list[Frame]:
