@@ -3,7 +3,7 @@
 Terms of the same velocities and parameters are over one denominator. f is simplified in the same way before the search.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -57,6 +57,10 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     tree = ex.add(*(term for term in ex.summands(collecting.merge_powers(tree)) if ex.holds(term, *moving)))
     with suppress(*tm.FAILED):
         tree = _finite(_regular_gauge(_cyclic_gauge(tree, system), system), system)
+        terms = _terms_of(tree)
+        sums = {p for p in _constant_divisors([tm.tree_of(terms)], _parameters(system)) if isinstance(p, ex.Sum)}
+        if below := _divisor(terms, sums):
+            tree = tm.tree_of({tm.times(key, below): c for key, c in terms.items()})
     if _size(tree) > bounds.TERMS:
         return tree
     tree = _with_squares_inside(system, writing.one_square(writing.joined(_shortened(tree, system))))
@@ -230,14 +234,10 @@ def with_written_roots(
     return _in_order(tree, system)
 
 
-def _divisor(terms: tm.Terms, constants: frozenset[ex.Symbol]) -> tm.Monomial:
+def _divisor(terms: tm.Terms, constants: Collection[ex.Expression]) -> tm.Monomial:
     """The lowest product of constants by which the terms must be multiplied to become polynomials in the constants."""
-    lowest: dict[ex.Expression, Fraction] = {}
-    for key in terms:
-        for letter, e in key:
-            if letter in constants and e < 0:
-                lowest[letter] = min(e, lowest.get(letter, Fraction(0)))
-    return frozenset((letter, -e) for letter, e in lowest.items())
+    powers = [(letter, e) for key in terms for letter, e in key if letter in constants and e < 0]
+    return frozenset((letter, -min(e for other, e in powers if other == letter)) for letter, _ in powers)
 
 
 @lru_cache(maxsize=256)
