@@ -393,7 +393,8 @@ def _by_partial_fractions(x: modular.Variable, wanted: tm.Terms) -> ex.Expressio
     for letter, most in poles.items():
         primitives.append(tm.monomial(ex.Apply("log", letter)))
         primitives += [frozenset([(letter, Fraction(-j))]) for j in range(1, most)]
-        if letter != x and _is_quadratic(letter, x):
+        degrees = [dict(key).get(x, Fraction(0)) for key in tm.terms_of(letter)]
+        if max(degrees) == 2 and min(degrees) >= 0:
             primitives += [frozenset([(x, Fraction(1)), (letter, Fraction(-j))]) for j in range(1, most)]
             primitives += [*quadratic_antiderivatives(frozenset([(letter, Fraction(-1))]), x)][:1]
     found = _combination([*(by_generators(tm.derivative_of_terms({m: Fraction(1)}, x)) for m in primitives), right])
@@ -408,11 +409,6 @@ def _with_factors(key: tm.Monomial, value: Fraction, x: modular.Variable) -> tm.
             rest = tm.sum_of({tm.times(k, frozenset([(letter, e)]), -1): a} for k, a in found.items())
             found = tm.multiply_terms(rest, tm.power_of_factors(tm.terms_of(letter), e))
     return tm.sum_of(_with_one_sum(k, a) for k, a in found.items())
-
-
-def _is_quadratic(letter: ex.Expression, x: modular.Variable) -> bool:
-    degrees = [dict(key).get(x, Fraction(0)) for key in tm.terms_of(letter)]
-    return max(degrees) == 2 and min(degrees) >= 0
 
 
 def antiderivative(

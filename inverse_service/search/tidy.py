@@ -59,8 +59,9 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
         tree = _finite(_regular_gauge(_cyclic_gauge(tree, system), system), system)
         terms = _terms_of(tree)
         sums = {p for p in _constant_divisors([tm.tree_of(terms)], _parameters(system)) if isinstance(p, ex.Sum)}
-        if below := _divisor(terms, sums):
-            tree = tm.tree_of({tm.times(key, below): c for key, c in terms.items()})
+        below = _divisor(terms, sums)
+        whole = tm.tree_of({tm.times(key, below): c for key, c in terms.items()})
+        tree = whole if below and _size(whole) <= _size(tm.tree_of(terms)) else tree
     if _size(tree) > bounds.TERMS:
         return tree
     tree = _with_squares_inside(system, writing.one_square(writing.joined(_shortened(tree, system))))
