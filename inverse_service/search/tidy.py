@@ -399,11 +399,13 @@ def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
     groups = tm.grouped(quadratic, lambda p: p in held or (isinstance(p, ex.Sum) and not tm.has_velocity(p)))
     for key, inner in groups.items():
         constants, rates = tm.monomial_tree(key), tm.grouped(inner, tm.has_velocity)
-        short = [tm.tree_of(tm.shortest_in_angles(beside)) * tm.monomial_tree(v) for v, beside in rates.items()]
-        whole = (form for form in short_forms.short_forms(ex.add(*short), velocities) if _is_square(form))
-        square = next(whole, None) if len(rates) > 1 else None
+        short = {v: tm.tree_of(tm.shortest_in_angles(c)) for v, c in rates.items()}
+        # One term stays as it is: the square has 2 sin(u) cos(u), not sin(2 u).
+        whole = ex.add(*((tm.tree_of(c) if len(c) == 1 else short[v]) * tm.monomial_tree(v) for v, c in rates.items()))
+        squares = filter(_is_square, short_forms.short_forms(whole, velocities) if len(rates) > 1 else ())
+        square = next(squares, None)
         parts += [] if square is None else [constants * square]
-        plain += [constants * term for term in short] if square is None else []
+        plain += [constants * c * tm.monomial_tree(v) for v, c in short.items() if square is None]
     rest = ex.add(*plain)
     forms = [writing.with_one_coefficient(rest, velocities)]
     if parts:
