@@ -16,7 +16,7 @@ from inverse_service import catalogue as catalog, errors
 from inverse_service.cli import command_line as cli
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.kernels.machine_code import code_store
-from inverse_service.reading import document_names
+from inverse_service.reading import document_names, reader
 from inverse_service.service import compiling
 from inverse_service.service.documents import growing, plain_data
 from inverse_service.service.jobs import model, tasks, workers
@@ -26,6 +26,7 @@ STAGE_WIDTH, LINE_WIDTH = 78, 118
 LINES_AFTER = 1.0  # seconds
 _CALLED = re.compile(r"[\s\[({]*(?:Eq|Equal|Equality|Derivative)\s*[\[(]")  # SymPy's and Mathematica's equations
 _ACCELERATED = re.compile("''|\u2033|\\\\ddot|[^AOUaou]\u0308")  # no umlaut of a file's name
+_MAY_BE_JSON = re.compile(r'\{|\s*[\[{"].*=', re.DOTALL)
 PROOFS = ("coq", "identities")
 # How `solve` writes its result.
 Format = StrEnum(
@@ -96,11 +97,8 @@ def solve(
     cli.write(_proof(result, form, asked) if form in PROOFS else _written(result, form, explain), output)
     if form == "json" and output is None and sys.stdout.isatty():
         print("This is JSON, for programs; -f text is shorter.", file=sys.stderr)
-    if result.get("guessed") or result.get("readings"):
-        from inverse_service.service.documents.printed_pages import guessed_words
-
-        for words in guessed_words(result):
-            print(f"{words[:1].upper()}{words[1:]}.", file=sys.stderr)
+    for words in _taken(result):
+        print(f"{words[:1].upper()}{words[1:]}.", file=sys.stderr)
     return cli.ExitCode.OPEN if _is_open(result) else cli.ExitCode.DONE
 
 
@@ -110,6 +108,21 @@ def _by_options(sentence: str) -> str:
     found = called.sub(lambda match: f'--functions "{match[1]}({match[2].replace(chr(34), "")})"', sentence)
     found = found.replace('of your own in "functions" with its arguments', 'of your own, as in --functions "F(x)"')
     return re.sub(r'add it to "(parameters|coordinates)"', r"name it with --\1", found)
+
+
+def _taken(result: Mapping[str, Any]) -> list[str]:
+    """How names that the document did not declare were taken, in one line; none where all were declared."""
+    functions = (result["system"] or {}).get("functions", {})
+    names = result.get("guessed") or []
+    taken = {
+        "as constants": [name for name in names if name not in functions],
+        "as any functions": [f"{name}({', '.join(functions[name])})" for name in names if name in functions],
+    }
+    parts = [f"taken {how}: {', '.join(found)}" for how, found in taken.items() if found]
+    read = [f"{note['text']} as {note['as']}" for note in result.get("readings") or [] if note["as"] != reader.LEFT_OUT]
+    left = [note["text"] for note in result.get("readings") or [] if note["as"] == reader.LEFT_OUT]
+    lines = [f"not declared, {'; '.join(parts)}"] * bool(parts) + [f"read {', '.join(read)}"] * bool(read)
+    return lines + [f"left out: {', '.join(left)}"] * bool(left)
 
 
 def kind_of_option(text: str) -> str | dict[str, list[str]]:
@@ -144,7 +157,7 @@ def given_document(name: str, guess: bool | None) -> Any:
     if name == "-" or _is_file(name):
         document = plain_data.read_document(cli.read_bytes(name), name)
     elif "=" in name or name.startswith("{") or _CALLED.match(name) or _ACCELERATED.search(normalize("NFD", name)):
-        document = plain_data.read_document(name, "") if "=" in name or name.startswith("{") else {"equations": name}
+        document = plain_data.read_document(name, "") if _MAY_BE_JSON.match(name) else {"equations": name}
         guess = guess if guess is not None else "equations" in document and "parameters" not in document
     elif catalog.meant(name):
         document = catalog.document(name)

@@ -50,6 +50,10 @@ KEPT = frozenset(("certificate", "provenance", "given", "format", "question", "i
 _LETTERS = "wzkbcudhgnalsTYZWJKBUDGNCP"
 _TIMED = re.compile(r"(?<![A-Za-z\\])d?t(?![A-Za-z])")
 _MOVING = nm.pattern("lagrangian_texts", "moving")
+# x'' = f without words: no Lagrangian, no constraint, and no multiplier of one.
+_ACCELERATION = re.compile(
+    r"\s*[a-z]\d?''\s*=(?:[-+*/^().'\d ]|\b[a-z]\d?\b|\b(?:sin|cos|tan|exp|log|sqrt)\b)*", re.ASCII
+)
 _PLAIN_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_\u2080-\u2089]*")
 _LATEX_WORD = re.compile(r"(_\{?)?(\\?[A-Za-z]+)")
 # Of documents of every kind.
@@ -157,7 +161,9 @@ def prepared(document: Any) -> Prepared:
     if any(len(text) > refusals.most_characters() for text in _texts(formulas)):
         return Prepared(plain)  # too long a text is refused before it is read
     plain = _with_indices_below(plain)
-    plain, places, read = lagrangian_texts.with_lagrangian(plain, _declared(plain))
+    places, read = dict[str, str](), dict[str, str]()
+    if "lagrangian" in plain or not _gives_accelerations(plain.get("equations")):
+        plain, places, read = lagrangian_texts.with_lagrangian(plain, _declared(plain))
     if is_forward(plain):
         plain.pop("constraints", None)
     extra = {key: document[key] for key in ("id", "metadata") if key in document}
@@ -168,8 +174,9 @@ def prepared(document: Any) -> Prepared:
         extra["ignored"] = ignored
         plain = {key: value for key, value in plain.items() if key not in ignored}
     plain = {key: _LOOSE[key](value) if key in _LOOSE else value for key, value in plain.items()}
-    plain, eliminated = lagrangian_texts.on_positions(plain)
-    read = read | eliminated
+    if "lagrangian" in plain and "constraints" in plain:
+        plain, eliminated = lagrangian_texts.on_positions(plain)
+        read = read | eliminated
     time = _time_name(plain)
     free = "" if time != "t" else _free_variable(plain)
     notes = read | ({free: "the independent variable"} if free else {})
@@ -183,6 +190,14 @@ def prepared(document: Any) -> Prepared:
     other = next(letter for letter in _LETTERS if letter not in "".join(_texts(plain)))
     inside = {key: _changed(plain[key], {time: "t", "t": other}, True) for key in (*FORMULAS, *NAMES) if key in plain}
     return Prepared({**plain, **inside}, time, other, extra, notes | products, places)
+
+
+def _gives_accelerations(equations: Any) -> bool:
+    """Whether equations are surely nothing else than x'' = f, one for each acceleration."""
+    lines = re.split("[;,\n]", equations) if isinstance(equations, str) else equations
+    if isinstance(lines, list):
+        return all(isinstance(line, str) and _ACCELERATION.fullmatch(line) for line in lines)
+    return isinstance(lines, Mapping)
 
 
 def _with_indices_below(plain: dict[str, Any]) -> dict[str, Any]:

@@ -140,21 +140,6 @@ def _numbered(steps: Iterable[sheets.Sentence], depth: int) -> Iterator[Line]:
     yield from (Line(depth, (f"{k}. ", *step), LONGEST) for k, step in enumerate(steps, 1))
 
 
-def guessed_words(result: Mapping[str, Any]) -> list[str]:
-    """How names that the document did not declare were taken, in one line; none where all were declared."""
-    functions = (result["system"] or {}).get("functions", {})
-    names = result.get("guessed") or []
-    taken = {
-        "as constants": [name for name in names if name not in functions],
-        "as any functions": [f"{name}({', '.join(functions[name])})" for name in names if name in functions],
-    }
-    parts = [f"taken {how}: {', '.join(found)}" for how, found in taken.items() if found]
-    read = [f"{note['text']} as {note['as']}" for note in result.get("readings") or [] if note["as"] != reader.LEFT_OUT]
-    left = [note["text"] for note in result.get("readings") or [] if note["as"] == reader.LEFT_OUT]
-    lines = [f"not declared, {'; '.join(parts)}"] * bool(parts) + [f"read {', '.join(read)}"] * bool(read)
-    return lines + [f"left out: {', '.join(left)}"] * bool(left)
-
-
 # The same lines as LaTeX.
 
 
