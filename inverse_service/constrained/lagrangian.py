@@ -250,7 +250,7 @@ def find_lagrangians(motion: ConstrainedMotion, with_time: bool, seed: int, dead
                 v: tower.to_kernels(w) for v, w in motion.on_constraints.items() if isinstance(v, ex.Velocity)
             }
             analysis = replace(deciding.analyze(_plain(first_system(motion), deadline)), constrained=constrained)
-            return _first_found(motion, tm.gather(analysis, with_time), analysis, seed)
+            return _first_found(motion, tm.gather_material(analysis, with_time), analysis, seed)
     except (errors.IrreducibleAtoms, tm.TooManyTerms, OutOfTime):
         return []
 

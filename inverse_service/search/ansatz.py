@@ -437,7 +437,7 @@ def _kernel(sampler: Sampler, points: SamplePoints, terms: Sequence[tm.Monomial]
 
 
 def solve_multiplier(sampler: Sampler, terms: Sequence[tm.Monomial], seed: int) -> LagrangianSpace:
-    """The combinations of the terms that are Lagrangians up to a potential and linear terms."""
+    """The combinations of the terms, with rational coefficients, that are Lagrangians up to a potential and A v."""
     return LagrangianSpace(sampler, tuple(null_combinations(_kernel(sampler, sampler.points(seed), terms), terms)))
 
 
@@ -453,8 +453,8 @@ def occurring_terms(sampler: Sampler, terms: Sequence[tm.Monomial], seed: int) -
     return [terms[k] for k in sorted(used)]
 
 
-def with_functions_of_parameters(sampler: Sampler, terms: Sequence[tm.Monomial]) -> LagrangianSpace:
-    """The same with polynomials of the parameters as coefficients; TooLarge where the conditions are long."""
+def solve_multiplier_over_parameters(sampler: Sampler, terms: Sequence[tm.Monomial]) -> LagrangianSpace:
+    """As `solve_multiplier`, with polynomials of the parameters as coefficients, exactly; TooLarge if that is long."""
     products = list(map(tm.monomial_tree, terms))
     exact = conditions.motion_in_ring(sampler.analysis.system, 2, exact_field.Budget.short(), trees=products)
     motion = exact.motion
@@ -587,7 +587,7 @@ def _written(variables: tuple[ex.Symbol | ex.Velocity, ...], forces: tuple[ex.Ex
 def _hessians_at(space: LagrangianSpace, points: SamplePoints) -> tuple[int, list[Residues]]:
     """(prime, d2L/dv dv of each combination at the first of the points)."""
     every = dict.fromkeys(key for c in space.combinations for key in c)
-    candidates = [key for key in every if not tm.is_linear(key)]
+    candidates = [key for key in every if not tm.is_affine(key)]
     letters = letters_of(candidates)
     table = table_at(points, letters, 1, order=3)
     values = residues(hessians_of(table, letters, candidates)[0][0], table.prime)
@@ -634,7 +634,7 @@ def complexity(combination: Combination) -> tuple[Fraction | int, int]:
     return sum((tm.rank(key)[0] + 1 for key in combination), Fraction(0)), len(combination)
 
 
-def reduced(total: Combination, gauge: Sequence[Combination]) -> Combination:
+def without_gauge(total: Combination, gauge: Sequence[Combination]) -> Combination:
     """The combination minus gauge elements, subtracted while that makes it simpler."""
     improved = True
     while improved:
@@ -648,20 +648,20 @@ def reduced(total: Combination, gauge: Sequence[Combination]) -> Combination:
     return total
 
 
-def scaled(combination: Combination, sign: int = 0) -> Combination:
+def with_simple_coefficients(combination: Combination, sign: int = 0) -> Combination:
     """The multiple in which the simplest term not linear in the velocities has the coefficient 1/2 if quadratic, else
     1.
 
     A positive `sign` means a positive factor.
     """
-    moving = [key for key in combination if not tm.is_linear(key)] or list(combination)
+    moving = [key for key in combination if not tm.is_affine(key)] or list(combination)
     leading = min(moving, key=tm.rank)
     target = Fraction(1, 2) if any(e == 2 and tm.has_velocity(letter) for letter, e in leading) else Fraction(1)
     factor = target / (abs(combination[leading]) if sign > 0 else combination[leading])
     return {key: a * factor for key, a in combination.items()}
 
 
-def definite_weights(hessians: Sequence[RealMatrix]) -> list[list[Fraction]]:
+def short_definite_weights(hessians: Sequence[RealMatrix]) -> list[list[Fraction]]:
     """Weights w with sum w_k H_k positive definite: one choice far from all singular sums, one with as few as possible.
 
     H_k are symmetric of shape (n, n), finite and not zero; at most `bounds.COLUMNS` of them.
@@ -751,7 +751,7 @@ def _divided(member: Member, parameters: frozenset[ex.Symbol], table: RealTable)
 
 def _constants(terms: Combination, parameters: frozenset[ex.Symbol]) -> list[tm.Monomial]:
     """The generators of each kinetic term that contain only parameters."""
-    kinetic = [key for key in terms if not tm.is_linear(key)]
+    kinetic = [key for key in terms if not tm.is_affine(key)]
     return [frozenset(item for item in key if tm.is_constant(item[0], parameters)) for key in kinetic]
 
 
@@ -765,12 +765,12 @@ def _sum_of_chosen(space: LagrangianSpace, gauge: Sequence[Combination], chosen:
     def inertia(combination: Combination) -> tuple[int, int] | None:
         return euler_lagrange.inertia(euler_lagrange.hessian_at(tm.tree_of(combination), names, table))
 
-    parts = [scaled(reduced(space.combinations[k], gauge)) for k in chosen]
+    parts = [with_simple_coefficients(without_gauge(space.combinations[k], gauge)) for k in chosen]
     signs = [-1 if found is not None and found[1] > found[0] else 1 for found in (inertia(p) for p in parts)]
     total, found = Combination(), None
     for spread in range(3):
         weights = (sign * (1 + spread * k) for k, sign in enumerate(signs))
-        total = reduced(tm.weighted_sum(zip(parts, weights, strict=True)), gauge)
+        total = without_gauge(tm.weighted_sum(zip(parts, weights, strict=True)), gauge)
         found = inertia(total)
         if found is None or sum(found) == len(names):
             break
@@ -786,10 +786,11 @@ def _definite_sums(
         return []  # a Hessian that contains velocities is definite at some places only
     with_hessian = [(c, matrix) for c in simplest if (matrix := _real_hessian(space, c)) is not None]
     found = []
-    for weights in definite_weights([matrix for _, matrix in with_hessian]):
+    for weights in short_definite_weights([matrix for _, matrix in with_hessian]):
         used = [(weight, c) for weight, (c, _) in zip(weights, with_hessian, strict=True) if weight]
         total = tm.weighted_sum((c, weight) for weight, c in used)
-        found.append(Member(scaled(reduced(total, gauge), sign=1), tuple(c for _, c in used), definite=True))
+        terms = with_simple_coefficients(without_gauge(total, gauge), sign=1)
+        found.append(Member(terms, tuple(c for _, c in used), definite=True))
     return found
 
 

@@ -45,7 +45,7 @@ _NAMES = ("F", "G", "H", "K", "P", "Q", "S", "U", "W", "Z")
 ONE_TERM: tm.Terms = {tm.EMPTY: Fraction(1)}
 
 
-def factored(tree: ex.Expression, variables: Sequence[ex.Symbol | ex.Velocity]) -> ex.Expression:
+def factored_tree(tree: ex.Expression, variables: Sequence[ex.Symbol | ex.Velocity]) -> ex.Expression:
     """The tree over its common denominator as a product of factors; TooManyTerms if that is large."""
     try:
         return exact_field.factored([tree], [ex.TIME, *variables], exact_field.Budget.long())[0]
@@ -53,7 +53,7 @@ def factored(tree: ex.Expression, variables: Sequence[ex.Symbol | ex.Velocity]) 
         raise tm.TooManyTerms from problem
 
 
-def weight(tree: ex.Expression) -> int:
+def reading_weight(tree: ex.Expression) -> int:
     """How hard a formula is to read: the number of nodes, where functions and roots count more."""
     return sum(_node_weight(node) for node in ex.walk(tree))
 
@@ -64,9 +64,9 @@ def _node_weight(node: ex.Expression) -> int:
     return 8 if isinstance(node, ex.Apply) else 1
 
 
-def shortest(tree: ex.Expression, variables: Sequence[ex.Symbol | ex.Velocity]) -> ex.Expression:
+def lightest_form(tree: ex.Expression, variables: Sequence[ex.Symbol | ex.Velocity]) -> ex.Expression:
     """The tree, its expansion, or its factored form, whichever has the least weight."""
-    return writing.shorten(tree, exact_field.Budget.long(), [ex.TIME, *variables], weight)
+    return writing.shorten(tree, exact_field.Budget.long(), [ex.TIME, *variables], reading_weight)
 
 
 def even_root(radicand: ex.Expression) -> tuple[ex.Expression, ex.Expression]:
@@ -100,7 +100,9 @@ def extracted_root(tree: ex.Expression) -> ex.Expression:
     return outside * number * ex.square_root(tm.tree_of(tm.multiply_terms(terms, tm.terms_of(number**-2))))
 
 
-def solution(columns: Sequence[Mapping[Any, Fraction]], right: Mapping[Any, Fraction]) -> list[Fraction] | None:
+def rational_solution(
+    columns: Sequence[Mapping[Any, Fraction]], right: Mapping[Any, Fraction]
+) -> list[Fraction] | None:
     """x with sum_k x_k columns[k] = right, preferring earlier columns; None if there is none."""
     if any(not any(key in column for column in columns) for key in right):
         return None
@@ -190,7 +192,7 @@ def _divided(key: tm.Monomial, x: modular.Variable) -> tm.Terms | None:
     return None
 
 
-def quadratic_antiderivatives(
+def quadratic_candidates(
     key: tm.Monomial, variable: modular.Variable, table: real_branch.RealTable | None = None
 ) -> Iterator[tm.Monomial]:
     """Candidates for the antiderivative of the monomial without constant factors, real at the point of a table."""
@@ -218,10 +220,10 @@ def _of_letter(
     falling = _is_negative(D if e.denominator == 1 else bend, table)
     if e.denominator == 1:
         root = tm.tree_of(tm.terms_of(extracted_root(ex.negated(D) if falling else D)))
-        inner = ex.Apply("atanh" if falling else "atan", shortest(p / root, ()))
+        inner = ex.Apply("atanh" if falling else "atan", lightest_form(p / root, ()))
         function = tm.times(monomial_of(1 / root), tm.monomial(inner))
     elif falling:
-        function = tm.monomial(ex.Apply("asin", shortest(p / extracted_root(ex.negated(D)), ())))
+        function = tm.monomial(ex.Apply("asin", lightest_form(p / extracted_root(ex.negated(D)), ())))
     else:
         function = tm.monomial(ex.Apply("log", _primitive_part(p + extracted_root(2 * bend) * ex.square_root(letter))))
     last = tm.times(rest, monomial_of(D ** math.floor(e + 1)))
@@ -236,7 +238,7 @@ def _discriminant(letter: ex.Sum, x: modular.Variable) -> ex.Expression:
     second = tm.derivative_of_terms(slope, x)
     twice = {key: 2 * a for key, a in tm.multiply_terms(tm.terms_of(letter), second).items()}
     held = [variable for variable in modular.variables_in(letter) if variable != ex.TIME]
-    return factored(tm.tree_of(tm.add_terms(twice, tm.multiply_terms(slope, slope), -1)), held)
+    return factored_tree(tm.tree_of(tm.add_terms(twice, tm.multiply_terms(slope, slope), -1)), held)
 
 
 def _steps(e: Fraction) -> list[tuple[Fraction, int]]:
@@ -287,8 +289,8 @@ def primitive(
         return found
     fresh, most = list(wanted), 2 * bounds.COLUMNS + 4 * len(wanted)
     for _ in range(bounds.FEW):
-        raised = dict.fromkeys(m for key in fresh for m in tm.antiderivatives(key, x))
-        raised |= dict.fromkeys(m for key in fresh for m in quadratic_antiderivatives(key, x, table))
+        raised = dict.fromkeys(m for key in fresh for m in tm.antiderivative_candidates(key, x))
+        raised |= dict.fromkeys(m for key in fresh for m in quadratic_candidates(key, x, table))
         raised = {m: None for m in raised if m not in columns}
         added = sorted(raised, key=tm.rank)[: most - len(columns)]
         if columns and not added:
@@ -296,7 +298,7 @@ def primitive(
         deadline.check(len(added))
         columns |= {m: _proper(tm.derivative_of_terms({m: Fraction(1)}, x), x) for m in added}
         fresh = [key for m in added for key in columns[m]]
-        rational = solution(list(columns.values()), wanted)
+        rational = rational_solution(list(columns.values()), wanted)
         if rational is not None:
             return _in_logarithms(tm.tree_of({m: a for m, a in zip(columns, rational, strict=True) if a}))
         found = _with_constants(x, columns, wanted)
@@ -396,7 +398,7 @@ def _by_partial_fractions(x: modular.Variable, wanted: tm.Terms) -> ex.Expressio
         degrees = [dict(key).get(x, Fraction(0)) for key in tm.terms_of(letter)]
         if max(degrees) == 2 and min(degrees) >= 0:
             primitives += [frozenset([(x, Fraction(1)), (letter, Fraction(-j))]) for j in range(1, most)]
-            primitives += [*quadratic_antiderivatives(frozenset([(letter, Fraction(-1))]), x)][:1]
+            primitives += [*quadratic_candidates(frozenset([(letter, Fraction(-1))]), x)][:1]
     found = _combination([*(by_generators(tm.derivative_of_terms({m: Fraction(1)}, x)) for m in primitives), right])
     return None if found is None else ex.add(*(c * tm.monomial_tree(primitives[k]) for k, c in found))
 
@@ -708,7 +710,7 @@ class Integrator:
                 exponents[log.argument] = coefficient
         groups: dict[ex.Expression, list[ex.Expression]] = {}
         for base, exponent in exponents.items():
-            groups.setdefault(tm.tree_of(exponent), []).append(tm.positive(base, self.table))
+            groups.setdefault(tm.tree_of(exponent), []).append(tm.positive_form(base, self.table))
         for power, bases in groups.items():
             together = tm.collected(ex.multiply(*bases))  # sqrt(1 - x^2) for sqrt(1 - x) sqrt(1 + x)
             is_root = isinstance(power, ex.Number) and power.value.denominator > 1
@@ -802,7 +804,7 @@ def expressions_without_acceleration(names: Sequence[str], terms: tm.Terms) -> l
     for name in names:
         deadline.check()
         momentum = tm.derivative_of_terms(terms, ex.Velocity(name))
-        rate = tm.at_constant_velocity(momentum, map(ex.Symbol, names))
+        rate = tm.rate_at_constant_velocity(momentum, map(ex.Symbol, names))
         total = tm.add_terms(rate, tm.derivative_of_terms(terms, ex.Symbol(name)), -1)
         found.append(in_one_square(total))
     return found

@@ -47,11 +47,11 @@ def integrating_factor(material: tm.Material, c: tm.Terms, variable: ex.Symbol) 
     table, phi, rest = material.analysis.real_point, tm.EMPTY, tm.Terms()
     integrator = antiderivatives.Integrator(material.analysis.system, table)
     with suppress(tm.TooManyTerms):
-        logarithm = _logarithm(material.analysis.system, frozenset(c.items()), variable)
+        logarithm = _integral_of(material.analysis.system, frozenset(c.items()), variable)
         for key, value in logarithm.items() if logarithm is not None else ():
             match [*key]:
                 case [(ex.Apply("log", ex.Sum() as base), power)] if power == 1:
-                    phi = tm.times(phi, tm.monomial(tm.positive(base, table)), value)  # not expanded
+                    phi = tm.times(phi, tm.monomial(tm.positive_form(base, table)), value)  # not expanded
                 case _:
                     rest[key] = value
         found = None if logarithm is None else integrator.exponential(rest)
@@ -60,7 +60,7 @@ def integrating_factor(material: tm.Material, c: tm.Terms, variable: ex.Symbol) 
 
 
 @lru_cache(maxsize=256)
-def _logarithm(
+def _integral_of(
     system: second_order_system.SecondOrderSystem, c: frozenset[tuple[tm.Monomial, Fraction]], variable: ex.Symbol
 ) -> tm.Terms | None:
     """int c d variable, cached because both questions and several rows need it."""
@@ -77,7 +77,7 @@ def divergence_factor(material: tm.Material) -> tm.Monomial | None:
     return next(iter(tm.terms_of(ex.Apply("exp", tm.tree_of(constant) * ex.TIME))), None) if constant else None
 
 
-def asks_for_no_time(system: second_order_system.SecondOrderSystem) -> bool:
+def excludes_factor_of_time(system: second_order_system.SecondOrderSystem) -> bool:
     """Whether div_v f = 0, or f is homogeneous of degree 2 in v: no factor e^(ct) follows then.
 
     With degree 2, q(at) is a motion if q(t) is one, so no rate c is special.
@@ -142,7 +142,7 @@ def find_factors(material: tm.Material) -> Factors:
 
 
 def has_factors_of_time(material: tm.Material) -> bool:
-    return len(find_factors(tm.asked(material, with_time=True)).in_time) > 1
+    return len(find_factors(tm.for_question(material, with_time=True)).in_time) > 1
 
 
 def products(left: Iterable[tm.Monomial], right: Sequence[tm.Monomial]) -> list[tm.Monomial]:
@@ -187,7 +187,7 @@ def position_monomials(material: tm.Material, degree: int, room: float = inf) ->
     return sorted(found, key=tm.rank)
 
 
-def functions(material: tm.Material) -> list[tm.Monomial]:
+def functions_of_velocities(material: tm.Material) -> list[tm.Monomial]:
     """v_i v_j and v_i v_j / v_k, powers and logarithms of one velocity, and the functions that f contains."""
     own = (shape for v in material.motion.velocities for shape in single(v))
     return tm.distinct([*quadratic(material), *quotients(material), *own, *of_letters(material)])
@@ -428,7 +428,7 @@ def kinetic_terms(material: tm.Material, family: Family, factors: Factors, seed:
     Systems of several coordinates have few multipliers, so constant coefficients come before functions of position. A
     logarithm is defined for some velocities only, so terms without logarithms come first.
     """
-    shapes = [key for key in family.shapes(material) if not tm.is_linear(key)]
+    shapes = [key for key in family.shapes(material) if not tm.is_affine(key)]
     if family.given:
         yield [key for key in shapes if is_admissible(material, key)]
         return
@@ -452,17 +452,17 @@ def _with_functions(
     # For one coordinate every f has a Lagrangian, so most searches end with long rows, which have found none there.
     terms = family.terms if material.motion.size > 1 else min(family.terms, bounds.SMALL)
     room = max(bounds.CANDIDATES, terms // (len(chosen) * len(in_time)))
-    functions = products(in_time, _functions(material, factors, room))
+    functions = products(in_time, _functions_of_position(material, factors, room))
     pairs = [(m, shape) for m in functions for shape in chosen if possible.may_have(m, shape)][: 2 * family.terms]
     pairs += [(m, shape) for shape in chosen for m in _fitted(material, factors, shape) if possible.may_have(m, shape)]
     if material.motion.with_time and not material.position_letters:
         # If f contains no position, first integrals can be linear in t: x'' = x'^2 conserves 1/x' + t.
         pairs += [(tm.monomial(ex.TIME), shape) for shape in chosen if possible.may_have(tm.monomial(ex.TIME), shape)]
     found = tm.distinct([tm.times(m, shape) for m, shape in pairs])
-    return [key for key in found if is_admissible(material, key) and not tm.is_linear(key)]
+    return [key for key in found if is_admissible(material, key) and not tm.is_affine(key)]
 
 
-def _functions(material: tm.Material, factors: Factors, room: int) -> list[tm.Monomial]:
+def _functions_of_position(material: tm.Material, factors: Factors, room: int) -> list[tm.Monomial]:
     """The simplest of 1, integrating factors, and products of generators of position."""
     fitted = list(dict.fromkeys([tm.EMPTY, *factors.plain[: room // 3]]))
     others = position_monomials(material, 4, 2 * room)
@@ -486,7 +486,7 @@ def _fitted(material: tm.Material, factors: Factors, shape: tm.Monomial) -> Iter
 
 def label(family: Family, terms: Sequence[tm.Monomial]) -> str:
     """The displayed name of the ansatz in which these kinetic terms were found."""
-    kinetic = [key for key in terms if not tm.is_linear(key)]
+    kinetic = [key for key in terms if not tm.is_affine(key)]
     degrees, moving = set(map(tm.velocity_degree, kinetic)), [tm.split_velocities(key)[1] for key in kinetic]
     if family.name == NAME:
         return NAME

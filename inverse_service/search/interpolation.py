@@ -78,7 +78,7 @@ class Interpolation:
                 support, vector = _split(candidates, kernel)
             if not done:
                 support, vector = _split(support, self._kernel(support, entries, done, fixed))
-        found = self._trees(support, vector, done)
+        found = self._entries(support, vector, done)
         known = dict(zip(entries, found, strict=True))
         return _whole_numbers([known.get(e, {}) for e in range(len(values))])
 
@@ -108,7 +108,7 @@ class Interpolation:
             for degree in range(_DEGREE + 1):
                 basis = [[(power,) for power in _basis(variable, degree, self.units)] for _ in entries]
                 if _needed(basis) <= len(mine):
-                    fits = _fits(basis, entries, values, _powers(basis, [variable], points), mine)
+                    fits = _fits(basis, entries, values, _product_values(basis, [variable], points), mine)
                 else:
                     fits = self._kernel(basis, entries, [variable], _without(fixed, [variable]))
                 if fits:
@@ -131,9 +131,9 @@ class Interpolation:
             raise NoFit("too many unknown coefficients")
         count = _needed(candidates)
         values, points = self.drawn(others, count)
-        return _fits(candidates, entries, values, _powers(candidates, done, points), np.arange(count))
+        return _fits(candidates, entries, values, _product_values(candidates, done, points), np.arange(count))
 
-    def _trees(
+    def _entries(
         self, support: Sequence[Sequence[tuple[Power, ...]]], vector: Sequence[int], done: Sequence[Generator]
     ) -> list[Terms]:
         """The entries with these products of powers and coefficients, scaled so that the first coefficient is 1."""
@@ -142,7 +142,7 @@ class Interpolation:
         if None in numbers:
             raise NoFit("the coefficients are not small rational numbers")
         found, known = list[Terms](), filter(None, numbers)
-        letters = [letters_of(variable, self.units) for variable in done]
+        letters = [basis_monomials(variable, self.units) for variable in done]
         for products in support:
             total: Terms = {}
             for one in products:
@@ -176,7 +176,7 @@ def _needed(candidates: Sequence[Sequence[tuple[Power, ...]]]) -> int:
     return max(together, least + max(map(len, candidates))) + 4
 
 
-def _powers(
+def _product_values(
     candidates: Sequence[Sequence[tuple[Power, ...]]], done: Sequence[Generator], points: Points
 ) -> dict[tuple[Power, ...], Numbers]:
     """The value of each product of powers at the good points."""
@@ -184,7 +184,7 @@ def _powers(
     for one in dict.fromkeys(one for products in candidates for one in products):
         result = np.ones(int(points.good.sum()), np.int64)
         for power, variable in zip(one, done, strict=True):
-            for base, e in zip(letters_at(variable, points), power, strict=True):
+            for base, e in zip(basis_values(variable, points), power, strict=True):
                 result = result * flow.powers(base[points.good], e) % PRIME
         found[one] = result
     return found
@@ -225,7 +225,7 @@ def _basis(variable: Generator, degree: int, units: Units) -> list[Power]:
     return [(k, 0) for k in range(degree + 1)]
 
 
-def letters_at(variable: Generator, points: Points) -> tuple[Numbers, Numbers]:
+def basis_values(variable: Generator, points: Points) -> tuple[Numbers, Numbers]:
     """The values of the two generators of a variable; the second is 1 if there is none."""
     if variable[0] == "angle":
         sine, cosine = points.circle(variable[1])
@@ -240,7 +240,7 @@ def letters_at(variable: Generator, points: Points) -> tuple[Numbers, Numbers]:
     return x, second
 
 
-def letters_of(variable: Generator, units: Units) -> tuple[Monomial, Monomial]:
+def basis_monomials(variable: Generator, units: Units) -> tuple[Monomial, Monomial]:
     """The two generators of a variable as monomials."""
     tree, second = generator_tree(variable, units), ex.power(_radicand(variable, units) or ex.ONE, ex.HALF)
     if variable[0] == "angle" and isinstance(tree, ex.Apply):

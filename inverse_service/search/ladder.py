@@ -1,4 +1,10 @@
-"""Try leaves, reductions, and rows of the ansatz by increasing cost until one gives a regular Lagrangian."""
+"""Try the rungs, methods and rows of the ansatz, by increasing cost until one gives a regular Lagrangian.
+
+`RUNGS` is the whole ladder in its order. What a rung costs, which systems it accepts, and after which one the search
+ends are data there; how many Lagrangians of a method are kept is in `_first_verified`, and of a row of the ansatz in
+`ansatz.best_members`. A rung is skipped if it costs more than the caller allows, if its method does not fit the
+system, or if all terms of its row have been tried.
+"""
 
 import itertools
 import math
@@ -32,25 +38,17 @@ from inverse_service.search import (
 
 # The least and the greatest number of coordinates; kernels of matrices at points are cheap for a few.
 ANY, ONE, SEVERAL, FEW = (1, math.inf), (1, 1), (2, math.inf), (2, 8)
-BLOCKS = "decoupled blocks one by one"
-ANSATZ = (
-    families.Family("quadratic in the velocities, short factors", 2, families.quadratic, bounds.SMALL),
-    families.Family("functions of velocities, short factors", 4, families.functions, bounds.SMALL),
-    families.Family("quadratic, roots of constant velocities", 4.1, families.roots_of_constants, bounds.SMALL),
-    families.Family("products of up to four velocities", 7, families.polynomials, bounds.LARGE),
-    families.Family("logarithms and arctangents of two velocities", 9, families.complex_logarithms, bounds.SMALL),
-)
 
 
 @dataclass(frozen=True, slots=True)
-class Leaf:
-    """A method for the systems of some `sizes` that it accepts; the most costly methods come last.
+class Method:
+    """A method for the systems of some `sizes` that it accepts.
 
     `sizes` are the least and the greatest number of coordinates.
 
     `propose(material, seed)` returns regular Lagrangians, simplest first. The search verifies them unless the method is
     `exact`. `reason` explains in a sentence how such a Lagrangian is derived. A method `for_both` proposes the same for
-    L(q, v) and L(t, q, v).
+    L(q, v) and L(t, q, v). If a method is `last`, no later rung can find more for the systems that it fits.
     """
 
     name: str
@@ -61,23 +59,24 @@ class Leaf:
     reason: str
     exact: bool = False
     for_both: bool = False
+    last: bool = False
 
     def fits(self, material: tm.Material) -> bool:
         least, most = self.sizes
         return least <= material.motion.size <= most and self.accepts(material)
 
 
-Rung = Leaf | families.Family
+Rung = Method | families.Family
 
 
 def _any(_: tm.Material) -> bool:
     return True
 
 
-def _lifted(
+def _lift_first(
     smaller_systems: Callable[[tm.Material, int], Iterator[reductions.Smaller]], material: tm.Material, seed: int
 ) -> Sequence[ex.Expression]:
-    """The Lagrangians lifted from those of smaller systems."""
+    """The Lagrangians lifted from those of the first smaller systems for which this succeeds."""
     for smaller in smaller_systems(material, seed):
         found = _of_smaller(smaller, seed)
         lifted = smaller.lift(found) if found else ()
@@ -98,8 +97,9 @@ def _of_smaller(smaller: reductions.Smaller, seed: int) -> list[tuple[ex.Express
     return found
 
 
-LEAVES = (
-    Leaf(
+# In the order of their costs, which are also the scale of `highest` in `search`.
+RUNGS: tuple[Rung, ...] = (
+    Method(
         "one matrix",
         0.4,
         FEW,
@@ -109,7 +109,7 @@ LEAVES = (
         "`L = phi G_ij v^i v^j/2 + A_i v^i - V`, `G` then determines the derivatives of `phi`, `A` and `V`.",
         for_both=True,
     ),
-    Leaf(
+    Method(
         "one matrix that depends on the velocities",
         0.5,
         FEW,
@@ -119,16 +119,26 @@ LEAVES = (
         "`phi`. Integrating `phi G` twice over the velocities, then `A` and `V`, gives `L`.",
         for_both=True,
     ),
-    Leaf(
+    Method(
+        "linear systems, a constant multiplier times exp(c*t)",
+        1.5,
+        SEVERAL,
+        linear_systems.is_linear,
+        linear_systems.propose,
+        "The system is linear. The equations times `exp(c*t)`, with the trace `n c` of the damping, have sums with "
+        "constant factors that are self-adjoint; integration gives `L`.",
+    ),
+    families.Family("quadratic in the velocities, short factors", 2, families.quadratic, bounds.SMALL),
+    Method(
         "blocks in sums of the coordinates",
         2.05,
         FEW,
         reductions.has_sums,
-        partial(_lifted, reductions.into_sums),
+        partial(_lift_first, reductions.into_sums),
         "In sums of the coordinates with constant factors the system decouples, so the Lagrangian is the sum of the "
         "Lagrangians of its blocks.",
     ),
-    Leaf(
+    Method(
         "each equation times a function",
         2.1,
         ANY,
@@ -138,16 +148,37 @@ LEAVES = (
         "the velocity Hessian of `L`, and integration gives `L`.",
         exact=True,
     ),
-    Leaf(
-        "linear systems, a constant multiplier times exp(c*t)",
-        1.5,
+    Method(
+        "decoupled blocks one by one",
+        3.55,
         SEVERAL,
-        linear_systems.is_linear,
-        linear_systems.propose,
-        "The system is linear. The equations times `exp(c*t)`, with the trace `n c` of the damping, have sums with "
-        "constant factors that are self-adjoint; integration gives `L`.",
+        reductions.is_decoupled,
+        partial(_lift_first, reductions.into_blocks),
+        "The system decouples, so the Lagrangian is the sum of the Lagrangians of its blocks.",
+        exact=True,
+        last=True,  # later rungs have been tried on each block, and pairs of blocks come before
     ),
-    Leaf(
+    Method(
+        "a coordinate as time",
+        3.6,
+        SEVERAL,
+        reductions.has_coordinate_as_time,
+        partial(_lift_first, reductions.along_a_coordinate),
+        "The equation of a coordinate `u` holds no other, and with `u` as time the paths are those of a Lagrangian "
+        "`M(u, x, dx/du)`. `L = u' M(u, x, x'/u') + S(u, u')`, where `S` is a Lagrangian of `u`.",
+    ),
+    families.Family("functions of velocities, short factors", 4, families.functions_of_velocities, bounds.SMALL),
+    families.Family("quadratic, roots of constant velocities", 4.1, families.roots_of_constants, bounds.SMALL),
+    Method(
+        "constant sums of velocities",
+        4.5,
+        FEW,
+        _any,
+        partial(_lift_first, reductions.with_constant_sums),
+        "Some sums of the coordinates with constant factors have constant velocities. The Lagrangian is one of the "
+        "system in these sums and in others.",
+    ),
+    Method(
         "one coordinate, products of Darboux factors",
         6.5,
         ONE,
@@ -156,7 +187,9 @@ LEAVES = (
         "For one coordinate the only condition is `Gamma(g) + g df/dv = 0`. A product of Darboux factors (`Gamma(P)` "
         "is a multiple of `P`) solves it. Integrating `g` twice over `v` gives `L`.",
     ),
-    Leaf(
+    families.Family("products of up to four velocities", 7, families.polynomials, bounds.LARGE),
+    families.Family("logarithms and arctangents of two velocities", 9, families.complex_logarithms, bounds.SMALL),
+    Method(
         "one coordinate, a function of the velocity",
         9.5,
         ONE,
@@ -166,36 +199,8 @@ LEAVES = (
         "`phi_t = A phi` and `phi_x = B phi`. Nonelementary integrals are left unevaluated.",
         exact=True,
     ),
-    Leaf(
-        BLOCKS,
-        3.55,
-        SEVERAL,
-        reductions.is_decoupled,
-        partial(_lifted, reductions.into_blocks),
-        "The system decouples, so the Lagrangian is the sum of the Lagrangians of its blocks.",
-        exact=True,
-    ),
-    Leaf(
-        "constant sums of velocities",
-        4.5,
-        FEW,
-        _any,
-        partial(_lifted, reductions.with_constant_sums),
-        "Some sums of the coordinates with constant factors have constant velocities. The Lagrangian is one of the "
-        "system in these sums and in others.",
-    ),
-    Leaf(
-        "a coordinate as time",
-        3.6,
-        SEVERAL,
-        reductions.has_own_time,
-        partial(_lifted, reductions.along_a_coordinate),
-        "The equation of a coordinate `u` holds no other, and with `u` as time the paths are those of a Lagrangian "
-        "`M(u, x, dx/du)`. `L = u' M(u, x, x'/u') + S(u, u')`, where `S` is a Lagrangian of `u`.",
-    ),
 )
-RUNGS: tuple[Rung, ...] = (*LEAVES, *ANSATZ)
-REASONS = {rung.name: rung.reason for rung in LEAVES}
+REASONS = {rung.name: rung.reason for rung in RUNGS if isinstance(rung, Method)}
 
 
 def holds_numerically(analysis: deciding.Analysis, tree: ex.Expression, seed: int) -> bool:
@@ -211,8 +216,8 @@ def holds_numerically(analysis: deciding.Analysis, tree: ex.Expression, seed: in
             for _ in range(2):
                 # Near the given point, hence on the same branch of all roots; function values are independent
                 # generators.
-                near = {name: value * (1 + _small(generator) / 10**5) for name, value in table.items()}
-                point = {node: _small(generator) for node in functions} | near
+                near = {name: value * (1 + _random_fraction(generator) / 10**5) for name, value in table.items()}
+                point = {node: _random_fraction(generator) for node in functions} | near
                 entries = mpmath.matrix([[evaluation.evaluate(entry, point) for entry in row] for row in form])
                 is_regular = sum(euler_lagrange.inertia(entries) or ()) == len(system.coordinates)
                 if not (is_regular and all(implicit_equations.is_small(one, point) for one in residuals)):
@@ -221,20 +226,20 @@ def holds_numerically(analysis: deciding.Analysis, tree: ex.Expression, seed: in
     return False
 
 
-def _small(generator: random.Random) -> mpmath.mpf:
+def _random_fraction(generator: random.Random) -> mpmath.mpf:
     """A random multiple of 1/1000 between 0 and 1."""
     return mpmath.mpf(generator.randrange(1, 1000)) / 1000
 
 
 @dataclass(slots=True)
 class _Search:
-    """The state of a search: its material, the rungs tried, and the terms without a Lagrangian."""
+    """The state of a search: its material, the rungs tried, and the terms of the ansatz without a Lagrangian."""
 
     material: tm.Material
     seed: int
     progress: Callable[[str], None]
     tried: list[tuple[str, int]]
-    known: set[tm.Monomial] = field(default_factory=set)
+    terms_tried: set[tm.Monomial] = field(default_factory=set)
     factors: families.Factors | None = None
 
 
@@ -254,23 +259,24 @@ def search(
     tried: list[tuple[str, int]] = []
     with suppress(OutOfTime, tm.TooManyTerms):
         if "material" not in analysis.proposals:
-            analysis.proposals["material"] = tm.gather(tidy.with_plain_forces(analysis), with_time)
-        material = tm.asked(analysis.proposals["material"], with_time)
+            analysis.proposals["material"] = tm.gather_material(tidy.with_plain_forces(analysis), with_time)
+        material = tm.for_question(analysis.proposals["material"], with_time)
         analysis, state = material.analysis, _Search(material, seed, progress, tried)
         own = families.own_family(own_terms)
-        chosen = [*([own] if own else []), *(rung for rung in RUNGS if rung.cost <= highest)]
-        for rung in sorted(chosen, key=lambda rung: rung.cost):
+        for rung in (*([own] if own else []), *(rung for rung in RUNGS if rung.cost <= highest)):
             check()
             found = attempt(state, rung)
-            if found is not None and (kept := _kept(found, analysis, holds)) is not None:
+            if found is not None and (kept := _first_that_holds(found, analysis, holds)) is not None:
                 return tidy.SearchOutcome(kept, tuple(tried))
-            if isinstance(rung, Leaf) and rung.name == BLOCKS and rung.fits(state.material):
-                break  # the same rows have been tried on each block, and pairs of blocks come before
+            if isinstance(rung, Method) and rung.last and rung.fits(material):
+                break
     return tidy.SearchOutcome(None, tuple(tried))
 
 
-def _kept(found: tidy.Found, analysis: deciding.Analysis, holds: Callable[[ex.Expression], bool]) -> tidy.Found | None:
-    """The Lagrangians from the first one that holds on, each shortened if possible."""
+def _first_that_holds(
+    found: tidy.Found, analysis: deciding.Analysis, holds: Callable[[ex.Expression], bool]
+) -> tidy.Found | None:
+    """The Lagrangians from the first one that holds on; each is shortened unless the short form does not hold."""
     table = analysis.real_point or {}
     for k, tree in enumerate(found.lagrangians):
         forms = (tidy.tidied(tree, analysis.system), tree)
@@ -291,18 +297,18 @@ def attempt(state: _Search, rung: Rung) -> tidy.Found | None:
     state.progress(f"method: {rung.name}")
     known = state.material.analysis.proposals if rung.for_both else {}
     try:
-        trees = known[rung.name] if rung.name in known else rung.propose(state.material, state.seed)
-        known[rung.name] = trees
-        asked = [tree for tree in trees if state.material.motion.with_time or not ex.holds(tree, ex.TIME)]
-        proposed = tuple(asked if rung.exact else _verified(state, asked))
+        if rung.name not in known:
+            known[rung.name] = rung.propose(state.material, state.seed)
+        trees = [tree for tree in known[rung.name] if state.material.motion.with_time or not ex.holds(tree, ex.TIME)]
+        proposed = tuple(trees if rung.exact else _first_verified(state, trees))
     except (*ansatz.NO_POINTS, errors.InputError, ArithmeticError, KeyError):
-        known.setdefault(rung.name, ())
+        known.setdefault(rung.name, ())  # it fails for both questions
         proposed = ()
     state.tried.append((rung.name, len(proposed)))
     return tidy.Found(proposed, rung.name, proposed[:1]) if proposed else None
 
 
-def _verified(state: _Search, trees: Sequence[ex.Expression]) -> list[ex.Expression]:
+def _first_verified(state: _Search, trees: Sequence[ex.Expression]) -> list[ex.Expression]:
     """The first few trees that are Lagrangians."""
     analysis = state.material.analysis
     held = (tree for tree in dict.fromkeys(trees) if holds_numerically(analysis, tree, state.seed))
@@ -311,20 +317,20 @@ def _verified(state: _Search, trees: Sequence[ex.Expression]) -> list[ex.Express
 
 def _by_ansatz(state: _Search, family: families.Family) -> tidy.Found | None:
     state.progress(f"ansatz: {family.name}")
-    if state.factors is None and family.cost > 1:
+    if state.factors is None and not family.given:
         state.factors = families.find_factors(state.material)
     for terms in families.kinetic_terms(state.material, family, state.factors or families.NO_FACTORS, state.seed):
-        if terms and set(terms) <= state.known:
+        if terms and set(terms) <= state.terms_tried:
             continue
-        state.known.update(terms)
+        state.terms_tried.update(terms)
         state.tried.append((family.name, len(terms)))
-        found = _solve(state.material, family, terms, state.seed)
+        found = _solve_ansatz(state.material, family, terms, state.seed)
         if found is not None:
             return found
     return None
 
 
-def _solve(
+def _solve_ansatz(
     material: tm.Material, family: families.Family, terms: Sequence[tm.Monomial], seed: int
 ) -> tidy.Found | None:
     """Compute the multipliers in the span of the terms, then Lagrangians for the simplest regular ones."""
@@ -333,7 +339,7 @@ def _solve(
     try:
         sampler = ansatz.sampler_of(material.analysis, terms)
         if material.analysis.system.parameters:
-            space = ansatz.with_functions_of_parameters(sampler, ansatz.occurring_terms(sampler, terms, seed))
+            space = ansatz.solve_multiplier_over_parameters(sampler, ansatz.occurring_terms(sampler, terms, seed))
         else:
             space = ansatz.solve_multiplier(sampler, terms, seed)
         best = ansatz.best_members(space, seed, partial(families.with_potential, material))

@@ -54,14 +54,15 @@ def propose(material: tm.Material, seed: int) -> list[ex.Expression]:
     system, table = material.analysis.system, material.analysis.real_point
     if table is None:
         return []
-    lines = row_factors.lines_of(system, row_factors.solved(system))
+    lines = row_factors.lines_of(system, row_factors.solved_lines(system))
     (one, _), (stiffness, _), (damping, _) = lines.conditions()
     rates = list(_rates(damping)) if material.motion.with_time else [(ex.ZERO, ex.ZERO)]
-    ring, values = row_factors.exact(lines, [one, stiffness, damping], [tree for rate in rates for tree in rate])
-    branches = [one for rate in rates for one in _branches(material, ring, [np.array(v) for v in values], rate)]
-    found = [
-        row_factors.lagrangian_of(lines.sums(g), Integrator(system, table)) for g in _chosen(ring, branches, table)
-    ]
+    parts = [tree for rate in rates for tree in rate]
+    ring, values = row_factors.tables_in_ring(lines, [one, stiffness, damping], parts)
+    arrays = [np.array(v) for v in values]
+    multipliers = [one for rate in rates for one in _multipliers(material, ring, arrays, rate)]
+    chosen = (lines.sums(g) for g in _chosen(ring, multipliers, table))
+    found = [row_factors.lagrangian_of(one, Integrator(system, table)) for one in chosen]
     return [tree for tree in found if tree is not None]
 
 
@@ -98,7 +99,7 @@ def eigenvalues_of(trees: Sequence[Sequence[ex.Expression]]) -> list[Rate]:
 
 
 @dataclass(frozen=True, slots=True)
-class Branch:
+class Multiplier:
     """g(t) = sum of phi(t) G over the pairs (phi, G); `row` contains the entries of g(0) and of g(0) K."""
 
     parts: tuple[tuple[ex.Expression, Array], ...]
@@ -107,13 +108,13 @@ class Branch:
     @property
     def size(self) -> int:
         """The number of terms in all entries."""
-        return row_factors.size(self.row) + sum(row_factors.size(g.flat) for _, g in self.parts[1:])
+        return row_factors.term_count(self.row) + sum(row_factors.term_count(g.flat) for _, g in self.parts[1:])
 
 
-def _branches(
+def _multipliers(
     material: tm.Material, ring: exact_field.ExactRing, tables: Sequence[Array], rate: Rate
-) -> Iterator[Branch]:
-    """The branches of one rate, for g(0) with many zeros in g(0) or in g(0) K; `tables` are 1, K, and C."""
+) -> Iterator[Multiplier]:
+    """The multipliers of one rate, for g(0) with many zeros in g(0) or in g(0) K; `tables` are 1, K, and C."""
     one, stiffness, damping = tables
     a, d = map(ring.value, rate)
     n, connection = len(one), _scaled(damping, Fraction(1, 2))
@@ -153,7 +154,7 @@ def _branches(
                 break
             parts.append((phi, g))
             g = moved(g)
-        yield Branch(tuple(parts), primitive)
+        yield Multiplier(tuple(parts), primitive)
 
 
 def _functions_of_time(a: ex.Expression, d: ex.Expression, table: real_branch.RealTable) -> Iterator[ex.Expression]:
@@ -172,17 +173,17 @@ def _scaled(array: Array, factor: Fraction) -> Array:
 
 
 def _chosen(
-    ring: exact_field.ExactRing, branches: Sequence[Branch], table: real_branch.RealTable
+    ring: exact_field.ExactRing, multipliers: Sequence[Multiplier], table: real_branch.RealTable
 ) -> list[list[tm.Terms]]:
     """Regular g, tested at t = 0 and real parameter values: definite ones first, then those with few terms."""
-    size = isqrt(len(branches[0].row) // 2) if branches else 0
-    known = {branch.row: branch for branch in branches}
+    size = isqrt(len(multipliers[0].row) // 2) if multipliers else 0
+    known = {one.row: one for one in multipliers}
     ordered = sorted(known.values(), key=lambda one: (not _is_diagonal(one), one.size))
-    starts = [_numeric(ring, branch.parts[0][1], table) for branch in ordered]
+    starts = [_numeric(ring, one.parts[0][1], table) for one in ordered]
     alone = [[Fraction(int(j == k)) for j in range(k + 1)] for k in range(len(ordered))]
     first = [[Fraction(1)] * k for k in range(2, len(ordered) + 1)]
     found = list[tuple[tuple[bool, bool, int], list[tm.Terms]]]()
-    for weights in [*ansatz.definite_weights(starts[: bounds.COLUMNS]), *alone, *first]:
+    for weights in [*ansatz.short_definite_weights(starts[: bounds.COLUMNS]), *alone, *first]:
         used = [(w, k) for k, w in enumerate(weights) if w]
         values = np.linalg.eigvalsh(sum(float(w) * starts[k] for w, k in used))
         if min(abs(values)) > _TINY * max(abs(values)):
@@ -199,8 +200,8 @@ def _chosen(
     return [g for _, g in sorted(found, key=lambda one: one[0])[: bounds.FEW]]
 
 
-def _is_diagonal(branch: Branch) -> bool:
-    return all(entry.is_zero for (i, j), entry in np.ndenumerate(branch.parts[0][1]) if i != j)
+def _is_diagonal(multiplier: Multiplier) -> bool:
+    return all(entry.is_zero for (i, j), entry in np.ndenumerate(multiplier.parts[0][1]) if i != j)
 
 
 def _numeric(ring: exact_field.ExactRing, matrix: Array, table: real_branch.RealTable) -> NDArray[np.float64]:

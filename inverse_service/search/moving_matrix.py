@@ -70,7 +70,11 @@ def _moving_factor(search: one_matrix.OneMatrix, material: tm.Material, matrix: 
     trees = [tm.tree_of(terms) for terms in matrix]
     real_point = material.analysis.real_point
     sums = [p for tree in trees if tree != ex.ZERO for p in tm.irreducible_factors(tree) if tm.has_velocity(p)]
-    letters = [*material.motion.velocities, *tm.moving_letters(material), *(tm.positive(p, real_point) for p in sums)]
+    letters = [
+        *material.motion.velocities,
+        *tm.moving_letters(material),
+        *(tm.positive_form(p, real_point) for p in sums),
+    ]
     factors = list(dict.fromkeys([*letters, *filter(ex.is_exponential, material.velocity_letters)]))
     points = search.points({}, 4 * _POINTS)
     flow, n = Flow(points, search.forces, 1), len(search.forces)

@@ -123,9 +123,11 @@ def _raised(material: tm.Material, key: tm.Monomial, slope: tm.Terms) -> list[tm
         position, moving = tm.split_velocities(term)
         lowered = tm.times(moving, tm.monomial(velocity), -1)
         if _is_polynomial(lowered):
-            found.update(dict.fromkeys([lowered, *(tm.times(m, lowered) for m in tm.antiderivatives(position, x))]))
+            found.update(
+                dict.fromkeys([lowered, *(tm.times(m, lowered) for m in tm.antiderivative_candidates(position, x))])
+            )
         if motion.with_time and _is_polynomial(moving):
-            found.update(dict.fromkeys(tm.times(m, moving) for m in tm.antiderivatives(position, ex.TIME)))
+            found.update(dict.fromkeys(tm.times(m, moving) for m in tm.antiderivative_candidates(position, ex.TIME)))
         quotients = ((part, tm.times(moving, power, -1)) for part, power in divisors)
         found.update((tm.times(position, part, -1) | rest, None) for part, rest in quotients if _is_polynomial(rest))
     return list(found)
@@ -180,7 +182,7 @@ def _in_factors(
     """phi P^e with P factored; factors without velocity join phi, and constants are dropped."""
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     moving = []
-    for base, e in ex.powers_of(antiderivatives.factored(polynomial, [x, v])):
+    for base, e in ex.powers_of(antiderivatives.factored_tree(polynomial, [x, v])):
         if tm.has_velocity(base):
             moving.append((tm.tree_of(tm.shortest_in_angles(tm.terms_of(base))), ex.number(e * exponent)))
         elif not isinstance(base, ex.Number) and ex.holds(base, x, ex.TIME):
@@ -192,7 +194,7 @@ def _moving_factors(material: tm.Material) -> list[tuple[ex.Expression, ex.Expre
     """(base, exponent) of the factors of f that contain v; 1/F is a multiplier of f = F(v) G(t, x)."""
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     try:
-        force = antiderivatives.factored(material.analysis.system.accelerations[0], [x, v])
+        force = antiderivatives.factored_tree(material.analysis.system.accelerations[0], [x, v])
     except tm.TooManyTerms:
         return []
     factors = ex.factors_of(force)
@@ -225,10 +227,10 @@ def _of_function(material: tm.Material, function: ex.Expression) -> ex.Expressio
     """
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     system = material.analysis.system
-    rest = antiderivatives.factored(system.accelerations[0] / function, [x, v])
-    rate = antiderivatives.factored(function * (-derivative.differentiate(rest, v)), [x, v])
-    along = antiderivatives.factored(derivative.differentiate(rate, v), [x, v])
-    in_time = antiderivatives.factored(rate - v * along, [x, v])
+    rest = antiderivatives.factored_tree(system.accelerations[0] / function, [x, v])
+    rate = antiderivatives.factored_tree(function * (-derivative.differentiate(rest, v)), [x, v])
+    along = antiderivatives.factored_tree(derivative.differentiate(rate, v), [x, v])
+    in_time = antiderivatives.factored_tree(rate - v * along, [x, v])
     if ex.holds(along, v, ex.TIME) or ex.holds(in_time, v, x) or (in_time != ex.ZERO and not material.motion.with_time):
         return None
     integrator = antiderivatives.Integrator(system, material.analysis.real_point, signs=True)
@@ -247,7 +249,7 @@ def _of_function(material: tm.Material, function: ex.Expression) -> ex.Expressio
         integral = ex.Integral(next(integrator.names), (v,), (0,), (plain,)) if found is None else found
         integrals.append(integral)
         rest = rest + c * integral
-    force = tm.terms_of(tm.tree_of(phi) * antiderivatives.factored(rest, [x, v]))
+    force = tm.terms_of(tm.tree_of(phi) * antiderivatives.factored_tree(rest, [x, v]))
     if any(tm.has_velocity(letter) for key in force for letter, _ in key):
         return None
     potential_part = integrator.function_of([x], [force])
@@ -268,7 +270,7 @@ def propose(material: tm.Material, seed: int) -> Sequence[ex.Expression]:
         lagrangian = lagrangian_of(material, multiplier)
         if lagrangian is not None:
             found[lagrangian] = None
-    return sorted(found, key=antiderivatives.weight)
+    return sorted(found, key=antiderivatives.reading_weight)
 
 
 def lagrangian_of(material: tm.Material, multiplier: LastMultiplier) -> ex.Expression | None:
@@ -278,20 +280,24 @@ def lagrangian_of(material: tm.Material, multiplier: LastMultiplier) -> ex.Expre
         return None
     integrator, (velocity,) = antiderivatives.Integrator(material.analysis.system, point), motion.velocities
     with suppress(evaluation.NoRealValue, errors.IrreducibleAtoms, tm.TooManyTerms):
-        bases = [tm.positive(base, point) ** e for base, e in multiplier.moving]
+        bases = [tm.positive_form(base, point) ** e for base, e in multiplier.moving]
         slope: tm.Terms | None = tm.terms_of(ex.multiply(tm.monomial_tree(multiplier.factor), *bases))
         for _ in range(2):
             slope = None if slope is None else integrator.function_of([velocity], [slope])
         # Terms linear in the velocity are left to the potential: they may be total derivatives.
         found = slope and families.with_potential(
-            material, {key: c for key, c in slope.items() if not tm.is_linear(key)}
+            material, {key: c for key, c in slope.items() if not tm.is_affine(key)}
         )
-        return _positive(found, velocity, point) if found else None
+        return _with_positive_hessian(found, velocity, point) if found else None
     return None
 
 
-def _positive(lagrangian: tm.Terms, velocity: ex.Velocity, point: real_branch.RealTable) -> ex.Expression:
+def _with_positive_hessian(lagrangian: tm.Terms, velocity: ex.Velocity, point: real_branch.RealTable) -> ex.Expression:
     """The simpler of L and its multiple with simple coefficients, with a positive Hessian at the point."""
-    tree = min(tm.tree_of(lagrangian), tm.tree_of(ansatz.scaled(lagrangian)), key=antiderivatives.weight)
+    tree = min(
+        tm.tree_of(lagrangian),
+        tm.tree_of(ansatz.with_simple_coefficients(lagrangian)),
+        key=antiderivatives.reading_weight,
+    )
     hessian = derivative.differentiate(derivative.differentiate(tree, velocity), velocity)
     return tree if real_branch.real_sign(hessian, point) > 0 else ex.negated(tree)

@@ -341,7 +341,7 @@ def _monomials(own: Sequence[Generator], search: OneMatrix, degree: int) -> list
     found: dict[tm.Monomial, None] = {tm.EMPTY: None}
     for size in range(1, degree + 1):
         for chosen in combinations(used, size):
-            letters = [[letter for letter in interpolation.letters_of(v, search.units) if letter] for v in chosen]
+            letters = [[letter for letter in interpolation.basis_monomials(v, search.units) if letter] for v in chosen]
             for some in product(*letters):
                 found[reduce(tm.times, some)] = None
     return list(found)

@@ -56,7 +56,7 @@ def _block(system: SecondOrderSystem, group: Collection[str]) -> SecondOrderSyst
     return replace(system, coordinates=coordinates, accelerations=tuple(system.accelerations[k] for k in kept))
 
 
-def _cancelled(material: tm.Material) -> SecondOrderSystem:
+def _with_fewest_coordinates(material: tm.Material) -> SecondOrderSystem:
     """The system with f_i in factored form if fewer coordinates occur in that: (u x - v x)/(u - v) is x."""
     system = material.analysis.system
     pairs = zip(system.accelerations, map(tm.tree_of, material.motion.forces), strict=True)
@@ -65,12 +65,12 @@ def _cancelled(material: tm.Material) -> SecondOrderSystem:
 
 
 def is_decoupled(material: tm.Material) -> bool:
-    return len(decoupled_blocks(_cancelled(material))) > 1
+    return len(decoupled_blocks(_with_fewest_coordinates(material))) > 1
 
 
 def into_blocks(material: tm.Material, seed: int) -> Iterator[Smaller]:
     """The blocks; the sum of their Lagrangians is a Lagrangian of the whole system."""
-    blocks = tuple(decoupled_blocks(_cancelled(material)))
+    blocks = tuple(decoupled_blocks(_with_fewest_coordinates(material)))
     system = material.analysis.system
     timed = (material.motion.with_time,) * len(blocks)
     yield Smaller(blocks, timed, lambda found: [_sum_of(system, [trees[0] for trees in found])])
@@ -188,7 +188,7 @@ def _substitution(names: Sequence[str], forms: Table, others: Sequence[str]) -> 
     }
 
 
-def has_own_time(material: tm.Material) -> bool:
+def has_coordinate_as_time(material: tm.Material) -> bool:
     """Whether the paths of the motion solve a system with one of the coordinates as time."""
     return any(True for _ in _along(material))
 

@@ -111,7 +111,7 @@ class Lines:
             still.append([tm.add_terms(force, rate, Fraction(-1, 2)) for force, rate in pairs])
             damping.append(
                 [
-                    tm.add_terms(b, tm.at_constant_velocity(entry, self.coordinates), -1)
+                    tm.add_terms(b, tm.rate_at_constant_velocity(entry, self.coordinates), -1)
                     for b, entry in zip(slopes, row, strict=True)
                 ]
             )
@@ -126,7 +126,7 @@ def lagrangians_of_lines(
 
     `signs` allows nonelementary integrals; `sums` also tries sums of lines with a symmetric matrix.
     """
-    for equations in dict.fromkeys((tuple(given), () if system.is_unsolved else solved(system))):
+    for equations in dict.fromkeys((tuple(given), () if system.is_unsolved else solved_lines(system))):
         if len(equations) != len(system.coordinates):
             continue
         try:
@@ -201,7 +201,7 @@ def lines_of(system: SecondOrderSystem, equations: Sequence[ex.Expression]) -> L
     return Lines(system, matrix, [tm.terms_of(writing.much_shorter(part.rest)) for part in parts])
 
 
-def solved(system: SecondOrderSystem) -> tuple[ex.Expression, ...]:
+def solved_lines(system: SecondOrderSystem) -> tuple[ex.Expression, ...]:
     """q'' - f."""
     return tuple(ex.Acceleration(q) - f for q, f in zip(system.coordinates, system.accelerations, strict=True))
 
@@ -274,7 +274,7 @@ def _self_adjoint_sums(lines: Lines) -> Lines | None:
     """
     conditions = lines.conditions()
     for some in (conditions[:1], conditions):  # the others are long
-        ring, tables = exact(lines, [table for table, _ in some])
+        ring, tables = tables_in_ring(lines, [table for table, _ in some])
         sums = constant_sums(ring, [(table, sign) for table, (_, sign) in zip(tables, some, strict=True)])
         if len(sums.basis) <= 1:
             break
@@ -302,7 +302,7 @@ def _self_adjoint_sums(lines: Lines) -> Lines | None:
         mixed = any(len(set(map(sum, minor.numerator.monoms()))) > 1 for minor in minors)
         flat = any(entry.is_zero for entry in np.diagonal(g))
         varying = any(minor.numerator.total_degree() > 0 for minor in minors)
-        return mixed, negative and varying, flat, negative, size(exact_field.primitive(shown(c))), size(c)
+        return mixed, negative and varying, flat, negative, term_count(exact_field.primitive(shown(c))), term_count(c)
 
     def tested(c: Vector) -> list[exact_field.Quotient]:
         """The candidates for 0: the entries of `shown`, and differences of two entries in one column of C."""
@@ -340,7 +340,7 @@ class Sums:
         return all(matrices.dot(zero, vector, entries).is_zero for entries in zip(*self.columns, strict=True))
 
 
-def exact(
+def tables_in_ring(
     lines: Lines, tables: Sequence[Table], others: Sequence[ex.Expression] = ()
 ) -> tuple[exact_field.ExactRing, list[list[list[exact_field.Quotient]]]]:
     """A ring that contains the tables and the others, and the tables in it."""
@@ -362,7 +362,7 @@ def constant_sums(ring: exact_field.ExactRing, conditions: Sequence[tuple[Any, i
     return Sums(ring, columns, matrices.null_vectors(ring, columns))
 
 
-def size(vector: Iterable[exact_field.Quotient]) -> int:
+def term_count(vector: Iterable[exact_field.Quotient]) -> int:
     """The number of terms in all entries."""
     return sum(len(entry.numerator) + len(entry.exponents) for entry in vector)
 
@@ -410,7 +410,7 @@ def lagrangian_of(lines: Lines, integrator: antiderivatives.Integrator) -> ex.Ex
     scaled = scaled.times([constants[i] for i in lines.places])
     kinetic = _kinetic(scaled)
     squares = [tm.tree_of(scaled.matrix[i][i]) for i in lines.places]
-    turned = all(tree != ex.ZERO and tm.positive(tree, integrator.table) != tree for tree in squares) or (
+    turned = all(tree != ex.ZERO and tm.positive_form(tree, integrator.table) != tree for tree in squares) or (
         kinetic is not None and all(c < 0 for c in kinetic.values())
     )
     if kinetic is None:
@@ -452,7 +452,7 @@ def _common_function(lines: Lines, part: Sequence[int], integrator: antiderivati
 def _rate(lines: Lines, i: int, j: int) -> tm.Terms:
     """(d_vj B_i + d_vi B_j)/2 - D G_ij."""
     slopes = (tm.derivative_of_terms(lines.rest[a], lines.velocities[b]) for a, b in ((i, j), (j, i)))
-    drift = tm.at_constant_velocity(lines.matrix[i][j], lines.coordinates)
+    drift = tm.rate_at_constant_velocity(lines.matrix[i][j], lines.coordinates)
     return tm.weighted_sum([(drift, -1), *((slope, Fraction(1, 2)) for slope in slopes)])
 
 
@@ -536,10 +536,13 @@ def with_written_masses(
         hessian = None if any(map(tm.has_velocity, chain(*rows))) else [list(map(tm.terms_of, row)) for row in rows]
     except (tm.TooManyTerms, InputError):
         return None
-    if written is None or hessian is None or not _is_multiple(hessian, written):
+    if written is None or hessian is None or not _are_proportional(hessian, written):
         return None
     parameters: set[ex.Expression] = {ex.PI, *map(ex.Symbol, system.parameters)}
-    (number, wanted), (value, known) = _constant(written[0][0], parameters), _constant(hessian[0][0], parameters)
+    (number, wanted), (value, known) = (
+        _constant_factor(written[0][0], parameters),
+        _constant_factor(hessian[0][0], parameters),
+    )
     factor, ratio = tm.times(wanted, known, -1), abs(number / value)
     if not factor:
         return None
@@ -547,14 +550,14 @@ def with_written_masses(
     return tm.tree_of({tm.times(key, factor): ratio * c for key, c in tm.terms_of(lagrangian).items()})
 
 
-def _is_multiple(left: Sequence[Sequence[tm.Terms]], right: Sequence[Sequence[tm.Terms]]) -> bool:
+def _are_proportional(left: Sequence[Sequence[tm.Terms]], right: Sequence[Sequence[tm.Terms]]) -> bool:
     """Whether left = h right with any function h."""
     first, other = left[0][0], right[0][0]
     pairs = [pair for rows in zip(left, right, strict=True) for pair in zip(*rows, strict=True)]
     return bool(first and other) and all(tm.multiply_terms(a, other) == tm.multiply_terms(first, b) for a, b in pairs)
 
 
-def _constant(terms: tm.Terms, parameters: set[ex.Expression]) -> tuple[Fraction, tm.Monomial]:
+def _constant_factor(terms: tm.Terms, parameters: set[ex.Expression]) -> tuple[Fraction, tm.Monomial]:
     """The factor of a sum that contains only numbers and parameters; a sum of parameters is one generator."""
     content, common, rest = tm.split_content(terms)
     outside: tm.Monomial = frozenset(item for item in common if item[0] in parameters)

@@ -427,7 +427,7 @@ def _is_moving_sum(tree: ex.Expression) -> bool:
     return isinstance(tree, ex.Sum) and has_velocity(tree)
 
 
-def derivative(key: Monomial, variable: ex.Expression) -> Terms:
+def monomial_derivative(key: Monomial, variable: ex.Expression) -> Terms:
     """The partial derivative of a monomial."""
     slopes = ((letter, e, letter_derivative(letter, variable)) for letter, e in key)
     return sum_of(
@@ -466,7 +466,7 @@ def monomial_factor(left: Mapping[Monomial, Fraction], right: Mapping[Monomial, 
 
 
 def derivative_of_terms(terms: Mapping[Monomial, Fraction], variable: ex.Expression) -> Terms:
-    return _bounded(weighted_sum((derivative(key, variable), value) for key, value in terms.items()))
+    return _bounded(weighted_sum((monomial_derivative(key, variable), value) for key, value in terms.items()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -487,10 +487,10 @@ def along(motion: MotionTerms, terms: Mapping[Monomial, Fraction]) -> Terms:
     """Gamma(terms)."""
     pairs = zip(motion.velocities, motion.forces, strict=True)
     parts = (multiply_terms(derivative_of_terms(terms, v), f) for v, f in pairs)
-    return sum_of((at_constant_velocity(terms, motion.coordinates), *parts))
+    return sum_of((rate_at_constant_velocity(terms, motion.coordinates), *parts))
 
 
-def at_constant_velocity(terms: Mapping[Monomial, Fraction], coordinates: Iterable[ex.Symbol]) -> Terms:
+def rate_at_constant_velocity(terms: Mapping[Monomial, Fraction], coordinates: Iterable[ex.Symbol]) -> Terms:
     """d_t + v_k d_k of the terms."""
     parts = (
         multiply_terms(derivative_of_terms(terms, q), {monomial(ex.Velocity(q.name)): Fraction(1)}) for q in coordinates
@@ -549,7 +549,7 @@ def velocity_degree(key: Monomial) -> int | None:
     return int(sum(e for _, e in moving)) if plain else None
 
 
-def is_linear(key: Monomial) -> bool:
+def is_affine(key: Monomial) -> bool:
     """Whether a term is a function of position times at most one velocity."""
     return velocity_degree(key) in (0, 1)
 
@@ -678,17 +678,17 @@ class Material:
     shared: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
 
-def asked(material: Material, with_time: bool) -> Material:
+def for_question(material: Material, with_time: bool) -> Material:
     """The material for one of the two questions."""
     return replace(material, motion=replace(material.motion, with_time=with_time), shared={})
 
 
-def gather(analysis: Analysis, with_time: bool) -> Material:
+def gather_material(analysis: Analysis, with_time: bool) -> Material:
     """The material of a system; TooManyTerms if f cannot be written as a moderate sum."""
     system = analysis.system
     trees = _factored(analysis)
     pairs = zip(trees, system.accelerations, strict=True)
-    forces = tuple(oriented(_shorter(*pair), analysis.real_point) for pair in pairs)
+    forces = tuple(with_positive_sums(_shorter_expansion(*pair), analysis.real_point) for pair in pairs)
     motion = MotionTerms(
         tuple(ex.Symbol(name) for name in system.coordinates),
         tuple(ex.Velocity(name) for name in system.coordinates),
@@ -710,7 +710,7 @@ def _factored(analysis: Analysis) -> list[ex.Expression]:
     return list(system.accelerations)
 
 
-def _shorter(factored: ex.Expression, given: ex.Expression) -> Terms:
+def _shorter_expansion(factored: ex.Expression, given: ex.Expression) -> Terms:
     """The expansion with fewer terms, because a common denominator can turn a few terms into many."""
     with suppress(TooManyTerms):
         short = terms_of(factored)
@@ -729,13 +729,13 @@ def simplified(material: Material, terms: Terms) -> Terms:
     return terms
 
 
-def oriented(terms: Terms, table: real_branch.RealTable | None) -> Terms:
+def with_positive_sums(terms: Terms, table: real_branch.RealTable | None) -> Terms:
     """The terms with sums that are negative at the real point replaced by their opposites, which have roots."""
     result: Terms = {}
     for key, value in terms.items():
         product = EMPTY
         for letter, e in key:
-            turned = positive(letter, table) if isinstance(letter, ex.Sum) and e.denominator == 1 else letter
+            turned = positive_form(letter, table) if isinstance(letter, ex.Sum) and e.denominator == 1 else letter
             value = -value if turned != letter and e % 2 else value
             product = times(product, frozenset([(turned, e)]))
         result = add_terms(result, {product: value})
@@ -775,7 +775,7 @@ def moving_letters(material: Material) -> list[ex.Expression]:
     """The factors and radicands of f that are sums with velocities, and the nonexponential functions of velocities."""
     if "moving letters" not in material.shared:
         table, found = material.analysis.real_point, _moving_letters(material)
-        shown = (positive(letter, table) if isinstance(letter, ex.Sum) else letter for letter in found)
+        shown = (positive_form(letter, table) if isinstance(letter, ex.Sum) else letter for letter in found)
         material.shared["moving letters"] = list(dict.fromkeys(shown))
     return list(material.shared["moving letters"])
 
@@ -792,7 +792,7 @@ def _moving_letters(material: Material) -> Iterator[ex.Expression]:
                 yield from (p for p in parts if has_velocity(p) and _is_plain(p))
 
 
-def positive(tree: ex.Expression, table: real_branch.RealTable | None) -> ex.Expression:
+def positive_form(tree: ex.Expression, table: real_branch.RealTable | None) -> ex.Expression:
     """The tree, or its opposite if that is positive at the real point, so that its roots exist."""
     with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
         if table is not None and real_branch.real_sign(tree, table) < 0:
@@ -808,7 +808,7 @@ def _is_plain(node: ex.Expression) -> bool:
 
 
 @lru_cache(maxsize=8192)
-def antiderivatives(key: Monomial, variable: ex.Expression) -> tuple[Monomial, ...]:
+def antiderivative_candidates(key: Monomial, variable: ex.Expression) -> tuple[Monomial, ...]:
     """Monomials whose derivative by the variable may contain `key`, found by raising one generator at a time."""
     letters = dict.fromkeys([variable, *(letter for letter, _ in key)])
     for letter in list(letters):

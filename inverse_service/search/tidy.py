@@ -66,7 +66,9 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
         return tree
     tree = _with_squares_inside(system, writing.one_square(writing.joined(_shortened(tree, system))))
     tree = writing.numbers_outside(writing.minus_inside(ex.negated(tree) if _is_upside_down(tree, system) else tree))
-    return _in_order(_turns_together(_grouped_alike(kinetic_first(tree)), _parameters(system) | {ex.TIME}), system)
+    return _in_document_order(
+        _turns_together(_grouped_alike(kinetic_first(tree)), _parameters(system) | {ex.TIME}), system
+    )
 
 
 def _shortened(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
@@ -78,7 +80,7 @@ def _shortened(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     return tree
 
 
-def _in_order(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
+def _in_document_order(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     """The tree with constants in the order of the document, and with sums and roots of f as they are in f."""
     kept = {node for node in ex.distinct_nodes(system.given) if not isinstance(node, ex.Product)}
     written = writing.with_sums_as_in(tree, system.given)
@@ -232,7 +234,7 @@ def with_written_roots(
     below = _divisor(found, constants)
     sign = prod(real_branch.real_sign(letter, point) for letter, e in below if letter in rooted and e % 2)
     tree = kinetic_first(tm.tree_of({tm.times(key, below): sign * value for key, value in found.items()}))
-    return _in_order(tree, system)
+    return _in_document_order(tree, system)
 
 
 def _divisor(terms: tm.Terms, constants: Collection[ex.Expression]) -> tm.Monomial:
@@ -448,7 +450,7 @@ def _by_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
 
     The terms without velocities remain separate unless one bracket is much shorter, or two brackets are shorter.
     """
-    return _grouped_by_rates(system, _without_squares(_terms_of(tree), _parameters(system)))
+    return _grouped_by_rates(system, _without_common_squares(_terms_of(tree), _parameters(system)))
 
 
 def _grouped_by_rates(system: SecondOrderSystem, every: tm.Terms) -> ex.Expression:
@@ -621,7 +623,7 @@ def _parameters(system: SecondOrderSystem) -> frozenset[ex.Symbol]:
     return frozenset(ex.Symbol(name) for name in system.parameters)
 
 
-def _without_squares(terms: tm.Terms, parameters: frozenset[ex.Symbol]) -> tm.Terms:
+def _without_common_squares(terms: tm.Terms, parameters: frozenset[ex.Symbol]) -> tm.Terms:
     """The terms without common even powers of parameters: a positive multiple of a Lagrangian is as good."""
     shared = frozenset.intersection(*terms) if terms else tm.EMPTY
     common = frozenset((letter, e) for letter, e in shared if letter in parameters and e % 2 == 0)

@@ -415,7 +415,7 @@ def _definite_of_known(
         if form is None:
             return None
         hessians.append(np.array(form.tolist(), float))
-    for weights in ansatz.definite_weights(hessians[: bounds.COLUMNS]):
+    for weights in ansatz.short_definite_weights(hessians[: bounds.COLUMNS]):
         parts = [(w, one) for w, one in zip(weights, known, strict=False) if w]
         alone = parts[0][1] if len(parts) == 1 and parts[0][0] == 1 else None
         whole = alone.expression if alone else collecting.collect(ex.add(*(w * one.expression for w, one in parts)))

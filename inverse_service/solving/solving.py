@@ -411,7 +411,7 @@ def _with_time_instead(work: Work, autonomous: Answer) -> Answer:
 
     system, known = work.analysis.system, work.analysis.proposals
     found = autonomous.lagrangian is not None and len(system.coordinates) > 1 and "material" in known
-    if families.asks_for_no_time(system) or (found and not families.has_factors_of_time(known["material"])):
+    if families.excludes_factor_of_time(system) or (found and not families.has_factors_of_time(known["material"])):
         return autonomous  # without a factor e^(ct), the search would be the same
     decision = _decide(work, with_time=True)
     if decision.verdict != "variational":
