@@ -1,5 +1,10 @@
 """Antiderivatives in one variable, formulas over one denominator with their roots, and functions with a given gradient.
 
+There are four levels. `primitive` integrates one sum in one variable. `antiderivative` also tries substitutions, after
+which it calls `primitive`. `Integrator.integral` integrates a slope in one variable: first each term by the power rule,
+then the remaining terms together by `primitive`, then one by one by `antiderivative`. `Integrator.function_of`
+integrates a gradient.
+
 A sum is integrated by linear algebra over candidates whose derivatives may contain its terms (`primitive`). For a power
 of a generator p that is quadratic in the variable v, with p' = dp/dv, p'', and D = 2 p p'' - p'^2, which is free of v,
 
@@ -276,7 +281,8 @@ def primitive(
     """A sum of monomials with the derivative `wanted` by x, by linear algebra over candidate monomials.
 
     The coefficients are rational if possible; otherwise they contain generators without x. The result is real at the
-    point of a table; None if none is found.
+    point of a table; None if none is found. Fractions come first, with one denominator as partial fractions, with many
+    terms as logarithms; then candidates in a few rounds, each for the terms that the candidates of the last one add.
     """
     if _has_function_without_slope((letter for key in wanted for letter, _ in key), x):
         return None
@@ -592,7 +598,7 @@ class Integrator:
                         rest[j] = self.in_normal_form(rest[j])
             rest[k] = left
             if left:
-                return tm.add_terms(total, self._under_signs(variables, rest, k))
+                return tm.add_terms(total, self._sum_of_named_integrals(variables, rest, k))
         return None if any(rest) and not all(is_zero(terms) for terms in rest) else total
 
     def with_hessian(self, entries: Sequence[tm.Terms]) -> tm.Terms | None:
@@ -608,8 +614,10 @@ class Integrator:
             momenta.append(momentum)
         return plain.function_of(velocities, momenta)
 
-    def _under_signs(self, variables: Sequence[modular.Variable], slopes: Sequence[tm.Terms], k: int) -> tm.Terms:
-        """Integrals with these closed slopes, with constant factors outside the integral sign."""
+    def _sum_of_named_integrals(
+        self, variables: Sequence[modular.Variable], slopes: Sequence[tm.Terms], k: int
+    ) -> tm.Terms:
+        """The function with these closed slopes as named integrals, with constant factors outside the integral sign."""
         rest = [self.in_normal_form(terms) for terms in slopes]
         moving = {q: terms for q, terms in zip(variables, rest, strict=True) if terms}
         if len(moving) > 1:  # one function of all of them, such as G(x - y) with the force F(x - y)
@@ -619,9 +627,9 @@ class Integrator:
             inside = {
                 q: tm.tree_of({tm.times(key, constants, -1): a for key, a in u.items()}) for q, u in moving.items()
             }
-            return tm.multiply_terms({constants: Fraction(1)}, self.under_a_sign(inside))
+            return tm.multiply_terms({constants: Fraction(1)}, self.named_integral(inside))
         return tm.sum_of(
-            tm.multiply_terms(beside, self.under_a_sign({variables[k]: tm.tree_of(inner)}))
+            tm.multiply_terms(beside, self.named_integral({variables[k]: tm.tree_of(inner)}))
             for beside, inner in _outside(rest[k], variables[k])
         )
 
@@ -680,8 +688,8 @@ class Integrator:
         parts = [tm.multiply_terms({key: Fraction(1)}, self.in_normal_form(inner)) for key, inner in groups.items()]
         return tm.sum_of(parts)
 
-    def under_a_sign(self, known: Mapping[modular.Variable, ex.Expression]) -> tm.Terms:
-        """F with these slopes, a function of all variables in them; its other slopes remain unspecified."""
+    def named_integral(self, known: Mapping[modular.Variable, ex.Expression]) -> tm.Terms:
+        """One function F of all variables in these slopes, its derivatives; the other derivatives are unspecified."""
         names = (ex.TIME, *map(ex.Symbol, self.system.coordinates))
         others = [name for name in names if any(ex.holds(slope, name) for slope in known.values())]
         arguments = tuple(dict.fromkeys([*others, *known]))
@@ -782,7 +790,7 @@ class Integrator:
                 return None
             for i, (part, left) in parts.items():
                 if left:
-                    part = tm.add_terms(part, self.under_a_sign({symbols[k]: tm.tree_of(left)}))
+                    part = tm.add_terms(part, self.named_integral({symbols[k]: tm.tree_of(left)}))
                 found[i] = tm.add_terms(found.get(i, {}), part)
                 for m in range(len(symbols)):
                     if m == k:

@@ -77,23 +77,23 @@ class OneMatrix:
 
     @classmethod
     def of(cls, system: SecondOrderSystem, seed: int) -> OneMatrix | None:
-        """The search, or None if the conditions allow no matrix free of the velocities."""
-        found = cls._at_first(system, seed)
-        n, last = len(found.forces), len(found.pairs) + 1
-        for found.velocities in range(1, max(3, n) + 1):
-            dimension = found.dimension()
-            if dimension == last and found.velocities > 2:
+        """The search, or None if the conditions allow no matrix free of the velocities.
+
+        Velocities over one (t, q) are added while the dimension falls, at least two and at most n (or 3).
+        """
+        found = cls._with_one_velocity(system, seed)
+        found.kernel = len(found.pairs) + 1
+        for count in range(1, max(3, len(found.forces)) + 1):
+            found.velocities, before = count, found.kernel
+            found.kernel = found.dimension()
+            if count > 1 and (found.kernel <= 1 or (found.kernel == before and count > 2)):
                 break
-            last = dimension
-            if dimension <= 1 and found.velocities > 1:
-                break
-        found.kernel = last
-        return found if last and found.dimension(more=1) else None
+        return found if found.kernel and found.dimension(more=1) else None
 
     @classmethod
     def at_one_velocity(cls, system: SecondOrderSystem, seed: int) -> OneMatrix | None:
         """The search, or None unless one velocity allows exactly one matrix, and several over one (t, q) allow none."""
-        found = cls._at_first(system, seed)
+        found = cls._with_one_velocity(system, seed)
         found.tensors += 1
         found.velocities = 2
         several = found.dimension()
@@ -102,7 +102,7 @@ class OneMatrix:
         return found if found.kernel == 1 and not several else None
 
     @classmethod
-    def _at_first(cls, system: SecondOrderSystem, seed: int) -> OneMatrix:
+    def _with_one_velocity(cls, system: SecondOrderSystem, seed: int) -> OneMatrix:
         forces = tuple(map(tower.to_kernels, system.accelerations))
         n = len(forces)
         pairs = [(i, j) for i in range(n) for j in range(i, n)]
@@ -112,7 +112,7 @@ class OneMatrix:
         return Points(self.system.coordinates, self.units, count, self.random, fixed)
 
     def dimension(self, more: int = 0) -> int:
-        """The dimension of the kernel of the conditions at a random place, with `more` additional tensors."""
+        """The dimension of the matrices that the conditions allow at a random place, with `more` additional tensors."""
         for k in range(12):  # points with many roots are few
             kernels, points = self._kernels({}, 4 << min(k, 6), more)
             if points.good.any():
@@ -229,7 +229,12 @@ class OneMatrix:
     def scale(
         self, matrix: Sequence[tm.Terms], variables: Sequence[Generator], integrator: antiderivatives.Integrator
     ) -> tm.Terms | None:
-        """The factor phi(t, q)."""
+        """The factor phi(t, q) with (H2) for phi G; None if there is none, or none is found.
+
+        Three cases: (H2) holds for G itself, so phi = 1. An entry of phi G is constant, because (G N + N^T G)_e = 0
+        for it, so phi = 1/G_e. Else S = Gamma(log phi) = T + Q_k v_k is formed from one entry; it must be affine in
+        the velocities, and d log phi = T dt + Q_k dq_k is interpolated and integrated.
+        """
         points = self.points({}, 12)
         _, along, turned = self._rates(points, matrix)
         good = points.good

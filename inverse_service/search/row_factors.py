@@ -145,9 +145,11 @@ def lagrangians_of_lines(
 
 
 def _proposed_lines(lines: Lines, sums: bool) -> Iterator[Lines]:
-    """The lines times factors that make the matrix symmetric, starting with the given order, and sums of the lines.
+    """The lines times factors that make the matrix symmetric, in several orders, and constant sums of the lines.
 
-    Two oscillators solved for their accelerations have two Lagrangians; sums show the short one.
+    The given order comes first, because its L is that of the author; then, if asked for or if the given order has no
+    such factors, sums; then the other orders. For two oscillators solved for their accelerations, which have two
+    Lagrangians, sums come first and show the short one.
     """
     orders = [*islice(symmetric_lines(lines), _ORDERS)]
     own = [one for one in orders[:1] if list(one.order) == list(lines.places)]

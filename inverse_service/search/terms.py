@@ -83,6 +83,7 @@ def times(left: Monomial, right: Monomial, exponent: Fraction | int = 1) -> Mono
 
 
 def multiply_terms(left: Mapping[Monomial, Fraction], right: Mapping[Monomial, Fraction]) -> Terms:
+    """The product; TooManyTerms if it has many terms, also before like terms are added."""
     if len(left) * len(right) > 20 * bounds.EXPANSION:
         raise TooManyTerms
     result: Terms = {}
@@ -214,6 +215,11 @@ def _power_of_tree(base: ex.Expression, exponent: Fraction) -> Terms:
 
 
 def _power(base: Terms, exponent: Fraction) -> Terms:
+    """base^exponent: expanded if it is a small power, else content^e (common monomial)^e (primitive sum)^e.
+
+    An integer power is taken of each square-free factor of the sum, so that (x + y)^2 and x + y have one generator.
+    `power_of_factors` takes it of each irreducible factor.
+    """
     if not base:
         return {}
     if _is_small_power(len(base), exponent):
@@ -245,7 +251,7 @@ def _power(base: Terms, exponent: Fraction) -> Terms:
 
 
 def power_of_factors(base: Terms, exponent: Fraction) -> Terms:
-    """An integer power in which each irreducible factor is a generator, also for an expanded (2 + a) (v^2 + 1)."""
+    """As `_power` for integers, but each irreducible factor is a generator: 2 + a and v^2 + 1 in their product."""
     if any(e.denominator > 1 or e < 0 for key in base for _, e in key):
         return _power(base, exponent)
     polynomial, letters = polynomial_of(base)
@@ -491,7 +497,7 @@ def along(motion: MotionTerms, terms: Mapping[Monomial, Fraction]) -> Terms:
 
 
 def rate_at_constant_velocity(terms: Mapping[Monomial, Fraction], coordinates: Iterable[ex.Symbol]) -> Terms:
-    """d_t + v_k d_k of the terms."""
+    """D = d_t + v_k d_k of the terms, which is Gamma without its part f_k d_vk."""
     parts = (
         multiply_terms(derivative_of_terms(terms, q), {monomial(ex.Velocity(q.name)): Fraction(1)}) for q in coordinates
     )
@@ -570,7 +576,11 @@ def irreducible_factors(tree: ex.Expression) -> tuple[ex.Expression, ...]:
 
 
 def shortest_in_angles(terms: Terms) -> Terms:
-    """The form with the fewest terms; the given form if it has as few."""
+    """The form with the fewest terms; the given form if it has as few.
+
+    Sums of waves (cos(u - w) for cos u cos w + sin u sin w) that halve the number of terms are taken at once. Else
+    sin^2 and cos^2 are exchanged, one function at a time while that helps, and the shorter of the two is taken.
+    """
     best = terms
     try:
         waves = _halved(by_multiple_angles(terms))
@@ -669,7 +679,10 @@ def _in_waves(circular: Monomial) -> tuple[tuple[Monomial, Fraction], ...]:
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """f as terms, with generators sorted by the variables they depend on; `shared` caches results that rungs share."""
+    """f as terms for one question (`motion.with_time`), with its generators of position and with velocities.
+
+    `shared` caches results that depend on the question.
+    """
 
     analysis: Analysis
     motion: MotionTerms
@@ -679,7 +692,7 @@ class Material:
 
 
 def for_question(material: Material, with_time: bool) -> Material:
-    """The material for one of the two questions."""
+    """The material for the other question, L(q, v) or L(t, q, v)."""
     return replace(material, motion=replace(material.motion, with_time=with_time), shared={})
 
 
@@ -852,7 +865,10 @@ def _raised_powers(key: Monomial, variable: ex.Expression) -> list[Monomial]:
 
 
 def integrating_candidates(material: Material) -> list[tuple[int, Terms, ex.Symbol]]:
-    """(i, c, variable) for each desired factor exp(-int c d variable), from c v_i v_l, c v_i^2, c v_i in f_i."""
+    """(i, c, variable) for each factor exp(-int c d variable) to try, from c v_i v_l, c v_i^2, c v_i in f_i.
+
+    The part c(t) of a drag c v_i gives a function of t if it is the whole drag or, for one coordinate, in any case.
+    """
     motion = material.motion
     found: list[tuple[int, Terms, ex.Symbol]] = []
     for i, (v, f) in enumerate(zip(motion.velocities, motion.forces, strict=True)):

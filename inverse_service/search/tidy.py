@@ -52,23 +52,38 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     """A tree with fewer nodes that is equivalent up to a constant factor, or the same tree; the caller must verify it.
 
     Sums of velocities with powers higher than 2 or inside functions are kept, because the momenta are solved for them.
+
+    1. What changes L comes first, because the length of a form depends on it: terms without coordinates are dropped;
+       the total derivative of a function and the constant in the potential are chosen; then, because that may remove
+       divisors, the constant factor.
+    2. `_shortened` finds the shortest form. Most forms are written from the expanded terms (`tm.terms_of`), in which
+       the products, squares, and signs of steps 3 and 4 would be undone.
+    3. Products of functions are joined, tan(u) for sin(u)/cos(u) and 1 - t^2 for (1 - t) (1 + t), and the sums inside
+       roots and denominators are written as squares.
+    4. The sign of L, then signs and numbers within terms.
+    5. The order of terms, and of the factors in them: every earlier step makes new sums and products. T comes before
+       the terms that are compared with it, (x'^2 + y'^2)/2 with k (x^2 + y^2)/2.
     """
     moving = [place(name) for name in system.coordinates for place in (ex.Symbol, ex.Velocity)]
     tree = ex.add(*(term for term in ex.summands(collecting.merge_powers(tree)) if ex.holds(term, *moving)))
     with suppress(*tm.FAILED):
         tree = _finite(_regular_gauge(_cyclic_gauge(tree, system), system), system)
-        terms = _terms_of(tree)
-        sums = {p for p in _constant_divisors([tm.tree_of(terms)], _parameters(system)) if isinstance(p, ex.Sum)}
-        below = _divisor(terms, sums)
-        whole = tm.tree_of({tm.times(key, below): c for key, c in terms.items()})
-        tree = whole if below and _size(whole) <= _size(tm.tree_of(terms)) else tree
+        tree = _times_divisors(tree, system)
     if _size(tree) > bounds.TERMS:
         return tree
     tree = _with_squares_inside(system, writing.one_square(writing.joined(_shortened(tree, system))))
     tree = writing.numbers_outside(writing.minus_inside(ex.negated(tree) if _is_upside_down(tree, system) else tree))
-    return _in_document_order(
-        _turns_together(_grouped_alike(kinetic_first(tree)), _parameters(system) | {ex.TIME}), system
-    )
+    tree = _turns_together(_grouped_alike(kinetic_first(tree)), _parameters(system) | {ex.TIME})
+    return _in_document_order(tree, system)
+
+
+def _times_divisors(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
+    """The multiple of the tree in which no term is divided by a sum of parameters, unless it is longer."""
+    terms = _terms_of(tree)
+    plain = tm.tree_of(terms)
+    below = _divisor(terms, {p for p in _constant_divisors([plain], _parameters(system)) if isinstance(p, ex.Sum)})
+    whole = tm.tree_of({tm.times(key, below): c for key, c in terms.items()})
+    return whole if below and _size(whole) <= _size(plain) else tree
 
 
 def _shortened(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
@@ -88,7 +103,7 @@ def _in_document_order(tree: ex.Expression, system: SecondOrderSystem) -> ex.Exp
 
 
 def _turns_together(tree: ex.Expression, constants: frozenset[ex.Symbol]) -> ex.Expression:
-    """The tree with B (x y' - y x')/2 for B x y'/2 - B y x'/2, where B contains only these constants."""
+    """The tree with B (x y' - y x')/2 for B x y'/2 - B y x'/2 (a symmetric gauge), B with only these constants."""
     terms = [*ex.summands(tree)]
     for one, other in combinations(terms, 2):
         if _degree(one) == _degree(other) == 1:
@@ -318,6 +333,11 @@ def _velocity_sums(tree: ex.Expression) -> int:
 
 
 def _other_forms(tree: ex.Expression, system: SecondOrderSystem, of_terms: bool) -> list[ex.Expression]:
+    """The tree in each form that can be written; without `of_terms`, only in those that depend on how it is written.
+
+    A form may differ from the tree by a positive constant factor (`_by_rates`), by a total derivative
+    (`_with_shifted_rates`), and by the constant in the potential. Their order decides between forms of one length.
+    """
     found = list[ex.Expression]()
     as_written = _with_whole_squares, _with_shifted_rates, _with_springs
     every = (
@@ -454,6 +474,7 @@ def _by_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
 
 
 def _grouped_by_rates(system: SecondOrderSystem, every: tm.Terms) -> ex.Expression:
+    """The terms as in `_by_rates`."""
     parts = []
     for rates, inner in tm.grouped(every, tm.has_velocity).items():
         terms = {key | rates: value for key, value in inner.items()}
@@ -624,13 +645,14 @@ def _parameters(system: SecondOrderSystem) -> frozenset[ex.Symbol]:
 
 
 def _without_common_squares(terms: tm.Terms, parameters: frozenset[ex.Symbol]) -> tm.Terms:
-    """The terms without common even powers of parameters: a positive multiple of a Lagrangian is as good."""
+    """The terms without common even powers of parameters: a positive multiple of L, with the same inertia."""
     shared = frozenset.intersection(*terms) if terms else tm.EMPTY
     common = frozenset((letter, e) for letter, e in shared if letter in parameters and e % 2 == 0)
     return {tm.times(key, common, -1): value for key, value in terms.items()}
 
 
 def _part(outer: tm.Monomial, inner: tm.Terms, system: SecondOrderSystem) -> ex.Expression:
+    """outer * inner, the sum in its shortest form: as it is, its primitive part, one quotient, or one power."""
     inner = tm.shortest_in_angles(inner)
     if not inner:  # sin^2 + cos^2 - 1
         return ex.ZERO
