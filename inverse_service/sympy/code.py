@@ -28,7 +28,7 @@ from sympy.printing.rust import RustCodePrinter
 from sympy.printing.str import StrPrinter
 
 from inverse_service.errors import InputError
-from inverse_service.sympy.from_sympy import expression
+from inverse_service.sympy.from_sympy import expression, put
 
 if TYPE_CHECKING:
     from inverse_service.sympy.objects import Answer
@@ -294,15 +294,8 @@ def plain_symbols(
 
 
 def with_plain(expression: Any, plain: dict[Any, Any]) -> Any:
-    for each, symbol in sorted(plain.items(), key=lambda item: _rank(item[0])):
-        expression = expression.subs(each, symbol)
     # Printers write integers into the cases of a step, or do not know it; at 0 it has no value here either.
-    return expression.replace(sympy.Heaviside, lambda u, *_: (1 + u / sympy.Abs(u)) / 2)
-
-
-def _rank(found: Any) -> int:
-    """Derivatives are replaced before functions, and these before the time in them."""
-    return 0 if isinstance(found, sympy.Derivative) else 1 if isinstance(found, AppliedUndef) else 2
+    return put(expression, plain).replace(sympy.Heaviside, lambda u, *_: (1 + u / sympy.Abs(u)) / 2)
 
 
 class _ExactPrinter(StrPrinter):  # type: ignore[misc]

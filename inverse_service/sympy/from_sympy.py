@@ -9,21 +9,21 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from fractions import Fraction
-from functools import cached_property, reduce
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import sympy
+from sympy.concrete.expr_with_limits import ExprWithLimits
 from sympy.core.function import AppliedUndef
 from sympy.logic.boolalg import BooleanAtom
+from sympy.printing.str import StrPrinter
 
 from inverse_service.errors import InputError
-from inverse_service.expressions import pieces, printing, tree as ex
-from inverse_service.expressions.derivative import FUNCTION
+from inverse_service.expressions import printing, refusals, tree as ex
 from inverse_service.mechanics.conditions import conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import names as nm, parser, reader
-from inverse_service.service.documents import accepting
+from inverse_service.service.documents import accepting, translate
 from inverse_service.sympy.objects import asked
 
 if TYPE_CHECKING:
@@ -31,6 +31,19 @@ if TYPE_CHECKING:
 
 
 _GOOD = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
+LONGER = 50  # times as long as what people type may be what programs print
+_KNOWN = frozenset({*nm.FUNCTIONS, *nm.PIECEWISE, "Abs"})
+_WITHOUT_MEANING = (
+    ((sympy.Float,), "a Float occurs", "write the exact number, such as Rational(1, 3)"),
+    ((sympy.I,), "complex numbers occur", "write the equations of the real and imaginary parts"),
+    ((sympy.oo, -sympy.oo, sympy.zoo, sympy.nan), "oo, zoo, or nan is not a number", "write finite numbers"),
+    ((ExprWithLimits,), "an integral or a sum occurs", "evaluate it, or declare a function of your own"),
+    (
+        (sympy.Equality, sympy.Unequality, sympy.Xor),
+        "a piece has a condition that is no inequality",
+        "write inequalities, joined by &, | and ~",
+    ),
+)
 _RELATIONS = ((" >= ", sympy.Ge), (" <= ", sympy.Le), (" != ", sympy.Ne), (" > ", sympy.Gt), (" < ", sympy.Lt))
 
 
@@ -52,113 +65,76 @@ def to_sympy(tree: ex.Expression, leaf: Callable[[ex.Expression], Any]) -> Any:
     return leaf(tree)
 
 
-@dataclass(frozen=True)
-class Leaves:
-    """The trees of the SymPy objects in formulas, and the names of their arbitrary functions."""
+class _DocumentPrinter(StrPrinter):  # type: ignore[misc]
+    """SymPy's own text with the names of a document, which our reader reads; InputError for what has no real meaning.
 
-    trees: Mapping[Any, ex.Expression]
-    functions: Mapping[Any, str]
+    `words`: what is written for coordinates, their derivatives, constants, and the classes of arbitrary functions.
+    """
+
+    def __init__(self, words: Mapping[Any, str]) -> None:
+        super().__init__({"order": "none"})
+        self._words = words
+
+    def _print(self, expr: Any, **settings: Any) -> str:
+        return self._words[expr] if expr in self._words else str(super()._print(expr, **settings))
+
+    def _print_Symbol(self, expr: Any) -> str:
+        raise _refused(f"the symbol {expr} occurs with different assumptions", "use one symbol")
+
+    def _print_Exp1(self, expr: Any) -> str:
+        return "exp(1)"
+
+    def _print_Function(self, expr: Any) -> str:
+        if (name := type(expr).__name__) not in _KNOWN:
+            raise _refused(f"the function {name} occurs", "write elementary functions, or a function of your own")
+        return str(super()._print_Function(expr))
+
+    def _print_Heaviside(self, expr: Any) -> str:
+        return f"Heaviside({self._print(expr.args[0])})"  # whatever value it is given at 0
+
+    def _print_AppliedUndef(self, expr: Any) -> str:
+        return self._arbitrary(expr, [0] * len(expr.args), expr.args)
+
+    def _print_Derivative(self, expr: Any) -> str:
+        return self._slope(expr, expr, {})
+
+    def _print_Subs(self, expr: Any) -> str:
+        return self._slope(expr, expr.expr, dict(zip(expr.variables, expr.point, strict=True)))
+
+    def _slope(self, whole: Any, inner: Any, replaced: Mapping[Any, Any]) -> str:
+        """Derivative(A(x), x), and Subs of it at other arguments."""
+        if not isinstance(inner, sympy.Derivative) or not isinstance(inner.expr, AppliedUndef):
+            if (done := whole.doit()) == whole:
+                raise _refused("an unevaluated derivative occurs", "call doit()")
+            return f"({self._print(done)})"
+        if inner.expr in self._words:
+            raise _refused("a third derivative occurs", parser.OF_SECOND_ORDER)
+        orders = [0] * len(inner.expr.args)
+        for variable, count in inner.variable_count:
+            places = [place for place, argument in enumerate(inner.expr.args) if argument == variable]
+            if len(places) != 1:
+                raise _refused(f"a derivative by {variable} occurs", "differentiate by the arguments of the function")
+            orders[places[0]] += int(count)
+        return self._arbitrary(inner.expr, orders, [argument.subs(replaced) for argument in inner.expr.args])
+
+    def _arbitrary(self, applied: Any, orders: list[int], arguments: Sequence[Any]) -> str:
+        if applied.func not in self._words:
+            raise _refused(f"the function {applied} occurs", "give the coordinates, and functions of them")
+        by = f"[{','.join(map(str, orders))}]" if any(orders) else ""
+        return f"{self._words[applied.func]}{by}({', '.join(map(self._print, arguments))})"
 
 
-def from_sympy(expression: Any, leaves: Leaves) -> ex.Expression:
-    """The expression as a tree; InputError for a part without an exact real meaning."""
-    if expression in leaves.trees:
-        return leaves.trees[expression]
-    match expression:
-        case sympy.Float():
-            raise _refused("a Float occurs", "write the exact number, such as Rational(1, 3)")
-        case sympy.Rational():
-            return ex.Number(Fraction(int(expression.p), int(expression.q)))
-        case sympy.Symbol():
-            raise _refused(f"the symbol {expression} occurs with different assumptions", "use one symbol")
-        case sympy.Add():
-            return ex.add(*(from_sympy(term, leaves) for term in expression.args))
-        case sympy.Mul():
-            return ex.multiply(*(from_sympy(factor, leaves) for factor in expression.args))
-        case sympy.Pow():
-            return from_sympy(expression.base, leaves) ** from_sympy(expression.exp, leaves)
-        case sympy.exp():
-            return ex.Apply("exp", from_sympy(expression.args[0], leaves))
-        case _ if expression == sympy.pi:
-            return ex.PI
-        case _ if expression == sympy.E:
-            return ex.Apply("exp", ex.ONE)
-        case sympy.Derivative() | sympy.Subs():
-            return _derivative(expression, leaves)
-        case AppliedUndef():
-            return _arbitrary(expression, [0] * len(expression.args), expression.args, leaves)
-        case sympy.Abs() | sympy.sign():
-            return nm.call(type(expression).__name__.lower(), [from_sympy(expression.args[0], leaves)], 1)
-        case sympy.Piecewise():
-            return pieces.piecewise(
-                [(from_sympy(value, leaves), _condition(held, leaves)) for value, held in expression.args], 1
-            )
-        case sympy.Heaviside():
-            return pieces.step(from_sympy(expression.args[0], leaves), 1)
-        case sympy.Function():
-            return _elementary(expression, leaves)
-    if expression is sympy.I:
-        raise _refused("complex numbers occur", "write the equations of the real and imaginary parts")
-    if expression.is_finite is False or expression is sympy.nan:
-        raise _refused(f"{expression} is not a number", "write a finite number")
-    if isinstance(expression, sympy.Integral):
-        raise InputError("an integral occurs: evaluate it, or declare a function of your own.")
-    raise InputError(f"{type(expression).__name__} is not accepted: write elementary functions.")
-
-
-def _condition(held: Any, leaves: Leaves) -> ex.Expression:
-    """1 where the condition of a piece holds, 0 elsewhere."""
-    match held:
-        case sympy.logic.boolalg.BooleanTrue():
-            return ex.ONE
-        case sympy.And():
-            return ex.multiply(*(_condition(part, leaves) for part in held.args))
-        case sympy.Or():
-            return reduce(pieces.either, (_condition(part, leaves) for part in held.args))
-        case sympy.Not():
-            return 1 - _condition(held.args[0], leaves)
-        case sympy.Gt() | sympy.Ge() | sympy.Lt() | sympy.Le():
-            return pieces.step(from_sympy(held.gts - held.lts, leaves), 1)
-    raise _refused(f"the condition {held} occurs", "write inequalities of polynomials, joined by &, | and ~")
+def _written(expression: Any, words: Mapping[Any, str], names: nm.Names) -> str:
+    """The expression in the notation of documents; InputError for a part without an exact real meaning."""
+    for kinds, what, instead in _WITHOUT_MEANING:
+        if expression.has(*kinds):
+            raise _refused(what, instead)
+    with refusals.longer_texts(LONGER):
+        return printing.to_text(reader.read_formula(_DocumentPrinter(words).doprint(expression), names))
 
 
 def _refused(what: str, instead: str) -> InputError:
     return InputError(f"{what}: {instead}.", "/equations")
-
-
-def _elementary(expression: Any, leaves: Leaves) -> ex.Expression:
-    name = type(expression).__name__
-    if name not in FUNCTION or len(expression.args) != 1:
-        raise _refused(f"the function {name} occurs", "write elementary functions, or a function of your own")
-    return ex.Apply(name, from_sympy(expression.args[0], leaves))
-
-
-def _derivative(expression: Any, leaves: Leaves) -> ex.Expression:
-    """Derivative(A(x), x), and Subs of it at other arguments."""
-    inner, replaced = expression, {}
-    if isinstance(expression, sympy.Subs):
-        inner, replaced = expression.expr, dict(zip(expression.variables, expression.point, strict=True))
-    if not isinstance(inner, sympy.Derivative) or not isinstance(inner.expr, AppliedUndef):
-        done = expression.doit()
-        if done == expression:
-            raise _refused("an unevaluated derivative occurs", "call doit()")
-        return from_sympy(done, leaves)
-    if inner.expr in leaves.trees:
-        raise _refused("a third derivative occurs", parser.OF_SECOND_ORDER)
-    orders = [0] * len(inner.expr.args)
-    for variable, count in inner.variable_count:
-        places = [place for place, argument in enumerate(inner.expr.args) if argument == variable]
-        if len(places) != 1:
-            raise _refused(f"a derivative by {variable} occurs", "differentiate by the arguments of the function")
-        orders[places[0]] += int(count)
-    return _arbitrary(inner.expr, orders, [argument.subs(replaced) for argument in inner.expr.args], leaves)
-
-
-def _arbitrary(applied: Any, orders: list[int], arguments: Any, leaves: Leaves) -> ex.Expression:
-    name = leaves.functions.get(applied.func)
-    if name is None:
-        raise _refused(f"the function {applied} occurs", "give the coordinates, and functions of them")
-    return ex.Arbitrary(name, tuple(from_sympy(argument, leaves) for argument in arguments), tuple(orders))
 
 
 @dataclass(frozen=True)
@@ -282,7 +258,8 @@ def _wanted(word: str) -> str:
 
 def expression(text: str, table: Table) -> Any:
     """A formula of a result."""
-    return to_sympy(reader.read_formula(text, table.of_formulas()), table.leaf)
+    with refusals.longer_texts(LONGER):
+        return to_sympy(reader.read_formula(text, table.of_formulas()), table.leaf)
 
 
 def with_integrals(table: Table, integrals: Mapping[str, Any]) -> Table:
@@ -371,10 +348,11 @@ def _reading(
     given: _Given, keys: Callable[[Table, Sequence[str]], dict[str, Any]], questions: Mapping[str, Any]
 ) -> Meant:
     """The document with these keys of the texts of what is given; terms of an ansatz may be expressions."""
-    table, leaves = _names(given)
+    table, words = _names(given)
+    names = table.of_formulas()
 
     def text(each: Any) -> str:
-        return each if isinstance(each, str) else printing.to_text(from_sympy(_expression(each), leaves))
+        return each if isinstance(each, str) else _written(_expression(each), words, names)
 
     found: dict[str, Any] = {"coordinates": list(table.coordinates)}
     if table.parameters:
@@ -570,8 +548,8 @@ def _moving(zeros: Sequence[Any], time: Any, order: int) -> list[Any]:
     return sorted(first, key=lambda each: (first[each], sympy.default_sort_key(each)))
 
 
-def _names(given: _Given) -> tuple[Table, Leaves]:
-    """Names for all objects in the formulas, and what each of them is as a tree."""
+def _names(given: _Given) -> tuple[Table, dict[Any, str]]:
+    """Names for all objects in the formulas, and what is written for each of them."""
     velocities = set(given.velocities.values())
     applied = {each for zero in given.zeros for each in zero.atoms(AppliedUndef)} - set(given.coordinates)
     free = {each for zero in given.zeros for each in zero.free_symbols}
@@ -593,21 +571,12 @@ def _names(given: _Given) -> tuple[Table, Leaves]:
         functions,
         arguments,
     )
-    return table, _leaves(given, {**names, given.time: time_name}, classes)
-
-
-def _leaves(given: _Given, names: Mapping[Any, str], classes: Sequence[Any]) -> Leaves:
-    trees: dict[Any, ex.Expression] = {}
-    for each, name in names.items():
-        if each in given.coordinates:
-            trees[each] = ex.Symbol(name)
-            speed = given.velocities.get(each) if each in given.velocities else each.diff(given.time)
-            trees[speed] = ex.Velocity(name)
-            if isinstance(each, AppliedUndef):
-                trees[each.diff(given.time, 2)] = ex.Acceleration(name)
-        elif each not in classes:
-            trees[each] = ex.Symbol(name)
-    return Leaves(trees, {each: names[each] for each in classes})
+    words = {**names, given.time: time_name}
+    for each in given.coordinates:
+        words[table.velocity(names[each])] = f"{names[each]}'"
+        if isinstance(each, AppliedUndef):
+            words[each.diff(given.time, 2)] = f"{names[each]}''"
+    return table, words
 
 
 def _dummies(zeros: Sequence[Any]) -> set[Any]:
@@ -692,38 +661,26 @@ class Conditions:
 
 def conditions_of(system: Any, coordinates: Sequence[Any] | None, keys: Mapping[str, Any]) -> Conditions:
     """The tensors of a system, given in any form that `solve` accepts."""
-    document, names = asked(system, coordinates, **keys)
+    document, table = asked(system, coordinates, **keys)
     ready, motion = _system_of(document)
-    table, found = _inside(names, ready, motion), conditions(motion)
-    return _conditions(
-        (found.Phi, found.nabla_Phi, found.N), found.R, lambda each: to_sympy(each, table.leaf), found.reason
-    )
+    found = conditions(motion)
+    tensors = {"Phi": found.Phi, "nabla_Phi": found.nabla_Phi, "R": found.R, "N": found.N}
+    said = ready.outward({"system": translate.plain_fields(motion), "conditions": translate.texts_of(tensors)})
+    return conditions_of_texts(said["conditions"], table or table_of_result(said), found.reason)
 
 
-def conditions_of_texts(parts: Mapping[str, Any], table: Table) -> Conditions:
-    """The key `conditions` of a result."""
-    return _conditions((parts["Phi"], parts["nabla_Phi"], None), parts["R"], lambda text: expression(text, table))
-
-
-def _conditions(matrices: Sequence[Any], blocks: Any, convert: Callable[[Any], Any], reason: str = "") -> Conditions:
-    """Phi, nabla Phi, N and R with their entries converted; what is None stays so."""
+def conditions_of_texts(parts: Mapping[str, Any], table: Table, reason: str = "") -> Conditions:
+    """The key `conditions` of a result as matrices and arrays; what is None stays so."""
 
     def converted(part: Any) -> Any:
-        return [converted(each) for each in part] if isinstance(part, tuple | list) else convert(part)
+        return expression(part, table) if isinstance(part, str) else list(map(converted, part))
 
-    Phi, nabla_Phi, N = (None if rows is None else sympy.ImmutableMatrix(converted(rows)) for rows in matrices)
-    R = None if blocks is None else sympy.ImmutableDenseNDimArray(converted(blocks))
+    Phi, nabla_Phi, N = (
+        None if parts.get(key) is None else sympy.ImmutableMatrix(converted(parts[key]))
+        for key in ("Phi", "nabla_Phi", "N")
+    )
+    R = None if parts["R"] is None else sympy.ImmutableDenseNDimArray(converted(parts["R"]))
     return Conditions(Phi, nabla_Phi, R, N, reason)
-
-
-def _inside(names: Table | None, ready: accepting.Prepared, motion: SecondOrderSystem) -> Table:
-    """The objects by the names that the system has inside, where its time is t; new ones for those of a text."""
-    functions = dict(motion.functions)
-    parts = {"coordinates": motion.coordinates, "parameters": motion.parameters, "functions": functions}
-    table = names or table_of_result(ready.outward({"system": parts}))
-    own = [dict(zip(parts[key], getattr(table, key).values(), strict=True)) for key in parts]
-    velocities = dict(zip(motion.coordinates, table.velocities.values(), strict=False))
-    return Table(table.time, "t", own[0], velocities, own[1], own[2], functions)
 
 
 def verification(answer: Answer) -> Verification:
@@ -743,9 +700,8 @@ def verification(answer: Answer) -> Verification:
 def _residual(lagrangian: Any, q: Any, v: Any, pairs: Any, motion: Any, time: Any) -> Any:
     """d/dt dL/dv - dL/dq along q'' = f, every name held apart from the time."""
     plain = {each: sympy.Dummy(f"a{place}", real=True) for place, pair in enumerate(pairs) for each in pair}
-    ordered = dict(sorted(plain.items(), key=lambda item: not isinstance(item[0], sympy.Derivative)))
-    written = _put(lagrangian, ordered)
-    slopes = [_put(f, ordered) for f in motion.values()]
+    written = put(lagrangian, plain)
+    slopes = [put(f, plain) for f in motion.values()]
     momentum = written.diff(plain[v])
     total = momentum.diff(time) - written.diff(plain[q])
     for (name, speed), slope in zip(pairs, slopes, strict=True):
@@ -754,10 +710,14 @@ def _residual(lagrangian: Any, q: Any, v: Any, pairs: Any, motion: Any, time: An
     return sympy.simplify(total.doit()).subs(back)
 
 
-def _put(expression: Any, ordered: Any) -> Any:
-    """Derivatives first, so that none is left of a function that was replaced."""
-    for each, dummy in ordered.items():
-        expression = expression.subs(each, dummy)
+def put(expression: Any, plain: Mapping[Any, Any]) -> Any:
+    """The expression with these symbols, first for derivatives, so that none is left of a function."""
+
+    def rank(found: Any) -> int:
+        return 0 if isinstance(found, sympy.Derivative) else 1 if isinstance(found, AppliedUndef) else 2
+
+    for each in sorted(plain, key=rank):
+        expression = expression.subs(each, plain[each])
     return expression
 
 

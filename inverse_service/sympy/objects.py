@@ -19,8 +19,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from inverse_service import errors
+from inverse_service import catalogue, errors
 from inverse_service.reading import reader
+from inverse_service.service.documents import accepting, plain_data, printed_pages, sheets
+from inverse_service.service.documents.answers import of_input_error
 
 if TYPE_CHECKING:
     import numpy as np
@@ -98,10 +100,8 @@ def asked(
 
 def _is_misspelt(key: str) -> bool:
     """Whether it is a long key of documents nearly, and so no coordinate."""
-    from inverse_service.service.documents.accepting import near_key
-
     long = ("equations", "lagrangian", "constraints")
-    return key.lower() in long or near_key(key.lower()) in long or key.lower().startswith("lagrang")
+    return key.lower() in long or accepting.near_key(key.lower()) in long or key.lower().startswith("lagrang")
 
 
 def _with_names(keys: Mapping[str, Any]) -> dict[str, Any]:
@@ -125,14 +125,10 @@ def _name(each: Any) -> Any:
 
 def _of_text(text: str) -> dict[str, Any]:
     """The document of a text: a name of the catalogue, JSON, or equations."""
-    from inverse_service import catalogue
-    from inverse_service.errors import InputError
-    from inverse_service.service.documents.plain_data import read_json
-
     if text.strip().startswith("{") and '"' in text:
         try:
-            found = read_json(text)
-        except InputError:
+            found = plain_data.read_json(text)
+        except errors.InputError:
             found = None
         return found if isinstance(found, dict) else {"equations": text}
     is_name = "=" not in text and catalogue.meant(text)
@@ -178,7 +174,7 @@ def solve_many(
 
 def table(results: Iterable[Mapping[str, Any]]) -> Any:
     """One row a result: a pandas DataFrame where pandas is installed, else a list of dictionaries."""
-    rows = [_pages().row_of(result) for result in results]
+    rows = [printed_pages.row_of(result) for result in results]
     if importlib.util.find_spec("pandas") is None:
         return rows
     return importlib.import_module("pandas").DataFrame(rows)
@@ -254,20 +250,6 @@ def _bridge() -> Any:
     return from_sympy
 
 
-def _sheets() -> Any:
-    """What a result says to a person, which loads the reader of formulas and the checker."""
-    from inverse_service.service.documents import sheets
-
-    return sheets
-
-
-def _pages() -> Any:
-    """Rows of tables, and what is said of runs."""
-    from inverse_service.service.documents import printed_pages
-
-    return printed_pages
-
-
 @dataclass(frozen=True)
 class Hamiltonian:
     """H over (t, q, p), or over (t, q, v) where `implicit`; `momenta` are p_i(t, q, v) by their symbols."""
@@ -333,13 +315,12 @@ class Answer(dict[str, Any]):
 
     def _integrals(self) -> Any:
         integrals = self._shown.get("integrals") or {}
-        return _sheets().integrals_of(integrals, _sheets().names_of(self._system, integrals))
+        return sheets.integrals_of(integrals, sheets.names_of(self._system, integrals))
 
     @cached_property
     def _where(self) -> tuple[str, ...]:
         """The conditions of the answer and of its L."""
-        found: tuple[str, ...] = _sheets().conditions_of(self._shown)
-        return found
+        return sheets.conditions_of(self._shown)
 
     @cached_property
     def _table(self) -> Table:
@@ -415,23 +396,20 @@ class Answer(dict[str, Any]):
     @property
     def proof(self) -> Listed[Step]:
         """The steps of the explanation."""
-        from inverse_service.service.documents.printed_pages import sentence
-
-        names = _sheets().names_of(self._system or None)
+        names = sheets.names_of(self._system or None)
         steps = self._shown.get("explanation", ())
-        return Listed(Step(one["text"], sentence(_sheets().sentence(one, names), inline=True)) for one in steps)
+        said = [(step["text"], sheets.sentence(step, names)) for step in steps]
+        return Listed(Step(text, printed_pages.sentence(pieces, inline=True)) for text, pieces in said)
 
     @property
     def solution_space(self) -> Mapping[str, Any] | None:
         """The size of the solution space: order, dimensions, characters, statement."""
-        found: Mapping[str, Any] | None = self.get("solution_space")
-        return found
+        return self.get("solution_space")
 
     @property
     def certificate(self) -> Mapping[str, Any] | None:
         """The certificate that the independent checker verifies."""
-        found: Mapping[str, Any] | None = self.get("certificate")
-        return found
+        return self.get("certificate")
 
     def lambdify(self, what: str = "lagrangian", modules: Any = None) -> Callable[..., Any]:
         """A numerical function of `what`: "lagrangian", "accelerations", "momenta", "hamiltonian" or "multiplier".
@@ -484,13 +462,12 @@ class Answer(dict[str, Any]):
         return "\\begin{align*}\n" + " \\\\\n".join(self._rows()) + "\n\\end{align*}\n"
 
     def _rows(self) -> list[str]:
-        from inverse_service.service.documents.printed_pages import conditions_latex
-
         rows = [row.replace(" = ", " &= ", 1) for row in self._system.get("latex", {}).values()]
         for branch in self.branches:
             formulas = [f"{letter} &= {found}" for letter, found in branch._formulas()]
-            where = [rf"&\text{{where {conditions_latex(branch._where, self._system)}}}"] if branch._where else []
-            rows += [*formulas, *(where if formulas else [])]
+            rows += formulas
+            if formulas and branch._where:
+                rows.append(rf"&\text{{where {printed_pages.conditions_latex(branch._where, self._system)}}}")
         return rows
 
     def _formulas(self) -> list[tuple[str, str]]:
@@ -534,8 +511,7 @@ class Result(Answer):
 
     @property
     def _shown(self) -> Mapping[str, Any]:
-        found: Mapping[str, Any] = _sheets().first_answer(self)
-        return found
+        return sheets.first_answer(self)
 
     @cached_property
     def main(self) -> Answer:
@@ -583,8 +559,7 @@ class Result(Answer):
     @property
     def verdict_with_time(self) -> str | None:
         """The verdict for L(t, q, q')."""
-        found: str | None = self.get("verdict_with_time")
-        return found
+        return self.get("verdict_with_time")
 
     @cached_property
     def with_time(self) -> Answer | None:
@@ -607,8 +582,7 @@ class Result(Answer):
     @property
     def special_cases(self) -> Mapping[str, Any] | None:
         """The tree of special cases."""
-        found: Mapping[str, Any] | None = self.get("special_cases")
-        return found
+        return self.get("special_cases")
 
     def check(self, document: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """The independent checker's verdict and reasons."""
@@ -653,7 +627,7 @@ class Answers(Iterator[Result | dict[str, Any]]):
 
     def to_pandas(self) -> Any:
         """A DataFrame with one row a result, see `printed_pages.row_of`; needs pandas."""
-        return _frame([_pages().row_of(answer) for answer in self])
+        return _frame([printed_pages.row_of(answer) for answer in self])
 
 
 class Run(dict[str, Any]):
@@ -686,8 +660,6 @@ def answers_to_many(
     systems: Iterable[Any], workers: int, output: Path | None, time_limit: float
 ) -> Iterator[Result | dict[str, Any]]:
     """The answers in the order of the systems."""
-    from inverse_service.service.documents.answers import of_input_error
-
     readings = list[tuple[dict[str, Any], Any] | errors.InputError]()
     for system in systems:
         try:
@@ -768,7 +740,7 @@ def motion(
     scene |= {"system": {"result": dict(result)}, "parameters": {x: float(parameters.get(x, 1)) for x in known}}
     found = simulating.simulate_tables(scene, time_limit=LONGEST)
     (method,), (columns,) = found["result"]["methods"], [*found["tables"].values()] or [None]
-    reason = _pages().why(method)
+    reason = printed_pages.why(method)
     if columns is None:
         raise errors.InputError(f"The motion cannot be drawn: {reason}")
     return np.column_stack([columns[name] for name in (*names, *(f"v_{name}" for name in names))]), reason

@@ -177,7 +177,7 @@ def answer_fields(answer: solutions.Answer) -> dict[str, Any]:
         "verdict": answer.verdict,
         "lagrangian": None if lagrangian is None else lagrangian_part(lagrangian),
         "other_lagrangians": [lagrangian_part(other) for other in answer.other_lagrangians],
-        "multiplier": None if lagrangian is None else _texts(lagrangian.multiplier),
+        "multiplier": None if lagrangian is None else texts_of(lagrangian.multiplier),
         "integrals": {} if lagrangian is None else certify.integrals_of(lagrangian.expression).get("integrals", {}),
         "hamiltonian": None if answer.hamiltonian is None else hamiltonian_part(answer.hamiltonian, lagrangian),
         "solution_space": None if space is None else part_of(schemas.SolutionSpacePart, space),
@@ -254,9 +254,8 @@ def name_of(key: ex.Expression) -> str:
 def _conditions(conditions: solutions.Conditions | None) -> schemas.ConditionsPart | None:
     if conditions is None:
         return None
-    return schemas.ConditionsPart(
-        Phi=_texts(conditions.Phi), nabla_Phi=_texts(conditions.nabla_Phi), R=[_texts(block) for block in conditions.R]
-    )
+    tensors = {"Phi": conditions.Phi, "nabla_Phi": conditions.nabla_Phi, "R": conditions.R}
+    return schemas.ConditionsPart(**texts_of(tensors))
 
 
 def formula_fields(tree: ex.Expression) -> dict[str, Any]:
@@ -275,8 +274,13 @@ def parsed(tree: ex.Expression) -> base.ParsedFormula:
     return base.ParsedFormula(**formula_fields(tree), mathml=printing.to_mathml(tree))
 
 
-def _texts(matrix: solutions.Matrix) -> list[list[str]]:
-    return [[printing.to_text(entry) for entry in row] for row in matrix]
+def texts_of(part: Any) -> Any:
+    """Formulas as texts, in lists and under the keys that they are in; what is None stays so."""
+    if isinstance(part, Mapping):
+        return {key: texts_of(one) for key, one in part.items()}
+    if isinstance(part, tuple | list):
+        return list(map(texts_of, part))
+    return None if part is None else printing.to_text(part)
 
 
 def part_of(schema: type[Part], found: object, **other: Any) -> Part:
