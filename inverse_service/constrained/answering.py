@@ -370,7 +370,7 @@ def lagrangian_steps(lagrangian: Expression, jet: on_constraints.JetOnConstraint
     momenta = [row(f"lambda_{k} = ", tree) for k, tree in enumerate(jet.transverse_momenta, 1)]
     return (
         said("A Lagrangian, found by an ansatz or known for an associated system: ", shown=[row("L = ", lagrangian)]),
-        said("Along the constraints it is ", row("l = ", jet.on_constraints), *separated(["", *momenta]), "."),
+        said("Along the constraints it is ", *separated([row("l = ", jet.on_constraints), *momenta]), "."),
     )
 
 

@@ -11,7 +11,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from inverse_service import bounds, deadline
 from inverse_service.certificate import checker
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from inverse_service.decision.deciding import Analysis, Decision
 
 Piece = str | Formula | ex.Expression
+Item = TypeVar("Item")
 _MEANING = {
     "g": "the multiplier (the velocity Hessian of L)",
     "L": "the Lagrangian",
@@ -94,9 +95,17 @@ def _formula(piece: Piece, kind: str = "formula") -> Part:
     return Part(kind, formula.text, formula.letters)
 
 
-def separated(formulas: Sequence[Piece], between: str = ", ") -> list[Piece]:
+def separated(formulas: Sequence[Item], between: str = ", ") -> list[Item | str]:
     """The formulas with the same words between them."""
-    return [piece for k, formula in enumerate(formulas) for piece in ([between, formula] if k else [formula])]
+    found: list[Item | str] = []
+    for formula in formulas:
+        found += [between, formula]
+    return found[1:]
+
+
+def enumerated(formulas: Sequence[Item]) -> list[Item | str]:
+    """a, b and c."""
+    return [*separated(formulas[:-1]), *([" and "] if formulas[1:] else []), *formulas[-1:]]
 
 
 def with_shared_letters(answer: Answer, system: SecondOrderSystem) -> Answer:

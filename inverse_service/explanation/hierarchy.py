@@ -7,7 +7,10 @@ g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0:
 
 with the tensors of `mechanics.conditions`. At a point each is a linear condition on the n(n+1)/2 entries of g. A set
 suffices if every symmetric g that satisfies it at a generic point is singular; values are taken at random points
-modulo a prime, from Taylor series of f.
+modulo a prime, from Taylor series of f. The hierarchy to depth d consists of the tensors that need at most d + 2
+derivatives of f: Phi alone for d = 0; nabla Phi and R with d = 1; and so on. Curvatures need n >= 3.
+
+`exact_rows` forms chosen equations over an exact ring, with the entries g_11, g_12, … as symbols.
 
 `eliminate` solves chosen conditions exactly for g_11, g_12, … one after another, as by hand. Every pivot is checked
 modulo a prime: the minor of the used equations and solved unknowns must not vanish at the random point, so that no
@@ -35,11 +38,11 @@ from inverse_service.expressions import notation, tree as ex
 from inverse_service.field import dense_series as machine, exact_field, matrices, modular, tower
 from inverse_service.mechanics import conditions as cd
 from inverse_service.mechanics.conditions import S, Tensor11, Tensor12
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-# The largest set searched for; beyond it, all conditions of the depth are listed.
+# The largest set of tensors searched for; beyond it, all equations of the depth are pruned one by one.
 LARGEST_SET = 4
 DEEPEST = 3
-_TRIALS = 3
 
 Row = tuple[int, ...]
 
@@ -51,7 +54,10 @@ Matrix = tuple[tuple[exact_field.Quotient, ...], ...]
 
 @dataclass(frozen=True, slots=True)
 class ConditionName:
-    """A tensor of the hierarchy; `order` is the number of derivatives of f that it needs."""
+    """A tensor of the hierarchy: "Phi", "nabla^2 Phi", "R", "R[nabla Phi]".
+
+    `order` is the number of derivatives of f that it needs. A curvature is `cyclic`: its condition is a cyclic sum.
+    """
 
     name: str
     order: int
@@ -67,16 +73,21 @@ class EquationName:
 
 
 @dataclass(frozen=True, slots=True)
-class SufficientSet:
-    """Conditions that allow only singular g, the equations needed among them, and the remaining space.
+class ChosenEquations:
+    """Equations of the hierarchy; the symmetric g that satisfy them at a generic point form a space of `dimension`."""
 
-    `dimension` is that of the space of symmetric g that satisfy the equations at a generic point.
-    """
-
-    conditions: tuple[ConditionName, ...]
     equations: tuple[EquationName, ...]
-    rank: int
     dimension: int
+
+    @property
+    def conditions(self) -> tuple[ConditionName, ...]:
+        """The tensors of these equations, in order."""
+        return tuple(dict.fromkeys(name.condition for name in self.equations))
+
+
+def depth_of(equations: Iterable[EquationName]) -> int:
+    """The depth to which the hierarchy is needed for these equations."""
+    return max((name.condition.order for name in equations), default=2) - 2
 
 
 def unknowns(n: int) -> list[tuple[int, int]]:
@@ -84,38 +95,41 @@ def unknowns(n: int) -> list[tuple[int, int]]:
     return [(i, j) for i in range(n) for j in range(i, n)]
 
 
-def _power_name(operator: str, exponent: int, operand: str) -> str:
-    """ "Phi", "nabla Phi", "nabla^2 Phi"."""
-    if exponent == 0:
-        return operand
-    return f"{operator} {operand}" if exponent == 1 else f"{operator}^{exponent} {operand}"
+def _nabla_name(power: int, operand: str) -> str:
+    """Phi, nabla Phi, nabla^2 Phi, and so on."""
+    operator = "" if power == 0 else "nabla " if power == 1 else f"nabla^{power} "
+    return operator + operand
 
 
 def tensors_to_depth(motion: cd.Motion[S], depth: int) -> dict[ConditionName, Tensor11[S] | Tensor12[S]]:
     """The tensors that need at most depth + 2 derivatives of f; curvatures only for n >= 3."""
-    n = cd.connection(motion)
+    connection = cd.connection(motion)
     endomorphisms = [cd.jacobi_endomorphism(motion)]
     for _ in range(depth):
-        endomorphisms.append(cd.nabla(motion, n, endomorphisms[-1]))
+        endomorphisms.append(cd.nabla(motion, connection, endomorphisms[-1]))
     table: dict[ConditionName, Tensor11[S] | Tensor12[S]] = {}
     for k, tensor in enumerate(endomorphisms):
-        table[ConditionName(_power_name("nabla", k, "Phi"), k + 2, False)] = tensor
+        table[ConditionName(_nabla_name(k, "Phi"), k + 2, False)] = tensor
     if motion.size < 3:
         return table
     bend: Tensor12[S] | None = None
     for k in range(depth):
-        bend = cd.curvature(motion, endomorphisms[0]) if bend is None else cd.nabla_of_curvature(motion, n, bend)
-        table[ConditionName(_power_name("nabla", k, "R"), k + 3, True)] = bend
+        of_phi = cd.curvature(motion, endomorphisms[k])
+        bend = of_phi if bend is None else cd.nabla_of_curvature(motion, connection, bend)
+        table[ConditionName(_nabla_name(k, "R"), k + 3, True)] = bend
         if k:
-            name = f"R[{_power_name('nabla', k, 'Phi')}]"
-            table[ConditionName(name, k + 3, True)] = cd.curvature(motion, endomorphisms[k])
+            table[ConditionName(f"R[{_nabla_name(k, 'Phi')}]", k + 3, True)] = of_phi
     return table
 
 
 def equation_terms(
     condition: ConditionName, tensor: Tensor11[S] | Tensor12[S], n: int
 ) -> dict[EquationName, list[tuple[tuple[int, int], int, S]]]:
-    """Each equation as terms (unknown, sign, coefficient), the unknown given with i <= j."""
+    """Each equation as terms (unknown, sign, coefficient), the unknown given with i <= j.
+
+    g_ij T^j_k - g_kj T^j_i for i < k, and the cyclic sum of g_aj R^j_bc over (a, b, c) = (i, k, m) for i < k < m, where
+    T^j_k is `tensor[j][k]` and R^j_bc is `tensor[j][b][c]`.
+    """
     found: dict[EquationName, list[tuple[tuple[int, int], int, S]]] = {}
     if condition.cyclic:
         bend = cast("Tensor12[S]", tensor)
@@ -186,7 +200,7 @@ class LocalTensors:
         return registers, PointwiseConditions(self.size, point.prime, rows)
 
 
-def tensors_at(analysis: deciding.Analysis, seed: int, depth: int) -> PointwiseConditions:
+def equations_at(analysis: deciding.Analysis, seed: int, depth: int) -> PointwiseConditions:
     """The equations of the hierarchy to `depth` at the random point of this seed.
 
     Points where a denominator vanishes are skipped. Raises IrreducibleAtoms if no point is found, and TooLarge if the
@@ -201,53 +215,50 @@ def tensors_at(analysis: deciding.Analysis, seed: int, depth: int) -> PointwiseC
 
 
 def all_singular(basis: Sequence[Sequence[int]], n: int, prime: int) -> bool:
-    """Whether det vanishes identically on the span (tested at random combinations)."""
+    """Whether det vanishes on the span, tested at one random combination: wrong with a probability below n/prime."""
     source = random.Random(f"determinant {prime}")
-    pairs = unknowns(n)
-    for _ in range(_TRIALS if basis else 0):
-        weights = [source.randrange(1, prime) for _ in basis]
-        entry = {
-            pair: sum(w * vector[column] for w, vector in zip(weights, basis, strict=True)) % prime
-            for column, pair in enumerate(pairs)
-        }
-        matrix = nmod_mat(n, n, [entry[_pair(i, j)] for i in range(n) for j in range(n)], prime)
-        if int(matrix.det()):
-            return False
-    return True
+    weights = [source.randrange(1, prime) for _ in basis]
+    entry = {
+        pair: sum(w * vector[column] for w, vector in zip(weights, basis, strict=True)) % prime
+        for column, pair in enumerate(unknowns(n))
+    }
+    return not int(nmod_mat(n, n, [entry[_pair(i, j)] for i in range(n) for j in range(n)], prime).det())
 
 
-def smallest_sufficient_set(analysis: deciding.Analysis, seed: int = 1, depth: int = DEEPEST) -> SufficientSet | None:
+def smallest_sufficient_set(analysis: deciding.Analysis, seed: int = 1) -> ChosenEquations | None:
     """The cheapest conditions that allow only singular g, confirmed at a second point.
 
-    The choice minimizes the depth, then the number of tensors, then the orders. None if the hierarchy to `depth` does
-    not suffice, in which case differential consequences decide. Raises IrreducibleAtoms if no generic point is found.
+    The choice minimizes the depth, then the number of tensors, then the orders. None if the hierarchy to depth
+    `DEEPEST` does not suffice, in which case differential consequences decide. Raises IrreducibleAtoms if no generic
+    point is found.
     """
     with suppress(exact_field.TooLarge):
-        for level in range(depth + 1):
-            chosen = _sufficient(tensors_at(analysis, seed, level))
+        for depth in range(DEEPEST + 1):
+            chosen = _cheapest_sufficient(equations_at(analysis, seed, depth))
             if chosen is None:
                 continue
-            second = tensors_at(analysis, seed + 1, level)
+            second = equations_at(analysis, seed + 1, depth)
             if all_singular(second.kernel(chosen.equations), second.size, second.prime):
                 return chosen
     return None
 
 
-def unique_direction(analysis: deciding.Analysis, seed: int) -> SufficientSet | None:
-    """Conditions, cheap ones first, that determine g at a generic point up to a factor; None if there are none."""
-    for level in range(DEEPEST + 1):
-        table = tensors_at(analysis, seed, level)
-        kept: list[EquationName] = []
+def equations_of_one_direction(analysis: deciding.Analysis, seed: int) -> ChosenEquations | None:
+    """Equations, cheap ones first, that determine g at a generic point up to a factor; None if there are none."""
+    for depth in range(DEEPEST + 1):
+        table = equations_at(analysis, seed, depth)
+        kept, dimension = list[EquationName](), len(unknowns(table.size))
         for name in sorted(table.rows, key=lambda item: item.condition.order):
-            if len(table.kernel([*kept, name])) < len(table.kernel(kept)):
-                kept.append(name)
-        if len(table.kernel(kept)) == 1:
-            conditions = tuple(dict.fromkeys(name.condition for name in kept))
-            return SufficientSet(conditions, tuple(kept), len(kept), 1)
+            smaller = len(table.kernel([*kept, name]))
+            if smaller < dimension:
+                kept, dimension = [*kept, name], smaller
+        if dimension == 1:
+            return ChosenEquations(tuple(kept), dimension)
     return None
 
 
-def _sufficient(table: PointwiseConditions) -> SufficientSet | None:
+def _cheapest_sufficient(table: PointwiseConditions) -> ChosenEquations | None:
+    """The first sufficient group of tensors, without unnecessary equations; None if not even all equations suffice."""
     by_condition: dict[ConditionName, list[EquationName]] = {}
     for name, values in table.rows.items():
         if any(values):
@@ -273,16 +284,66 @@ def _suffices(table: PointwiseConditions, names: Sequence[EquationName]) -> bool
     return all_singular(table.kernel(names), table.size, table.prime)
 
 
-def _pruned(table: PointwiseConditions, names: Sequence[EquationName]) -> SufficientSet:
-    """The set without unnecessary equations, dropping high orders first."""
+def _pruned(table: PointwiseConditions, names: Sequence[EquationName]) -> ChosenEquations:
+    """The equations without unnecessary equations, dropping high orders first."""
     kept = list(names)
     for name in sorted(names, key=lambda item: -item.condition.order):
         without = [other for other in kept if other != name]
         if _suffices(table, without):
             kept = without
-    dimension = len(table.kernel(kept))
-    conditions = tuple(dict.fromkeys(name.condition for name in kept))
-    return SufficientSet(conditions, tuple(kept), len(unknowns(table.size)) - dimension, dimension)
+    return ChosenEquations(tuple(kept), len(table.kernel(kept)))
+
+
+Tensors = Mapping[ConditionName, Tensor11[exact_field.Quotient] | Tensor12[exact_field.Quotient]]
+
+
+@dataclass(frozen=True, slots=True)
+class ExactRows:
+    """Equations with ring elements as coefficients, the symbols of the g_ij, the tensors, and the rows at a point."""
+
+    exact: cd.MotionInRing
+    symbols: Mapping[Unknown, ex.Symbol]
+    tensors: Tensors
+    equations: Mapping[EquationName, Linear]
+    table: PointwiseConditions
+
+    @property
+    def ring(self) -> exact_field.ExactRing:
+        return self.exact.ring
+
+
+def exact_rows(
+    analysis: deciding.Analysis,
+    names: Sequence[EquationName],
+    seed: int,
+    budget: exact_field.Budget,
+    further_orders: int = 0,
+) -> ExactRows:
+    """The named equations over an exact ring, which allows `further_orders` derivations of them.
+
+    Raises TooLarge if the budget is exhausted, and ZeroDivisionError as the ring does.
+    """
+    depth, symbols = depth_of(names), entry_symbols(analysis.system)
+    exact = cd.motion_in_ring(analysis.system, depth + 2 + further_orders, budget, tuple(symbols.values()))
+    table = equations_at(analysis, seed, depth)
+    tensors = tensors_to_depth(exact.motion, depth)
+    found: dict[EquationName, Linear] = {}
+    for condition in dict.fromkeys(name.condition for name in names):
+        for name, terms in equation_terms(condition, tensors[condition], exact.motion.size).items():
+            found[name] = collected((unknown, coefficient.scaled(sign)) for unknown, sign, coefficient in terms)
+    return ExactRows(exact, symbols, tensors, {name: found[name] for name in names}, table)
+
+
+def entry_symbols(system: SecondOrderSystem) -> dict[Unknown, ex.Symbol]:
+    """Names g_11, g_12, … for the entries, with another letter if the system uses such names."""
+    used = {node.name for f in system.accelerations for node in ex.walk(f) if isinstance(node, ex.Symbol)}
+    used |= set(system.coordinates) | set(system.parameters)
+    pairs = unknowns(len(system.coordinates))
+    for letter in (notation.MULTIPLIER.get(), "g", "h", "m", "multiplier"):
+        names = {(i, j): f"{letter}_{i + 1}{j + 1}" for i, j in pairs}
+        if used.isdisjoint(names.values()):
+            return {pair: ex.Symbol(name) for pair, name in names.items()}
+    raise exact_field.TooLarge("the system uses every name for the entries of the multiplier")
 
 
 @dataclass(frozen=True, slots=True)
@@ -353,17 +414,12 @@ def _choose(
     reduced: Mapping[EquationName, Linear], solved: Sequence[Solved], table: PointwiseConditions
 ) -> tuple[EquationName, Unknown] | None:
     """The shortest equation, and its unknown with the simplest coefficient that is a true pivot."""
-    order = sorted(reduced, key=lambda name: (len(reduced[name]), _length(reduced[name])))
-    for name in order:
+    for name in sorted(reduced, key=lambda name: (len(reduced[name]), sum(map(_weight, reduced[name].values())))):
         row = reduced[name]
         for unknown in sorted(row, key=lambda u: (_weight(row[u]), u[0] == u[1], u)):
-            if _minor([*solved], name, unknown, table):
+            if _pivot_minor(solved, name, unknown, table):
                 return name, unknown
     return None
-
-
-def _length(row: Linear) -> int:
-    return sum(map(_weight, row.values()))
 
 
 def _weight(coefficient: exact_field.Quotient) -> int:
@@ -373,7 +429,7 @@ def _weight(coefficient: exact_field.Quotient) -> int:
     return len(coefficient.numerator) + sum(power for _, power in coefficient.exponents)
 
 
-def _minor(solved: Sequence[Solved], name: EquationName, unknown: Unknown, table: PointwiseConditions) -> int:
+def _pivot_minor(solved: Sequence[Solved], name: EquationName, unknown: Unknown, table: PointwiseConditions) -> int:
     """The determinant of the equations used so far in the unknowns solved for, at the random point."""
     position = {pair: column for column, pair in enumerate(unknowns(table.size))}
     columns = [position[step.pivot] for step in solved] + [position[unknown]]
@@ -383,6 +439,7 @@ def _minor(solved: Sequence[Solved], name: EquationName, unknown: Unknown, table
 
 
 def _solve(name: EquationName, original: Linear, row: Linear, pivot: Unknown) -> Solved:
+    """`row`, the reduced form of `original`, solved for the pivot."""
     content = exact_field.common_factor(list(row.values()))
     equation = {unknown: coefficient / content for unknown, coefficient in row.items()}
     divisor = equation[pivot]
@@ -404,7 +461,7 @@ def vanishing_block(values: Mapping[Unknown, Linear], n: int) -> tuple[tuple[int
 def remaining_determinant(
     elimination: Elimination, n: int, symbols: Mapping[Unknown, exact_field.Quotient], one: exact_field.Quotient
 ) -> exact_field.Quotient:
-    """det g of the remaining multiplier (n <= 4)."""
+    """det g of the remaining multiplier, its free entries as `symbols`."""
 
     def entry(row: Linear) -> exact_field.Quotient:
         return exact_field.sum_of(one - one, [c * symbols[unknown] for unknown, c in row.items()])
@@ -443,16 +500,20 @@ def contradiction(
     slopes = cd.factor_slopes(exact, direction)
     point = tower.draw_point(analysis.tower, seed)
     names = analysis.system.coordinates
-    for formula, note, difference, held in _conditions(exact, slopes, with_time, names):
+    for formula, note, difference, variables in _integrability_conditions(exact, slopes, with_time, names):
         if not difference.is_zero and _is_nonzero(exact.ring, difference, point):
-            return Contradiction(_lines(slopes, with_time, held, names), formula, note, difference)
+            return Contradiction(_lines(slopes, with_time, variables, names), formula, note, difference)
     raise exact_field.TooLarge("no integrability condition of the factor fails")
 
 
-def _conditions(
+def _integrability_conditions(
     exact: cd.MotionInRing, slopes: cd.FactorSlopes, with_time: bool, names: tuple[str, ...]
 ) -> Iterator[tuple[notation.Formula, str, exact_field.Quotient, frozenset[ex.Symbol | ex.Velocity]]]:
-    """Expressions that vanish if u exists, with reason and variables of their slopes, simplest first."""
+    """(formula, reason, value, variables): values that vanish if u exists, and the variables by which u is
+    differentiated in them.
+
+    u_t first if L must not contain t, then (u_y)_x - (u_x)_y for each pair of variables, the velocities first.
+    """
     motion = exact.motion
     if not with_time:
         yield _slope(ex.TIME), ", as L must not contain t,", slopes.by_time, frozenset({ex.TIME})
@@ -478,14 +539,17 @@ def _mixed(inner: ex.Symbol | ex.Velocity, outer: ex.Symbol | ex.Velocity) -> no
 
 
 def _lines(
-    slopes: cd.FactorSlopes, with_time: bool, held: frozenset[ex.Symbol | ex.Velocity], names: tuple[str, ...]
+    slopes: cd.FactorSlopes, with_time: bool, variables: frozenset[ex.Symbol | ex.Velocity], names: tuple[str, ...]
 ) -> tuple[Line, ...]:
-    """The known derivatives of u in the order of derivation, with those on which they depend."""
-    of_velocities = all(isinstance(variable, ex.Velocity) for variable in held)
+    """The derivatives of u by these variables, in the order of derivation, with those on which they depend.
+
+    du/dv follows from (H1), Gamma(u) from (H2), du/dq from both, and du/dt from all of them: see `factor_slopes`.
+    """
+    of_velocities = all(isinstance(variable, ex.Velocity) for variable in variables)
     lines = [
         Line("Since `dg_ij/dv^k` is symmetric in `j` and `k`", _slope(ex.Velocity(x)), slopes.by_velocity[k])
         for k, x in enumerate(names)
-        if ex.Velocity(x) in held or not of_velocities
+        if ex.Velocity(x) in variables or not of_velocities
     ]
     if of_velocities:
         return tuple(lines)
@@ -493,9 +557,9 @@ def _lines(
     lines += [
         Line(f"`Gamma(u)` differentiated by `{x}'`", _slope(ex.Symbol(x)), slopes.by_coordinate[k])
         for k, x in enumerate(names)
-        if ex.Symbol(x) in held or ex.TIME in held
+        if ex.Symbol(x) in variables or ex.TIME in variables
     ]
-    if with_time and ex.TIME in held:
+    if with_time and ex.TIME in variables:
         lines.append(Line("The remaining term of `Gamma(u)`", _slope(ex.TIME), slopes.by_time))
     return tuple(lines)
 

@@ -26,14 +26,12 @@ from inverse_service.deadline import now
 from inverse_service.decision.deciding import Analysis
 from inverse_service.decision.solutions import Step
 from inverse_service.explanation import hierarchy
-from inverse_service.explanation.explaining import Piece, said, separated
+from inverse_service.explanation.explaining import Piece, enumerated, said, separated
 from inverse_service.expressions import collecting, notation, printing, tree as ex
 from inverse_service.field import exact_field, matrices, modular, tower
 from inverse_service.field.dense_series import Series
-from inverse_service.mechanics.conditions import MotionInRing, Tensor11, Tensor12, motion_in_ring
+from inverse_service.mechanics.conditions import Tensor11, Tensor12
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-
-Tensors = Mapping[hierarchy.ConditionName, Tensor11[exact_field.Quotient] | Tensor12[exact_field.Quotient]]
 
 TIME_LIMIT = 1.0
 NUMBERS_LIMIT = 5.0
@@ -41,6 +39,9 @@ LARGEST_N = 5
 _SYMMETRIC = "g_ij T^j_k = g_kj T^j_i"
 _CYCLIC = "g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0"
 SINGULAR = "det g = 0"
+NO_LAGRANGIAN = "Hence no regular Lagrangian exists."
+# Derivations of G for its factor e^u: one for u_v, two for u_q, one more to compare mixed derivatives.
+_ORDERS_OF_FACTOR = 3
 # The number of characters of one step beyond which numbers at one point are easier to follow.
 LONGEST_SHOWN = 2_000
 
@@ -56,7 +57,7 @@ CHOSEN = modular.safe_prime(7_003)
 
 def explain_negative(
     analysis: Analysis,
-    chosen: hierarchy.SufficientSet | None,
+    chosen: hierarchy.ChosenEquations | None,
     with_time: bool = False,
     seed: int = 1,
     time_limit: float = TIME_LIMIT,
@@ -77,21 +78,21 @@ def explain_negative(
             found = _by_elimination(analysis, chosen, seed, budget)
     except (exact_field.TooLarge, ZeroDivisionError):
         pass
-    if found is not None and _length(found) <= LONGEST_SHOWN:
+    if found is not None and _longest(found) <= LONGEST_SHOWN:
         return found
     steps = _in_numbers(analysis, chosen) if chosen is not None and len(system.coordinates) <= LARGEST_N else None
-    if steps is None or (found is not None and _length(found) <= _length(steps)):
+    if steps is None or (found is not None and _longest(found) <= _longest(steps)):
         return found or summary
     return steps
 
 
-def _length(steps: Sequence[Step]) -> int:
+def _longest(steps: Sequence[Step]) -> int:
     """The number of characters of the longest step; steps of thousands of characters are useless to readers."""
     return max(len(step.text) for step in steps)
 
 
 def _by_elimination(
-    analysis: Analysis, chosen: hierarchy.SufficientSet, seed: int, budget: exact_field.Budget
+    analysis: Analysis, chosen: hierarchy.ChosenEquations, seed: int, budget: exact_field.Budget
 ) -> tuple[Step, ...]:
     solved = solve_conditions(analysis, chosen, seed, budget)
     return (opening(analysis.system, chosen), *solved.steps, _closing_step(solved))
@@ -99,139 +100,79 @@ def _by_elimination(
 
 @dataclass(frozen=True, slots=True)
 class SolvedConditions:
-    """The exact elimination of a set of conditions, with its steps."""
+    """The exact elimination of chosen equations, with its steps."""
 
-    exact: MotionInRing
-    symbols: Mapping[hierarchy.Unknown, ex.Symbol]
+    rows: hierarchy.ExactRows
     result: hierarchy.Elimination
     steps: tuple[Step, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class ExactRows:
-    """The chosen equations with ring elements as coefficients, their tensors, and their values at a point."""
-
-    exact: MotionInRing
-    symbols: Mapping[hierarchy.Unknown, ex.Symbol]
-    tensors: Tensors
-    equations: Mapping[hierarchy.EquationName, hierarchy.Linear]
-    table: hierarchy.PointwiseConditions
-
-
-def exact_rows(
-    analysis: Analysis, chosen: hierarchy.SufficientSet, seed: int, budget: exact_field.Budget, further_orders: int = 0
-) -> ExactRows:
-    """The rows of a set of conditions; the ring allows `further_orders` derivations of them.
-
-    Raises TooLarge if the budget is exhausted.
-    """
-    depth = max(condition.order for condition in chosen.conditions) - 2
-    symbols = entry_symbols(analysis.system)
-    exact = motion_in_ring(analysis.system, depth + 2 + further_orders, budget, tuple(symbols.values()))
-    table = hierarchy.tensors_at(analysis, seed, depth)
-    tensors = hierarchy.tensors_to_depth(exact.motion, depth)
-    return ExactRows(exact, symbols, tensors, exact_equations(exact, tensors, chosen.equations), table)
-
-
 def solve_conditions(
-    analysis: Analysis, chosen: hierarchy.SufficientSet, seed: int, budget: exact_field.Budget, further_orders: int = 0
+    analysis: Analysis,
+    chosen: hierarchy.ChosenEquations,
+    seed: int,
+    budget: exact_field.Budget,
+    further_orders: int = 0,
 ) -> SolvedConditions:
-    """Eliminate exactly; see `exact_rows`."""
-    rows = exact_rows(analysis, chosen, seed, budget, further_orders)
+    """Eliminate exactly; see `hierarchy.exact_rows`."""
+    rows = hierarchy.exact_rows(analysis, chosen.equations, seed, budget, further_orders)
     result = hierarchy.eliminate(rows.equations, rows.table)
-    ring = rows.exact.ring
-    steps = [tensor_step(ring, condition, rows.tensors[condition]) for condition in chosen.conditions]
-    steps += [_solved_step(ring, rows.symbols, step, analysis.system.parameters) for step in result.solved]
-    return SolvedConditions(rows.exact, rows.symbols, result, tuple(steps))
+    steps = [tensor_step(rows.ring, condition, rows.tensors[condition]) for condition in chosen.conditions]
+    steps += [_solved_step(rows, step, analysis.system.parameters) for step in result.solved]
+    return SolvedConditions(rows, result, tuple(steps))
 
 
 def _by_differentiation(analysis: Analysis, with_time: bool, seed: int, budget: exact_field.Budget) -> tuple[Step, ...]:
     """The steps that determine the multiplier up to a factor, and contradictory equations for the factor."""
-    chosen = hierarchy.unique_direction(analysis, seed) if len(analysis.system.coordinates) > 1 else None
+    chosen = hierarchy.equations_of_one_direction(analysis, seed) if len(analysis.system.coordinates) > 1 else None
     if chosen is None:
         raise exact_field.TooLarge("the algebraic conditions leave more than one direction")
-    solved = solve_conditions(analysis, chosen, seed, budget, further_orders=3)
-    ring, n = solved.exact.ring, solved.exact.motion.size
-    direction = hierarchy.direction_matrix(solved.result, n, ring.constant(1))
-    found = hierarchy.contradiction(analysis, solved.exact, direction, with_time, seed)
+    solved = solve_conditions(analysis, chosen, seed, budget, _ORDERS_OF_FACTOR)
+    exact, ring = solved.rows.exact, solved.rows.ring
+    direction = hierarchy.direction_matrix(solved.result, exact.motion.size, ring.constant(1))
+    found = hierarchy.contradiction(analysis, exact, direction, with_time, seed)
     steps = (*solved.steps, *factor_steps(ring, direction, found))
     return (opening(analysis.system, chosen), *steps)
 
 
-def entry_symbols(system: SecondOrderSystem) -> dict[hierarchy.Unknown, ex.Symbol]:
-    """Names g_11, g_12, … for the entries, with another letter if the system uses such names."""
-    used = {node.name for f in system.accelerations for node in ex.walk(f) if isinstance(node, ex.Symbol)}
-    used |= set(system.coordinates) | set(system.parameters)
-    pairs = hierarchy.unknowns(len(system.coordinates))
-    for letter in (notation.MULTIPLIER.get(), "g", "h", "m", "multiplier"):
-        names = {(i, j): f"{letter}_{i + 1}{j + 1}" for i, j in pairs}
-        if used.isdisjoint(names.values()):
-            return {pair: ex.Symbol(name) for pair, name in names.items()}
-    raise exact_field.TooLarge("the system uses every name for the entries of the multiplier")
-
-
-def exact_equations(
-    exact: MotionInRing, tensors: Tensors, names: Sequence[hierarchy.EquationName]
-) -> dict[hierarchy.EquationName, hierarchy.Linear]:
-    """The named equations with their coefficients as ring elements."""
-    found: dict[hierarchy.EquationName, hierarchy.Linear] = {}
-    for condition in dict.fromkeys(name.condition for name in names):
-        for name, terms in hierarchy.equation_terms(condition, tensors[condition], exact.motion.size).items():
-            found[name] = hierarchy.collected(
-                (unknown, coefficient.scaled(sign)) for unknown, sign, coefficient in terms
-            )
-    return {name: found[name] for name in names}
-
-
-def _solved_step(
-    ring: exact_field.ExactRing,
-    symbols: Mapping[hierarchy.Unknown, ex.Symbol],
-    step: hierarchy.Solved,
-    parameters: Collection[str],
-) -> Step:
-    original, reduced, result = (linear_tree(ring, symbols, row) for row in (step.original, step.reduced, step.value))
+def _solved_step(rows: hierarchy.ExactRows, step: hierarchy.Solved, parameters: Collection[str]) -> Step:
+    ring = rows.ring
+    original, reduced, result = (linear_tree(rows, row) for row in (step.original, step.reduced, step.value))
     divisors = [*exact_field.factor_trees(ring, step.content), *exact_field.factor_trees(ring, step.divisor)]
-    return equation_step(step.name, original, reduced, symbols[step.pivot], result, divisors, parameters)
+    return equation_step(step.name, original, reduced, rows.symbols[step.pivot], result, divisors, parameters)
 
 
-def linear_tree(
-    ring: exact_field.ExactRing, symbols: Mapping[hierarchy.Unknown, ex.Symbol], row: hierarchy.Linear
-) -> ex.Expression:
-    """The combination of the entries as a tree."""
-    return ex.add(*(exact_field.quotient_tree(ring, row[unknown]) * symbols[unknown] for unknown in sorted(row)))
+def linear_tree(rows: hierarchy.ExactRows, row: hierarchy.Linear) -> ex.Expression:
+    """The combination of the entries of g as a tree."""
+    return ex.add(
+        *(exact_field.quotient_tree(rows.ring, row[unknown]) * rows.symbols[unknown] for unknown in sorted(row))
+    )
 
 
 def _closing_step(solved: SolvedConditions) -> Step:
-    """Explain why the remaining g are singular; raises TooLarge if this was not recognized."""
-    n = solved.exact.motion.size
+    """Why the remaining g are singular, with g written out if it is short; TooLarge if this was not recognized."""
+    rows, n = solved.rows, solved.rows.exact.motion.size
     block = hierarchy.vanishing_block(solved.result.values, n)
     if block is not None:
-        return block_sentence(solved.symbols, *block, n)
-    ring = solved.exact.ring
-    elements = {unknown: ring.atoms[symbol] for unknown, symbol in solved.symbols.items()}
-    if not hierarchy.remaining_determinant(solved.result, n, elements, ring.constant(1)).is_zero:
+        return block_sentence(rows.symbols, *block, n)
+    one = rows.ring.constant(1)
+    elements = {unknown: rows.ring.atoms[symbol] for unknown, symbol in rows.symbols.items()}
+    if not hierarchy.remaining_determinant(solved.result, n, elements, one).is_zero:
         raise exact_field.TooLarge("the determinant of what remains was not recognized as zero")
-    return _det_vanishes(solved)
-
-
-def _det_vanishes(solved: SolvedConditions) -> Step:
-    """The remaining multiplier, written out if it is short, and its determinant."""
-    ring = solved.exact.ring
-    end = "`det g` is zero for all values of the remaining entries. Hence no regular Lagrangian exists."
-    remaining = solved.result.matrix(solved.exact.motion.size, ring.constant(1))
-    rows = [[linear_tree(ring, solved.symbols, row) for row in line] for line in remaining]
-    if sum(ex.node_count(entry) for line in rows for entry in line) > bounds.SHOWN:
+    end = f"`det g` is zero for all values of the remaining entries. {NO_LAGRANGIAN}"
+    entries = [[linear_tree(rows, row) for row in line] for line in solved.result.matrix(n, one)]
+    if sum(ex.node_count(entry) for line in entries for entry in line) > bounds.SHOWN:
         return said(f"With these values {end}", shown=[SINGULAR])
-    return said("With these values ", notation.row("g = ", notation.matrix(rows)), f", and {end}", shown=[SINGULAR])
+    return said("With these values ", notation.row("g = ", notation.matrix(entries)), f", and {end}", shown=[SINGULAR])
 
 
-def _in_numbers(analysis: Analysis, chosen: hierarchy.SufficientSet) -> tuple[Step, ...] | None:
+def _in_numbers(analysis: Analysis, chosen: hierarchy.ChosenEquations) -> tuple[Step, ...] | None:
     """The argument at one point: tensors, equations, their solution, and why it is singular; None without a point."""
     values = numbers_at_a_point(analysis, chosen, now() + NUMBERS_LIMIT)
     if values is None:
         return None
-    names, span = list(entry_symbols(analysis.system).values()), range(len(analysis.system.coordinates))
-    rows = {name: _whole(row) for name, row in _rows(values, chosen, len(names)).items()}
+    names, span = list(hierarchy.entry_symbols(analysis.system).values()), range(len(analysis.system.coordinates))
+    rows = {name: _coprime(row) for name, row in _rows(values, chosen, len(names)).items()}
     tensors = {
         condition: notation.matrix([[ex.number(values[condition, i, k]) for k in span] for i in span])
         for condition in chosen.conditions
@@ -261,7 +202,7 @@ def _echelon(rows: Sequence[Row]) -> list[tuple[int, Row]]:
     return sorted((width - 1 - pivot, tuple(line[::-1])) for pivot, line in turned)
 
 
-def _whole(row: Row) -> Row:
+def _coprime(row: Row) -> Row:
     """The multiple of the row with integer entries without a common divisor."""
     content = collecting.content_of(row) or 1
     return tuple(value / content for value in row)
@@ -271,7 +212,7 @@ def _combination(row: Sequence[Fraction], names: Sequence[ex.Symbol]) -> ex.Expr
     return ex.add(*(a * name for a, name in zip(row, names, strict=True) if a))
 
 
-def _point_step(analysis: Analysis, chosen: hierarchy.SufficientSet, values: Values) -> Step:
+def _point_step(analysis: Analysis, chosen: hierarchy.ChosenEquations, values: Values) -> Step:
     """The substituted values, and why they are admissible."""
     bare = bare_variables(analysis.accelerations)
     variables = [each for each in values if isinstance(each, ex.Symbol | ex.Velocity) and each in bare]
@@ -296,24 +237,16 @@ def _closing_step_at_point(free: Sequence[ex.Symbol]) -> Step:
     if not free:
         return said(
             "Hence `g = 0`. The same argument applies at every generic point, because a minor that is nonzero for "
-            "these numbers vanishes at most on a set without interior points. So there is no Lagrangian.",
+            f"these numbers vanishes at most on a set without interior points. {NO_LAGRANGIAN}",
             shown=[SINGULAR],
         )
     return said(
         "Hence `det g = 0` for all values of ",
         *enumerated(free),
         ". The choice of point does not matter: at random points, modulo large primes, the same equations also admit "
-        "only singular `g`, so `det g = 0` at every generic point. So there is no Lagrangian.",
+        f"only singular `g`, so `det g = 0` at every generic point. {NO_LAGRANGIAN}",
         shown=[SINGULAR],
     )
-
-
-def enumerated(formulas: Sequence[Piece]) -> list[Piece]:
-    """a, b and c."""
-    found: list[Piece] = []
-    for k, formula in enumerate(formulas):
-        found += [" and " if k == len(formulas) - 1 else ", ", formula] if k else [formula]
-    return found
 
 
 def indices(system: SecondOrderSystem) -> list[Piece]:
@@ -324,7 +257,7 @@ def indices(system: SecondOrderSystem) -> list[Piece]:
     return found
 
 
-def opening(system: SecondOrderSystem, chosen: hierarchy.SufficientSet) -> Step:
+def opening(system: SecondOrderSystem, chosen: hierarchy.ChosenEquations) -> Step:
     """The conditions that a multiplier must satisfy."""
     kinds = {condition.cyclic for condition in chosen.conditions}
     return said(
@@ -334,7 +267,7 @@ def opening(system: SecondOrderSystem, chosen: hierarchy.SufficientSet) -> Step:
     )  # fmt: skip
 
 
-def _listed_conditions(chosen: hierarchy.SufficientSet) -> list[Piece]:
+def _listed_conditions(chosen: hierarchy.ChosenEquations) -> list[Piece]:
     plain = [notation.theory(condition.name) for condition in chosen.conditions if not condition.cyclic]
     cyclic = [condition.name for condition in chosen.conditions if condition.cyclic]
     found: list[Piece] = ["`g T` is symmetric for `T` = ", *enumerated(plain)] if plain else []
@@ -344,10 +277,6 @@ def _listed_conditions(chosen: hierarchy.SufficientSet) -> list[Piece]:
         others: list[Piece] = [" for ", *enumerated([notation.theory(name) for name in cyclic]), " in the place of `R`"]
         found += [] if cyclic == ["R"] else others
     return found
-
-
-def _listed(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def tensor_step(
@@ -365,7 +294,7 @@ def tensor_step(
         plain = cast("Tensor11[exact_field.Quotient]", tensor)
         found = [((i, k), plain[i][k]) for i in span for k in span]
     shown = [
-        notation.row(f"({condition.name})^{above + 1}_{_numbers(below)} = ", exact_field.quotient_tree(ring, value))
+        notation.row(f"({condition.name})^{above + 1}_{_counted(below)} = ", exact_field.quotient_tree(ring, value))
         for (above, *below), value in found
         if not value.is_zero
     ]
@@ -375,14 +304,14 @@ def tensor_step(
     return said("The nonzero components of ", name, " are ", *separated(shown), ".", shown=shown)
 
 
-def _numbers(indices: Sequence[int]) -> str:
+def _counted(indices: Sequence[int]) -> str:
     """The indices as a person counts them."""
     return "".join(str(index + 1) for index in indices)
 
 
 def equation_name(name: hierarchy.EquationName) -> notation.Formula:
     """(nabla Phi)_12: entry 12 of g nabla Phi, which must equal entry 21."""
-    return notation.theory(f"({name.condition.name})_{_numbers(name.indices)}")
+    return notation.theory(f"({name.condition.name})_{_counted(name.indices)}")
 
 
 def equation_step(
@@ -430,23 +359,23 @@ def block_sentence(
     if len(rows) == 1 and len(columns) == n:
         why = f"row {rows[0] + 1} of `g` is zero"
     else:
-        left, top = (_listed([str(k + 1) for k in part]) for part in (rows, columns))
+        left, top = ("".join(enumerated([str(k + 1) for k in part])) for part in (rows, columns))
         why = f"the entries of rows {left} of `g` in columns {top} are zero, so these rows are linearly dependent"
-    return said(equal, f": {why}, hence `{SINGULAR}`. This is a contradiction, so no regular Lagrangian exists.")
+    return said(equal, f": {why}, hence `{SINGULAR}`. {NO_LAGRANGIAN}")
 
 
-def summary_steps(system: SecondOrderSystem, chosen: hierarchy.SufficientSet) -> tuple[Step, ...]:
+def summary_steps(system: SecondOrderSystem, chosen: hierarchy.ChosenEquations) -> tuple[Step, ...]:
     """Conditions and ranks, for expressions too large to follow by hand."""
-    n = len(system.coordinates)
+    entries = len(hierarchy.unknowns(len(system.coordinates)))
     end = "so `g = 0`" if chosen.dimension == 0 else "in which every matrix is singular"
     closing = said(
         "The linear equations ", *enumerated([equation_name(name) for name in chosen.equations]),
-        f" on the {n * (n + 1) // 2} entries of `g` have rank {chosen.rank} at a generic point; the symmetric matrices "
-        f"that satisfy them form a space of dimension {chosen.dimension}, {end}. Hence no regular Lagrangian exists.",
+        f" on the {entries} entries of `g` have rank {entries - chosen.dimension} at a generic point; the symmetric "
+        f"matrices that satisfy them form a space of dimension {chosen.dimension}, {end}. {NO_LAGRANGIAN}",
         shown=[SINGULAR],
     )  # fmt: skip
     middle = said("For each `T` the equation is `g_11 T^1_2 + g_12 (T^2_2 - T^1_1) - g_22 T^2_1 = 0`.")
-    return (opening(system, chosen), *([middle] if n == 2 else []), closing)
+    return (opening(system, chosen), *([middle] if entries == 3 else []), closing)
 
 
 def differential_summary(system: SecondOrderSystem) -> tuple[Step, ...]:
@@ -478,7 +407,7 @@ def factor_steps(
     tree = exact_field.quotient_tree(ring, found.difference)
     steps.append(
         said("For such `u`, ", found.formula, f"{found.note} must vanish, but it is ", tree,
-             ", which is not identically zero. Hence no regular Lagrangian exists.")
+             f", which is not identically zero. {NO_LAGRANGIAN}")
     )  # fmt: skip
     return steps
 
@@ -591,7 +520,7 @@ def _with_partners(atoms: Iterable[ex.Expression]) -> Iterator[ex.Expression]:
         seen.update(both)
 
 
-def numbers_at_a_point(analysis: Analysis, chosen: hierarchy.SufficientSet, deadline: float) -> Values | None:
+def numbers_at_a_point(analysis: Analysis, chosen: hierarchy.ChosenEquations, deadline: float) -> Values | None:
     """Values at a point where the chosen equations allow only singular g.
 
     The keys are the variables, the atoms, (condition, i, k) of the tensors (n, n), and (name, column) of the equations.
@@ -601,7 +530,7 @@ def numbers_at_a_point(analysis: Analysis, chosen: hierarchy.SufficientSet, dead
         return None
     size = len(analysis.system.coordinates)
     width = len(hierarchy.unknowns(size))
-    tensors = hierarchy.LocalTensors.of(analysis, max(condition.order for condition in chosen.conditions) - 2)
+    tensors = hierarchy.LocalTensors.of(analysis, hierarchy.depth_of(chosen.equations))
     for attempt in range(bounds.TRIES):
         if now() > deadline:
             break
@@ -615,12 +544,12 @@ def numbers_at_a_point(analysis: Analysis, chosen: hierarchy.SufficientSet, dead
     return None
 
 
-def _rows(values: Values, chosen: hierarchy.SufficientSet, width: int) -> dict[hierarchy.EquationName, Row]:
+def _rows(values: Values, chosen: hierarchy.ChosenEquations, width: int) -> dict[hierarchy.EquationName, Row]:
     return {name: tuple(values[name, k] for k in range(width)) for name in chosen.equations}
 
 
 def _in_fractions(
-    analysis: Analysis, chosen: hierarchy.SufficientSet, tensors: hierarchy.LocalTensors, attempt: int
+    analysis: Analysis, chosen: hierarchy.ChosenEquations, tensors: hierarchy.LocalTensors, attempt: int
 ) -> Values | None:
     """All values at point number `attempt` as fractions of small numbers, from one prime and confirmed by another."""
     prime, second = (modular.safe_prime(k, analysis.tower.residues) for k in (7_001, 7_002))
@@ -637,7 +566,7 @@ def _in_fractions(
 
 
 def _residues(
-    analysis: Analysis, chosen: hierarchy.SufficientSet, tensors: hierarchy.LocalTensors, attempt: int, prime: int
+    analysis: Analysis, chosen: hierarchy.ChosenEquations, tensors: hierarchy.LocalTensors, attempt: int, prime: int
 ) -> dict[Any, int] | None:
     """All values at point number `attempt` modulo the prime; None if f or its roots have no value there."""
     kind = PlainPoint if attempt % 2 else SmallPoint
@@ -649,17 +578,18 @@ def _residues(
             if modular.is_positive(modular.evaluate(tree, point), prime) != (sign > 0):
                 return None
         found: dict[Any, int] = {atom: modular.evaluate(atom, point) for atom in _atoms(analysis, chosen)}
-        return {**found, **_conditions(tensors, chosen, point), **point.variables}
+        return {**found, **_tensors_and_rows(tensors, chosen, point), **point.variables}
     except (modular.SingularPoint, ValueError, ZeroDivisionError, errors.IrreducibleAtoms):
         return None
 
 
-def _atoms(analysis: Analysis, chosen: hierarchy.SufficientSet) -> list[ex.Expression]:
-    return atoms_and_jets(analysis, max(condition.order for condition in chosen.conditions) - 1)
+def _atoms(analysis: Analysis, chosen: hierarchy.ChosenEquations) -> list[ex.Expression]:
+    """The atoms of f whose values are shown; those of order depth + 2 occur only as first derivatives of others."""
+    return atoms_and_jets(analysis, hierarchy.depth_of(chosen.equations) + 1)
 
 
-def _conditions(
-    tensors: hierarchy.LocalTensors, chosen: hierarchy.SufficientSet, point: modular.Point
+def _tensors_and_rows(
+    tensors: hierarchy.LocalTensors, chosen: hierarchy.ChosenEquations, point: modular.Point
 ) -> dict[object, int]:
     """The tensors' components and the rows of the equations at the point."""
     registers, pointwise = tensors.at(point)

@@ -315,13 +315,13 @@ class Theorem:
 
 
 def determinant_vanishes(
-    analysis: deciding.Analysis, chosen: hierarchy.SufficientSet, seed: int, budget: exact_field.Budget
+    analysis: deciding.Analysis, chosen: hierarchy.ChosenEquations, seed: int, budget: exact_field.Budget
 ) -> Theorem:
     """det g = 0 from the rows of the chosen conditions; TooLarge where the budget ends or it was not recognized.
 
     If the formulas are long, their long factors become generators.
     """
-    rows = negative.exact_rows(analysis, chosen, seed, budget)
+    rows = hierarchy.exact_rows(analysis, chosen.equations, seed, budget)
     try:
         short = exact_field.Budget(TERMS_WITHOUT_LETTERS, budget.deadline)
         rows.exact.ring.field.budget = short
@@ -895,7 +895,7 @@ def _of_conditions(system: System) -> str:
     (theorem,) = system.theorems
     origin = theorem.origin
     assert origin is not None
-    depth = max(name.condition.order for name, _ in origin.rows) - 2
+    depth = hierarchy.depth_of(name for name, _ in origin.rows)
     tensors = hierarchy.tensors_to_depth(system.motion(), depth)
     steps, proofs = list[Identity](), list[str]()
     relations = relations_of(system.ring)

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from flint import fmpq, fmpq_mpoly
 
 from inverse_service.decision.deciding import Analysis
-from inverse_service.explanation import hierarchy, negative
+from inverse_service.explanation import hierarchy
 from inverse_service.expressions import collecting, derivative, tree as ex
 from inverse_service.field import exact_field, matrices
-from inverse_service.mechanics import conditions, euler_lagrange
+from inverse_service.mechanics import euler_lagrange
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import reductions
 from inverse_service.solving import strata
@@ -49,14 +49,10 @@ def of_conditions(
     seed: int = 1,
 ) -> SideConditions:
     """The side conditions of solving the named equations of the hierarchy; raises TooLarge, ZeroDivisionError."""
-    depth = max((name.condition.order for name in names), default=2) - 2
-    exact = conditions.motion_in_ring(analysis.system, depth + 2, budget)
-    table = hierarchy.tensors_at(analysis, seed, depth)
-    tensors = hierarchy.tensors_to_depth(exact.motion, depth)
-    equations = negative.exact_equations(exact, tensors, names)
-    reader = Reader.of(exact.ring, space)
-    result = hierarchy.eliminate({name: equations[name] for name in names if equations[name]}, table)
-    divisors = [part for step in result.solved for part in (step.content, step.divisor)]
+    rows = hierarchy.exact_rows(analysis, names, seed, budget)
+    reader = Reader.of(rows.ring, space)
+    solved = hierarchy.eliminate(rows.equations, rows.table).solved
+    divisors = [part for step in solved for part in (step.content, step.divisor)]
     ideals = [*(ideal for part in divisors for ideal in reader.ideals(part)), *reader.inside_functions()]
     return SideConditions(tuple(ideals), any(map(reader.is_doubtful, divisors)))
 
@@ -173,7 +169,7 @@ class Reader:
 
 def all_conditions(analysis: Analysis, depth: int, seed: int = 1) -> list[hierarchy.EquationName]:
     """The names of the equations of the hierarchy to `depth` that are not zero at a generic point."""
-    table = hierarchy.tensors_at(analysis, seed, depth)
+    table = hierarchy.equations_at(analysis, seed, depth)
     return [name for name, row in table.rows.items() if any(row)]
 
 
