@@ -283,7 +283,7 @@ def _answer(analysis: deciding.Analysis, decision: deciding.Decision, known: Seq
         explaining.said(
             f"The {chosen.source} is a regular Lagrangian of the system: ", notation.row("L = ", tree), "."
         ),
-        *_short(explaining.verification_steps(analysis, lagrangian)),
+        *_short(explaining.verification_steps(analysis.system, lagrangian.multiplier)),
         *explaining.legendre_steps(hamiltonian),
     )
     return solutions.Answer(

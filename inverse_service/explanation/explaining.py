@@ -1,8 +1,8 @@
 """The steps of an explanation: how they are said, and those of a positive answer.
 
-A positive answer says how the Lagrangian was found, what proves it, and what its Hamiltonian is. `explain_positive`
-works out every Helmholtz condition of a given multiplier; `euler_lagrange_steps` is the proof that needs no theory: L
-put into the Euler-Lagrange equations gives the equations of motion.
+A positive answer says how the Lagrangian was found, what proves it, and what its Hamiltonian is. `euler_lagrange_steps`
+is the proof that needs no theory: L put into the Euler-Lagrange equations gives the equations of motion.
+`verification_steps` works out every Helmholtz condition of its multiplier.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from inverse_service.decision.solutions import (
     Answer,
     Conditions,
     Hamiltonian,
-    Lagrangian,
     Part,
     Solution,
     SolutionSpace,
@@ -29,8 +28,7 @@ from inverse_service.decision.solutions import (
 from inverse_service.errors import InputError
 from inverse_service.expressions import collecting, derivative, inequalities, printing, tree as ex
 from inverse_service.expressions.notation import Formula, formula_of, listed, matrix, partial_derivative, row, theory
-from inverse_service.field import exact_field
-from inverse_service.field.matrices import determinant
+from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import conditions, writing
 from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -59,12 +57,11 @@ _MEANING = {
     "L_0": "the Lagrangian without damping",
 }
 TIME_LIMIT = 1.0
-LARGEST_N = 8
+# The number of coordinates up to which conditions and equations are written out one by one.
+MOST_COORDINATES = 8
 # More terms than this fill pages, and to print them takes seconds.
 MOST_TERMS_SHOWN = 600
 Matrix = Sequence[Sequence[exact_field.Quotient]]
-# Coordinates whose equations are written out one by one.
-_MOST_LINES = 8
 
 # The order of the series that is written out, and how many coefficients it may have.
 _SERIES_ORDER = 2
@@ -130,7 +127,7 @@ def printed_conditions(system: SecondOrderSystem) -> tuple[Conditions | None, st
 
     def short(tree: ex.Expression) -> ex.Expression:
         has_angles = any(isinstance(node, ex.Apply) and node.function in ("sin", "cos") for node in ex.walk(tree))
-        return _in_sums_of_angles(tree) if has_angles or ex.node_count(tree) <= bounds.LARGE else tree
+        return _with_shortest_sums(tree) if has_angles or ex.node_count(tree) <= bounds.LARGE else tree
 
     Phi, nabla = (tuple(tuple(map(short, row)) for row in each) for each in (tensors.Phi, tensors.nabla_Phi))
     R = tuple(tuple(tuple(map(short, row)) for row in rows) for rows in tensors.R)
@@ -138,9 +135,13 @@ def printed_conditions(system: SecondOrderSystem) -> tuple[Conditions | None, st
 
 
 @lru_cache(maxsize=512)
-def _in_sums_of_angles(tree: ex.Expression) -> ex.Expression:
-    """The tree with each sum of functions of several angles in its shortest form; cos(a - b) is kept."""
-    tree = ex.rebuild(tree, _in_sums_of_angles)
+def _with_shortest_sums(tree: ex.Expression) -> ex.Expression:
+    """The tree with each sum in the shortest of three forms: as it is, collected, and grouped by functions.
+
+    Functions of several angles are first combined where that is shorter: cos(a) cos(b) + sin(a) sin(b) as cos(a - b).
+    A power (-a - b)^k of negative terms becomes (-1)^k (a + b)^k.
+    """
+    tree = ex.rebuild(tree, _with_shortest_sums)
     match tree:
         case ex.Power(ex.Sum(parts) as base, ex.Number(e)) if e.denominator == 1:
             if all(map(writing.is_negative, parts)):
@@ -174,15 +175,17 @@ def with_conditions(solution: Solution) -> Solution:
     return replace(solution, conditions=found, provenance={**solution.provenance, "conditions_left_out": reason})
 
 
-def explain_positive(system: SecondOrderSystem, multiplier: Sequence[Sequence[ex.Expression]]) -> tuple[Step, ...]:
+def verification_steps(system: SecondOrderSystem, multiplier: Sequence[Sequence[ex.Expression]]) -> tuple[Step, ...]:
     """The Helmholtz conditions for the multiplier g, shape (n, n), each worked out and seen to hold.
 
     Where an identity was not recognized (too large, or atoms whose relations are not known here), the steps only say
-    what must be computed.
+    what must be computed. () where the equations are not solved for the accelerations.
     """
+    if system.is_unsolved:
+        return ()
     budget = exact_field.Budget(bounds.TERMS, deadline.now() + TIME_LIMIT)
     try:
-        if len(system.coordinates) > LARGEST_N:
+        if len(system.coordinates) > MOST_COORDINATES:
             raise exact_field.TooLarge("too many coordinates to write everything out")
         exact = conditions.motion_in_ring(system, 2, budget, trees=[entry for row in multiplier for entry in row])
         g = tuple(tuple(exact.ring.value(entry) for entry in row) for row in multiplier)
@@ -196,48 +199,47 @@ def explain_positive(system: SecondOrderSystem, multiplier: Sequence[Sequence[ex
 
 
 def _worked_out(exact: conditions.MotionInRing, g: conditions.Tensor11[exact_field.Quotient]) -> tuple[Step, ...]:
+    """One step for each condition on g; TooLarge if one is not recognized as an identity, or is too long to print.
+
+    g = g^T and dg_ij/dv^k - dg_ik/dv^j = 0, which is the `curvature` of g;
+    Gamma(g) = g N + (g N)^T;   g Phi = (g Phi)^T;   det g != 0
+    """
     motion, span = exact.motion, range(exact.motion.size)
     n = conditions.connection(motion)
     product = conditions.product(motion, g, n)
-    forced = [[product[i][j] + product[j][i] for j in span] for i in span]
-    moved = [[motion.along(entry) for entry in row] for row in g]
+    along = [[motion.along(entry) for entry in row] for row in g]
     lowered = conditions.product(motion, g, conditions.jacobi_endomorphism(motion))
-    one = exact.ring.constant(1)
-    size = determinant(g, one)
+    determinant = matrices.determinant(g, exact.ring.constant(1))
     slopes = [entry for matrix in conditions.curvature(motion, g) for row in matrix for entry in row]
-    _require_zero([*_asymmetry(g), *slopes, *_asymmetry(lowered)])
-    _require_zero([moved[i][j] - forced[i][j] for i in span for j in span])
-    if size.is_zero:
+    rates = [along[i][j] - product[i][j] - product[j][i] for i in span for j in span]
+    if not all(difference.is_zero for difference in [*_asymmetry(g), *slopes, *_asymmetry(lowered), *rates]):
+        raise exact_field.TooLarge("an identity was not recognized")
+    if determinant.is_zero:
         raise exact_field.TooLarge("the determinant was seen to vanish")
-    shown = [entry for matrix in (g, moved, n, lowered) for row in matrix for entry in row]
-    if sum(len(entry.numerator) for entry in [*shown, size]) > MOST_TERMS_SHOWN:
+    shown = [entry for matrix in (g, along, n, lowered) for row in matrix for entry in row]
+    if sum(len(entry.numerator) for entry in [*shown, determinant]) > MOST_TERMS_SHOWN:
         raise exact_field.TooLarge("the products fill pages")
-    if len(g) == 1:  # what concerns symmetry says nothing
+    regular = exact_field.quotient_tree(exact.ring, determinant)
+    if len(g) == 1:  # a matrix of one entry is symmetric
         step = said(
-            "The velocity Hessian ", row("g = ", exact_field.quotient_tree(exact.ring, size)),
-            " is not identically zero, and ", row("Gamma(g) = ", exact_field.quotient_tree(exact.ring, moved[0][0])),
+            "The velocity Hessian ", row("g = ", regular), " is not identically zero, and ",
+            row("Gamma(g) = ", exact_field.quotient_tree(exact.ring, along[0][0])),
             " equals `-g df/dv`, so it is a multiplier.",
         )  # fmt: skip
         return (step,)
-    along = row("Gamma(g) = ", _matrix(exact, moved))
     return (
         said("The velocity Hessian of `L` is the multiplier `g`; `dg_ij/dv^k` is symmetric in `j` and `k`."),
-        said(along, ", and `g N + (g N)^T` with ", row("N = ", _matrix(exact, n)), " is the same."),
-        said(row("g Phi = ", _matrix(exact, lowered)), " is symmetric."),
         said(
-            row("det g = ", exact_field.quotient_tree(exact.ring, size)),
-            " is not identically zero, so `g` is a multiplier.",
+            row("Gamma(g) = ", _matrix(exact, along)), ", and `g N + (g N)^T` with ", row("N = ", _matrix(exact, n)),
+            " is the same.",
         ),
-    )
+        said(row("g Phi = ", _matrix(exact, lowered)), " is symmetric."),
+        said(row("det g = ", regular), " is not identically zero, so `g` is a multiplier."),
+    )  # fmt: skip
 
 
 def _asymmetry(matrix: Matrix) -> list[exact_field.Quotient]:
     return [matrix[i][j] - matrix[j][i] for i, j in itertools.combinations(range(len(matrix)), 2)]
-
-
-def _require_zero(differences: Sequence[exact_field.Quotient]) -> None:
-    if not all(difference.is_zero for difference in differences):
-        raise exact_field.TooLarge("an identity was not recognized")
 
 
 def _matrix(exact: conditions.MotionInRing, entries: Matrix) -> Formula:
@@ -251,7 +253,7 @@ def euler_lagrange_steps(system: SecondOrderSystem, lagrangian: ex.Expression) -
 
     A single sentence where these formulas are long.
     """
-    short = len(system.coordinates) <= _MOST_LINES
+    short = len(system.coordinates) <= MOST_COORDINATES
     lines = [_line(lagrangian, name, system.coordinates) for name in system.coordinates if short]
     if not short or any(sum(map(ex.node_count, line)) > bounds.SHOWN for line in lines):
         if system.is_unsolved:
@@ -302,8 +304,8 @@ def existence_steps(decision: Decision) -> tuple[Step, ...]:
             f"spaces of dimensions {dimensions} in degrees 0 to {degree}; higher orders do not reduce them."
         ),
         said(
-            f"Its symbol in degree {degree} has dimension {decision.symbol.dimension} and passes Cartan's test "
-            f"(characters {', '.join(map(str, decision.symbol.characters))}): the system is involutive."
+            f"The symbol of this system in degree {degree} has dimension {decision.symbol.dimension} and passes "
+            f"Cartan's test (characters {', '.join(map(str, decision.symbol.characters))}): the system is involutive."
         ),
         said(f"A regular `g` remains at a generic point, so a regular Lagrangian exists; {decision.space.statement}."),
     )
@@ -386,18 +388,22 @@ def branch_steps(
     system: SecondOrderSystem, positive: Sequence[ex.Expression], nonzero: Sequence[ex.Expression] = ()
 ) -> tuple[Step, ...]:
     """The variables that first-order equations eliminate, the set where the answer holds, and the roots there."""
+    steps = list[Step]()
     if system.others:
         known = listed([row(ex.Symbol(name), " = ", tree) for name, tree in system.others])
-        first = said("The first-order equations give ", known, "; substituting these leaves second-order equations.")
-        return (first, *branch_steps(replace(system, others=()), positive, nonzero))
-    if not positive and not nonzero:
-        return ()
-    where = listed([*(row(tree, " != 0") for tree in nonzero), *map(inequalities.inequality, positive)])
-    roots = () if system.branch is None else system.branch.roots
-    if not roots:
-        return (said("These statements hold where ", where, "."),)
-    values = listed([row(root, " = ", value) for root, value in roots])
-    return (said("Where ", where, ": ", _written(values, "the roots are those given here"), "."),)
+        steps.append(
+            said("The first-order equations give ", known, "; substituting these leaves second-order equations.")
+        )
+    if positive or nonzero:
+        where = listed([*(row(tree, " != 0") for tree in nonzero), *map(inequalities.inequality, positive)])
+        roots = () if system.branch is None else system.branch.roots
+        values = listed([row(root, " = ", value) for root, value in roots])
+        steps.append(
+            said("Where ", where, ": ", _written(values, "the roots are those given here"), ".")
+            if roots
+            else said("These statements hold where ", where, ".")
+        )
+    return tuple(steps)
 
 
 def as_given_steps() -> tuple[Step, ...]:
@@ -425,13 +431,8 @@ def search_steps(outcome: SearchOutcome) -> tuple[Step, ...]:
     parts = [row(f"C_{k}*(", part, ")") for k, part in enumerate(outcome.found.parts, start=1)]
     general = row("L = ", *separated(parts, " + "))
     short = len(general.text) <= bounds.SHOWN
-    sentence: list[Piece] = [general, " is a Lagrangian"] if short else ["so is every sum of its parts `C_k L_k`"]
-    return (first, said("More generally, ", *sentence, " for constants `C_k` that keep the Hessian regular."))
-
-
-def verification_steps(analysis: Analysis, lagrangian: Lagrangian) -> tuple[Step, ...]:
-    """The Helmholtz conditions for its multiplier, worked out where they are short."""
-    return () if analysis.system.is_unsolved else explain_positive(analysis.system, lagrangian.multiplier)
+    end = " is a Lagrangian for all constants `C_k` that keep the Hessian regular."
+    return (first, said("More generally, ", general if short else "every sum of multiples `C_k L_k` of its parts", end))
 
 
 def hamiltonian_of(

@@ -6,10 +6,10 @@ values that belong to no real point but satisfy all algebraic relations among th
 nonzero element of their field. If only singular g remain, the numbers show why; `hierarchy` has checked at random
 points that this is generic.
 
-`rational_points` finds points at which variables and atoms of f have small rational values that respect all relations
-among them. Coordinates, velocities, parameters and the free generators of f (tan of a half angle, the root of an
-exponential, an arbitrary function and its derivatives) get small integers. If a root is not rational, the next point is
-tried. Values are found modulo a prime and reconstructed as fractions (Wang 1981); a second prime confirms them.
+`numbers_at_a_point` finds a point at which variables and atoms of f have small rational values that respect all
+relations among them. Coordinates, velocities, parameters and the free generators of f (tan of a half angle, the root of
+an exponential, an arbitrary function and its derivatives) get small integers. If a root is not rational, the next point
+is tried. Values are found modulo a prime and reconstructed as fractions (Wang 1981); a second prime confirms them.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from __future__ import annotations
 import itertools
 import random
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, cast
@@ -33,13 +34,15 @@ from inverse_service.field.dense_series import Series
 from inverse_service.mechanics.conditions import Tensor11, Tensor12
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-TIME_LIMIT = 1.0
-NUMBERS_LIMIT = 5.0
-LARGEST_N = 5
+# Seconds for the exact elimination, and for the search for a point with rational values.
+TIME_LIMIT, NUMBERS_LIMIT = 1.0, 5.0
+# The number of coordinates up to which equations are solved step by step; 6 coordinates have 21 entries of g.
+MOST_COORDINATES = 5
 _SYMMETRIC = "g_ij T^j_k = g_kj T^j_i"
 _CYCLIC = "g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0"
 SINGULAR = "det g = 0"
-NO_LAGRANGIAN = "Hence no regular Lagrangian exists."
+# Every argument begins with `opening`, which supposes that there is a regular Lagrangian, and ends with this.
+NO_LAGRANGIAN = "This is a contradiction, so no regular Lagrangian exists."
 # Derivations of G for its factor e^u: one for u_v, two for u_q, one more to compare mixed derivatives.
 _ORDERS_OF_FACTOR = 3
 # The number of characters of one step beyond which numbers at one point are easier to follow.
@@ -56,34 +59,27 @@ CHOSEN = modular.safe_prime(7_003)
 
 
 def explain_negative(
-    analysis: Analysis,
-    chosen: hierarchy.ChosenEquations | None,
-    with_time: bool = False,
-    seed: int = 1,
-    time_limit: float = TIME_LIMIT,
+    analysis: Analysis, chosen: hierarchy.ChosenEquations | None, with_time: bool, seed: int
 ) -> tuple[Step, ...]:
-    """From the chosen conditions of the hierarchy to det g = 0; for None, the differential consequence.
+    """From the chosen equations of the hierarchy to det g = 0; for None, the differential consequence.
 
-    If the expressions are too large, or more than one direction remains, the steps show the conditions with numbers at
-    one point, or else their ranks. `with_time` says that the question was for L(t, q, v).
+    The exact steps, unless one of them is longer than `LONGEST_SHOWN` and the steps with numbers at one point are
+    shorter; where neither exist (too large, or more than one direction remains), the ranks. `with_time` says that the
+    question was for L(t, q, v).
     """
     system = analysis.system
-    budget = exact_field.Budget(bounds.TERMS, now() + time_limit)
-    summary = differential_summary(system) if chosen is None else summary_steps(system, chosen)
-    found = None
-    try:
+    budget = exact_field.Budget(bounds.TERMS, now() + TIME_LIMIT)
+    few = len(system.coordinates) <= MOST_COORDINATES
+    found = list[tuple[Step, ...]]()
+    with suppress(exact_field.TooLarge, ZeroDivisionError):
         if chosen is None:
-            found = _by_differentiation(analysis, with_time or system.depends_on_time, seed, budget)
-        elif len(system.coordinates) <= LARGEST_N:
-            found = _by_elimination(analysis, chosen, seed, budget)
-    except (exact_field.TooLarge, ZeroDivisionError):
-        pass
-    if found is not None and _longest(found) <= LONGEST_SHOWN:
-        return found
-    steps = _in_numbers(analysis, chosen) if chosen is not None and len(system.coordinates) <= LARGEST_N else None
-    if steps is None or (found is not None and _longest(found) <= _longest(steps)):
-        return found or summary
-    return steps
+            found.append(_by_differentiation(analysis, with_time or system.depends_on_time, seed, budget))
+        elif few:
+            found.append(_by_elimination(analysis, chosen, seed, budget))
+    if chosen is not None and few and not any(_longest(steps) <= LONGEST_SHOWN for steps in found):
+        found += _in_numbers(analysis, chosen)
+    summary = differential_summary(system) if chosen is None else summary_steps(system, chosen)
+    return min(found, key=_longest, default=summary)
 
 
 def _longest(steps: Sequence[Step]) -> int:
@@ -166,11 +162,11 @@ def _closing_step(solved: SolvedConditions) -> Step:
     return said("With these values ", notation.row("g = ", notation.matrix(entries)), f", and {end}", shown=[SINGULAR])
 
 
-def _in_numbers(analysis: Analysis, chosen: hierarchy.ChosenEquations) -> tuple[Step, ...] | None:
-    """The argument at one point: tensors, equations, their solution, and why it is singular; None without a point."""
+def _in_numbers(analysis: Analysis, chosen: hierarchy.ChosenEquations) -> list[tuple[Step, ...]]:
+    """The argument at one point: tensors, equations, their solution, and why it is singular; [] without a point."""
     values = numbers_at_a_point(analysis, chosen, now() + NUMBERS_LIMIT)
     if values is None:
-        return None
+        return []
     names, span = list(hierarchy.entry_symbols(analysis.system).values()), range(len(analysis.system.coordinates))
     rows = {name: _coprime(row) for name, row in _rows(values, chosen, len(names)).items()}
     tensors = {
@@ -192,7 +188,7 @@ def _in_numbers(analysis: Analysis, chosen: hierarchy.ChosenEquations) -> tuple[
         values_of_g.append(notation.row(names[pivot], " = ", _combination(others, names)))
     steps.append(said("These linear equations have the solution ", *separated(values_of_g), "."))
     free = [name for k, name in enumerate(names) if k not in dict(solution)]
-    return (*steps, _closing_step_at_point(free))
+    return [(*steps, _closing_step_at_point(free))]
 
 
 def _echelon(rows: Sequence[Row]) -> list[tuple[int, Row]]:
@@ -274,7 +270,7 @@ def _listed_conditions(chosen: hierarchy.ChosenEquations) -> list[Piece]:
     if cyclic:
         found += [" and "] if found else []
         found.append(notation.theory(_CYCLIC))
-        others: list[Piece] = [" for ", *enumerated([notation.theory(name) for name in cyclic]), " in the place of `R`"]
+        others: list[Piece] = [" for ", *enumerated([notation.theory(name) for name in cyclic]), " in place of `R`"]
         found += [] if cyclic == ["R"] else others
     return found
 
@@ -414,7 +410,7 @@ def factor_steps(
 
 @dataclass(slots=True)
 class SmallPoint(modular.Point):
-    """A point whose free values are small integers, the same modulo every prime."""
+    """A point whose free values are small integers, the same modulo every prime; for `key` see `modular.Point`."""
 
     def draw(self, key: object) -> int:
         largest = _SMALL if self.seed < _PATIENCE else _LARGER
@@ -423,14 +419,14 @@ class SmallPoint(modular.Point):
 
 @dataclass(slots=True)
 class PlainPoint(modular.Point):
-    """A point where variables and tangents of half angles are often 0, so that fewer terms remain.
+    """A point where variables are often 0, so that fewer terms remain; free generators are 1 or 2.
 
     Every fourth point has velocities such as 3/5, at which roots like (1 - v^2)^(1/2) are rational.
     """
 
     def draw(self, key: object) -> int:
         source = random.Random(f"{self.seed}|{key!r}")
-        if not (isinstance(key, tuple) and isinstance(key[0], ex.Symbol | ex.Velocity | ex.Sum | ex.Product)):
+        if not (isinstance(key, tuple) and isinstance(key[0], ex.Symbol | ex.Velocity)):
             return source.randint(1, 2)
         fractions = isinstance(key[0], ex.Velocity) and self.seed % 4 == 3
         return modular.number_value(source.choice(_SPEEDS if fractions else _PLAIN[self.seed % 4]), self.prime)

@@ -696,8 +696,8 @@ def _negative(system: second_order_system.SecondOrderSystem, seed: int, budget: 
     chosen = hierarchy.smallest_sufficient_set(analysis, seed)
     if chosen is None:
         raise NoTheorem("the argument differentiates the conditions, so it does not consist of algebraic steps alone")
-    if len(system.coordinates) > negative.LARGEST_N:
-        raise NoTheorem(f"there are more than {negative.LARGEST_N} coordinates")
+    if len(system.coordinates) > negative.MOST_COORDINATES:
+        raise NoTheorem(f"there are more than {negative.MOST_COORDINATES} coordinates")
     return determinant_vanishes(analysis, chosen, seed, budget)
 
 

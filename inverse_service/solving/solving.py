@@ -40,8 +40,6 @@ _UNSOLVED = (
     "given answers this"
 )
 AS_GIVEN = "the equations as given"
-# The number of coordinates up to which the conditions are printed, and the freedom is counted for a known Lagrangian.
-_MOST_COORDINATES = 8
 # The seconds, and the share of the time, that first integrals may use.
 _FOR_INTEGRALS, _SHARE_FOR_INTEGRALS = 1.0, 0.1
 # The number of unknowns up to which the freedom in L is counted if a Lagrangian is known: nine coordinates.
@@ -277,8 +275,8 @@ def _conditions(system: SecondOrderSystem, options: SolveOptions, report: Progre
     """The conditions written out, or None with the reason for omitting them ("" if they were not requested)."""
     if system.is_unsolved:
         return None, "the equations are not solved for the accelerations"
-    if len(system.coordinates) > _MOST_COORDINATES:
-        return None, f"a system of more than {_MOST_COORDINATES} coordinates has them by the thousand"
+    if len(system.coordinates) > explaining.MOST_COORDINATES:
+        return None, f"a system of more than {explaining.MOST_COORDINATES} coordinates has them by the thousand"
     if not options.conditions:
         return None, ""
     report("conditions")
@@ -338,7 +336,7 @@ def _is_excluded(work: Work) -> bool:
     Factors of written lines cannot help then, and the decision is needed anyway to count the freedom.
     """
     system, options = work.analysis.system, work.options
-    if options.given or system.is_unsolved or len(system.coordinates) > _MOST_COORDINATES:
+    if options.given or system.is_unsolved or len(system.coordinates) > explaining.MOST_COORDINATES:
         return False
     with_time = deciding.questions(options.time_dependent, system)[1]
     return _decide(work, with_time, _SHARE_AS_GIVEN).verdict == "not_variational"
@@ -368,7 +366,7 @@ def _as_given(work: Work) -> Answer | None:
     if best is None:
         return None
     with_time = ex.holds(best, ex.TIME)
-    short = not (system.is_unsolved or len(system.coordinates) > _MOST_COORDINATES)
+    short = not (system.is_unsolved or len(system.coordinates) > explaining.MOST_COORDINATES)
     short = short and sum(map(ex.node_count, system.accelerations)) <= bounds.TERMS
     decision = _decide(work, with_time, _SHARE_AS_GIVEN, _MOST_FOR_FREEDOM) if short else None
     found = explaining.of_lagrangian(work.analysis, with_time, best, AS_GIVEN, explaining.as_given_steps(), decision)
@@ -727,7 +725,7 @@ def completed(work: Work, answer: Answer, others: Found | None, with_time: bool)
     work.progress("Hamiltonian")
     names = work.analysis.system.coordinates
     hamiltonian = explaining.hamiltonian_of(answer.lagrangian.expression, names, answer.lagrangian.positive)
-    verified = explaining.verification_steps(work.analysis, answer.lagrangian)
+    verified = explaining.verification_steps(work.analysis.system, answer.lagrangian.multiplier)
     steps = (*answer.details, *verified, *explaining.legendre_steps(hamiltonian))
     work.add_seconds("Hamiltonian", began)
     answer = replace(answer, hamiltonian=hamiltonian, details=steps)
