@@ -8,8 +8,8 @@
 
 SymPy is imported by the first call. Nothing is guessed: applied functions of the time with second derivatives are
 coordinates, other functions of it and functions of coordinates are arbitrary, the other symbols are parameters. No text
-is evaluated: trees are converted node by node. Installing python-flint, which this package needs, switches SymPy's
-ground types; nothing here sets SYMPY_GROUND_TYPES, and the bridge works under all of them.
+is evaluated: our own reader reads what SymPy prints. Installing python-flint, which this package needs, switches
+SymPy's ground types; nothing here sets SYMPY_GROUND_TYPES, and the bridge works under all of them.
 """
 
 from inverse_service.sympy.objects import (

@@ -1,4 +1,4 @@
-"""Between SymPy and the documents of this package: systems in, formulas of results out, trees node by node.
+"""Between SymPy and the documents of this package: systems in, as texts for our reader, formulas of results out.
 
 A `Table` says which SymPy object each name of a document represents. `conditions_of` gives the Helmholtz tensors as
 matrices and arrays; `verification` is a third opinion, by SymPy itself, on L and H.

@@ -84,6 +84,8 @@ def _compared(document: Any, canonical: Canonical, end: float) -> checker.CheckR
             return _named(names, canonical) or motion_agrees(motion, canonical, end - now())
         schema = accepting.to_schema(document)
         given = accepting.to_given(schema)
+    except errors.LimitError as error:
+        return checker.CheckResult("incomplete", (f"The document as given is too large: {error}",))
     except errors.InputError as error:
         return checker.CheckResult("invalid", (f"The document as given cannot be read: {error}",))
     names, texts = given.names, _texts(schema, given.names)
@@ -282,11 +284,17 @@ def _may_vanish(value: Value, ring: Ring) -> bool:
 def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: float = 60.0) -> checker.CheckResult:
     """Whether f is the motion of L under the constraints w(t, q, v) = 0, where they hold.
 
-    At points with w = 0: dw/dt = 0, and the Euler-Lagrange expressions of L are a combination of the
-    rows of dw/dv; with M = d2L/dv2 the matrix (M, (dw/dv)^T; dw/dv, 0) is regular, so there is one such f.
-    The `cell` of a valid answer says where it is.
+    With v = B u + c by some free velocities u: w = 0 and dw/dv B = 0, so that these are all points with w = 0 and B has
+    all directions there; dw/dt = 0, and B^T E = 0 for the Euler-Lagrange expressions E of L (d'Alembert). With
+    M = d2L/dv2 the matrix (M, (dw/dv)^T; dw/dv, 0) is regular, so there is one such f. B and c are only verified. The
+    `cell` of a valid answer says where it is. InputError where L or a constraint is not accepted.
     """
-    names = given.coordinates
+    from inverse_service.mechanics import constrained_motion
+
+    names, parts = given.coordinates, constrained_motion.geometry(given)
+    frame = constrained_motion.frames(parts)[0]
+    basis, drift = [list(map(parts.tree, row)) for row in frame.basis], map(parts.tree, frame.drift)
+    free = [ex.Velocity(names[k]) for k in frame.free]
     slopes = [[derivative.differentiate(each, ex.Velocity(name)) for name in names] for each in given.constraints]
     momenta = [derivative.differentiate(given.lagrangian, ex.Velocity(name)) for name in names]
     masses = [[derivative.differentiate(momentum, ex.Velocity(name)) for name in names] for momentum in momenta]
@@ -297,25 +305,28 @@ def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: f
     ]
     bordered = [[*masses[i], *(row[i] for row in slopes)] for i in range(len(names))]
     bordered += [[*row, *[ex.ZERO] * len(slopes)] for row in slopes]
-    pivots: list[int] = []
+    velocities = {name: _dot(row, free) + rest for name, row, rest in zip(names, basis, drift, strict=True)}
+    columns = list(zip(*basis, strict=True))
+    staying = [*given.constraints, *rates, *(_dot(row, column) for row in slopes for column in columns)]
+    works = [_dot(forces, column) for column in columns]
 
     def vanishing(ring: Ring) -> _Vanishing:
-        table = _table(ring, names, _on_constraints(given, slopes, ring, pivots))
+        leaves = _leaves(names, ring.names)
+        moving = {f"{name}'": _value(tree, ring, leaves) for name, tree in velocities.items()}
+        table = _table(ring, names, {**ring.names, **moving})
         leaving = "The accelerations leave the constraints as given."
-        zeros = [(_value(each, ring, table), leaving) for each in (*given.constraints, *rates)]
-        rows = [[_value(entry, ring, table) for entry in row] for row in slopes]
-        reduced = _reduced(rows, ring, pivots)
-        left = [_value(force, ring, table) for force in forces]
-        for pivot, row in zip(pivots, reduced, strict=True):
-            left = [ring.add([a, ring.multiply(left[pivot], b, 0)], [1, -1]) for a, b in zip(left, row, strict=True)]
         wrong = "On the constraints these are not the accelerations of the Lagrangian as given."
-        zeros += [(entry, wrong) for entry in left]
-        return zeros, table
+        zeros = [(_value(tree, ring, table), leaving) for tree in staying]
+        return [*zeros, *((_value(tree, ring, table), wrong) for tree in works)], table
 
     found = "On the constraints the accelerations are the motion of the Lagrangian as given, which determines it."
     wrong = "The Lagrangian and the constraints as given do not determine the motion."
     plain = _is_rational((given.lagrangian, *given.constraints))
     return _examined(canonical, names, vanishing, bordered, plain, (found, wrong), time_limit)
+
+
+def _dot(row: Sequence[ex.Expression], column: Sequence[ex.Expression]) -> ex.Expression:
+    return ex.add(*map(ex.multiply, row, column))
 
 
 def _examined(
@@ -368,50 +379,6 @@ def _examined(
     if found.verdict == "incomplete" and left > time_limit / 2:
         found = checker.judged(work, left, None)
     return replace(found, cell=cells[-1]) if found.verdict == "valid" else found
-
-
-def _on_constraints(
-    given: NonholonomicSystem, slopes: list[list[ex.Expression]], ring: Ring, pivots: list[int]
-) -> dict[str, Value]:
-    """The point with some velocities moved to where the constraints hold; they are affine in the velocities."""
-    values = dict(ring.names)
-    table = _leaves(given.coordinates, values)
-    rows = [
-        [_value(entry, ring, table) for entry in (*row, each)]
-        for row, each in zip(slopes, given.constraints, strict=True)
-    ]
-    reduced = _reduced(rows, ring, pivots)
-    for k, row in zip(pivots, reduced, strict=True):
-        name = f"{given.coordinates[k]}'"
-        values[name] = ring.add([values[name], row[-1]], [1, -1])
-    return values
-
-
-def _reduced(rows: list[list[Value]], ring: Ring, pivots: list[int]) -> list[list[Value]]:
-    """The rows with 1 at their own pivot and 0 at those of the others; the first call chooses the pivots."""
-    found = list(rows)
-    for number in range(len(rows)):
-        if number == len(pivots):
-            pivots.append(_pivot(found[number], ring, pivots))
-        scale = ring.power(found[number][pivots[number]], -1)
-        row = [ring.multiply(entry, scale, 0) for entry in found[number]]
-        for other, line in enumerate(found):
-            factor = line[pivots[number]]
-            if other != number:
-                pairs = zip(line, row, strict=True)
-                found[other] = [ring.add([a, ring.multiply(factor, b, 0)], [1, -1]) for a, b in pairs]
-        found[number] = row
-    return found
-
-
-def _pivot(row: list[Value], ring: Ring, taken: list[int]) -> int:
-    """A column with an entry that is not zero, in balls the largest."""
-    entries = [(k, row[k][0]) for k in range(len(ring.question.coordinates)) if k not in taken and row[k]]
-    if isinstance(ring.arithmetic, numbers.Balls):
-        entries = sorted((pair for pair in entries if not pair[1].contains(0)), key=lambda pair: -abs(float(pair[1])))
-    if not entries:
-        raise numbers.Undefined
-    return entries[0][0]
 
 
 def _second_reading(text: GivenText | None, ring: Ring, table: Table) -> Value | None:
