@@ -71,7 +71,7 @@ def check(
         result = _read(file)
         text = plain_data.write_json(result)
         if document is not None:
-            given, _ = model.split_options(_document(document))
+            given, _ = model.split_options(cli.read_document(document))
             text = plain_data.write_json({"document": given, "result": result})
     settings = read_settings()
     outcome = workers.run_alone(tasks.check_task, (text,), settings.time_limit, settings.memory_limit)
@@ -84,10 +84,6 @@ def _print(found: dict[str, Any], form: str | None, lines: Callable[[], list[str
     """Print JSON into a pipe and lines on a terminal, unless the format is given."""
     plain = form == "json" or (form is None and not sys.stdout.isatty())
     cli.write(cli.in_json(found) if plain else "\n".join(lines()) + "\n")
-
-
-def _document(name: str) -> Any:
-    return plain_data.read_document(cli.read_bytes(name), name)
 
 
 def _check_exceptions(name: str, form: str | None) -> cli.ExitCode:

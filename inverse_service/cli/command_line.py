@@ -18,6 +18,7 @@ from typing import Annotated, Any
 import typer
 
 from inverse_service import __version__, errors
+from inverse_service.service.documents import plain_data
 
 # The module of each command, in the order of the help.
 COMMANDS = {
@@ -165,6 +166,11 @@ def read_bytes(name: str, limit: int = MAX_BYTES) -> bytes:
     if len(data) > limit:
         raise errors.LimitError(f"The file is larger than {limit} bytes; a document of one system is far smaller.")
     return data
+
+
+def read_document(name: str) -> Any:
+    """The document of a file, by its ending, or of standard input."""
+    return plain_data.read_document(read_bytes(name), name)
 
 
 def in_json(value: Any) -> str:

@@ -12,7 +12,6 @@ import typer
 
 from inverse_service import errors, settings
 from inverse_service.cli import command_line as cli
-from inverse_service.service.documents import plain_data
 from inverse_service.service.jobs import tasks, workers
 
 DEFAULT_SECONDS, MEASURING_SECONDS = 600.0, 300.0
@@ -34,7 +33,7 @@ def simulate(
     ] = None,
 ) -> cli.ExitCode:
     """Integrate a scene by its methods. Exit 1 only if every method failed; `doubt` flags inaccurate runs."""
-    document = plain_data.read_document(cli.read_bytes(scene), scene)
+    document = cli.read_document(scene)
     folder = None if output is None else made_folder(output)
     found = value_in_time(tasks.simulate_task, document, time_limit or DEFAULT_SECONDS)
     summary = without_points(found["result"])
@@ -55,9 +54,7 @@ def value_in_time(task: Any, document: Any, limit: float) -> Any:
     outcome = workers.run_alone(task, (document, None, limit), limit, settings.read_settings().memory_limit)
     if outcome.status == "deadline":
         raise errors.WorkerFailed(f"The scene was not done in {limit:g} s: take fewer steps or a longer --time-limit.")
-    from inverse_service.service.jobs.tasks import value_of
-
-    return value_of(outcome)
+    return tasks.value_of(outcome)
 
 
 def made_folder(output: Path) -> Path:
@@ -199,7 +196,7 @@ def work_precision(
     time_limit: Annotated[float | None, cli.time_limit(f"{MEASURING_SECONDS:.0f}")] = None,
 ) -> cli.ExitCode:
     """Measure error against run time for every method of a scene: a table, a picture, all runs."""
-    document = plain_data.read_document(cli.read_bytes(scene), scene)
+    document = cli.read_document(scene)
     folder = None if output is None else made_folder(output)
     if long and isinstance(document, dict):
         document = document | {"long": True}

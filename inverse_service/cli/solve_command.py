@@ -155,14 +155,14 @@ def given_document(name: str, guess: bool | None) -> Any:
     `guess`: whether undeclared names are constants; if None, they are only for equations on the command line.
     """
     if name == "-" or _is_file(name):
-        document = plain_data.read_document(cli.read_bytes(name), name)
+        document = cli.read_document(name)
     elif "=" in name or name.startswith("{") or _CALLED.match(name) or _ACCELERATED.search(normalize("NFD", name)):
         document = plain_data.read_document(name, "") if _MAY_BE_JSON.match(name) else {"equations": name}
         guess = guess if guess is not None else "equations" in document and "parameters" not in document
     elif catalog.meant(name):
         document = catalog.document(name)
     else:
-        document = plain_data.read_document(cli.read_bytes(name), name)
+        document = cli.read_document(name)
     return document_names.with_guess(document) if guess and isinstance(document, dict) else document
 
 

@@ -57,11 +57,9 @@ _ACCELERATION = re.compile(
 _PLAIN_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_\u2080-\u2089]*")
 _LATEX_WORD = re.compile(r"(_\{?)?(\\?[A-Za-z]+)")
 # Of documents of every kind.
-KEYS = frozenset((
-    *("name", "coordinates", "parameters", "functions", "where", "equations", "lagrangian", "constraints", "motion"),
-    *("time_dependent_lagrangian", "ansatz", "series_order", "special_cases", "clock", "kinds", "near", "associated"),
-    *("multiples", "time", "id", "options", "metadata", "search", "first_integrals", "catalogue", "format"),
-))  # fmt: skip
+KEYS = frozenset(("time", "id", "options", "metadata", "search", "catalogue", "format")).union(
+    *(one.model_fields for one in (SystemDocument, NonholonomicDocument, MotionDocument))
+)
 _STRUCTURE = frozenset(("text", "latex"))
 # A letter with its derivatives and the digit above it: \ddot{q}^1, q\u0307\u00b9, x^{1}''
 _HIGH = "\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"

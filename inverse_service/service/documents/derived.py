@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from api_schemas import result as schemas
 from api_schemas.system import InvariantKind, SystemDocument
@@ -25,13 +25,14 @@ from inverse_service.field import real_branch
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import names as nm, reader
-from inverse_service.service.documents import accepting, translate
+from inverse_service.service.documents import accepting, comparison, growing, translate
 from inverse_service.solving import solving
 
 if TYPE_CHECKING:
-    from inverse_service.solving.case_tree import Node, Progress
+    from inverse_service.solving.case_tree import Node
     from inverse_service.solving.kind_answers import KindAnswer
 
+Whole = TypeVar("Whole", bound=schemas.ResultDocument)
 SEARCH = "search"
 SHARE_OF_TREE = 0.7  # of the time for special cases; the remainder is for their Lagrangians
 _MOST_CASES = 6
@@ -103,17 +104,19 @@ def clocked_part(factor: ex.Expression, system: SecondOrderSystem, answer: Answe
 # Special values of the parameters.
 
 
-def special_cases(
-    system: SecondOrderSystem, asked: SolveOptions, end: float, progress: Progress | None
-) -> schemas.SpecialCasesPart:
-    """The tree of special cases found until the end, with a Lagrangian for each *yes* as far as time goes."""
+def with_special_cases(
+    result: Whole, system: SecondOrderSystem, asked: SolveOptions, grow: growing.Growing, end: float
+) -> Whole:
+    """The result with the tree of special cases, and a Lagrangian for each *yes* as far as time goes."""
     from inverse_service.solving import case_tree
 
+    grow.begin("special_cases")
+    end = deadline.now() + comparison.SHARE_OF_SOLVER * (end - deadline.now())
     limit = deadline.now() + SHARE_OF_TREE * (end - deadline.now())
-    found = case_tree.special_cases(system, asked.time_dependent, limit, progress, asked.seed)
+    found = case_tree.special_cases(system, asked.time_dependent, limit, grow.stage, asked.seed)
     both = found.root.case.autonomous is not None and found.root.case.with_time is not None
     timed = list(_variational(found.root, True, False)) if both else None
-    return translate.part_of(
+    part = translate.part_of(
         schemas.SpecialCasesPart,
         found,
         tree=_node(found.root, asked.seed, end),
@@ -122,6 +125,7 @@ def special_cases(
         examined=len(found.examined),
         complete_with_time=found.complete_with_time if both else None,
     )
+    return result.model_copy(update={"special_cases": part})
 
 
 def _node(node: Node, seed: int, end: float) -> schemas.CaseNode:

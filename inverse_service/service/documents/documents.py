@@ -15,6 +15,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from api_schemas.base import ParseAnswer
+from api_schemas.system import LagrangianDocument, MotionDocument, SystemDocument
 from inverse_service import errors
 from inverse_service.deadline import now, whole
 from inverse_service.decision import deciding
@@ -25,7 +26,6 @@ from inverse_service.service.documents import accepting, answers, comparison, de
 from inverse_service.solving import solving
 
 if TYPE_CHECKING:
-    from api_schemas.system import SystemDocument
     from inverse_service.decision.solutions import Left, Solution
 
 # Errors in the mathematics of a valid document, and the reason that the result then gives.
@@ -112,11 +112,13 @@ def use_cases(document: Any) -> UseCases:
     if accepting.is_motion(document):
         from inverse_service.service.documents import nonholonomic_documents as held
 
-        return UseCases(held.look_motion, held.parse_motion, held.system_of_motion, held.solve_motion)
+        look: Callable[[Any], Any] = partial(accepting.validated, schema=MotionDocument)
+        return UseCases(look, held.parse_motion, held.system_of_motion, held.solve_motion)
     if accepting.is_forward(document):
         from inverse_service.service.documents import own_lagrangian as alone
 
-        return UseCases(alone.look_forward, alone.parse, alone.system_of, alone.solve_forward)
+        look = partial(accepting.validated, schema=LagrangianDocument)
+        return UseCases(look, alone.parse, alone.system_of, alone.solve_forward)
     if accepting.is_nonholonomic(document):
         from inverse_service.service.documents import nonholonomic_documents as held
 
@@ -193,10 +195,7 @@ def solve_system(document: Any, options: SolveOptions, grow: growing.Growing | N
         result = result.model_copy(update={"with_clock": part})
         grow.hand_over(("explanation", "clock"), partial(comparison.checked, result, 1.0))
     if schema.special_cases:
-        grow.begin("special_cases")
-        limit = now() + comparison.SHARE_OF_SOLVER * (end - now())
-        cases = derived.special_cases(system, asked, limit, grow.stage)
-        result = result.model_copy(update={"special_cases": cases})
+        result = derived.with_special_cases(result, system, asked, grow, end)
     grow.begin("certificate")
     return comparison.with_one_verdict(comparison.ordered(grow.end(comparison.checked(result, end - now()))))
 

@@ -11,6 +11,7 @@ import unicodedata
 from collections.abc import Collection, Container, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cache, partial
 from itertools import chain, combinations
 from math import perm
 from typing import Any
@@ -25,27 +26,14 @@ from inverse_service.reading.tokens import at, walk
 
 # A document, by the pointer of each of its formulas that of the text with it at the same columns, and the notes.
 _Found = tuple[dict[str, Any], dict[str, str], dict[str, str]]
-_MOVES = nm.pattern("lagrangian_texts", "moves")
-_BARE = nm.pattern("lagrangian_texts", "bare")
-_LETTER_L = nm.pattern("lagrangian_texts", "letter_l")
-_SPAN = nm.pattern("lagrangian_texts", "span")
-_FIELD = nm.pattern("lagrangian_texts", "field")
-_ENERGY = nm.pattern("lagrangian_texts", "energy")
-_ENERGIES = nm.pattern("lagrangian_texts", "energies")
-_VECTOR = nm.pattern("lagrangian_texts", "vector", bold="|".join(components.BOLD))
-_GIVEN = nm.pattern("lagrangian_texts", "given", bold="|".join(components.BOLD))
-_METRIC = nm.pattern("lagrangian_texts", "metric")
-_DIFFERENTIAL = nm.pattern("lagrangian_texts", "differential")
-_LAGRANGES_EQUATION = nm.pattern("lagrangian_texts", "lagranges_equation")
-_OF_RATE, _OF_SLOPE = nm.pattern("lagrangian_texts", "of_rate"), nm.pattern("lagrangian_texts", "of_slope")
-_DISSIPATED = nm.pattern("lagrangian_texts", "dissipated")
+# The expressions of the table lagrangian_texts in patterns.toml, compiled when they are needed.
+_pattern = cache(partial(nm.pattern, "lagrangian_texts", bold="|".join(components.BOLD)))
 _MARKS = re.compile(r"\\d?dot|['\u2032\u0307\\{}\s]|_?dot$")
 _WORDS_AT_THE_END = re.compile(r"\s\([A-Za-z -]{4,}\)\s*$")
 _WRAPPER_ENDS = re.compile(r"(?:\$+|\\[\],;:! ]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
 # dx and d\theta, in dz = y dx and dz = ydx; \delta x is a virtual displacement, or asked about
 _FORM = re.compile(r"(?<![A-Za-z\\][A-Za-z])(?<!\\)d(?:[A-Za-z]|\s*\\)|(?:\u03b4|\bdelta\s)\s*[\w\\]")
 _OF_A_FORM = re.compile(r"\s*(?:d|\u03b4)")
-_DEFINED = nm.pattern("lagrangian_texts", "defined")
 _IS_NUMBER = re.compile(r"[^=]*=[\s\d./-]*")
 _LAMBDA = re.compile(r"lambda|Lambda|\bmu|\\mu|[\u03bb\u03bc\u039b]")
 # Equations of motion with multipliers as L and constraints: x'' = lambda sin(u), ..., x' sin(u) = y' cos(u). Without
@@ -83,8 +71,8 @@ class _Written:
     def gives_lagrangian(self) -> bool:
         """Whether there is an L, or a T and something that moves, and no equation of second order."""
         formulas = [*(line for _, line in self.others), *(energy.formula for energy in self.energies.values())]
-        moves = "kinetic" in self.energies and any(map(_MOVES.search, formulas))
-        return ("whole" in self.energies or moves) and not any(map(_BARE.search, formulas))
+        moves = "kinetic" in self.energies and any(map(_pattern("moves").search, formulas))
+        return ("whole" in self.energies or moves) and not any(map(_pattern("bare").search, formulas))
 
     def lagrangian(self) -> str:
         """L, or T - V, at the columns of its parts."""
@@ -130,7 +118,7 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
         with reader.placed_at(pointer):
             constraints += _held_by_fields(text, velocities)
     definitions, where = _definitions(others, {*velocities}), dict[str, str]()
-    forces = [_DISSIPATED.sub(r"\1", force) for force in found.forces.values()]
+    forces = [_pattern("dissipated").sub(r"\1", force) for force in found.forces.values()]
     for pointer, line in others:
         name, squared = _defined(line, {*velocities})
         if name and definitions[name] is line and not (squared and name in velocities):  # y^2 = l^2 - x^2 has two roots
@@ -146,12 +134,12 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
     for place, (pointer, line) in enumerate(others):
         _ask_about_rate(line, pointer, lagrangian, {"t", *declared})
         if line in definitions.values():
-            energy = _ENERGY.match(line)
+            energy = _pattern("energy").match(line)
             rest = [text for k, (_, text) in enumerate(others) if k != place]
             whole = lagrangian if is_whole and energy and energy["potential"] else ""
             if _is_unused(line, pointer, [lagrangian, *rest, *forces], {*velocities}, whole):
                 notes[line.strip()] = reader.LEFT_OUT
-    vectors = [f", {vector[0]}" for text in texts.values() for vector in _VECTOR.finditer(text)]
+    vectors = [f", {vector[0]}" for text in texts.values() for vector in _pattern("vector").finditer(text)]
     lagrangian, *constraints = (
         "".join([text, *(vector for vector in vectors if _has_vector(text, vector))])
         for text in (lagrangian, *constraints)
@@ -167,7 +155,10 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
         made["constraints"] = constraints
     elif any(force.strip() != "0" or name[-1] == "'" for name, force in found.forces.items()):
         try:
-            read = {line: "an equation of motion" if _OF_RATE.search(line) else words for line, words in notes.items()}
+            read = {
+                line: "an equation of motion" if _pattern("of_rate").search(line) else words
+                for line, words in notes.items()
+            }
             return _with_forces(made, found.forces), {}, read
         except errors.InputError as error:
             raise error.placed(places["/lagrangian"]) from None
@@ -176,7 +167,7 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
 
 def _with_forces(plain: dict[str, Any], forces: Mapping[str, str]) -> dict[str, Any]:
     """The equations d/dt(dL/dq') - dL/dq = Q of L with generalized forces Q, by q; InputError where one is missing."""
-    texts = {f"/forces/{name}": _DISSIPATED.sub(r"\1", text) for name, text in forces.items()}
+    texts = {f"/forces/{name}": _pattern("dissipated").sub(r"\1", text) for name, text in forces.items()}
     try:
         known = document_names.known_names(_declared_by(plain), {"/lagrangian": plain["lagrangian"], **texts}, 1)
         names = known.names
@@ -216,7 +207,7 @@ def _read_force(
         found = derivative.differentiate(dissipated, kind(names.spelling(_plain_name(by))))
         return f"({printing.to_latex(found) if latex else printing.to_text(found)})"
 
-    force = known.put_in(reader.read_formula(_DISSIPATED.sub(slope, text), names))
+    force = known.put_in(reader.read_formula(_pattern("dissipated").sub(slope, text), names))
     coordinate = names.spelling(name.rstrip("'"))
     literal = derivative.differentiate(lagrangian, ex.Symbol(coordinate)) if name.endswith("'") else ex.ZERO
     return coordinate, force - literal
@@ -231,30 +222,30 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
     """The parts of the texts, each at the columns that it has there; a metric ds^2 = … gives 2 L = … ."""
     found = _Written()
     for pointer, text in texts.items():
-        text = _LETTER_L.sub(_letter_l, text)
-        if metric := _METRIC.search(text):
-            text = _METRIC.sub(lambda metric: "2L".ljust(len(metric[0])), text)
+        text = _pattern("letter_l").sub(_letter_l, text)
+        if metric := _pattern("metric").search(text):
+            text = _pattern("metric").sub(lambda metric: "2L".ljust(len(metric[0])), text)
             with reader.placed_at(pointer):
-                text = _DIFFERENTIAL.sub(_velocity, text)
+                text = _pattern("differential").sub(_velocity, text)
             found.notes[metric[0].strip()] = "a metric, whose geodesics are meant"
-        omitted = [match[0].strip() for match in _LAGRANGES_EQUATION.finditer(text)]
+        omitted = [match[0].strip() for match in _pattern("lagranges_equation").finditer(text)]
         found.notes.update(dict.fromkeys(omitted, reader.LEFT_OUT))
         with reader.placed_at(pointer):
             found.forces.update(force for line in omitted if (force := _force(line)) is not None)
-        if span := _SPAN.search(text):
+        if span := _pattern("span").search(text):
             found.fields[pointer] = span["fields"]
             text = text[: span.start()] + " " * len(span[0]) + text[span.end() :]
         with reader.noted() as noted:
-            lines = _lines(_LAGRANGES_EQUATION.sub(lambda match: " " * len(match[0]), text))
+            lines = _lines(_pattern("lagranges_equation").sub(lambda match: " " * len(match[0]), text))
         found.notes.update(noted)
         for line in lines:
-            named = _ENERGY.match(line)
+            named = _pattern("energy").match(line)
             kind = next((kind for kind in ("whole", "kinetic", "potential") if named and named[kind]), "")
             if named is None or kind in found.energies or named[kind] in declared:
                 found.others.append((pointer, line))
             else:
                 formula = line[named.end() :]
-                summed = _ENERGIES.match(formula)
+                summed = _pattern("energies").match(formula)
                 formula = formula[summed.end() :].rjust(len(formula)) if summed else formula
                 found.energies[kind] = _Energy(named, formula, pointer)
     return found
@@ -262,13 +253,13 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
 
 def _force(line: str) -> tuple[str, str] | None:
     """(x, Q) of d/dt dL/dx' - dL/dx = Q, with all other terms of the equation in Q, or (x', Q) without dL/dx."""
-    rate = _OF_RATE.search(line)
+    rate = _pattern("of_rate").search(line)
     if rate is None:  # a variation of the action
         return None
     sides, name = line.replace(rate[0], " ", 1).split("="), ""
     is_positive = (rate[1] in ("", "+")) is not ("=" in line[: rate.start()])
     for place, plus in enumerate((not is_positive, is_positive)):
-        if slope := _OF_SLOPE.search(sides[place]):
+        if slope := _pattern("of_slope").search(sides[place]):
             if name or (slope[1] in ("", "+")) is not plus:
                 raise fault("sign in an equation of Lagrange", "")
             name = slope[2] or slope[3]
@@ -292,7 +283,7 @@ def _definitions(lines: Sequence[tuple[str, str]], moving: Collection[str]) -> d
 def _held_by_fields(text: str, moving: Sequence[str]) -> list[str]:
     """The constraints of a distribution that vector fields span: det(v, X_1, …, X_r) = 0 in r + 1 coordinates."""
     velocity = r" \\dot{\1} " if reader.is_latex(text) else r" \1' "
-    fields = [_FIELD.sub(velocity, field) for _, field in notation.split_outside(text, ",")]
+    fields = [_pattern("field").sub(velocity, field) for _, field in notation.split_outside(text, ",")]
     tokens = [token for field in fields for token in walk(reader.read_tokens(field))]
     coordinates = tuple(dict.fromkeys([*moving, *document_names.moving_names(tokens, 1)]))
     words = {token.text for token in tokens if token.kind == "name"}
@@ -371,7 +362,7 @@ def _defined(line: str, moving: Collection[str]) -> tuple[str, bool]:
     left, equal, right = line.partition("=")
     displaced = _OF_A_FORM.match(left) and _FORM.search(right)
     form = displaced or reader.names_in_forms(left) or {*moving} & reader.names_in_forms(right)
-    found = _DEFINED.fullmatch(left.removesuffix(":")) if equal and not form else None
+    found = _pattern("defined").fullmatch(left.removesuffix(":")) if equal and not form else None
     if found is None or found[1] in nm.FUNCTIONS or nm.Names().derivative(found[1], known=False):
         return "", False
     return found[1] + (found[2] or ""), found[3] is not None
@@ -554,7 +545,9 @@ def _lines(text: str) -> list[str]:
     except errors.InputError:
         return [text]
     places = [(_start(text, group), _end(text, group)) for group in groups]
-    lines = [" " * start + _GIVEN.sub(lambda match: " " * len(match[0]), text[start:end]) for start, end in places]
+    lines = [
+        " " * start + _pattern("given").sub(lambda match: " " * len(match[0]), text[start:end]) for start, end in places
+    ]
     return [shown for line in lines if (shown := _WRAPPER_ENDS.sub("", line)).strip()]
 
 

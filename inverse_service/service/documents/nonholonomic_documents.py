@@ -103,14 +103,9 @@ def to_families(
     return found
 
 
-def look_motion(document: Any) -> MotionDocument:
-    """The document in its schema; raises DocumentRefused with every fault found."""
-    return accepting.validated(document, MotionDocument)
-
-
 def motion_of(document: Any) -> second_order_system.ConstrainedMotion:
     """The motion that a prepared document gives; raises InputError."""
-    return read_given_motion(look_motion(document))
+    return read_given_motion(accepting.validated(document, MotionDocument))
 
 
 def read_given_motion(schema: MotionDocument) -> second_order_system.ConstrainedMotion:
@@ -177,7 +172,7 @@ def asked_fields(document: Any) -> dict[str, Any] | None:
     Without equations where it is not defined; None where the document names none. Raises InputError.
     """
     if accepting.is_motion(document):
-        return translate.plain_fields(system_of_motion(look_motion(document)))
+        return translate.plain_fields(system_of_motion(accepting.validated(document, MotionDocument)))
     schema = to_nonholonomic_schema(document)
     if schema.associated == "any":
         return translate.plain_fields(system_of(schema))
@@ -378,7 +373,7 @@ def _hamiltonian(found: hamiltonise.Hamiltonisation) -> HamiltonianPart | None:
 def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) -> dict[str, Any]:
     """The result, all of it in `any_associated`; raises InputError."""
     end = now() + comparison.SHARE_OF_SOLVER * options.time_limit
-    schema = look_motion(document)
+    schema = accepting.validated(document, MotionDocument)
     if schema.special_cases:
         raise errors.InputError(
             "special cases are not available where the motion itself is given. Leave this key out.", "/special_cases"
@@ -447,9 +442,10 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
     report = nonholonomic_study.motion_report(
         system, min(constrained_motion.TIME_LIMIT, SHARE_OF_MOTION * options.time_limit)
     )
-    kind = schema.associated
+    kind, last = schema.associated, end - SHARE_LEFT * options.time_limit
+    made = _Made(schema, report, options, grow, last, compared if kind == "any" else comparison.checked)
     if kind == "any":
-        return _about_the_motion(report, schema, options, end, grow)
+        return _about_the_motion(made, end)
     systems = nonholonomic_study.associated_systems(report, None if kind == "search" else kind, families)
     defined = next((one for one in systems if one.system is not None), None)
     if defined is None or defined.system is None:
@@ -459,8 +455,6 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
     questions = ("existence", *["existence_with_time"] * (schema.time_dependent_lagrangian is not False))
     further = ("any_associated", "first_integrals", "reduced", "lagrangian", "hamiltonian", "explanation")
     grow.wanted = ("motion", *questions, *further)
-    last = end - SHARE_LEFT * options.time_limit
-    made = _Made(schema, report, options, grow, last, comparison.checked)
     first = [nonholonomic_study.Study(report, (_unasked(defined, NOT_YET),), 0)]
     made.tell(("motion",), first)
     asked = dataclasses.replace(
@@ -483,10 +477,7 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
     whole = made.whole(studies)
     if schema.special_cases:
         assert main.associated.system is not None
-        grow.begin("special_cases")
-        limit = now() + comparison.SHARE_OF_SOLVER * (end - now())
-        cases = derived.special_cases(main.associated.system, asked, limit, grow.stage)
-        whole = whole.model_copy(update={"special_cases": cases})
+        whole = derived.with_special_cases(whole, main.associated.system, asked, grow, end)
     if whole.verdict == "not_variational" and not whole.branches and made.answers[0].verdict != "variational":
         whole = whole.model_copy(update={"instead": derived.of_reduced(whole.reduced)})
     grow.begin("certificate")
@@ -583,31 +574,23 @@ class _Made:
         )
 
 
-def _about_the_motion(
-    report: nonholonomic_study.MotionReport,
-    schema: NonholonomicDocument,
-    options: solutions.SolveOptions,
-    end: float,
-    grow: Growing,
-) -> dict[str, Any]:
+def _about_the_motion(made: _Made, end: float) -> dict[str, Any]:
     """The result where only the motion was asked about: the main fields leave open what was not asked.
 
     Each branch of the first associated system has its share of the time.
     """
-    one = nonholonomic_study.associated_systems(report, "first")[0]
+    one = nonholonomic_study.associated_systems(made.report, "first")[0]
     if one.system is None:
         raise errors.InputError(one.explanation, "/associated")
-    last = end - SHARE_LEFT * options.time_limit
-    grow.wanted = ("motion", "any_associated", "first_integrals", "reduced")
-    made = _Made(schema, report, options, grow, last, compared)
+    made.grow.wanted = ("motion", "any_associated", "first_integrals", "reduced")
     answered = map(_unasked, nonholonomic_study.on_branches(one))
-    studies = [nonholonomic_study.Study(report, (each,), 0) for each in answered]
+    studies = [nonholonomic_study.Study(made.report, (each,), 0) for each in answered]
     made.tell(("motion",), studies)
-    asked = dataclasses.replace(options, time_dependent=schema.time_dependent_lagrangian)
+    asked = dataclasses.replace(made.options, time_dependent=made.schema.time_dependent_lagrangian)
     # Other clocks of the reduced system, which come after, have a floor too.
     made.ask_about_the_motion(studies, asked, 1 - SHARE_OF_REDUCED)
-    grow.begin("certificate")
-    return grow.end(compared(made.whole(studies), end - now()))
+    made.grow.begin("certificate")
+    return made.grow.end(compared(made.whole(studies), end - now()))
 
 
 def _unasked(one: paper_class.AssociatedSystem, reason: str = ONLY_THE_MOTION) -> nonholonomic_study.AssociatedAnswer:

@@ -236,14 +236,9 @@ def _formulas(system: SecondOrderSystem, trees: tuple[ex.Expression, ...]) -> di
     return {name: translate.formula_fields(tree) for name, tree in zip(system.coordinates, trees, strict=True)}
 
 
-def look_forward(document: Any) -> LagrangianDocument:
-    """The document in its schema; raises DocumentRefused with every fault found."""
-    return accepting.validated(document, LagrangianDocument)
-
-
 def solve_forward(document: Any, options: solutions.SolveOptions, grow: growing.Growing) -> dict[str, Any]:
     """The forward result; raises InputError, also where the Hessian of L is singular."""
-    schema = look_forward(document)
+    schema = accepting.validated(document, LagrangianDocument)
     lagrangian, system = _motion(schema)
     names = system.coordinates
     constants = [*map(ex.Symbol, system.parameters)]
