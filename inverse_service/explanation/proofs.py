@@ -30,13 +30,13 @@ from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from inverse_service import deadline, errors
 from inverse_service.certificate import formulas
-from inverse_service.decision import deciding
+from inverse_service.decision import certify, deciding
 from inverse_service.explanation import hierarchy, negative
-from inverse_service.expressions import printing, tree as ex
+from inverse_service.expressions import collecting, printing, tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import conditions, second_order_system
 from inverse_service.mechanics.conditions import Motion
-from inverse_service.reading import names as nm, reader
+from inverse_service.reading import reader
 
 TEXT, WORD = r"(?s:.*)", r"[A-Za-z_][A-Za-z0-9_]*"
 POWER = rf"(?:[0-9]+|{WORD}(?:\^[0-9]{{1,4}})?)"
@@ -64,12 +64,12 @@ _TAKEN = re.compile(
     r"(eq|row|rel|nz|val|ker)\d+|Motion|whole|which|cancel|plus_zero|times_zero|nonzero|zero|det_g|residual|R|as|at|by|"
     r"cofix|do|else|end|exists|fix|for|forall|from|fun|if|in|let|match|mod|return|then|Type|Prop|Set|SProp|using|where|with"
 )
+# Among the values of free generators in the example are legs of right triangles, which make sqrt(1 - u^2) rational.
 SAMPLES = [
     Fraction(*pair) for pair in ((1, 1), (2, 1), (3, 1), (-1, 1), (1, 2), (3, 5), (4, 5), (5, 13), (5, 1), (-2, 3))
 ]
-ATTEMPTS = 400
-TERM_LIMIT = 20_000
-TIME_LIMIT = 10.0
+ATTEMPTS = 400  # points tried for the example
+TERM_LIMIT, TIME_LIMIT = 20_000, 10.0  # terms of one polynomial, and seconds, for all theorems of a verdict
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,18 +124,35 @@ def divided(polynomial: fmpq_mpoly, divisors: Sequence[Divisor], budget: exact_f
     return Remainder(multiplier, tuple(term for term in cofactors.values() if not term[0].is_zero()), rest)
 
 
-def content(polynomial: fmpq_mpoly, unknowns: Iterable[int]) -> fmpq_mpoly:
-    """The greatest common divisor of the coefficients of a polynomial that is linear in the unknowns."""
-    parts = [exact_field.coefficient(polynomial, index, 1) for index in unknowns]
-    return functools.reduce(lambda a, b: a.gcd(b), parts)
+def without_remainder(
+    polynomial: fmpq_mpoly, divisors: Sequence[Divisor], budget: exact_field.Budget, what: str
+) -> Remainder:
+    """`divided` with the rest 0; TooLarge, with the name of `what` is zero, if a rest is left."""
+    found = divided(polynomial, divisors, budget)
+    if not found.rest.is_zero():
+        raise exact_field.TooLarge(f"{what} was not recognized as zero")
+    return found
+
+
+def common_divisor(polynomials: Iterable[fmpq_mpoly]) -> fmpq_mpoly:
+    return functools.reduce(lambda a, b: a.gcd(b), polynomials)
 
 
 def primitive(polynomial: fmpq_mpoly) -> fmpq_mpoly:
     """A multiple by a rational number with coprime integer coefficients, the first one positive."""
-    below = math.lcm(*(int(value.q) for value in polynomial.coeffs()))
-    above = math.gcd(*(int((value * below).p) for value in polynomial.coeffs()))
-    sign = -1 if polynomial.leading_coefficient() < 0 else 1
-    return polynomial * (sign * below) / above if above else polynomial
+    content = collecting.content_of(map(exact_field.as_fraction, polynomial.coeffs())) or 1
+    scale = fmpq(*content.as_integer_ratio())
+    return polynomial / (-scale if polynomial.leading_coefficient() < 0 else scale)
+
+
+def distinct(polynomials: Iterable[fmpq_mpoly]) -> list[fmpq_mpoly]:
+    """Each polynomial once, without numbers."""
+    return list({str(one): one for one in polynomials if not one.is_constant()}.values())
+
+
+def factors_of(steps: Iterable[Identity]) -> list[fmpq_mpoly]:
+    """The irreducible factors by which the steps divide."""
+    return [factor for step in steps for factor, _ in exact_field.factor_polynomial(step.factor)[1]]
 
 
 def identity(gives: Fact, factor: fmpq_mpoly, terms: Sequence[tuple[fmpq_mpoly, Fact]]) -> Identity:
@@ -187,8 +204,7 @@ def _checked(theorem: dict[str, Any]) -> str:
 def _splits(factor: fmpq_mpoly, nonzero: list[fmpq_mpoly]) -> bool:
     """Whether it is a number times powers of nonzero polynomials."""
     for one in nonzero:
-        while not one.is_constant() and not factor.is_zero() and (factor % one).is_zero():
-            factor = factor / one
+        factor, _ = exact_field.divided_out(factor, one)
     return bool(factor.is_constant() and not factor.is_zero())
 
 
@@ -211,7 +227,7 @@ def _polynomial(text: str, ring: fmpq_mpoly_ctx) -> fmpq_mpoly:
     return ring.from_dict({key: value for key, value in table.items() if value})
 
 
-def lettered(
+def with_generators_for_factors(
     ring: exact_field.ExactRing,
     symbols: Mapping[hierarchy.Unknown, ex.Symbol],
     equations: Mapping[hierarchy.EquationName, hierarchy.Linear],
@@ -223,11 +239,11 @@ def lettered(
     """
     rows = {name: _factored(ring, symbols, row) for name, row in equations.items()}
     factors = (factor for row in rows.values() for _, parts in row.values() for factor, _ in parts)
-    long = list({str(factor): factor for factor in factors if len(factor) > TERMS_OF_A_FACTOR}.values())
+    long = distinct(factor for factor in factors if len(factor) > TERMS_OF_A_FACTOR)
     wider = _widened(ring, long, budget)
     letters = {str(factor): len(ring.field.context.names()) + k for k, factor in enumerate(long)}
     return wider, {
-        name: {unknown: _in_letters(wider, letters, *parts) for unknown, parts in row.items()}
+        name: {unknown: _product_of_factors(wider, letters, *parts) for unknown, parts in row.items()}
         for name, row in rows.items()
     }
 
@@ -241,7 +257,7 @@ def _factored(
         ring.constant(0), [c * ring.atoms[symbols[unknown]] for unknown, c in row.items()]
     ).numerator
     parts = {unknown: exact_field.coefficient(whole, places[symbols[unknown]], 1) for unknown in row}
-    shared = functools.reduce(lambda a, b: a.gcd(b), parts.values())
+    shared = common_divisor(parts.values())
     split = {unknown: exact_field.factor_polynomial(part / shared) for unknown, part in parts.items()}
     return {unknown: (shared * 0 + fmpq(*n.as_integer_ratio()), found) for unknown, (n, found) in split.items()}
 
@@ -252,26 +268,28 @@ def _widened(ring: exact_field.ExactRing, long: list[fmpq_mpoly], budget: exact_
     field = exact_field.QuotientField.with_generators(size + len(long), budget)
     wider = exact_field.ExactRing(field, (), 0, slopes=False)
     for index, relation in ring.field.relations.items():
-        field.relate(index, relation.degree, _moved(field, relation.right))
+        field.relate(index, relation.degree, _with_more_generators(field, relation.right))
     wider.trees = ring.trees | {size + k: exact_field.polynomial_tree(ring, factor) for k, factor in enumerate(long)}
     wider.atoms = {tree: wider.generator(index) for index, tree in wider.trees.items()}
     return wider
 
 
-def _moved(field: exact_field.QuotientField, polynomial: fmpq_mpoly) -> fmpq_mpoly:
+def _with_more_generators(field: exact_field.QuotientField, polynomial: fmpq_mpoly) -> fmpq_mpoly:
     """The polynomial among more generators."""
     more = (0,) * (len(field.context.names()) - len(polynomial.context().names()))
     return field.context.from_dict({(*exponents, *more): value for exponents, value in polynomial.to_dict().items()})
 
 
-def _in_letters(
+def _product_of_factors(
     ring: exact_field.ExactRing, letters: Mapping[str, int], number: fmpq_mpoly, factors: list[tuple[fmpq_mpoly, int]]
 ) -> exact_field.Quotient:
-    value = exact_field.Quotient(ring.field, _moved(ring.field, number), ())
+    value = exact_field.Quotient(ring.field, _with_more_generators(ring.field, number), ())
     for factor, exponent in factors:
         index = letters.get(str(factor))
         part = (
-            exact_field.Quotient(ring.field, _moved(ring.field, factor), ()) if index is None else ring.generator(index)
+            exact_field.Quotient(ring.field, _with_more_generators(ring.field, factor), ())
+            if index is None
+            else ring.generator(index)
         )
         value = value * part**exponent
     return value
@@ -295,8 +313,8 @@ class Theorem:
     """`steps` lead from relations and equations to the last one's `gives`, where no factor of theirs is zero.
 
     `equations` are rows of the algebraic conditions, without denominators and common factors, with what they are.
-    `origin` is None if long factors became generators. The last step of an Euler-Lagrange equation gives its
-    numerator over the product of `denominators`, as polynomials and exponents.
+    `origin` is None if long factors became generators. An Euler-Lagrange expression is what the last step gives over
+    the product of `denominators`, as polynomials (one may be a number) and exponents.
     """
 
     name: str
@@ -310,8 +328,7 @@ class Theorem:
     @property
     def nonzero(self) -> tuple[fmpq_mpoly, ...]:
         """The polynomials that must not vanish: the irreducible factors of all factors and denominators."""
-        divisors = [factor for step in self.steps for factor, _ in exact_field.factor_polynomial(step.factor)[1]]
-        return tuple({str(one): one for one in [*divisors, *(below for below, _ in self.denominators)]}.values())
+        return tuple(distinct([*factors_of(self.steps), *(below for below, _ in self.denominators)]))
 
 
 def determinant_vanishes(
@@ -325,17 +342,21 @@ def determinant_vanishes(
     try:
         short = exact_field.Budget(TERMS_WITHOUT_LETTERS, budget.deadline)
         rows.exact.ring.field.budget = short
-        elimination = _Elimination(rows.exact.ring, rows.symbols, rows.equations, rows.table, short)
+        elimination = _SingularityProof(rows.exact.ring, rows.symbols, rows.equations, rows.table, short)
         found = elimination.theorem()
         rows.exact.ring.field.budget = budget
         return replace(found, origin=Origin(rows.exact, rows.symbols, tuple(elimination.origins)))
     except exact_field.TooLarge:
-        ring, equations = lettered(rows.exact.ring, rows.symbols, rows.equations, budget)
-        return _Elimination(ring, rows.symbols, equations, rows.table, budget).theorem()
+        ring, equations = with_generators_for_factors(rows.exact.ring, rows.symbols, rows.equations, budget)
+        return _SingularityProof(ring, rows.symbols, equations, rows.table, budget).theorem()
 
 
-class _Elimination:
-    """Rows as polynomials, and the identities between them in the order of their proof."""
+class _SingularityProof:
+    """det g = 0 as identities, in `steps`, from the rows of an elimination as polynomials.
+
+    Each row is reduced by the entries solved before it (`val1`, `val2`, …: pivot * g_ij + … = 0), then each of these by
+    those solved after it, so that only free entries remain. Substitution of them makes det g zero.
+    """
 
     def __init__(
         self,
@@ -372,14 +393,15 @@ class _Elimination:
         return self.ring.atoms[self.symbols[min(i, j), max(i, j)]]
 
     def _interleaved(self, values: Sequence[Divisor]) -> list[Divisor]:
-        """The values, each followed by the relations, so that nothing grows."""
+        """The values, each followed by the relations: substitution of a value may make a power that they reduce."""
         return [divisor for value in values for divisor in (value, *self.relations)] or [*self.relations]
 
     def _reduced(self, row: Divisor, values: Sequence[Divisor]) -> Divisor:
         """The row after substitution of the values, divided by the common content of its coefficients."""
         fact = row.fact
         found = divided(fact.polynomial, self._interleaved(values), self.budget)
-        left = primitive(found.rest / content(found.rest, self.places.values()))
+        content = common_divisor(exact_field.coefficient(found.rest, place, 1) for place in self.places.values())
+        left = primitive(found.rest / content)
         if left == fact.polynomial:
             return row
         factor = found.rest / left
@@ -388,11 +410,12 @@ class _Elimination:
         return Divisor(given, row.index)
 
     def _close(self, values: Sequence[Divisor]) -> None:
+        """Add the last step: by a vector that every remaining g maps to 0, else by substitution in the expanded det."""
         vector = self._null_vector()
         terms = None if vector is None else self._by_kernel(vector, values)
         goal = self._minor(range(self.size), range(self.size))
         if terms is None:
-            found = self._emptied(goal, values)
+            found = self._from_values(goal, values)
             terms = found.multiplier, found.terms
         self.steps.append(identity(Fact("det_g", goal), *terms))
 
@@ -413,7 +436,7 @@ class _Elimination:
         terms = []
         for j in span:
             image = sum((k[i] * self._entry(i, j).numerator for i in span), row * 0)
-            found = self._emptied(image, values)
+            found = self._from_values(image, values)
             fact = Fact(f"ker{j + 1}", image)
             self.steps.append(identity(fact, found.multiplier, found.terms))
             cofactor = self._minor([i for i in span if i != j], [i for i in span if i != m])
@@ -424,64 +447,36 @@ class _Elimination:
         matrix = [[self._entry(i, j) for j in columns] for i in rows]
         return matrices.determinant(matrix, self.ring.constant(1)).numerator
 
-    def _emptied(self, polynomial: fmpq_mpoly, values: Sequence[Divisor]) -> Remainder:
+    def _from_values(self, polynomial: fmpq_mpoly, values: Sequence[Divisor]) -> Remainder:
         """The polynomial as a combination of values and relations; TooLarge if a remainder is left."""
-        found = divided(polynomial, self._interleaved(values), self.budget)
-        if not found.rest.is_zero():
-            raise exact_field.TooLarge("the determinant of what remains was not recognized as zero")
-        return found
+        return without_remainder(polynomial, self._interleaved(values), self.budget, "the determinant of what remains")
 
 
 def euler_lagrange_hold(
     system: second_order_system.SecondOrderSystem, lagrangian: ex.Expression, budget: exact_field.Budget
 ) -> tuple[Theorem, ...]:
-    """One theorem for each coordinate; TooLarge where the budget ends or an identity was not recognized."""
+    """One theorem for each coordinate; TooLarge where the budget ends or an identity was not recognized.
+
+    Gamma(dL/dv^k) - dL/dq^k, formed without the relations between generators, is a combination of these relations.
+    """
     exact = conditions.motion_in_ring(system, 2, budget, trees=[lagrangian])
     value = exact.ring.value(lagrangian)
-    origin = Origin(exact, {}, (), value)
-    span = range(exact.motion.size)
-    return tuple(
-        replace(_vanishing(exact, system.coordinates[i], _summands(exact, value, i)), origin=origin) for i in span
-    )
-
-
-def _summands(
-    exact: conditions.MotionInRing, value: exact_field.Quotient, i: int
-) -> list[tuple[int, tuple[exact_field.Quotient, ...]]]:
-    """L_(v_i t) + L_(v_i q_j) v^j + L_(v_i v_j) f^j - L_(q_i), zeros left out."""
-    ring, n = exact.ring, exact.motion.size
-    slopes = [ring.partial(k) for k in range(2 * n + 1)]
-    momentum, one = slopes[1 + n + i](value), ring.constant(1)
-    rates = [one, *(ring.atoms[ring.variables[1 + n + j]] for j in range(n)), *exact.motion.accelerations]
-    found = [(1, (slope(momentum), rate)) for slope, rate in zip(slopes, rates, strict=True)]
-    found.append((-1, (slopes[1 + i](value), one)))
-    return [(sign, factors) for sign, factors in found if not any(factor.is_zero for factor in factors)]
-
-
-def _vanishing(
-    exact: conditions.MotionInRing, name: str, summands: list[tuple[int, tuple[exact_field.Quotient, ...]]]
-) -> Theorem:
-    ring, relations = exact.ring, relations_of(exact.ring)
-    tables = [{k: e for factor in factors for k, e in factor.exponents} for _, factors in summands]
-    for table, (_, factors) in zip(tables, summands, strict=True):
-        table.update({k: sum(dict(factor.exponents).get(k, 0) for factor in factors) for k in table})
-    common = {k: max(table.get(k, 0) for table in tables) for table in tables for k in table}
-    whole = ring.field.context.constant(0)
-    for table, (sign, factors) in zip(tables, summands, strict=True):
-        term = ring.field.context.constant(sign)
-        for factor in factors:
-            term = term * factor.numerator
-        for k, most in common.items():
-            term = term * ring.field.denominators[k] ** (most - table.get(k, 0))
-        ring.field.budget.charge(len(term))
-        whole = whole + term
-    found = divided(whole, relations, ring.field.budget)
-    if not found.rest.is_zero():
-        raise exact_field.TooLarge("an Euler-Lagrange expression was not recognized as zero")
-    step = identity(Fact("residual", whole), found.multiplier, found.terms)
-    below = tuple((ring.field.denominators[k], most) for k, most in common.items())
-    used = _used(relations, [step])
-    return Theorem(f"euler_lagrange_{name}", ring, used, (), (step,), None, below)
+    origin, relations = Origin(exact, {}, (), value), relations_of(exact.ring)
+    formal = FormalSystem(origin)
+    motion, action = formal.motion(), formal.element(value)
+    theorems = list[Theorem]()
+    for k, name in enumerate(system.coordinates):
+        residual = motion.along(motion.by_velocity[k](action)) - motion.by_coordinate[k](action)
+        whole, powers = formal.cleared(residual, {})
+        given = Fact("residual", primitive(whole))
+        found = without_remainder(given.polynomial, relations, budget, "an Euler-Lagrange expression")
+        step = identity(given, found.multiplier, found.terms)
+        below = [(formal.field.denominators[index], power) for index, power in powers.items()]
+        if given.polynomial != whole:
+            below.append((given.polynomial / whole, 1))
+        used = _used(relations, [step])
+        theorems.append(Theorem(f"euler_lagrange_{name}", exact.ring, used, (), (step,), origin, tuple(below)))
+    return tuple(theorems)
 
 
 def relations_of(ring: exact_field.ExactRing) -> list[Divisor]:
@@ -552,8 +547,15 @@ def polynomial_text(letters: Letters, polynomial: fmpq_mpoly) -> str:
 
 
 def product_text(letters: Letters, powers: Sequence[tuple[fmpq_mpoly, int]], constant: str = "1") -> str:
+    """2 * (x - 1)^2 * (y)."""
     parts = [f"({polynomial_text(letters, p)})" + (f"^{e}" if e > 1 else "") for p, e in powers]
     return " * ".join([constant] * (constant != "1" or not parts) + parts)
+
+
+def factored_text(letters: Letters, polynomial: fmpq_mpoly, more: Sequence[tuple[fmpq_mpoly, int]] = ()) -> str:
+    """The product of the polynomial, factored, and of more powers."""
+    number, powers = exact_field.factor_polynomial(polynomial)
+    return product_text(letters, [*powers, *more], str(number))
 
 
 def combination(letters: Letters, terms: Iterable[tuple[fmpq_mpoly, Fact]]) -> str:
@@ -596,8 +598,7 @@ def coq_steps(theorem: Theorem, letters: Letters) -> Iterator[str]:
 
 
 def _coq_step(letters: Letters, step: Identity) -> str:
-    number, powers = exact_field.factor_polynomial(step.factor)
-    factor, total = product_text(letters, powers, str(number)), combination(letters, step.terms)
+    factor, total = factored_text(letters, step.factor), combination(letters, step.terms)
     return f"apply (cancel ({factor})); [nonzero |].\n    transitivity ({total}); [ring | zero]."
 
 
@@ -673,12 +674,10 @@ def _certificate(result: dict[str, Any]) -> dict[str, Any]:
 
 def _of_certificate(certificate: dict[str, Any], seed: int) -> Sequence[Theorem]:
     given = certificate["system"]
-    functions = {name: tuple(arguments) for name, arguments in (given.get("functions") or {}).items()}
+    names = certify.names_of(given)
     if any(map(reader.has_acceleration, given["equations"].values())):
         raise NoTheorem("the equations are not solved for the accelerations")
-    system = second_order_system.read_system(
-        given["coordinates"], given["equations"], given.get("parameters") or (), functions
-    )
+    system = second_order_system.read_system(names.coordinates, given["equations"], names.parameters, names.functions)
     budget = exact_field.Budget(TERM_LIMIT, deadline.now() + TIME_LIMIT)
     if certificate["kind"] == "nonexistence":
         return [_negative(system, seed, budget)]
@@ -686,7 +685,6 @@ def _of_certificate(certificate: dict[str, Any], seed: int) -> Sequence[Theorem]
         raise NoTheorem("no Lagrangian in closed form was found; its existence follows from involution")
     if certificate.get("integrals"):
         raise NoTheorem("the Lagrangian holds integrals")
-    names = nm.Names(system.coordinates, system.parameters, functions)
     lagrangian = reader.read_formula(certificate["lagrangian"], names)
     return euler_lagrange_hold(deciding.analyze(system).system, lagrangian, budget)
 
@@ -701,24 +699,19 @@ def _negative(system: second_order_system.SecondOrderSystem, seed: int, budget: 
     return determinant_vanishes(analysis, chosen, seed, budget)
 
 
-class System:
-    """The formulas of theorems over one ring, as Coq has them: generators, their slopes, f, and L if there is one.
+class FormalSystem:
+    """f and L as polynomials in the generators and in 1/D for each of their denominators D, in the ring `formal`.
 
-    `formal` are the polynomials in these generators and those 1/D, with no relation between them used.
+    That ring has no relations, so what vanishes by them is still there to be proven. `below` lists the indices of the
+    denominators in `field`; the generator of 1/D for the one at place p of `below` has the index `count` + p.
     """
 
-    def __init__(self, theorems: Sequence[Theorem]) -> None:
-        self.theorems, first = theorems, theorems[0]
-        origin = first.origin
-        if origin is None:
-            raise exact_field.TooLarge("long factors are separate generators")
+    def __init__(self, origin: Origin) -> None:
+        self.exact = origin.exact
         self.ring, self.field, self.size = origin.exact.ring, origin.exact.ring.field, origin.exact.motion.size
-        self.entries = {pair: self.place(symbol) for pair, symbol in origin.symbols.items()}
-        self.lagrangian = origin.lagrangian
-        motion = origin.exact.motion
-        given = [*motion.accelerations, *([self.lagrangian] if self.lagrangian is not None else [])]
+        self.given = [*origin.exact.motion.accelerations, *([] if origin.lagrangian is None else [origin.lagrangian])]
         images = [image for table in self.ring.images for image in table.values()]
-        self.below = sorted({k for value in (*given, *images) for k, _ in value.exponents})
+        self.below = sorted({k for value in (*self.given, *images) for k, _ in value.exponents})
         self.count = len(self.field.context.names())
         unbounded = exact_field.Budget(sys.maxsize, self.field.budget.deadline)
         field = exact_field.QuotientField.with_generators(self.count + len(self.below), unbounded)
@@ -729,29 +722,11 @@ class System:
             for place, k in enumerate(self.below, self.count):  # d(1/D) = -(1/D)^2 dD
                 found[place] = -(self.formal.generator(place) ** 2) * by(self.denominator(k))
             self.formal.images.append(found)
-        self.accelerations = [self.element(f) for f in motion.accelerations]
-        self.used = self._used(given)
-        self.names = letters_of(first, self.used)
-        self.numbers = {k: number for number, k in enumerate(sorted(self.used, reverse=True))}
+        self.accelerations = [self.element(f) for f in origin.exact.motion.accelerations]
 
-    def place(self, tree: ex.Symbol) -> int:
+    def place(self, tree: ex.Expression) -> int:
+        """The index of the generator that is this symbol or velocity."""
         return next(k for k, known in self.ring.trees.items() if known == tree)
-
-    def _used(self, given: Sequence[exact_field.Quotient]) -> set[int]:
-        """The generators that occur in the formulas, in their slopes, and in the theorems."""
-        variables = {k for k, tree in self.ring.trees.items() if tree in self.ring.variables and tree != ex.TIME}
-        polynomials = [value.numerator for value in given]
-        polynomials += [self.field.denominators[k] for k in self.below]
-        polynomials += [p for theorem in self.theorems for p in polynomials_of(theorem)]
-        used = variables | {*self.entries.values()}
-        waiting = {k for p in polynomials for k, degree in enumerate(p.degrees()) if degree > 0} | used
-        used = set()
-        while waiting:
-            used |= waiting
-            slopes = (table[k] for table in self.ring.images for k in waiting if k in table)
-            found = {k for s in slopes for k, degree in enumerate(s.numerator.degrees()) if degree > 0}
-            waiting = found - used
-        return used
 
     def denominator(self, k: int) -> exact_field.Quotient:
         """D in terms of the generators."""
@@ -759,17 +734,17 @@ class System:
 
     def element(self, value: exact_field.Quotient) -> exact_field.Quotient:
         """N / (D_1^e_1 ...) as N times powers of the generators 1/D."""
-        powers = [0] * len(self.below)
+        found = _with_more_generators(self.formal.field, value.numerator)
         for k, e in value.exponents:
             if k not in self.below:
                 raise exact_field.TooLarge("a denominator that f does not have")
-            powers[self.below.index(k)] = e
-        table = {(*exponents, *powers): c for exponents, c in value.numerator.to_dict().items()}
-        return exact_field.Quotient(self.formal.field, self.formal.field.context.from_dict(table), ())
+            found = found * self.formal.field.context.gen(self.count + self.below.index(k)) ** e
+        return exact_field.Quotient(self.formal.field, found, ())
 
     def motion(self) -> Motion[exact_field.Quotient]:
+        """The derivations of the formal ring."""
         ring, n = self.formal, self.size
-        velocities = [ring.generator(self.place(v)) for v in ring.variables[1 + n :]]  # type: ignore[arg-type]
+        velocities = [ring.generator(self.place(v)) for v in ring.variables[1 + n :]]
         partials = [ring.partial(k) for k in range(1, 2 * n + 1)]
         along = ring.along([ring.constant(1), *velocities, *self.accelerations])
         return Motion(tuple(self.accelerations), tuple(partials[:n]), tuple(partials[n:]), along, ring.constant(0))
@@ -786,6 +761,43 @@ class System:
             self.field.budget.charge(len(term))
             whole = whole + term
         return whole, {k: m for k, m in most.items() if m}
+
+
+class System(FormalSystem):
+    """The formulas of theorems over one ring, as Coq has them: generators, their slopes, f, and L if there is one."""
+
+    def __init__(self, theorems: Sequence[Theorem]) -> None:
+        self.theorems, first = theorems, theorems[0]
+        origin = first.origin
+        if origin is None:
+            raise exact_field.TooLarge("long factors are separate generators")
+        super().__init__(origin)
+        self.lagrangian = origin.lagrangian
+        self.entries = {pair: self.place(symbol) for pair, symbol in origin.symbols.items()}
+        self.used = self._generators_used()
+        self.names = letters_of(first, self.used)
+        self.numbers = {k: number for number, k in enumerate(sorted(self.used, reverse=True))}
+
+    @property
+    def binders(self) -> str:
+        """The names of the generators, in order."""
+        return " ".join(self.names.names[k] for k in self.numbers)
+
+    def _generators_used(self) -> set[int]:
+        """The generators that occur in the formulas, in their slopes, and in the theorems."""
+        variables = {k for k, tree in self.ring.trees.items() if tree in self.ring.variables and tree != ex.TIME}
+        polynomials = [value.numerator for value in self.given]
+        polynomials += [self.field.denominators[k] for k in self.below]
+        polynomials += [p for theorem in self.theorems for p in polynomials_of(theorem)]
+        used = variables | {*self.entries.values()}
+        waiting = {k for p in polynomials for k, degree in enumerate(p.degrees()) if degree > 0} | used
+        used = set()
+        while waiting:
+            used |= waiting
+            slopes = (table[k] for table in self.ring.images for k in waiting if k in table)
+            found = {k for s in slopes for k, degree in enumerate(s.numerator.degrees()) if degree > 0}
+            waiting = found - used
+        return used
 
     # What is written
 
@@ -816,7 +828,7 @@ class System:
         yield "  else (num (-1) * var k ^ 2 * derive (slope_of_letter v) (denominator k))%poly."
         yield "Definition velocity (i : nat) : poly :=\n  match i with"
         for i, rate in enumerate(self.ring.variables[1 + n :]):
-            yield f"  | {i}%nat => _{name[self.place(rate)]}"  # type: ignore[arg-type]
+            yield f"  | {i}%nat => _{name[self.place(rate)]}"
         yield "  | _ => []\n  end."
         yield "Definition f (i : nat) : poly :=\n  match i with"
         for i, acceleration in enumerate(self.accelerations):
@@ -825,8 +837,7 @@ class System:
         yield prelude("tensors")
         values = [f"  | {number}%nat => {name[k]}" for k, number in self.numbers.items()]
         values += [f"  | {len(self.numbers) + place}%nat => / ({self.text(k)})" for place, k in enumerate(self.below)]
-        binders = f"({' '.join(name[k] for k in self.numbers)} : R) "
-        yield f"Definition point {binders}(which : nat) : R :=\n  match which with"
+        yield f"Definition point ({self.binders} : R) (which : nat) : R :=\n  match which with"
         yield from values
         yield "  | _ => 0\n  end."
 
@@ -847,7 +858,7 @@ class System:
         return f"({' + '.join(terms) or 'num 0'})%poly"
 
     def at_point(self, polynomial: str) -> str:
-        return f"Motion.value (Motion.point {' '.join(self.names.names[k] for k in self.numbers)}) ({polynomial})"
+        return f"Motion.value (Motion.point {self.binders}) ({polynomial})"
 
 
 def coq(theorems: Sequence[Theorem]) -> str:
@@ -911,9 +922,8 @@ def _of_conditions(system: System) -> str:
         factor = system.field.context.constant(number)
         for k, m in most.items():
             factor = factor * system.field.denominators[k] ** (m - dict(row.exponents).get(k, 0))
-        found = divided(whole - factor * fact.polynomial, relations, system.field.budget)
-        if not found.rest.is_zero():
-            raise exact_field.TooLarge("a condition was not recognized")
+        difference = whole - factor * fact.polynomial
+        found = without_remainder(difference, relations, system.field.budget, "the difference of two equal conditions")
         given = Fact(f"row{fact.name[2:]}", whole)
         back = [(-c, relation) for c, relation in found.terms]
         step = identity(fact, factor * found.multiplier, [(found.multiplier, given), *back])
@@ -922,7 +932,7 @@ def _of_conditions(system: System) -> str:
     relation_facts = {
         fact.name: fact for step in (*steps, *theorem.steps) for _, fact in step.terms if fact.name.startswith("rel")
     }
-    nonzero = _nonzero(system, theorem, steps)
+    nonzero = _nonzero(system, [*steps, *theorem.steps])
     rows = [
         f"  (row{fact.name[2:]} : {system.at_point(_condition(name))} = 0)"
         for (fact, _), (name, _) in zip(theorem.equations, origin.rows, strict=True)
@@ -933,8 +943,8 @@ def _of_conditions(system: System) -> str:
 
 def _from_row(system: System, step: Identity, given: Fact, most: Mapping[int, int]) -> str:
     """The equation of the elimination, from the original condition."""
-    letters, (number, powers) = system.names, exact_field.factor_polynomial(step.factor)
-    factor = product_text(letters, powers, str(number))
+    letters = system.names
+    factor = factored_text(letters, step.factor)
     scale = next(c for c, fact in step.terms if fact.name == given.name)
     below = product_text(letters, [(system.field.denominators[k], m) for k, m in most.items()])
     others = [(c, fact) for c, fact in step.terms if fact.name != given.name]
@@ -950,35 +960,18 @@ def _from_row(system: System, step: Identity, given: Fact, most: Mapping[int, in
 def _of_lagrangian(system: System, k: int) -> str:
     """One Euler-Lagrange expression of L along the motion, by the derivatives of L that Coq takes."""
     theorem = system.theorems[k]
-    motion = system.motion()
-    assert system.lagrangian is not None
-    value = system.element(system.lagrangian)
-    formal = motion.along(motion.by_velocity[k](value)) - motion.by_coordinate[k](value)
-    whole, most = system.cleared(formal, {})
-    found = divided(whole, relations_of(system.ring), system.field.budget)
-    if not found.rest.is_zero():
-        raise exact_field.TooLarge("an Euler-Lagrange expression was not recognized as zero")
-    step = identity(Fact("residual", whole), found.multiplier, found.terms)
-    letters = system.names
-    number, powers = exact_field.factor_polynomial(step.factor)
-    factor = product_text(
-        letters, [*powers, *((system.field.denominators[i], m) for i, m in most.items())], str(number)
-    )
-    total = combination(letters, step.terms)
+    (step,) = theorem.steps
+    factor = factored_text(system.names, step.factor, theorem.denominators)
     lines = [f"  Motion.compute_goal. apply (cancel ({factor})); [nonzero |]."]
-    lines += [f"  transitivity ({total}); [field; nonzero | zero]."]
+    lines += [f"  transitivity ({combination(system.names, step.terms)}); [field; nonzero | zero]."]
     facts = [fact for _, fact in step.terms]
-    return _theorem(
-        system, theorem, facts, _nonzero(system, theorem, [step]), [], lines, f"Motion.euler_lagrange {k}%nat"
-    )
+    nonzero = _nonzero(system, [step])
+    return _theorem(system, theorem, facts, nonzero, [], lines, f"Motion.euler_lagrange {k}%nat")
 
 
-def _nonzero(system: System, theorem: Theorem, steps: Sequence[Identity]) -> list[fmpq_mpoly]:
-    """The polynomials that must not vanish: denominators, and the factors by which steps are divided."""
-    own = theorem.steps if system.lagrangian is None else ()
-    divisors = [factor for step in (*steps, *own) for factor, _ in exact_field.factor_polynomial(step.factor)[1]]
-    listed = [*(system.field.denominators[k] for k in system.below), *divisors]
-    return list({str(one): one for one in listed if not one.is_constant()}.values())
+def _nonzero(system: System, steps: Iterable[Identity]) -> list[fmpq_mpoly]:
+    """The polynomials that must not vanish: denominators, and the factors by which the steps divide."""
+    return distinct([*(system.field.denominators[k] for k in system.below), *factors_of(steps)])
 
 
 def _theorem(
@@ -991,11 +984,10 @@ def _theorem(
     expression: str = "",
 ) -> str:
     letters = system.names
-    binders = " ".join(letters.names[k] for k in system.numbers)
     given = hypotheses(letters, relations, nonzero)
     last = theorem.steps[-1]
     said = system.at_point(expression) if expression else polynomial_text(letters, last.gives.polynomial)
-    lines = [f"Theorem {theorem.name} ({binders} : R)", *given, *rows, f"  : {said} = 0.", "Proof.", *proofs]
+    lines = [f"Theorem {theorem.name} ({system.binders} : R)", *given, *rows, f"  : {said} = 0.", "Proof.", *proofs]
     if not expression:
         lines += coq_steps(theorem, letters)
     return "\n".join([*lines, "Qed.", _example(system, theorem, relations, nonzero), ""])
@@ -1022,9 +1014,8 @@ def _example(system: System, theorem: Theorem, relations: Sequence[Fact], nonzer
     if not said:
         return ""
     chosen = ", ".join(f"({values[k].numerator} / {values[k].denominator})" for k in system.numbers)
-    binders = " ".join(letters.names[k] for k in system.numbers)
     return (
-        f"(* Such numbers exist. *)\nExample somewhere_{theorem.name} : exists {binders} : R,\n  "
+        f"(* Such numbers exist. *)\nExample somewhere_{theorem.name} : exists {system.binders} : R,\n  "
         + " /\\\n  ".join(said)
         + f".\nProof. exists {chosen}; repeat split; lra. Qed."
     )
