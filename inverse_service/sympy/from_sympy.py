@@ -323,7 +323,7 @@ def read(
         if len(system.coneqs) and system.forcelist:
             raise InputError("This LagrangesMethod has forces and constraints: give its motion, see nonholonomic().")
         if len(system.coneqs):
-            return read_constrained(system._L[0], list(system.coneqs), list(system.q), questions)
+            return read_lagrangian(system._L[0], list(system.coneqs), list(system.q), None, questions)
         if system.eom is None or not len(system.eom):
             system.form_lagranges_equations()
         system, coordinates = list(system.eom), list(system.q)
@@ -332,7 +332,7 @@ def read(
     if isinstance(system, Mapping):
         system = {_moved(key): value for key, value in system.items()}
     elif (found := _lagrangian(system)) is not None:
-        return _forward(found, coordinates, time, questions)
+        return read_lagrangian(found, (), coordinates, time, questions)
     given = _given(system, coordinates, velocities or {}, time)
 
     def equations(table: Table, texts: Sequence[str]) -> dict[str, Any]:
@@ -383,14 +383,6 @@ def _lagrangian(system: Any) -> Any:
     return system if orders == {1} else None
 
 
-def _forward(lagrangian: Any, coordinates: Sequence[Any] | None, time: Any, questions: Mapping[str, Any]) -> Meant:
-    """The document that asks for the equations of motion of a Lagrangian."""
-    zeros = (_expression(lagrangian),)
-    time = time or _found_time(zeros)
-    given = _Given(zeros, tuple(coordinates or _moving(zeros, time, 1)), {}, time)
-    return _reading(given, lambda _, texts: {"lagrangian": texts[0]}, questions)
-
-
 def _of_pairs(document: Mapping[str, Any], table: Table, given: _Given) -> Meant:
     """The document of first-order equations x' = h, p' = F, and the objects of the x that its reader chooses."""
     named = [table_name(table, each) for each in given.preferred]
@@ -409,14 +401,22 @@ def _system_of(document: Mapping[str, Any]) -> tuple[accepting.Prepared, SecondO
         raise ready.error(error) from None
 
 
-def read_constrained(
-    lagrangian: Any, constraints: Sequence[Any], coordinates: Sequence[Any] | None, questions: Mapping[str, Any]
+def read_lagrangian(
+    lagrangian: Any,
+    constraints: Sequence[Any],
+    coordinates: Sequence[Any] | None,
+    time: Any,
+    questions: Mapping[str, Any],
 ) -> Meant:
-    """The document of a Lagrangian with constraints; all of them may be expressions that are zero, or equations."""
+    """The document of a Lagrangian, with constraints perhaps, which are expressions that are zero, or equations."""
     zeros = (_expression(lagrangian), *map(_zero, constraints))
-    coordinates = coordinates or _moving(zeros, _found_time(zeros), 1)
-    given = _Given(zeros, tuple(coordinates), {}, _time_of(coordinates))
-    return _reading(given, lambda _, texts: {"lagrangian": texts[0], "constraints": texts[1:]}, questions)
+    time = time or (_time_of(coordinates) if coordinates else _found_time(zeros))
+    given = _Given(zeros, tuple(coordinates or _moving(zeros, time, 1)), {}, time)
+
+    def keys(_: Table, texts: Sequence[str]) -> dict[str, Any]:
+        return {"lagrangian": texts[0]} | ({"constraints": texts[1:]} if constraints else {})
+
+    return _reading(given, keys, questions)
 
 
 def table_name(table: Table, found: Any) -> str:
@@ -449,7 +449,10 @@ def _given(system: Any, coordinates: Sequence[Any] | None, velocities: Mapping[A
             raise InputError(f"{each} has no acceleration: give one for each of the coordinates.", "/coordinates")
     if isinstance(system, Mapping):
         moving = tuple(coordinates or system)
-        _refuse_without_velocities(moving, velocities)
+        for each in moving:
+            if not isinstance(each, AppliedUndef) and each not in velocities:
+                detail = f"{each} is a plain symbol: say which symbol is its velocity, velocities={{{each}: ...}}."
+                raise InputError(detail, "/coordinates")
         found = {x: _expression(f) for x, f in system.items()}
         return _Given(tuple(found.values()), moving, velocities, time or _time_of(moving), found)
     zeros = tuple(_zero(each) for each in _listed(system))
@@ -506,13 +509,6 @@ def _expression(value: Any) -> Any:
         lambda part: isinstance(part, sympy.Derivative) and not isinstance(part.expr, AppliedUndef),
         lambda part: part.doit(deep=False) if part.expr.has(AppliedUndef) else part,
     )
-
-
-def _refuse_without_velocities(moving: Iterable[Any], velocities: Mapping[Any, Any]) -> None:
-    for each in moving:
-        if not isinstance(each, AppliedUndef) and each not in velocities:
-            detail = f"{each} is a plain symbol: say which symbol is its velocity, velocities={{{each}: ...}}."
-            raise InputError(detail, "/coordinates")
 
 
 def _time_of(moving: Sequence[Any]) -> Any:
@@ -692,22 +688,19 @@ def verification(answer: Answer) -> Verification:
         raise ValueError("there is no Lagrangian to verify")
     table = answer._table
     pairs = [(table.coordinates[name], table.velocity(name)) for name in table.coordinates]
-    motion = {table.acceleration(name): f for name, f in zip(table.coordinates, answer.accelerations, strict=True)}
-    residuals = [_residual(lagrangian, q, v, pairs, motion, table.time) for q, v in pairs]
-    return Verification(tuple(residuals), _of_hamiltonian(answer, [v for _, v in pairs]))
-
-
-def _residual(lagrangian: Any, q: Any, v: Any, pairs: Any, motion: Any, time: Any) -> Any:
-    """d/dt dL/dv - dL/dq along q'' = f, every name held apart from the time."""
     plain = {each: sympy.Dummy(f"a{place}", real=True) for place, pair in enumerate(pairs) for each in pair}
-    written = put(lagrangian, plain)
-    slopes = [put(f, plain) for f in motion.values()]
-    momentum = written.diff(plain[v])
-    total = momentum.diff(time) - written.diff(plain[q])
-    for (name, speed), slope in zip(pairs, slopes, strict=True):
-        total += momentum.diff(plain[name]) * plain[speed] + momentum.diff(plain[speed]) * slope
     back = {dummy: each for each, dummy in plain.items()}
-    return sympy.simplify(total.doit()).subs(back)
+    written, slopes = put(lagrangian, plain), [put(f, plain) for f in answer.accelerations]
+
+    def residual(q: Any, v: Any) -> Any:
+        """d/dt dL/dv - dL/dq along q'' = f, every name held apart from the time."""
+        momentum = written.diff(plain[v])
+        total = momentum.diff(table.time) - written.diff(plain[q])
+        for (name, speed), slope in zip(pairs, slopes, strict=True):
+            total += momentum.diff(plain[name]) * plain[speed] + momentum.diff(plain[speed]) * slope
+        return sympy.simplify(total.doit()).subs(back)
+
+    return Verification(tuple(residual(q, v) for q, v in pairs), _of_hamiltonian(answer, [v for _, v in pairs]))
 
 
 def put(expression: Any, plain: Mapping[Any, Any]) -> Any:

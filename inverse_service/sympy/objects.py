@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 
 
 VARIATIONAL = {"variational": True, "not_variational": False}
-_LETTERS = (("L", "lagrangian"), ("H", "hamiltonian"))
 
 _Part = TypeVar("_Part")
 STEPS = 1000
@@ -126,11 +125,7 @@ def _name(each: Any) -> Any:
 def _of_text(text: str) -> dict[str, Any]:
     """The document of a text: a name of the catalogue, JSON, or equations."""
     if text.strip().startswith("{") and '"' in text:
-        try:
-            found = plain_data.read_json(text)
-        except errors.InputError:
-            found = None
-        return found if isinstance(found, dict) else {"equations": text}
+        return dict(plain_data.read_json(text))
     is_name = "=" not in text and catalogue.meant(text)
     return dict(catalogue.document(text)) if is_name else {"equations": text}
 
@@ -149,9 +144,9 @@ def nonholonomic(
     `coordinates`: what has a velocity in them, where it is left out.
     """
     from inverse_service import solve as solve_document
-    from inverse_service.sympy.from_sympy import read_constrained
+    from inverse_service.sympy.from_sympy import read_lagrangian
 
-    document, names = read_constrained(lagrangian, constraints, coordinates, questions)
+    document, names = read_lagrangian(lagrangian, constraints, coordinates, None, questions)
     return from_result(solve_document(document, time_limit=time_limit, seed=seed), names)
 
 
@@ -174,10 +169,8 @@ def solve_many(
 
 def table(results: Iterable[Mapping[str, Any]]) -> Any:
     """One row a result: a pandas DataFrame where pandas is installed, else a list of dictionaries."""
-    rows = [printed_pages.row_of(result) for result in results]
-    if importlib.util.find_spec("pandas") is None:
-        return rows
-    return importlib.import_module("pandas").DataFrame(rows)
+    rows = list(map(printed_pages.row_of, results))
+    return rows if importlib.util.find_spec("pandas") is None else _frame(rows)
 
 
 def from_result(result: Mapping[str, Any], names: Mapping[str, Any] | Table | None = None) -> Result:
@@ -472,7 +465,7 @@ class Answer(dict[str, Any]):
 
     def _formulas(self) -> list[tuple[str, str]]:
         """L and H in LaTeX, where they were found."""
-        return [(letter, self._shown[key]["latex"]) for letter, key in _LETTERS if self._shown.get(key)]
+        return [(letter, self._shown[key]["latex"]) for letter, key in sheets.FORMULAS if self._shown.get(key)]
 
     def _latex(self, printer: Any) -> str:
         """What `sympy.latex` prints."""

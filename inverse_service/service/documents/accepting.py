@@ -232,16 +232,15 @@ def prepared_scene(scene: Any) -> Any:
         return scene  # reported with its place when the system is read
     if time == "t":
         return scene
-    table = {time: "t"}
-    changed = {key: _changed(scene[key], table, True) for key in SCENE_FORMULAS if key in scene}
-    if isinstance(scene.get("methods"), list):
-        changed["methods"] = [
-            {**one, "free_lagrangian": _changed(one["free_lagrangian"], table, True)}
-            if isinstance(one, Mapping) and "free_lagrangian" in one
-            else one
-            for one in scene["methods"]
-        ]
-    return {**scene, **changed}
+
+    def renamed(part: Any) -> Any:
+        if not isinstance(part, Mapping):
+            return part
+        table = {time: "t"}
+        return {key: _changed(one, table, True) if key in SCENE_FORMULAS else one for key, one in part.items()}
+
+    methods = scene.get("methods")
+    return renamed(scene) | ({"methods": list(map(renamed, methods))} if isinstance(methods, list) else {})
 
 
 def uses_the_letter_t(ready: Prepared) -> bool:

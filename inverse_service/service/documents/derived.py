@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from api_schemas import result as schemas
+from api_schemas import base, result as schemas
 from api_schemas.system import InvariantKind, SystemDocument
 from inverse_service import deadline
 from inverse_service.decision import deciding
@@ -41,10 +41,10 @@ OF_REDUCED = (*_SHOWN, "equations", "clock")  # what `instead` repeats of the re
 _RATIONAL = (ex.Number, ex.Power, ex.Product, ex.Sum, ex.Symbol)
 
 
-def answered(system: SecondOrderSystem, answer: Answer) -> dict[str, Any]:
-    """The equations and the answer as fields."""
+def answered(part: type[base.Document], system: SecondOrderSystem, answer: Answer) -> dict[str, Any]:
+    """The equations and the answer as the fields that a part of a result has of them."""
     fields = translate.answer_fields(answer) | translate.equation_fields(system)
-    return {key: fields[key] for key in schemas.ClockPart.model_fields if key in fields}
+    return {key: fields[key] for key in part.model_fields if key in fields}
 
 
 def _solved(system: SecondOrderSystem, timed: bool, seed: int, end: float) -> tuple[SecondOrderSystem, Answer | None]:
@@ -98,7 +98,7 @@ def clock_part(
 
 def clocked_part(factor: ex.Expression, system: SecondOrderSystem, answer: Answer) -> schemas.ClockPart:
     """An answer for the system with this clock."""
-    return schemas.ClockPart(factor=printing.to_text(factor), **answered(system, answer))
+    return schemas.ClockPart(factor=printing.to_text(factor), **answered(schemas.ClockPart, system, answer))
 
 
 # Special values of the parameters.
@@ -157,7 +157,8 @@ def _lagrangian_there(node: Node, seed: int, end: float) -> dict[str, Any] | Non
     system, answer = _solved(system, node.case.autonomous != "variational", seed, end)
     if answer is None or answer.lagrangian is None or answer.checked != "valid":
         return None
-    return {key: value for key, value in answered(system, answer).items() if key in ("equations", *_SHOWN)}
+    fields = answered(schemas.CaseNode, system, answer)
+    return {key: fields[key] for key in ("equations", *_SHOWN)}
 
 
 def _variational(node: Node, timed: bool, inside: bool) -> Iterator[schemas.VariationalCase]:
@@ -233,8 +234,11 @@ def _with_time(result: schemas.ResultDocument) -> schemas.InsteadPart | None:
     other = result.with_time
     if other is None or other.lagrangian is None or other.certificate is None:
         return None
-    return schemas.InsteadPart(kind="time", lagrangian=other.lagrangian, hamiltonian=other.hamiltonian,
-                               certificate=other.certificate, checked="valid")  # fmt: skip
+    return schemas.InsteadPart(kind="time", **_shown(other) | {"checked": "valid"})
+
+
+def _shown(part: schemas.ProvenPart) -> dict[str, Any]:
+    return {key: getattr(part, key) for key in _SHOWN}
 
 
 def _with_friction(solution: Solution, asked: SolveOptions, end: float) -> schemas.InsteadPart | None:
@@ -272,9 +276,8 @@ def of_reduced(reduced: schemas.ReducedPart | None) -> schemas.InsteadPart | Non
     """Of a motion on constraints: the reduced system, with Chaplygin's clock where it needs one."""
     for part in (reduced, reduced and reduced.with_clock):
         if part is not None and part.lagrangian is not None and part.checked == "valid":
-            shown = {key: getattr(part, key) for key in _SHOWN}
             clock = part.factor if isinstance(part, schemas.ClockPart) else ""
-            return schemas.InsteadPart(kind="reduced", equations=part.equations, clock=clock, **shown)
+            return schemas.InsteadPart(kind="reduced", equations=part.equations, clock=clock, **_shown(part))
     return None
 
 

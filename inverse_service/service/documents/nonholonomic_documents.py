@@ -39,7 +39,6 @@ _MEASURE = {
     "does_not_exist": "No density `N(q)` makes a volume invariant: the equations for log N contradict each other.",
     "not_found": "A density `N(q)` was not found in closed form; it is undecided whether one exists.",
 }
-_SHOWN = ("verdict", "reason", "checked", "lagrangian", "hamiltonian", "certificate", "domain")
 # Of the time, what the equations of the free coordinates alone may take.
 SHARE_OF_REDUCED = 0.25
 MOST_FOR_INTEGRALS = 2.0  # s
@@ -326,16 +325,12 @@ def _associated(one: nonholonomic_study.AssociatedAnswer, is_main: bool) -> sche
     system, solution, answer = one.associated.system, one.solution, one.answer
     if system is None or solution is None or answer is None:
         return schemas.AssociatedPart(kind=one.associated.kind, defined=False, explanation=one.associated.explanation)
-    fields = translate.answer_fields(answer)
-    return schemas.AssociatedPart(
-        kind=one.associated.kind,
-        defined=True,
-        explanation=one.associated.explanation,
-        **translate.equation_fields(system),
-        verdict_with_time=None if solution.with_time is None else solution.with_time.verdict,
-        steps=[] if is_main else [translate.step_part(step, in_full=False) for step in answer.explanation],
-        **{key: fields[key] for key in _SHOWN},
-    )
+    fields = derived.answered(schemas.AssociatedPart, system, answer) | {
+        "explanation": one.associated.explanation,
+        "verdict_with_time": None if solution.with_time is None else solution.with_time.verdict,
+        "steps": [] if is_main else [translate.step_part(step, in_full=False) for step in answer.explanation],
+    }
+    return schemas.AssociatedPart(kind=one.associated.kind, defined=True, **fields)
 
 
 def _hamiltonisation(report: nonholonomic_study.Report) -> schemas.HamiltonisationPart:
@@ -418,7 +413,7 @@ def _part(found: deciding.Reduced) -> schemas.ReducedPart:
     factor, clocked = found.factor, found.clocked
     return schemas.ReducedPart(
         coordinates=list(found.plain.system.coordinates),
-        **derived.answered(found.plain.system, found.plain.answer),
+        **derived.answered(schemas.ReducedPart, found.plain.system, found.plain.answer),
         reconstruction={name: printing.to_text(rate) for name, rate in found.others},
         statement=QUADRATURE if found.others else CLOSED,
         with_clock=None
