@@ -37,7 +37,6 @@ Numbers = npt.NDArray[np.int64]
 # 2 q + 1 with q prime, modulo which 2, 3, 5, 7, 11, 13, and 17 are squares.
 PRIME = 2_147_454_839
 _HALF = (PRIME - 1) // 2
-SQUARE_ROOT = pow(2, -1, _HALF)  # the exponent that gives one of the roots of a square
 # ("variable" | "root", itself), ("angle" | "exp", its unit), ("function", a derivative of it), (name, argument) else.
 Generator = tuple[str, ex.Expression]
 _INVERSES = ("log", "atan", "asin", "acos", "asinh", "acosh", "atanh")
@@ -304,7 +303,7 @@ class Evaluation:
         match tree:
             case ex.Number(value):
                 return self.constant(residue(value))
-            case ex.Symbol():
+            case ex.Symbol() | ex.Velocity():
                 jet = self.constant(self.points.value(("variable", tree)))
                 if tree == ex.TIME and self.order > 1:
                     jet.data[0, 1] = 1
@@ -427,6 +426,13 @@ class Evaluation:
                     term = term * pow(factorial(times), -1, PRIME) % PRIME
                 total = (total + term) % PRIME
         return total
+
+
+def values_of(tree: ex.Expression, points: Points) -> Numbers:
+    """The values of a formula at the points."""
+    nothing = np.zeros((0, 1, points.count), np.int64)
+    values: Numbers = Evaluation(points, (), nothing, nothing, 1).jet(tower.to_kernels(tree)).data[0, 0]
+    return values
 
 
 def _multiples(argument: ex.Expression) -> list[tuple[ex.Expression, Fraction]]:

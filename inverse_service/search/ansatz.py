@@ -744,8 +744,7 @@ def _divided(member: Member, parameters: frozenset[ex.Symbol], table: RealTable)
     for part in dict.fromkeys(_constants(member.terms, parameters)):
         if part:
             sign = -1 if real_branch.real_sign(tm.monomial_tree(part), table) < 0 else 1
-            terms = {tm.times(key, part, -1): sign * value for key, value in member.terms.items()}
-            found.append(replace(member, terms=terms))
+            found.append(replace(member, terms=tm.multiply_by(member.terms, part, -1, sign)))
     return min(found, key=lambda one: _order(one, parameters))
 
 

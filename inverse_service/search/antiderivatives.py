@@ -148,7 +148,7 @@ def _proper(terms: tm.Terms, x: modular.Variable) -> tm.Terms:
     left, result = in_one_square(tm.sum_of(_with_one_sum(key, value) for key, value in terms.items())), tm.Terms()
     while left:
         deadline.check()
-        key = max(left, key=lambda one: dict(one).get(x, Fraction(0)))
+        key = max(left, key=lambda one: tm.exponent_of(one, x))
         value, parts = left.pop(key), _divided(key, x)
         if parts is None:
             result[key] = value
@@ -175,25 +175,25 @@ def _primitive_sum(tree: ex.Sum) -> tuple[int, tm.Monomial, ex.Expression]:
     tables = list(map(dict, terms))
     lowest = {letter: min(table.get(letter, Fraction(0)) for table in tables) for table in tables for letter in table}
     outside = frozenset((p, e) for p, e in lowest.items() if e < 0 and isinstance(p, ex.Symbol))
-    terms = {tm.times(key, outside, -1): value for key, value in terms.items()}
+    terms = tm.multiply_by(terms, outside, -1)
     sign = -1 if terms[min(terms, key=tm.rank)] < 0 else 1
     return sign, outside, tm.tree_of(tm.scaled(terms, sign))
 
 
 def _divided(key: tm.Monomial, x: modular.Variable) -> tm.Terms | None:
     """The monomial with x^d = (D - r)/c for a generator D = c x^d + r with constant c; None if there is no such D."""
-    power = dict(key).get(x, Fraction(0))
+    power = tm.exponent_of(key, x)
     for letter in dict(key):
         if not 2 <= power <= _HIGHEST or not isinstance(letter, ex.Sum) or not ex.holds(letter, x):
             continue
         rest = tm.terms_of(letter)
-        degree = max(dict(part).get(x, Fraction(0)) for part in rest)
+        degree = max(tm.exponent_of(part, x) for part in rest)
         leads = [part for part in rest if (x, degree) in part]
         plain = all(p == x or not ex.holds(p, x) for part in rest for p, _ in part)
         if plain and len(leads) == 1 and 2 <= degree <= power:
             value, less = rest.pop(leads[0]), tm.times(key, leads[0], -1)
             found = {tm.times(less, tm.monomial(letter), 1): 1 / value}
-            return tm.add_terms(found, {tm.times(less, part, 1): a / value for part, a in rest.items()}, -1)
+            return tm.add_terms(found, tm.multiply_by(rest, less, factor=-1 / value))
     return None
 
 
@@ -396,12 +396,12 @@ def _by_partial_fractions(x: modular.Variable, wanted: tm.Terms) -> ex.Expressio
         return tm.grouped(tm.terms_of(numerator), lambda letter: ex.holds(letter, x))
 
     right = by_generators(wanted)
-    highest = max(int(dict(own).get(x, 0)) for own in right) - sum(poles.values())
+    highest = max(int(tm.exponent_of(own, x)) for own in right) - sum(poles.values())
     primitives: list[tm.Monomial] = [frozenset([(x, Fraction(k + 1))]) for k in range(highest + 1)]
     for letter, most in poles.items():
         primitives.append(tm.monomial(ex.Apply("log", letter)))
         primitives += [frozenset([(letter, Fraction(-j))]) for j in range(1, most)]
-        degrees = [dict(key).get(x, Fraction(0)) for key in tm.terms_of(letter)]
+        degrees = [tm.exponent_of(key, x) for key in tm.terms_of(letter)]
         if max(degrees) == 2 and min(degrees) >= 0:
             primitives += [frozenset([(x, Fraction(1)), (letter, Fraction(-j))]) for j in range(1, most)]
             primitives += [*quadratic_candidates(frozenset([(letter, Fraction(-1))]), x)][:1]
@@ -594,7 +594,7 @@ class Integrator:
             for j, q in enumerate(variables):
                 if j != k and (slope := tm.derivative_of_terms(part, q)):
                     rest[j] = tm.add_terms(rest[j], slope, -1)
-                    if any(_holds(rest[j], earlier) for earlier in variables[: k + 1]):
+                    if any(tm.depends_on(rest[j], earlier) for earlier in variables[: k + 1]):
                         rest[j] = self.in_normal_form(rest[j])
             rest[k] = left
             if left:
@@ -624,9 +624,7 @@ class Integrator:
             parameters = set(map(ex.Symbol, self.system.parameters))
             common = frozenset.intersection(*(key for terms in moving.values() for key in terms))
             constants: tm.Monomial = frozenset(item for item in common if item[0] in parameters)
-            inside = {
-                q: tm.tree_of({tm.times(key, constants, -1): a for key, a in u.items()}) for q, u in moving.items()
-            }
+            inside = {q: tm.tree_of(tm.multiply_by(terms, constants, -1)) for q, terms in moving.items()}
             return tm.multiply_terms({constants: Fraction(1)}, self.named_integral(inside))
         return tm.sum_of(
             tm.multiply_terms(beside, self.named_integral({variables[k]: tm.tree_of(inner)}))
@@ -650,7 +648,7 @@ class Integrator:
         for own, beside in groups.items():
             part = power_rule(own, beside, variable)
             if part is None:
-                other = tm.add_terms(other, tm.multiply_terms({own: Fraction(1)}, beside))
+                other = tm.add_terms(other, tm.multiply_by(beside, own))
             else:
                 total = tm.add_terms(total, part)
         if not other:
@@ -710,10 +708,10 @@ class Integrator:
                 coefficients.setdefault(log, {})[key - {(log, Fraction(1))}] = value
         exponents: dict[ex.Expression, tm.Terms] = {}
         for log, coefficient in coefficients.items():
-            if any(_holds(coefficient, name) for name in varying):  # x^2/(x^2 + 1) + 1/(x^2 + 1) is 1
+            if any(tm.depends_on(coefficient, name) for name in varying):  # x^2/(x^2 + 1) + 1/(x^2 + 1) is 1
                 coefficient = self.in_normal_form(coefficient)
-            if any(_holds(coefficient, name) for name in varying):
-                rest = tm.add_terms(rest, tm.multiply_terms(coefficient, {tm.monomial(log): Fraction(1)}))
+            if any(tm.depends_on(coefficient, name) for name in varying):
+                rest = tm.add_terms(rest, tm.multiply_by(coefficient, tm.monomial(log)))
             else:
                 exponents[log.argument] = coefficient
         groups: dict[ex.Expression, list[ex.Expression]] = {}
@@ -759,8 +757,8 @@ class Integrator:
         if potential is None:
             return None
         for i, a in potential.items():
-            total = tm.add_terms(total, tm.multiply_terms(a, {tm.monomial(ex.Velocity(names[i])): Fraction(1)}))
-            if _holds(a, ex.TIME):
+            total = tm.add_terms(total, tm.multiply_by(a, tm.monomial(ex.Velocity(names[i]))))
+            if tm.depends_on(a, ex.TIME):
                 slopes[i] = tm.add_terms(slopes[i], tm.derivative_of_terms(a, ex.TIME), -1)
         scalar = self.function_of(symbols, slopes)
         return None if scalar is None else tm.add_terms(total, scalar, -1)
@@ -771,7 +769,7 @@ class Integrator:
         """A_i with d_j A_i - d_i A_j = fields[i, j] and the symmetries of `slopes`, the other terms."""
         symbols = [ex.Symbol(name) for name in self.system.coordinates]
         ordered = sorted(pair for pair in fields if pair[0] < pair[1])
-        coupled = bool(ordered) and all(_holds(slopes[i], symbols[j]) for i, j in ordered)
+        coupled = bool(ordered) and all(tm.depends_on(slopes[i], symbols[j]) for i, j in ordered)
         turned = all(_is_turned(symbols, slopes, [pair]) for pair in ordered)
         if coupled or turned or _is_turned(symbols, slopes, ordered):
             radial = _along_rays(fields, symbols)
@@ -780,7 +778,7 @@ class Integrator:
         found, done = dict[int, tm.Terms](), set[int]()
         rest = {pair: dict(terms) for pair, terms in fields.items()}
         while rest := {pair: terms for pair, terms in rest.items() if terms and not is_zero(terms)}:
-            held = {k: sum(_holds(terms, q) for terms in rest.values()) for k, q in enumerate(symbols)}
+            held = {k: sum(tm.depends_on(terms, q) for terms in rest.values()) for k, q in enumerate(symbols)}
             order = sorted({j for pair in rest for j in pair}, key=lambda k: (-held[k], k))
             for k in (*order, order[0]):  # the first one under an integral sign if all leave something
                 parts = {i: self.integral(rest[i, k], symbols[k]) for i, j in rest if j == k}
@@ -846,7 +844,7 @@ def _round_potential(names: Sequence[str], wanted: Sequence[tm.Terms], i: int, j
 def _is_round(field: tm.Terms, x: ex.Symbol, y: ex.Symbol) -> bool:
     """Whether the field depends on x^2 + y^2, and on x and y only through it: x B_y = y B_x."""
     slopes = [tm.derivative_of_terms(field, variable) for variable in (x, y)]
-    turned = [tm.multiply_terms(slope, {tm.monomial(q): Fraction(1)}) for slope, q in zip(slopes, (y, x), strict=True)]
+    turned = [tm.multiply_by(slope, tm.monomial(q)) for slope, q in zip(slopes, (y, x), strict=True)]
     return bool(slopes[0]) and turned[0] == turned[1]
 
 
@@ -873,10 +871,6 @@ def _is_closed(variables: Sequence[modular.Variable], slopes: Sequence[tm.Terms]
     return True
 
 
-def _holds(terms: tm.Terms, variable: modular.Variable) -> bool:
-    return any(ex.holds(letter, variable) for key in terms for letter, _ in key)
-
-
 def is_zero(terms: tm.Terms) -> bool:
     """Whether the sum vanishes, possibly by relations among its generators: tested at random points."""
     if len(terms) < 2:
@@ -892,7 +886,7 @@ def power_rule(own: tm.Monomial, beside: tm.Terms, x: modular.Variable) -> tm.Te
     if not own:
         total, logarithm = tm.Terms(), tm.monomial(ex.Apply("log", x))
         for key, value in beside.items():
-            e, raised = dict(key).get(x, Fraction(0)), tm.times(key, tm.monomial(x))
+            e, raised = tm.exponent_of(key, x), tm.times(key, tm.monomial(x))
             total[tm.times(raised, logarithm) if e == -1 else raised] = value if e == -1 else value / (e + 1)
         return total
     if len(own) != 1:
@@ -901,7 +895,7 @@ def power_rule(own: tm.Monomial, beside: tm.Terms, x: modular.Variable) -> tm.Te
     if isinstance(u, ex.Sum) and (whole := tm.monomial_factor(beside, tm.terms_of(u))) is not None:
         beside, e = whole, e + 1  # x/(x - y)^3 - y/(x - y)^3
     factor = tm.monomial_factor(beside, tm.letter_derivative(u, x))
-    if factor is None or _holds(factor, x) or ex.is_exponential(u):
+    if factor is None or tm.depends_on(factor, x) or ex.is_exponential(u):
         return None
     raised = tm.monomial(ex.Apply("log", u)) if e == -1 else frozenset([(u, e + 1)])
     return tm.multiply_terms(factor, {raised: Fraction(1) if e == -1 else 1 / (e + 1)})
@@ -911,7 +905,7 @@ def _is_turned(symbols: Sequence[ex.Symbol], slopes: Sequence[tm.Terms], pairs: 
     """Whether the potential is invariant when these pairs of coordinates are rotated, or scaled one up, one down."""
 
     def moment(slope: int, arm: int) -> tm.Terms:
-        return tm.multiply_terms(slopes[slope], {tm.monomial(symbols[arm]): Fraction(1)})
+        return tm.multiply_by(slopes[slope], tm.monomial(symbols[arm]))
 
     turning = tm.weighted_sum(part for i, j in pairs for part in ((moment(j, i), 1), (moment(i, j), -1)))
     scaling = tm.weighted_sum(part for i, j in pairs for part in ((moment(i, i), 1), (moment(j, j), -1)))
@@ -920,10 +914,10 @@ def _is_turned(symbols: Sequence[ex.Symbol], slopes: Sequence[tm.Terms], pairs: 
 
 def _along_rays(fields: dict[tuple[int, int], tm.Terms], symbols: Sequence[ex.Symbol]) -> dict[int, tm.Terms] | None:
     """A_i = q_j int_0^1 s F_ij(s q) ds of constant fields (Poincare's homotopy); None for other fields."""
-    if any(_holds(terms, symbol) for terms in fields.values() for symbol in symbols):
+    if any(tm.depends_on(terms, symbol) for terms in fields.values() for symbol in symbols):
         return None
     found: dict[int, tm.Terms] = {}
     for (i, j), terms in fields.items():
-        arm: tm.Terms = {tm.monomial(symbols[j]): Fraction(1, 2)}
-        found[i] = tm.add_terms(found.get(i, {}), tm.multiply_terms(terms, arm))
+        part = tm.multiply_by(terms, tm.monomial(symbols[j]), factor=_HALF)
+        found[i] = tm.add_terms(found.get(i, {}), part)
     return found

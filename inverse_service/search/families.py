@@ -73,7 +73,7 @@ def divergence_factor(material: tm.Material) -> tm.Monomial | None:
     slopes = map(tm.derivative_of_terms, motion.forces, motion.velocities)
     rate = tm.weighted_sum((slope, Fraction(-1, motion.size)) for slope in slopes)
     moving = material.analysis.system.variables
-    constant = {key: c for key, c in rate.items() if not any(ex.holds(letter, *moving) for letter, _ in key)}
+    constant = {key: c for key, c in rate.items() if not tm.depends_on([key], *moving)}
     return next(iter(tm.terms_of(ex.Apply("exp", tm.tree_of(constant) * ex.TIME))), None) if constant else None
 
 
@@ -295,7 +295,7 @@ def is_admissible(material: tm.Material, key: tm.Monomial) -> bool:
     """L may contain t only where requested, and a pure constant is not a term."""
     if all(isinstance(letter, ex.Number) for letter, _ in key):
         return False
-    return material.motion.with_time or not any(ex.holds(letter, ex.TIME) for letter, _ in key)
+    return material.motion.with_time or not tm.depends_on([key], ex.TIME)
 
 
 def with_potential(
@@ -476,7 +476,7 @@ def _functions_of_position(material: tm.Material, factors: Factors, room: int) -
 def _fitted(material: tm.Material, factors: Factors, shape: tm.Monomial) -> Iterator[tm.Monomial]:
     """The factors, other than a power of v_i, that the coefficients of v_i v_l in f_i require."""
     for i, v in enumerate(material.motion.velocities):
-        exponent = dict(shape).get(v, Fraction(0))
+        exponent = tm.exponent_of(shape, v)
         if shape == tm.monomial(ex.Apply("log", v)):
             yield from factors.of_degree(i, Fraction(-2))
         if exponent and len(shape) <= 2:

@@ -13,7 +13,6 @@ them and reconstructed as rational numbers. The caller must verify the result.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import reduce
 from math import gcd, lcm
 
 import numpy as np
@@ -22,7 +21,7 @@ from inverse_service import deadline
 from inverse_service.expressions import tree as ex
 from inverse_service.field import flow, matrices, modular
 from inverse_service.field.flow import PRIME, Generator, Numbers, Points, Units, generator_tree
-from inverse_service.search.terms import Monomial, Terms, add_terms, terms_of, times
+from inverse_service.search.terms import Monomial, Terms, add_terms, monomial_tree, terms_of, times
 
 # Limits on the degree in one variable, the unknown coefficients, and the draws for one batch of points.
 _DEGREE, _UNKNOWNS, _DRAWS = 12, 1_200, 9
@@ -180,11 +179,13 @@ def _product_values(
     candidates: Sequence[Sequence[tuple[Power, ...]]], done: Sequence[Generator], points: Points
 ) -> dict[tuple[Power, ...], Numbers]:
     """The value of each product of powers at the good points."""
+    letters = [basis_monomials(variable, points.units) for variable in done]
+    bases = [[flow.values_of(monomial_tree(key), points) for key in pair] for pair in letters]
     found = {}
     for one in dict.fromkeys(one for products in candidates for one in products):
         result = np.ones(int(points.good.sum()), np.int64)
-        for power, variable in zip(one, done, strict=True):
-            for base, e in zip(basis_values(variable, points), power, strict=True):
+        for power, pair in zip(one, bases, strict=True):
+            for base, e in zip(pair, power, strict=True):
                 result = result * flow.powers(base[points.good], e) % PRIME
         found[one] = result
     return found
@@ -223,21 +224,6 @@ def _basis(variable: Generator, degree: int, units: Units) -> list[Power]:
     if variable[0] == "angle" or _radicand(variable, units):
         return [(total - b, b) for total in range(degree + 1) for b in (0, 1) if b <= total]
     return [(k, 0) for k in range(degree + 1)]
-
-
-def basis_values(variable: Generator, points: Points) -> tuple[Numbers, Numbers]:
-    """The values of the two generators of a variable; the second is 1 if there is none."""
-    if variable[0] == "angle":
-        sine, cosine = points.circle(variable[1])
-        return cosine, sine
-    x, second = points.value(variable), np.ones(points.count, np.int64)
-    if radicand := _radicand(variable, points.units):
-        total = np.zeros(points.count, np.int64)
-        for key, c in terms_of(radicand).items():
-            values = [flow.powers(points.value(("variable", p)), int(e)) for p, e in key]
-            total += reduce(lambda one, other: one * other % PRIME, values, second * flow.residue(c))
-        second = flow.powers(total % PRIME, flow.SQUARE_ROOT)
-    return x, second
 
 
 def basis_monomials(variable: Generator, units: Units) -> tuple[Monomial, Monomial]:

@@ -44,7 +44,7 @@ def is_linear(material: tm.Material) -> bool:
         damps = any(isinstance(letter, ex.Velocity) for letter, _ in held)
         if held and (len(held) > 1 or held[0][0] not in moving or held[0][1] != 1):
             return False
-        if damps and any(ex.holds(letter, ex.TIME) for letter, _ in key):
+        if damps and tm.depends_on([key], ex.TIME):
             return False
     return True
 

@@ -109,7 +109,7 @@ def _cancelling(material: tm.Material, key: tm.Monomial, slope: tm.Terms, degree
     if key not in known:
         known[key] = _raised(material, key, slope)
     motion = material.motion
-    own = known[key] if motion.with_time else [m for m in known[key] if not any(ex.holds(p, ex.TIME) for p, _ in m)]
+    own = known[key] if motion.with_time else [m for m in known[key] if not tm.depends_on([m], ex.TIME)]
     return [m for m in own if _is_polynomial(m, degree)]
 
 

@@ -189,8 +189,8 @@ class OneMatrix:
         velocities = list(map(ex.Velocity, self.system.coordinates))
         kinetic = tm.Terms()
         for (i, j), terms in zip(self.pairs, matrix, strict=True):
-            square = {tm.monomial(velocities[i], velocities[j]): Fraction(1, 2 if i == j else 1)}
-            kinetic = tm.add_terms(kinetic, tm.multiply_terms(tm.shortest_in_angles(terms), square))
+            square, weight = tm.monomial(velocities[i], velocities[j]), Fraction(1, 2 if i == j else 1)
+            kinetic = tm.add_terms(kinetic, tm.multiply_by(tm.shortest_in_angles(terms), square, factor=weight))
         try:
             wanted = self._wanted(matrix, variables, phi)
         except interpolation.NoFit:  # where f has roots
@@ -309,9 +309,9 @@ class OneMatrix:
         wanted = [tm.scaled(terms, -1) for terms in above[:n]]
         for (i, j), terms in zip(places, above[n:], strict=True):
             deadline.check()
-            v, w = ({tm.monomial(ex.Velocity(self.system.coordinates[k])): Fraction(1)} for k in (i, j))
-            wanted[i] = tm.add_terms(wanted[i], tm.multiply_terms(terms, w), -1)
-            wanted[j] = tm.add_terms(wanted[j], tm.multiply_terms(terms, v))
+            v, w = (tm.monomial(ex.Velocity(self.system.coordinates[k])) for k in (i, j))
+            wanted[i] = tm.add_terms(wanted[i], tm.multiply_by(terms, w), -1)
+            wanted[j] = tm.add_terms(wanted[j], tm.multiply_by(terms, v))
         return wanted
 
 
@@ -366,7 +366,7 @@ def _interpolated(search: OneMatrix, support: Sequence[Column], constants: Seque
     coefficients = interpolation.Interpolation(values, constants, search.units).terms()
     matrix: list[tm.Terms] = [{} for _ in search.pairs]
     for (entry, key), terms in zip(support, coefficients, strict=True):
-        matrix[entry] = tm.add_terms(matrix[entry], tm.multiply_terms(terms, {key: Fraction(1)}))
+        matrix[entry] = tm.add_terms(matrix[entry], tm.multiply_by(terms, key))
     return matrix
 
 

@@ -95,7 +95,7 @@ class Lines:
         (matrix, _), *others = self.conditions()
         entries = [entry for table, _ in others for row in table for entry in row]
         solved = matrix == [[antiderivatives.ONE_TERM if i == j else {} for j in self.places] for i in self.places]
-        return solved and not any(ex.holds(p, *moving) for entry in entries for key in entry for p, _ in key)
+        return solved and not any(tm.depends_on(entry, *moving) for entry in entries)
 
     def conditions(self) -> list[tuple[Table, int]]:
         """(Y, sign) with Y_ij = sign Y_ji for self-adjoint lines.
@@ -462,7 +462,7 @@ def _divided(left: tm.Terms, right: tm.Terms, system: SecondOrderSystem) -> tm.T
     """left/right as a sum, with common factors canceled."""
     if len(right) == 1:
         ((key, value),) = right.items()
-        return {tm.times(one, key, -1): a / value for one, a in left.items()}
+        return tm.multiply_by(left, key, -1, 1 / value)
     found = tm.monomial_factor(left, right)
     if found is not None:
         return found
@@ -549,7 +549,7 @@ def with_written_masses(
     if not factor:
         return None
     # The factor is kept whole so that it cancels: (m + M)/(m + M).
-    return tm.tree_of({tm.times(key, factor): ratio * c for key, c in tm.terms_of(lagrangian).items()})
+    return tm.tree_of(tm.multiply_by(tm.terms_of(lagrangian), factor, factor=ratio))
 
 
 def _are_proportional(left: Sequence[Sequence[tm.Terms]], right: Sequence[Sequence[tm.Terms]]) -> bool:

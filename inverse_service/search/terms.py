@@ -82,6 +82,23 @@ def times(left: Monomial, right: Monomial, exponent: Fraction | int = 1) -> Mono
     return frozenset(table.items())
 
 
+def exponent_of(key: Monomial, letter: ex.Expression) -> Fraction:
+    """The exponent of a generator; 0 if it does not occur."""
+    return next((e for other, e in key if other == letter), Fraction(0))
+
+
+def depends_on(keys: Iterable[Monomial], *variables: ex.Expression) -> bool:
+    """Whether one of these variables occurs in a generator of the monomials."""
+    return any(ex.holds(letter, *variables) for key in keys for letter, _ in key)
+
+
+def multiply_by(
+    terms: Mapping[Monomial, Fraction], key: Monomial, exponent: Fraction | int = 1, factor: Fraction | int = 1
+) -> Terms:
+    """The terms times key^exponent and a number."""
+    return {times(other, key, exponent): value * factor for other, value in terms.items()}
+
+
 def multiply_terms(left: Mapping[Monomial, Fraction], right: Mapping[Monomial, Fraction]) -> Terms:
     """The product; TooManyTerms if it has many terms, also before like terms are added."""
     if len(left) * len(right) > 20 * bounds.EXPANSION:
@@ -232,7 +249,7 @@ def _power(base: Terms, exponent: Fraction) -> Terms:
         tables = list(map(dict, base))
         lowest = frozenset((p, e) for key in base for p, e in key if e < 0 and e == min(t.get(p, e) for t in tables))
         if lowest:
-            base = terms_of(tree_of({times(key, lowest, -1): value for key, value in base.items()}))
+            base = terms_of(tree_of(multiply_by(base, lowest, -1)))
             return multiply_terms({times(EMPTY, lowest, exponent): Fraction(1)}, power_of_factors(base, exponent))
     content, common, rest = split_content(base)
     if content < 0 and exponent.denominator > 1 and common:
@@ -275,11 +292,14 @@ def _without_squares(tree: ex.Expression) -> tuple[Fraction, tuple[tuple[ex.Expr
 
 
 def polynomial_of(terms: Mapping[Monomial, Fraction]) -> tuple[fmpq_mpoly, list[ex.Expression]]:
-    """A sum of products of generators with nonnegative integer exponents, and the generators."""
-    letters = list(dict.fromkeys(letter for key in terms for letter, _ in key))
+    """A sum of products of generators with nonnegative integer exponents, and the generators.
+
+    Their order decides the signs of the factors of the polynomial, so it is not that of a set.
+    """
+    letters = sorted({letter for key in terms for letter, _ in key}, key=lambda letter: _traits(letter)[2])
     context = fmpq_mpoly_ctx.get(tuple(f"a{k}" for k in range(len(letters))))
     table = {
-        tuple(int(dict(key).get(letter, 0)) for letter in letters): fmpq(value.numerator, value.denominator)
+        tuple(int(exponent_of(key, letter)) for letter in letters): fmpq(value.numerator, value.denominator)
         for key, value in terms.items()
     }
     return context.from_dict(table), letters
@@ -332,8 +352,7 @@ def split_content(terms: Mapping[Monomial, Fraction]) -> tuple[Fraction, Monomia
         table = dict(key)
         shared = {letter: min(e, table[letter]) for letter, e in shared.items() if letter in table}
     common: Monomial = frozenset((letter, e) for letter, e in shared.items() if e)
-    rest = {times(key, common, -1): value / content for key, value in terms.items()}
-    return content, common, tree_of(rest)
+    return content, common, tree_of(multiply_by(terms, common, -1, 1 / content))
 
 
 def _exponential(argument: ex.Expression) -> Terms:
@@ -498,9 +517,7 @@ def along(motion: MotionTerms, terms: Mapping[Monomial, Fraction]) -> Terms:
 
 def rate_at_constant_velocity(terms: Mapping[Monomial, Fraction], coordinates: Iterable[ex.Symbol]) -> Terms:
     """D = d_t + v_k d_k of the terms, which is Gamma without its part f_k d_vk."""
-    parts = (
-        multiply_terms(derivative_of_terms(terms, q), {monomial(ex.Velocity(q.name)): Fraction(1)}) for q in coordinates
-    )
+    parts = (multiply_by(derivative_of_terms(terms, q), monomial(ex.Velocity(q.name))) for q in coordinates)
     return sum_of((derivative_of_terms(terms, ex.TIME), *parts))
 
 
@@ -610,7 +627,7 @@ def _exchanged(terms: Terms, old: str, argument: ex.Expression) -> Terms:
     letter, square = ex.Apply(old, argument), times(EMPTY, monomial(ex.Apply(new, argument)), 2)
     parts = list[Terms]()
     for key, value in terms.items():
-        e = dict(key).get(letter, Fraction(0))
+        e = exponent_of(key, letter)
         half = int(e) // 2 if e.denominator == 1 and e >= 2 else 0
         part: Terms = {times(key, monomial(letter), -2 * half) if half else key: value}
         for _ in range(half):
@@ -856,7 +873,7 @@ def _raised_powers(key: Monomial, variable: ex.Expression) -> list[Monomial]:
     for letter, times_over in key:
         if not isinstance(letter, ex.Power) or isinstance(letter.exponent, ex.Number):
             continue
-        base, beside = letter.base, dict(key).get(letter.base, Fraction(0))
+        base, beside = letter.base, exponent_of(key, letter.base)
         raised_exponent = times_over * letter.exponent + beside + 1
         if isinstance(raised_exponent, ex.Sum):
             whole = times(times(key, monomial(base)), monomial(raised_exponent), -1)
@@ -877,7 +894,7 @@ def integrating_candidates(material: Material) -> list[tuple[int, Terms, ex.Symb
             if c:
                 found.append((i, c, q))
         drag = simplified(material, coefficient(f, monomial(v))) if motion.with_time else {}
-        still = {key: c for key, c in drag.items() if not any(ex.holds(p, *motion.coordinates) for p, _ in key)}
+        still = {key: c for key, c in drag.items() if not depends_on([key], *motion.coordinates)}
         if still and (len(still) == len(drag) or motion.size == 1):
             found.append((i, still, ex.TIME))
     return found

@@ -82,7 +82,7 @@ def _times_divisors(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expres
     terms = _terms_of(tree)
     plain = tm.tree_of(terms)
     below = _divisor(terms, {p for p in _constant_divisors([plain], _parameters(system)) if isinstance(p, ex.Sum)})
-    whole = tm.tree_of({tm.times(key, below): c for key, c in terms.items()})
+    whole = tm.tree_of(tm.multiply_by(terms, below))
     return whole if below and _size(whole) <= _size(plain) else tree
 
 
@@ -175,10 +175,7 @@ def _regular_gauge(tree: ex.Expression, system: SecondOrderSystem) -> ex.Express
                 if isinstance(letter, ex.Apply) and letter.function == "cos" and e == 2:
                     sine: ex.Expression = ex.Apply("sin", letter.argument)
                     others = {base for base in table if base not in (letter, velocity)}
-                    plain = all(
-                        isinstance(base, ex.Number) or constants.issuperset(modular.variables_in(base))
-                        for base in others
-                    )
+                    plain = all(constants.issuperset(modular.variables_in(base)) for base in others)
                     if plain and squares and all((sine, Fraction(2)) in square for square in squares):
                         terms[k] = ex.substitute(terms[k], {letter**2: ex.negated(sine**2)})
     return ex.add(*terms)
@@ -227,8 +224,7 @@ def with_written_roots(
                 with suppress(tm.TooManyTerms):
                     terms = tm.terms_of(radicand)
                     below = _divisor(terms, constants)
-                    whole = {tm.times(key, below): value for key, value in terms.items()}
-                    content, _, rest = tm.split_content(whole)
+                    content, _, rest = tm.split_content(tm.multiply_by(terms, below))
                     written[rest] = (radicand, below, content)
     if not any(below for _, below, _ in written.values()):
         return None
@@ -248,7 +244,7 @@ def with_written_roots(
     rooted = {letter for _, below, _ in written.values() for letter, _ in below}
     below = _divisor(found, constants)
     sign = prod(real_branch.real_sign(letter, point) for letter, e in below if letter in rooted and e % 2)
-    tree = kinetic_first(tm.tree_of({tm.times(key, below): sign * value for key, value in found.items()}))
+    tree = kinetic_first(tm.tree_of(tm.multiply_by(found, below, factor=sign)))
     return _in_document_order(tree, system)
 
 
@@ -400,7 +396,7 @@ def _with_common_factor(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
     if not common:
         return tree
     content = content if content == Fraction(1, 2) else Fraction(1)
-    rest = {tm.times(key, common, -1): value / content for key, value in terms.items()}
+    rest = tm.multiply_by(terms, common, -1, 1 / content)
     return content * tm.monomial_tree(common) * kinetic_first(_shortened(tm.tree_of(rest), system))
 
 
@@ -532,7 +528,7 @@ def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
             {key - {(v, e)}: value for key, value in terms.items() if (v, e) in key} for e in (Fraction(2), Fraction(1))
         )
         ((key, c), *others) = squares.items() or [(tm.EMPTY, Fraction(1))]
-        one = {tm.times(part, key, -1): a / c for part, a in linear.items()}
+        one = tm.multiply_by(linear, key, -1, 1 / c)
         shift = tm.scaled((tm.monomial_factor(linear, squares) or {}) if others else one, _HALF)
         square = (v + tm.tree_of(shift)) ** 2
         whole = tm.terms_of(tm.tree_of(squares) * square)
@@ -583,11 +579,11 @@ def _spring(
     """The terms with c (u - l)^2 for c square + linear, `first` being the first term of c square; without c l^2."""
     ((part, unit), *_), ((key, value),) = square.items(), linear.items()
     stiffness, c = tm.times(first, part, -1), terms[first] / unit
-    whole = {tm.times(other, stiffness): c * a for other, a in square.items()}
+    whole = tm.multiply_by(square, stiffness, factor=c)
     length = tm.times(key - u, stiffness, -1)
     below = frozenset((q, -e) for q, e in length if e < 0)  # m (R + l sin u)^2 for m l^2 (R/l + sin u)^2
     held = modular.variables_in(tm.monomial_tree(length) * tm.monomial_tree(stiffness))
-    is_plain = held and constants.issuperset(held) and all(dict(stiffness).get(q, 0) >= 2 * e for q, e in below)
+    is_plain = held and constants.issuperset(held) and all(tm.exponent_of(stiffness, q) >= 2 * e for q, e in below)
     if not is_plain or any(terms.get(other) != a for other, a in whole.items()):
         return None
     rest = tm.add_terms(tm.add_terms(terms, whole, -1), linear, -1)
@@ -634,7 +630,7 @@ def _by_functions(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expressi
         else:
             exponents = [dict(key) for key in inner]
             lowest = frozenset((p, min(e.get(p, Fraction(0)) for e in exponents)) for e in exponents for p in e)
-            rest = tm.tree_of({tm.times(key, lowest, -1): value for key, value in inner.items()})
+            rest = tm.tree_of(tm.multiply_by(inner, lowest, -1))
             whole = _quotient(rest, system.parameters, system.coordinates) * tm.monomial_tree(lowest)
             parts.append(whole * tm.monomial_tree(outer))
     return ex.add(*parts)
@@ -648,7 +644,7 @@ def _without_common_squares(terms: tm.Terms, parameters: frozenset[ex.Symbol]) -
     """The terms without common even powers of parameters: a positive multiple of L, with the same inertia."""
     shared = frozenset.intersection(*terms) if terms else tm.EMPTY
     common = frozenset((letter, e) for letter, e in shared if letter in parameters and e % 2 == 0)
-    return {tm.times(key, common, -1): value for key, value in terms.items()}
+    return tm.multiply_by(terms, common, -1)
 
 
 def _part(outer: tm.Monomial, inner: tm.Terms, system: SecondOrderSystem) -> ex.Expression:
