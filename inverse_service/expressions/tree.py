@@ -12,13 +12,31 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
+from hashlib import blake2b
 from operator import attrgetter
 from types import UnionType
 from typing import Any, TypeGuard, TypeVar, cast
 
 
+@lru_cache(maxsize=4096)
+def _code(text: str) -> int:
+    """A number for a text, the same in all processes."""
+    return int.from_bytes(blake2b(text.encode(errors="surrogatepass"), digest_size=8).digest(), "big")
+
+
+def _with_codes(part: object) -> object:
+    """Fields with codes for their texts, and 0 for None."""
+    if isinstance(part, tuple):
+        return tuple(map(_with_codes, part))
+    return _code(part) if isinstance(part, str) else 0 if part is None else part
+
+
 class _Node:
-    """A tree caches its hash: trees are keys of many tables, and hashing visits every node."""
+    """A tree caches its hash: trees are keys of many tables, and hashing visits every node.
+
+    The hash is the same in all processes, unlike that of a text. It decides the order of sets of trees, and with it
+    which of several forms of one length an answer shows.
+    """
 
     __slots__ = ("_hash", "_size")
     _hash: int
@@ -32,7 +50,7 @@ class _Node:
         try:
             return self._hash
         except AttributeError:
-            value = hash((type(self).__name__, _FIELDS[type(self)](self)))
+            value = hash((_code(type(self).__name__), _with_codes(_FIELDS[type(self)](self))))
             object.__setattr__(self, "_hash", value)
             return value
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import random
 import re
+import subprocess
+import sys
 import time
 import xml.etree.ElementTree as ElementTree
 from fractions import Fraction
@@ -207,3 +210,10 @@ def test_nested_powers_cost_little_to_print(opening: str, closing: str) -> None:
 def test_a_bracket_with_the_time_after_a_coordinate_is_read_back_as_a_factor(text: str) -> None:
     tree = reader.read_formula(text, NAMES)
     assert printing.to_text(reader.read_formula("{" + printing.to_latex(tree) + "}", NAMES)) == printing.to_text(tree)
+
+
+def test_the_order_of_a_set_of_trees_is_the_same_in_all_processes() -> None:
+    program = "from inverse_service.expressions.tree import *; print({Symbol(c) * Velocity(c) for c in 'abcdefgh'})"
+    seeds = ({**os.environ, "PYTHONHASHSEED": seed} for seed in "123")
+    found = {subprocess.check_output([sys.executable, "-c", program], env=seed) for seed in seeds}
+    assert len(found) == 1
