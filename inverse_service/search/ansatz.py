@@ -202,7 +202,7 @@ class SamplePoints:
         except (modular.SingularPoint, ValueError):
             return np.empty(0, np.uint64)
         drift = [1, *(point.variable(v) for v in self.variables[1 + len(f) :]), *f]
-        return np.array([(value << 64) % self.prime for value in drift], np.uint64)
+        return to_montgomery(drift, self.prime)
 
     def letters(self, k: int, kernels: Sequence[ex.Expression], order: int) -> list[Words] | None:
         """A row for each generator at a point (see `_program`); None if one has no value or vanishes."""
@@ -360,13 +360,12 @@ def monomial_values(
     index = {letter: k for k, letter in enumerate(letters)}
     pairs: dict[tuple[ex.Expression, Fraction], int] = {}
     places = [pairs.setdefault(item, len(pairs)) for candidate in candidates for item in candidate]
-    radix = (1 << 64) % prime
     # Integers are converted because accessing the parts of a Fraction takes as long as computing the power.
     items = [(index[letter], e if e.denominator > 1 else int(e)) for letter, e in pairs]
-    powers = [[modular.positive_power(sample[k], e, prime) * radix % prime for k, e in items] for sample in rows]
+    powers = [[modular.positive_power(sample[k], e, prime) for k, e in items] for sample in rows]
     field = modular.field_of(prime)
     result = np.full((len(powers), len(candidates)), field.one, np.uint64)
-    given = np.array(powers, np.uint64).reshape(len(powers), -1)
+    given = to_montgomery(powers, prime).reshape(len(powers), -1)
     _products(given, np.cumsum([0, *map(len, candidates)]), np.array(places, np.int64), result, field)
     return result
 

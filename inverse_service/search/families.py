@@ -26,9 +26,8 @@ from flint import nmod_mat
 
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import derivative, tree as ex
-from inverse_service.field import matrices, modular
+from inverse_service.field import exact_field, matrices, modular
 from inverse_service.field.echelon import Words
-from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.modular import Variable, variables_in
 from inverse_service.mechanics import implicit_equations, second_order_system
 from inverse_service.search import ansatz, antiderivatives, terms as tm
@@ -317,13 +316,12 @@ def with_potential(
         return [tm.add_terms(slope, momentum, -1) for slope, momentum in zip(slopes, momenta, strict=True)]
 
     def over_one_denominator() -> list[tm.Terms]:
-        trees = list(map(tm.tree_of, residuals()))
-        return list(map(tm.terms_of, factored(trees, system.variables, Budget.long())))
+        return tm.over_one_denominator(list(map(tm.tree_of, residuals())), system.variables, exact_field.Budget.long())
 
     # Few terms are integrated one by one. Over one denominator, terms that are not affine cancel.
     for wanted in (residuals, over_one_denominator):
         deadline.check()
-        with suppress(TooLarge, tm.TooManyTerms, ZeroDivisionError, KeyError):
+        with suppress(exact_field.TooLarge, tm.TooManyTerms, ZeroDivisionError, KeyError):
             rest = integrator.linear_terms(wanted())
             if rest is not None:
                 return tm.add_terms(dict(combination), rest)

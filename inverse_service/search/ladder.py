@@ -54,9 +54,9 @@ class Method:
     name: str
     cost: float
     sizes: tuple[float, float]
-    accepts: Callable[[tm.Material], bool]
     propose: Callable[[tm.Material, int], Sequence[ex.Expression]]
     reason: str
+    accepts: Callable[[tm.Material], bool] = lambda _: True
     exact: bool = False
     for_both: bool = False
     last: bool = False
@@ -67,10 +67,6 @@ class Method:
 
 
 Rung = Method | families.Family
-
-
-def _any(_: tm.Material) -> bool:
-    return True
 
 
 def _lift_first(
@@ -103,7 +99,6 @@ RUNGS: tuple[Rung, ...] = (
         "one matrix",
         0.4,
         FEW,
-        _any,
         one_matrix.propose,
         "The algebraic conditions determine a matrix `G(t, q)` up to a factor `phi`. In "
         "`L = phi G_ij v^i v^j/2 + A_i v^i - V`, `G` then determines the derivatives of `phi`, `A` and `V`.",
@@ -113,7 +108,6 @@ RUNGS: tuple[Rung, ...] = (
         "one matrix that depends on the velocities",
         0.5,
         FEW,
-        _any,
         moving_matrix.propose,
         "The algebraic conditions determine a matrix `G(t, q, v)` up to a factor `phi`, and `G` the derivatives of "
         "`phi`. Integrating `phi G` twice over the velocities, then `A` and `V`, gives `L`.",
@@ -123,26 +117,25 @@ RUNGS: tuple[Rung, ...] = (
         "linear systems, a constant multiplier times exp(c*t)",
         1.5,
         SEVERAL,
-        linear_systems.is_linear,
         linear_systems.propose,
         "The system is linear. The equations times `exp(c*t)`, with the trace `n c` of the damping, have sums with "
         "constant factors that are self-adjoint; integration gives `L`.",
+        accepts=linear_systems.is_linear,
     ),
     families.Family("quadratic in the velocities, short factors", 2, families.quadratic, bounds.SMALL),
     Method(
         "blocks in sums of the coordinates",
         2.05,
         FEW,
-        reductions.has_sums,
         partial(_lift_first, reductions.into_sums),
         "In sums of the coordinates with constant factors the system decouples, so the Lagrangian is the sum of the "
         "Lagrangians of its blocks.",
+        accepts=reductions.has_sums,
     ),
     Method(
         "each equation times a function",
         2.1,
         ANY,
-        _any,
         row_factors.propose,
         "Multiplied by functions of `t` and the coordinates, the equations are self-adjoint. Their mass matrix is then "
         "the velocity Hessian of `L`, and integration gives `L`.",
@@ -152,9 +145,9 @@ RUNGS: tuple[Rung, ...] = (
         "decoupled blocks one by one",
         3.55,
         SEVERAL,
-        reductions.is_decoupled,
         partial(_lift_first, reductions.into_blocks),
         "The system decouples, so the Lagrangian is the sum of the Lagrangians of its blocks.",
+        accepts=reductions.is_decoupled,
         exact=True,
         last=True,  # later rungs have been tried on each block, and pairs of blocks come before
     ),
@@ -162,10 +155,10 @@ RUNGS: tuple[Rung, ...] = (
         "a coordinate as time",
         3.6,
         SEVERAL,
-        reductions.has_coordinate_as_time,
         partial(_lift_first, reductions.along_a_coordinate),
         "The equation of a coordinate `u` holds no other, and with `u` as time the paths are those of a Lagrangian "
         "`M(u, x, dx/du)`. `L = u' M(u, x, x'/u') + S(u, u')`, where `S` is a Lagrangian of `u`.",
+        accepts=reductions.has_coordinate_as_time,
     ),
     families.Family("functions of velocities, short factors", 4, families.functions_of_velocities, bounds.SMALL),
     families.Family("quadratic, roots of constant velocities", 4.1, families.roots_of_constants, bounds.SMALL),
@@ -173,7 +166,6 @@ RUNGS: tuple[Rung, ...] = (
         "constant sums of velocities",
         4.5,
         FEW,
-        _any,
         partial(_lift_first, reductions.with_constant_sums),
         "Some sums of the coordinates with constant factors have constant velocities. The Lagrangian is one of the "
         "system in these sums and in others.",
@@ -182,10 +174,10 @@ RUNGS: tuple[Rung, ...] = (
         "one coordinate, products of Darboux factors",
         6.5,
         ONE,
-        one_coordinate.applies,
         one_coordinate.propose,
         "For one coordinate the only condition is `Gamma(g) + g df/dv = 0`. A product of Darboux factors (`Gamma(P)` "
         "is a multiple of `P`) solves it. Integrating `g` twice over `v` gives `L`.",
+        accepts=one_coordinate.applies,
     ),
     families.Family("products of up to four velocities", 7, families.polynomials, bounds.LARGE),
     families.Family("logarithms and arctangents of two velocities", 9, families.complex_logarithms, bounds.SMALL),
@@ -193,7 +185,6 @@ RUNGS: tuple[Rung, ...] = (
         "one coordinate, a function of the velocity",
         9.5,
         ONE,
-        _any,
         one_coordinate.propose_function_of_velocity,
         "`f = F(v) (G(t, x) - A(t) P - B(x) Q)` has the multiplier `phi/F`, where `P' = 1/F`, `Q' = v/F`, "
         "`phi_t = A phi` and `phi_x = B phi`. Nonelementary integrals are left unevaluated.",

@@ -36,8 +36,7 @@ import numpy as np
 
 from inverse_service import deadline, errors
 from inverse_service.expressions import derivative, evaluation, tree as ex
-from inverse_service.field import real_branch, tower
-from inverse_service.field.exact_field import Budget, factored
+from inverse_service.field import exact_field, real_branch, tower
 from inverse_service.field.flow import PRIME, Flow, Generator, Numbers, Points, Units, inverses, matrix_product
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import antiderivatives, families, interpolation, terms as tm
@@ -277,11 +276,8 @@ class OneMatrix:
 
     def _over(self, above: Sequence[tm.Terms], below: tm.Terms) -> list[tm.Terms]:
         """The quotients with common factors cancelled."""
-        if below.keys() == {tm.EMPTY}:
-            return [tm.scaled(terms, 1 / below[tm.EMPTY]) for terms in above]
         names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
-        trees = factored([tm.tree_of(terms) / tm.tree_of(below) for terms in above], names, Budget.long())
-        return list(map(tm.terms_of, trees))
+        return tm.divided(above, below, names, exact_field.Budget.long())
 
     def _wanted(self, matrix: Sequence[tm.Terms], variables: Sequence[Generator], phi: tm.Terms) -> list[tm.Terms]:
         """-(W_i + F_ij v_j), the Euler-Lagrange expressions of A_i v_i - V divided by phi."""

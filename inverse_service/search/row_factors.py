@@ -34,7 +34,6 @@ from inverse_service import bounds, deadline
 from inverse_service.errors import InputError
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, matrices
-from inverse_service.field.exact_field import Budget, factored
 from inverse_service.field.real_branch import RealTable
 from inverse_service.mechanics import euler_lagrange, implicit_equations, writing
 from inverse_service.mechanics.second_order_system import Branch, SecondOrderSystem, connected
@@ -348,7 +347,7 @@ def tables_in_ring(
     """A ring that contains the tables and the others, and the tables in it."""
     trees = [[[tm.tree_of(entry) for entry in row] for row in table] for table in tables]
     every = [entry for table in trees for row in table for entry in row]
-    ring = exact_field.exact_ring([*every, *others], lines.system.variables, 1, Budget.long())
+    ring = exact_field.exact_ring([*every, *others], lines.system.variables, 1, exact_field.Budget.long())
     return ring, [[list(map(ring.value, row)) for row in table] for table in trees]
 
 
@@ -442,7 +441,7 @@ def _common_function(lines: Lines, part: Sequence[int], integrator: antiderivati
         crossed = tm.multiply_terms(_rate(lines, k, m), entry)
         if not antiderivatives.is_zero(tm.add_terms(crossed, tm.multiply_terms(rate, lines.matrix[k][m]), -1)):
             return None  # (H2) requires the same slope of log psi for all entries, including zero entries
-    slope = _divided(rate, entry, lines.system)
+    (slope,) = tm.divided([rate], entry, lines.system.variables, exact_field.Budget.short())
     parts = tm.affine_parts(slope, lines.velocities)
     if parts is None:
         return None
@@ -456,18 +455,6 @@ def _rate(lines: Lines, i: int, j: int) -> tm.Terms:
     slopes = (tm.derivative_of_terms(lines.rest[a], lines.velocities[b]) for a, b in ((i, j), (j, i)))
     drift = tm.rate_at_constant_velocity(lines.matrix[i][j], lines.coordinates)
     return tm.weighted_sum([(drift, -1), *((slope, Fraction(1, 2)) for slope in slopes)])
-
-
-def _divided(left: tm.Terms, right: tm.Terms, system: SecondOrderSystem) -> tm.Terms:
-    """left/right as a sum, with common factors canceled."""
-    if len(right) == 1:
-        ((key, value),) = right.items()
-        return tm.multiply_by(left, key, -1, 1 / value)
-    found = tm.monomial_factor(left, right)
-    if found is not None:
-        return found
-    quotient = tm.tree_of(left) / tm.tree_of(right)
-    return tm.terms_of(factored([quotient], system.variables, Budget.short())[0])
 
 
 def _constants(lines: Lines, parts: Sequence[Sequence[int]]) -> dict[int, tm.Terms] | None:
@@ -505,7 +492,8 @@ def _constant_ratio(lines: Lines, left: tm.Terms, right: tm.Terms, constants: se
     if found is None or not is_plain(found):
         if antiderivatives.is_zero(left) or antiderivatives.is_zero(right):
             return None
-        found = tm.terms_of(factored([tm.tree_of(left) / tm.tree_of(right)], lines.system.variables, Budget.short())[0])
+        quotient = tm.tree_of(left) / tm.tree_of(right)
+        (found,) = tm.over_one_denominator([quotient], lines.system.variables, exact_field.Budget.short())
     return next(((value, key) for key, value in found.items()), None) if len(found) == 1 and is_plain(found) else None
 
 

@@ -494,6 +494,26 @@ def derivative_of_terms(terms: Mapping[Monomial, Fraction], variable: ex.Express
     return _bounded(weighted_sum((monomial_derivative(key, variable), value) for key, value in terms.items()))
 
 
+def over_one_denominator(
+    trees: Sequence[ex.Expression], variables: Sequence[ex.Symbol | ex.Velocity], budget: exact_field.Budget
+) -> list[Terms]:
+    """The trees as terms, each over one denominator with common factors cancelled; TooLarge beyond the budget."""
+    return list(map(terms_of, exact_field.factored(trees, variables, budget)))
+
+
+def divided(
+    tops: Sequence[Terms], below: Terms, variables: Sequence[ex.Symbol | ex.Velocity], budget: exact_field.Budget
+) -> list[Terms]:
+    """The quotients of sums by one sum, with common factors cancelled."""
+    if len(below) == 1:
+        ((key, value),) = below.items()
+        return [multiply_by(terms, key, -1, 1 / value) for terms in tops]
+    found = [monomial_factor(terms, below) if terms else {} for terms in tops]
+    if None in found:
+        return over_one_denominator([tree_of(terms) / tree_of(below) for terms in tops], variables, budget)
+    return [terms for terms in found if terms is not None]
+
+
 @dataclass(frozen=True, slots=True)
 class MotionTerms:
     """q'' = f with f expanded; `with_time` says whether L may contain t."""
@@ -754,8 +774,7 @@ def simplified(material: Material, terms: Terms) -> Terms:
     """The sum over its common denominator with common factors cancelled, if that is shorter."""
     tree, symbols = tree_of(terms), material.analysis.system.variables
     with suppress(exact_field.TooLarge, ZeroDivisionError, TooManyTerms):
-        other = terms_of(exact_field.factored([tree], symbols, exact_field.Budget.long())[0])
-        return min(terms, other, key=len)
+        return min(terms, *over_one_denominator([tree], symbols, exact_field.Budget.long()), key=len)
     return terms
 
 
