@@ -107,10 +107,10 @@ def enumerated(formulas: Sequence[Item]) -> list[Item | str]:
 
 def with_shared_letters(answer: Answer, system: SecondOrderSystem) -> Answer:
     """The answer with a first sentence that defines each symbol that the theory and the system both use."""
-    names = {*system.coordinates, *system.parameters, *dict(system.functions)}
+    names = system.names.declared()
     parts = [part for step in (*answer.explanation, *answer.details) for part in step.parts]
     words = {word for part in parts for word in part.letters}
-    shared = [name for name in _MEANING if name in names & words]
+    shared = [name for name in _MEANING if name in names and name in words]
     if not shared:
         return answer
     meanings = ", ".join(f"{name} is {_MEANING[name]}" for name in shared)

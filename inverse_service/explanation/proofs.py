@@ -14,7 +14,6 @@ generators, for example that u3, which has the derivative u4, is sin(x).
 
 from __future__ import annotations
 
-import functools
 import json
 import math
 import random
@@ -132,10 +131,6 @@ def without_remainder(
     if not found.rest.is_zero():
         raise exact_field.TooLarge(f"{what} was not recognized as zero")
     return found
-
-
-def common_divisor(polynomials: Iterable[fmpq_mpoly]) -> fmpq_mpoly:
-    return functools.reduce(lambda a, b: a.gcd(b), polynomials)
 
 
 def primitive(polynomial: fmpq_mpoly) -> fmpq_mpoly:
@@ -257,7 +252,7 @@ def _factored(
         ring.constant(0), [c * ring.atoms[symbols[unknown]] for unknown, c in row.items()]
     ).numerator
     parts = {unknown: exact_field.coefficient(whole, places[symbols[unknown]], 1) for unknown in row}
-    shared = common_divisor(parts.values())
+    shared = exact_field.common_divisor(parts.values())
     split = {unknown: exact_field.factor_polynomial(part / shared) for unknown, part in parts.items()}
     return {unknown: (shared * 0 + fmpq(*n.as_integer_ratio()), found) for unknown, (n, found) in split.items()}
 
@@ -400,7 +395,9 @@ class _SingularityProof:
         """The row after substitution of the values, divided by the common content of its coefficients."""
         fact = row.fact
         found = divided(fact.polynomial, self._interleaved(values), self.budget)
-        content = common_divisor(exact_field.coefficient(found.rest, place, 1) for place in self.places.values())
+        content = exact_field.common_divisor(
+            exact_field.coefficient(found.rest, place, 1) for place in self.places.values()
+        )
         left = primitive(found.rest / content)
         if left == fact.polynomial:
             return row

@@ -437,10 +437,15 @@ def _difference(left: Exponents, right: Exponents) -> Exponents:
     return tuple((index, power - table.get(index, 0)) for index, power in left if power > table.get(index, 0))
 
 
+def common_divisor(polynomials: Iterable[fmpq_mpoly]) -> fmpq_mpoly:
+    """The greatest one."""
+    return functools.reduce(lambda a, b: a.gcd(b), polynomials)
+
+
 def common_factor(coefficients: Sequence[Quotient]) -> Quotient:
     """The quotient that divides all coefficients so that polynomials without a common factor remain."""
     owner = coefficients[0].field
-    numerator = functools.reduce(lambda a, b: a.gcd(b), (c.numerator for c in coefficients))
+    numerator = common_divisor(c.numerator for c in coefficients)
     content = owner.quotient(numerator, functools.reduce(_maximum, (c.exponents for c in coefficients)))
     leading = coefficients[0] / content
     number = leading.constant_value

@@ -559,7 +559,7 @@ def _turned(tree: ex.Expression, table: real_branch.RealTable) -> ex.Expression:
 
 def fresh_names(system: SecondOrderSystem, *trees: ex.Expression) -> Iterator[str]:
     """Unused names for functions."""
-    used = {*system.coordinates, *system.parameters, *dict(system.functions)}
+    used = {*system.names.declared()}
     used |= {node.name for tree in trees for node in ex.walk(tree) if isinstance(node, ex.Arbitrary)}
     yield from (name for name in (*_NAMES, *(f"F_{k}" for k in range(1, 1_000))) if name not in used)
 

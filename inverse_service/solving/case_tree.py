@@ -234,7 +234,7 @@ def _is_covered(question: Question, tree: ex.Expression) -> bool:
 
 
 def _where(case: Case) -> str:
-    texts = condition_texts(case)
+    texts = [*map(equation_text, conditions(case))]
     return "in general" if not texts else "where " + ", ".join(texts)
 
 
@@ -473,11 +473,6 @@ def conditions(case: Case) -> list[Equation]:
     """(left, right) of each equation that defines the case: functions first, then parameters."""
     functions = [function for function in case.question.system.functions if function[0] in case.functions]
     return [_polynomial_conditions(*function, case) for function in functions] + _of_parameters(case)
-
-
-def condition_texts(case: Case) -> list[str]:
-    """The conditions of `conditions` as texts."""
-    return [*map(equation_text, conditions(case))]
 
 
 def equation_text(equation: Equation, write: Callable[[ex.Expression], str] = printing.to_text) -> str:

@@ -11,7 +11,7 @@ v. With f = f_e + f_o, even and odd in v, T - V is a Lagrangian of f_e, and g f_
 the antisymmetric part of C.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import chain, combinations, combinations_with_replacement, product
@@ -78,7 +78,8 @@ def answer_kind(
     if system.depends_on_time and kind.name in _HOMOGENEOUS:
         return KindAnswer("undetermined", "f contains t: no homogeneous Lagrangian is looked for")
     if not friction and main is not None and main.verdict == "not_variational" and main.checked == "valid":
-        return of_no(main)
+        reason = "no Lagrangian of any kind exists"
+        return KindAnswer("not_variational", reason, main.certificate, exceptions=main.exceptions)
     try:
         analysis = deciding.analyze(system)
         if friction:
@@ -96,12 +97,15 @@ def _of_known(
 ) -> KindAnswer | None:
     """A yes by the first Lagrangian of an answer that, according to the checker, is of the kind."""
     with_time = analysis.system.depends_on_time
-    for lagrangian in lagrangians_of(main):
-        certificate = certify.of_lagrangian(analysis, lagrangian.expression, with_time, kind)
-        found = confirmed(KindAnswer("variational", "", certificate, lagrangian), deadline)
-        if found is not None:
-            return found
-    return None
+    answers = (
+        KindAnswer("variational", "", certify.of_lagrangian(analysis, one.expression, with_time, kind), one)
+        for one in lagrangians_of(main)
+    )
+    return _first(confirmed(answer, deadline) for answer in answers)
+
+
+def _first(answers: Iterable[KindAnswer | None]) -> KindAnswer | None:
+    return next((answer for answer in answers if answer is not None), None)
 
 
 def lagrangians_of(main: solutions.Answer | None) -> Sequence[solutions.Lagrangian]:
@@ -129,12 +133,6 @@ def decided(
     )
 
 
-def of_no(main: solutions.Answer) -> KindAnswer:
-    """The answer no: a system without a Lagrangian has none of any kind."""
-    reason = "no Lagrangian of any kind exists"
-    return KindAnswer("not_variational", reason, main.certificate, exceptions=main.exceptions)
-
-
 def confirmed(answer: KindAnswer, deadline: float) -> KindAnswer | None:
     """The answer if the checker confirms its certificate in the remaining time, else None."""
     proof = checker.check_certificate(answer.certificate, time_limit=left(deadline, 1.0))
@@ -155,10 +153,9 @@ def quick_rayleigh(analysis: Analysis, given: Sequence[ex.Expression], deadline:
         tree = row_factors.lagrangian_as_given(system, matching)
         if tree is not None:
             pushes = [[-part for part in odd], list(odd)] if matching else [_push(analysis, tree)]
-            for push in pushes:
-                answer = _with_friction(analysis, tree, push, deadline)
-                if answer is not None:
-                    return answer
+            answer = _first(_with_friction(analysis, tree, push, deadline) for push in pushes)
+            if answer is not None:
+                return answer
     return None
 
 
@@ -188,13 +185,10 @@ def _refuted(analysis: Analysis, seed: int, deadline: float) -> KindAnswer | Non
 
 
 def _searched(analysis: Analysis, seed: int, deadline: float) -> KindAnswer | None:
-    for tree in chain(
-        constant_metrics(analysis.system), _lagrangians_without_friction(analysis.system, seed, deadline)
-    ):
-        answer = _with_friction(analysis, tree, _push(analysis, tree), deadline)
-        if answer is not None:
-            return answer
-    return None
+    """A yes from a natural Lagrangian of the even part of f, with a constant metric or found by the search."""
+    system = analysis.system
+    trees = chain(constant_metrics(system), _lagrangians_without_friction(system, seed, deadline))
+    return _first(_with_friction(analysis, tree, _push(analysis, tree), deadline) for tree in trees)
 
 
 def _lagrangians_without_friction(system: SecondOrderSystem, seed: int, deadline: float) -> Iterator[ex.Expression]:
@@ -216,8 +210,11 @@ def _with_friction(
         return None
     if split is None:
         return None
-    drag, linear = split
-    return with_drag(analysis, _kind(analysis), tree + linear, drag, deadline)
+    drag, whole = split[0], tree + split[1]
+    found = certify.of_lagrangian(analysis, whole, analysis.system.depends_on_time, _kind(analysis))
+    certificate = found | {"dissipation": printing.to_text(drag)}
+    shown = tidy.describe(analysis, whole, FAMILY)
+    return confirmed(KindAnswer("variational", "", certificate, shown, drag), deadline)
 
 
 def _split(system: SecondOrderSystem, push: Sequence[ex.Expression]) -> tuple[ex.Expression, ex.Expression] | None:
@@ -269,14 +266,6 @@ def constant_metrics(system: SecondOrderSystem) -> Iterator[ex.Expression]:
         turns = [whole[len(pairs) + i * n + j] * sign * q[b] * v[a]
                  for i, j in combinations(range(n), 2) for a, b, sign in ((i, j, 1), (j, i, -1))]  # fmt: skip
         yield ex.add(*parts, *turns)
-
-
-def with_drag(
-    analysis: Analysis, kind: LagrangianKind, tree: ex.Expression, drag: ex.Expression, deadline: float
-) -> KindAnswer | None:
-    found = certify.of_lagrangian(analysis, tree, analysis.system.depends_on_time, kind)
-    certificate = found | {"dissipation": printing.to_text(drag)}
-    return confirmed(KindAnswer("variational", "", certificate, tidy.describe(analysis, tree, FAMILY), drag), deadline)
 
 
 def without_friction(system: SecondOrderSystem) -> SecondOrderSystem:
@@ -421,7 +410,6 @@ def _definite_of_known(
         whole = alone.expression if alone else collecting.collect(ex.add(*(w * one.expression for w, one in parts)))
         certificate = certify.of_lagrangian(analysis, whole, with_time, kind) | _claim(near, "")
         shown = alone or tidy.describe(analysis, whole, DEFINITE_SUM)
-        answer = KindAnswer("variational", "", certificate, shown)
-        if (found := confirmed(answer, deadline)) is not None:
+        if (found := confirmed(KindAnswer("variational", "", certificate, shown), deadline)) is not None:
             return found
     return None

@@ -9,7 +9,6 @@ functions, and the coordinates on which these depend, count as parameters; `func
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -156,7 +155,7 @@ class Reader:
         """One ideal for each common factor of the coefficients, and one for the remaining factors."""
         others = [k for k in range(len(polynomial.degrees())) if k not in self.jets and k not in self.kept]
         parts = list(exact_field.coefficients_of(polynomial, others).values())
-        common = functools.reduce(lambda a, b: a.gcd(b), parts)
+        common = exact_field.common_divisor(parts)
         found = [self._of_parts([factor]) for factor in strata.factors(common)]
         left = [part / common for part in parts]
         return found if any(part.is_constant() for part in left) else [*found, self._of_parts(left)]

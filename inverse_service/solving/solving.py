@@ -215,25 +215,39 @@ def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress |
 
     Raises CertificateRefused if the checker finds a certificate invalid, which is an internal error.
     """
-    with notation.multiplier_beside({*system.coordinates, *system.parameters, *dict(system.functions)}):
+    with notation.multiplier_beside(system.names.declared()):
         return _solve(system, options, progress)
 
 
 def with_reasons(solution: Solution, options: SolveOptions, progress: Progress | None = None) -> Solution:
     """The solution, with reasons added to each no that lacks them."""
-    system, autonomous, with_time = solution.system, solution.autonomous, solution.with_time
-    refused = [one is not None and one.verdict == "not_variational" and not one.explanation
-               for one in (autonomous, with_time)]  # fmt: skip
-    if not any(refused):
+    system, answers = solution.system, (solution.autonomous, solution.with_time)
+
+    def lacks_reasons(answer: Answer | None) -> bool:
+        return answer is not None and answer.verdict == "not_variational" and not answer.explanation
+
+    if not any(map(lacks_reasons, answers)):
         return solution
-    with notation.multiplier_beside({*system.coordinates, *system.parameters, *dict(system.functions)}):
+    with notation.multiplier_beside(system.names.declared()):
         work = Work(deciding.analyze(system), options, progress or (lambda _: None), math.inf)
-        if autonomous is not None and refused[0] and autonomous is not with_time:
-            autonomous = _explained((_with_its_reasons(work, autonomous, with_time=False), None), system)[0]
-        if with_time is not None and refused[1]:
-            with_time = _explained((None, _with_its_reasons(work, with_time, with_time=True)), system)[1]
-            autonomous = with_time if solution.autonomous is solution.with_time else autonomous
+
+        def explained(answer: Answer, with_time: bool) -> Answer:
+            if not lacks_reasons(answer):
+                return answer
+            return _explained(_with_its_reasons(work, answer, with_time), system)
+
+        autonomous, with_time = _changed(answers, explained)
     return replace(solution, autonomous=autonomous, with_time=with_time)
+
+
+def _changed(
+    answers: tuple[Answer | None, Answer | None], change: Callable[[Answer, bool], Answer]
+) -> tuple[Answer | None, Answer | None]:
+    """`change` of each answer and its `with_time`; an answer to both questions is changed once and stays one object."""
+    autonomous, with_time = answers
+    plain = None if autonomous is None or autonomous is with_time else change(autonomous, False)
+    timed = None if with_time is None else change(with_time, True)
+    return timed if autonomous is with_time else plain, timed
 
 
 def _solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress | None) -> Solution:
@@ -257,7 +271,7 @@ def _solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress 
     work.printed, left_out = _conditions(system, options, report)
     work.add_seconds("conditions", began)
     hand_over(work, "conditions")
-    autonomous, with_time = _explained(_answers(work, given), system)
+    autonomous, with_time = _changed(_answers(work, given), lambda answer, _: _explained(answer, system))
     provenance: dict[str, Any] = {
         "seed": options.seed,
         "time_limit": round(options.time_limit, 4),
@@ -323,7 +337,7 @@ def _answers(work: Work, given: Answer | None) -> tuple[Answer | None, Answer | 
     if not wants_time:
         return autonomous, None
     if autonomous is not None and autonomous.verdict == "variational":
-        plain = _is_complete(autonomous) and _reading_class(autonomous) < _RATIONAL
+        plain = _is_complete(autonomous) and ex.reading_class(_expression(autonomous), ex.TIME) < _RATIONAL
         with_time = autonomous if plain else _with_time_instead(work, autonomous)
         same = _without_time(work, with_time) if with_time is not autonomous else None
         return (same, same) if same is not None else (autonomous, with_time)
@@ -374,26 +388,19 @@ def _as_given(work: Work) -> Answer | None:
 
 
 def _holds_time(answer: Answer) -> bool:
-    return answer.lagrangian is not None and ex.TIME in ex.walk(answer.lagrangian.expression)
+    return answer.lagrangian is not None and ex.holds(answer.lagrangian.expression, ex.TIME)
 
 
-def _explained(
-    answers: tuple[Answer | None, Answer | None], system: SecondOrderSystem
-) -> tuple[Answer | None, Answer | None]:
-    """Both answers with a note on ambiguous names and on their sets; a common answer remains one object."""
-
-    def explained(answer: Answer | None) -> Answer | None:
-        answer = answer and explaining.with_shared_letters(answer, system)
-        if answer is None or not answer.explanation:
-            return answer
-        steps = explaining.branch_steps(system, answer.positive, answer.nonzero)
-        known, found = {*answer.positive, *answer.nonzero}, answer.lagrangian
-        if len(system.coordinates) == 1 and found and not known.issuperset((*found.positive, *found.nonzero)):
-            steps += (explaining.of_one_coordinate(system.coordinates[0], _holds_time(answer), is_found=True),)
-        return replace(answer, explanation=(*steps, *answer.explanation))
-
-    autonomous = explained(answers[0])
-    return autonomous, autonomous if answers[0] is answers[1] else explained(answers[1])
+def _explained(answer: Answer, system: SecondOrderSystem) -> Answer:
+    """The answer with a note on ambiguous names, and with the set where it holds if it has an explanation."""
+    answer = explaining.with_shared_letters(answer, system)
+    if not answer.explanation:
+        return answer
+    steps = explaining.branch_steps(system, answer.positive, answer.nonzero)
+    known, found = {*answer.positive, *answer.nonzero}, answer.lagrangian
+    if len(system.coordinates) == 1 and found and not known.issuperset((*found.positive, *found.nonzero)):
+        steps += (explaining.of_one_coordinate(system.coordinates[0], _holds_time(answer), is_found=True),)
+    return replace(answer, explanation=(*steps, *answer.explanation))
 
 
 def _is_complete(answer: Answer) -> bool:
@@ -439,10 +446,6 @@ def _highest(autonomous: Answer) -> float:
 def _expression(answer: Answer) -> ex.Expression:
     assert answer.lagrangian is not None
     return answer.lagrangian.expression
-
-
-def _reading_class(answer: Answer) -> int:
-    return ex.reading_class(_expression(answer), ex.TIME)
 
 
 def _without_time(work: Work, answer: Answer) -> Answer | None:
@@ -754,7 +757,8 @@ def confirmed(work: Work, answer: Answer) -> Answer:
     """The answer with the checker's verdict; undetermined if the checker cannot confirm it."""
     assert answer.certificate is not None
     found = check(work, answer.certificate)
-    if found.verdict == "invalid" and not _has_signed_functions(work.analysis.system):
+    # Where the branch fixes the sign of an arbitrary function, a checker may draw another sign.
+    if found.verdict == "invalid" and not any(ex.has(tree, ex.Arbitrary) for tree in work.analysis.system.positive):
         raise errors.CertificateRefused("; ".join(found.reasons))
     if found.verdict != "valid":
         reason = f"found {answer.verdict}, but the checker could not confirm it: {'; '.join(found.reasons)}"
@@ -762,8 +766,3 @@ def confirmed(work: Work, answer: Answer) -> Answer:
             work.cut["certificate"] = reason
         return Answer("undetermined", reason=reason)
     return replace(_on_its_set(work, answer), checked="valid")
-
-
-def _has_signed_functions(system: SecondOrderSystem) -> bool:
-    """Whether the branch fixes the sign of an arbitrary function, for which a checker may draw another sign."""
-    return any(isinstance(node, ex.Arbitrary) for tree in system.positive for node in ex.walk(tree))
