@@ -51,6 +51,9 @@ _POSITIVE = 1e-3
 _DENOMINATORS = (1, 2, 3, 4, 6, 12)
 
 
+# Generators at random points: programs, cached values, and tables of samples.
+
+
 class Derivatives(NamedTuple):
     """For each sample and generator p: Gamma(log p), d log p/dv_i, Gamma'(d log p/dv_i), and d log p/dq_i.
 
@@ -379,6 +382,9 @@ def _products(powers: Words, starts: Integers, places: Integers, result: Words, 
                 result[s, c] = multiply(result[s, c], powers[s, places[k]], field)
 
 
+# The conditions (H2) and (H3) on the coefficients of terms, and their solutions.
+
+
 @dataclass(frozen=True, slots=True)
 class LagrangianSpace:
     """Independent combinations of ansatz terms that are Lagrangians, possibly up to a potential and linear terms."""
@@ -581,6 +587,9 @@ def _written(variables: tuple[ex.Symbol | ex.Velocity, ...], forces: tuple[ex.Ex
         return written(variables, forces, order=2)
     except exact_field.TooLarge as problem:
         raise errors.IrreducibleAtoms("the forces are too long for their series") from problem
+
+
+# The best members of a space of solutions.
 
 
 def _hessians_at(space: LagrangianSpace, points: SamplePoints) -> tuple[int, list[Residues]]:

@@ -9,7 +9,7 @@ system, or if all terms of its row have been tried.
 import itertools
 import math
 import random
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -46,7 +46,7 @@ class Method:
 
     `sizes` are the least and the greatest number of coordinates.
 
-    `propose(material, seed)` returns regular Lagrangians, simplest first. The search verifies them unless the method is
+    `propose(material, seed)` yields regular Lagrangians, simplest first. The search verifies them unless the method is
     `exact`. `reason` explains in a sentence how such a Lagrangian is derived. A method `for_both` proposes the same for
     L(q, v) and L(t, q, v). If a method is `last`, no later rung can find more for the systems that it fits.
     """
@@ -54,7 +54,7 @@ class Method:
     name: str
     cost: float
     sizes: tuple[float, float]
-    propose: Callable[[tm.Material, int], Sequence[ex.Expression]]
+    propose: Callable[[tm.Material, int], Iterable[ex.Expression]]
     reason: str
     accepts: Callable[[tm.Material], bool] = lambda _: True
     exact: bool = False
@@ -289,9 +289,10 @@ def attempt(state: _Search, rung: Rung) -> tidy.Found | None:
     known = state.material.analysis.proposals if rung.for_both else {}
     try:
         if rung.name not in known:
-            known[rung.name] = rung.propose(state.material, state.seed)
-        trees = [tree for tree in known[rung.name] if state.material.motion.with_time or not ex.holds(tree, ex.TIME)]
-        proposed = tuple(trees if rung.exact else _first_verified(state, trees))
+            trees = rung.propose(state.material, state.seed)
+            known[rung.name] = tuple(trees) if rung.for_both else trees
+        asked = (tree for tree in known[rung.name] if state.material.motion.with_time or not ex.holds(tree, ex.TIME))
+        proposed = tuple(asked if rung.exact else _first_verified(state, asked))
     except (*ansatz.NO_POINTS, errors.InputError, ArithmeticError, KeyError):
         known.setdefault(rung.name, ())  # it fails for both questions
         proposed = ()
@@ -299,11 +300,15 @@ def attempt(state: _Search, rung: Rung) -> tidy.Found | None:
     return tidy.Found(proposed, rung.name, proposed[:1]) if proposed else None
 
 
-def _first_verified(state: _Search, trees: Sequence[ex.Expression]) -> list[ex.Expression]:
-    """The first few trees that are Lagrangians."""
-    analysis = state.material.analysis
-    held = (tree for tree in dict.fromkeys(trees) if holds_numerically(analysis, tree, state.seed))
-    return list(itertools.islice(held, bounds.FEW))
+def _first_verified(state: _Search, trees: Iterable[ex.Expression]) -> list[ex.Expression]:
+    """The first few trees that are Lagrangians; no more are computed."""
+    found: list[ex.Expression] = []
+    for tree in trees:
+        if tree not in found and holds_numerically(state.material.analysis, tree, state.seed):
+            found.append(tree)
+        if len(found) == bounds.FEW:
+            break
+    return found
 
 
 def _by_ansatz(state: _Search, family: families.Family) -> tidy.Found | None:

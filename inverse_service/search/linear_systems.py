@@ -49,11 +49,11 @@ def is_linear(material: tm.Material) -> bool:
     return True
 
 
-def propose(material: tm.Material, seed: int) -> list[ex.Expression]:
+def propose(material: tm.Material, seed: int) -> Iterator[ex.Expression]:
     """Regular Lagrangians with such multipliers, definite and short ones first; L(q, q') if g' = 0."""
     system, table = material.analysis.system, material.analysis.real_point
     if table is None:
-        return []
+        return
     lines = row_factors.lines_of(system, row_factors.solved_lines(system))
     (one, _), (stiffness, _), (damping, _) = lines.conditions()
     rates = list(_rates(damping)) if material.motion.with_time else [(ex.ZERO, ex.ZERO)]
@@ -61,9 +61,10 @@ def propose(material: tm.Material, seed: int) -> list[ex.Expression]:
     ring, values = row_factors.tables_in_ring(lines, [one, stiffness, damping], parts)
     arrays = [np.array(v) for v in values]
     multipliers = [one for rate in rates for one in _multipliers(material, ring, arrays, rate)]
-    chosen = (lines.sums(g) for g in _chosen(ring, multipliers, table))
-    found = [row_factors.lagrangian_of(one, Integrator(system, table)) for one in chosen]
-    return [tree for tree in found if tree is not None]
+    for g in _regular_sums(ring, multipliers, table):
+        tree = row_factors.lagrangian_of(lines.sums(g), Integrator(system, table))
+        if tree is not None:
+            yield tree
 
 
 def _rates(damping: row_factors.Table) -> Iterator[Rate]:
@@ -172,7 +173,7 @@ def _scaled(array: Array, factor: Fraction) -> Array:
     return np.array([entry.scaled(factor) for entry in array.flat], object).reshape(array.shape)
 
 
-def _chosen(
+def _regular_sums(
     ring: exact_field.ExactRing, multipliers: Sequence[Multiplier], table: real_branch.RealTable
 ) -> list[list[tm.Terms]]:
     """Regular g, tested at t = 0 and real parameter values: definite ones first, then those with few terms."""
@@ -197,7 +198,7 @@ def _chosen(
             mixed = not all(_is_diagonal(ordered[k]) for _, k in used)
             rank = changes or bool(values[0] < 0 < values[-1]), mixed, sum(ordered[k].size for _, k in used)
             found.append((rank, total))
-    return [g for _, g in sorted(found, key=lambda one: one[0])[: bounds.FEW]]
+    return [g for _, g in sorted(found, key=lambda one: one[0])]
 
 
 def _is_diagonal(multiplier: Multiplier) -> bool:

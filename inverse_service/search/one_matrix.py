@@ -324,8 +324,7 @@ def lowest_matrix(search: OneMatrix) -> list[tm.Terms]:
         columns = [(entry, key) for entry in range(len(search.pairs)) for key in monomials]
         if len(columns) > _UNKNOWNS:
             break
-        solver = _Solver(search, columns)
-        found = solver.kernels(fixed, 1)
+        found = _coefficients(search, columns, fixed, 1)
         if found and len(found[0]) == 1:
             (vector,) = found[0]
             support = [column for column, value in zip(columns, vector, strict=True) if value]
@@ -349,12 +348,12 @@ def _monomials(own: Sequence[Generator], search: OneMatrix, degree: int) -> list
 
 
 def _interpolated(search: OneMatrix, support: Sequence[Column], constants: Sequence[Generator]) -> list[tm.Terms]:
-    solver = _Solver(search, support)
+    """The coefficients of the columns of the support as one vector in the constants, interpolated."""
 
     def values(given: interpolation.Given, count: int) -> tuple[Numbers, Points]:
         points = search.points(given, count)
         own = {constant: points.value(constant) for constant in constants}
-        vectors = solver.kernels(own, count)
+        vectors = _coefficients(search, support, own, count)
         good = [k for k, kernel in enumerate(vectors) if len(kernel) == 1]
         points.good = np.isin(np.arange(count), good)
         return np.array([vectors[k][0] for k in good], np.int64).reshape(len(good), len(support)).T, points
@@ -366,38 +365,35 @@ def _interpolated(search: OneMatrix, support: Sequence[Column], constants: Seque
     return matrix
 
 
-@dataclass(slots=True)
-class _Solver:
-    """The conditions (H2) and (H3) for sums of these columns."""
-
-    search: OneMatrix
-    columns: Sequence[Column]
-
-    def kernels(self, given: interpolation.Given, count: int) -> list[list[list[int]]]:
-        """The coefficients that satisfy them, for each of `count` values of the given generators."""
-        search, n = self.search, len(self.search.forces)
-        entries = len(search.pairs)
-        each = entries + n * (n - 1) // 2
-        places = -(-len(self.columns) // each) + 3
-        wide = {key: np.repeat(np.broadcast_to(np.asarray(v, np.int64), count), 2 * places) for key, v in given.items()}
-        points = search.points(wide, 2 * places * count)
-        flow = Flow(points, search.forces, 2)
-        connection, (tensor,) = flow.tensors(1)
-        series = {key: flow.tree(tm.monomial_tree(key)).data[0] for key in {key for _, key in self.columns}}
-        deadline.check(len(self.columns) * points.count)
-        bent, (i, j) = search.unit_products(connection), np.triu_indices(n)
-        damping, skew = (bent[:, :, i, j] + bent[:, :, j, i]) % PRIME, search.conditions(tensor)
-        rows = np.zeros((points.count, each, len(self.columns)), np.int64)
-        for c, (entry, key) in enumerate(self.columns):
-            value, rate = series[key][0, :, None], series[key][1]
-            rows[:, :entries, c] = -value * damping[:, entry]
-            rows[:, entry, c] += rate
-            rows[:, entries:, c] = value * skew[:, :, entry]
-        rows %= PRIME
-        found = []
-        for k in range(count):
-            block = slice(2 * places * k, 2 * places * (k + 1))
-            good = np.flatnonzero(points.good[block])[:places] + 2 * places * k
-            whole = rows[good].reshape(-1, len(self.columns))
-            found.append(interpolation.kernel_of(whole) if len(good) >= places else [])
-        return found
+def _coefficients(
+    search: OneMatrix, columns: Sequence[Column], given: interpolation.Given, count: int
+) -> list[list[list[int]]]:
+    """The coefficients of sums of these columns that satisfy (H2) and (H3), for each of `count` values of the given
+    generators; all others are random, at enough points for every value.
+    """
+    n = len(search.forces)
+    entries = len(search.pairs)
+    each = entries + n * (n - 1) // 2
+    places = -(-len(columns) // each) + 3
+    wide = {key: np.repeat(np.broadcast_to(np.asarray(v, np.int64), count), 2 * places) for key, v in given.items()}
+    points = search.points(wide, 2 * places * count)
+    flow = Flow(points, search.forces, 2)
+    connection, (tensor,) = flow.tensors(1)
+    series = {key: flow.tree(tm.monomial_tree(key)).data[0] for key in {key for _, key in columns}}
+    deadline.check(len(columns) * points.count)
+    bent, (i, j) = search.unit_products(connection), np.triu_indices(n)
+    damping, skew = (bent[:, :, i, j] + bent[:, :, j, i]) % PRIME, search.conditions(tensor)
+    rows = np.zeros((points.count, each, len(columns)), np.int64)
+    for c, (entry, key) in enumerate(columns):
+        value, rate = series[key][0, :, None], series[key][1]
+        rows[:, :entries, c] = -value * damping[:, entry]
+        rows[:, entry, c] += rate
+        rows[:, entries:, c] = value * skew[:, :, entry]
+    rows %= PRIME
+    found = []
+    for k in range(count):
+        block = slice(2 * places * k, 2 * places * (k + 1))
+        good = np.flatnonzero(points.good[block])[:places] + 2 * places * k
+        whole = rows[good].reshape(-1, len(columns))
+        found.append(interpolation.kernel_of(whole) if len(good) >= places else [])
+    return found

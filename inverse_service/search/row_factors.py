@@ -69,6 +69,10 @@ class Lines:
         return list(map(ex.Symbol, self.system.coordinates))
 
     @property
+    def constants(self) -> set[ex.Symbol]:
+        return {ex.PI, *map(ex.Symbol, self.system.parameters)}
+
+    @property
     def velocities(self) -> list[ex.Velocity]:
         return list(map(ex.Velocity, self.system.coordinates))
 
@@ -209,7 +213,7 @@ def solved_lines(system: SecondOrderSystem) -> tuple[ex.Expression, ...]:
 
 def symmetric_lines(lines: Lines) -> Iterator[Lines]:
     """The lines times symmetrizing factors with denominators cleared, in each order that has such factors."""
-    matrix, constants = lines.matrix, {ex.PI, *map(ex.Symbol, lines.system.parameters)}
+    matrix = lines.matrix
 
     @cache
     def ratio(row: int, j: int, other: int, i: int) -> Factor | None:
@@ -222,7 +226,7 @@ def symmetric_lines(lines: Lines) -> Iterator[Lines]:
         found = _along_edges(len(order), ratios)
         if found is not None:
             chosen = Lines(lines.system, [matrix[row] for row in order], [lines.rest[row] for row in order], order)
-            yield chosen.times([{m: a} for a, m in _cleared(*found, constants)])
+            yield chosen.times([{m: a} for a, m in _cleared(*found, lines.constants)])
 
 
 def _orders(matrix: Sequence[Sequence[tm.Terms]]) -> Iterator[list[int]]:
@@ -460,7 +464,6 @@ def _rate(lines: Lines, i: int, j: int) -> tm.Terms:
 def _constants(lines: Lines, parts: Sequence[Sequence[int]]) -> dict[int, tm.Terms] | None:
     """K for each line, one per connected part, such that terms between different parts match; None if impossible."""
     own = {i: k for k, part in enumerate(parts) for i in part}
-    constants = {ex.PI, *map(ex.Symbol, lines.system.parameters)}
     ratios: dict[tuple[int, int], Factor | None] = {}
     for i, j in combinations(lines.places, 2):
         a, b = own[i], own[j]
@@ -472,21 +475,21 @@ def _constants(lines: Lines, parts: Sequence[Sequence[int]]) -> dict[int, tm.Ter
             left = tm.coefficient(tm.derivative_of_terms(lines.rest[i], lines.coordinates[j]), tm.EMPTY)
             right = tm.coefficient(tm.derivative_of_terms(lines.rest[j], lines.coordinates[i]), tm.EMPTY)
         if left or right:
-            ratios[a, b] = _constant_ratio(lines, left, right, constants)  # K_b = ratio K_a
+            ratios[a, b] = _constant_ratio(lines, left, right)  # K_b = ratio K_a
     found = _along_edges(len(parts), ratios)
     if found is None:
         return None
-    cleared = _cleared(*found, constants)
+    cleared = _cleared(*found, lines.constants)
     if sum(value < 0 for value, _ in cleared) > len(parts) / 2:
         cleared = [(-value, key) for value, key in cleared]
     return {i: {cleared[k][1]: cleared[k][0]} for k, part in enumerate(parts) for i in part}
 
 
-def _constant_ratio(lines: Lines, left: tm.Terms, right: tm.Terms, constants: set[ex.Symbol]) -> Factor | None:
+def _constant_ratio(lines: Lines, left: tm.Terms, right: tm.Terms) -> Factor | None:
     """left/right if that is one monomial of constants, possibly by relations among their generators."""
 
     def is_plain(found: tm.Terms) -> bool:
-        return all(tm.is_constant(p, constants) or isinstance(p, ex.Number) for key in found for p, _ in key)
+        return all(tm.is_constant(p, lines.constants) or isinstance(p, ex.Number) for key in found for p, _ in key)
 
     found = tm.monomial_factor(left, right)
     if found is None or not is_plain(found):

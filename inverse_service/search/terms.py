@@ -514,6 +514,9 @@ def divided(
     return [terms for terms in found if terms is not None]
 
 
+# The motion, and terms by their dependence on the velocities.
+
+
 @dataclass(frozen=True, slots=True)
 class MotionTerms:
     """q'' = f with f expanded; `with_time` says whether L may contain t."""
@@ -610,6 +613,9 @@ def irreducible_factors(tree: ex.Expression) -> tuple[ex.Expression, ...]:
     found = [terms_of_polynomial(factor, letters) for factor, _ in exact_field.factor_polynomial(polynomial)[1]]
     sums = [{frozenset((p, e / root[p]) for p, e in key): c for key, c in one.items()} for one in found if len(one) > 1]
     return tuple(split_content(one)[2] for one in sums)
+
+
+# Short polynomials in sines and cosines.
 
 
 def shortest_in_angles(terms: Terms) -> Terms:
@@ -712,6 +718,9 @@ def _in_waves(circular: Monomial) -> tuple[tuple[Monomial, Fraction], ...]:
         shown = ex.Apply(name, tree_of(argument)) if argument else ex.number(int(name == "cos"))
         parts.append((terms_of(shown), factor))
     return tuple(weighted_sum(parts).items())
+
+
+# The material of a search: f as terms, its generators, and what they suggest.
 
 
 @dataclass(frozen=True, slots=True)

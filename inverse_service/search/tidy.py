@@ -382,6 +382,9 @@ def _is_divisor(node: ex.Expression) -> bool:
     return isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number) and node.exponent.value < 0
 
 
+# The forms: each takes a system and a tree, and the caller keeps the shortest.
+
+
 def _with_common_factor(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     """The tree with the common factor of all terms before a bracket: e^(ct) (x'^2 - x^2)/2.
 
@@ -686,6 +689,9 @@ def _is_sum_of(tree: ex.Expression, count: int) -> bool:
     if isinstance(tree, ex.Product) and isinstance(tree.factors[0], ex.Number):
         tree = ex.multiply(*tree.factors[1:])
     return isinstance(tree, ex.Sum) and len(tree.terms) >= count
+
+
+# f before the search, and what is said about a Lagrangian after it.
 
 
 def with_plain_forces(analysis: deciding.Analysis) -> deciding.Analysis:
