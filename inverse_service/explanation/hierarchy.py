@@ -555,7 +555,7 @@ def _lines(
         return tuple(lines)
     lines.append(Line("By `Gamma(g) = g N + (g N)^T`", notation.theory("Gamma(u)"), slopes.along))
     lines += [
-        Line(f"`Gamma(u)` differentiated by `{x}'`", _slope(ex.Symbol(x)), slopes.by_coordinate[k])
+        Line(f"Differentiating `Gamma(u)` with respect to `{x}'`", _slope(ex.Symbol(x)), slopes.by_coordinate[k])
         for k, x in enumerate(names)
         if ex.Symbol(x) in variables or ex.TIME in variables
     ]

@@ -378,7 +378,7 @@ def differential_summary(system: SecondOrderSystem) -> tuple[Step, ...]:
     """The text used if only the prolonged equations decide and no short argument was found."""
     step = said(
         "A nonsingular `g` survives every algebraic condition (`Phi`, `nabla Phi`, ..., `R`) at a generic point; the "
-        "Helmholtz conditions differentiated by ", *separated([ex.Symbol(name) for name in system.coordinates]),
+        "Helmholtz conditions differentiated with respect to ", *separated([*map(ex.Symbol, system.coordinates)]),
         " and the velocities leave only singular ones. The certificate lists the differentiated equations that were "
         "used.",
         shown=["Gamma(g) = g N + (g N)^T", "dg_ij/dv^k = dg_ik/dv^j"],
@@ -580,7 +580,7 @@ def _residues(
 
 
 def _atoms(analysis: Analysis, chosen: hierarchy.ChosenEquations) -> list[ex.Expression]:
-    """The atoms of f whose values are shown; those of order depth + 2 occur only as first derivatives of others."""
+    """The atoms that are shown, with derivatives of functions: one more by the coordinates in Phi and in each nabla."""
     return atoms_and_jets(analysis, hierarchy.depth_of(chosen.equations) + 1)
 
 

@@ -14,12 +14,13 @@ generators, for example that u3, which has the derivative u4, is sin(x).
 
 from __future__ import annotations
 
+import functools
 import json
 import math
 import random
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -50,11 +51,9 @@ THEOREM = {
 }
 MAX_PRODUCTS = 50_000_000  # of terms in an identity
 
-# A factor of more terms than this is replaced by a new generator.
+# Where an identity is too long, each factor of more terms than this is replaced by a new generator.
 TERMS_OF_A_FACTOR = 4
 Row = Mapping[hierarchy.Unknown, tuple[fmpq_mpoly, list[tuple[fmpq_mpoly, int]]]]
-# Longer polynomials than this make proofs that take minutes; with new generators they are short.
-TERMS_WITHOUT_LETTERS = 20_000
 
 HEAD = """What is proven: the statements below, for all real numbers that fulfil the hypotheses. What is not: that the
 hypotheses are what the comments say, that is the derivatives that were taken to form them."""
@@ -335,14 +334,10 @@ def determinant_vanishes(
     """
     rows = hierarchy.exact_rows(analysis, chosen.equations, seed, budget)
     try:
-        short = exact_field.Budget(TERMS_WITHOUT_LETTERS, budget.deadline)
-        rows.exact.ring.field.budget = short
-        elimination = _SingularityProof(rows.exact.ring, rows.symbols, rows.equations, rows.table, short)
-        found = elimination.theorem()
-        rows.exact.ring.field.budget = budget
-        return replace(found, origin=Origin(rows.exact, rows.symbols, tuple(elimination.origins)))
+        proof = _SingularityProof(rows.ring, rows.symbols, rows.equations, rows.table, budget)
+        return replace(proof.theorem(), origin=Origin(rows.exact, rows.symbols, tuple(proof.origins)))
     except exact_field.TooLarge:
-        ring, equations = with_generators_for_factors(rows.exact.ring, rows.symbols, rows.equations, budget)
+        ring, equations = with_generators_for_factors(rows.ring, rows.symbols, rows.equations, budget)
         return _SingularityProof(ring, rows.symbols, equations, rows.table, budget).theorem()
 
 
@@ -492,14 +487,14 @@ def _used(relations: Sequence[Divisor], steps: Sequence[Identity]) -> tuple[Fact
 
 
 @dataclass(frozen=True, slots=True)
-class Letters:
+class GeneratorNames:
     """The names of the generators that a theorem uses, and the meanings of those that are not symbols."""
 
     names: dict[int, str]
     meanings: dict[str, str]
 
 
-def letters_of(theorem: Theorem, further: Iterable[int] = ()) -> Letters:
+def generator_names(theorem: Theorem, further: Iterable[int] = ()) -> GeneratorNames:
     """x as x, x' as v_x, every other atom as u1, u2, …; other words where these are taken."""
     occurring = {k for p in polynomials_of(theorem) for k, degree in enumerate(p.degrees()) if degree > 0}
     used = sorted(occurring | {*further}, reverse=True)
@@ -513,7 +508,7 @@ def letters_of(theorem: Theorem, further: Iterable[int] = ()) -> Letters:
         names[index] = name
         if tree != ex.Symbol(name):
             meanings[name] = printing.to_text(tree)
-    return Letters(names, meanings)
+    return GeneratorNames(names, meanings)
 
 
 def _letter(tree: ex.Expression, number: int) -> str:
@@ -532,7 +527,7 @@ def polynomials_of(theorem: Theorem) -> Iterator[fmpq_mpoly]:
     yield from (below for below, _ in theorem.denominators)
 
 
-def polynomial_text(letters: Letters, polynomial: fmpq_mpoly) -> str:
+def polynomial_text(letters: GeneratorNames, polynomial: fmpq_mpoly) -> str:
     """3*x^2*y - 1; coefficients have to be integers, or are printed as p/q."""
     found = ""
     for exponents, value in polynomial.terms():
@@ -543,25 +538,25 @@ def polynomial_text(letters: Letters, polynomial: fmpq_mpoly) -> str:
     return found or "0"
 
 
-def product_text(letters: Letters, powers: Sequence[tuple[fmpq_mpoly, int]], constant: str = "1") -> str:
+def product_text(letters: GeneratorNames, powers: Sequence[tuple[fmpq_mpoly, int]], constant: str = "1") -> str:
     """2 * (x - 1)^2 * (y)."""
     parts = [f"({polynomial_text(letters, p)})" + (f"^{e}" if e > 1 else "") for p, e in powers]
     return " * ".join([constant] * (constant != "1" or not parts) + parts)
 
 
-def factored_text(letters: Letters, polynomial: fmpq_mpoly, more: Sequence[tuple[fmpq_mpoly, int]] = ()) -> str:
+def factored_text(letters: GeneratorNames, polynomial: fmpq_mpoly, more: Sequence[tuple[fmpq_mpoly, int]] = ()) -> str:
     """The product of the polynomial, factored, and of more powers."""
     number, powers = exact_field.factor_polynomial(polynomial)
     return product_text(letters, [*powers, *more], str(number))
 
 
-def combination(letters: Letters, terms: Iterable[tuple[fmpq_mpoly, Fact]]) -> str:
+def combination(letters: GeneratorNames, terms: Iterable[tuple[fmpq_mpoly, Fact]]) -> str:
     """The sum of cofactor * fact."""
     parts = (f"({polynomial_text(letters, c)}) * ({polynomial_text(letters, fact.polynomial)})" for c, fact in terms)
     return " + ".join(parts) or "0"
 
 
-def hypotheses(letters: Letters, facts: Iterable[Fact], nonzero: Iterable[fmpq_mpoly]) -> Iterator[str]:
+def hypotheses(letters: GeneratorNames, facts: Iterable[Fact], nonzero: Iterable[fmpq_mpoly]) -> Iterator[str]:
     """What is zero, and what is not."""
     yield from (f"  ({fact.name} : {polynomial_text(letters, fact.polynomial)} = 0)" for fact in facts)
     yield from (f"  (nz{k} : {polynomial_text(letters, one)} <> 0)" for k, one in enumerate(nonzero, 1))
@@ -569,7 +564,7 @@ def hypotheses(letters: Letters, facts: Iterable[Fact], nonzero: Iterable[fmpq_m
 
 def coq_of_identities(theorem: Theorem) -> str:
     """A file for Coq whose hypotheses are the equations, not where they come from."""
-    letters = letters_of(theorem)
+    letters = generator_names(theorem)
     binders = f" ({' '.join(letters.names.values())} : R)" if letters.names else ""
     opening = [f"(* {HEAD} *)", "Require Import Reals Lra.", "Open Scope R_scope.", "", prelude("lemmas")]
     lines = [*opening, *(f"(* {name} is {text} *)" for name, text in letters.meanings.items())]
@@ -586,7 +581,7 @@ def prelude(name: str) -> str:
     return (Path(__file__).parent / "prelude" / f"{name}.v").read_text(encoding="utf-8")
 
 
-def coq_steps(theorem: Theorem, letters: Letters) -> Iterator[str]:
+def coq_steps(theorem: Theorem, letters: GeneratorNames) -> Iterator[str]:
     """The steps from the equations to the end."""
     for step in theorem.steps[:-1]:
         yield f"  assert ({step.gives.name} : {polynomial_text(letters, step.gives.polynomial)} = 0)."
@@ -594,18 +589,18 @@ def coq_steps(theorem: Theorem, letters: Letters) -> Iterator[str]:
     yield f"  {_coq_step(letters, theorem.steps[-1])}"
 
 
-def _coq_step(letters: Letters, step: Identity) -> str:
+def _coq_step(letters: GeneratorNames, step: Identity) -> str:
     factor, total = factored_text(letters, step.factor), combination(letters, step.terms)
     return f"apply (cancel ({factor})); [nonzero |].\n    transitivity ({total}); [ring | zero]."
 
 
 def identities(theorems: Sequence[Theorem]) -> list[dict[str, Any]]:
     """The theorems as data: each step factor * gives = sum of cofactor * (relation, equation or earlier step)."""
-    return [_plain(theorem, letters_of(theorem)) for theorem in theorems]
+    return [_plain(theorem, generator_names(theorem)) for theorem in theorems]
 
 
-def _plain(theorem: Theorem, letters: Letters) -> dict[str, Any]:
-    text: Callable[[fmpq_mpoly], str] = lambda polynomial: polynomial_text(letters, polynomial)  # noqa: E731
+def _plain(theorem: Theorem, letters: GeneratorNames) -> dict[str, Any]:
+    text = functools.partial(polynomial_text, letters)
 
     def listed(facts: Sequence[Fact]) -> dict[str, str]:
         return {fact.name: text(fact.polynomial) for fact in facts}
@@ -772,7 +767,7 @@ class System(FormalSystem):
         self.lagrangian = origin.lagrangian
         self.entries = {pair: self.place(symbol) for pair, symbol in origin.symbols.items()}
         self.used = self._generators_used()
-        self.names = letters_of(first, self.used)
+        self.names = generator_names(first, self.used)
         self.numbers = {k: number for number, k in enumerate(sorted(self.used, reverse=True))}
 
     @property

@@ -139,17 +139,14 @@ def _starts(question: Question) -> list[tuple[Stratum, FunctionCase]]:
             lengths = [range(len(question.constants[name]), 0, -1) for name in chosen]
             for kept in itertools.product(*lengths):
                 zero = [c for name, k in zip(chosen, kept, strict=True) for c in question.constants[name][k:]]
-                found.append((_zero(question, [*plain, *zero]), functions))
+                generators = [*map(question.space.generator, [*plain, *zero])]
+                found.append((strata.split(question.space, generators)[0], functions))
     return found
 
 
 def _unused(question: Question, functions: FunctionCase) -> list[str]:
     """The coefficients of functions that remain arbitrary; they are not parameters of the case and are set to zero."""
     return [c for name, constants in question.constants.items() if name not in functions for c in constants]
-
-
-def _zero(question: Question, names: Sequence[str]) -> Stratum:
-    return strata.split(question.space, [*map(question.space.generator, names)])[0]
 
 
 def _stopped(work: _Exploration, most: int) -> bool:
