@@ -766,7 +766,13 @@ class Integrator:
     def _vector_potential(
         self, fields: dict[tuple[int, int], tm.Terms], slopes: Sequence[tm.Terms]
     ) -> dict[int, tm.Terms] | None:
-        """A_i with d_j A_i - d_i A_j = fields[i, j] and the symmetries of `slopes`, the other terms."""
+        """A_i with d_j A_i - d_i A_j = fields[i, j] and the symmetries of `slopes`, the other terms.
+
+        A constant field is integrated along rays if the forces are invariant or coupled. Else one coordinate q_k at a
+        time is finished: fields[i, k] is integrated over q_k for each i, which gives a part of A_i, and the slopes of
+        this part are subtracted from the other fields. The coordinate on which most fields depend comes first, so that
+        cyclic ones stay cyclic.
+        """
         symbols = [ex.Symbol(name) for name in self.system.coordinates]
         ordered = sorted(pair for pair in fields if pair[0] < pair[1])
         coupled = bool(ordered) and all(tm.depends_on(slopes[i], symbols[j]) for i, j in ordered)

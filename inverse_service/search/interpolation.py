@@ -48,7 +48,10 @@ class Interpolation:
     units: Units
 
     def terms(self) -> list[Terms]:
-        """The entries as sums of products of generators, with integer coefficients without a common factor."""
+        """The entries as sums of products of generators, with integer coefficients without a common factor.
+
+        `support` holds, for each entry, the products of powers of the variables that are `done`.
+        """
         values, anchor = self.drawn({}, 3)
         first = int(np.flatnonzero(anchor.good)[0])
         fixed = {variable: int(anchor.value(variable)[first]) for variable in self.variables}

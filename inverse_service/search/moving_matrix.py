@@ -34,6 +34,7 @@ def propose(material: tm.Material, seed: int) -> list[ex.Expression]:
 
 
 def _lagrangian(search: one_matrix.OneMatrix, material: tm.Material) -> ex.Expression | None:
+    """L from G: the factors prod P_a^(e_a), then phi_2, then two integrations over the velocities, then A and V."""
     variables = search.variables(moving=True)
     matrix = interpolation.Interpolation(search.matrix_values, variables, search.units).terms()
     factor = _moving_factor(search, material, matrix)
@@ -42,15 +43,18 @@ def _lagrangian(search: one_matrix.OneMatrix, material: tm.Material) -> ex.Expre
     integrator = antiderivatives.Integrator(search.system, material.analysis.real_point)
     shaped = search.oriented([tm.multiply_terms(terms, factor) for terms in matrix], integrator)
     scale = search.scale(shaped, [v for v in variables if not tm.has_velocity(v[1])], integrator)
-    kinetic = None if scale is None else _root(search, shaped, factor) or integrator.with_hessian(shaped)
+    kinetic = None if scale is None else _multiple_of_root(search, shaped, factor) or integrator.with_hessian(shaped)
     if scale is None or kinetic is None:
         return None
     found = families.with_potential(material, tm.multiply_terms(scale, kinetic))
     return tm.tree_of(found) if found else None
 
 
-def _root(search: one_matrix.OneMatrix, matrix: Sequence[tm.Terms], factor: tm.Terms) -> tm.Terms | None:
-    """c(t, q) sqrt(P) for phi = P^(-3/2), with c from one entry of the Hessian; integration would be long."""
+def _multiple_of_root(search: one_matrix.OneMatrix, matrix: Sequence[tm.Terms], factor: tm.Terms) -> tm.Terms | None:
+    """L = c(t, q) P^(1/2) if phi = P^(-3/2), as for sqrt(1 - v^2); integration would be long.
+
+    c is the quotient of one entry of phi G by that of the Hessian of P^(1/2); None if it contains velocities.
+    """
     names = search.system.coordinates
     ((powers, _),) = factor.items()
     rooted: tm.Monomial = frozenset((p, Fraction(2)) for p, e in powers if isinstance(p, ex.Sum) and e.denominator > 1)
@@ -66,7 +70,7 @@ def _root(search: one_matrix.OneMatrix, matrix: Sequence[tm.Terms], factor: tm.T
 
 
 def _moving_factor(search: one_matrix.OneMatrix, material: tm.Material, matrix: Sequence[tm.Terms]) -> tm.Terms | None:
-    """prod P_a^(e_a)."""
+    """prod P_a^(e_a) with the exponents that satisfy (H1); the P_a are velocities, and factors of f and of G."""
     trees = [tm.tree_of(terms) for terms in matrix]
     real_point = material.analysis.real_point
     sums = [p for tree in trees if tree != ex.ZERO for p in tm.irreducible_factors(tree) if tm.has_velocity(p)]

@@ -61,8 +61,11 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     3. Products of functions are joined, tan(u) for sin(u)/cos(u) and 1 - t^2 for (1 - t) (1 + t), and the sums inside
        roots and denominators are written as squares.
     4. The sign of L, then signs and numbers within terms.
-    5. The order of terms, and of the factors in them: every earlier step makes new sums and products. T comes before
-       the terms that are compared with it, (x'^2 + y'^2)/2 with k (x^2 + y^2)/2.
+    5. The order of terms, whole terms that belong together, and the order of factors: every earlier step makes new sums
+       and products.
+
+    Within a step the order is free: of the 213 trees of 166 rows of the corpus, none changes if the gauges of 1 or the
+    functions of 3, 4, or 5 are exchanged. Seven change if one of 3 comes before 2.
     """
     moving = [place(name) for name in system.coordinates for place in (ex.Symbol, ex.Velocity)]
     tree = ex.add(*(term for term in ex.summands(collecting.merge_powers(tree)) if ex.holds(term, *moving)))
@@ -519,12 +522,14 @@ def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
     aside = [term for term in ex.summands(tree) if not tm.has_velocity(term) and ex.holds(term, *below)]
     terms, constants = tm.terms_of(tree - ex.add(*aside)), _parameters(system)
     symbols, velocities = ([kind(name) for name in system.coordinates] for kind in (ex.Symbol, ex.Velocity))
-    for (x, v), (y, w) in combinations(zip(symbols, velocities, strict=True), 2):  # less a multiple of d(x y)/dt
+    # 2 c w x y' is c w (x y' - y x'), up to c w d(x y)/dt.
+    for (x, v), (y, w) in combinations(zip(symbols, velocities, strict=True), 2):
         pair = tm.monomial(x, w), tm.monomial(y, v)
         for other in {key - one for key in terms for one in pair if one <= key}:
             if constants.issuperset(p for p, _ in other):
                 mean = sum((terms.get(other | one, Fraction(0)) for one in pair), Fraction(0)) / 2
                 terms = tm.add_terms(terms, {other | one: -mean for one in pair if mean})
+    # With c v^2/2 and c s v, s without velocities, c (v + s)^2/2 takes -c s^2/2 from the potential.
     groups = dict[ex.Expression, list[ex.Expression]]()
     for v in velocities:
         squares, linear = (
