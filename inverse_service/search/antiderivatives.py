@@ -566,14 +566,14 @@ def fresh_names(system: SecondOrderSystem, *trees: ex.Expression) -> Iterator[st
 
 @dataclass(slots=True)
 class Integrator:
-    """Integrate over the coordinates of one system; with `signs`, nonelementary integrals keep their integral sign.
+    """Integrate over the coordinates of one system; with `integral_signs`, nonelementary ones stay.
 
     `table` is a real point at which the results must be real.
     """
 
     system: SecondOrderSystem
     table: real_branch.RealTable | None = None
-    signs: bool = False
+    integral_signs: bool = False
     names: Iterator[str] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -588,7 +588,7 @@ class Integrator:
             if not rest[k]:
                 continue
             part, left = self.integral(rest[k], variable)
-            if left and not self.signs:
+            if left and not self.integral_signs:
                 return None
             total = tm.add_terms(total, part)
             for j, q in enumerate(variables):
@@ -790,7 +790,7 @@ class Integrator:
                 parts = {i: self.integral(rest[i, k], symbols[k]) for i, j in rest if j == k}
                 if not any(left for _, left in parts.values()):
                     break
-            if not self.signs and any(left for _, left in parts.values()):
+            if not self.integral_signs and any(left for _, left in parts.values()):
                 return None
             for i, (part, left) in parts.items():
                 if left:

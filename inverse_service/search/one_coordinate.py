@@ -233,7 +233,7 @@ def _of_function(material: tm.Material, function: ex.Expression) -> ex.Expressio
     in_time = antiderivatives.factored_tree(rate - v * along, [x, v])
     if ex.holds(along, v, ex.TIME) or ex.holds(in_time, v, x) or (in_time != ex.ZERO and not material.motion.with_time):
         return None
-    integrator = antiderivatives.Integrator(system, material.analysis.real_point, signs=True)
+    integrator = antiderivatives.Integrator(system, material.analysis.real_point, integral_signs=True)
     phi = antiderivatives.ONE_TERM
     for c, q in ((in_time, ex.TIME), (along, x)):
         logarithm = integrator.function_of([q], [tm.terms_of(c)])

@@ -54,8 +54,8 @@ def propose(material: tm.Material, seed: int) -> list[ex.Expression]:
     if search is None:
         return []
     entries = search.matrix()
-    for signs in (False, True):
-        found = search.lagrangian(material, antiderivatives.Integrator(system, table, signs), entries)
+    for integral_signs in (False, True):
+        found = search.lagrangian(material, antiderivatives.Integrator(system, table, integral_signs), entries)
         if found is not None:
             return [found]
     return []

@@ -122,12 +122,15 @@ class Lines:
 
 
 def lagrangians_of_lines(
-    system: SecondOrderSystem, given: Sequence[ex.Expression], table: RealTable | None = None, signs: bool = False,
+    system: SecondOrderSystem,
+    given: Sequence[ex.Expression],
+    table: RealTable | None = None,
+    integral_signs: bool = False,
     sums: bool = False,
-) -> Iterator[ex.Expression]:  # fmt: skip
+) -> Iterator[ex.Expression]:
     """Lagrangians of the equations E = 0 as given and of q'' - f; the caller must verify each.
 
-    `signs` allows nonelementary integrals; `sums` also tries sums of lines with a symmetric matrix.
+    `integral_signs` allows nonelementary integrals; `sums` also tries sums of lines with a symmetric matrix.
     """
     for equations in dict.fromkeys((tuple(given), () if system.is_unsolved else solved_lines(system))):
         if len(equations) != len(system.coordinates):
@@ -138,7 +141,7 @@ def lagrangians_of_lines(
             continue
         for scaled in _proposed_lines(lines, sums):
             deadline.check()
-            integrator = antiderivatives.Integrator(system, table, signs)
+            integrator = antiderivatives.Integrator(system, table, integral_signs)
             try:
                 found = lagrangian_of(scaled, integrator)
             except tm.FAILED:
@@ -169,8 +172,11 @@ def _proposed_lines(lines: Lines, sums: bool) -> Iterator[Lines]:
 def propose(material: tm.Material, seed: int) -> Sequence[ex.Expression]:
     """The first Lagrangian of q'' - f; without t if L(q, q') is requested."""
     system, point = material.analysis.system, material.analysis.real_point
-    trees = chain.from_iterable(lagrangians_of_lines(system, (), point, signs, not signs) for signs in (False, True))
-    return [*islice((tree for tree in trees if material.motion.with_time or not ex.holds(tree, ex.TIME)), 1)]
+    for integral_signs in (False, True):
+        for tree in lagrangians_of_lines(system, (), point, integral_signs, sums=not integral_signs):
+            if material.motion.with_time or not ex.holds(tree, ex.TIME):
+                return [tree]
+    return []
 
 
 def lagrangian_as_given(system: SecondOrderSystem, given: Sequence[ex.Expression] = ()) -> ex.Expression | None:

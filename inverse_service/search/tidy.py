@@ -188,7 +188,7 @@ def _cyclic_gauge(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expressi
     """The tree with F(x) y', F' = B, for -y B(x) x' with an arbitrary function in B if y then is cyclic."""
     if ex.has(tree, ex.Integral) or not ex.has(tree, ex.Arbitrary):
         return tree
-    signs, terms = antiderivatives.Integrator(system, signs=True), [*ex.summands(tree)]
+    integrator, terms = antiderivatives.Integrator(system, integral_signs=True), [*ex.summands(tree)]
     moving = {*map(ex.Symbol, system.coordinates), *map(ex.Velocity, system.coordinates), ex.TIME}
     for y in map(ex.Symbol, system.coordinates):
         held = [term for term in terms if ex.holds(term, y)]
@@ -197,7 +197,7 @@ def _cyclic_gauge(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expressi
         for x in system.coordinates:
             slope = collecting.collect(-held[0] / (y * ex.Velocity(x)))
             if x != y.name and moving & {*ex.walk(slope)} == {ex.Symbol(x)}:
-                found = signs.function_of([ex.Symbol(x)], [tm.terms_of(slope)])
+                found = integrator.function_of([ex.Symbol(x)], [tm.terms_of(slope)])
                 others = [term for term in terms if term != held[0]]
                 return ex.add(*others, tm.tree_of(found) * ex.Velocity(y.name)) if found else tree
     return tree

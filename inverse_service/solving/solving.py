@@ -365,8 +365,8 @@ def _as_given(work: Work) -> Answer | None:
     wants_time = deciding.questions(work.options.time_dependent, system)[1]
     best: ex.Expression | None = None
     with suppress(deadline.OutOfTime), deadline.until(deadline.now() + _SHARE_AS_GIVEN * work.left()):
-        for signs in (False, True):
-            for tree in row_factors.lagrangians_of_lines(system, written, table, signs):
+        for integral_signs in (False, True):
+            for tree in row_factors.lagrangians_of_lines(system, written, table, integral_signs):
                 if ex.holds(tree, ex.TIME) and (best is not None or not wants_time):
                     continue
                 real = tree if table is None else antiderivatives.real_form(tree, table)
