@@ -566,8 +566,9 @@ def fresh_names(system: SecondOrderSystem, *trees: ex.Expression) -> Iterator[st
 
 @dataclass(slots=True)
 class Integrator:
-    """Integrate over the coordinates of one system; with `integral_signs`, nonelementary ones stay.
+    """Integrate over the coordinates of one system.
 
+    With `integral_signs`, nonelementary integrals are left unevaluated instead of ending the attempt.
     `table` is a real point at which the results must be real.
     """
 
