@@ -25,7 +25,6 @@ from inverse_service.service.documents import accepting, plain_data, printed_pag
 from inverse_service.service.documents.answers import of_input_error
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
     from sympy import Eq, Expr, ImmutableMatrix, Symbol
     from sympy.logic.boolalg import Boolean
@@ -694,12 +693,13 @@ def draw_motion(
         from matplotlib.figure import Figure
     except ImportError as error:
         raise errors.missing_extra(error) or error from None
+    columns, reason = motion(result, start, parameters, time)
     names = list(result._table.coordinates)
-    states, reason = motion(result, start, parameters, time)
+    across, up = columns[names[0]], columns[names[1] if names[1:] else f"v_{names[0]}"]
     if axes is None:
         axes = Figure(figsize=(4, 3), layout="constrained").subplots()
-    axes.plot(states[:, 0], states[:, 1], linewidth=1)
-    axes.plot(*states[0, :2], "o", markersize=4)
+    axes.plot(across, up, linewidth=1)
+    axes.plot(across[0], up[0], "o", markersize=4)
     axes.set(xlabel=names[0], ylabel=names[1] if names[1:] else f"{names[0]}'")
     if reason:
         axes.set_title(reason, fontsize="x-small", wrap=True)
@@ -710,10 +710,8 @@ def draw_motion(
 
 def motion(
     result: Result, start: Sequence[float] | None, parameters: Mapping[str, float], time: float
-) -> tuple[np.ndarray[Any, np.dtype[np.float64]], str]:
-    """The states (q, v) at 0, …, `time`, shape (steps + 1, 2 n), by `adaptive`; why they end before or are doubtful."""
-    import numpy as np
-
+) -> tuple[Mapping[str, Any], str]:
+    """The columns t, x, v_x, … of a motion by `adaptive`, and why it ends before `time` or is doubtful."""
     try:
         from inverse_service.service.scenes import simulating
     except ImportError as error:
@@ -736,7 +734,7 @@ def motion(
     reason = printed_pages.why(method)
     if columns is None:
         raise errors.InputError(f"The motion cannot be drawn: {reason}")
-    return np.column_stack([columns[name] for name in (*names, *(f"v_{name}" for name in names))]), reason
+    return columns, reason
 
 
 def as_image(result: Result) -> str | None:

@@ -620,9 +620,7 @@ class Examination:
             if alone and not self.has_document:
                 self.unsettled(f"{at}/{key} is about the free coordinates alone: the document is needed.")
                 return
-            moving = not alone or certificate["claim"] == "variational"
-            good = moving and certificate.get("among") is None
-            if not good:
+            if (alone and certificate["claim"] != "variational") or certificate.get("among") is not None:
                 self.contradict(f"{at}/{key}/system", "", "It is about a different system.")
                 return
             if proof.verdict == "incomplete":
@@ -633,8 +631,7 @@ class Examination:
             self.further.append(canonical.of_certificate(certificate, proof))
         parts = [one["system"].get(key) or {} for one in certificates for key in ("equations", "velocities")]
         timed = timed or any(map(_contains_time, parts))
-        same = all(one["system"] == certificates[0]["system"] for one in certificates)
-        if not same:
+        if any(one["system"] != certificates[0]["system"] for one in certificates):
             self.contradict(f"{at}/certificate_with_time/system", "", "It is about two motions.")
         asked = {"verdict": "time_dependent" if timed else "autonomous", "verdict_with_time": "time_dependent"}
         for key, question in asked.items():
