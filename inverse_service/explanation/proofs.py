@@ -810,28 +810,18 @@ class System(FormalSystem):
                 if k in self.numbers:
                     yield f"  | {v}%nat, {self.numbers[k]}%nat => {self.polynomial(image)}"
         yield "  | _, _ => []\n  end."
-        yield "Definition denominator (k : nat) : poly :=\n  match k with"
-        for place, k in enumerate(self.below):
-            yield f"  | {len(self.numbers) + place}%nat => {self.polynomial(self.denominator(k))}"
-        yield "  | _ => []\n  end."
+        denominators = [self.polynomial(self.denominator(k)) for k in self.below]
+        yield from _by_cases("denominator (k : nat) : poly", "k", denominators, len(self.numbers))
         yield "(* d(1/D) = -(1/D)^2 dD *)"
         yield "Definition slope (v k : nat) : poly :="
         yield f"  if Nat.ltb k {len(self.numbers)} then slope_of_letter v k"
         yield "  else (num (-1) * var k ^ 2 * derive (slope_of_letter v) (denominator k))%poly."
-        yield "Definition velocity (i : nat) : poly :=\n  match i with"
-        for i, rate in enumerate(self.ring.variables[1 + n :]):
-            yield f"  | {i}%nat => _{name[self.place(rate)]}"
-        yield "  | _ => []\n  end."
-        yield "Definition f (i : nat) : poly :=\n  match i with"
-        for i, acceleration in enumerate(self.accelerations):
-            yield f"  | {i}%nat => {self.polynomial(acceleration)}"
-        yield "  | _ => []\n  end."
+        rates = [f"_{name[self.place(rate)]}" for rate in self.ring.variables[1 + n :]]
+        yield from _by_cases("velocity (i : nat) : poly", "i", rates)
+        yield from _by_cases("f (i : nat) : poly", "i", map(self.polynomial, self.accelerations))
         yield prelude("tensors")
-        values = [f"  | {number}%nat => {name[k]}" for k, number in self.numbers.items()]
-        values += [f"  | {len(self.numbers) + place}%nat => / ({self.text(k)})" for place, k in enumerate(self.below)]
-        yield f"Definition point ({self.binders} : R) (which : nat) : R :=\n  match which with"
-        yield from values
-        yield "  | _ => 0\n  end."
+        values = [*(name[k] for k in self.numbers), *(f"/ ({self.text(k)})" for k in self.below)]
+        yield from _by_cases(f"point ({self.binders} : R) (which : nat) : R", "which", values, otherwise="0")
 
     def text(self, k: int) -> str:
         """A denominator as real numbers."""
@@ -851,6 +841,13 @@ class System(FormalSystem):
 
     def at_point(self, polynomial: str) -> str:
         return f"Motion.value (Motion.point {self.binders}) ({polynomial})"
+
+
+def _by_cases(head: str, of: str, values: Iterable[str], first: int = 0, otherwise: str = "[]") -> Iterator[str]:
+    """The definition of a function of the number `of`, with the values from the number `first` on."""
+    yield f"Definition {head} :=\n  match {of} with"
+    yield from (f"  | {k}%nat => {value}" for k, value in enumerate(values, first))
+    yield f"  | _ => {otherwise}\n  end."
 
 
 def coq(theorems: Sequence[Theorem]) -> str:
