@@ -8,7 +8,7 @@ from typing import Any
 
 from inverse_service import catalogue
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.calculus import differentiate
 from inverse_service.expressions.tree import (
     HALF,
     ZERO,

@@ -19,8 +19,7 @@ from inverse_service.deadline import now
 from inverse_service.decision import constrained
 from inverse_service.decision.certify import conditions_of, head_of, involution_data, near_of
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.evaluation import NoRealValue
+from inverse_service.expressions.calculus import NoRealValue, differentiate
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, substitute
 from inverse_service.field import dense_series, tower as towers

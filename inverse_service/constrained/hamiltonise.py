@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service import errors
-from inverse_service.expressions import arrays, derivative, printing, tree as ex
+from inverse_service.expressions import arrays, calculus, printing, tree as ex
 from inverse_service.field import real_branch
 from inverse_service.mechanics import constrained_motion, second_order_system, writing
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums
@@ -139,9 +139,9 @@ class _Work:
         h = self.transform.hamiltonian
         trees = []
         for name, symbol in zip(self.names, self.transform.symbols, strict=True):
-            trees.append(ex.substitute(derivative.differentiate(h, symbol), self.lifted) - ex.Velocity(name))
-            slope = derivative.differentiate(self.lagrangian, ex.Symbol(name))
-            trees.append(ex.substitute(derivative.differentiate(h, ex.Symbol(name)), self.lifted) + slope)
+            trees.append(ex.substitute(calculus.differentiate(h, symbol), self.lifted) - ex.Velocity(name))
+            slope = calculus.differentiate(self.lagrangian, ex.Symbol(name))
+            trees.append(ex.substitute(calculus.differentiate(h, ex.Symbol(name)), self.lifted) + slope)
         return self._tested(
             "With `p = dL/dv` the canonical equations of H are the Euler-Lagrange equations of L.", trees
         )
@@ -154,8 +154,7 @@ class _Work:
         if tested.verdict != "holds":
             return tested
         slopes = [
-            [self._restricted(derivative.differentiate(tree, p)) for p in self.transform.symbols]
-            for tree in self.images
+            [self._restricted(calculus.differentiate(tree, p)) for p in self.transform.symbols] for tree in self.images
         ]
         rank = real_branch.rank_at_point(slopes, self.variables, self.seed)
         if rank is None:
@@ -168,7 +167,7 @@ class _Work:
 
     def invariance(self) -> Statement:
         """{P, H} = 0 on the submanifold."""
-        trees = [self._restricted(derivative.along(image, self._canonical_rates())) for image in self.images]
+        trees = [self._restricted(calculus.along(image, self._canonical_rates())) for image in self.images]
         return self._tested("The flow of H keeps the constraints in phase space.", trees)
 
     def _canonical_rates(self) -> list[tuple[ex.Expression, ex.Expression]]:
@@ -177,8 +176,8 @@ class _Work:
             self.transform.hamiltonian,
             list(zip(map(ex.Symbol, self.names), self.transform.symbols, strict=True)),
         )
-        forward = [(q, derivative.differentiate(h, p)) for q, p in pairs]
-        return [*forward, *((p, -derivative.differentiate(h, q)) for q, p in pairs)]
+        forward = [(q, calculus.differentiate(h, p)) for q, p in pairs]
+        return [*forward, *((p, -calculus.differentiate(h, q)) for q, p in pairs)]
 
     def comparison(self) -> Comparison | None:
         """Both flows in floating point from one start."""
@@ -220,7 +219,7 @@ class Comparison:
     energy: float
 
 
-def sample_functions(trees: Sequence[ex.Expression], seed: int = 1) -> derivative.Definitions:
+def sample_functions(trees: Sequence[ex.Expression], seed: int = 1) -> calculus.Definitions:
     """A polynomial, over separate symbols, for each arbitrary function that occurs."""
     source = random.Random(f"functions {seed}")
     found: dict[str, tuple[tuple[str, ...], ex.Expression]] = {}
@@ -274,7 +273,7 @@ def compare(
     for _ in range(_STARTS):
         values = {name: Fraction(source.randrange(50, 200), 100) for name in constants}
         table = {name: ex.number(value) for name, value in values.items()}
-        placed = [ex.substitute(derivative.define_functions(tree, samples), table) for tree in trees]
+        placed = [ex.substitute(calculus.define_functions(tree, samples), table) for tree in trees]
         first = Flow(nonholonomic.variables, tuple(placed[:m]))
         second = Flow(hamiltonian.variables, tuple(placed[m : m + n]))
         start = np.array([source.randrange(20, 90) / 100 for _ in range(m)])

@@ -22,7 +22,7 @@ from inverse_service.constrained.reduced import reduced_system
 from inverse_service.deadline import OutOfTime, check, left, now, until, within
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import Lagrangian, SolveOptions
-from inverse_service.expressions import collecting, derivative, tree as ex
+from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.field import exact_field, matrices, modular, tower
 from inverse_service.field.echelon import Words
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus
@@ -53,7 +53,7 @@ class JetOnConstraints:
 def jet_of(lagrangian: ex.Expression, motion: ConstrainedMotion) -> JetOnConstraints:
     """The 1-jet of any L on the tangent bundle."""
     rates = motion.on_constraints
-    momenta = [derivative.differentiate(lagrangian, ex.Velocity(name)) for name in motion.dependent]
+    momenta = [calculus.differentiate(lagrangian, ex.Velocity(name)) for name in motion.dependent]
     on, *transverse = (_short(ex.substitute(tree, rates)) for tree in (lagrangian, *momenta))
     return JetOnConstraints(on, tuple(transverse))
 
@@ -128,7 +128,7 @@ def _position_factors(motion: ConstrainedMotion, budget: exact_field.Budget) -> 
     """The factors, if sums, of the parts of the forces of each degree in the velocities."""
     velocities = [ex.Velocity(name) for name in motion.free]
     still = dict.fromkeys(velocities, ex.ZERO)
-    slopes = [derivative.differentiate(f, v) for f in motion.free_accelerations for v in velocities]
+    slopes = [calculus.differentiate(f, v) for f in motion.free_accelerations for v in velocities]
     trees = [ex.substitute(f, still) for f in (*motion.free_accelerations, *slopes)]
     ring = exact_field.exact_ring(trees, [ex.Symbol(name) for name in motion.coordinates], 0, budget, slopes=False)
     values = [value for tree in trees if not (value := ring.value(tree)).is_zero]
@@ -139,7 +139,7 @@ def _position_factors(motion: ConstrainedMotion, budget: exact_field.Budget) -> 
 def _solved_for(tree: ex.Expression, names: Sequence[str]) -> str | None:
     """A coordinate in which the tree is linear."""
     for name in names:
-        slope = derivative.differentiate(tree, ex.Symbol(name))
+        slope = calculus.differentiate(tree, ex.Symbol(name))
         if slope != ex.ZERO and ex.Symbol(name) not in ex.walk(slope):
             return name
     return None
@@ -158,7 +158,7 @@ def _system_of(
                 return None
             others.remove(solved)
             rest = ex.substitute(tree, {ex.Symbol(solved): ex.ZERO})
-            table[ex.Symbol(solved)] = (ex.Symbol(name) - rest) / derivative.differentiate(tree, ex.Symbol(solved))
+            table[ex.Symbol(solved)] = (ex.Symbol(name) - rest) / calculus.differentiate(tree, ex.Symbol(solved))
     rates = [motion.rate(tree) for tree in functions.values()]
     speeds = _free_velocities(motion, rates, list(functions), budget)
     if speeds is None:
@@ -172,7 +172,7 @@ def _free_velocities(
 ) -> dict[ex.Expression, ex.Expression] | None:
     """The free velocities in terms of those of the functions; None if these do not determine them."""
     free: list[ex.Symbol | ex.Velocity] = [ex.Velocity(name) for name in motion.free]
-    matrix = [[derivative.differentiate(rate, u) for u in free] for rate in rates]
+    matrix = [[calculus.differentiate(rate, u) for u in free] for rate in rates]
     still = dict.fromkeys(free, ex.ZERO)
     right = [ex.Velocity(name) - ex.substitute(rate, still) for name, rate in zip(names, rates, strict=True)]
     solved = _solved(matrix, right, [ex.Symbol(name) for name in motion.coordinates], budget)
@@ -218,7 +218,7 @@ def on_whole_motion(motion: ConstrainedMotion, closed: ClosedFunctions, lagrangi
     """L(R, R') plus half the squares of the constraints, which is regular and whose flow preserves the constraints."""
     table: dict[ex.Expression, ex.Expression] = {}
     for name, tree in closed.functions.items():
-        slopes = [derivative.differentiate(tree, ex.Symbol(q)) * ex.Velocity(q) for q in motion.coordinates]
+        slopes = [calculus.differentiate(tree, ex.Symbol(q)) * ex.Velocity(q) for q in motion.coordinates]
         table |= {ex.Symbol(name): tree, ex.Velocity(name): ex.add(*slopes)}
     pairs = zip(motion.dependent, motion.dependent_velocities, strict=True)
     squares = [(ex.Velocity(name) - w) ** Fraction(2) for name, w in pairs]

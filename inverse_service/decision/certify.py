@@ -19,7 +19,7 @@ import mpmath
 from inverse_service import bounds, errors
 from inverse_service.certificate import cell as cells, checker, formulas
 from inverse_service.decision import deciding
-from inverse_service.expressions import collecting, evaluation, inequalities, notation, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, inequalities, notation, printing, tree as ex
 from inverse_service.field import exact_field, real_branch, tower
 from inverse_service.mechanics import euler_lagrange, implicit_equations, short_forms
 from inverse_service.reading import names as nm, reader
@@ -207,7 +207,7 @@ def _hinted(analysis: deciding.Analysis, certificate: dict[str, Any]) -> Iterato
         if roots:
             yield certificate | {"roots": [*known, *roots]}
     if table is not None:
-        with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
+        with suppress(errors.IrreducibleAtoms, calculus.NoRealValue):
             positive = [
                 *system.positive,
                 *real_branch.signed_factors(real_branch.requirements([*map(tower.to_kernels, formulas)], table), table),
@@ -395,7 +395,7 @@ def _of_squares(radicands: Sequence[ex.Expression], table: real_branch.RealTable
     """The roots of the radicands that are squares, valid on the side of the point."""
     found = list[Entry]()
     for under in radicands if table is not None else ():
-        with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
+        with suppress(errors.IrreducibleAtoms, calculus.NoRealValue):
             if (value := _root_here(under, table or {})) is not None:
                 found.append(_entry(ex.square_root(collecting.collect(under)), value))
     return found
@@ -413,7 +413,7 @@ def _with_roots_inside(formulas: Sequence[ex.Expression], table: real_branch.Rea
             continue
         a, b, v = nested
         value: ex.Expression | None
-        with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
+        with suppress(errors.IrreducibleAtoms, calculus.NoRealValue):
             value = _root_here(a if b == ex.ZERO else a**2 - b**2 * v, table or {})
             if value is not None and b != ex.ZERO:
                 first, second = (ex.square_root(collecting.collect((a + d) / 2)) for d in (value, -value))
@@ -482,10 +482,10 @@ def _ratio(base: ex.Expression, square: ex.Expression, table: real_branch.RealTa
     """A rational number that the quotient apparently equals; the checker proves it."""
     ratios = []
     for shift in (mpmath.mpf(0), mpmath.mpf(1) / 7, mpmath.mpf(-2) / 9):
-        with suppress(evaluation.NoRealValue, ZeroDivisionError):
+        with suppress(calculus.NoRealValue, ZeroDivisionError):
             # Each variable gets a separate factor, because a quotient may be homogeneous of degree 0.
             moved = {key: value * (1 + shift / (k + 1)) for k, (key, value) in enumerate(table.items())}
-            ratios.append(evaluation.evaluate(base, moved) / evaluation.evaluate(square, moved))
+            ratios.append(calculus.evaluate(base, moved) / calculus.evaluate(square, moved))
     if len(ratios) < 3 or ratios[0] <= 0:
         return None
     factor = Fraction(mpmath.nstr(ratios[0], 15)).limit_denominator(1000)
@@ -542,9 +542,9 @@ def _of_numbers(analysis: deciding.Analysis) -> Iterator[Entry]:
         known: list[ex.Expression] = [ex.number(1), *others]
         try:
             with mpmath.workdps(bounds.DIGITS):
-                values = [evaluation.evaluate(one, {}) for one in (whole, *known)]
+                values = [calculus.evaluate(one, {}) for one in (whole, *known)]
                 found = mpmath.pslq(values, maxcoeff=bounds.RATIO, maxsteps=bounds.RATIO)
-        except evaluation.NoRealValue:
+        except calculus.NoRealValue:
             continue
         if found and found[0]:
             terms = (Fraction(-a, found[0]) * b for a, b in zip(found[1:], known, strict=True))

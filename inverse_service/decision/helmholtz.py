@@ -43,7 +43,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from inverse_service.expressions import derivative, tree as ex
+from inverse_service.expressions import calculus, tree as ex
 from inverse_service.field import dense_series as machine, modular, tower
 from inverse_service.linear_pde import equations as pde, involution
 from inverse_service.mechanics import conditions
@@ -202,7 +202,7 @@ def invariant(fields: Sequence[Mapping[str, tuple[str, ex.Expression]]], names: 
         lifted: dict[modular.Variable, ex.Expression] = {
             ex.Symbol(name): tower.to_kernels(tree) for name, (_, tree) in field.items()
         }
-        rates = {ex.Velocity(name): derivative.differentiate_in_time(tree, names) for name, (_, tree) in field.items()}
+        rates = {ex.Velocity(name): calculus.differentiate_in_time(tree, names) for name, (_, tree) in field.items()}
         found.append(Derivation({**lifted, **{v: tower.to_kernels(rate) for v, rate in rates.items()}}, 0, True))
     texts = [{name: text for name, (text, _) in field.items()} for field in fields]
     return LagrangianKind("invariant", tuple(found), {"invariant": texts})

@@ -26,7 +26,7 @@ from inverse_service.decision.solutions import (
     Step,
 )
 from inverse_service.errors import InputError
-from inverse_service.expressions import collecting, derivative, inequalities, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, inequalities, printing, tree as ex
 from inverse_service.expressions.notation import Formula, formula_of, listed, matrix, partial_derivative, row, theory
 from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import conditions, writing
@@ -266,9 +266,9 @@ def euler_lagrange_steps(system: SecondOrderSystem, lagrangian: ex.Expression) -
 
 def _line(lagrangian: ex.Expression, name: str, names: Sequence[str]) -> tuple[ex.Expression, ...]:
     """(dL/dv, dL/dq, d/dt dL/dv - dL/dq)."""
-    momentum = collecting.collect(derivative.differentiate(lagrangian, ex.Velocity(name)))
-    force = collecting.collect(derivative.differentiate(lagrangian, ex.Symbol(name)))
-    return momentum, force, collecting.collect(derivative.differentiate_in_time(momentum, names) - force)
+    momentum = collecting.collect(calculus.differentiate(lagrangian, ex.Velocity(name)))
+    force = collecting.collect(calculus.differentiate(lagrangian, ex.Symbol(name)))
+    return momentum, force, collecting.collect(calculus.differentiate_in_time(momentum, names) - force)
 
 
 def _sentence(name: str, momentum: ex.Expression, force: ex.Expression, equation: ex.Expression) -> list[Piece]:
@@ -287,7 +287,7 @@ def _conclusion(system: SecondOrderSystem, equations: Sequence[ex.Expression]) -
     motion: list[Formula] = [row(ex.Acceleration(name), " = ", f) for name, f in pairs]
     if len(pairs) > 1:
         return ["Solving for the accelerations gives ", *separated(motion), "."]
-    factor = derivative.differentiate(equations[0], ex.Acceleration(system.coordinates[0]))
+    factor = calculus.differentiate(equations[0], ex.Acceleration(system.coordinates[0]))
     what: list[Piece] = ["That is "] if factor == ex.ONE else ["Dividing by ", factor, " gives "]
     return [*what, motion[0], "."]
 

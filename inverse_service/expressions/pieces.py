@@ -7,10 +7,10 @@ polynomial is zero, is unspecified because answers hold on open sets.
 from collections.abc import Sequence
 
 from inverse_service.expressions import collecting, printing, tree as ex
+from inverse_service.expressions.calculus import STEP
 from inverse_service.expressions.refusals import fault
 
 MOST_PIECES, MOST_BOUNDARIES = 8, 7
-STEP = "Heaviside"
 
 
 def step(u: ex.Expression, column: int) -> ex.Expression:

@@ -144,7 +144,7 @@ class Power(_Node):
 
 @dataclass(frozen=True, slots=True)
 class Apply(_Node):
-    """An elementary function of one argument; its name is in the table of `derivative.py`."""
+    """An elementary function of one argument; its name is in the table of `calculus.py`."""
 
     function: str
     argument: Expression

@@ -30,7 +30,7 @@ import numpy as np
 import numpy.typing as npt
 
 from inverse_service import deadline
-from inverse_service.expressions import collecting, derivative, tree as ex
+from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.field import modular, tower
 
 Numbers = npt.NDArray[np.int64]
@@ -364,7 +364,7 @@ class Evaluation:
             return inner.with_series(cosine, (PRIME - sine) % PRIME)
         if function in _INVERSES:
             rate = ex.substitute(
-                derivative.differentiate(ex.Apply(function, _ARGUMENT), _ARGUMENT), {_ARGUMENT: argument}
+                calculus.differentiate(ex.Apply(function, _ARGUMENT), _ARGUMENT), {_ARGUMENT: argument}
             )
             slope = self.jet(tower.to_kernels(rate)).data[0]
             start = self.points.value((function, argument))

@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 from flint import fmpz
 
-from inverse_service.expressions import derivative, tree as ex
+from inverse_service.expressions import calculus, tree as ex
 from inverse_service.kernels.machine_code.kernels import compiled as compiled, intrinsic
 
 # For primes that are -1 modulo this, 2, 3, 5, 7, 11, and 13 are residues.
@@ -354,7 +354,7 @@ def _evaluate(expression: ex.Expression, point: Point, known: dict[ex.Expression
 def gradient(expression: ex.Expression, variables: Sequence[Variable], point: Point) -> list[int]:
     """The partial derivatives of a tree in kernels at the point."""
     known: dict[ex.Expression, int] = {}
-    return [evaluate(derivative.differentiate(expression, x), point, known) for x in variables]
+    return [evaluate(calculus.differentiate(expression, x), point, known) for x in variables]
 
 
 def _flip(base: ex.Expression, exponent: Fraction, point: Point) -> int:

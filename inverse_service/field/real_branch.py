@@ -35,8 +35,7 @@ import mpmath
 from flint import fmpq_mpoly, fmpz_mat, nmod_mat
 
 from inverse_service import bounds, errors
-from inverse_service.expressions import collecting, evaluation, inequalities, tree as ex
-from inverse_service.expressions.pieces import STEP
+from inverse_service.expressions import calculus, collecting, inequalities, tree as ex
 from inverse_service.field import exact_field, modular, tower as towers
 
 _DIGITS = 40
@@ -121,7 +120,7 @@ def _move_along(name: modular.Variable, positive: Sequence[ex.Expression], table
     places, trees = [mpmath.mpf(0)], [tree for tree in positive if name in ex.walk(tree)]
     for tree in trees:
         try:
-            values = [evaluation.evaluate(tree, table | {name: node}) for node in map(mpmath.mpf, _NODES)]
+            values = [calculus.evaluate(tree, table | {name: node}) for node in map(mpmath.mpf, _NODES)]
             found = mpmath.lu_solve(mpmath.matrix([[mpmath.mpf(x) ** k for k in range(5)] for x in _NODES[:5]]),
                                     mpmath.matrix(values[:5]))  # fmt: skip
             least = mpmath.mpf(10) ** (8 - _DIGITS) * max(map(abs, values))
@@ -135,7 +134,7 @@ def _move_along(name: modular.Variable, positive: Sequence[ex.Expression], table
                 if len(coefficients) > 1:
                     roots = mpmath.polyroots(coefficients[::-1], maxsteps=200, extraprec=200)
                     places += [mpmath.re(z) for z in roots if abs(mpmath.im(z)) <= abs(z) * least + least]
-        except (evaluation.NoRealValue, mpmath.libmp.NoConvergence, ZeroDivisionError):
+        except (calculus.NoRealValue, mpmath.libmp.NoConvergence, ZeroDivisionError):
             continue
     places = sorted({*places})
     between = [(a + b) / 2 for a, b in pairwise(places)]
@@ -145,8 +144,8 @@ def _move_along(name: modular.Variable, positive: Sequence[ex.Expression], table
 
 def _fit(trees: Sequence[ex.Expression], table: RealTable) -> tuple[int, mpmath.mpf]:
     try:
-        values = [evaluation.evaluate(tree, table) for tree in trees]
-    except evaluation.NoRealValue:
+        values = [calculus.evaluate(tree, table) for tree in trees]
+    except calculus.NoRealValue:
         return -1, mpmath.mpf(0)
     return sum(value > 0 for value in values), min(values, default=mpmath.mpf(0))
 
@@ -173,8 +172,8 @@ def is_defined(expressions: Sequence[ex.Expression], table: RealTable, most: mpm
     """Whether all expressions have finite values below `most` at the point."""
     known = dict(table)
     try:
-        return all(abs(evaluation.evaluate_once(expression, known)) < most for expression in expressions)
-    except evaluation.NoRealValue:
+        return all(abs(calculus.evaluate_once(expression, known)) < most for expression in expressions)
+    except calculus.NoRealValue:
         return False
 
 
@@ -182,7 +181,7 @@ def are_positive(trees: Sequence[ex.Expression], table: RealTable) -> bool:
     """Whether all trees are positive at the point by more than rounding errors."""
     try:
         return all(real_sign(tree, table) > 0 for tree in trees)
-    except (evaluation.NoRealValue, errors.IrreducibleAtoms):
+    except (calculus.NoRealValue, errors.IrreducibleAtoms):
         return False
 
 
@@ -198,9 +197,9 @@ def real_sign(expression: ex.Expression, table: RealTable) -> int:
             return sign if exponent.numerator % 2 else sign * sign
     known = table.get(expression)
     with mpmath.workdps(_DIGITS):
-        value = evaluation.evaluate(expression, table) if known is None else known
+        value = calculus.evaluate(expression, table) if known is None else known
         size = (
-            max(abs(evaluation.evaluate(term, table)) for term in expression.terms)
+            max(abs(calculus.evaluate(term, table)) for term in expression.terms)
             if isinstance(expression, ex.Sum)
             else 1
         )
@@ -230,15 +229,15 @@ def turns(
     if table is None:
         raise errors.IrreducibleAtoms("an arctangent depends on other angles and no real point of f was found")
     with mpmath.workdps(_DIGITS):
-        total = evaluation.evaluate(atom, table)
+        total = calculus.evaluate(atom, table)
         for u, a in known:
-            total -= evaluation.evaluate(u, table) * a.numerator / a.denominator
+            total -= calculus.evaluate(u, table) * a.numerator / a.denominator
         if abs(total) < _TINY:
             return ()
         part = Fraction(int(mpmath.nint(total / mpmath.pi * 10**20)), 10**20).limit_denominator(_FINEST)
         if abs(total / mpmath.pi * part.denominator - part.numerator) < _TINY:
             return ((ex.PI, part),)
-        values = [total, *(evaluation.evaluate(u, table) for u in constants), +mpmath.pi]
+        values = [total, *(calculus.evaluate(u, table) for u in constants), +mpmath.pi]
         found = mpmath.pslq(values, tol=mpmath.mpf(10) ** -30, maxcoeff=1000, maxsteps=10_000) if constants else None
     if not found or not found[0]:
         return None
@@ -639,7 +638,7 @@ def _ways(case: Case) -> list[Case] | None:
 def _inverse_ways(node: ex.Apply) -> list[Way]:
     """Heaviside(u) on both sides; asin(sin u), acos(cos u), atan(tan u) on the two intervals next to 0."""
     inner = node.argument
-    if node.function == STEP:
+    if node.function == calculus.STEP:
         return [(ex.ONE, (inner,)), (ex.ZERO, (-inner,))]
     if not isinstance(inner, ex.Apply) or (node.function, inner.function) not in _INVERSE_PAIRS:
         return []

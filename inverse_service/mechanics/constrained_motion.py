@@ -20,7 +20,7 @@ from itertools import combinations
 from inverse_service.deadline import now
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions import collecting, inequalities, tree as ex
-from inverse_service.expressions.derivative import differentiate, differentiate_in_time
+from inverse_service.expressions.calculus import differentiate, differentiate_in_time
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, substitute, walk
 from inverse_service.field import exact_field

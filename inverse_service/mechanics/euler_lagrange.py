@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import mpmath
 
-from inverse_service.expressions import collecting, derivative, evaluation, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, printing, tree as ex
 
 Matrix = tuple[tuple[ex.Expression, ...], ...]
 Leaf = ex.Symbol | ex.Velocity | ex.Acceleration
@@ -38,7 +38,7 @@ def gradient(tree: ex.Expression, leaves: Iterable[Leaf]) -> dict[Leaf, ex.Expre
             case _:
                 held = dict.fromkeys(node for node in ex.walk(part) if isinstance(node, Leaf))
                 for leaf in (node for node in held if node in wanted):
-                    parts.setdefault(leaf, []).append(factor * derivative.differentiate(part, leaf))
+                    parts.setdefault(leaf, []).append(factor * calculus.differentiate(part, leaf))
     return {leaf: ex.add(*terms) for leaf, terms in parts.items()}
 
 
@@ -78,9 +78,9 @@ def hessian_at(
     """g at a real point to 30 digits, (n, n); None where it has no value there."""
     if point is None:
         return None
-    with mpmath.workdps(30), suppress(evaluation.NoRealValue, ArithmeticError):
+    with mpmath.workdps(30), suppress(calculus.NoRealValue, ArithmeticError):
         rows = hessian(lagrangian, coordinates)
-        return mpmath.matrix([[evaluation.evaluate(entry, point) for entry in row] for row in rows])
+        return mpmath.matrix([[calculus.evaluate(entry, point) for entry in row] for row in rows])
     return None
 
 
@@ -165,7 +165,7 @@ def advice(method: str, order: int | None, reason: str, alpha: str | None = None
 def is_separable(lagrangian: ex.Expression, coordinates: Sequence[str]) -> bool:
     """L = T(t, v) - V(t, q)."""
     rest = [
-        derivative.differentiate(derivative.differentiate(lagrangian, ex.Velocity(v)), ex.Symbol(q))
+        calculus.differentiate(calculus.differentiate(lagrangian, ex.Velocity(v)), ex.Symbol(q))
         for v in coordinates
         for q in coordinates
     ]

@@ -21,7 +21,7 @@ import numpy as np
 
 from inverse_service import errors
 from inverse_service.deadline import OutOfTime, check, now
-from inverse_service.expressions import collecting, derivative, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, printing, tree as ex
 from inverse_service.field import exact_field, flow, matrices, modular, tower
 from inverse_service.mechanics import euler_lagrange, second_order_system, writing
 
@@ -152,7 +152,7 @@ class _Integrals:
             self._propose([FirstIntegral("energy", self.energy, "t -> t + s")])
         for name in self.names:
             if not ex.holds(self.lagrangian, ex.Symbol(name)):
-                p = self._shortest(derivative.differentiate(self.lagrangian, ex.Velocity(name)))
+                p = self._shortest(calculus.differentiate(self.lagrangian, ex.Velocity(name)))
                 self._propose([FirstIntegral(f"momentum of {name}", p, f"{name} -> {name} + s")])
 
     @cached_property
@@ -165,7 +165,7 @@ class _Integrals:
         found: list[Expression] = []
         others: dict[Expression, list[Expression]] = {}
         for term in ex.summands(lagrangian):
-            work = ex.add(*(v * derivative.differentiate(term, v) for v in velocities if ex.holds(term, v)))
+            work = ex.add(*(v * calculus.differentiate(term, v) for v in velocities if ex.holds(term, v)))
             degree = next((d for d in (0, 1, 2, 3, 4) if collecting.collect(work - d * term) == ex.ZERO), None)
             if degree is not None:
                 found.append((degree - 1) * term)
@@ -200,10 +200,8 @@ class _Integrals:
     def _momentum(self, lagrangian: Expression, name: str) -> Expression:
         """That of a free coordinate: dL/du, the dependent velocities being functions of the free ones."""
         slopes: list[tuple[Expression, Expression]] = [(ex.Velocity(name), ex.ONE)]
-        slopes += [(v, derivative.differentiate(w, ex.Velocity(name))) for v, w in self.constraints.items()]
-        parts = (
-            self._short(derivative.differentiate(lagrangian, v)) * slope for v, slope in slopes if slope != ex.ZERO
-        )
+        slopes += [(v, calculus.differentiate(w, ex.Velocity(name))) for v, w in self.constraints.items()]
+        parts = (self._short(calculus.differentiate(lagrangian, v)) * slope for v, slope in slopes if slope != ex.ZERO)
         return ex.add(*parts)
 
     def _propose(self, candidates: Iterable[FirstIntegral]) -> None:
@@ -251,7 +249,7 @@ class _Integrals:
 
     def _moves(self, tree: Expression) -> bool:
         """Whether a function depends on a velocity."""
-        slopes = [derivative.differentiate(tree, v) for v in self.free]
+        slopes = [calculus.differentiate(tree, v) for v in self.free]
         ring, _ = self._ring(slopes)
         return any(not ring.value(slope).is_zero for slope in slopes)
 
@@ -424,7 +422,7 @@ class _Integrals:
         forms = () if self.lagrangian is None else _squared_forms(self.lagrangian)
         at_rest = (ex.substitute(p, dict.fromkeys(self.velocities, ex.ZERO)) for p in self.momenta)
         shifted = not self.constraints and any(p != ex.ZERO for p in at_rest)
-        slopes = (derivative.differentiate(p, v) for p in self.momenta for v in self.velocities)
+        slopes = (calculus.differentiate(p, v) for p in self.momenta for v in self.velocities)
         fixed = not any(ex.holds(slope, *self.moving) for slope in slopes)
         if fixed and not shifted and not self.constraints and all(form in self.velocities for form in forms):
             forms = ()  # combinations of the momenta
@@ -565,7 +563,7 @@ class _Units:
                 self.single[q] |= {q: 1, q**2: 2}
             if q not in nodes and work.lagrangian is not None:
                 # An angle that is cyclic, about an axis that turns or tilts.
-                momentum = derivative.differentiate(work.lagrangian, ex.Velocity(name))
+                momentum = calculus.differentiate(work.lagrangian, ex.Velocity(name))
                 if any(ex.holds(momentum, other) for other in self.positions):
                     self.single[q] |= {ex.Apply("sin", q): 1, ex.Apply("cos", q): 1}
         for node in nodes:
@@ -654,7 +652,7 @@ class _Units:
             return
         velocities = map(ex.Velocity, self.names)
         slopes = (
-            collecting.collect(derivative.differentiate(form, v)) for v, form in itertools.product(velocities, forms)
+            collecting.collect(calculus.differentiate(form, v)) for v, form in itertools.product(velocities, forms)
         )
         letters = list(dict.fromkeys(slope for slope in slopes if ex.holds(slope, *self.positions)))
         for width in range(degree, -1, -1):

@@ -17,7 +17,7 @@ from typing import Any
 from mpmath import mp, mpf
 
 from inverse_service import bounds, errors
-from inverse_service.expressions import collecting, evaluation, graphs, inequalities, tree as ex
+from inverse_service.expressions import calculus, collecting, graphs, inequalities, tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import euler_lagrange, writing
 
@@ -267,19 +267,19 @@ def _leaves(trees: Sequence[ex.Expression]) -> tuple[list[ex.Expression], dict[e
     return [*drawn, *dict.fromkeys(calls.values())], calls
 
 
-def _draw(source: random.Random, width: evaluation.Real, least: evaluation.Real, positive: bool) -> evaluation.Real:
+def _draw(source: random.Random, width: calculus.Real, least: calculus.Real, positive: bool) -> calculus.Real:
     size = width * (mpf(source.randrange(1, 10**18)) / 10**18 + least)
     return size if positive or source.random() < 0.5 else -size
 
 
-def _draw_inside(source: random.Random, low: Fraction | None, high: Fraction | None, size: Any) -> evaluation.Real:
+def _draw_inside(source: random.Random, low: Fraction | None, high: Fraction | None, size: Any) -> calculus.Real:
     """Between the two, or at a distance of this size from the only one."""
     if low is None or high is None:
         return _real(low) + size if low is not None else _real(high or Fraction(0)) - size
     return _real(low + (high - low) * Fraction(source.randrange(1, 10**18), 10**18))
 
 
-def _real(value: Fraction) -> evaluation.Real:
+def _real(value: Fraction) -> calculus.Real:
     return mpf(value.numerator) / value.denominator
 
 
@@ -301,11 +301,11 @@ def _boxes(positive: Sequence[ex.Expression]) -> dict[ex.Expression, tuple[Fract
     return {u: (low.get(u), high.get(u)) for u in leaves if u not in low or u not in high or low[u] < high[u]}
 
 
-def value(tree: ex.Expression, point: Point) -> evaluation.Real | None:
+def value(tree: ex.Expression, point: Point) -> calculus.Real | None:
     """The value in the working precision, None where there is none; the point keeps it, with those of its parts."""
     try:
-        return evaluation.evaluate_once(tree, point)
-    except evaluation.NoRealValue:
+        return calculus.evaluate_once(tree, point)
+    except calculus.NoRealValue:
         return None
 
 
@@ -334,7 +334,7 @@ def is_singular(matrix: Sequence[Sequence[ex.Expression]], points: Sequence[Poin
     return bool(verdicts)
 
 
-def _vanishes(rows: list[list[evaluation.Real]]) -> bool:
+def _vanishes(rows: list[list[calculus.Real]]) -> bool:
     """|det| against the product of the lengths of the rows (Hadamard)."""
     bound = mp.fprod(mp.norm(row) for row in rows)
     return bool(bound == 0 or abs(mp.det(mp.matrix(rows))) <= mpf(10) ** -bounds.AGREEING * bound)
@@ -356,7 +356,7 @@ def vanishes(tree: ex.Expression) -> bool:
     return vanished
 
 
-def is_small(tree: ex.Expression, table: Mapping[ex.Expression, evaluation.Real]) -> bool:
+def is_small(tree: ex.Expression, table: Mapping[ex.Expression, calculus.Real]) -> bool:
     """Whether a factor is 0 to the working precision; a sum is measured against the sizes of its terms."""
     match tree:
         case ex.Power(base, _):
@@ -365,8 +365,8 @@ def is_small(tree: ex.Expression, table: Mapping[ex.Expression, evaluation.Real]
             return any(is_small(factor, table) for factor in factors)
         case ex.Sum(terms):
             known = dict(table)
-            values = [evaluation.evaluate_once(term, known) for term in terms]
+            values = [calculus.evaluate_once(term, known) for term in terms]
         case _:
-            values = [evaluation.evaluate(tree, table)]
+            values = [calculus.evaluate(tree, table)]
     size = mp.fsum(map(abs, values)) if len(values) > 1 else 1
     return bool(abs(mp.fsum(values)) <= mpf(10) ** (10 - bounds.DIGITS) * size)

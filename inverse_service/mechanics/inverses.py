@@ -34,7 +34,7 @@ from functools import lru_cache
 from itertools import combinations, combinations_with_replacement, product
 
 from inverse_service import bounds
-from inverse_service.expressions import collecting, derivative, tree as ex
+from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import euler_lagrange, implicit_equations, second_order_system, short_forms
 
@@ -148,7 +148,7 @@ class InverseBranch:
     hamiltonian: ex.Expression
     conditions: tuple[ex.Expression, ...] = ()
 
-    def changed(self, change: derivative.Rule) -> "InverseBranch":
+    def changed(self, change: calculus.Rule) -> "InverseBranch":
         """The branch with every formula changed."""
         velocities, conditions = (tuple(map(change, trees)) for trees in (self.velocities, self.conditions))
         return InverseBranch(velocities, change(self.hamiltonian), conditions)
@@ -431,7 +431,7 @@ def scalar_branches(block: Block, _: Solver) -> Iterator[InverseBranch]:
     if len(block.names) != 1:
         return
     (rate,), (momentum,), function = block.velocities, block.symbols, block.function
-    slope = derivative.differentiate(function, rate)
+    slope = calculus.differentiate(function, rate)
     energies = [short_forms.simplified(rate * slope - function), momentum * rate - function]
     by_momentum = list(_energies_by_momentum(block, rate, slope))
     for root in roots_for(slope, rate, momentum):
@@ -453,8 +453,8 @@ def _energies_by_momentum(block: Block, rate: ex.Velocity, slope: ex.Expression)
     terms = ex.summands(function)
     for place, term in enumerate(terms[: bounds.FEW]):
         others = ex.add(*terms[:place], *terms[place + 1 :])
-        ratio = short_forms.quotient(term / derivative.differentiate(term, rate))
-        rest = (momentum - derivative.differentiate(others, rate)) * ratio
+        ratio = short_forms.quotient(term / calculus.differentiate(term, rate))
+        rest = (momentum - calculus.differentiate(others, rate)) * ratio
         yield momentum * rate - (others + rest)
 
 
@@ -523,7 +523,7 @@ def _of_one_arctangent(slope: ex.Expression, rate: ex.Velocity, momentum: ex.Exp
 
 
 def _linear_parts(tree: ex.Expression, rate: ex.Velocity) -> tuple[ex.Expression, ex.Expression]:
-    return short_forms.simplified(derivative.differentiate(tree, rate)), short_forms.simplified(
+    return short_forms.simplified(calculus.differentiate(tree, rate)), short_forms.simplified(
         ex.substitute(tree, {rate: ex.ZERO})
     )
 
@@ -567,7 +567,7 @@ def elimination_branches(block: Block) -> Iterator[InverseBranch]:
     """The branches of a block of two or three velocities; H is the energy p v - L at v(p)."""
     if not 1 < len(block.names) <= _LARGEST_BLOCK:
         return
-    functions = [short_forms.simplified(derivative.differentiate(block.function, v)) for v in block.velocities]
+    functions = [short_forms.simplified(calculus.differentiate(block.function, v)) for v in block.velocities]
     energy = short_forms.simplified(ex.dot(block.velocities, functions) - block.function)
     for rates, conditions in _solutions(list(zip(block.symbols, functions, strict=True)), block.velocities):
         velocities = tuple(short_forms.simplified(rates[v]) for v in block.velocities)
@@ -641,7 +641,7 @@ def _forms(block: Block) -> tuple[Form, ...]:
             return ()
         found.update(dict.fromkeys(forms))
     if not found:  # that of a square, (z' - y x')^2/2, is its slope by z'
-        slopes = (derivative.differentiate(block.function, v) for v in block.velocities)
+        slopes = (calculus.differentiate(block.function, v) for v in block.velocities)
         linear = (linear_coefficients(slope, block.names) for slope in slopes)
         found.update((form, None) for one in linear if one and len(one) > 1 and (form := _monic(one, block.names)))
         return tuple(found)[:1]
@@ -783,14 +783,14 @@ def _root_parts(function: ex.Expression) -> tuple[ex.Expression, ex.Expression, 
         return None
     ((root, _),) = roots
     factor = collecting.terms_tree([(tuple(p for p in monomial if p not in roots), c) for monomial, c in terms])
-    slope, start = derivative.differentiate(root, _S), ex.substitute(root, {_S: ex.ZERO})
+    slope, start = calculus.differentiate(root, _S), ex.substitute(root, {_S: ex.ZERO})
     if _holds_s(factor) or _holds_s(slope) or start == ex.ZERO:
         return None
     return factor, start, short_forms.simplified(slope)
 
 
 def _holds_s(tree: ex.Expression) -> bool:
-    return derivative.differentiate(tree, _S) != ex.ZERO
+    return calculus.differentiate(tree, _S) != ex.ZERO
 
 
 def _of_root(
@@ -837,7 +837,7 @@ def _of_length(block: Block, radial: _Radial, solve: Solver) -> Iterator[Inverse
             w, energy = (ex.substitute(tree, known) for tree in (inner.velocities[0], inner.hamiltonian))
             rates = [d * w * length**-1 * ex.dot(row, momenta) for row in radial.inverse.entries]
             size = ex.square_root(e * whole)
-            slope = ex.substitute(derivative.differentiate(radial.function, _S), {_S: ex.HALF * whole})
+            slope = ex.substitute(calculus.differentiate(radial.function, _S), {_S: ex.HALF * whole})
             conditions = [*(ex.substitute(c, {_W: size, **known}) for c in inner.conditions), d * slope]
             yield InverseBranch(tuple(rates), energy, (*conditions, e * whole))
 

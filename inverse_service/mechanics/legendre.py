@@ -15,7 +15,7 @@ from itertools import islice, product
 from mpmath import mp, mpf
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.expressions import collecting, evaluation, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, printing, tree as ex
 from inverse_service.field import real_branch
 from inverse_service.mechanics import euler_lagrange, inverses, short_forms, writing
 from inverse_service.mechanics.implicit_equations import (
@@ -381,9 +381,7 @@ def _is_right(holds: Sequence[bool], signs: Sequence[Sequence[bool]], needed: Se
 
 
 def _with_momenta(claim: Claim, point: Point, calls: Sequence[ex.Arbitrary]) -> Point | None:
-    momenta: dict[ex.Expression, evaluation.Real] = {
-        symbol: value(tree, point) for symbol, tree in claim.momenta.items()
-    }
+    momenta: dict[ex.Expression, calculus.Real] = {symbol: value(tree, point) for symbol, tree in claim.momenta.items()}
     if any(p is None for p in momenta.values()):
         return None
     return _with_equal_calls(calls, {**point, **momenta})

@@ -25,7 +25,7 @@ import flint
 
 from inverse_service import bounds
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions import evaluation, tree as ex
+from inverse_service.expressions import calculus, tree as ex
 from inverse_service.field import matrices, real_branch
 from inverse_service.field.exact_field import ExactRing, Exponents, Quotient, as_fraction, sum_of
 from inverse_service.mechanics.constrained_motion import EliminatedMotion, Frame, Geometry
@@ -81,7 +81,7 @@ class Potential:
 def _is_negative(tree: ex.Expression, table: real_branch.RealTable) -> bool:
     try:
         return real_branch.real_sign(tree, table) < 0
-    except (evaluation.NoRealValue, IrreducibleAtoms):
+    except (calculus.NoRealValue, IrreducibleAtoms):
         return False
 
 

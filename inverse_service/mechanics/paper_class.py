@@ -33,7 +33,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
 
-from inverse_service.expressions import collecting, derivative
+from inverse_service.expressions import calculus, collecting
 from inverse_service.expressions.tree import HALF, ZERO, Expression, Number, Symbol, Velocity, add, number, square_root
 from inverse_service.field.exact_field import Quotient, TooLarge, sum_of
 from inverse_service.mechanics import euler_lagrange, legendre, nonholonomic_integrals, writing
@@ -222,7 +222,7 @@ def _fill_space(
             square = masses[k] * masses[m] * u[k] * u[m] / below
             form[k][m] = writing.tidied(square - norm * masses[k] if k == m else square)
     form[first][first] = writing.tidied(root * masses[first] * u[first])
-    slopes = [derivative.differentiate(entry, r1) for entry in u]
+    slopes = [calculus.differentiate(entry, r1) for entry in u]
     lifted = {k: u[k] for k in others} | {first: u[first] + norm / root}
     scale = (norm * below) ** -1
     for k in turning:
@@ -237,7 +237,7 @@ def _fill_plane(
 ) -> None:  # fmt: skip
     i, j = turning
     rho = masses[i] * u[i] ** 2 + masses[j] * u[j] ** 2
-    wedge = derivative.differentiate(u[i], r1) * u[j] - derivative.differentiate(u[j], r1) * u[i]
+    wedge = calculus.differentiate(u[i], r1) * u[j] - calculus.differentiate(u[j], r1) * u[i]
     speed = wedge / rho
     generator[i][j] = writing.tidied(masses[j] * speed)
     generator[j][i] = writing.tidied(-(masses[i] * speed))

@@ -14,7 +14,7 @@ import itertools
 from collections.abc import Collection, Iterator, Sequence
 from fractions import Fraction
 
-from inverse_service.expressions import collecting, derivative, graphs, tree as ex
+from inverse_service.expressions import calculus, collecting, graphs, tree as ex
 
 Definitions = dict[str, ex.Expression]
 _FIRST, _SECOND = ("theta", "alpha", "chi"), ("phi", "psi", "beta")  # names of angles
@@ -61,7 +61,7 @@ def _names(tree: ex.Expression) -> set[str]:
 
 def _slopes(tree: ex.Expression, names: Sequence[str]) -> Definitions | None:
     """The factors a_i, without names, of a tree a_i q_i + b; None if it is not linear in the names."""
-    found = {name: collecting.collect(derivative.differentiate(tree, ex.Symbol(name))) for name in names}
+    found = {name: collecting.collect(calculus.differentiate(tree, ex.Symbol(name))) for name in names}
     moving = {*names, ex.TIME.name}
     return found if all(moving.isdisjoint(_names(slope)) for slope in found.values()) else None
 
@@ -117,7 +117,7 @@ def _root(tree: ex.Expression) -> ex.Expression:
 
 def _fall(name: str, lagrangian: ex.Expression, coordinates: Sequence[str]) -> int:
     """1 if L grows along the coordinate at a constant rate (it points down), -1 if L decreases, 0 otherwise."""
-    slope = collecting.collect(derivative.differentiate(lagrangian, ex.Symbol(name)))
+    slope = collecting.collect(calculus.differentiate(lagrangian, ex.Symbol(name)))
     moves = not _names(slope).isdisjoint({*coordinates, ex.TIME.name}) or ex.has(slope, ex.Velocity)
     return 0 if moves or slope == ex.ZERO else -1 if _is_negative(slope) else 1
 
@@ -133,7 +133,7 @@ def _on_sphere(
         unit = [cosine * fall if fall else sine for fall in falls]
     found = Definitions()
     for (u, name, radius), n in zip(squares, unit, strict=True):
-        slope = derivative.differentiate(u, ex.Symbol(name))
+        slope = calculus.differentiate(u, ex.Symbol(name))
         rest = ex.substitute(u, {ex.Symbol(name): ex.ZERO})
         found[name] = ex.add(ex.negate(rest) / slope, radius * n / slope)
     return found

@@ -15,7 +15,7 @@ from typing import TypeVar
 
 from inverse_service import errors
 from inverse_service.expressions import collecting, printing, refusals, tree as ex
-from inverse_service.expressions.derivative import along
+from inverse_service.expressions.calculus import along
 from inverse_service.field import modular, real_branch, tower
 from inverse_service.mechanics import euler_lagrange, implicit_equations
 from inverse_service.reading import document_names, reader

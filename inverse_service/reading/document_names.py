@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from inverse_service import errors
-from inverse_service.expressions import collecting, derivative, tree as ex
+from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.expressions.refusals import LIMITS, fault, joined, shorten
 from inverse_service.reading import names as nm, prose, reader
 from inverse_service.reading.tokens import Line, Token, after_power, at, flat, places, source, spelled, split_at, walk
@@ -132,12 +132,12 @@ class Known:
 
     names: nm.Names
     definitions: Mapping[ex.Expression, ex.Expression]
-    calls: derivative.Definitions
+    calls: calculus.Definitions
     values: Mapping[str, ex.Expression]
 
     def put_in(self, tree: ex.Expression) -> ex.Expression:
         """The tree with definitions and values substituted; InputError if it then has no value."""
-        tree = derivative.define_functions(tree, self.calls)
+        tree = calculus.define_functions(tree, self.calls)
         return with_values(ex.substitute(tree, dict(self.definitions)) if self.definitions else tree, self.values)
 
     def remaining(self) -> nm.Names:
@@ -188,7 +188,7 @@ def _definitions(
             arguments = names.functions.get(name, ())
             known = (*names.parameters, *(argument for argument in arguments if names.role(argument) is None))
             tree = reader.read_formula(texts[name], replace(names, parameters=known, definitions=found))
-            tree = ex.substitute(derivative.define_functions(tree, calls), found)
+            tree = ex.substitute(calculus.define_functions(tree, calls), found)
             found[ex.Symbol(name)] = tree
             if arguments:
                 calls[name] = arguments, _of_its_arguments(tree, name, arguments, names)

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.derivative import FUNCTION, Rule
+from inverse_service.expressions.calculus import FUNCTION, STEP, Rule
 from inverse_service.expressions.letters import ALIKE, GREEK, LETTER_COMMANDS, SCRIPT_L, letter
-from inverse_service.expressions.pieces import STEP, step
+from inverse_service.expressions.pieces import step
 from inverse_service.expressions.refusals import LIMITS, fault, joined, refusal, shorten
 from inverse_service.expressions.tree import Apply, Expression, Number, number, square_root
 

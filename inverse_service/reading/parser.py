@@ -23,7 +23,7 @@ from fractions import Fraction
 from functools import reduce
 
 from inverse_service import errors
-from inverse_service.expressions import derivative, tree as ex
+from inverse_service.expressions import calculus, tree as ex
 from inverse_service.expressions.pieces import either, piecewise, step
 from inverse_service.expressions.refusals import LIMITS, at_most, fault, limit_passed, refusal, shorten
 from inverse_service.reading import names as nm, tokens as tk
@@ -150,9 +150,9 @@ def _once(expression: ex.Expression, variable: Variable, names: nm.Names) -> ex.
     nodes = ex.node_count(expression)
     at_most(nodes, LIMITS.derivative_nodes, "the formula to differentiate is too large", variable.column)
     if variable.node != ex.TIME:
-        return check_depth(derivative.differentiate(expression, variable.node), variable.column)
+        return check_depth(calculus.differentiate(expression, variable.node), variable.column)
     try:
-        return check_depth(derivative.differentiate_in_time(expression, names.coordinates), variable.column)
+        return check_depth(calculus.differentiate_in_time(expression, names.coordinates), variable.column)
     except ValueError:
         raise fault("third derivative", variable.column, instead=OF_SECOND_ORDER) from None
 

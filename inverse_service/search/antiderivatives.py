@@ -37,7 +37,7 @@ from itertools import combinations, combinations_with_replacement
 from typing import Any
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.expressions import collecting, derivative, evaluation, tree as ex
+from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.field import exact_field, matrices, modular, real_branch
 from inverse_service.mechanics import implicit_equations, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -204,7 +204,7 @@ def quadratic_candidates(
     for letter, e in key:
         whole = e.denominator == 1 and e < 0
         if isinstance(letter, ex.Sum) and abs(e) <= bounds.POWER and (whole or e.denominator == 2):
-            with suppress(tm.TooManyTerms, evaluation.NoRealValue, errors.IrreducibleAtoms):
+            with suppress(tm.TooManyTerms, calculus.NoRealValue, errors.IrreducibleAtoms):
                 yield from _of_letter(key, letter, e, variable, table)
 
 
@@ -337,7 +337,7 @@ def _in_logarithms(tree: ex.Expression) -> ex.Expression:
 def _by_logarithms(x: modular.Variable, wanted: tm.Terms, poles: Sequence[ex.Expression]) -> ex.Expression | None:
     """sum c_p log p over denominators p, by the relations of a ring: one fraction of sines of one angle is short in
     one variable only."""
-    trees = [tm.tree_of(wanted), *(derivative.differentiate(p, x) / p for p in poles)]
+    trees = [tm.tree_of(wanted), *(calculus.differentiate(p, x) / p for p in poles)]
     with suppress(exact_field.TooLarge, errors.IrreducibleAtoms, ZeroDivisionError, KeyError):
         ring = exact_field.exact_ring(trees, [x], 1, exact_field.Budget.short())
         right, *columns = ([ring.value(tree)] for tree in trees)
@@ -441,7 +441,7 @@ def _by_roots(slope: ex.Expression, x: ex.Symbol, w: ex.Symbol) -> Iterator[tupl
     powers = [node for node in ex.distinct_nodes((slope,)) if isinstance(node, ex.Power) and ex.holds(node, x)]
     roots = [(node, node.exponent.value) for node in powers if isinstance(node.exponent, ex.Number)]
     for base in dict.fromkeys(node.base for node, e in roots if e.denominator > 1):
-        rate = derivative.differentiate(base, x)
+        rate = calculus.differentiate(base, x)
         if rate != ex.ZERO and not ex.holds(rate, x):
             q = math.lcm(*(e.denominator for node, e in roots if node.base == base))
             values = {node: w ** (q * e) for node, e in roots if node.base == base}
@@ -459,7 +459,7 @@ def _substitutions(
     """
     functions = dict.fromkeys(node for node in ex.walk(slope) if isinstance(node, ex.Apply) and x in ex.walk(node))
     for w in (x**2, *functions):
-        outer = collecting.merge_powers(slope / derivative.differentiate(w, x))
+        outer = collecting.merge_powers(slope / calculus.differentiate(w, x))
         table: dict[ex.Expression, ex.Expression] = {w: inner}
         if isinstance(w, ex.Power):
             exponents = {
@@ -484,7 +484,7 @@ def _substitutions(
                 values[node] = {"exp": w, "cosh": rising, "sinh": falling, "tanh": (w**2 - 1) / (w**2 + 1)}[
                     node.function
                 ]
-        form = ex.substitute(slope / (inner * derivative.differentiate(u, x)), values)
+        form = ex.substitute(slope / (inner * calculus.differentiate(u, x)), values)
         if x not in ex.walk(form):
             yield form, ex.Apply("exp", u)
 
@@ -503,13 +503,13 @@ def _circular(
         (tangent, cosine**-2, w**2 / (1 + w**2), 1 / (1 + w**2)),
     ]
     for meant, rate, sines, cosines in choices:
-        outer = collecting.merge_powers(plain / (rate * derivative.differentiate(angle, x)))
+        outer = collecting.merge_powers(plain / (rate * calculus.differentiate(angle, x)))
         form = ex.substitute(_with_squares(outer, {sine: sines, cosine: cosines}), {meant: w})
         if x not in ex.walk(form):
             yield form, meant
     below = 1 + w**2
     halves = {sine: 2 * w / below, cosine: (1 - w**2) / below}
-    form = ex.substitute(2 * plain / (below * derivative.differentiate(angle, x)), halves)
+    form = ex.substitute(2 * plain / (below * calculus.differentiate(angle, x)), halves)
     if x not in ex.walk(form):
         yield form, ex.Apply("tan", ex.HALF * angle)
 
@@ -528,7 +528,7 @@ def real_form(tree: ex.Expression, table: real_branch.RealTable) -> ex.Expressio
     The first changes it by a constant. In the second, sqrt(u)*sqrt(w) represents sqrt(u*w) next to integer powers of u.
     Odd roots of u < 0 are those of -u with their sign.
     """
-    with suppress(evaluation.NoRealValue, errors.IrreducibleAtoms):
+    with suppress(calculus.NoRealValue, errors.IrreducibleAtoms):
         return tree if real_branch.is_defined([tree], table) else _turned(tree, table)
     return tree
 

@@ -25,7 +25,7 @@ import numpy as np
 from flint import nmod_mat
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.expressions import derivative, tree as ex
+from inverse_service.expressions import calculus, tree as ex
 from inverse_service.field import exact_field, matrices, modular
 from inverse_service.field.echelon import Words
 from inverse_service.field.modular import Variable, variables_in
@@ -82,7 +82,7 @@ def excludes_factor_of_time(system: second_order_system.SecondOrderSystem) -> bo
     With degree 2, q(at) is a motion if q(t) is one, so no rate c is special.
     """
     velocities = [ex.Velocity(name) for name in system.coordinates]
-    slopes = [[derivative.differentiate(f, v) for v in velocities] for f in system.accelerations]
+    slopes = [[calculus.differentiate(f, v) for v in velocities] for f in system.accelerations]
     turned = [ex.dot(row, velocities) - 2 * f for row, f in zip(slopes, system.accelerations, strict=True)]
     with suppress(errors.InputError):
         divergence = ex.add(ex.ZERO, *(row[i] for i, row in enumerate(slopes)))

@@ -19,7 +19,7 @@ import mpmath
 from inverse_service import bounds, errors
 from inverse_service.deadline import OutOfTime, check, within
 from inverse_service.decision import deciding
-from inverse_service.expressions import evaluation, tree as ex
+from inverse_service.expressions import calculus, tree as ex
 from inverse_service.field import exact_field, real_branch
 from inverse_service.mechanics import euler_lagrange, implicit_equations
 from inverse_service.search import (
@@ -203,13 +203,13 @@ def holds_numerically(analysis: deciding.Analysis, tree: ex.Expression, seed: in
     functions = [node for node in nodes if isinstance(node, ex.Arbitrary)]
     other = real_branch.find_real_point([*system.accelerations, tree], deciding.variables_of(system), seed)
     for table in filter(None, (analysis.real_point, other)):
-        with mpmath.workdps(bounds.DIGITS), suppress(evaluation.NoRealValue):
+        with mpmath.workdps(bounds.DIGITS), suppress(calculus.NoRealValue):
             for _ in range(2):
                 # Near the given point, hence on the same branch of all roots; function values are independent
                 # generators.
                 near = {name: value * (1 + _random_fraction(generator) / 10**5) for name, value in table.items()}
                 point = {node: _random_fraction(generator) for node in functions} | near
-                entries = mpmath.matrix([[evaluation.evaluate(entry, point) for entry in row] for row in form])
+                entries = mpmath.matrix([[calculus.evaluate(entry, point) for entry in row] for row in form])
                 is_regular = sum(euler_lagrange.inertia(entries) or ()) == len(system.coordinates)
                 if not (is_regular and all(implicit_equations.is_small(one, point) for one in residuals)):
                     return False

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service import bounds
-from inverse_service.expressions import evaluation, tree as ex
+from inverse_service.expressions import calculus, tree as ex
 from inverse_service.field import exact_field, matrices, real_branch
 from inverse_service.search import ansatz, antiderivatives, row_factors, terms as tm
 from inverse_service.search.antiderivatives import Integrator
@@ -208,4 +208,4 @@ def _is_diagonal(multiplier: Multiplier) -> bool:
 def _numeric(ring: exact_field.ExactRing, matrix: Array, table: real_branch.RealTable) -> NDArray[np.float64]:
     trees = (exact_field.quotient_tree(ring, entry) for entry in matrix.flat)
     with mpmath.workdps(bounds.DIGITS):
-        return np.array([float(evaluation.evaluate(tree, table)) for tree in trees]).reshape(matrix.shape)
+        return np.array([float(calculus.evaluate(tree, table)) for tree in trees]).reshape(matrix.shape)

@@ -17,7 +17,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from inverse_service.expressions import derivative, tree as ex
+from inverse_service.expressions import calculus, tree as ex
 from inverse_service.field import exact_field, modular
 from inverse_service.field.flow import PRIME, Flow, inverses
 from inverse_service.mechanics import writing
@@ -62,7 +62,7 @@ def _multiple_of_root(search: one_matrix.OneMatrix, matrix: Sequence[tm.Terms], 
         return None
     root = tm.monomial_tree(tm.times(powers, rooted))
     (i, j), wanted = next((pair, terms) for pair, terms in zip(search.pairs, matrix, strict=True) if terms)
-    bend = derivative.differentiate(derivative.differentiate(root, ex.Velocity(names[i])), ex.Velocity(names[j]))
+    bend = calculus.differentiate(calculus.differentiate(root, ex.Velocity(names[i])), ex.Velocity(names[j]))
     if bend == ex.ZERO:
         return None
     ratio = writing.quotient(tm.tree_of(wanted) / bend, exact_field.Budget.long(), search.system.variables)

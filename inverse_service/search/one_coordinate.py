@@ -21,7 +21,7 @@ import mpmath
 import numpy as np
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.expressions import derivative, evaluation, tree as ex
+from inverse_service.expressions import calculus, tree as ex
 from inverse_service.field import matrices, modular, real_branch
 from inverse_service.mechanics import implicit_equations
 from inverse_service.search import ansatz, antiderivatives, families, terms as tm
@@ -166,12 +166,12 @@ def _may_hold(material: tm.Material, multiplier: LastMultiplier) -> bool:
     if max(ex.node_count(base) for base, _ in factors) > 2 * bounds.NODES:
         return False
     rates = [
-        e * weight * derivative.differentiate(base, letter) / base
+        e * weight * calculus.differentiate(base, letter) / base
         for base, e in factors
         for letter, weight in ((ex.TIME, ex.ONE), (x, v), (v, f))
     ]
-    with mpmath.workdps(bounds.DIGITS), suppress(evaluation.NoRealValue):
-        residual = ex.add(derivative.differentiate(f, v), *rates)
+    with mpmath.workdps(bounds.DIGITS), suppress(calculus.NoRealValue):
+        residual = ex.add(calculus.differentiate(f, v), *rates)
         return implicit_equations.is_small(residual, material.analysis.real_point or {})
     return True
 
@@ -228,8 +228,8 @@ def _of_function(material: tm.Material, function: ex.Expression) -> ex.Expressio
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     system = material.analysis.system
     rest = antiderivatives.factored_tree(system.accelerations[0] / function, [x, v])
-    rate = antiderivatives.factored_tree(function * (-derivative.differentiate(rest, v)), [x, v])
-    along = antiderivatives.factored_tree(derivative.differentiate(rate, v), [x, v])
+    rate = antiderivatives.factored_tree(function * (-calculus.differentiate(rest, v)), [x, v])
+    along = antiderivatives.factored_tree(calculus.differentiate(rate, v), [x, v])
     in_time = antiderivatives.factored_tree(rate - v * along, [x, v])
     if ex.holds(along, v, ex.TIME) or ex.holds(in_time, v, x) or (in_time != ex.ZERO and not material.motion.with_time):
         return None
@@ -279,7 +279,7 @@ def lagrangian_of(material: tm.Material, multiplier: LastMultiplier) -> ex.Expre
     if point is None:
         return None
     integrator, (velocity,) = antiderivatives.Integrator(material.analysis.system, point), motion.velocities
-    with suppress(evaluation.NoRealValue, errors.IrreducibleAtoms, tm.TooManyTerms):
+    with suppress(calculus.NoRealValue, errors.IrreducibleAtoms, tm.TooManyTerms):
         bases = [tm.positive_form(base, point) ** e for base, e in multiplier.moving]
         slope: tm.Terms | None = tm.terms_of(ex.multiply(tm.monomial_tree(multiplier.factor), *bases))
         for _ in range(2):
@@ -299,5 +299,5 @@ def _with_positive_hessian(lagrangian: tm.Terms, velocity: ex.Velocity, point: r
         tm.tree_of(ansatz.with_simple_coefficients(lagrangian)),
         key=antiderivatives.reading_weight,
     )
-    hessian = derivative.differentiate(derivative.differentiate(tree, velocity), velocity)
+    hessian = calculus.differentiate(calculus.differentiate(tree, velocity), velocity)
     return tree if real_branch.real_sign(hessian, point) > 0 else ex.negated(tree)

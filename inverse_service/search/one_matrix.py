@@ -35,7 +35,7 @@ from itertools import combinations, product
 import numpy as np
 
 from inverse_service import deadline, errors
-from inverse_service.expressions import derivative, evaluation, tree as ex
+from inverse_service.expressions import calculus, tree as ex
 from inverse_service.field import exact_field, real_branch, tower
 from inverse_service.field.flow import PRIME, Flow, Generator, Numbers, Points, Units, inverses, matrix_product
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -204,7 +204,7 @@ class OneMatrix:
         tree = tm.tree_of(entry)
         zeros: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): ex.ZERO for name in self.system.coordinates}
         for form in (ex.substitute(tree, zeros), tree):
-            with suppress(evaluation.NoRealValue, errors.IrreducibleAtoms, ZeroDivisionError):
+            with suppress(calculus.NoRealValue, errors.IrreducibleAtoms, ZeroDivisionError):
                 if integrator.table is not None and (sign := real_branch.real_sign(form, integrator.table)):
                     return [tm.scaled(terms, sign) for terms in matrix]
         return list(matrix)
@@ -283,7 +283,7 @@ class OneMatrix:
         """-(W_i + F_ij v_j), the Euler-Lagrange expressions of A_i v_i - V divided by phi."""
         n = len(self.forces)
         places = list(combinations(range(n), 2))
-        drag = tm.collected(derivative.differentiate(tm.tree_of(phi), ex.TIME) / tm.tree_of(phi))  # d_t log phi
+        drag = tm.collected(calculus.differentiate(tm.tree_of(phi), ex.TIME) / tm.tree_of(phi))  # d_t log phi
 
         def form(fixed: interpolation.Given, count: int) -> tuple[Numbers, Points]:
             points = self.points(fixed, count).again([np.zeros(count, np.int64)] * n)

@@ -15,7 +15,7 @@ from itertools import chain, product
 import numpy as np
 
 from inverse_service.decision import certify
-from inverse_service.expressions import collecting, derivative, tree as ex
+from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.field import exact_field, flow, matrices, tower
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, connected
@@ -119,7 +119,7 @@ def into_sums(material: tm.Material, seed: int) -> Iterator[Smaller]:
         return
     system, n = material.analysis.system, material.motion.size
     variables = [kind(name) for kind in (ex.Symbol, ex.Velocity) for name in system.coordinates]
-    slopes = [derivative.differentiate(f, variable) for f, variable in product(system.accelerations, variables)]
+    slopes = [calculus.differentiate(f, variable) for f, variable in product(system.accelerations, variables)]
     ring = exact_field.exact_ring(slopes, system.variables, 0, exact_field.Budget.long())
     jacobians = np.split(np.array(list(map(ring.value, slopes))).reshape(n, 2 * n), 2, axis=1)
     zero, one = ring.constant(0), ring.constant(1)

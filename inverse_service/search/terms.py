@@ -23,8 +23,8 @@ from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx, fmpz
 
 from inverse_service import bounds, errors
 from inverse_service.decision.deciding import Analysis
-from inverse_service.expressions import collecting, evaluation, tree as ex
-from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions import calculus, collecting, tree as ex
+from inverse_service.expressions.calculus import differentiate
 from inverse_service.field import exact_field, real_branch
 from inverse_service.mechanics import conditions
 
@@ -852,7 +852,7 @@ def _moving_letters(material: Material) -> Iterator[ex.Expression]:
 
 def positive_form(tree: ex.Expression, table: real_branch.RealTable | None) -> ex.Expression:
     """The tree, or its opposite if that is positive at the real point, so that its roots exist."""
-    with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
+    with suppress(errors.IrreducibleAtoms, calculus.NoRealValue):
         if table is not None and real_branch.real_sign(tree, table) < 0:
             return ex.negated(tree)
     return tree

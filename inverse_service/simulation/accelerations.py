@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from inverse_service import errors
-from inverse_service.expressions import arrays, collecting, derivative, graphs, tree as ex
+from inverse_service.expressions import arrays, calculus, collecting, graphs, tree as ex
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import initial, numeric_formulas, scene_data
@@ -54,9 +54,9 @@ def accelerations_and_multipliers(
 
 def rate(tree: ex.Expression, names: Sequence[str], accelerations: Sequence[ex.Expression]) -> ex.Expression:
     """The derivative in time along q'' = accelerations."""
-    moving = [derivative.differentiate(tree, ex.Symbol(name)) * ex.Velocity(name) for name in names]
-    pushed = [derivative.differentiate(tree, ex.Velocity(name)) for name in names]
-    return ex.add(derivative.differentiate(tree, ex.TIME), *moving, ex.dot(pushed, accelerations))
+    moving = [calculus.differentiate(tree, ex.Symbol(name)) * ex.Velocity(name) for name in names]
+    pushed = [calculus.differentiate(tree, ex.Velocity(name)) for name in names]
+    return ex.add(calculus.differentiate(tree, ex.TIME), *moving, ex.dot(pushed, accelerations))
 
 
 def inverse(matrix: euler_lagrange.Matrix) -> euler_lagrange.Matrix | None:

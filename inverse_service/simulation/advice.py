@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.expressions import arrays, derivative, tree as ex
+from inverse_service.expressions import arrays, calculus, tree as ex
 from inverse_service.integrators import method_table
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import derivation, initial, numeric_formulas, scene_data as data
@@ -58,7 +58,7 @@ def decay_times(scene: data.Scene, accelerations: tuple[ex.Expression, ...]) -> 
     n = len(scene.coordinates)
     table = initial.at_start(scene, scene.values)
     names = numeric_formulas.state_names(scene.coordinates)
-    slopes = [derivative.differentiate(f, name) for f in accelerations for name in names]
+    slopes = [calculus.differentiate(f, name) for f in accelerations for name in names]
     rows = np.array(arrays.array_values(slopes, table)).reshape(n, 2 * n)
     matrix = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), rows])
     if not np.isfinite(matrix).all():

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
-from inverse_service.expressions import arrays, collecting, derivative, tree as ex
+from inverse_service.expressions import arrays, calculus, collecting, tree as ex
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation.numeric_formulas import table_of
@@ -174,7 +174,7 @@ def angles(scene: Scene) -> NDArray[np.bool_]:
     def is_angle(name: ex.Symbol) -> bool:
         turns: dict[ex.Expression, ex.Expression] = {}
         for wave in waves:
-            slope = derivative.differentiate(wave.argument, name)
+            slope = calculus.differentiate(wave.argument, name)
             if isinstance(slope, ex.Number) and slope != ex.ZERO and slope.value.denominator == 1:
                 turns[wave] = ex.PI
         return bool(turns) and not any(ex.holds(ex.substitute(tree, turns), name) for tree in scene.formulas)

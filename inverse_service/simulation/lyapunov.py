@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.expressions import arrays, collecting, derivative, tree as ex
+from inverse_service.expressions import arrays, calculus, collecting, tree as ex
 from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation import derivation, execution, numeric_formulas as nf, scene_data as data
 from inverse_service.simulation.sentences import say
@@ -27,13 +27,13 @@ def largest_exponent(derived: derivation.Derived) -> dict[str, Any]:
     # The motion with its variational equations; the tangent of x has a name that no formula uses.
     tangents, given = tuple(f"tangent_of_{name}" for name in scene.coordinates), motion.accelerations or ()
     pairs = list(zip(nf.state_names(scene.coordinates), nf.state_names(tangents), strict=True))
-    sums = (ex.add(*(derivative.differentiate(force, x) * w for x, w in pairs)) for force in given)
+    sums = (ex.add(*(calculus.differentiate(force, x) * w for x, w in pairs)) for force in given)
     moving, whole = (*scene.coordinates, *tangents), (*given, *map(collecting.collect, sums))
     problem = data.Problem(moving, tuple(scene.values), accelerations=whole)
     n, length = len(scene.coordinates), scene.grid.step * scene.grid.steps
     positions, velocities = scene.positions, scene.velocities
     names = nf.state_names(scene.coordinates)
-    slopes = [derivative.differentiate(one, name) for one in scene.constraints for name in names]
+    slopes = [calculus.differentiate(one, name) for one in scene.constraints for name in names]
 
     def kept(tangent: Array) -> Array:
         """Tangent to motions that keep the constraints, (2 n,): others, which the accelerations have too, may part."""

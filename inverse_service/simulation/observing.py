@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.expressions import arrays, collecting, derivative, printing, tree as ex
+from inverse_service.expressions import arrays, calculus, collecting, printing, tree as ex
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import (
@@ -146,7 +146,7 @@ def point_velocities(
     table = nf.table_of(names, trajectory.positions, rest, values, trajectory.times)
     if method == "variational" and problem.free_hamiltonian is not None:
         symbols = [ex.Symbol(f"p_{name}") for name in names]
-        slopes = [derivative.differentiate(problem.free_hamiltonian, p) for p in symbols]
+        slopes = [calculus.differentiate(problem.free_hamiltonian, p) for p in symbols]
         return np.column_stack(arrays.array_values(slopes, table | dict(zip(symbols, momenta.T, strict=True))))
     if method != "nonholonomic" or scene.lagrangian is None:
         return None
@@ -276,8 +276,8 @@ def _momenta(run: Observed) -> Observations:
     constrained = problem.constraints if problem.free_lagrangian is None else ()
     kept = []
     for k, name in enumerate(scene.coordinates):
-        slopes = [derivative.differentiate(lagrangian, ex.Symbol(name)), *scene.forces[k : k + 1]]
-        slopes += [derivative.differentiate(w, ex.Velocity(name)) for w in constrained]
+        slopes = [calculus.differentiate(lagrangian, ex.Symbol(name)), *scene.forces[k : k + 1]]
+        slopes += [calculus.differentiate(w, ex.Velocity(name)) for w in constrained]
         if all(slope == ex.ZERO for slope in slopes):
             kept.append(float(np.abs(momenta[:, k] - momenta[0, k]).max()))
     return {"max_momentum_drift": max(kept, default=None)}, columns_of(scene, momenta, "p_")

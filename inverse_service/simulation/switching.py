@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.expressions import arrays, collecting, derivative, printing, tree as ex
+from inverse_service.expressions import arrays, calculus, collecting, printing, tree as ex
 from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation import (
@@ -140,7 +140,7 @@ class _Motion:
 
     def slopes(self, u: ex.Expression) -> list[ex.Expression]:
         """du/dv, (n,)."""
-        return [derivative.differentiate(u, ex.Velocity(name)) for name in self.scene.coordinates]
+        return [calculus.differentiate(u, ex.Velocity(name)) for name in self.scene.coordinates]
 
     def surface(self, u: ex.Expression, sides: Sides) -> ex.Expression:
         """u, or u' if u contains no velocity: the function that stays zero while the motion sticks."""

@@ -7,7 +7,7 @@ from fractions import Fraction
 from inverse_service import bounds
 from inverse_service.deadline import now
 from inverse_service.decision import deciding
-from inverse_service.expressions import derivative, tree as ex
+from inverse_service.expressions import calculus, tree as ex
 from inverse_service.field import exact_field, real_branch, tower
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics import constrained_motion, nonholonomic_integrals, second_order_system
@@ -37,7 +37,7 @@ def with_clock(
         if table is None:
             continue
         faster = {ex.Velocity(name): clock * ex.Velocity(name) for name in names}
-        rate = ex.add(*(ex.Velocity(q) * derivative.differentiate(clock, ex.Symbol(q)) for q in names)) / clock
+        rate = ex.add(*(ex.Velocity(q) * calculus.differentiate(clock, ex.Symbol(q)) for q in names)) / clock
         pushes = (ex.substitute(f, faster) / clock**2 for f in forces)
         found = tuple(written(ex.subtract(f, rate * ex.Velocity(name))) for f, name in zip(pushes, names, strict=True))
         positive = tuple(dict.fromkeys((*case.positive, *real_branch.requirements([tower.to_kernels(clock)], table))))

@@ -26,7 +26,7 @@ from inverse_service.deadline import left, now
 from inverse_service.decision import certify, deciding, helmholtz, solutions
 from inverse_service.decision.deciding import Analysis, Decision
 from inverse_service.decision.helmholtz import ANY_FRICTION, LagrangianKind
-from inverse_service.expressions import collecting, derivative, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, printing, tree as ex
 from inverse_service.field import exact_field, matrices, modular, real_branch
 from inverse_service.linear_pde import equations, involution
 from inverse_service.mechanics import euler_lagrange, second_order_system
@@ -220,10 +220,10 @@ def _with_friction(
 def _split(system: SecondOrderSystem, push: Sequence[ex.Expression]) -> tuple[ex.Expression, ex.Expression] | None:
     """D and A v for C v = push; None if the antisymmetric part of C is not closed."""
     v = [ex.Velocity(name) for name in system.coordinates]
-    slopes = [[derivative.differentiate(part, w) for w in v] for part in push]
+    slopes = [[calculus.differentiate(part, w) for w in v] for part in push]
     pairs = [(i, j) for i in range(len(v)) for j in range(len(v))]
     drag = tm.tree_of(tm.terms_of(ex.add(*(HALF * slopes[i][j] * v[i] * v[j] for i, j in pairs))))
-    rest = [derivative.differentiate(drag, w) - part for w, part in zip(v, push, strict=True)]
+    rest = [calculus.differentiate(drag, w) - part for w, part in zip(v, push, strict=True)]
     terms = [tm.terms_of(part) for part in rest]
     linear = antiderivatives.Integrator(system).linear_terms(terms)
     return None if linear is None else (drag, tm.tree_of(linear))
@@ -244,8 +244,7 @@ def constant_metrics(system: SecondOrderSystem) -> Iterator[ex.Expression]:
     rows: dict[object, list[Fraction]] = {}
     try:
         slopes = [
-            [tm.terms_of(derivative.differentiate(f, ex.Velocity(name))) for name in names]
-            for f in system.accelerations
+            [tm.terms_of(calculus.differentiate(f, ex.Velocity(name))) for name in names] for f in system.accelerations
         ]
     except tm.TooManyTerms:
         return

@@ -16,7 +16,7 @@ from flint import fmpq, fmpq_mpoly
 
 from inverse_service.decision.deciding import Analysis
 from inverse_service.explanation import hierarchy
-from inverse_service.expressions import collecting, derivative, tree as ex
+from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -203,7 +203,7 @@ def has_one_everywhere(system: SecondOrderSystem) -> bool:
 
 def _is_over_an_algebra(system: SecondOrderSystem) -> bool:
     names: list[ex.Symbol | ex.Velocity] = [*map(ex.Symbol, system.coordinates), *map(ex.Velocity, system.coordinates)]
-    rows = [[collecting.collect(derivative.differentiate(f, name)) for name in names] for f in system.accelerations]
+    rows = [[collecting.collect(calculus.differentiate(f, name)) for name in names] for f in system.accelerations]
     if any(node in names or isinstance(node, ex.Arbitrary) for row in rows for entry in row for node in ex.walk(entry)):
         return False
     n = len(system.coordinates)

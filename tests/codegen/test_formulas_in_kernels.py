@@ -11,7 +11,7 @@ import symengine
 from mpmath import mp
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.evaluation import evaluate
+from inverse_service.expressions.calculus import evaluate
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.kernels.codegen.symengine_trees import closure, names_of, symbol, translate
 from inverse_service.reading.names import Names

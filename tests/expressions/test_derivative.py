@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 from mpmath import mp, mpf
 
-from inverse_service.expressions.derivative import FUNCTION, differentiate, differentiate_in_time
-from inverse_service.expressions.evaluation import NoRealValue, evaluate
+from inverse_service.expressions.calculus import FUNCTION, NoRealValue, differentiate, differentiate_in_time, evaluate
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import ZERO, Apply, Expression, Symbol, Velocity, number
 from inverse_service.reading.names import Names

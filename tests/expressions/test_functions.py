@@ -7,8 +7,7 @@ from fractions import Fraction
 import pytest
 from mpmath import mp, mpf
 
-from inverse_service.expressions.derivative import FUNCTION, RECIPROCALS, Function
-from inverse_service.expressions.evaluation import evaluate
+from inverse_service.expressions.calculus import FUNCTION, RECIPROCALS, Function, evaluate
 from inverse_service.expressions.tree import Apply, Symbol
 
 U = Symbol("u")

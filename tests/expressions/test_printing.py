@@ -16,7 +16,7 @@ from hypothesis import given, settings, strategies as some
 from mpmath import mp, mpf
 
 from inverse_service import errors
-from inverse_service.expressions import derivative, evaluation, printing, tree as ex
+from inverse_service.expressions import calculus, printing, tree as ex
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 
@@ -48,7 +48,7 @@ def _compound(inner: some.SearchStrategy[ex.Expression]) -> some.SearchStrategy[
         inner.map(lambda part: ex.multiply(ex.MINUS_ONE, part)),
         some.builds(ex.power, inner.filter(lambda part: part != ex.ZERO), some.sampled_from(EXPONENTS)),
         some.builds(ex.power, inner.filter(lambda part: part != ex.ZERO), inner),
-        some.builds(ex.Apply, some.sampled_from(sorted(derivative.FUNCTION)), inner),
+        some.builds(ex.Apply, some.sampled_from(sorted(calculus.FUNCTION)), inner),
         some.builds(lambda u, k: ex.Arbitrary("A", (u,), (k,)), inner, some.integers(0, 3)),
         some.builds(lambda u, w, k: ex.Arbitrary("B", (u, w), (k, 1)), inner, inner, some.integers(0, 2)),
     )
@@ -68,10 +68,10 @@ def _values(trees: list[ex.Expression], seed: int) -> list[object]:
 def _value(tree: ex.Expression, table: dict[ex.Expression, object]) -> object:
     for node in reversed(list(ex.walk(tree))):
         if isinstance(node, ex.Arbitrary) and node not in table:
-            arguments = [evaluation.evaluate(argument, table) for argument in node.arguments]
+            arguments = [calculus.evaluate(argument, table) for argument in node.arguments]
             weights = [mpf(k + 2 + order) / 7 for k, order in enumerate(node.orders)]
             table[node] = mp.sin(1 + mp.fdot(weights, arguments))
-    return evaluation.evaluate(tree, table)
+    return calculus.evaluate(tree, table)
 
 
 @pytest.mark.slow
@@ -81,7 +81,7 @@ def test_text_reads_back_to_the_same_value(tree: ex.Expression) -> None:
     try:
         with mp.workdps(30):
             _values([tree], 1)
-    except evaluation.NoRealValue:
+    except calculus.NoRealValue:
         return  # the tree has no value at this point, and the reader may reject it
     try:
         again = reader.read_formula(printing.to_text(tree), NAMES)

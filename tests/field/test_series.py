@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import pytest
 
-from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.calculus import differentiate
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.field.dense_series import SeriesProgram, along, constants_at, run, series_of
 from inverse_service.field.modular import Point, SingularPoint, Variable, evaluate, gradient

@@ -11,7 +11,7 @@ import mpmath
 import pytest
 
 from inverse_service.decision.deciding import decide
-from inverse_service.expressions.evaluation import evaluate
+from inverse_service.expressions.calculus import evaluate
 from inverse_service.expressions.tree import Expression, Symbol, Velocity
 from inverse_service.mechanics.second_order_system import read_system
 from tests.soundness import campaign, cases

@@ -19,7 +19,7 @@ from pathlib import Path
 import symengine
 
 from inverse_service import errors
-from inverse_service.expressions import derivative
+from inverse_service.expressions import calculus
 from inverse_service.kernels.codegen.symengine_trees import ONE, Formula
 
 _SINE = (
@@ -436,8 +436,8 @@ class Emitter:
             pair = self.writer.sine_cosine(self._value(argument))
             self._values |= zip((symengine.sin(argument), symengine.cos(argument)), pair, strict=True)
             return pair[name == "cos"]
-        if name in derivative.RECIPROCALS:
-            return 1.0 / self._function(derivative.RECIPROCALS[name], argument)
+        if name in calculus.RECIPROCALS:
+            return 1.0 / self._function(calculus.RECIPROCALS[name], argument)
         if name in _LIBRARY or name == "log":
             return self.writer.call(name, self._value(argument))
         raise errors.InputError(f"A simulation cannot compute the function {name}.")

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 from inverse_service import errors
 from inverse_service.certificate import cell, checker, formulas, numbers, question as checks
 from inverse_service.deadline import now
-from inverse_service.expressions import derivative, printing, tree as ex
+from inverse_service.expressions import calculus, printing, tree as ex
 from inverse_service.field import real_branch
 from inverse_service.mechanics import second_order_system
 from inverse_service.reading import document_names, names as nm, reader
@@ -231,7 +231,7 @@ def equations_agree(
     if len(equations) != len(coordinates):
         return checker.CheckResult("invalid", ("The numbers of given equations and of coordinates differ.",))
     slopes = [
-        [derivative.differentiate(equation, ex.Acceleration(name)) for name in coordinates] for equation in equations
+        [calculus.differentiate(equation, ex.Acceleration(name)) for name in coordinates] for equation in equations
     ]
     candidates: dict[int, list[Sequence[tuple[int, int]]]] = {}
 
@@ -295,12 +295,12 @@ def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: f
     frame = constrained_motion.frames(parts)[0]
     basis, drift = [list(map(parts.tree, row)) for row in frame.basis], map(parts.tree, frame.drift)
     free = [ex.Velocity(names[k]) for k in frame.free]
-    slopes = [[derivative.differentiate(each, ex.Velocity(name)) for name in names] for each in given.constraints]
-    momenta = [derivative.differentiate(given.lagrangian, ex.Velocity(name)) for name in names]
-    masses = [[derivative.differentiate(momentum, ex.Velocity(name)) for name in names] for momentum in momenta]
-    rates = [derivative.differentiate_in_time(each, names) for each in given.constraints]
+    slopes = [[calculus.differentiate(each, ex.Velocity(name)) for name in names] for each in given.constraints]
+    momenta = [calculus.differentiate(given.lagrangian, ex.Velocity(name)) for name in names]
+    masses = [[calculus.differentiate(momentum, ex.Velocity(name)) for name in names] for momentum in momenta]
+    rates = [calculus.differentiate_in_time(each, names) for each in given.constraints]
     forces = [
-        derivative.differentiate_in_time(momentum, names) - derivative.differentiate(given.lagrangian, ex.Symbol(name))
+        calculus.differentiate_in_time(momentum, names) - calculus.differentiate(given.lagrangian, ex.Symbol(name))
         for momentum, name in zip(momenta, names, strict=True)
     ]
     bordered = [[*masses[i], *(row[i] for row in slopes)] for i in range(len(names))]
@@ -682,7 +682,7 @@ def image_agrees(document: Any, shown: Mapping[str, Any], names: nm.Names) -> bo
     momenta = {ex.Symbol(name): reader.read_formula(text, names) for name, text in shown["momenta"].items()}
     held = [ex.substitute(ex.substitute(tree, momenta), motion.on_constraints) for tree in listed]
     good = _vanish(held, names, motion.free)
-    slopes = [[derivative.differentiate(tree, ex.Symbol(p)) for p in shown["momenta"]] for tree in listed]
+    slopes = [[calculus.differentiate(tree, ex.Symbol(p)) for p in shown["momenta"]] for tree in listed]
     variables = [ex.TIME, *map(ex.Symbol, names.coordinates), *map(ex.Symbol, names.parameters)]
     return good if not good else real_branch.rank_at_point(slopes, variables) == len(listed) or None
 

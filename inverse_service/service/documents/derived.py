@@ -20,7 +20,7 @@ from inverse_service.decision.helmholtz import LagrangianKind, invariant, kind_n
 from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.errors import InputError
 from inverse_service.explanation import explaining
-from inverse_service.expressions import collecting, derivative, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, printing, tree as ex
 from inverse_service.field import real_branch
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -210,7 +210,7 @@ def _there(system: Mapping[str, Any], text: str) -> dict[str, Any] | None:
 
 def _root(tree: ex.Expression, name: str) -> dict[ex.Expression, ex.Expression] | None:
     """The parameter's value where the tree is 0, if it is a number times the parameter and what does not hold it."""
-    slope = collecting.collect(derivative.differentiate(tree, ex.Symbol(name)))
+    slope = collecting.collect(calculus.differentiate(tree, ex.Symbol(name)))
     if not isinstance(slope, ex.Number) or slope == ex.ZERO:
         return None
     return {ex.Symbol(name): collecting.collect(-ex.substitute(tree, {ex.Symbol(name): ex.ZERO}) / slope)}

@@ -17,7 +17,7 @@ from math import perm
 from typing import Any
 
 from inverse_service import errors
-from inverse_service.expressions import collecting, derivative, letters, notation, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, letters, notation, printing, tree as ex
 from inverse_service.expressions.refusals import fault
 from inverse_service.field import exact_field
 from inverse_service.mechanics import euler_lagrange, position_constraints, second_order_system
@@ -204,12 +204,12 @@ def _read_force(
             raise fault("dissipation not given", "", name=match[1])
         by = unicodedata.normalize("NFD", match[2] or match[3])
         kind = ex.Velocity if re.search("dot|['\u2032\u0307]", by) else ex.Symbol
-        found = derivative.differentiate(dissipated, kind(names.spelling(_plain_name(by))))
+        found = calculus.differentiate(dissipated, kind(names.spelling(_plain_name(by))))
         return f"({printing.to_latex(found) if latex else printing.to_text(found)})"
 
     force = known.put_in(reader.read_formula(_pattern("dissipated").sub(slope, text), names))
     coordinate = names.spelling(name.rstrip("'"))
-    literal = derivative.differentiate(lagrangian, ex.Symbol(coordinate)) if name.endswith("'") else ex.ZERO
+    literal = calculus.differentiate(lagrangian, ex.Symbol(coordinate)) if name.endswith("'") else ex.ZERO
     return coordinate, force - literal
 
 
@@ -328,7 +328,7 @@ def _check_multipliers(
     places = [place for place, name in enumerate(names.coordinates) if name in given]
     forms = [[row[k] for k in places] for row in _rows([left - right for left, right in pairs], names.coordinates)]
     for multiplier in multipliers:
-        force = [derivative.differentiate(given[names.coordinates[k]], multiplier) for k in places]
+        force = [calculus.differentiate(given[names.coordinates[k]], multiplier) for k in places]
         if any(entry != ex.ZERO for entry in force) and not any(_are_parallel(force, form) for form in forms):
             raise fault("no reaction", "", name=multiplier.name)
         if known is not None and multiplier.name not in known:
@@ -342,7 +342,7 @@ def _ask_about_multiplied(
 
     A constant would not multiply a term in which nothing moves.
     """
-    slope = derivative.differentiate(whole, multiplier)
+    slope = calculus.differentiate(whole, multiplier)
     parts = slope.factors if isinstance(slope, ex.Product) else (slope,)
     terms = [term for part in parts if isinstance(part, ex.Sum) for term in part.terms]
     moving = {ex.TIME, *map(ex.Symbol, names.coordinates), *map(ex.Velocity, names.coordinates)}
@@ -436,7 +436,7 @@ def _ask_about_speed(lines: Sequence[tuple[str, str]], lagrangian: str, known: C
         except errors.InputError:
             return  # reported where it is read
         trees = [left - right for left, right in pairs]
-        slopes = [derivative.differentiate(tree, ex.Symbol(name)) for tree in trees]
+        slopes = [calculus.differentiate(tree, ex.Symbol(name)) for tree in trees]
         free = printing.to_text(collecting.collect(trees[0] * slopes[1] - trees[1] * slopes[0]))
         span = (_span(first)[0], _span(last)[1])
         raise fault("speed or constant", found.start() + 1, span, (f"{free} = 0",), name=name).at(pointer)
@@ -583,12 +583,12 @@ def _constrained(
     held = [(pointer, tree) for pointer, tree in trees if not ex.has(tree, ex.Acceleration)]
     of_positions = [not ex.has(tree, ex.Velocity) for _, tree in held]
     rates = [
-        derivative.differentiate_in_time(tree, names.coordinates) if still else tree
+        calculus.differentiate_in_time(tree, names.coordinates) if still else tree
         for (_, tree), still in zip(held, of_positions, strict=True)
     ]
     rows = _rows(rates, names.coordinates)
     forces = {
-        name: [derivative.differentiate(line, ex.Symbol(name)) for line in moving]
+        name: [calculus.differentiate(line, ex.Symbol(name)) for line in moving]
         for name in names.parameters
         if any(ex.holds(line, ex.Symbol(name)) for line in moving)
     }
@@ -634,7 +634,7 @@ def _lagrangian(
         return None
     accelerations = [ex.Acceleration(name) for name in names.coordinates]
     equations = euler_lagrange.euler_lagrange_residual(found, names.coordinates, accelerations)
-    forces = [[derivative.differentiate(line, multiplier) for line in lines] for multiplier in multipliers]
+    forces = [[calculus.differentiate(line, multiplier) for line in lines] for multiplier in multipliers]
     if any(ex.holds(entry, *multipliers) for force in forces for entry in force):
         return None
     left = list(forms)
@@ -653,7 +653,7 @@ def _scaled(
     equation: ex.Expression, line: ex.Expression, acceleration: ex.Acceleration, force: ex.Expression
 ) -> ex.Expression | None:
     """The force times c where the equation of L is c times the line; None where it is no such multiple."""
-    over, under = (derivative.differentiate(tree, acceleration) for tree in (equation, line))
+    over, under = (calculus.differentiate(tree, acceleration) for tree in (equation, line))
     same = under != ex.ZERO and _is_zero(equation * under - line * over)
     return force * over / under if same else None
 

@@ -12,7 +12,7 @@ from api_schemas.result import ConservedQuantity, ForwardParseAnswer, ForwardRes
 from api_schemas.system import LagrangianDocument
 from inverse_service import deadline, errors
 from inverse_service.decision import certify, deciding, solutions
-from inverse_service.expressions import collecting, evaluation, tree as ex
+from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.field import real_branch, tower
 from inverse_service.field.real_branch import RealTable, requirements
@@ -163,7 +163,7 @@ def _judged(
         return found, where.sides
     table = certify.point_of(analysis, lagrangian)
     if table is not None:
-        with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
+        with suppress(errors.IrreducibleAtoms, calculus.NoRealValue):
             formulas = [*map(tower.to_kernels, (*system.given, written))]
             sides = list(dict.fromkeys([*sides, *real_branch.signed_factors(requirements(formulas, table), table)]))
     domain = certify.shortest(sides)
@@ -185,9 +185,9 @@ def _failing(system: SecondOrderSystem, own: Sequence[ex.Expression] | None, tab
         pairs = {"given": system.given, "lagrangian": own or ()}
         numbers: dict[str, dict[str, str]] = {}
         for key, trees in pairs.items():
-            values = [mpmath.nstr(evaluation.evaluate(tower.to_kernels(f), table), _DIGITS) for f in trees]
+            values = [mpmath.nstr(calculus.evaluate(tower.to_kernels(f), table), _DIGITS) for f in trees]
             numbers[key] = dict(zip(system.coordinates, values, strict=False))
-    except (evaluation.NoRealValue, KeyError):
+    except (calculus.NoRealValue, KeyError):
         return shown
     return shown | {"accelerations": numbers} if own else shown
 

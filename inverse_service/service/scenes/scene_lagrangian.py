@@ -15,7 +15,7 @@ import numpy as np
 from api_schemas.scene import SceneDocument
 from inverse_service import catalogue
 from inverse_service.errors import InputError, InverseServiceError
-from inverse_service.expressions import arrays, derivative, printing, tree as ex
+from inverse_service.expressions import arrays, calculus, printing, tree as ex
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.mechanics.constrained_motion import eliminate_multipliers, frames, geometry
 from inverse_service.mechanics.legendre import legendre
@@ -134,7 +134,7 @@ def _domain(
     """The formulas that are positive while L~ has the motion: its conditions, and the denominators and radicands of
     given accelerations; None if a condition does not hold at the start."""
     ends = [reader.read_condition(condition, system.names) for condition in conditions]
-    ends = [derivative.define_functions(end, system.definitions) for end in ends]
+    ends = [calculus.define_functions(end, system.definitions) for end in ends]
     table = initial.at_start(scene, values)
     signs = [float(arrays.array_value(end, table)[0]) for end in ends]
     if any(not sign > 0 and " != " not in condition for sign, condition in zip(signs, conditions, strict=True)):

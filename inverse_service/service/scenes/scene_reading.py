@@ -24,7 +24,7 @@ from api_schemas import base, scene as schemas
 from api_schemas.system import TAGS
 from inverse_service import catalogue
 from inverse_service.errors import DocumentRefused, InputError, LimitError
-from inverse_service.expressions import arrays, collecting, derivative, pieces, refusals, tree as ex
+from inverse_service.expressions import arrays, calculus, collecting, refusals, tree as ex
 from inverse_service.field import tower
 from inverse_service.integrators.method_table import GEOMETRIC, METHODS, OWN_STEPS, RUNGE_KUTTA
 from inverse_service.integrators.trajectory import Array
@@ -76,7 +76,7 @@ def refusal(key: str, pointer: str, kind: type[InputError] = InputError, **words
     return kind(TABLE["refused"][key].format(**words), pointer)
 
 
-def read_definitions(given: Mapping[str, str], names: nm.Names) -> derivative.Definitions:
+def read_definitions(given: Mapping[str, str], names: nm.Names) -> calculus.Definitions:
     """The formula of each function over its own arguments; InputError with the pointer below /functions."""
     found = {}
     for key, text in given.items():
@@ -131,7 +131,7 @@ class MechanicalSystem:
     known: tuple[KnownLagrangian, ...] = ()
     source: str = ""
     document: Mapping[str, Any] | None = None
-    definitions: derivative.Definitions = field(default_factory=dict)
+    definitions: calculus.Definitions = field(default_factory=dict)
     catalogue_name: str | None = None
 
 
@@ -248,7 +248,7 @@ def mechanical_system(given: Any, extra: Sequence[str]) -> MechanicalSystem:
 
 def without_steps(tree: ex.Expression) -> ex.Expression:
     """The tree with step functions written with u/sqrt(u^2), like sign(u)."""
-    steps = (node for node in ex.walk(tree) if isinstance(node, ex.Apply) and node.function == pieces.STEP)
+    steps = (node for node in ex.walk(tree) if isinstance(node, ex.Apply) and node.function == calculus.STEP)
     return ex.substitute(tree, {node: tower.to_kernels(node) for node in steps})
 
 
@@ -301,7 +301,7 @@ WORDING = accepting.Wording("The scene", EXPECTED, _unknown, _steps)
 def read_expression(text: str, system: MechanicalSystem, pointer: str) -> ex.Expression:
     """A formula of the scene, with those of its functions; InputError at the pointer, or where a function has none."""
     given = formula(text, system.names, pointer)
-    tree = without_steps(derivative.define_functions(given, system.definitions))
+    tree = without_steps(calculus.define_functions(given, system.definitions))
     refuse_open_functions([tree], system.names)
     return tree
 
@@ -318,7 +318,7 @@ def read_forces(
     if schema.rayleigh is not None and RAYLEIGH in effects:
         function = read_expression(schema.rayleigh, system, "/rayleigh")
         for name in names.coordinates:
-            slope = derivative.differentiate(function, ex.Velocity(name))
+            slope = calculus.differentiate(function, ex.Velocity(name))
             found[name] = collecting.collect(found.get(name, ex.ZERO) - slope)
     forces = tuple(found.get(name, ex.ZERO) for name in names.coordinates)
     return forces if any(force != ex.ZERO for force in forces) else ()
@@ -407,7 +407,7 @@ def read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSys
     values = {name: number_of(texts[name], f"/parameters/{name}") for name in names.parameters}
     system = replace(system, definitions=read_definitions(schema.functions, names))
     lagrangian, constraints, forces, effects, parts = _with_effects(schema, system)
-    accelerations = tuple(derivative.define_functions(tree, system.definitions) for tree in system.accelerations or ())
+    accelerations = tuple(calculus.define_functions(tree, system.definitions) for tree in system.accelerations or ())
     formulas = [tree for tree in (lagrangian, *constraints, *accelerations) if tree is not None]
     refuse_open_functions(formulas, names)
     if any(ex.holds(tree, ex.TIME) for tree in constraints):
@@ -467,9 +467,9 @@ def _with_effects(
         if terms or further or schema.effects is not None:
             raise refusal("no_lagrangian", "/terms" if terms else f"/{further[0]}" if further else "/effects")
         return None, (), (), (), ()
-    whole = derivative.define_functions(system.lagrangian, system.definitions)
+    whole = calculus.define_functions(system.lagrangian, system.definitions)
     parts = [*derivation.lagrangian_parts(whole, system.names.coordinates).items(), *terms.items()]
-    given = tuple(derivative.define_functions(w, system.definitions) for w in system.constraints)
+    given = tuple(calculus.define_functions(w, system.definitions) for w in system.constraints)
 
     def acting(names: Sequence[str]) -> tuple[ex.Expression, Constraints, Constraints]:
         forces = read_forces(schema, system, tuple(names))

@@ -10,7 +10,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from inverse_service import errors
-from inverse_service.expressions import derivative, letters, tree as trees
+from inverse_service.expressions import calculus, letters, tree as trees
 from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import printed_pages
 from inverse_service.service.scenes import views
@@ -121,7 +121,7 @@ class Moving:
         """A formula or a condition with the functions defined."""
         is_condition = any(sign in text for sign in (" > ", " < ", " != "))
         tree = (reader.read_condition if is_condition else reader.read_formula)(text, self.names)
-        return derivative.define_functions(tree, self.definitions)
+        return calculus.define_functions(tree, self.definitions)
 
 
 def moving_of(result: Mapping[str, Any]) -> Moving | None:
