@@ -21,7 +21,7 @@ from inverse_service.certificate import cell as cells, checker, formulas
 from inverse_service.decision import deciding
 from inverse_service.expressions import calculus, collecting, inequalities, notation, printing, tree as ex
 from inverse_service.field import exact_field, real_branch, tower
-from inverse_service.mechanics import euler_lagrange, implicit_equations, short_forms
+from inverse_service.mechanics import euler_lagrange, implicit_equations, writing
 from inverse_service.reading import names as nm, reader
 
 if TYPE_CHECKING:
@@ -165,7 +165,7 @@ def _members(texts: Sequence[str], ending: str, names: nm.Names) -> list[ex.Expr
     for text in texts:
         if text.endswith(ending):
             tree = collecting.collect(reader.read_formula(text.removesuffix(ending), names))
-            found.append(min([tree, *short_forms.sums_of_squares(tree, tuple(letters))], key=ex.node_count))
+            found.append(min([tree, *writing.sums_of_squares(tree, tuple(letters))], key=ex.node_count))
     return sorted(found, key=lambda tree: (ex.node_count(tree), collecting.natural(printing.to_text(tree))))
 
 

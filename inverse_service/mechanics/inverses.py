@@ -36,7 +36,7 @@ from itertools import combinations, combinations_with_replacement, product
 from inverse_service import bounds
 from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.field import exact_field, matrices
-from inverse_service.mechanics import euler_lagrange, implicit_equations, second_order_system, short_forms
+from inverse_service.mechanics import euler_lagrange, implicit_equations, second_order_system, writing
 
 Matrix = tuple[tuple[ex.Expression, ...], ...]
 _INVERSES: dict[str, str] = {
@@ -87,13 +87,13 @@ def split(function: ex.Expression, names: Sequence[str], momenta: Mapping[str, e
     Terms of a sum that hold no velocity are left as they are written.
     """
     terms = [part for term in ex.summands(function) for part in _apart(term, names)]
-    plain = [term for term in terms if not short_forms.velocities_in(term, names)]
-    moving = collecting.expand(ex.add(*(term for term in terms if short_forms.velocities_in(term, names))))
+    plain = [term for term in terms if not writing.velocities_in(term, names)]
+    moving = collecting.expand(ex.add(*(term for term in terms if writing.velocities_in(term, names))))
     free: list[collecting.Term] = []
     linear: dict[str, list[collecting.Term]] = {}
     coupled: list[tuple[set[str], collecting.Term]] = []
     for monomial, value in moving:
-        found = short_forms.velocities_in(collecting.monomial_tree(monomial), names)
+        found = writing.velocities_in(collecting.monomial_tree(monomial), names)
         only = next(iter(found)) if len(found) == 1 else ""
         if not found:
             free.append((monomial, value))
@@ -111,10 +111,10 @@ def split(function: ex.Expression, names: Sequence[str], momenta: Mapping[str, e
 def _apart(term: ex.Expression, names: Sequence[str]) -> list[ex.Expression]:
     """exp(c t) T and exp(c t) V of exp(c t) (T + V)."""
     sums = [factor for factor in ex.factors_of(term) if isinstance(factor, ex.Sum)]
-    if len(sums) != 1 or not short_forms.velocities_in(term, names):
+    if len(sums) != 1 or not writing.velocities_in(term, names):
         return [term]
     outside = ex.multiply(*(factor for factor in ex.factors_of(term) if factor is not sums[0]))
-    moving = [part for part in sums[0].terms if short_forms.velocities_in(part, names)]
+    moving = [part for part in sums[0].terms if writing.velocities_in(part, names)]
     still = [part for part in sums[0].terms if part not in moving]
     return [outside * ex.add(*group) for group in (moving, still) if group]
 
@@ -126,14 +126,14 @@ def without(monomial: collecting.Monomial, names: Collection[str]) -> collecting
 
 def degrees(monomial: collecting.Monomial, names: Collection[str]) -> dict[str, Fraction] | None:
     """The exponents of the velocities, None where one occurs inside another atom."""
-    if short_forms.velocities_in(collecting.monomial_tree(without(monomial, names)), names):
+    if writing.velocities_in(collecting.monomial_tree(without(monomial, names)), names):
         return None
     bare = {base: exponent for base, exponent in monomial if isinstance(base, ex.Velocity)}
     return {base.coordinate: exponent for base, exponent in bare.items() if base.coordinate in names}
 
 
 def _short(terms: list[collecting.Term]) -> ex.Expression:
-    return short_forms.simplified(collecting.terms_tree(terms)) if terms else ex.ZERO
+    return writing.simplified(collecting.terms_tree(terms)) if terms else ex.ZERO
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,7 +197,7 @@ def form_matrix(terms: Sequence[collecting.Term], names: Sequence[str]) -> Matri
 
 def invert(matrix: Sequence[Sequence[ex.Expression]]) -> Inverse | None:
     """The exact inverse; None where the determinant is the zero polynomial or everything is too large."""
-    plain = [[short_forms.separated(entry) for entry in row] for row in matrix]
+    plain = [[writing.separated(entry) for entry in row] for row in matrix]
     ring = exact_field.opaque_ring([entry for row in plain for entry in row], exact_field.Budget(bounds.TERMS))
     try:
         inverse = matrices.inverse([list(map(ring.value, row)) for row in plain], ring.constant(1))
@@ -212,7 +212,7 @@ def invert(matrix: Sequence[Sequence[ex.Expression]]) -> Inverse | None:
     scale = collecting.content_of(1 / content for content in contents if content)
 
     def tree(element: exact_field.Quotient) -> ex.Expression:
-        return short_forms.trigonometric(collecting.merge_powers(exact_field.quotient_tree(ring, element)))
+        return writing.trigonometric(collecting.merge_powers(exact_field.quotient_tree(ring, element)))
 
     def square(elements: Sequence[exact_field.Quotient]) -> Matrix:
         trees, size = list(map(tree, elements)), len(matrix)
@@ -239,7 +239,7 @@ def _row_times(inverse: Inverse, row: int, momenta: Sequence[ex.Symbol]) -> ex.E
 
 def _shorter(inverse: Inverse, linear: Callable[[Matrix], ex.Expression]) -> ex.Expression:
     """What is linear in G^-1: a sum of quotients, or one quotient where that is shorter."""
-    return short_forms.shortest([linear(inverse.entries), over(linear(inverse.adjugate), inverse.determinant)])
+    return writing.shortest([linear(inverse.entries), over(linear(inverse.adjugate), inverse.determinant)])
 
 
 def over(numerator: ex.Expression, denominator: ex.Expression) -> ex.Expression:
@@ -363,7 +363,7 @@ def laurent_polynomial(tree: ex.Expression, leaf: ex.Velocity) -> Laurent | None
     generators: set[ex.Expression] = set()
     table: dict[Fraction, list[collecting.Term]] = {}
     for monomial, value in collecting.expand(tree):
-        moving = [(base, e) for base, e in monomial if short_forms.velocities_in(base, [leaf.coordinate])]
+        moving = [(base, e) for base, e in monomial if writing.velocities_in(base, [leaf.coordinate])]
         rest = tuple(pair for pair in monomial if pair not in moving)
         if len(moving) > 1 or (moving and not _is_generator(moving[0][0], leaf)):
             return None
@@ -390,7 +390,7 @@ def _is_generator(base: ex.Expression, leaf: ex.Velocity) -> bool:
 def _quadratic(coefficients: Sequence[ex.Expression], y: ex.Expression) -> Iterator[Root]:
     """Both roots of a y^2 + b y + c; `y` as a tree in v says which one it is."""
     c, b, a = coefficients
-    discriminant = short_forms.simplified(b**2 - 4 * a * c)
+    discriminant = writing.simplified(b**2 - 4 * a * c)
     slope = 2 * a * y + b
     for sign in (1, -1):
         over = -b + sign * ex.square_root(discriminant)
@@ -399,16 +399,16 @@ def _quadratic(coefficients: Sequence[ex.Expression], y: ex.Expression) -> Itera
 
 def _cubic(c: list[ex.Expression], y: ex.Expression) -> Iterator[Root]:
     """The roots of c_3 y^3 + c_2 y^2 + c_1 y + c_0: with y = z - h those of z^3 + 3 k z = b."""
-    h, slope, start = (short_forms.simplified(c[j] / (d * c[3])) for j, d in ((2, 3), (1, 1), (0, 1)))
-    k = short_forms.simplified(Fraction(1, 3) * slope - h**2)
-    b = short_forms.simplified(h * (slope - 2 * h**2) - start)
+    h, slope, start = (writing.simplified(c[j] / (d * c[3])) for j, d in ((2, 3), (1, 1), (0, 1)))
+    k = writing.simplified(Fraction(1, 3) * slope - h**2)
+    b = writing.simplified(h * (slope - 2 * h**2) - start)
     z, unknown = y + h, ex.Velocity(_NAME)
     if k == ex.ZERO:
         for root in roots_of_power(unknown, ex.number(3), b):
             yield Root(root.value - h)
         return
     yield Root(_tripled(k, b, "asinh", "sinh") - h, (k,))
-    size = short_forms.simplified(-k)
+    size = writing.simplified(-k)
     outside = z**2 - size
     yield Root(_tripled(size, -b, "asin", "sin") - h, (size, -outside))
     ratio = b / (2 * size ** Fraction(3, 2))
@@ -421,9 +421,9 @@ def _cubic(c: list[ex.Expression], y: ex.Expression) -> Iterator[Root]:
 
 def _tripled(k: ex.Expression, b: ex.Expression, inverse: str, function: str) -> ex.Expression:
     """2 sqrt(k) sinh(asinh(b/(2 k^(3/2)))/3), for other functions likewise: z^3 + 3 k z = b by the triple angle."""
-    angle = ex.Apply(inverse, short_forms.simplified(b / (2 * k ** Fraction(3, 2))))
+    angle = ex.Apply(inverse, writing.simplified(b / (2 * k ** Fraction(3, 2))))
     third = ex.Apply(function, Fraction(1, 3) * angle)
-    return 2 * ex.square_root(short_forms.simplified(k)) * third
+    return 2 * ex.square_root(writing.simplified(k)) * third
 
 
 def scalar_branches(block: Block, _: Solver) -> Iterator[InverseBranch]:
@@ -432,15 +432,15 @@ def scalar_branches(block: Block, _: Solver) -> Iterator[InverseBranch]:
         return
     (rate,), (momentum,), function = block.velocities, block.symbols, block.function
     slope = calculus.differentiate(function, rate)
-    energies = [short_forms.simplified(rate * slope - function), momentum * rate - function]
+    energies = [writing.simplified(rate * slope - function), momentum * rate - function]
     by_momentum = list(_energies_by_momentum(block, rate, slope))
     for root in roots_for(slope, rate, momentum):
-        velocity = short_forms.simplified(root.value)
+        velocity = writing.simplified(root.value)
         trees, others = ([ex.substitute(tree, {rate: velocity}) for tree in some] for some in (energies, by_momentum))
         trees += [*others, *(factored_inside(tree) for tree in others[:1] if ex.node_count(tree) <= bounds.LARGE)]
-        forms = [short_forms.simplified(tree) for tree in trees if ex.node_count(tree) <= bounds.LARGE]
-        forms += [short_forms.with_cosines(factored_inside(form)) for form in forms]
-        yield InverseBranch((velocity,), short_forms.shortest(forms or trees), root.conditions)
+        forms = [writing.simplified(tree) for tree in trees if ex.node_count(tree) <= bounds.LARGE]
+        forms += [writing.with_cosines(factored_inside(form)) for form in forms]
+        yield InverseBranch((velocity,), writing.shortest(forms or trees), root.conditions)
 
 
 def _energies_by_momentum(block: Block, rate: ex.Velocity, slope: ex.Expression) -> Iterator[ex.Expression]:
@@ -449,11 +449,11 @@ def _energies_by_momentum(block: Block, rate: ex.Velocity, slope: ex.Expression)
     logs = _log_of_quotient(collecting.collect(slope), rate, momentum)
     if logs is not None:
         over, under, value = logs
-        yield short_forms.simplified(momentum * rate - ex.substitute(function, {over: under + value}))
+        yield writing.simplified(momentum * rate - ex.substitute(function, {over: under + value}))
     terms = ex.summands(function)
     for place, term in enumerate(terms[: bounds.FEW]):
         others = ex.add(*terms[:place], *terms[place + 1 :])
-        ratio = short_forms.quotient(term / calculus.differentiate(term, rate))
+        ratio = writing.opaque_quotient(term / calculus.differentiate(term, rate))
         rest = (momentum - calculus.differentiate(others, rate)) * ratio
         yield momentum * rate - (others + rest)
 
@@ -461,14 +461,14 @@ def _energies_by_momentum(block: Block, rate: ex.Velocity, slope: ex.Expression)
 def roots_for(slope: ex.Expression, rate: ex.Velocity, momentum: ex.Expression) -> Iterator[Root]:
     """The solutions of slope = momentum for the velocity that are found in closed form."""
     collected = collecting.collect(slope)
-    once = [form for form in (collected, slope, short_forms.quotient(collected)) if occurrences(form, rate) == 1]
+    once = [form for form in (collected, slope, writing.opaque_quotient(collected)) if occurrences(form, rate) == 1]
     if once:
-        yield from isolate(short_forms.shortest(once), rate, Root(momentum))
+        yield from isolate(writing.shortest(once), rate, Root(momentum))
         return
     yield from polynomial_roots(collected, rate, momentum)
     yield from _of_two_logarithms(collected, rate, momentum)
     yield from _of_one_arctangent(collected, rate, momentum)
-    yield from _with_a_root(short_forms.simplified(slope), rate, Root(momentum))
+    yield from _with_a_root(writing.simplified(slope), rate, Root(momentum))
 
 
 def _of_two_logarithms(slope: ex.Expression, rate: ex.Velocity, momentum: ex.Expression) -> Iterator[Root]:
@@ -492,14 +492,12 @@ def _log_of_quotient(
     rest = ex.add(*parts.pop(None, ()))
     if len(parts) != 2:
         return None
-    (over, c), (under, d) = (
-        (node, short_forms.simplified(ex.add(*terms) / node)) for node, terms in parts.items() if node
-    )
-    if short_forms.simplified(c + d) != ex.ZERO:
+    (over, c), (under, d) = ((node, writing.simplified(ex.add(*terms) / node)) for node, terms in parts.items() if node)
+    if writing.simplified(c + d) != ex.ZERO:
         return None
     if implicit_equations.vanishes_at(rest, implicit_equations.sample_points([rest])):
         return over, under, momentum / c
-    return over, under, (momentum - short_forms.simplified(ex.substitute(rest, {rate: ex.ZERO}))) / c
+    return over, under, (momentum - writing.simplified(ex.substitute(rest, {rate: ex.ZERO}))) / c
 
 
 def _of_one_arctangent(slope: ex.Expression, rate: ex.Velocity, momentum: ex.Expression) -> Iterator[Root]:
@@ -513,17 +511,17 @@ def _of_one_arctangent(slope: ex.Expression, rate: ex.Velocity, momentum: ex.Exp
     held = [term for term in terms if any(node in set(ex.walk(term)) for node in arcs)]
     if len(arcs) != 1 or len(held) == len(terms):
         return
-    rest = short_forms.exact_quotient(ex.add(*(term for term in terms if term not in held)))
+    rest = writing.exact_quotient(ex.add(*(term for term in terms if term not in held)))
     if not occurrences(rest, rate):
         (arc,) = arcs
-        factor, (a, b) = short_forms.simplified(ex.add(*held) / arc), _linear_parts(arc.argument, rate)
+        factor, (a, b) = writing.simplified(ex.add(*held) / arc), _linear_parts(arc.argument, rate)
         if not occurrences(factor, rate) and not occurrences(a, rate):
             angle = (momentum - rest) / factor
             yield Root((ex.Apply("tan", angle) - b) / a)
 
 
 def _linear_parts(tree: ex.Expression, rate: ex.Velocity) -> tuple[ex.Expression, ex.Expression]:
-    return short_forms.simplified(calculus.differentiate(tree, rate)), short_forms.simplified(
+    return writing.simplified(calculus.differentiate(tree, rate)), writing.simplified(
         ex.substitute(tree, {rate: ex.ZERO})
     )
 
@@ -542,7 +540,7 @@ def _with_a_root(tree: ex.Expression, rate: ex.Velocity, known: Root) -> Iterato
 
 def _numerator(tree: ex.Expression, rate: ex.Velocity) -> list[ex.Expression]:
     """The bases of its factors that hold the velocity and something else, those under the line left out."""
-    whole = short_forms.quotient(tree)
+    whole = writing.opaque_quotient(tree)
     bases = [base for base, e in ex.powers_of(whole) if e > 0]
     leaves = [{node for node in ex.walk(base) if isinstance(node, ex.Symbol | ex.Velocity)} for base in bases]
     return [base for base, held in zip(bases, leaves, strict=True) if rate in held and held != {rate}]
@@ -567,11 +565,11 @@ def elimination_branches(block: Block) -> Iterator[InverseBranch]:
     """The branches of a block of two or three velocities; H is the energy p v - L at v(p)."""
     if not 1 < len(block.names) <= _LARGEST_BLOCK:
         return
-    functions = [short_forms.simplified(calculus.differentiate(block.function, v)) for v in block.velocities]
-    energy = short_forms.simplified(ex.dot(block.velocities, functions) - block.function)
+    functions = [writing.simplified(calculus.differentiate(block.function, v)) for v in block.velocities]
+    energy = writing.simplified(ex.dot(block.velocities, functions) - block.function)
     for rates, conditions in _solutions(list(zip(block.symbols, functions, strict=True)), block.velocities):
-        velocities = tuple(short_forms.simplified(rates[v]) for v in block.velocities)
-        yield InverseBranch(velocities, short_forms.simplified(ex.substitute(energy, rates)), conditions)
+        velocities = tuple(writing.simplified(rates[v]) for v in block.velocities)
+        yield InverseBranch(velocities, writing.simplified(ex.substitute(energy, rates)), conditions)
 
 
 def _solutions(equations: Sequence[Equation], unknowns: Sequence[ex.Velocity]) -> Iterator[Solved]:
@@ -594,7 +592,7 @@ def _isolated(
         left = [other for other in unknowns if other != v]
         for root in isolate(function, v, Root(momentum)):
             others = [(p, ex.substitute(f, {v: root.value})) for p, f in equations if p != momentum]
-            reduced = [(p, short_forms.simplified(f)) for p, f in others]
+            reduced = [(p, writing.simplified(f)) for p, f in others]
             if all(ex.holds(f, *left) for _, f in reduced):
                 yield v, root, reduced
 
@@ -602,7 +600,7 @@ def _isolated(
 @lru_cache(maxsize=512)
 def factored_inside(tree: ex.Expression) -> ex.Expression:
     """The tree with every sum in it as one factored quotient, the outer ones first."""
-    outer = short_forms.quotient(tree) if isinstance(tree, ex.Sum) else tree
+    outer = writing.opaque_quotient(tree) if isinstance(tree, ex.Sum) else tree
     return ex.rebuild(outer, factored_inside)
 
 
@@ -624,11 +622,11 @@ def _after_change(block: Block, forms: Sequence[Form], inverse: Inverse, solve: 
     old = {v: ex.dot(row, velocities) for v, row in zip(velocities, inverse.entries, strict=True)}
     new = {v: ex.dot(row, velocities) for v, row in zip(velocities, forms, strict=True)}
     columns = zip(*inverse.entries, strict=True)
-    momenta = {p: short_forms.simplified(ex.dot(column, symbols)) for p, column in zip(symbols, columns, strict=True)}
+    momenta = {p: writing.simplified(ex.dot(column, symbols)) for p, column in zip(symbols, columns, strict=True)}
     for branch in solve(ex.substitute(block.function, old), block.names, block.momenta):
         found = branch.changed(lambda tree: ex.substitute(tree, {**new, **momenta}))
         yield replace(
-            found, velocities=tuple(short_forms.simplified(ex.dot(row, found.velocities)) for row in inverse.entries)
+            found, velocities=tuple(writing.simplified(ex.dot(row, found.velocities)) for row in inverse.entries)
         )
 
 
@@ -653,7 +651,7 @@ def _forms_of(monomial: collecting.Monomial, names: Sequence[str]) -> list[Form]
     exponent: dict[str, ex.Expression] = {}
     forms: list[Form | None] = []
     for base, power in monomial:
-        if isinstance(base, ex.Velocity) or not short_forms.velocities_in(base, names):
+        if isinstance(base, ex.Velocity) or not writing.velocities_in(base, names):
             continue
         part = linear_coefficients(base.argument if isinstance(base, ex.Apply) else base, names)
         if ex.is_exponential(base) and part:
@@ -670,7 +668,7 @@ def _monic(coefficients: Mapping[str, ex.Expression] | None, names: Sequence[str
     if not coefficients:
         return None
     first = next(coefficients[name] for name in names if name in coefficients)
-    return tuple(short_forms.simplified(coefficients.get(name, ex.ZERO) / first) for name in names)
+    return tuple(writing.simplified(coefficients.get(name, ex.ZERO) / first) for name in names)
 
 
 def linear_coefficients(tree: ex.Expression, names: Sequence[str]) -> Mapping[str, ex.Expression] | None:
@@ -704,7 +702,7 @@ def radial_branches(block: Block, solve: Solver) -> Iterator[InverseBranch]:
 
 def _candidates(block: Block) -> Iterator[ex.Expression]:
     """Trees quadratic in the velocities: the bases of powers, and the part of degree 2."""
-    power = short_forms.power_of_form(block.function)
+    power = writing.power_of_form(block.function)
     if power is not None:
         yield power[0]
     terms = collecting.expand(block.function)
@@ -715,7 +713,7 @@ def _candidates(block: Block) -> Iterator[ex.Expression]:
         if found is not None and sum(found.values()) == 2:
             second.append((monomial, value))
         for base, _ in monomial:
-            if isinstance(base, ex.Sum) and base not in seen and short_forms.velocities_in(base, block.names):
+            if isinstance(base, ex.Sum) and base not in seen and writing.velocities_in(base, block.names):
                 seen.add(base)
                 yield base
     if second and len(second) < len(terms):
@@ -729,7 +727,7 @@ def _recognized(block: Block, form: ex.Expression) -> _Radial | None:
     if parts is None or inverse is None:
         return None
     matrix, slopes = parts
-    shift = tuple(short_forms.simplified(ex.dot(row, slopes)) for row in inverse.entries)
+    shift = tuple(writing.simplified(ex.dot(row, slopes)) for row in inverse.entries)
     # The function of u, written with the velocities of v.
     centered = ex.substitute(block.function, {v: v - h for v, h in zip(block.velocities, shift, strict=True)})
     along = _along_a_ray(centered, block.names, matrix)
@@ -766,7 +764,7 @@ def _along_a_ray(function: ex.Expression, names: Sequence[str], matrix: Matrix) 
             continue
         length = ex.square_root(2 * _S / entry)
         ray = {ex.Velocity(name): length if place in (i, j) else ex.ZERO for place, name in enumerate(names)}
-        return short_forms.simplified(ex.substitute(function, ray))
+        return writing.simplified(ex.substitute(function, ray))
     return None
 
 
@@ -786,7 +784,7 @@ def _root_parts(function: ex.Expression) -> tuple[ex.Expression, ex.Expression, 
     slope, start = calculus.differentiate(root, _S), ex.substitute(root, {_S: ex.ZERO})
     if _holds_s(factor) or _holds_s(slope) or start == ex.ZERO:
         return None
-    return factor, start, short_forms.simplified(slope)
+    return factor, start, writing.simplified(slope)
 
 
 def _holds_s(tree: ex.Expression) -> bool:
@@ -800,11 +798,11 @@ def _of_root(
     momenta = block.symbols
     form = quadratic_form(radial.inverse, momenta)
     apart = b * k**2 + collecting.collect(-2 * b * form / s)
-    square = short_forms.shortest([short_forms.simplified(apart), apart])
-    lead = short_forms.simplified(k * b)
+    square = writing.shortest([writing.simplified(apart), apart])
+    lead = writing.simplified(k * b)
     for sign in (1, -1):
         energy = sign * ex.square_root(square)
-        scale = short_forms.simplified(-2 * b / s)
+        scale = writing.simplified(-2 * b / s)
         rates = [scale * ex.dot(row, momenta) * energy**-1 for row in radial.inverse.entries]
         condition = -sign * lead
         if not (isinstance(condition, ex.Number) and condition.value < 0):
@@ -816,9 +814,9 @@ def _shifted(block: Block, shift: Sequence[ex.Expression], branch: InverseBranch
     plain = branch.hamiltonian - ex.dot(block.symbols, shift)
     place = {v: v + h for v, h in zip(block.velocities, shift, strict=True)}
     return InverseBranch(
-        tuple(short_forms.simplified(u - h) for u, h in zip(branch.velocities, shift, strict=True)),
-        short_forms.shortest([plain, short_forms.simplified(plain)]),
-        tuple(short_forms.simplified(ex.substitute(condition, place)) for condition in branch.conditions),
+        tuple(writing.simplified(u - h) for u, h in zip(branch.velocities, shift, strict=True)),
+        writing.shortest([plain, writing.simplified(plain)]),
+        tuple(writing.simplified(ex.substitute(condition, place)) for condition in branch.conditions),
     )
 
 
@@ -830,7 +828,7 @@ def _of_length(block: Block, radial: _Radial, solve: Solver) -> Iterator[Inverse
     form = quadratic_form(radial.inverse, momenta)
     whole = _form_of_velocities(radial.matrix, block.names)
     for e, d in product((1, -1), repeat=2):
-        length = ex.square_root(short_forms.simplified(e * form))
+        length = ex.square_root(writing.simplified(e * form))
         squared = Fraction(e, 2) * ex.Power(_W, ex.number(2))
         for inner in solve(ex.substitute(radial.function, {_S: squared}), [_W.coordinate], {_W.coordinate: _PI_W}):
             known = {_PI_W: e * d * length}
@@ -864,9 +862,9 @@ def _ratio_parts(block: Block, pivot: str) -> tuple[ex.Expression, ex.Expression
     whole = ex.substitute(block.function, {v: rate * v for v in block.velocities if v != rate})
     for monomial, value in collecting.expand(whole):
         rest = without(monomial, [pivot])
-        if not short_forms.velocities_in(collecting.monomial_tree(monomial), others):
+        if not writing.velocities_in(collecting.monomial_tree(monomial), others):
             alone.append((monomial, value))
-        elif (rate, Fraction(1)) in monomial and not short_forms.velocities_in(collecting.monomial_tree(rest), [pivot]):
+        elif (rate, Fraction(1)) in monomial and not writing.velocities_in(collecting.monomial_tree(rest), [pivot]):
             homogeneous.append((rest, value))
         else:
             return None

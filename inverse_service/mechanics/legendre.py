@@ -17,7 +17,7 @@ from mpmath import mp, mpf
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import calculus, collecting, printing, tree as ex
 from inverse_service.field import real_branch
-from inverse_service.mechanics import euler_lagrange, inverses, short_forms, writing
+from inverse_service.mechanics import euler_lagrange, inverses, writing
 from inverse_service.mechanics.implicit_equations import (
     Point,
     is_positive,
@@ -161,8 +161,8 @@ def _momentum_functions(
     # u log u has log u + 1 for a slope, if it is not expanded
     slopes = euler_lagrange.gradient(lagrangian, map(ex.Velocity, names))
     given = [slopes.get(ex.Velocity(name), ex.ZERO) for name in names]
-    shorter = (short_forms.inside(short_forms.related(short_forms.simplified(slope))) for slope in given)
-    shortest = map(short_forms.shortest, zip(shorter, given, strict=True))
+    shorter = (writing.inside(writing.related(writing.simplified(slope))) for slope in given)
+    shortest = map(writing.shortest, zip(shorter, given, strict=True))
     return tuple(writing.with_products_in_order(slope, constants) for slope in shortest)
 
 
@@ -172,7 +172,7 @@ def _energy(parts: inverses.Parts) -> ex.Expression:
     for block in parts.blocks:
         slopes = euler_lagrange.gradient(block.function, block.velocities)
         works = [rate * slope for rate, slope in slopes.items()]
-        terms.append(short_forms.inside(short_forms.related(short_forms.simplified(ex.add(*works) - block.function))))
+        terms.append(writing.inside(writing.related(writing.simplified(ex.add(*works) - block.function))))
     return ex.add(*terms[1:], terms[0])
 
 
@@ -241,7 +241,7 @@ def _best(
             found.append(_Chosen(branch, judgment))
 
     def preference(one: _Chosen) -> tuple[bool, int, int]:
-        moving = any(short_forms.velocities_in(tree, block.names) for tree in one.judgment.conditions)
+        moving = any(writing.velocities_in(tree, block.names) for tree in one.judgment.conditions)
         return not moving, one.judgment.holding, -ex.node_count(one.branch.hamiltonian)
 
     return max(found, key=preference, default=None)
@@ -251,9 +251,9 @@ def _with_variants(branches: Iterator[inverses.InverseBranch]) -> Iterator[inver
     """Each branch after shorter forms of it that hold on parts of its domain only; all are checked."""
     for branch in branches:
         forms: list[Callable[[ex.Expression], ex.Expression]] = [
-            short_forms.roots_apart,
-            partial(short_forms.cancelled, 1),
-            partial(short_forms.cancelled, -1),
+            writing.roots_apart,
+            partial(writing.cancelled, 1),
+            partial(writing.cancelled, -1),
         ]
         for form in forms:
             other = inverses.InverseBranch(
@@ -272,15 +272,15 @@ def _closed(
     for block, found in zip(parts.blocks, chosen, strict=True):
         rates.update(zip(block.names, (_placed(v, table) for v in found.branch.velocities), strict=True))
     chained = tuple(rates[name] for name in names)
-    energies = [short_forms.exponentials_above(_placed(found.branch.hamiltonian, table)) for found in chosen]
+    energies = [writing.exponentials_above(_placed(found.branch.hamiltonian, table)) for found in chosen]
     plain = ex.add(*energies, ex.negated(parts.free))
     apart = ex.add(collecting.collect(ex.add(*energies)), ex.negated(parts.free))
     mixed = ex.add(
         collecting.collect(ex.add(*energies, parts.written, ex.negated(parts.free))), ex.negated(parts.written)
     )
-    short = short_forms.inside(short_forms.shortest([plain, apart, mixed, collecting.collect(plain)]))
+    short = writing.inside(writing.shortest([plain, apart, mixed, collecting.collect(plain)]))
     whole = writing.roots_upright(writing.joined(short))
-    whole = short_forms.shortest_form(whole, implicit.symbols, [*map(ex.Symbol, names)])
+    whole = writing.shortest_form(whole, implicit.symbols, [*map(ex.Symbol, names)])
     whole = writing.plain_quotients(writing.one_square(whole))
     constants = _constants_of(implicit.lagrangian, names)
     whole = writing.with_one_coefficient(writing.minus_inside(whole), implicit.symbols)
@@ -316,8 +316,8 @@ def _constants_of(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[ex.S
 def _placed(tree: ex.Expression, table: dict[ex.Expression, ex.Expression]) -> ex.Expression:
     """The tree with p - A for p; collected where that is shorter."""
     placed = ex.substitute(tree, table)
-    forms = [placed, short_forms.simplified(placed), writing.collected_inside(placed)]
-    return placed if placed == tree else short_forms.shortest(forms)
+    forms = [placed, writing.simplified(placed), writing.collected_inside(placed)]
+    return placed if placed == tree else writing.shortest(forms)
 
 
 def _noted(transform: LegendreTransform, note: str) -> LegendreTransform:
@@ -333,9 +333,9 @@ def _branch_note(conditions: Sequence[ex.Expression], names: Sequence[str]) -> s
     if not conditions:
         return ""
     named = " and ".join(
-        dict.fromkeys(f"{printing.to_text(short_forms.sign_part(condition))} > 0" for condition in conditions)
+        dict.fromkeys(f"{printing.to_text(writing.sign_part(condition))} > 0" for condition in conditions)
     )
-    if not any(short_forms.velocities_in(condition, names) for condition in conditions):
+    if not any(writing.velocities_in(condition, names) for condition in conditions):
         return f"H is written for {named}."
     return f"p = dL/dv has more than one inverse; this H belongs to the branch on which {named}."
 
@@ -345,7 +345,7 @@ def _degenerate(
 ) -> errors.InputError:
     """The refusal of a Lagrangian whose momenta do not determine the velocities."""
     detail = "the Lagrangian is degenerate, its matrix d2L/dv_i dv_j is singular everywhere"
-    lost = [name for name in names if not any(short_forms.velocities_in(p, [name]) for p in implicit.momenta)]
+    lost = [name for name in names if not any(writing.velocities_in(p, [name]) for p in implicit.momenta)]
     if lost:
         detail += f" (no momentum depends on the velocity of {', '.join(lost)})"
     elif vanishes_at(implicit.hamiltonian + parts.free, points):
@@ -596,7 +596,7 @@ def constraint_images(
     the constraints stay in the velocities. Values: one tree for each constraint.
     """
     if transform.velocities is None:
-        return tuple(map(short_forms.simplified, constraints))
+        return tuple(map(writing.simplified, constraints))
     place = _phase_space(transform, transform.velocities, coordinates)
     return tuple(_image(constraint, place) for constraint in constraints)
 
@@ -612,14 +612,14 @@ def _phase_space(
     variables: frozenset[ex.Expression] = frozenset([*map(ex.Symbol, coordinates), *transform.symbols, *rates, ex.TIME])
     held = [rule([transform.lagrangian]) for rule in (real_branch.poles, real_branch.own_requirements)]
     divisors = [ex.substitute(tree, first) for trees in held for tree in trees]
-    harmless = frozenset(_key(factor) for tree in divisors for factor, _ in ex.powers_of(short_forms.quotient(tree)))
+    harmless = frozenset(_key(factor) for tree in divisors for factor, _ in ex.powers_of(writing.opaque_quotient(tree)))
     return _PhaseSpace(first, last, variables, harmless)
 
 
 def _image(constraint: ex.Expression, place: _PhaseSpace) -> ex.Expression:
     """The numerator without its harmless factors; the pivots' velocities are substituted at the end."""
     kept = []
-    for factor, exponent in ex.powers_of(short_forms.quotient(ex.substitute(constraint, place.first))):
+    for factor, exponent in ex.powers_of(writing.opaque_quotient(ex.substitute(constraint, place.first))):
         if factor == ex.ZERO:
             return ex.ZERO
         if exponent > 0 and not _is_harmless(factor, place):

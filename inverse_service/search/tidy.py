@@ -18,7 +18,7 @@ from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import Lagrangian
 from inverse_service.expressions import collecting, printing, tree as ex
 from inverse_service.field import exact_field, modular, real_branch, tower as towers
-from inverse_service.mechanics import euler_lagrange, short_forms, writing
+from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import antiderivatives, terms as tm
 
@@ -347,8 +347,8 @@ def _other_forms(tree: ex.Expression, system: SecondOrderSystem, of_terms: bool)
         with suppress(*tm.FAILED):
             found.append(form(system, tree))
     velocities, positions = ([kind(name) for name in system.coordinates] for kind in (ex.Velocity, ex.Symbol))
-    springs = short_forms.sums_of_squares(tree, tuple(positions))
-    return [*found, *short_forms.short_forms(tree, velocities), *springs]
+    springs = writing.sums_of_squares(tree, tuple(positions))
+    return [*found, *writing.short_forms(tree, velocities), *springs]
 
 
 @lru_cache(maxsize=1024)
@@ -426,7 +426,7 @@ def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
         short = {v: tm.tree_of(tm.shortest_in_angles(c)) for v, c in rates.items()}
         # One term stays as it is: the square has 2 sin(u) cos(u), not sin(2 u).
         whole = ex.add(*((tm.tree_of(c) if len(c) == 1 else short[v]) * tm.monomial_tree(v) for v, c in rates.items()))
-        squares = filter(_is_square, short_forms.short_forms(whole, velocities) if len(rates) > 1 else ())
+        squares = filter(_is_square, writing.short_forms(whole, velocities) if len(rates) > 1 else ())
         square = next(squares, None)
         parts += [] if square is None else [constants * square]
         plain += [constants * c * tm.monomial_tree(v) for v, c in short.items() if square is None]
@@ -440,7 +440,7 @@ def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
 def _with_proper_quotients(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     """The tree with proper quotients, and what is above their lines as squares if possible."""
     symbols, velocities = ([kind(name) for name in system.coordinates] for kind in (ex.Symbol, ex.Velocity))
-    return _with_whole_squares(system, short_forms.proper_quotients(tree, velocities, [*symbols, ex.TIME]))
+    return _with_whole_squares(system, writing.proper_quotients(tree, velocities, [*symbols, ex.TIME]))
 
 
 def _is_square(tree: ex.Expression) -> bool:
@@ -453,7 +453,7 @@ def _with_squares_inside(system: SecondOrderSystem, tree: ex.Expression) -> ex.E
     letters = tuple(map(ex.Symbol, (*system.coordinates, *system.parameters)))
     match tree:
         case ex.Power(ex.Sum() as inner, ex.Number(e)) if (e < 0 or e.denominator > 1) and not tm.has_velocity(inner):
-            return min([inner, *short_forms.sums_of_squares(inner, letters)], key=_preference) ** e
+            return min([inner, *writing.sums_of_squares(inner, letters)], key=_preference) ** e
     return tree
 
 
@@ -615,7 +615,7 @@ def _by_squares_of(name: str, other: str, system: SecondOrderSystem, tree: ex.Ex
     found = list[ex.Expression]()
     for outer, inner in groups.items():
         whole = tm.tree_of(inner)
-        squares = short_forms.sums_of_squares(whole, letters) if letters else ()
+        squares = writing.sums_of_squares(whole, letters) if letters else ()
         found.append(tm.monomial_tree(outer) * min([whole, *squares], key=_preference))
     return ex.add(*found)
 
@@ -670,7 +670,7 @@ def _part(outer: tm.Monomial, inner: tm.Terms, system: SecondOrderSystem) -> ex.
     quotient = _quotient(plain, system.parameters, system.coordinates)
     if _is_sum_of(quotient, len(inner)) and _size(quotient) >= _size(plain):
         return whole
-    power = short_forms.as_power(collecting.expand(plain))
+    power = writing.as_power(collecting.expand(plain))
     return min(whole, *(constant * _constants_first(one, system) * rates for one in (quotient, power)), key=_size)
 
 

@@ -21,7 +21,6 @@ from inverse_service.mechanics import (
     euler_lagrange,
     implicit_equations,
     second_order_system,
-    short_forms,
     writing,
 )
 from inverse_service.mechanics.legendre import legendre
@@ -302,9 +301,9 @@ def in_few_terms(lagrangian: ex.Expression, names: nm.Names, texts: Sequence[str
     velocity = next((velocity for velocity in slopes[0] if velocity in slopes[1]), None)
     if velocity is None:
         return lagrangian
-    factor = short_forms.exact_quotient(slopes[0][velocity] / slopes[1][velocity])
+    factor = writing.exact_quotient(slopes[0][velocity] / slopes[1][velocity])
     terms = [factor * term for term in ex.summands(short)]
-    rest = short_forms.exact_quotient(lagrangian - ex.add(*terms))
+    rest = writing.exact_quotient(lagrangian - ex.add(*terms))
     if ex.holds(factor, ex.TIME, *moving) or ex.holds(rest, *moving):
         return lagrangian
     return writing.with_products_in_order(ex.add(*terms, rest), [*map(ex.Symbol, system.parameters)])
@@ -314,7 +313,7 @@ def _written(tree: ex.Expression, constants: Sequence[ex.Symbol]) -> ex.Expressi
     """An acceleration as one quotient or multiplied out, whichever is shorter; with the relations among its roots."""
     forms = [collecting.collect(tree), writing.one_square(tree)]
     if any(isinstance(node, ex.Power) and node.exponent in (ex.HALF, ex.negate(ex.HALF)) for node in ex.walk(tree)):
-        forms.append(short_forms.exact_quotient(tree))
+        forms.append(writing.exact_quotient(tree))
     shorter = min(forms, key=ex.node_count)
     return writing.with_products_in_order(shorter, constants)
 
