@@ -12,11 +12,11 @@ from fractions import Fraction
 
 from inverse_service.expressions.refusals import fault
 from inverse_service.reading import tokens as tk
-from inverse_service.reading.prose import UNUSED, note
-from inverse_service.reading.tokens import Line, Token, Tokens, bracket
+from inverse_service.reading.tokens import Line, Token, Tokens, bracket, note
 
 MATRICES = ("matrix", "pmatrix", "bmatrix")
 BOLD = ("mathbf", "boldsymbol", "bm", "pmb", "textbf", "vec", "overrightarrow", "underline")
+UNUSED = "a vector that is not used"
 _JOINS = (*tk.JOINING, *tk.CONDITIONAL, ",")  # r'' = -k r for r = (x, y), k > 0
 Value = list[list[Tokens]]  # rows of cells; a scalar is one cell
 

@@ -27,8 +27,7 @@ from inverse_service.expressions import calculus, tree as ex
 from inverse_service.expressions.pieces import either, piecewise, step
 from inverse_service.expressions.refusals import LIMITS, at_most, fault, limit_passed, refusal, shorten
 from inverse_service.reading import names as nm, tokens as tk
-from inverse_service.reading.prose import note
-from inverse_service.reading.tokens import Token, Tokens, at
+from inverse_service.reading.tokens import Token, Tokens, at, note
 
 _BITS_PER_DIGIT = 3.3219280948873626
 _LARGEST_FACTORIAL = 20

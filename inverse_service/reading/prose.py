@@ -14,16 +14,13 @@ What is removed, or read differently from how it is written, is noted for the re
 
 import re
 from collections.abc import Collection, Container, Iterator, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 from inverse_service.expressions import letters
 from inverse_service.reading import names as nm
+from inverse_service.reading.tokens import note
 
-_NOTES: ContextVar[dict[str, str] | None] = ContextVar("notes", default=None)
-LEFT_OUT, UNUSED = "left out", "a vector that is not used"
 _WORDS = {kind: frozenset(words) for kind, words in nm.WORDS["sentences"].items()}
 # Words that make a sentence, that can begin a clause alone, and that a formula may follow.
 _OF_SENTENCES, BEGINNINGS, _OPENERS = (_WORDS[kind] for kind in ("sentences", "beginnings", "openers"))
@@ -48,23 +45,6 @@ _FIRST_ITEM, _ITEM_INSIDE = re.compile(r"\s*\([ai]\)\s"), re.compile(r"\s\((?:[b
 _SETS = nm.pattern("prose", "sets")
 _ALLOWED = nm.pattern("prose", "allowed")
 _COUNTED = nm.pattern("prose", "counted")
-
-
-@contextmanager
-def noted() -> Iterator[dict[str, str]]:
-    """Collect texts that are interpreted differently from how they were typed (kx as k*x), and omitted lines."""
-    notes: dict[str, str] = {}
-    mark = _NOTES.set(notes)
-    try:
-        yield notes
-    finally:
-        _NOTES.reset(mark)
-
-
-def note(text: str, meant: str = LEFT_OUT) -> None:
-    """Record for the caller of `noted` that a text was interpreted as another."""
-    if (notes := _NOTES.get()) is not None:
-        notes[text] = meant
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from fractions import Fraction
 from functools import lru_cache
 
 from inverse_service import errors
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import calculus, tree as ex
 from inverse_service.expressions.refusals import fault, most_characters, shorten
 from inverse_service.reading import components, latex, notations, parser, prose, tokens as tk
 from inverse_service.reading.names import FUNCTIONS, GREEK_NAMES, MAY_BE_FUNCTIONS, Names, pattern, written_product
@@ -27,8 +27,10 @@ _BY_INDEX = re.compile(r"('')_?(?:\{([xts])\2\}|([xts])\3(?!\w))")
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
 _LETTER_OF_A_FORM = re.compile(rf"(?:[A-Za-z]|{'|'.join(sorted(GREEK_NAMES))})(?:_?[0-9]+)?")
 _OF_PROGRAMS = re.compile(r"[A-Za-z']\[|==|\.diff\(|\w\$\d|:=\s*\{")
+# Names, numbers, and signs of our own notation; ( ) around one name may be a label.
+_OWN_SIGNS = re.compile(r"(?:[A-Za-z]\w*+'*+|[0-9]++|\((?!\s*\w+\s*\))|[-+*/^=) ])++", re.ASCII)
 OF_A_FORM = Fraction(1)  # marks a name with a prime that replaces a differential
-LEFT_OUT, note, noted = prose.LEFT_OUT, prose.note, prose.noted
+LEFT_OUT, note, noted = tk.LEFT_OUT, tk.note, tk.noted
 CONDITION = "a condition that is not used"
 _JOINS = dict.fromkeys(tk.JOINING, ("=", *tk.COMPARED)) | dict.fromkeys(tk.CONDITIONAL, tk.COMPARED)
 _CONSTANT = ("const", "constant")
@@ -101,13 +103,10 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
 def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[str, str]]:
     """The tokens and the notes about them; the last argument, the length limit, is only a cache key."""
     with noted() as notes:
-        _refuse_lost_backslashes(formula)
-        formula = _GREEK_OF_MATHEMATICA.sub(_greek, formula)
-        is_tex, formula = is_latex(formula), _with_dots_after_letters(without_words(formula, names.declared()))
-        formula = _RAISED_FIRST.sub(r"\2\1", _BY_INDEX.sub(lambda index: index[1].ljust(len(index[0])), formula))
-        scanned = latex.tokenize(formula, names) if is_tex else tk.tokenize(formula, names.declared())
-        in_our_words = notations.with_derivatives if is_tex else notations.in_our_words
-        tokens = in_our_words(_with_products(components.by_components(scanned, is_tex), names), names)
+        if _is_our_own(formula, names.declared()):
+            tokens, is_tex = _with_products(tk.tokenize(formula, names.declared()), names), False
+        else:
+            tokens, formula, is_tex = _translated(formula, names)
         tk.refuse_decimal_commas(tokens)
         _ask_about_primes(tokens, names.energy, is_tex)
         if names.forms:
@@ -115,6 +114,26 @@ def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[s
             tokens = _with_forms(tokens, names, tk.moves(tokens))
         tokens = _without_remarks(tokens, formula, names)
         return tuple(_without_labels(tokens, names)), notes
+
+
+def _is_our_own(formula: str, declared: Collection[str]) -> bool:
+    """Whether a text has no words and no notation of others; d is no name here, because it may be a derivative."""
+    if not _OWN_SIGNS.fullmatch(formula) or formula.count("(") != formula.count(")"):
+        return False
+    words = set(re.findall(r"[A-Za-z]\w*", formula)).difference(declared)
+    return all((len(word) == 1 and word not in "dD") or word in calculus.FUNCTION for word in words)
+
+
+def _translated(formula: str, names: Names) -> tuple[list[Token], str, bool]:
+    """The tokens in our notation, the text without words at the same columns, and whether it is LaTeX."""
+    _refuse_lost_backslashes(formula)
+    formula = _GREEK_OF_MATHEMATICA.sub(_greek, formula)
+    is_tex, formula = is_latex(formula), _with_dots_after_letters(without_words(formula, names.declared()))
+    formula = _RAISED_FIRST.sub(r"\2\1", _BY_INDEX.sub(lambda index: index[1].ljust(len(index[0])), formula))
+    scanned = latex.tokenize(formula, names) if is_tex else tk.tokenize(formula, names.declared())
+    in_our_words = notations.with_derivatives if is_tex else notations.in_our_words
+    tokens = in_our_words(_with_products(components.by_components(scanned, is_tex), names), names)
+    return tokens, formula, is_tex
 
 
 def _ask_about_primes(tokens: Line, energy: bool, latex: bool) -> None:
@@ -409,7 +428,7 @@ def _with_dots_after_letters(formula: str) -> str:
 
 def without_words(formula: str, declared: Collection[str] = ()) -> str:
     """The formula with the words around it replaced by separators and blanks; each removal is noted."""
-    return prose.without_words(formula, is_latex(formula), declared)
+    return formula if _is_our_own(formula, declared) else prose.without_words(formula, is_latex(formula), declared)
 
 
 def _greek(match: re.Match[str]) -> str:
@@ -471,12 +490,13 @@ def refuse_remark(line: Line, place: int, alone: Collection[str]) -> None:
     """
     token, before, after = line[place], at(line, place - 1), at(line, place + 1)
     shown = shorten(token.text)
-    if token.kind == "name" and prose.is_word(token.text) and token.text not in alone and _is_signed_term(line, place):
+    unknown = token.kind == "name" and token.text not in alone
+    if unknown and _is_signed_term(line, place) and prose.is_word(token.text):
         span = (token.column, at(line, place + 2).column)
         raise fault("word before a sign", token.column, span, name=token.text, sign=after.text)
     behind = before.text not in FUNCTIONS and before.kind in ("name", "number", "prime", "bracket")
     ahead = after.kind in ("name", "number") or (after.is_bracket() and after.space_before)
-    if token.kind == "name" and prose.is_word(token.text) and token.text not in alone and (behind or ahead):
+    if unknown and (behind or ahead) and prose.is_word(token.text):
         short = ["*".join(token.text)] * (len(token.text) <= prose.SHORTEST_WORD + 1)
         meant = (*(f"{'*' * behind}{name}{'*' * ahead}" for name in (token.text, *short)), " ")
         raise fault("word as a factor", token.column, token.span, meant, shown=shown)

@@ -13,6 +13,8 @@ import itertools
 import re
 import unicodedata
 from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
@@ -55,6 +57,25 @@ _REASONS, _REFUSED_SIGNS = reasons("characters"), reasons("signs")
 _OTHER_PROGRAMS = pattern("tokens", "other_programs")
 _OTHER_SIGNS = {"times": ",", "end": ";", "nothing": "", "dot": ".", "power": "@", None: ""}
 _OTHERWISE = Reason("", "use letters, digits, + - * / ^ ( ) , = and '")
+LEFT_OUT = "left out"
+_NOTES: ContextVar[dict[str, str] | None] = ContextVar("notes", default=None)
+
+
+@contextmanager
+def noted() -> Iterator[dict[str, str]]:
+    """Collect texts that are interpreted differently from how they were typed (kx as k*x), and omitted lines."""
+    notes: dict[str, str] = {}
+    mark = _NOTES.set(notes)
+    try:
+        yield notes
+    finally:
+        _NOTES.reset(mark)
+
+
+def note(text: str, meant: str = LEFT_OUT) -> None:
+    """Record for the caller of `noted` that a text was interpreted as another."""
+    if (notes := _NOTES.get()) is not None:
+        notes[text] = meant
 
 
 @dataclass(frozen=True, slots=True)

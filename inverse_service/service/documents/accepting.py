@@ -356,7 +356,7 @@ def _placed(value: Any, pointer: str) -> Iterator[tuple[str, str]]:
 def _found_time(plain: Mapping[str, Any]) -> str:
     """The x of y''(x), d^2y/dx^2, diff(y(x), x, 2), where all second derivatives are by the same name."""
     found, moving = set(), set()
-    for text in _texts({key: plain[key] for key in FORMULAS if key in plain}):
+    for text in _texts([plain[key] for key in FORMULAS if key in plain]):
         tokens = reader.tokens_if_any(text, nm.Names(guesses=True))
         orders = document_names.derivatives(tokens)
         found |= {by for name, by, order in orders if order == 2 and name not in _declared(plain, ("functions",))}
