@@ -21,7 +21,7 @@ from inverse_service.certificate import cell as cells, checker, formulas
 from inverse_service.decision import deciding
 from inverse_service.expressions import calculus, collecting, inequalities, notation, printing, tree as ex
 from inverse_service.field import exact_field, real_branch, tower
-from inverse_service.mechanics import euler_lagrange, implicit_equations, writing
+from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.reading import names as nm, reader
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def of_lagrangian(
 def _factors_of_lines(analysis: deciding.Analysis, lagrangian: ex.Expression) -> dict[str, Any]:
     """{"factors": c_i with d2L/dv_i dv_j = c_i dE_i/dq''_j} unless all c_i are 1."""
     system = analysis.system
-    lines = [implicit_equations.linear_equation(equation).coefficients for equation in system.given]
+    lines = [euler_lagrange.linear_equation(equation).coefficients for equation in system.given]
     quotients = []
     for line, row in zip(lines, euler_lagrange.hessian(lagrangian, system.coordinates), strict=True):
         entry, below = next((g, line[q]) for q, g in zip(system.coordinates, row, strict=True) if q in line)

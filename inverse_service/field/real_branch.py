@@ -18,7 +18,8 @@ u < 0; |u| is written sqrt(u^2), and sign(u) is u/sqrt(u^2). A root of T^2 O is 
 part of T with odd exponents. Roots whose product is a root of a square (sqrt(xy) and sqrt(x/y)) are split in the same
 way, with the signs of their factors as cases. asin(sin u) and similar are u and pi - u on neighboring intervals.
 
-`vanish` and `rank_at_point` test formulas at random points modulo primes.
+`sample_points` are random real points at which claims about formulas are tried (`vanishes_at`, `is_singular`); `vanish`
+and `rank_at_point` test formulas at random points modulo primes.
 """
 
 from __future__ import annotations
@@ -48,6 +49,12 @@ _TINY = mpmath.mpf(10) ** -12
 _HUGE = mpmath.mpf(10) ** 2000  # the checker's balls distinguish numbers up to 2^8192 = 10^2466
 
 RealTable = dict[ex.Expression, mpmath.mpf]
+# Points at which claims about formulas are tried, to `bounds.DIGITS` digits: most, of many names, with all names
+# positive, and for a test of one formula; widths in the order in which they are drawn.
+_MOST_POINTS, _FEWER_POINTS, _MOST_POSITIVE, _POINTS = 20, 8, 6, 3
+_MANY_NAMES = 100
+_SEED = 18_340_115
+_WIDTHS = ("1", "1", "3", "0.4", "6", "0.1")
 _MOST_TERMS, _CAPACITY = 3_000, 48
 # The largest multiple of an angle under a root; the degree of its sine in the tangent of the half angle is twice this.
 _LARGEST_MULTIPLE = 24
@@ -215,6 +222,158 @@ def _may_be_tiny(expression: ex.Expression) -> bool:
     return isinstance(expression, ex.Power) or (
         isinstance(expression, ex.Apply) and expression.function in ("exp", "cosh")
     )
+
+
+def sample_points(
+    trees: Sequence[ex.Expression], positive: Sequence[ex.Expression] = (), most: int = _MOST_POINTS
+) -> list[RealTable]:
+    """Up to 20 points (8 of many names) at which every tree is real, up to six of them with all names positive.
+
+    All trees of `positive` are so at each of them. `most` is a lower limit on their number.
+
+    Equal calls of an arbitrary function get the same value however their arguments are written.
+    """
+    leaves, calls = _leaves((*trees, *positive))
+    source, boxes = random.Random(_SEED), _boxes(positive)
+    most = most if len(leaves) <= _MANY_NAMES else min(most, _FEWER_POINTS)
+    found: list[RealTable] = []
+    in_all = 0
+    with mpmath.workdps(bounds.DIGITS):
+        least = mpmath.mpf("0.05")
+        for attempt in range(bounds.TRIES):
+            width = mpmath.mpf(_WIDTHS[attempt // 2 % len(_WIDTHS)])
+            in_quadrant = attempt % 2 == 0
+            if in_quadrant and in_all == _MOST_POSITIVE:
+                continue
+            point = {
+                leaf: _draw_inside(source, *boxes[leaf], _draw_wide(source, width, least, True))
+                if leaf in boxes
+                else _draw_wide(source, width, least, in_quadrant)
+                for leaf in leaves
+            }
+            point.update({call: point[canonical] for call, canonical in calls.items()})
+            inside = all(is_positive_at(condition, point) for condition in positive)
+            if inside and all(value_at(tree, point) is not None for tree in trees):
+                found.append(point)
+                in_all += in_quadrant
+            if len(found) == most:
+                break
+    return found
+
+
+def _leaves(trees: Sequence[ex.Expression]) -> tuple[list[ex.Expression], dict[ex.Arbitrary, ex.Expression]]:
+    """What is drawn, and for every call of an arbitrary function its canonical form, which is drawn too."""
+    nodes = dict.fromkeys(ex.distinct_nodes(trees))
+    if any(isinstance(node, ex.Arbitrary) for node in nodes):  # calls that only collecting brings to light
+        nodes |= dict.fromkeys(ex.distinct_nodes(map(collecting.collect, trees)))
+    calls = {node: collecting.collect(node) for node in nodes if isinstance(node, ex.Arbitrary)}
+    drawn = [node for node in nodes if isinstance(node, ex.Symbol | ex.Velocity) and node != ex.PI]
+    return [*drawn, *dict.fromkeys(calls.values())], calls
+
+
+def _draw_wide(source: random.Random, width: mpmath.mpf, least: mpmath.mpf, positive: bool) -> mpmath.mpf:
+    size = width * (mpmath.mpf(source.randrange(1, 10**18)) / 10**18 + least)
+    return size if positive or source.random() < 0.5 else -size
+
+
+def _draw_inside(source: random.Random, low: Fraction | None, high: Fraction | None, size: mpmath.mpf) -> mpmath.mpf:
+    """Between the two, or at a distance of this size from the only one."""
+    if low is None or high is None:
+        return _real(low) + size if low is not None else _real(high or Fraction(0)) - size
+    return _real(low + (high - low) * Fraction(source.randrange(1, 10**18), 10**18))
+
+
+def _real(value: Fraction) -> mpmath.mpf:
+    return mpmath.mpf(value.numerator) / value.denominator
+
+
+def _boxes(positive: Sequence[ex.Expression]) -> dict[ex.Expression, tuple[Fraction | None, Fraction | None]]:
+    """(a, b) of each name u of which u - a > 0 or b - u > 0 are among the conditions; None for what is not."""
+    low: dict[ex.Expression, Fraction] = {}
+    high: dict[ex.Expression, Fraction] = {}
+    for condition in positive:
+        slope, level = (condition, Fraction(0))
+        match condition:
+            case ex.Sum((part, ex.Number(c))):
+                slope, level = part, c
+        match slope:
+            case ex.Symbol() | ex.Velocity() as leaf:
+                low[leaf] = max(-level, low.get(leaf, -level))
+            case ex.Product((ex.Number(k), ex.Symbol() | ex.Velocity() as leaf)) if k == -1:
+                high[leaf] = min(level, high.get(leaf, level))
+    leaves = dict.fromkeys([*low, *high])
+    return {u: (low.get(u), high.get(u)) for u in leaves if u not in low or u not in high or low[u] < high[u]}
+
+
+def value_at(tree: ex.Expression, point: RealTable) -> mpmath.mpf | None:
+    """The value in the working precision, None where there is none; the point keeps it, with those of its parts."""
+    try:
+        return calculus.evaluate_once(tree, point)
+    except calculus.NoRealValue:
+        return None
+
+
+def is_positive_at(condition: ex.Expression, point: RealTable) -> bool:
+    number = value_at(condition, point)
+    return number is not None and bool(number > 0)
+
+
+def vanishes_at(tree: ex.Expression, points: Sequence[RealTable]) -> bool:
+    """Whether the tree is 0 to 40 digits at every point at which it is real (one at least)."""
+    with mpmath.workdps(bounds.DIGITS):
+        values = [number for number in (value_at(tree, point) for point in points) if number is not None]
+        return bool(values) and all(abs(number) <= mpmath.mpf(10) ** -bounds.AGREEING for number in values)
+
+
+def is_singular(matrix: Sequence[Sequence[ex.Expression]], points: Sequence[RealTable]) -> bool:
+    """Whether the determinant vanishes at every point at which the entries are real (one at least)."""
+    verdicts = []
+    with mpmath.workdps(bounds.DIGITS):
+        for point in points:
+            rows = [[value_at(entry, point) for entry in row] for row in matrix]
+            if all(entry is not None for row in rows for entry in row):
+                verdicts.append(_vanishes(rows))
+            if verdicts and not verdicts[-1]:
+                return False
+    return bool(verdicts)
+
+
+def _vanishes(rows: list[list[mpmath.mpf]]) -> bool:
+    """|det| against the product of the lengths of the rows (Hadamard)."""
+    bound = mpmath.fprod(mpmath.norm(row) for row in rows)
+    return bool(bound == 0 or abs(mpmath.det(mpmath.matrix(rows))) <= mpmath.mpf(10) ** -bounds.AGREEING * bound)
+
+
+def vanishes(tree: ex.Expression) -> bool:
+    """True where the tree is 0 at several random points, relative to the size of its terms.
+
+    InputError where it is 0 at all points found, and these are fewer.
+    """
+    points = sample_points([tree], most=_POINTS)
+    with mpmath.workdps(bounds.DIGITS):
+        vanished = all(is_small(tree, point) for point in points)
+    if vanished and len(points) < _POINTS:
+        raise errors.InputError(
+            "no point was found at which the coefficients of the accelerations are real: check roots and logarithms.",
+            "/equations",
+        )
+    return vanished
+
+
+def is_small(tree: ex.Expression, table: RealTable) -> bool:
+    """Whether a factor is 0 to the working precision; a sum is measured against the sizes of its terms."""
+    match tree:
+        case ex.Power(base, _):
+            return is_small(base, table)
+        case ex.Product(factors):
+            return any(is_small(factor, table) for factor in factors)
+        case ex.Sum(terms):
+            known = dict(table)
+            values = [calculus.evaluate_once(term, known) for term in terms]
+        case _:
+            values = [calculus.evaluate(tree, table)]
+    size = mpmath.fsum(map(abs, values)) if len(values) > 1 else 1
+    return bool(abs(mpmath.fsum(values)) <= mpmath.mpf(10) ** (10 - bounds.DIGITS) * size)
 
 
 def turns(

@@ -26,7 +26,7 @@ from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Vel
 from inverse_service.field import exact_field
 from inverse_service.field.matrices import determinant, dot, reduced_rows, solve_square, weight
 from inverse_service.field.real_branch import RealTable, first_real_point
-from inverse_service.mechanics import implicit_equations, second_order_system, writing
+from inverse_service.mechanics import euler_lagrange, second_order_system, writing
 from inverse_service.mechanics.second_order_system import ConstrainedMotion
 from inverse_service.reading import document_names, names as nm, reader
 
@@ -406,7 +406,7 @@ def open_places(
     minor = determinant([[row[column] for column in choice.dependent] for row in parts.rows], one)
     whole = minor * minor * determinant(inertia, one)
     trees = [tree for tree in exact_field.factor_trees(parts.ring, whole) if not moving.isdisjoint(walk(tree))]
-    return implicit_equations.unseen(trees, formulas)
+    return euler_lagrange.unseen(trees, formulas)
 
 
 def eliminate_multipliers(parts: Geometry, choice: Frame) -> EliminatedMotion:

@@ -35,8 +35,8 @@ from itertools import combinations, combinations_with_replacement, product
 
 from inverse_service import bounds
 from inverse_service.expressions import calculus, collecting, tree as ex
-from inverse_service.field import exact_field, matrices
-from inverse_service.mechanics import euler_lagrange, implicit_equations, second_order_system, writing
+from inverse_service.field import exact_field, matrices, real_branch
+from inverse_service.mechanics import euler_lagrange, second_order_system, writing
 
 Matrix = tuple[tuple[ex.Expression, ...], ...]
 _INVERSES: dict[str, str] = {
@@ -495,7 +495,7 @@ def _log_of_quotient(
     (over, c), (under, d) = ((node, writing.simplified(ex.add(*terms) / node)) for node, terms in parts.items() if node)
     if writing.simplified(c + d) != ex.ZERO:
         return None
-    if implicit_equations.vanishes_at(rest, implicit_equations.sample_points([rest])):
+    if real_branch.vanishes_at(rest, real_branch.sample_points([rest])):
         return over, under, momentum / c
     return over, under, (momentum - writing.simplified(ex.substitute(rest, {rate: ex.ZERO}))) / c
 

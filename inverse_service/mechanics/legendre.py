@@ -18,14 +18,6 @@ from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import calculus, collecting, printing, tree as ex
 from inverse_service.field import real_branch
 from inverse_service.mechanics import euler_lagrange, inverses, writing
-from inverse_service.mechanics.implicit_equations import (
-    Point,
-    is_positive,
-    is_singular,
-    sample_points,
-    value,
-    vanishes_at,
-)
 
 _MANY, _FEW = 16, 4
 _ROUGH_DIGITS, _MOST_DIGITS = 2, 300
@@ -115,10 +107,12 @@ def legendre(
     momenta = dict(zip(names, symbols, strict=True))
     parts = inverses.split(plain, names, momenta)
     implicit = LegendreTransform(lagrangian, symbols, _energy(parts), functions, None, True, renamed)
-    points = sample_points([plain, *functions], positive)
+    points = real_branch.sample_points([plain, *functions], positive)
     if not points:
         return _noted(implicit, "No real point of L was found to check a closed form at; H is given in the velocities.")
-    if any(is_singular(euler_lagrange.hessian(block.function, block.names), points) for block in parts.blocks):
+    if any(
+        real_branch.is_singular(euler_lagrange.hessian(block.function, block.names), points) for block in parts.blocks
+    ):
         raise _degenerate(implicit, parts, names, points)
     # Of many blocks each is judged at few points before the whole is judged at all.
     few = points[-_FEW:] if len(parts.blocks) > _MANY else []
@@ -204,10 +198,10 @@ def _renamed(chosen: _Chosen, first: inverses.Block, block: inverses.Block) -> _
 
 def _in_time(
     block: inverses.Block,
-    points: Sequence[Point],
+    points: Sequence[real_branch.RealTable],
     positive: Sequence[ex.Expression],
     reach: Reach,
-    few: Sequence[Point],
+    few: Sequence[real_branch.RealTable],
 ) -> _Chosen | None:
     """The best branch, or None where the search for it does not end."""
     with suppress(deadline.OutOfTime), deadline.until(reach.last):
@@ -217,10 +211,10 @@ def _in_time(
 
 def _best(
     block: inverses.Block,
-    points: Sequence[Point],
+    points: Sequence[real_branch.RealTable],
     positive: Sequence[ex.Expression],
     reach: Reach,
-    few: Sequence[Point],
+    few: Sequence[real_branch.RealTable],
 ) -> _Chosen | None:
     """A branch with conditions on constants and coordinates alone, then one that holds at most points, then short."""
     functions = euler_lagrange.momenta(block.function, block.names)
@@ -237,7 +231,7 @@ def _best(
             return _Chosen(branch, judgment)
         # Of the points few may lie where the conditions hold: more are drawn there.
         inside = [*positive, *(ex.substitute(condition, known) for condition in judgment.conditions)]
-        if judge(claim, (), sample_points([block.function, *functions], inside)) is not None:
+        if judge(claim, (), real_branch.sample_points([block.function, *functions], inside)) is not None:
             found.append(_Chosen(branch, judgment))
 
     def preference(one: _Chosen) -> tuple[bool, int, int]:
@@ -341,19 +335,21 @@ def _branch_note(conditions: Sequence[ex.Expression], names: Sequence[str]) -> s
 
 
 def _degenerate(
-    implicit: LegendreTransform, parts: inverses.Parts, names: Sequence[str], points: Sequence[Point]
+    implicit: LegendreTransform, parts: inverses.Parts, names: Sequence[str], points: Sequence[real_branch.RealTable]
 ) -> errors.InputError:
     """The refusal of a Lagrangian whose momenta do not determine the velocities."""
     detail = "the Lagrangian is degenerate, its matrix d2L/dv_i dv_j is singular everywhere"
     lost = [name for name in names if not any(writing.velocities_in(p, [name]) for p in implicit.momenta)]
     if lost:
         detail += f" (no momentum depends on the velocity of {', '.join(lost)})"
-    elif vanishes_at(implicit.hamiltonian + parts.free, points):
+    elif real_branch.vanishes_at(implicit.hamiltonian + parts.free, points):
         detail += " (up to a potential L is homogeneous of degree 1 in the velocities)"
     return errors.InputError(f"{detail}: give one whose momenta determine the velocities.")
 
 
-def judge(claim: Claim, conditions: Sequence[ex.Expression], points: Sequence[Point]) -> Judgment | None:
+def judge(
+    claim: Claim, conditions: Sequence[ex.Expression], points: Sequence[real_branch.RealTable]
+) -> Judgment | None:
     """Where the claim holds; None unless it holds at three points at least and wherever the conditions do."""
     nodes = ex.distinct_nodes((*claim.velocities, claim.hamiltonian))
     calls = [node for node in nodes if isinstance(node, ex.Arbitrary)]
@@ -361,7 +357,7 @@ def judge(claim: Claim, conditions: Sequence[ex.Expression], points: Sequence[Po
     with mp.workdps(bounds.DIGITS):
         for point in points:
             known = _with_momenta(claim, point, calls)
-            signs.append([known is not None and is_positive(c, known) for c in conditions])
+            signs.append([known is not None and real_branch.is_positive_at(c, known) for c in conditions])
             holds.append(known is not None and (_holds(claim, known) or _holds_closer(claim, known, calls)))
             if all(signs[-1]) and not holds[-1]:
                 return None
@@ -380,14 +376,18 @@ def _is_right(holds: Sequence[bool], signs: Sequence[Sequence[bool]], needed: Se
     return len(inside) >= _FEWEST_POINTS and all(inside)
 
 
-def _with_momenta(claim: Claim, point: Point, calls: Sequence[ex.Arbitrary]) -> Point | None:
-    momenta: dict[ex.Expression, calculus.Real] = {symbol: value(tree, point) for symbol, tree in claim.momenta.items()}
+def _with_momenta(
+    claim: Claim, point: real_branch.RealTable, calls: Sequence[ex.Arbitrary]
+) -> real_branch.RealTable | None:
+    momenta: dict[ex.Expression, calculus.Real] = {
+        symbol: real_branch.value_at(tree, point) for symbol, tree in claim.momenta.items()
+    }
     if any(p is None for p in momenta.values()):
         return None
     return _with_equal_calls(calls, {**point, **momenta})
 
 
-def _with_equal_calls(calls: Sequence[ex.Arbitrary], point: Point) -> Point:
+def _with_equal_calls(calls: Sequence[ex.Arbitrary], point: real_branch.RealTable) -> real_branch.RealTable:
     """The point with those calls valued whose arguments have the values of those of a call that is drawn."""
     fresh = [call for call in calls if call not in point]
     drawn = [call for call in point if isinstance(call, ex.Arbitrary)] if fresh else []
@@ -399,33 +399,33 @@ def _with_equal_calls(calls: Sequence[ex.Arbitrary], point: Point) -> Point:
     return point
 
 
-def _are_equal(left: Sequence[ex.Expression], right: Sequence[ex.Expression], point: Point) -> bool:
+def _are_equal(left: Sequence[ex.Expression], right: Sequence[ex.Expression], point: real_branch.RealTable) -> bool:
     """Whether the values agree to 40 digits, each pair."""
-    pairs = [(value(a, point), value(b, point)) for a, b in zip(left, right, strict=True)]
+    pairs = [(real_branch.value_at(a, point), real_branch.value_at(b, point)) for a, b in zip(left, right, strict=True)]
     near = mpf(10) ** -bounds.AGREEING
     return all(a is not None and b is not None and abs(a - b) <= near * (1 + abs(a)) for a, b in pairs)
 
 
-def _holds_closer(claim: Claim, point: Point, calls: Sequence[ex.Arbitrary]) -> bool:
+def _holds_closer(claim: Claim, point: real_branch.RealTable, calls: Sequence[ex.Arbitrary]) -> bool:
     """The same with more digits, where digits seem to have been lost in differences of large numbers."""
     if not _holds(claim, point, _ROUGH_DIGITS):
         return False
     with mp.workdps(_MOST_DIGITS):
         leaves = [leaf for leaf in point if isinstance(leaf, ex.Symbol | ex.Velocity | ex.Arbitrary)]
-        fresh: Point = {leaf: point[leaf] for leaf in leaves}
+        fresh: real_branch.RealTable = {leaf: point[leaf] for leaf in leaves}
         closer = _with_momenta(claim, fresh, calls)
         return closer is not None and _holds(claim, closer)
 
 
-def _holds(claim: Claim, point: Point, digits: int = bounds.AGREEING) -> bool:
+def _holds(claim: Claim, point: real_branch.RealTable, digits: int = bounds.AGREEING) -> bool:
     """v(q, p(q, v)) = v and H(q, p(q, v)) = p v - L at a point, to so many digits."""
-    lagrangian = value(claim.lagrangian, point)
+    lagrangian = real_branch.value_at(claim.lagrangian, point)
     if lagrangian is None:
         return False
     rates = [point[ex.Velocity(name)] for name in claim.names]
     works = [point[symbol] * v for symbol, v in zip(claim.momenta, rates, strict=True)]
     expected = [*rates, mp.fsum([*works, -lagrangian])]
-    found = [value(tree, point) for tree in (*claim.velocities, claim.hamiltonian)]
+    found = [real_branch.value_at(tree, point) for tree in (*claim.velocities, claim.hamiltonian)]
     scales = [abs(rate) for rate in rates] + [abs(lagrangian) + mp.fsum(map(abs, works))]
     return all(
         a is not None and abs(a - b) <= mpf(10) ** -digits * scale
@@ -437,7 +437,7 @@ def signs_of_momenta(
     claim: Claim,
     shifts: Mapping[ex.Expression, ex.Expression],
     positive: Sequence[ex.Expression],
-    points: Sequence[Point],
+    points: Sequence[real_branch.RealTable],
 ) -> tuple[ex.Expression, ...]:
     """s (p - A) > 0, s = 1 or -1, for momenta p that have this sign where L is defined, if H has values beyond it.
 
@@ -478,9 +478,11 @@ def _is_affine(tree: ex.Expression) -> bool:
     return ex.has(tree, ex.Velocity)
 
 
-def _sign_at(tree: ex.Expression, points: Sequence[Point]) -> int:
+def _sign_at(tree: ex.Expression, points: Sequence[real_branch.RealTable]) -> int:
     """1 or -1 where it has this sign at all points, else 0."""
-    signs = {int(mp.sign(number)) if (number := value(tree, point)) is not None else 0 for point in points}
+    signs = {
+        int(mp.sign(number)) if (number := real_branch.value_at(tree, point)) is not None else 0 for point in points
+    }
     return signs.pop() if len(signs) == 1 else 0
 
 
@@ -489,20 +491,22 @@ def _leaves_the_image(
     symbol: ex.Symbol,
     tree: ex.Expression,
     positive: Sequence[ex.Expression],
-    points: Sequence[Point],
+    points: Sequence[real_branch.RealTable],
 ) -> bool:
     """Whether H and v(p) have values with the other sign of p - A, and p(v(p)) is never p where L is defined."""
     wrong, near = False, mpf(10) ** -bounds.AGREEING
     for point in points:
-        mirrored: Point = {leaf: point[leaf] for leaf in point if isinstance(leaf, ex.Symbol | ex.Arbitrary)}
+        mirrored: real_branch.RealTable = {
+            leaf: point[leaf] for leaf in point if isinstance(leaf, ex.Symbol | ex.Arbitrary)
+        }
         mirrored[symbol] -= 2 * point[tree]
-        rates = [value(rate, dict(mirrored)) for rate in claim.velocities]
-        if None in rates or value(claim.hamiltonian, dict(mirrored)) is None:
+        rates = [real_branch.value_at(rate, dict(mirrored)) for rate in claim.velocities]
+        if None in rates or real_branch.value_at(claim.hamiltonian, dict(mirrored)) is None:
             continue
-        there: Point = {**mirrored, **dict(zip(map(ex.Velocity, claim.names), rates, strict=True))}
-        found = [(value(p, there), mirrored[name]) for name, p in claim.momenta.items()]
+        there: real_branch.RealTable = {**mirrored, **dict(zip(map(ex.Velocity, claim.names), rates, strict=True))}
+        found = [(real_branch.value_at(p, there), mirrored[name]) for name, p in claim.momenta.items()]
         is_image = all(a is not None and abs(a - b) <= near * (1 + abs(b)) for a, b in found)
-        if is_image and all(is_positive(condition, there) for condition in positive):
+        if is_image and all(real_branch.is_positive_at(condition, there) for condition in positive):
             return False
         wrong = True
     return wrong

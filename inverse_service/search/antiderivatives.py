@@ -39,7 +39,7 @@ from typing import Any
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.field import exact_field, matrices, modular, real_branch
-from inverse_service.mechanics import implicit_equations, writing
+from inverse_service.mechanics import writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import terms as tm
 
@@ -883,7 +883,7 @@ def is_zero(terms: tm.Terms) -> bool:
     if len(terms) < 2:
         return not terms
     try:
-        return implicit_equations.vanishes(tm.tree_of(terms))
+        return real_branch.vanishes(tm.tree_of(terms))
     except errors.InputError:
         return False
 

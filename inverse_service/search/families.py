@@ -26,10 +26,10 @@ from flint import nmod_mat
 
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import calculus, tree as ex
-from inverse_service.field import exact_field, matrices, modular
+from inverse_service.field import exact_field, matrices, modular, real_branch
 from inverse_service.field.echelon import Words
 from inverse_service.field.modular import Variable, variables_in
-from inverse_service.mechanics import implicit_equations, second_order_system
+from inverse_service.mechanics import second_order_system
 from inverse_service.search import ansatz, antiderivatives, terms as tm
 
 # Functions of t that multiply terms. With 4 or 12 a system of three rates (e^(-t), e^(2 t/3), e^(3 t/2)) has
@@ -86,7 +86,7 @@ def excludes_factor_of_time(system: second_order_system.SecondOrderSystem) -> bo
     turned = [ex.dot(row, velocities) - 2 * f for row, f in zip(slopes, system.accelerations, strict=True)]
     with suppress(errors.InputError):
         divergence = ex.add(ex.ZERO, *(row[i] for i, row in enumerate(slopes)))
-        return implicit_equations.vanishes(divergence) or all(map(implicit_equations.vanishes, turned))
+        return real_branch.vanishes(divergence) or all(map(real_branch.vanishes, turned))
     return False
 
 

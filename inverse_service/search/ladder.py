@@ -21,7 +21,7 @@ from inverse_service.deadline import OutOfTime, check, within
 from inverse_service.decision import deciding
 from inverse_service.expressions import calculus, tree as ex
 from inverse_service.field import exact_field, real_branch
-from inverse_service.mechanics import euler_lagrange, implicit_equations
+from inverse_service.mechanics import euler_lagrange
 from inverse_service.search import (
     ansatz,
     antiderivatives,
@@ -211,7 +211,7 @@ def holds_numerically(analysis: deciding.Analysis, tree: ex.Expression, seed: in
                 point = {node: _random_fraction(generator) for node in functions} | near
                 entries = mpmath.matrix([[calculus.evaluate(entry, point) for entry in row] for row in form])
                 is_regular = sum(euler_lagrange.inertia(entries) or ()) == len(system.coordinates)
-                if not (is_regular and all(implicit_equations.is_small(one, point) for one in residuals)):
+                if not (is_regular and all(real_branch.is_small(one, point) for one in residuals)):
                     return False
             return True
     return False

@@ -23,7 +23,6 @@ import numpy as np
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import calculus, tree as ex
 from inverse_service.field import matrices, modular, real_branch
-from inverse_service.mechanics import implicit_equations
 from inverse_service.search import ansatz, antiderivatives, families, terms as tm
 
 # The exponents tried for a polynomial of degree 1 or 2 in v.
@@ -172,7 +171,7 @@ def _may_hold(material: tm.Material, multiplier: LastMultiplier) -> bool:
     ]
     with mpmath.workdps(bounds.DIGITS), suppress(calculus.NoRealValue):
         residual = ex.add(calculus.differentiate(f, v), *rates)
-        return implicit_equations.is_small(residual, material.analysis.real_point or {})
+        return real_branch.is_small(residual, material.analysis.real_point or {})
     return True
 
 

@@ -35,7 +35,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.field.real_branch import RealTable
-from inverse_service.mechanics import euler_lagrange, implicit_equations, writing
+from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.mechanics.second_order_system import Branch, SecondOrderSystem, connected
 from inverse_service.search import antiderivatives, terms as tm
 
@@ -206,7 +206,7 @@ def _undone(given: Sequence[ex.Expression]) -> Iterator[Sequence[ex.Expression]]
 
 def lines_of(system: SecondOrderSystem, equations: Sequence[ex.Expression]) -> Lines:
     """The equations as lines; InputError if an acceleration enters nonlinearly, TooManyTerms if a sum is too long."""
-    parts = [implicit_equations.linear_equation(equation) for equation in equations]
+    parts = [euler_lagrange.linear_equation(equation) for equation in equations]
     names = system.coordinates
     matrix = [[tm.terms_of(part.coefficients[q]) if q in part.coefficients else {} for q in names] for part in parts]
     return Lines(system, matrix, [tm.terms_of(writing.much_shorter(part.rest)) for part in parts])

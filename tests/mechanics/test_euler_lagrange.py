@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from inverse_service.expressions.tree import ONE, ZERO, Expression, Velocity
+from inverse_service.field.real_branch import vanishes
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, hessian, momenta
-from inverse_service.mechanics.implicit_equations import vanishes
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula as parse
 

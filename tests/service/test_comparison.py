@@ -12,7 +12,7 @@ from inverse_service import check, solve
 from inverse_service.expressions import printing
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import negate
-from inverse_service.mechanics import implicit_equations
+from inverse_service.mechanics import euler_lagrange
 from inverse_service.reading import parser as grammar
 from inverse_service.service.documents import accepting, translate
 from inverse_service.service.documents.comparison import Canonical, compared_with_document
@@ -209,12 +209,12 @@ def test_a_fault_between_reading_and_canonical_form_never_leaves(broken: str, mo
     document = {"equations": "x'' + y'' + sin(x) = 0; x'' - y'' = y"}
     assert solve(document)["verdict"] == "variational"
     if broken == "solving":
-        right = implicit_equations.solve_lines
+        right = euler_lagrange.solve_lines
 
-        def wrong(*given: Any) -> implicit_equations.Solved:
-            return implicit_equations.Solved(tuple(map(negate, right(*given).accelerations)))
+        def wrong(*given: Any) -> euler_lagrange.Solved:
+            return euler_lagrange.Solved(tuple(map(negate, right(*given).accelerations)))
 
-        monkeypatch.setattr(implicit_equations, "solve_lines", wrong)
+        monkeypatch.setattr(euler_lagrange, "solve_lines", wrong)
     else:
         monkeypatch.setattr(translate, "printing", SimpleNamespace(**vars(printing) | {"to_text": lambda tree: "0"}))
     result = solve(document)

@@ -16,13 +16,7 @@ from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.field import real_branch, tower
 from inverse_service.field.real_branch import RealTable, requirements
-from inverse_service.mechanics import (
-    constrained_motion,
-    euler_lagrange,
-    implicit_equations,
-    second_order_system,
-    writing,
-)
+from inverse_service.mechanics import constrained_motion, euler_lagrange, second_order_system, writing
 from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import document_names, names as nm, reader
@@ -227,8 +221,8 @@ def _equations_of(
 def _solved(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[ex.Expression, ...]:
     """The accelerations by the Euler-Lagrange equations; InputError where L is not regular."""
     sums = euler_lagrange.euler_lagrange_sums(lagrangian, names, [ex.Acceleration(name) for name in names])
-    equations = [implicit_equations.linear_equation(tree, POINTER) for tree in sums]
-    return implicit_equations.solve_accelerations(equations, names)
+    equations = [euler_lagrange.linear_equation(tree, POINTER) for tree in sums]
+    return euler_lagrange.solve_accelerations(equations, names)
 
 
 def _formulas(system: SecondOrderSystem, trees: tuple[ex.Expression, ...]) -> dict[str, dict[str, str]]:
