@@ -118,7 +118,7 @@ def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[s
 
 def _is_our_own(formula: str, declared: Collection[str]) -> bool:
     """Whether a text has no words and no notation of others; d is no name here, because it may be a derivative."""
-    if not _OWN_SIGNS.fullmatch(formula) or formula.count("(") != formula.count(")"):
+    if not _OWN_SIGNS.fullmatch(formula) or any(side.count("(") != side.count(")") for side in formula.split("=")):
         return False
     words = set(re.findall(r"[A-Za-z]\w*", formula)).difference(declared)
     return all((len(word) == 1 and word not in "dD") or word in calculus.FUNCTION for word in words)

@@ -581,6 +581,8 @@ def _constrained(
     trees = [(pointer, left - right) for pointer, left, right in lines]
     moving = [tree for _, tree in trees if ex.has(tree, ex.Acceleration)]
     held = [(pointer, tree) for pointer, tree in trees if not ex.has(tree, ex.Acceleration)]
+    if len(moving) != len(names.coordinates) or not held:
+        return None
     of_positions = [not ex.has(tree, ex.Velocity) for _, tree in held]
     rates = [
         calculus.differentiate_in_time(tree, names.coordinates) if still else tree
@@ -595,7 +597,7 @@ def _constrained(
     named = [name for name in forces if _MULTIPLIER.fullmatch(name)]
     reactions = [name for name, force in forces.items() if any(_are_parallel(force, row) for row in rows)]
     multipliers = [ex.Symbol(name) for name in named or reactions]
-    if len(moving) != len(names.coordinates) or not held or not len(multipliers) == len(held) == len(rows):
+    if not len(multipliers) == len(held) == len(rows):
         return None
     lagrangian = _lagrangian(names, moving, multipliers, rows)
     if lagrangian is None:
