@@ -271,13 +271,8 @@ class OneMatrix:
             return None
         below, *above = interpolation.Interpolation(form, variables, self.units).terms()
         names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
-        logarithm = integrator.function_of(names, self._over(above, below))
+        logarithm = integrator.function_of(names, tm.divided(above, below, names, exact_field.Budget.long()))
         return None if logarithm is None else integrator.exponential(logarithm)
-
-    def _over(self, above: Sequence[tm.Terms], below: tm.Terms) -> list[tm.Terms]:
-        """The quotients with common factors cancelled."""
-        names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
-        return tm.divided(above, below, names, exact_field.Budget.long())
 
     def _wanted(self, matrix: Sequence[tm.Terms], variables: Sequence[Generator], phi: tm.Terms) -> list[tm.Terms]:
         """-(W_i + F_ij v_j), the Euler-Lagrange expressions of A_i v_i - V divided by phi."""
@@ -301,7 +296,8 @@ class OneMatrix:
             return np.array(found)[:, points.good], points
 
         below, *above = interpolation.Interpolation(form, variables, self.units).terms()
-        above = [tm.shortest_in_angles(terms) for terms in self._over(above, below)]
+        names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
+        above = list(map(tm.shortest_in_angles, tm.divided(above, below, names, exact_field.Budget.long())))
         wanted = [tm.scaled(terms, -1) for terms in above[:n]]
         for (i, j), terms in zip(places, above[n:], strict=True):
             deadline.check()

@@ -634,9 +634,8 @@ def shortest_in_angles(terms: Terms) -> Terms:
     try:
         letters = sorted({p for key in terms for p, _ in key if isinstance(p, ex.Apply)}, key=repr)
         squares = [p for p in letters if p.function in SQUARES]
-        pairs = ((name, p.argument) for p in squares for name in (p.function, SQUARES[p.function][0]))
-        for name, argument in dict.fromkeys(pairs):
-            other = _exchanged(best, name, argument)
+        for letter in dict.fromkeys(q for p in squares for q in (p, ex.Apply(SQUARES[p.function][0], p.argument))):
+            other = _exchanged(best, letter)
             best = other if _length(other) < _length(best) else best
     except TooManyTerms:
         return best
@@ -647,10 +646,10 @@ def _length(terms: Terms) -> tuple[int, int]:
     return len(terms), sum(len(key) for key in terms)
 
 
-def _exchanged(terms: Terms, old: str, argument: ex.Expression) -> Terms:
+def _exchanged(terms: Terms, letter: ex.Apply) -> Terms:
     """The terms with 1 - sin^2 for cos^2 in one angle, 1 - cos^2 for sin^2, or likewise for hyperbolic functions."""
-    new, constant, factor = SQUARES[old]
-    letter, square = ex.Apply(old, argument), times(EMPTY, monomial(ex.Apply(new, argument)), 2)
+    new, constant, factor = SQUARES[letter.function]
+    square = times(EMPTY, monomial(ex.Apply(new, letter.argument)), 2)
     parts = list[Terms]()
     for key, value in terms.items():
         e = exponent_of(key, letter)
@@ -669,12 +668,10 @@ def _halved(waves: Terms) -> Terms:
         if any(value.denominator > 1 for value in halves.values()):
             continue
         for name, unit in (("sin", 1), ("cos", -1)):
-            square = times(frozenset(), monomial(ex.Apply(name, tree_of(halves))), 2)
-            held: Terms = {key: value for key, value in waves.items() if (double, Fraction(1)) in key}
-            other = add_terms(waves, held, -1)
-            for extra, factor in ((frozenset(), unit), (square, -2 * unit)):
-                rest = {times(key - {(double, Fraction(1))}, extra): value for key, value in held.items()}
-                other = add_terms(other, rest, factor)
+            square, whole = times(EMPTY, monomial(ex.Apply(name, tree_of(halves))), 2), monomial(double)
+            held = {key: value for key, value in waves.items() if whole <= key}
+            short = multiply_terms(multiply_by(held, whole, -1), {EMPTY: Fraction(unit), square: Fraction(-2 * unit)})
+            other = add_terms(add_terms(waves, held, -1), short)
             waves = other if _length(other) < _length(waves) else waves
     return waves
 
