@@ -19,7 +19,7 @@ import mpmath
 from inverse_service import bounds, errors
 from inverse_service.certificate import cell as cells, checker, formulas
 from inverse_service.decision import deciding
-from inverse_service.expressions import calculus, collecting, inequalities, notation, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, notation, printing, tree as ex
 from inverse_service.field import exact_field, real_branch, tower
 from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.reading import names as nm, reader
@@ -132,7 +132,7 @@ def domain_of(cell: cells.Cell | None, names: nm.Names) -> tuple[list[str], list
     """The conditions of a cell in readable form, as text and as LaTeX."""
     where = where_of(cell, names)
     trees = (*(tree**2 for tree in where.nonzero), *where.positive)
-    return [*map(inequalities.inequality_text, trees)], [*map(inequalities.inequality_latex, trees)]
+    return [*map(notation.inequality_text, trees)], [*map(notation.inequality_latex, trees)]
 
 
 def shortest(positive: Sequence[ex.Expression], nonzero: Sequence[ex.Expression] = ()) -> list[str]:
@@ -145,11 +145,11 @@ def _shortest(positive: tuple[ex.Expression, ...], nonzero: tuple[ex.Expression,
     trees = [*nonzero, *positive]
     if not trees:
         return ()
-    written = [*(notation.row(tree, " != 0") for tree in nonzero), *map(inequalities.inequality, positive)]
-    stated = [*inequalities.texts(nonzero, " != 0"), *inequalities.texts(positive, " > 0")]
+    written = [*(notation.row(tree, " != 0") for tree in nonzero), *map(notation.inequality, positive)]
+    stated = [*real_branch.texts(nonzero, " != 0"), *real_branch.texts(positive, " > 0")]
     shown = dict(zip(stated, (one.text for one in written), strict=True))
     try:
-        asked = inequalities.question_about(trees)
+        asked = real_branch.question_about(trees)
         found = cells.shortest(asked, stated).domain
     except formulas.Ended:
         return [*dict.fromkeys(shown.values())]
@@ -312,7 +312,7 @@ def head_of(
 def conditions_of(positive: Iterable[ex.Expression]) -> list[str]:
     """The inequalities of a certificate that state that these trees are positive."""
     texts = (
-        f"{printing.to_text(tree)} > 0" if isinstance(tree, ex.Power) else inequalities.inequality_text(tree)
+        f"{printing.to_text(tree)} > 0" if isinstance(tree, ex.Power) else notation.inequality_text(tree)
         for tree in positive
     )
     return [*dict.fromkeys(texts)][:_MOST_CONDITIONS]

@@ -26,8 +26,17 @@ from inverse_service.decision.solutions import (
     Step,
 )
 from inverse_service.errors import InputError
-from inverse_service.expressions import calculus, collecting, inequalities, printing, tree as ex
-from inverse_service.expressions.notation import Formula, formula_of, listed, matrix, partial_derivative, row, theory
+from inverse_service.expressions import calculus, collecting, printing, tree as ex
+from inverse_service.expressions.notation import (
+    Formula,
+    formula_of,
+    inequality,
+    listed,
+    matrix,
+    partial_derivative,
+    row,
+    theory,
+)
 from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import conditions, writing
 from inverse_service.mechanics.legendre import legendre
@@ -395,7 +404,7 @@ def branch_steps(
             said("The first-order equations give ", known, "; substituting these leaves second-order equations.")
         )
     if positive or nonzero:
-        where = listed([*(row(tree, " != 0") for tree in nonzero), *map(inequalities.inequality, positive)])
+        where = listed([*(row(tree, " != 0") for tree in nonzero), *map(inequality, positive)])
         roots = () if system.branch is None else system.branch.roots
         values = listed([row(root, " = ", value) for root, value in roots])
         steps.append(

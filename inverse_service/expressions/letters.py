@@ -1,6 +1,5 @@
-"""Non-ASCII letters and signs: their meaning in a formula, and the display of Greek letters."""
+"""Tables of non-ASCII letters and signs."""
 
-import re
 import unicodedata
 
 _SMALL = "\u03b1\u03b2\u03b3\u03b4\u03b5\u03b6\u03b7\u03b8\u03b9\u03ba\u03bb\u03bc\u03bd\u03be\u03bf\u03c0\u03c1"
@@ -27,48 +26,3 @@ SUPERSCRIPT_MINUS = "\u207b"
 PRIMES = dict.fromkeys("'\u2032\u2019\u02b9\u02bc\u00b4\u02d9", 1) | dict.fromkeys("\u2033\u201d\u00a8", 2)
 SPACES = frozenset(" \t\r\f\u00a0\u2002\u2003\u2009\u200a\u202f")
 DOTS = {"\u0307": 1, "\u0308": 2}
-_MEANT = {sign: (name, 0) for sign, name in (GREEK | SUBSCRIPTS | {SCRIPT_L: "ell"}).items()}
-_MEANT |= {sign: ("", count) for sign, count in DOTS.items()}
-_SLANTED = ("MATHEMATICAL ITALIC ", "PLANCK CONSTANT")
-_PARTS = re.compile(r"([A-Za-z]+)(.*)")
-_LETTER_AND_NUMBER = re.compile(r"([A-Za-z]+?)_?([0-9]+)")
-_SHOWN = {name: character for character, name in reversed(GREEK.items())} | {"ell": SCRIPT_L}
-
-
-def letter(character: str) -> tuple[str, int] | None:
-    """The ASCII name of a character and the number of dots over it (x with two dots: ("x", 2)), or None."""
-    if character.isascii():
-        return (character, 0) if character.isalnum() or character == "_" else None
-    if character in _MEANT:
-        return _MEANT[character]
-    if unicodedata.name(character, "").startswith(_SLANTED):  # produced by word processors
-        return letter(unicodedata.normalize("NFKC", character))
-    body, marks = (parts := unicodedata.normalize("NFD", character))[:1], parts[1:]
-    return (body, DOTS[marks]) if marks in DOTS and body.isascii() else None
-
-
-def describe(character: str) -> str:
-    """The character for a message: itself if printable ASCII, else its code point."""
-    return f"'{character}'" if " " < character <= "~" else f"U+{ord(character):04X}"
-
-
-def written(name: str) -> tuple[str, list[str]]:
-    """The body of a name and the words of its subscript, each a name or a number.
-
-    p_q_1 and p_q1 are momenta, whose subscript is one name with a numeric subscript.
-    """
-    match = _PARTS.fullmatch(name)
-    body, rest = match.groups() if match else (name, "")
-    is_momentum = body == "p" and is_letter_with_number(rest[1:])
-    return body, [rest[1:]] if is_momentum else [word for word in rest.split("_") if word]
-
-
-def is_letter_with_number(word: str) -> bool:
-    """Whether this is one letter with a numeric subscript, such as x1, theta1, theta_1."""
-    found = _LETTER_AND_NUMBER.fullmatch(word)
-    return found is not None and (len(found[1]) == 1 or found[1] in _SHOWN)
-
-
-def shown(name: str) -> str:
-    """The displayed form of a name: a Greek letter as its character, any other name unchanged."""
-    return _SHOWN.get(name, name)

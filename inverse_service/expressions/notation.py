@@ -1,7 +1,7 @@
 """The tensor notation of the theory as typed text: "g_ij R^j_kl", "Gamma(g) = g N + (g N)^T".
 
 Only formulas composed by the program use it, never users' text. `Formula` joins such texts and trees; `to_latex` and
-`to_mathml` convert them for display.
+`to_mathml` convert them for display. `inequality` is the condition that a tree is positive, such as x^2 + y^2 < 1.
 """
 
 import re
@@ -11,7 +11,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from html import escape
 
-from inverse_service.expressions import printing, tree as ex
+from inverse_service.expressions import collecting, printing, tree as ex
 
 _TOKEN = re.compile(
     r"(?P<rate>d/dt)\b|(?P<name>[A-Za-z]+)(?P<marks>(?:[_^](?:\([^()]*\)|[A-Za-z0-9]+))*)(?P<primes>'*)(?P<power>\^\d)?|\)(?P<above>\^\w)|(?P<digits>\d+)|(?P<space>\s+)|(?P<sign>[!<>]=|.)"
@@ -174,3 +174,51 @@ def _mark(mark: str) -> str:
     return "".join(
         f"<mn>{letter}</mn>" if letter.isdigit() else f"<mi>{escape(letter)}</mi>" for letter in mark[1:].strip("()")
     )
+
+
+def inequality(tree: ex.Expression) -> Formula:
+    """The condition that the tree is positive, with like terms collected if that is shorter."""
+    return row(*_relation(tree))
+
+
+def inequality_latex(tree: ex.Expression) -> str:
+    """The same in LaTeX."""
+    left, sign, right = _relation(tree)
+    return f"{printing.to_latex(left)}{to_latex(sign)}{printing.to_latex(right)}"
+
+
+def inequality_text(tree: ex.Expression) -> str:
+    """The same in plain text."""
+    return inequality(tree).text
+
+
+def _relation(tree: ex.Expression) -> tuple[ex.Expression, str, ex.Expression]:
+    if isinstance(tree, ex.Power) and isinstance(tree.exponent, ex.Number) and tree.exponent.value % 2 == 0:
+        return tree.base, " != ", ex.ZERO
+    left, right, is_greater = _sides(min(collecting.collect(tree), tree, key=ex.node_count))
+    return left, " > " if is_greater else " < ", right
+
+
+def _sides(tree: ex.Expression) -> tuple[ex.Expression, ex.Expression, bool]:
+    """(a, b, True) for a > b, (a, b, False) for a < b; one side is a single term, and a number is on the right."""
+    terms = ex.summands(tree)
+    varying = [term for term in terms if not _is_number(term)]
+    if len(varying) == 1:
+        return _bound(varying[0], ex.add(*(term for term in terms if _is_number(term))))
+    above = [term for term in terms if ex.coefficient(term) > 0]
+    below = [-term for term in terms if ex.coefficient(term) < 0]
+    if not above or all(map(_is_number, above)):
+        return ex.add(*below), ex.add(*above), False
+    return (ex.add(*above), ex.add(*below), True) if min(len(above), len(below)) < 2 else (tree, ex.ZERO, True)
+
+
+def _bound(term: ex.Expression, rest: ex.Expression) -> tuple[ex.Expression, ex.Expression, bool]:
+    """c u + rest > 0 solved for u."""
+    coefficient = ex.coefficient(term)
+    bound = ex.add(*(-1 / coefficient * part for part in ex.summands(rest)))
+    return 1 / coefficient * term, bound, coefficient > 0
+
+
+def _is_number(term: ex.Expression) -> bool:
+    """Whether the term contains no coordinate, velocity, parameter, or function."""
+    return not any(isinstance(node, ex.Symbol | ex.Velocity | ex.Arbitrary) and node != ex.PI for node in ex.walk(term))

@@ -20,6 +20,7 @@ argument.
 """
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -45,6 +46,9 @@ _TIMES, _DOT = "<mo>&#x2062;</mo>", "<mo>&#x22C5;</mo>"
 PRIME = '<mo lspace="0" rspace="0">&#x2032;</mo>'
 _APPLY = "<mo>&#x2061;</mo>"
 _DOTS = ("", "&#x02D9;", "&#x00A8;")
+_PARTS = re.compile(r"([A-Za-z]+)(.*)")
+_LETTER_AND_NUMBER = re.compile(r"([A-Za-z]+?)_?([0-9]+)")
+_SHOWN = {name: character for character, name in reversed(letters.GREEK.items())} | {"ell": letters.SCRIPT_L}
 
 
 @dataclass(frozen=True, slots=True)
@@ -370,16 +374,16 @@ def _command(function: str) -> str:
 
 def name_latex(name: str, accent: str = "") -> str:
     r"""r1 as r_{1}, phi as \phi, x_left as x_{\mathrm{left}}; `accent` is placed over the body."""
-    body, words = letters.written(name)
+    body, words = written(name)
     body = f"\\{accent}{{{_word(body)}}}" if accent else _word(body)
     subscript = ",".join(map(_word, words))
     return f"{body}_{{{subscript}}}" if subscript else body
 
 
 def _word(word: str) -> str:
-    if letters.shown(word) != word and word not in _NO_COMMAND:
+    if shown(word) != word and word not in _NO_COMMAND:
         return f"\\{word}"
-    if letters.is_letter_with_number(word):
+    if is_letter_with_number(word):
         return name_latex(word)
     return word if len(word) == 1 or word.isdigit() else f"\\mathrm{{{word}}}"
 
@@ -427,11 +431,11 @@ class _Mathml(_Notation):
         return f"<mn>{digits}</mn>"
 
     def name(self, name: str, order: int) -> str:
-        letter, below = letters.written(name)
+        letter, below = written(name)
         body = _identifier(letter)
         if order:
             body = f'<mover accent="true">{body}<mo>{_DOTS[order]}</mo></mover>'
-        names = {word: self.name(word, 0) for word in below if letters.is_letter_with_number(word)}
+        names = {word: self.name(word, 0) for word in below if is_letter_with_number(word)}
         words = [self.number(word) if word.isdigit() else names.get(word) or _identifier(word) for word in below]
         return f"<msub>{body}<mrow>{'<mo>,</mo>'.join(words)}</mrow></msub>" if words else body
 
@@ -462,7 +466,7 @@ def to_mathml(expression: ex.Expression) -> str:
 
 
 def _identifier(word: str) -> str:
-    return f"<mi>{escape(letters.shown(word))}</mi>"
+    return f"<mi>{escape(shown(word))}</mi>"
 
 
 def _raised(base: str, exponent: str) -> str:
@@ -471,3 +475,25 @@ def _raised(base: str, exponent: str) -> str:
     if base.startswith("<msub>"):
         return f"<msubsup>{low.removeprefix('<msub>').removesuffix('</msub>')}{exponent}</msubsup>"
     return f"<msup>{low if base.startswith('<mover ') else base}{exponent}</msup>"
+
+
+def written(name: str) -> tuple[str, list[str]]:
+    """The body of a name and the words of its subscript, each a name or a number.
+
+    p_q_1 and p_q1 are momenta, whose subscript is one name with a numeric subscript.
+    """
+    match = _PARTS.fullmatch(name)
+    body, rest = match.groups() if match else (name, "")
+    is_momentum = body == "p" and is_letter_with_number(rest[1:])
+    return body, [rest[1:]] if is_momentum else [word for word in rest.split("_") if word]
+
+
+def is_letter_with_number(word: str) -> bool:
+    """Whether this is one letter with a numeric subscript, such as x1, theta1, theta_1."""
+    found = _LETTER_AND_NUMBER.fullmatch(word)
+    return found is not None and (len(found[1]) == 1 or found[1] in _SHOWN)
+
+
+def shown(name: str) -> str:
+    """The displayed form of a name: a Greek letter as its character, any other name unchanged."""
+    return _SHOWN.get(name, name)

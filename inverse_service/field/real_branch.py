@@ -19,7 +19,8 @@ part of T with odd exponents. Roots whose product is a root of a square (sqrt(xy
 way, with the signs of their factors as cases. asin(sin u) and similar are u and pi - u on neighboring intervals.
 
 `sample_points` are random real points at which claims about formulas are tried (`vanishes_at`, `is_singular`); `vanish`
-and `rank_at_point` test formulas at random points modulo primes.
+and `rank_at_point` test formulas at random points modulo primes. `is_positive` and `is_nonzero` deduce conditions from
+others; the cells of the checker make all deductions.
 """
 
 from __future__ import annotations
@@ -29,17 +30,20 @@ import random
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import partial
+from functools import lru_cache, partial
 from itertools import combinations, pairwise
+from time import thread_time
 
 import mpmath
 from flint import fmpq_mpoly, fmpz_mat, nmod_mat
 
 from inverse_service import bounds, errors
-from inverse_service.expressions import calculus, collecting, inequalities, tree as ex
+from inverse_service.certificate import cell, formulas as grammar, question
+from inverse_service.expressions import calculus, collecting, printing, tree as ex
 from inverse_service.field import exact_field, modular, tower as towers
 
 _DIGITS = 40
+_LONGEST_DEDUCTION = 1.0  # seconds
 _TRIES_PER_SCALE = 60
 _SCALES = ("1.7", "0.9", "0.4", "0.1", "5", "0.01", "30")
 _LARGEST = 10_000
@@ -374,6 +378,59 @@ def is_small(tree: ex.Expression, table: RealTable) -> bool:
             values = [calculus.evaluate(tree, table)]
     size = mpmath.fsum(map(abs, values)) if len(values) > 1 else 1
     return bool(abs(mpmath.fsum(values)) <= mpmath.mpf(10) ** (10 - bounds.DIGITS) * size)
+
+
+def is_positive(tree: ex.Expression, known: Iterable[ex.Expression] = ()) -> bool:
+    """Whether the tree provably is > 0 wherever it is defined and all of `known` are > 0: 1 + x^2, exp(u)."""
+    return _follows(tree, " > 0", (), tuple(known))
+
+
+def is_nonzero(
+    tree: ex.Expression, nonzero: Iterable[ex.Expression] = (), positive: Iterable[ex.Expression] = ()
+) -> bool:
+    """Whether the tree provably is defined and not 0 where none of `nonzero` is 0 and all of `positive` are > 0.
+
+    sqrt(x) requires x > 0, because it vanishes at the boundary of its domain.
+    """
+    return _follows(tree, " != 0", tuple(nonzero), tuple(positive))
+
+
+@lru_cache(maxsize=4096)
+def _follows(
+    tree: ex.Expression, ending: str, nonzero: tuple[ex.Expression, ...], positive: tuple[ex.Expression, ...]
+) -> bool:
+    def follows(ring: cell.Letters) -> bool:
+        stated = [*texts(nonzero, " != 0"), *texts(positive, " > 0")]
+        known = [*(need for text in stated for need in cell.needs_of_text(ring, text)), *ring.needs]
+        ring.needs = {}
+        wanted = [need for text in texts([tree], ending) for need in cell.needs_of_text(ring, text)]
+        (known if ending == " > 0" else wanted).extend(ring.needs)
+        return all(map(cell.Knowledge(ring, known).implies, wanted))
+
+    try:
+        return cell.in_letters(question_about([tree, *nonzero, *positive]), follows)
+    except grammar.Ended:
+        return False
+
+
+def texts(trees: Iterable[ex.Expression], ending: str) -> list[str]:
+    return [f"{printing.to_text(tree)}{ending}" for tree in trees]
+
+
+def question_about(trees: Iterable[ex.Expression]) -> question.Question:
+    """A question to the checker that declares all names in the trees; formulas.Ended if the checker rejects a name."""
+    nodes = [*ex.distinct_nodes(trees)]
+    moving = [*dict.fromkeys(node.coordinate for node in nodes if isinstance(node, ex.Velocity))]
+    symbols = [*dict.fromkeys(node.name for node in nodes if isinstance(node, ex.Symbol))]
+    others = [name for name in symbols if name not in ("t", "pi", *moving)]
+    coordinates = moving or others[:1] or ["x"]
+    system = {
+        "coordinates": coordinates,
+        "equations": dict.fromkeys(coordinates, "0"),
+        "parameters": [name for name in others if name not in coordinates],
+        "functions": {node.name: ["t"] * len(node.arguments) for node in nodes if isinstance(node, ex.Arbitrary)},
+    }
+    return question.Question(question.Tools(random.Random(0), thread_time() + _LONGEST_DEDUCTION), system)
 
 
 def turns(
@@ -778,7 +835,7 @@ def _split(case: Case) -> Iterator[Case]:
 
 def is_empty(positive: Sequence[ex.Expression]) -> bool:
     """Whether the trees obviously cannot all be positive: one is negative, or two have a sum that is not positive."""
-    if any(inequalities.is_positive(collecting.collect(-tree)) for tree in positive):
+    if any(is_positive(collecting.collect(-tree)) for tree in positive):
         return True
     sums = (collecting.collect(one + other) for one, other in combinations(positive, 2))
     return any(isinstance(each, ex.Number) and each.value <= 0 for each in sums)
@@ -880,7 +937,7 @@ def signed_factors(trees: Iterable[ex.Expression], table: RealTable) -> list[ex.
     """The factors of trees, each with the sign that makes it positive at the point."""
     found = dict.fromkeys(factor for tree in trees for factor in root_factors(tree)[1] if varies(factor))
     signed = (factor if real_sign(factor, table) > 0 else -factor for factor in found)
-    return [factor for factor in signed if not inequalities.is_positive(factor)]
+    return [factor for factor in signed if not is_positive(factor)]
 
 
 def _factored(tree: ex.Expression) -> tuple[Fraction, Factors]:

@@ -19,13 +19,13 @@ from itertools import combinations
 
 from inverse_service.deadline import now
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions import collecting, inequalities, tree as ex
+from inverse_service.expressions import collecting, tree as ex
 from inverse_service.expressions.calculus import differentiate, differentiate_in_time
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, substitute, walk
 from inverse_service.field import exact_field
 from inverse_service.field.matrices import determinant, dot, reduced_rows, solve_square, weight
-from inverse_service.field.real_branch import RealTable, first_real_point
+from inverse_service.field.real_branch import RealTable, first_real_point, is_nonzero
 from inverse_service.mechanics import euler_lagrange, second_order_system, writing
 from inverse_service.mechanics.second_order_system import ConstrainedMotion
 from inverse_service.reading import document_names, names as nm, reader
@@ -228,7 +228,7 @@ def _refuse_factor(ring: exact_field.ExactRing, value: exact_field.Quotient, pla
         nodes = {*walk(tree)}
         if any(isinstance(node, Velocity) for node in nodes) or not nodes & moving:
             continue
-        if not inequalities.is_nonzero(tree):
+        if not is_nonzero(tree):
             raise InputError(
                 f"constraint {place + 1} has the factor {to_text(tree)}, and leaves the motion open where that is 0: "
                 "divide by it.",

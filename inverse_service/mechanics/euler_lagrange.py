@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 import mpmath
 
 from inverse_service import bounds, errors
-from inverse_service.expressions import calculus, collecting, graphs, inequalities, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, graphs, printing, tree as ex
 from inverse_service.field import exact_field, matrices, real_branch
 from inverse_service.mechanics import writing
 
@@ -281,7 +281,7 @@ def unseen(divisors: Sequence[ex.Expression], accelerations: Sequence[ex.Express
             with suppress(exact_field.TooLarge, ZeroDivisionError):
                 ring = exact_field.opaque_ring([node.base])
                 seen += exact_field.factor_trees(ring, ring.value(node.base))
-    return tuple(one for one in divisors if not inequalities.is_nonzero(one, seen))
+    return tuple(one for one in divisors if not real_branch.is_nonzero(one, seen))
 
 
 def _row(

@@ -28,8 +28,8 @@ from operator import add, itemgetter, sub
 from flint import fmpq, fmpq_mpoly_ctx
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.expressions import collecting, inequalities, printing, tree as ex
-from inverse_service.field import exact_field
+from inverse_service.expressions import collecting, printing, tree as ex
+from inverse_service.field import exact_field, real_branch
 
 Wave = tuple[int, ...]
 Terms = dict[collecting.Monomial, Fraction]
@@ -111,7 +111,7 @@ def _both(table: Mapping[ex.Expression, Fraction], one: ex.Expression, other: ex
                 sorted(collecting.expand(one * other), key=lambda term: -sum(exponent for _, exponent in term[0]))
             )
             is_shorter = isinstance(found, ex.Sum) and len(found.terms) < len(left) + len(right) - 1
-            fits = is_shorter and (table[one].denominator == 1 or all(map(inequalities.is_positive, (one, other))))
+            fits = is_shorter and (table[one].denominator == 1 or all(map(real_branch.is_positive, (one, other))))
         case _:
             return None
     return found if fits and found not in table else None

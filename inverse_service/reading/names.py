@@ -4,6 +4,7 @@ import difflib
 import json
 import re
 import tomllib
+import unicodedata
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -13,12 +14,16 @@ from typing import Literal, NamedTuple
 
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.calculus import FUNCTION, STEP, Rule
-from inverse_service.expressions.letters import ALIKE, GREEK, LETTER_COMMANDS, SCRIPT_L, letter
+from inverse_service.expressions.letters import ALIKE, DOTS, GREEK, LETTER_COMMANDS, SCRIPT_L, SUBSCRIPTS
 from inverse_service.expressions.pieces import step
 from inverse_service.expressions.refusals import LIMITS, fault, joined, refusal, shorten
 from inverse_service.expressions.tree import Apply, Expression, Number, number, square_root
 
 _ROOM = Path(__file__).parent
+# The name that a sign stands for, and the dots that it puts over a letter.
+_MEANT = {sign: (name, 0) for sign, name in (GREEK | SUBSCRIPTS | {SCRIPT_L: "ell"}).items()}
+_MEANT |= {sign: ("", count) for sign, count in DOTS.items()}
+_SLANTED = ("MATHEMATICAL ITALIC ", "PLANCK CONSTANT")
 _REASONS = (_ROOM / "refused.ndjson").read_text(encoding="utf-8")
 
 
@@ -477,3 +482,15 @@ def _spelling(word: str, latex: bool) -> str:
     if latex and not word.startswith("\\"):
         return "l" if "l" in word else word
     return GREEK.get(word, word.removeprefix("\\"))
+
+
+def letter(character: str) -> tuple[str, int] | None:
+    """The ASCII name of a character and the number of dots over it (x with two dots: ("x", 2)), or None."""
+    if character.isascii():
+        return (character, 0) if character.isalnum() or character == "_" else None
+    if character in _MEANT:
+        return _MEANT[character]
+    if unicodedata.name(character, "").startswith(_SLANTED):  # produced by word processors
+        return letter(unicodedata.normalize("NFKC", character))
+    body, marks = (parts := unicodedata.normalize("NFD", character))[:1], parts[1:]
+    return (body, DOTS[marks]) if marks in DOTS and body.isascii() else None

@@ -152,7 +152,7 @@ def is_word(text: str) -> bool:
         return True
     known = plain in nm.FUNCTIONS | nm.DERIVATIVE_NAMES | nm.REFUSED.keys() | letters.LETTER_COMMANDS.keys()
     if not plain.isascii():  # Painlevé, but not Greek letters
-        symbols = any(letter in letters.GREEK for letter in plain) or all(map(letters.letter, plain))
+        symbols = any(letter in letters.GREEK for letter in plain) or all(map(nm.letter, plain))
         return len(plain) > 2 and not symbols
     if known or len(plain) < SHORTEST_WORD or not plain.isalpha() or not (plain.islower() or plain.istitle()):
         return False
@@ -233,7 +233,7 @@ def _has(clause: Sequence[Piece], *kinds: str) -> bool:
 
 def _is_dotted(word: str) -> bool:
     """Whether one of its letters has dots, such as \u1e8b."""
-    return not word.isascii() and any((letters.letter(sign) or ("", 0))[1] for sign in word)
+    return not word.isascii() and any((nm.letter(sign) or ("", 0))[1] for sign in word)
 
 
 def _is_gone(clause: Sequence[Piece], end: Piece | None, holds: bool, text: str) -> bool:

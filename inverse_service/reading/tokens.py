@@ -21,7 +21,7 @@ from typing import Literal
 
 from inverse_service.errors import InputError
 from inverse_service.expressions import letters, refusals
-from inverse_service.reading.names import Reason, meanings, pattern, reasons
+from inverse_service.reading.names import Reason, letter, meanings, pattern, reasons
 
 Kind = Literal["number", "name", "prime", "operator", "bracket", "newline", "end", "vector", "command", "fault"]
 FACTOR, FRACTION, MATRIX, CASES = map(Fraction, range(1, 5))
@@ -428,7 +428,7 @@ def next_tokens(text: str, place: int, space: bool, known: Container[str] = ()) 
         return written(f"^({digits})", Token("name", "", place + 1)), raised.end()  # x^(2) for x\u00b2
     if character in _ROOTS:
         return [Token("name", _ROOTS[character], place + 1, space)], place + 1
-    found = letters.letter(character)
+    found = letter(character)
     if found and found[0].isalpha():
         return _name(text, place, space, known)
     return _operator(text, place, space)
@@ -469,7 +469,7 @@ def _long_name(text: str, place: int, known: Container[str]) -> tuple[list[tuple
     """(name, order, place) of each name in a run with non-ASCII signs, and the end of the run."""
     signs: list[tuple[str, int, int]] = []
     end = place
-    while end < len(text) and (found := letters.letter(text[end])):
+    while end < len(text) and (found := letter(text[end])):
         name, order, at = (*found, end) if found[0] else signs.pop()
         signs.append((name, order + (at < end) * found[1], at))
         end += 1
@@ -480,7 +480,7 @@ def _long_name(text: str, place: int, known: Container[str]) -> tuple[list[tuple
     for name, order, at in signs:
         before, times, start = runs[-1] if runs else ("_", 0, at)
         below = "_" in before or name[0] == "_"
-        greek = len(name) > 1 or len((letters.letter(text[start]) or ("", 0))[0]) > 1 or times
+        greek = len(name) > 1 or len((letter(text[start]) or ("", 0))[0]) > 1 or times
         if not runs or (not name.isdigit() and not before.endswith("_") and (order or (greek and not below))):
             runs.append((name, order, at))
         else:
@@ -498,6 +498,11 @@ def _operator(text: str, place: int, space: bool) -> tuple[Tokens, int]:
             return [Token("operator", sign, column, space, GIVEN * (text[place] == ":"))], place + size
     if other := _OTHER_PROGRAMS.match(text, place):
         return [Token("operator", each, column, space) for each in _OTHER_SIGNS[other.lastgroup]], other.end()
-    what = f"the character {letters.describe(text[place])} is not accepted"
+    what = f"the character {_described(text[place])} is not accepted"
     reason = _REASONS.get(text[place], _OTHERWISE)
     raise refusals.refusal(what, column, reason.instead, tuple(reason.offers), (column, column + 1))
+
+
+def _described(character: str) -> str:
+    """The character for a message: itself if printable ASCII, else its code point."""
+    return f"'{character}'" if " " < character <= "~" else f"U+{ord(character):04X}"

@@ -444,7 +444,7 @@ def _spelled(name: str) -> str:
 
 
 def _in_mathml(text: str, table: Mapping[str, str]) -> str:
-    names = {letters.shown(name): letters.shown(new) for name, new in table.items() if name}
+    names = {printing.shown(name): printing.shown(new) for name, new in table.items() if name}
     return re.sub(r"<mi>([^<]+)</mi>", lambda match: f"<mi>{names.get(match[1], match[1])}</mi>", text)
 
 

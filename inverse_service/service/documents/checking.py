@@ -18,7 +18,7 @@ from inverse_service.certificate.kinds import KINDS, named
 from inverse_service.deadline import now
 from inverse_service.decision import certify
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions import inequalities, refusals
+from inverse_service.expressions import refusals
 from inverse_service.expressions.printing import to_latex
 from inverse_service.field import real_branch
 from inverse_service.mechanics import second_order_system
@@ -767,8 +767,8 @@ def _is_defined(formula: str, domain: Sequence[str], names: nm.Names) -> bool:
         return False
     nonzero, positive = ([one for one, unequal in stated if unequal is kind] for kind in (True, False))
     known = (*positive, *(one**2 for one in nonzero))
-    return all(inequalities.is_positive(one, known) for one in real_branch.own_requirements([tree])) and all(
-        inequalities.is_nonzero(one, nonzero, positive) for one in real_branch.poles([tree])
+    return all(real_branch.is_positive(one, known) for one in real_branch.own_requirements([tree])) and all(
+        real_branch.is_nonzero(one, nonzero, positive) for one in real_branch.poles([tree])
     )
 
 

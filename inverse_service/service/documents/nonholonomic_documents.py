@@ -18,7 +18,7 @@ from inverse_service.constrained.lagrangian import first_system
 from inverse_service.deadline import NOT_YET, now, share
 from inverse_service.decision import solutions
 from inverse_service.explanation import explaining
-from inverse_service.expressions import collecting, inequalities, notation, printing, tree as ex
+from inverse_service.expressions import collecting, notation, printing, tree as ex
 from inverse_service.mechanics import (
     constrained_motion,
     euler_lagrange,
@@ -276,7 +276,7 @@ def _where(answer: answering.MotionAnswer) -> Iterator[explaining.Piece]:
         system = certificate["system"]
         names = nm.Names(tuple(system["coordinates"]), tuple(system["parameters"]), system["functions"])
         yield " and " if place else ", where "
-        yield inequalities.inequality(reader.read_condition(condition, names))
+        yield notation.inequality(reader.read_condition(condition, names))
 
 
 def _belongs_to(found: answering.MotionLagrangian) -> schemas.BelongsTo:

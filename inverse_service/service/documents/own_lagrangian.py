@@ -13,7 +13,7 @@ from api_schemas.system import LagrangianDocument
 from inverse_service import deadline, errors
 from inverse_service.decision import certify, deciding, solutions
 from inverse_service.expressions import calculus, collecting, tree as ex
-from inverse_service.expressions.inequalities import inequality_text
+from inverse_service.expressions.notation import inequality_text
 from inverse_service.field import real_branch, tower
 from inverse_service.field.real_branch import RealTable, requirements
 from inverse_service.mechanics import constrained_motion, euler_lagrange, second_order_system, writing

@@ -12,7 +12,7 @@ from api_schemas import base, result as schemas
 from api_schemas.system import LagrangianDocument, MotionDocument, NonholonomicDocument, SystemDocument
 from inverse_service import __version__
 from inverse_service.decision import certify, solutions
-from inverse_service.expressions import inequalities, printing, tree as ex
+from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import real_branch, tower
 from inverse_service.mechanics import euler_lagrange, second_order_system
 from inverse_service.reading import document_names, names as nm
@@ -225,7 +225,7 @@ def _is_regular_everywhere(lagrangian: solutions.Lagrangian) -> bool:
     if all(isinstance(node, ex.Number | ex.Sum | ex.Product) for _, entry in entries for node in ex.walk(entry)):
         return True
     known = (lagrangian.nonzero, lagrangian.positive)
-    return all(inequalities.is_nonzero(entry, *known) if on else entry == ex.ZERO for on, entry in entries)
+    return all(real_branch.is_nonzero(entry, *known) if on else entry == ex.ZERO for on, entry in entries)
 
 
 def hamiltonian_part(

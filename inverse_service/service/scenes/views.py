@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.expressions import letters
+from inverse_service.expressions import printing
 from inverse_service.integrators.trajectory import Array
 
 Method = Mapping[str, Any]
@@ -332,14 +332,14 @@ def _kept_view(result: Mapping[str, Any], tables: Tables) -> dict[str, Any] | No
 
 def time_view(name: str, result: Mapping[str, Any], tables: Tables) -> dict[str, Any] | None:
     """A coordinate in time."""
-    q = letters.shown(name)
+    q = printing.shown(name)
     lines = [(k, method, table["t"], table[name]) for k, method, table in _drawn(result, tables)]
     return view_of(f"{q} in time", with_unit("t", result), with_unit(q, result, name), lines)
 
 
 def portrait_view(name: str, result: Mapping[str, Any], tables: Tables) -> dict[str, Any] | None:
     """Velocity against position; where no velocity was recorded, the slope between the recorded points."""
-    q = letters.shown(name)
+    q = printing.shown(name)
     lines = [
         (k, method, table[name], table[f"v_{name}"] if f"v_{name}" in table else np.gradient(table[name], table["t"]))
         for k, method, table in _drawn(result, tables)
@@ -352,8 +352,8 @@ def path_view(result: Mapping[str, Any], tables: Tables) -> dict[str, Any] | Non
     """The path in the plane of two coordinates."""
     a, b = pair = result["circle_coordinates"]
     is_plane = (a, b) == ("x", "y")
-    title = "Path in the plane" if is_plane else f"{letters.shown(b)} over {letters.shown(a)}"
-    x, y = (with_unit(letters.shown(name), result, name) for name in pair)
+    title = "Path in the plane" if is_plane else f"{printing.shown(b)} over {printing.shown(a)}"
+    x, y = (with_unit(printing.shown(name), result, name) for name in pair)
     lines = [(k, method, table[a], table[b]) for k, method, table in _drawn(result, tables)]
     return view_of(title, x, y, lines, equal=is_plane, dots=is_thinned(result, tables))
 
@@ -366,7 +366,7 @@ def section_views(result: Mapping[str, Any]) -> list[dict[str, Any]]:
         moving = [name for name in result["system"]["coordinates"] if name != event["when"]]
         points = [(k, method, method["events"][place]["columns"]) for k, method in methods]
         for name in moving or result["system"]["coordinates"]:
-            q = letters.shown(name)
+            q = printing.shown(name)
             lines = [
                 (k, method, *(np.array(columns[key], dtype=float) for key in (name, f"v_{name}")))
                 for k, method, columns in points

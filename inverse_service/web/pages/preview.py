@@ -10,7 +10,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from inverse_service import errors
-from inverse_service.expressions import calculus, letters, tree as trees
+from inverse_service.expressions import calculus, printing, tree as trees
 from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import printed_pages
 from inverse_service.service.scenes import views
@@ -176,7 +176,7 @@ def motion_of_result(result: Mapping[str, Any], domain: Sequence[str] = ()) -> d
 
 def labels_of(names: Iterable[str]) -> dict[str, str]:
     """The names as the picture shows them."""
-    return {name: letters.shown(name) for name in names}
+    return {name: printing.shown(name) for name in names}
 
 
 def listed(tree: trees.Expression) -> Any:

@@ -22,7 +22,7 @@ from markupsafe import Markup, escape
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response
 
-from inverse_service.expressions import letters
+from inverse_service.expressions import printing
 from inverse_service.service.documents import sheets
 from inverse_service.service.jobs import tasks
 from inverse_service.service.scenes import views
@@ -183,7 +183,7 @@ def environment() -> Environment:
     found.globals |= {"address": address, "style": style, "navigation": shown, "charts": chart_folder() is not None}
     for typeset in (typesetting.equation, typesetting.formula, typesetting.of_theory):
         found.globals[typeset.__name__] = typeset
-    found.filters["greek"] = lambda name: re.sub(r"[A-Za-z]+", lambda word: letters.shown(word[0]), name)
+    found.filters["greek"] = lambda name: re.sub(r"[A-Za-z]+", lambda word: printing.shown(word[0]), name)
     for said in (views.short_number, views.duration, views.method_name):
         found.filters[said.__name__] = said
     found.filters["code_marks"] = code_marks

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from inverse_service.errors import InputError
-from inverse_service.expressions import arrays, letters, tree as ex
+from inverse_service.expressions import arrays, printing, tree as ex
 from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation.numeric_formulas import table_of
 from inverse_service.web.pages.preview import moving_of
@@ -103,9 +103,9 @@ def motion_of(result: Mapping[str, Any]) -> tuple[Array, tuple[str, str]] | None
         return None
     path = motion[: int(steps[best]), :, best]
     if len(coordinates) == 1:
-        return path[:, :, 0], (letters.shown(coordinates[0]), f"{letters.shown(coordinates[0])}\u2032")
+        return path[:, :, 0], (printing.shown(coordinates[0]), f"{printing.shown(coordinates[0])}\u2032")
     pair = ("x", "y") if {"x", "y"} <= set(coordinates) else coordinates[:2]
-    return path[:, 0][:, [coordinates.index(name) for name in pair]], (letters.shown(pair[0]), letters.shown(pair[1]))
+    return path[:, 0][:, [coordinates.index(name) for name in pair]], (printing.shown(pair[0]), printing.shown(pair[1]))
 
 
 def picture_of(result: Mapping[str, Any], ending: str, words: str) -> bytes | None:

@@ -10,7 +10,7 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from inverse_service import errors
-from inverse_service.expressions import letters, notation, printing, tree as ex
+from inverse_service.expressions import notation, printing, tree as ex
 from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import sheets
 
@@ -187,7 +187,7 @@ def _theory(text: str) -> str:
     for match in notation.SLOPE.finditer(text):
         found.append(_between(found, text[place : match.start()]))
         dots = f"<mo>{('', '&#x02D9;', '&#x00A8;')[len(match[4])]}</mo>"
-        below = f"<mi>{escape(letters.shown(match[2]))}</mi>"
+        below = f"<mi>{escape(printing.shown(match[2]))}</mi>"
         below = f'<mover accent="true">{below}{dots}</mover>' if match[4] else below
         below = f"<msup>{below}<mi>{match[3]}</mi></msup>" if match[3] else below
         found.append(f"<mfrac><mrow><mi>∂</mi><mi>{match[1]}</mi></mrow><mrow><mi>∂</mi>{below}</mrow></mfrac>")
