@@ -30,7 +30,7 @@ from inverse_service.field import dense_series as machine, modular, real_branch
 from inverse_service.field.real_branch import RealTable, find_real_point, first_real_point
 from inverse_service.field.tower import Tower, draw_point, to_kernels
 from inverse_service.linear_pde import equations as pde, involution
-from inverse_service.mechanics import second_order_system
+from inverse_service.mechanics import conditions, second_order_system
 
 if TYPE_CHECKING:
     from inverse_service.certificate.checker import CheckResult
@@ -168,7 +168,7 @@ class HelmholtzAt:
         self.matrix: involution.Matrix = helmholtz.matrix_of(n, size)
 
         def write(order: int) -> tuple[machine.SeriesProgram, involution.Integers]:
-            given = helmholtz.written(variables, analysis.accelerations, order)
+            given = conditions.tensor_series(variables, analysis.accelerations, order)
             self._registers, self._added = given.registers, helmholtz.added_equations(among, given)
             return given.program, given.program.listed
 

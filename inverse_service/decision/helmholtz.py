@@ -38,7 +38,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from itertools import combinations, combinations_with_replacement, product
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -77,43 +77,6 @@ def pairs_of(kind: Kind, n: int) -> tuple[tuple[int, int], ...]:
     return tuple(combinations_with_replacement(range(n), 2) if kind == "H2" else combinations(range(n), 2))
 
 
-class Written(NamedTuple):
-    """The program of the series of X, N, and Phi about a point, and their registers in this order."""
-
-    program: machine.SeriesProgram
-    field: tuple[machine.Series, ...]
-    tensors: tuple[conditions.Tensor11[machine.Series], ...]
-    registers: Integers
-
-
-def written(variables: Sequence[modular.Variable], forces: Sequence[ex.Expression], order: int) -> Written:
-    """The program for f to order D at most in (t?, q, v), Phi to order D - 2; TooLarge if it needs too much memory."""
-    program, field, motion = motion_of_series(variables, forces, order)
-    tensors = conditions.connection(motion), conditions.jacobi_endomorphism(motion)
-    entries = [entry for tensor in tensors for row in tensor for entry in row]
-    registers = np.array([series.register for series in (*field, *entries)], np.int64)
-    return Written(program, field, tensors, registers)
-
-
-def motion_of_series(
-    variables: Sequence[modular.Variable], forces: Sequence[ex.Expression], order: int
-) -> tuple[machine.SeriesProgram, tuple[machine.Series, ...], conditions.Motion[machine.Series]]:
-    """The program, X, and the motion about a point, for series to this order in the displacements (t?, q, v)."""
-    program, size, n = machine.SeriesProgram(variables, order), len(variables), len(forces)
-    rates = [*[ex.ONE] * (size - 2 * n), *variables[size - n :], *forces]
-    field = tuple(machine.series_of(program, rate) for rate in rates)
-
-    def partial(place: int) -> Callable[[machine.Series], machine.Series]:
-        return lambda series: series.derivative(place)
-
-    def along(series: machine.Series) -> machine.Series:
-        return machine.along(enumerate(field), series)
-
-    partials = tuple(map(partial, range(size)))[size - 2 * n :]
-    motion = conditions.Motion(field[size - n :], partials[:n], partials[n:], along, machine.Series(program))
-    return program, field, motion
-
-
 def compiled_equations(registers: Integers, n: int, order: int, found: machine.Registers) -> pde.LocalEquations:
     """H2, then H3, from the registers of X, N, and Phi after a run, for prolongation to this order."""
     size = len(registers) - 2 * n * n
@@ -125,15 +88,9 @@ def compiled_equations(registers: Integers, n: int, order: int, found: machine.R
     return pde.LocalEquations(unknowns, found.prime, blocks)
 
 
-def tensors_after(written: Written, found: machine.Registers) -> tuple[list[list[int]], list[list[int]]]:
-    """(N, Phi) at the point of a run, each (n, n)."""
-    N, Phi = ([[found.value(entry.register) for entry in row] for row in tensor] for tensor in written.tensors)
-    return N, Phi
-
-
 @lru_cache(maxsize=64)
 def _terms(kind: Kind, n: int, size: int) -> Integers:
-    """The summands of the equations of a kind in the form of a `TermTable`, with series numbered as in `Written`."""
+    """The summands of the equations of a kind as a `TermTable` has them, with series numbered as in `TensorSeries`."""
     entry, first = _entries(n), size + (0 if kind == "H2" else n * n)
     rows: list[tuple[int, int, bool, int, int]] = []
     for equation, (i, j) in enumerate(pairs_of(kind, n)):
@@ -218,7 +175,7 @@ class Added:
     terms: tuple[pde.Term, ...]
 
 
-def added_equations(among: Among, given: Written) -> tuple[Added, ...]:
+def added_equations(among: Among, given: conditions.TensorSeries) -> tuple[Added, ...]:
     """K and S of each derivation, or C and D; their series require two orders more than the prolongation."""
     program, n = given.program, len(given.tensors[0])
     found = [*_curl(given, n)] if ANY_FRICTION in among else []
@@ -230,7 +187,9 @@ def added_equations(among: Among, given: Written) -> tuple[Added, ...]:
     return tuple(found)
 
 
-def _symmetry(given: Written, field: Mapping[int, machine.Series], derivation: Derivation) -> tuple[pde.Term, ...]:
+def _symmetry(
+    given: conditions.TensorSeries, field: Mapping[int, machine.Series], derivation: Derivation
+) -> tuple[pde.Term, ...]:
     """S: g_ij s^j = 0 for s = Y(f) - Gamma(Y_v) - c f/2, with `field` the components of Y by place."""
     gamma, n, shifts = list(enumerate(given.field)), len(given.tensors[0]), []
     for place, f in gamma[len(gamma) - n :]:
@@ -239,7 +198,7 @@ def _symmetry(given: Written, field: Mapping[int, machine.Series], derivation: D
     return tuple(pde.Term(i, at, pde.NO_DERIVATIVE, shifts[k].register) for (i, k), at in _entries(n).items())
 
 
-def _curl(given: Written, n: int) -> Iterator[Added]:
+def _curl(given: conditions.TensorSeries, n: int) -> Iterator[Added]:
     """C and D, for each k."""
     size, entry = len(given.field), _entries(n)
     q, v, two = size - 2 * n, size - n, given.program.expand(ex.number(2))

@@ -33,7 +33,7 @@ from typing import Any, cast
 from flint import nmod_mat
 
 from inverse_service import bounds, errors
-from inverse_service.decision import deciding, helmholtz
+from inverse_service.decision import deciding
 from inverse_service.expressions import notation, tree as ex
 from inverse_service.field import dense_series as machine, exact_field, matrices, modular, tower
 from inverse_service.mechanics import conditions as cd
@@ -177,7 +177,7 @@ class LocalTensors:
     def of(cls, analysis: deciding.Analysis, depth: int) -> LocalTensors:
         """The tensors of a system; TooLarge if the series would take too much memory."""
         variables = deciding.moving_variables(analysis.system, analysis.system.depends_on_time)
-        program, _, motion = helmholtz.motion_of_series(variables, analysis.accelerations, depth + 2)
+        program, _, motion = cd.motion_of_series(variables, analysis.accelerations, depth + 2)
         tensors = tensors_to_depth(motion, depth)
         written = {
             name: [(pair, sign, series.register) for pair, sign, series in terms]

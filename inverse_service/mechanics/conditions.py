@@ -7,7 +7,8 @@
     nabla T^i_kl = Gamma(T^i_kl) + N^i_m T^m_kl - T^i_ml N^m_k - T^i_km N^m_l
     R[T]^i_kl    = dT^i_k/dv^l - dT^i_l/dv^k                                     (R = R[Phi])
 
-They are exact expressions for display, with what follows where they leave one matrix. Source: J. Douglas, Solution of
+They are exact expressions for display, with what follows where they leave one matrix, or power series about a point
+(`tensor_series`). Source: J. Douglas, Solution of
 the inverse problem of the calculus of variations, 1941; W. Sarlet, The Helmholtz conditions revisited, 1982; the sign
 of N in nabla is that of the definition of N here.
 """
@@ -16,11 +17,14 @@ import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Generic, Protocol, Self, TypeVar
+from typing import Generic, NamedTuple, Protocol, Self, TypeVar
+
+import numpy as np
+import numpy.typing as npt
 
 from inverse_service import bounds, deadline
 from inverse_service.expressions import tree as ex
-from inverse_service.field import exact_field, matrices
+from inverse_service.field import dense_series, exact_field, matrices, modular
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Matrix = tuple[tuple[ex.Expression, ...], ...]
@@ -290,3 +294,46 @@ def one_matrix(system: SecondOrderSystem) -> tuple[Matrix, tuple[tuple[ex.Expres
         return matrix_trees(ring, g), tuple((x, exact_field.quotient_tree(ring, u)) for x, u in pairs if not u.is_zero)
     except (exact_field.TooLarge, ZeroDivisionError):
         return None
+
+
+class TensorSeries(NamedTuple):
+    """The program of the series of X, N, and Phi about a point, and their registers in this order."""
+
+    program: dense_series.SeriesProgram
+    field: tuple[dense_series.Series, ...]
+    tensors: tuple[Tensor11[dense_series.Series], ...]
+    registers: npt.NDArray[np.int64]
+
+
+def tensor_series(variables: Sequence[modular.Variable], forces: Sequence[ex.Expression], order: int) -> TensorSeries:
+    """The program for f to order D at most in (t?, q, v), Phi to order D - 2; TooLarge if it needs too much memory."""
+    program, field, motion = motion_of_series(variables, forces, order)
+    tensors = connection(motion), jacobi_endomorphism(motion)
+    entries = [entry for tensor in tensors for row in tensor for entry in row]
+    registers = np.array([series.register for series in (*field, *entries)], np.int64)
+    return TensorSeries(program, field, tensors, registers)
+
+
+def motion_of_series(
+    variables: Sequence[modular.Variable], forces: Sequence[ex.Expression], order: int
+) -> tuple[dense_series.SeriesProgram, tuple[dense_series.Series, ...], Motion[dense_series.Series]]:
+    """The program, X, and the motion about a point, for series to this order in the displacements (t?, q, v)."""
+    program, size, n = dense_series.SeriesProgram(variables, order), len(variables), len(forces)
+    rates = [*[ex.ONE] * (size - 2 * n), *variables[size - n :], *forces]
+    field = tuple(dense_series.series_of(program, rate) for rate in rates)
+
+    def partial(place: int) -> Callable[[dense_series.Series], dense_series.Series]:
+        return lambda series: series.derivative(place)
+
+    def along(series: dense_series.Series) -> dense_series.Series:
+        return dense_series.along(enumerate(field), series)
+
+    partials = tuple(map(partial, range(size)))[size - 2 * n :]
+    motion = Motion(field[size - n :], partials[:n], partials[n:], along, dense_series.Series(program))
+    return program, field, motion
+
+
+def tensors_after(series: TensorSeries, found: dense_series.Registers) -> tuple[list[list[int]], list[list[int]]]:
+    """(N, Phi) at the point of a run, each (n, n)."""
+    N, Phi = ([[found.value(entry.register) for entry in row] for row in tensor] for tensor in series.tensors)
+    return N, Phi

@@ -26,7 +26,6 @@ from flint import nmod_mat
 
 from inverse_service import bounds, deadline, errors
 from inverse_service.decision.deciding import Analysis, variables_of
-from inverse_service.decision.helmholtz import Written, tensors_after, written
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, matrices, modular, real_branch, tower as towers
 from inverse_service.field.dense_series import CONSTANT, Series, SeriesProgram, along, constants_at, run, series_of
@@ -578,13 +577,15 @@ def connection_and_endomorphism(sampler: Sampler, point: modular.Point) -> tuple
     deadline.check(deadline.STEP + sum(map(ex.node_count, sampler.analysis.accelerations)))
     given = _written(tuple(sampler.analysis.system.variables), tuple(sampler.analysis.accelerations))
     constants = constants_at(given.program, point)
-    return tensors_after(given, run(given.program, given.program.listed, constants, point.prime, order=2))
+    return conditions.tensors_after(given, run(given.program, given.program.listed, constants, point.prime, order=2))
 
 
 @lru_cache(maxsize=32)
-def _written(variables: tuple[ex.Symbol | ex.Velocity, ...], forces: tuple[ex.Expression, ...]) -> Written:
+def _written(
+    variables: tuple[ex.Symbol | ex.Velocity, ...], forces: tuple[ex.Expression, ...]
+) -> conditions.TensorSeries:
     try:
-        return written(variables, forces, order=2)
+        return conditions.tensor_series(variables, forces, order=2)
     except exact_field.TooLarge as problem:
         raise errors.IrreducibleAtoms("the forces are too long for their series") from problem
 
