@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import sympy
 from sympy.concrete.expr_with_limits import ExprWithLimits
-from sympy.core.function import AppliedUndef
+from sympy.core.function import Application, AppliedUndef
 from sympy.logic.boolalg import BooleanAtom
 from sympy.printing.str import StrPrinter
 
@@ -44,6 +44,9 @@ _WITHOUT_MEANING = (
         "write inequalities, joined by &, | and ~",
     ),
 )
+# What else SymPy has, such as GoldenRatio, O(x), or a unit, would be printed like a name of the document.
+_ACCEPTED = (sympy.Add, sympy.Mul, sympy.Pow, Application, sympy.Derivative, sympy.Subs, sympy.UnevaluatedExpr,
+             sympy.Symbol, sympy.Rational, type(sympy.pi), type(sympy.E))  # fmt: skip
 _RELATIONS = ((" >= ", sympy.Ge), (" <= ", sympy.Le), (" != ", sympy.Ne), (" > ", sympy.Gt), (" < ", sympy.Lt))
 
 
@@ -76,7 +79,11 @@ class _DocumentPrinter(StrPrinter):  # type: ignore[misc]
         self._words = words
 
     def _print(self, expr: Any, **settings: Any) -> str:
-        return self._words[expr] if expr in self._words else str(super()._print(expr, **settings))
+        if expr in self._words:
+            return self._words[expr]
+        if isinstance(expr, sympy.Expr) and not isinstance(expr, _ACCEPTED):
+            raise _refused(f"{type(expr).__name__} occurs", "write elementary functions")
+        return str(super()._print(expr, **settings))
 
     def _print_Symbol(self, expr: Any) -> str:
         raise _refused(f"the symbol {expr} occurs with different assumptions", "use one symbol")
@@ -88,6 +95,9 @@ class _DocumentPrinter(StrPrinter):  # type: ignore[misc]
         if (name := type(expr).__name__) not in _KNOWN:
             raise _refused(f"the function {name} occurs", "write elementary functions, or a function of your own")
         return str(super()._print_Function(expr))
+
+    def _print_UnevaluatedExpr(self, expr: Any) -> str:
+        return f"({self._print(expr.args[0])})"  # SymPy takes x - (y - z) for the text of x + UnevaluatedExpr(-y - z)
 
     def _print_Heaviside(self, expr: Any) -> str:
         return f"Heaviside({self._print(expr.args[0])})"  # whatever value it is given at 0
