@@ -19,7 +19,8 @@ from sympy.logic.boolalg import BooleanAtom
 from sympy.printing.str import StrPrinter
 
 from inverse_service.errors import InputError
-from inverse_service.expressions import printing, refusals, tree as ex
+from inverse_service.expressions import calculus, printing, refusals, tree as ex
+from inverse_service.field import tower
 from inverse_service.mechanics.conditions import conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import names as nm, parser, reader
@@ -669,7 +670,10 @@ def conditions_of(system: Any, coordinates: Sequence[Any] | None, keys: Mapping[
     """The tensors of a system, given in any form that `solve` accepts."""
     document, table = asked(system, coordinates, **keys)
     ready, motion = _system_of(document)
-    found = conditions(motion)
+    nodes = ex.distinct_nodes(motion.accelerations)
+    steps = [node for node in nodes if isinstance(node, ex.Apply) and node.function == calculus.STEP]
+    with_signs = {step: tower.to_kernels(step) for step in steps}  # a step has no derivatives, its sign has
+    found = conditions(replace(motion, accelerations=tuple(ex.substitute(f, with_signs) for f in motion.accelerations)))
     tensors = {"Phi": found.Phi, "nabla_Phi": found.nabla_Phi, "R": found.R, "N": found.N}
     said = ready.outward({"system": translate.plain_fields(motion), "conditions": translate.texts_of(tensors)})
     return conditions_of_texts(said["conditions"], table or table_of_result(said), found.reason)

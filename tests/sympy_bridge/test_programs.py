@@ -166,9 +166,9 @@ def test_time_and_names_may_be_anything() -> None:
 
 def test_the_tensors_alone() -> None:
     found = helmholtz([x.diff(t, 2) + y.diff(t), y.diff(t, 2) - x])
-    assert found.Phi.shape == (2, 2)
-    assert found.R.shape == (2, 2, 2)
+    assert (found.Phi.shape, found.R.shape) == ((2, 2), (2, 2, 2))
     assert sp.ImmutableMatrix([[0, sp.Rational(1, 2)], [0, 0]]) == found.N
+    assert [helmholtz(x.diff(t, 2) + x * sp.Heaviside(x)).Phi[0].subs(x, place) for place in (-3, 3)] == [0, 2]
 
 
 @pytest.mark.slow
