@@ -14,13 +14,15 @@ MOST_PIECES, MOST_BOUNDARIES = 8, 7
 
 
 def step(u: ex.Expression, column: int) -> ex.Expression:
-    """Heaviside(u) for a polynomial u; InputError for any other u."""
+    """Heaviside(u) for a polynomial u; InputError for any other u, and for 0."""
     for node in ex.walk(u):
         exponent = node.exponent if isinstance(node, ex.Power) else ex.ONE
         natural = isinstance(exponent, ex.Number) and exponent.value.denominator == 1 and exponent.value > 0
         if not natural or isinstance(node, ex.Apply | ex.Arbitrary | ex.Acceleration):
             raise fault("condition", column)
     u = collecting.collect(u)
+    if u == ex.ZERO:
+        raise fault("boundary", column)
     if isinstance(u, ex.Number):
         return ex.ONE if u.value > 0 else ex.ZERO
     other = collecting.collect(-u)
