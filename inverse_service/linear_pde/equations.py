@@ -44,7 +44,7 @@ _KEPT = 256
 Derivative = tuple[int, tuple[int, ...]]
 NO_DERIVATIVE = -1
 # The initial room for the entries of a row, and for the rows of a prolongation.
-_ENTRIES, _ROWS = 32, 256
+ENTRIES, _ROWS = 32, 256
 # (kind, *indices, alpha): which equation, which Taylor coefficient of it.
 RowName = tuple[str | int | tuple[int, ...], ...]
 Indices = tuple[int, ...]
@@ -328,7 +328,7 @@ def rows_of_degree(table: TermTable, degree: int, prime: int, room: Kept[SparseR
     number = table.equations * int(tables.counts[degree])
     given = (number, degree, table.series.struct, table.terms, tables, small, modular.field_of(prime))
     if room is None or len(room.struct.starts) <= number:
-        room = _room(number, _ENTRIES * number)
+        room = _room(number, ENTRIES * number)
     while (entries := _emit_rows(*given, room.struct)) > len(room.struct.columns):
         room = _room(number, entries)
     return room
@@ -372,7 +372,7 @@ class Prolongation:
     row_blocks: list[tuple[Equations, int]] = field(default_factory=list)
     dependent: dict[tuple[str, int], Flags] = field(default_factory=dict)
     expected: Mapping[tuple[str, int], Flags] = field(default_factory=dict)
-    rows: Kept[SparseRows] = field(default_factory=lambda: _room(_ROWS, _ROWS * _ENTRIES))
+    rows: Kept[SparseRows] = field(default_factory=lambda: _room(_ROWS, _ROWS * ENTRIES))
 
     @property
     def unknowns(self) -> Unknowns:
@@ -424,13 +424,13 @@ def advance(prolongation: Prolongation) -> None:
         if degree < 0 or not block.indices:
             continue
         prolongation.rows = rows_of_degree(block.table, degree, prolongation.local.prime, prolongation.rows)
-        expected = _expected(prolongation, block, degree)
+        expected = expected_room(prolongation, block, degree)
         found = prolongation.echelon.insert(prolongation.rows.struct, expected, in_order=False)
         prolongation.dependent[block.kind, degree] = found
         prolongation.row_blocks.append((block, degree))
 
 
-def _expected(prolongation: Prolongation, block: Equations, degree: int) -> Flags:
+def expected_room(prolongation: Prolongation, block: Equations, degree: int) -> Flags:
     """Predict the rows that depend on previous ones, from another point or from the degree below.
 
     Near a generic point a dependence holds identically; its derivative d_a makes the row of alpha + e_a

@@ -245,7 +245,7 @@ class Finding:
 
 
 @dataclass(slots=True)
-class _Run:
+class Run:
     """One run at one point."""
 
     card: Card
@@ -263,15 +263,15 @@ class _Run:
 def settle(card: Card, seed: int, limits: Limits, progress: Callable[[str], None]) -> Finding:
     """Decide if two points over two primes agree and no limit is reached; otherwise stay undetermined."""
     try:
-        run = _Run(card, 2 * seed, limits, progress)
-        first = _settle_once(run)
+        run = Run(card, 2 * seed, limits, progress)
+        first = settle_once(run)
         if first.exists is None:
             return first
         # The second run reaches the order of the first: it makes its series once, to that order, and immediately tests
         # that the rows that were redundant there are redundant here.
-        again = _Run(card, 2 * seed + 1, limits, progress, first.order)
+        again = Run(card, 2 * seed + 1, limits, progress, first.order)
         again.expected_rows = run.dependent_rows
-        return _agreement(first, _settle_once(again))
+        return _agreement(first, settle_once(again))
     except IrreducibleAtoms as problem:
         return Finding(None, 0, problem.detail)
     except TooLarge:
@@ -285,24 +285,24 @@ def _agreement(first: Finding, second: Finding) -> Finding:
     return replace(first, points=(*first.points, *second.points))
 
 
-def _settle_once(run: _Run) -> Finding:
+def settle_once(run: Run) -> Finding:
     """One run; a point where a denominator vanishes is replaced."""
     for attempt in range(_POINTS):
         try:
-            return _prolong(run, run.seed + 100_003 * attempt)
+            return prolong(run, run.seed + 100_003 * attempt)
         except SingularPoint:
             run.history.clear()
     raise IrreducibleAtoms("a denominator vanishes at every point tried: is it identically zero?")
 
 
-def _prolong(run: _Run, seed: int) -> Finding:
+def prolong(run: Run, seed: int) -> Finding:
     known = run.expected
     prolongation = pde.start(run.card.at(seed, known), run.expected_rows)
     run.dependent_rows = prolongation.dependent
     points = ({"prime": prolongation.local.prime, "seed": seed},)
     while True:
         order = prolongation.order + 1
-        stop = _limit_reached(run, prolongation, order)
+        stop = limit_reached(run, prolongation, order)
         if stop:
             return _stopped(run, prolongation, stop)
         if order > known:
@@ -322,12 +322,12 @@ def _prolong(run: _Run, seed: int) -> Finding:
             return replace(found, history=tuple(run.history), points=points, ranks=_ranks(run, prolongation))
 
 
-def _stopped(run: _Run, prolongation: pde.Prolongation, reason: str) -> Finding:
+def _stopped(run: Run, prolongation: pde.Prolongation, reason: str) -> Finding:
     """An undetermined finding, with the progress so far."""
     return Finding(None, prolongation.order, reason, history=tuple(run.history), ranks=_ranks(run, prolongation))
 
 
-def _ranks(run: _Run, prolongation: pde.Prolongation) -> tuple[int, ...]:
+def _ranks(run: Run, prolongation: pde.Prolongation) -> tuple[int, ...]:
     """The ranks of the matrix and of the others, if there are others."""
     matrices = (run.card.matrix, *run.card.others) if run.card.others else ()
     found = []
@@ -339,7 +339,7 @@ def _ranks(run: _Run, prolongation: pde.Prolongation) -> tuple[int, ...]:
     return tuple(found)
 
 
-def _limit_reached(run: _Run, prolongation: pde.Prolongation, order: int) -> str:
+def limit_reached(run: Run, prolongation: pde.Prolongation, order: int) -> str:
     """The sentence that names the limit in the way of this order, or nothing."""
     if order > run.limits.order:
         return f"not decided by order {run.limits.order} of prolongation"
@@ -352,7 +352,7 @@ def _limit_reached(run: _Run, prolongation: pde.Prolongation, order: int) -> str
     return ""
 
 
-def _negative(run: _Run, prolongation: pde.Prolongation, seed: int) -> Finding | None:
+def _negative(run: Run, prolongation: pde.Prolongation, seed: int) -> Finding | None:
     matrix = run.card.matrix
     degree = degree_of(prolongation.unknowns, matrix)
     if prolongation.order < degree or _as_before(run, degree):
@@ -368,12 +368,12 @@ def _negative(run: _Run, prolongation: pde.Prolongation, seed: int) -> Finding |
     return Finding(False, prolongation.order, rows=tuple(prolongation.row_name(number) for number in used))
 
 
-def _as_before(run: _Run, degree: int) -> bool:
+def _as_before(run: Run, degree: int) -> bool:
     """Whether the order before left the same values of the matrix, one of the full rank among them."""
     return len(run.history) > degree + 1 and run.history[-1][degree] == run.history[-2][degree]
 
 
-def _positive(run: _Run, prolongation: pde.Prolongation, seed: int) -> Finding | None:
+def _positive(run: Run, prolongation: pde.Prolongation, seed: int) -> Finding | None:
     order, history = prolongation.order, run.history
     for degree in range(max(1, degree_of(prolongation.unknowns, run.card.matrix)), order):
         if history[order][degree] != history[order - 1][degree]:

@@ -166,7 +166,7 @@ def measure(
             settings += own
     budget = min(SHARE_OF_REPEATS * time_limit, LATER_SECONDS * repeats)
     settings = _repeated(derived, settings, repeats, budget)
-    settings = _with_floor(settings, scale, truth.uncertainty)
+    settings = with_floor(settings, scale, truth.uncertainty)
     found = Precision(scene, truth, scale, tuple(settings))
     if long:
         left = begun + time_limit - time.process_time()
@@ -232,7 +232,7 @@ def by_method(settings: Iterable[Setting]) -> dict[str, list[Setting]]:
     return found
 
 
-def _with_floor(settings: Sequence[Setting], scale: float, unknown: float = 0.0) -> list[Setting]:
+def with_floor(settings: Sequence[Setting], scale: float, unknown: float = 0.0) -> list[Setting]:
     """Mark the settings beyond the least error of their method, or beyond the first error that is only round-off or
     less than the `unknown` part of the true motion."""
     found: list[Setting] = []

@@ -51,7 +51,7 @@ _RATIONAL = 2
 _QUICK, _FAIR = 1.9, 3.65
 Progress = Callable[[str], None]
 # The seconds after which a search reports the results confirmed so far; before that, the Lagrangian itself is expected.
-_AT_ONCE = 1.0
+AT_ONCE = 1.0
 OPEN = Answer("undetermined", reason=deadline.NOT_YET)  # for a question that is not yet decided
 log = logging.getLogger(__name__)
 Result = TypeVar("Result")
@@ -657,7 +657,7 @@ def telling(work: Work, decision: deciding.Decision) -> Progress:
 
     def report(stage: str) -> None:
         is_known = decision.with_time in work.answers
-        if work.options.hand_over is not None and not is_known and deadline.now() - began > _AT_ONCE:
+        if work.options.hand_over is not None and not is_known and deadline.now() - began > AT_ONCE:
             work.answers[decision.with_time] = OPEN  # only once, even if the checker does not agree
             certificate = certify.of_decision(work.analysis, decision, 1, work.options.seed)
             if check(work, certificate).verdict == "valid":

@@ -52,7 +52,7 @@ class Connections:
 
     def admit(self, connection: Connection) -> bool:
         """Accept a new connection; if all places are taken, close the one that was silent longest."""
-        is_many = self._addresses[connection.address] >= self.of_an_address and not self._is_proxy(connection.address)
+        is_many = self._addresses[connection.address] >= self.of_an_address and not self.is_proxy(connection.address)
         if is_many or (len(self._open) >= self.total and not self._make_room()):
             return False
         if not self._open:
@@ -67,7 +67,7 @@ class Connections:
             self._open.discard(connection)
             self._addresses -= Counter({connection.address: 1})
 
-    def _is_proxy(self, address: str) -> bool:
+    def is_proxy(self, address: str) -> bool:
         try:
             found = ipaddress.ip_network(address)
         except ValueError:

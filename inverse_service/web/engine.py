@@ -87,7 +87,7 @@ class KnownAnswers:
         self._answers: dict[bytes, KnownAnswer] = {}
         # Of each job; a job that changed has no mark, or another one.
         self._marks: dict[str, object] = {}
-        self._bytes = 0
+        self.kept_bytes = 0
 
     def get(self, key: bytes, kind: str) -> Response | None:
         """The answer to a question, if it was given a moment ago and its job has not changed."""
@@ -104,9 +104,9 @@ class KnownAnswers:
             return
         with self._lock:
             before = self._answers.get(key)
-            self._bytes += size - (len(before.response.body) if before else 0)
-            if self._bytes > MOST_BYTES:
-                self._answers, self._marks, self._bytes = {}, {}, size
+            self.kept_bytes += size - (len(before.response.body) if before else 0)
+            if self.kept_bytes > MOST_BYTES:
+                self._answers, self._marks, self.kept_bytes = {}, {}, size
             mark = self._marks.setdefault(job, object())
             self._answers[key] = KnownAnswer(response, time.monotonic() + KEPT, job, mark)
 
@@ -138,8 +138,8 @@ class Engine:
         self.settings = settings
         self.keys = clients.Keys(settings)
         self.known = KnownAnswers()
-        self._working = opening.executor(settings.cluster, settings.workers, settings.memory_limit)
-        self._quick = workers.Workers(clients.QUICK_PROCESSES, settings.memory_limit, clients.QUICK_SHARE)
+        self.work_workers = opening.executor(settings.cluster, settings.workers, settings.memory_limit)
+        self.quick_workers = workers.Workers(clients.QUICK_PROCESSES, settings.memory_limit, clients.QUICK_SHARE)
         self._threads = ThreadPoolExecutor(STORE_THREADS, "store")
         self._store_check: asyncio.Future[list[str]] | None = None
         self._store_checked = 0.0
@@ -152,14 +152,14 @@ class Engine:
         # Those of the server that runs this application, where it counts them.
         self.connections: Sized = ()
         self.is_open = False
-        self._store: stores.JobStore | None = None
+        self.job_store: stores.JobStore | None = None
 
     def open(self) -> None:
         """Open the store, and the cluster if there is one; raises InputError if either cannot be used."""
-        if self._store is None:
-            self._store = opening.open_store(self.settings.database)
+        if self.job_store is None:
+            self.job_store = opening.open_store(self.settings.database)
             if self.settings.cluster is not None:
-                self._working.start()
+                self.work_workers.start()
 
     def start(self) -> None:
         """Start processes and threads; call on the loop and thread that live as long as the service."""
@@ -167,9 +167,9 @@ class Engine:
         self.hub = asking.Hub()
         for module in pages.TASKS:
             workers.preload(module)
-        self._working.start()
-        self._quick.start()
-        self.supervisor = Supervisor(self.store, self._working, self.settings.client_running, self._quick)
+        self.work_workers.start()
+        self.quick_workers.start()
+        self.supervisor = Supervisor(self.store, self.work_workers, self.settings.client_running, self.quick_workers)
         self.store.on_change(self.hub.tell)
         self.store.on_change(self.known.drop)
         self.supervisor.start()
@@ -182,8 +182,8 @@ class Engine:
     @property
     def store(self) -> stores.JobStore:
         """The store of jobs; open from `open` to `stop`."""
-        assert self._store is not None
-        return self._store
+        assert self.job_store is not None
+        return self.job_store
 
     def close_streams(self) -> None:
         """The service is about to stop: streams and waiting calls end now."""
@@ -199,16 +199,16 @@ class Engine:
         for chore in self._chores:
             chore.cancel()
         self.supervisor.stop()
-        self._working.stop()
-        self._quick.stop()
+        self.work_workers.stop()
+        self.quick_workers.stop()
         self._threads.shutdown(wait=False, cancel_futures=True)
         self.store.close()
-        self._store = None
+        self.job_store = None
 
     @property
     def is_reading(self) -> bool:
         """Whether a process that reads what comes in has answered once."""
-        return self._quick.first.done()
+        return self.quick_workers.first.done()
 
     @functools.cached_property
     def server_options(self) -> model.JobOptions:
@@ -433,7 +433,7 @@ class Engine:
         """
         size = sum(len(argument) for argument in arguments if isinstance(argument, bytes))
         call = tasks.Call(task, arguments, seconds + SECONDS_FOR_A_BYTE * size, client=client)
-        executor = self._working if among_jobs else self._quick
+        executor = self.work_workers if among_jobs else self.quick_workers
         with self.places.hold(client, 1):
             running = executor.submit(call)
             try:
@@ -463,8 +463,8 @@ class Engine:
         if not self.supervisor.is_working():
             found.append("The supervisor of the jobs is not running.")
         with suppress(TimeoutError):  # while the service starts
-            await asyncio.wait_for(asyncio.shield(asyncio.wrap_future(self._quick.first)), START_PATIENCE)
-        found += {fault: None for fault in (self._working.fault(), self._quick.fault()) if fault}
+            await asyncio.wait_for(asyncio.shield(asyncio.wrap_future(self.quick_workers.first)), START_PATIENCE)
+        found += {fault: None for fault in (self.work_workers.fault(), self.quick_workers.fault()) if fault}
         return found + await self._store_faults()
 
     async def _store_faults(self) -> list[str]:

@@ -276,7 +276,7 @@ async def results(request: Request, id: str) -> Response:
     With `Accept: application/json` alone, they come as one JSON array.
     """
     found = await _known_batch(request, id)
-    lines = _answers_of(engine_of(request), found)
+    lines = answers_of(engine_of(request), found)
     if _wants_array(request):
         return StreamingResponse(as_array(lines), media_type="application/json", headers={"Vary": "Accept"})
     return StreamingResponse(lines, media_type=NDJSON, headers={"Vary": "Accept"})
@@ -303,7 +303,7 @@ async def as_array(parts: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
     yield b"]\n"
 
 
-async def _answers_of(engine: Engine, batch: statements.Batch) -> AsyncIterator[bytes]:
+async def answers_of(engine: Engine, batch: statements.Batch) -> AsyncIterator[bytes]:
     sent, after, looked, pause = 0, 0, time.monotonic(), 0.0
 
     async def look() -> asking.Found:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from inverse_service.kernels.codegen import compiled as compiling
-from inverse_service.kernels.codegen.compiled import _memory, compiled
+from inverse_service.kernels.codegen.compiled import compiled, loaded_kernels
 from inverse_service.kernels.codegen.program import Program
 from inverse_service.kernels.codegen.symengine_trees import symbol
 from inverse_service.kernels.machine_code import code_store
@@ -22,7 +22,7 @@ from tests.codegen.run_program import call, memory_for
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("INVERSE_SERVICE_CACHE", str(tmp_path / "cache"))
-    _memory.clear()
+    loaded_kernels.clear()
     return tmp_path / "cache"
 
 
@@ -40,7 +40,7 @@ def result(identity: object, increment: int = 1) -> tuple[float, dict[str, float
 def test_found_in_memory_then_on_disk(folder: Path) -> None:
     assert result("one")[0] == 6.0
     assert result("one") == (6.0, {})
-    _memory.clear()
+    loaded_kernels.clear()
     value, seconds = result("one")
     assert value == 6.0
     assert set(seconds) == {"load"}
@@ -65,7 +65,7 @@ def test_damaged_entries_are_made_again(folder: Path, damage: str) -> None:
             "foreign": b"#!/bin/sh\n", "swapped": other,
         }[damage]  # fmt: skip
         entry.write_bytes(new)
-    _memory.clear()
+    loaded_kernels.clear()
     assert result("one")[0] == 6.0
     assert result("two", 5)[0] == 30.0
 
@@ -73,14 +73,14 @@ def test_damaged_entries_are_made_again(folder: Path, damage: str) -> None:
 def test_a_folder_that_cannot_be_written_costs_time_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     monkeypatch.setenv("INVERSE_SERVICE_CACHE", str(tmp_path / "file" / "below"))
-    _memory.clear()
+    loaded_kernels.clear()
     assert result("one")[0] == 6.0
 
 
 def test_others_code_is_not_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An entry that another user owns is ignored."""
     assert result("one")[0] == 6.0
-    _memory.clear()
+    loaded_kernels.clear()
     monkeypatch.setattr(os, "getuid", lambda: os.stat(folder).st_uid + 1)
     assert set(result("one")[1]) > {"load"}
 
@@ -89,13 +89,13 @@ def test_changed_code_makes_new_kernels(folder: Path, monkeypatch: pytest.Monkey
     from inverse_service.kernels.codegen import compiled
 
     assert result("one")[0] == 6.0
-    _memory.clear()
+    loaded_kernels.clear()
     monkeypatch.setattr(compiled, "code_digest", lambda: "another version")
     assert "compile" in result("one")[1]
 
 
 def test_the_oldest_entries_go(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(code_store, "_MOST_ENTRIES", 4)
+    monkeypatch.setattr(code_store, "MOST_ENTRIES", 4)
     for k in range(6):
         result(k, k + 1)
         time.sleep(0.01)
@@ -117,10 +117,10 @@ def test_threads_compile_one_after_the_other(folder: Path) -> None:
 
 
 def test_memory_is_bounded(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiling, "_MOST_IN_MEMORY", 2)
+    monkeypatch.setattr(compiling, "MOST_IN_MEMORY", 2)
     for k in range(4):
         result(k, k + 1)
-    assert len(compiling._memory) == 2
+    assert len(compiling.loaded_kernels) == 2
 
 
 @pytest.mark.slow

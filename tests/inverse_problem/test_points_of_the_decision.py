@@ -20,27 +20,27 @@ from inverse_service.mechanics.second_order_system import read_system
 OSCILLATORS = read_system(["x", "y"], {"x": "-x", "y": "-2*y"})
 
 
-def run_of(seed: int) -> settling._Run:
-    return settling._Run(HelmholtzAt(analyze(OSCILLATORS), False), seed, Limits(), lambda _: None)
+def run_of(seed: int) -> settling.Run:
+    return settling.Run(HelmholtzAt(analyze(OSCILLATORS), False), seed, Limits(), lambda _: None)
 
 
 def test_after_singular_points_others_are_taken_and_nothing_of_them_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     seeds: list[int] = []
-    plain = settling._prolong
+    plain = settling.prolong
 
-    def singular(run: settling._Run, seed: int) -> settling.Finding:
+    def singular(run: settling.Run, seed: int) -> settling.Finding:
         seeds.append(seed)
         run.history.append((99,))
         raise SingularPoint
 
     run = run_of(6)
-    monkeypatch.setattr(settling, "_prolong", singular)
+    monkeypatch.setattr(settling, "prolong", singular)
     with pytest.raises(settling.IrreducibleAtoms, match="identically zero"):
-        settling._settle_once(run)
+        settling.settle_once(run)
     assert seeds[0] == 6
     assert len(set(seeds)) == len(seeds) == 4
-    monkeypatch.setattr(settling, "_prolong", plain)
-    assert settling._settle_once(run).history == settling._settle_once(run_of(6)).history
+    monkeypatch.setattr(settling, "prolong", plain)
+    assert settling.settle_once(run).history == settling.settle_once(run_of(6)).history
 
 
 def test_two_seeds_have_no_point_in_common(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -77,8 +77,8 @@ def test_no_order_is_begun_whose_monomials_have_no_keys(
     unknowns = SimpleNamespace(most=2)
     prolongation: Any = SimpleNamespace(size=size, width=lambda _: 0, unknowns=unknowns)
     run = replace(run_of(2), limits=Limits(order=highest + 1))
-    assert settling._limit_reached(run, prolongation, highest) == ""
-    assert "unknowns" in settling._limit_reached(run, prolongation, highest + 1)
+    assert settling.limit_reached(run, prolongation, highest) == ""
+    assert "unknowns" in settling.limit_reached(run, prolongation, highest + 1)
 
 
 def test_a_limit_of_order_lets_that_order_be_done() -> None:

@@ -214,8 +214,8 @@ def test_rows_foreseen_to_depend_on_others_change_nothing(
 ) -> None:
     """The consequences and the number of dependent rows are the same."""
     foreseen = prolongation_of(equations_of, 4, with_time)
-    expected = room._expected
-    monkeypatch.setattr(room, "_expected", lambda *given: np.zeros_like(expected(*given)))
+    expected = room.expected_room
+    monkeypatch.setattr(room, "expected_room", lambda *given: np.zeros_like(expected(*given)))
     plain = prolongation_of(equations_of, 4, with_time)
     counts = [{k: int(v.sum()) for k, v in found.dependent.items()} for found in (foreseen, plain)]
     assert counts[0] == counts[1]

@@ -43,7 +43,7 @@ FIRST = Finding(True, 3, history=((1,), (1, 2)))
 )
 def test_two_points_that_do_not_agree_leave_it_undetermined(second: Finding, monkeypatch: pytest.MonkeyPatch) -> None:
     answers = iter((FIRST, second, FIRST, FIRST))
-    monkeypatch.setattr(settling, "_settle_once", lambda _: next(answers))
+    monkeypatch.setattr(settling, "settle_once", lambda _: next(answers))
     found = decide(OSCILLATORS, False)
     assert (found.verdict, found.reason) == ("undetermined", "two random points gave two answers")
     assert decide(OSCILLATORS, False).verdict == "variational"
@@ -51,7 +51,7 @@ def test_two_points_that_do_not_agree_leave_it_undetermined(second: Finding, mon
 
 def test_a_second_point_that_meets_a_limit_leaves_it_undetermined(monkeypatch: pytest.MonkeyPatch) -> None:
     answers = iter((FIRST, Finding(None, 2, "the time limit")))
-    monkeypatch.setattr(settling, "_settle_once", lambda _: next(answers))
+    monkeypatch.setattr(settling, "settle_once", lambda _: next(answers))
     found = decide(OSCILLATORS, False)
     assert (found.verdict, found.reason) == ("undetermined", "the time limit")
 

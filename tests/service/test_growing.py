@@ -71,7 +71,7 @@ def states(messages: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 @pytest.fixture(autouse=True)
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(solving, "_AT_ONCE", -1.0)
+    monkeypatch.setattr(solving, "AT_ONCE", -1.0)
     monkeypatch.setattr(growing, "AT_ONCE", -1.0)
 
 

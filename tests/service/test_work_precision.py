@@ -13,8 +13,8 @@ from inverse_service.service.documents.plain_data import read_json
 from inverse_service.service.scenes.drawing import precision_figure
 from inverse_service.service.scenes.simulating import simulate
 from inverse_service.service.scenes.views import price_sentences
-from inverse_service.service.scenes.work_precision import _targets, work_precision
-from inverse_service.simulation.precision import Precision, Setting, _with_floor, measured_order, price_of
+from inverse_service.service.scenes.work_precision import target_errors, work_precision
+from inverse_service.simulation.precision import Precision, Setting, measured_order, price_of, with_floor
 from inverse_service.simulation.scene_data import MethodChoice, Requested
 from inverse_service.web.pages.simulations import precision_result
 
@@ -131,17 +131,17 @@ def setting(step: float, error: float | None, best: float = 1.0) -> Setting:
 
 def test_a_curve_ends_at_the_round_off_floor() -> None:
     errors = [1e-4, 1e-8, 1e-12, 3e-15, 2e-15, 4e-15, 1e-15]
-    marked = _with_floor([setting(2.0**-k, error) for k, error in enumerate(errors)], 1.0)
+    marked = with_floor([setting(2.0**-k, error) for k, error in enumerate(errors)], 1.0)
     assert [one.at_floor for one in marked] == [False] * 4 + [True] * 3
 
 
 def test_a_curve_that_still_falls_is_drawn_whole() -> None:
-    marked = _with_floor([setting(2.0**-k, 2.0**-k) for k in range(9)], 1.0)
+    marked = with_floor([setting(2.0**-k, 2.0**-k) for k in range(9)], 1.0)
     assert not any(one.at_floor for one in marked)
 
 
 def test_a_failed_setting_has_no_floor_and_no_order() -> None:
-    marked = _with_floor([setting(0.5, None), setting(0.25, None)], 1.0)
+    marked = with_floor([setting(0.5, None), setting(0.25, None)], 1.0)
     assert not any(one.at_floor for one in marked)
     assert measured_order(marked, 1.0) is None
     assert measured_order([], 1.0) is None
@@ -186,13 +186,13 @@ def test_none_is_the_fastest_where_a_method_might_be_faster_than_its_coarsest_se
     own = [setting(0.5, coarsest, 5.0), setting(0.25, 1e-4, 5.0)]
     settings = [*own, *(replace(setting(2.0**-k, 10.0 ** (1 - 5 * k), 3.0), requested=other) for k in range(2))]
     measured = Precision(None, None, 1.0, tuple(settings))  # type: ignore[arg-type]
-    (text, *_) = price_sentences(_targets(measured, {"variational-0.5": METHOD, "other": other}))
+    (text, *_) = price_sentences(target_errors(measured, {"variational-0.5": METHOD, "other": other}))
     assert ("1e-3: other;" in text or "1e-3: other." in text or "1e-3, " in text) == sure, text
     assert ("1e-3: other or variational-0.5" in text) != sure
 
 
 def test_a_difference_below_the_uncertainty_of_the_reference_is_not_an_error() -> None:
-    marked = _with_floor([setting(2.0**-k, 10.0**-k) for k in range(8)], 1.0, 2e-5)
+    marked = with_floor([setting(2.0**-k, 10.0**-k) for k in range(8)], 1.0, 2e-5)
     assert [one.at_floor for one in marked] == [False] * 6 + [True] * 2
 
 

@@ -230,7 +230,7 @@ def test_a_wait_that_runs_out_takes_nothing_from_the_pool(workers: Workers) -> N
 
 def test_a_second_pool_starts_while_the_first_process_of_all_still_loads() -> None:
     starting = threading.Thread(target=workers_module.start_server, daemon=True)
-    with workers_module._starting:  # held until the server has loaded the engine
+    with workers_module.starting:  # held until the server has loaded the engine
         starting.start()
         starting.join(30)
         assert not starting.is_alive()

@@ -52,7 +52,7 @@ Work = Callable[[httpx.AsyncClient], Awaitable[None]]
 def with_store(store: Any, work: Work) -> None:
     application = create_application(Settings())
     engine = application.state.engine
-    engine.is_open, engine._store, engine._quick, engine._working = True, store, Inline(), Inline()
+    engine.is_open, engine.job_store, engine.quick_workers, engine.work_workers = True, store, Inline(), Inline()
     engine.supervisor = SimpleNamespace(is_working=lambda: True)
 
     async def run() -> None:

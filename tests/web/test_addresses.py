@@ -28,10 +28,10 @@ def test_all_addresses_of_a_network_of_one_host_are_one_client(address: str, pla
 
 def test_a_proxy_is_known_by_its_network() -> None:
     connections = Connections(10, 1, ("127.0.0.1/32", "2001:db8::/32"))
-    assert connections._is_proxy(place_of("127.0.0.1"))
-    assert connections._is_proxy(place_of("2001:db8:1::5"))
-    assert not connections._is_proxy(place_of("192.0.2.1"))
-    assert not connections._is_proxy(place_of("2001:db9::1"))
+    assert connections.is_proxy(place_of("127.0.0.1"))
+    assert connections.is_proxy(place_of("2001:db8:1::5"))
+    assert not connections.is_proxy(place_of("192.0.2.1"))
+    assert not connections.is_proxy(place_of("2001:db9::1"))
 
 
 def test_a_name_with_the_dot_of_the_root_is_the_same_host() -> None:

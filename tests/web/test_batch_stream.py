@@ -35,8 +35,8 @@ class SlowStore:
 def streamed(store: SlowStore, total: int) -> tuple[Any, AsyncIterator[bytes]]:
     """The hub of a service with this store, and the stream of a batch of this many lines; on an event loop."""
     engine: Any = Engine(Settings())
-    engine._store, engine.hub = store, Hub()
-    return engine.hub, routes._answers_of(engine, Batch("b", "solve", "", 0.0, total, {"running": 1}))
+    engine.job_store, engine.hub = store, Hub()
+    return engine.hub, routes.answers_of(engine, Batch("b", "solve", "", 0.0, total, {"running": 1}))
 
 
 def test_a_silent_stream_sends_empty_lines(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,7 +29,7 @@ def answer_of(monkeypatch: pytest.MonkeyPatch, error: Exception, settings: Setti
     monkeypatch.setattr(Engine, "submit", fail)
     application = create_application(settings or Settings())
     application.state.engine.is_open = True
-    application.state.engine._quick = Inline()
+    application.state.engine.quick_workers = Inline()
     transport = httpx.ASGITransport(application, raise_app_exceptions=False)
 
     async def call() -> httpx.Response:
@@ -107,7 +107,7 @@ def test_a_fault_is_counted_and_has_an_id(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(Engine, "submit", fail)
     application = create_application(Settings())
     engine = application.state.engine
-    engine.is_open, engine._quick = True, Inline()
+    engine.is_open, engine.quick_workers = True, Inline()
     transport = httpx.ASGITransport(application, raise_app_exceptions=False)
 
     async def call() -> httpx.Response:

@@ -61,7 +61,7 @@ def test_what_changes_is_forgotten_and_memory_is_bounded(monkeypatch: Any) -> No
         thread.start()
     for thread in threads:
         thread.join()
-    assert known._bytes <= 1_000
+    assert known.kept_bytes <= 1_000
     monkeypatch.setattr("inverse_service.web.engine.KEPT", -1.0)
     known.keep(b"d", "old", Response(b"x"))
     assert known.get(b"d", "solve") is None

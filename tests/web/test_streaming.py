@@ -32,7 +32,7 @@ def store(tmp_path: Path) -> Iterator[SqliteStore]:
 
 def engine_with(store: SqliteStore) -> Engine:
     engine: Any = Engine(Settings())
-    engine._store = store
+    engine.job_store = store
     return engine  # type: ignore[no-any-return]
 
 

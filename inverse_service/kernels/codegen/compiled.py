@@ -24,7 +24,7 @@ from inverse_service.kernels.codegen.program import Layout, Program, layout_of
 from inverse_service.kernels.machine_code import code_store, loading
 
 _ROOMS = ("kernels", "integrators", "simulation", "expressions")
-_MOST_IN_MEMORY = 256
+MOST_IN_MEMORY = 256
 _lock = threading.Lock()
 
 
@@ -110,7 +110,7 @@ class Compiled:
     seconds: dict[str, float]
 
 
-_memory: dict[str, Compiled] = {}
+loaded_kernels: dict[str, Compiled] = {}
 _CARD = TypeAdapter(Card)  # as JSON gives it back
 
 
@@ -118,11 +118,11 @@ def compiled(identity: Hashable, make: Callable[[], Program], lanes: int = 1) ->
     """The kernel of the program that `make` builds; `identity` says all on which the program depends."""
     digest = hashlib.sha256(f"{code_digest()} {_text_digest(identity)} {lanes}".encode()).hexdigest()
     with _lock:  # LLVM's global context takes one thread at a time
-        if (known := _memory.get(digest)) is not None:
+        if (known := loaded_kernels.get(digest)) is not None:
             return Compiled(known.card, known.machine, {})
-        if len(_memory) >= _MOST_IN_MEMORY:
-            _memory.clear()  # from disk they are loaded again in a millisecond
-        found = _memory[digest] = _from_disk(digest) or _made(digest, make, lanes)
+        if len(loaded_kernels) >= MOST_IN_MEMORY:
+            loaded_kernels.clear()  # from disk they are loaded again in a millisecond
+        found = loaded_kernels[digest] = _from_disk(digest) or _made(digest, make, lanes)
     return found
 
 

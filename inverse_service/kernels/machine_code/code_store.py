@@ -39,7 +39,7 @@ TARGETS: dict[str, tuple[tuple[str, frozenset[str]], ...]] = {
 ANSWERS: dict[str, Callable[[int], Any]] = {"none": lambda answer: None, "int64": int, "uint64": int, "bool": bool}
 _MAGIC = b"inverse-service/kernel/2\n"
 _VARIABLE = "INVERSE_SERVICE_CACHE"
-_MOST_ENTRIES = 2000
+MOST_ENTRIES = 2000
 # Write permissions for group and others, which a folder of compiled code must not have.
 _WRITABLE = 0o022
 # The package, and the folders in it where kernels are defined.
@@ -209,7 +209,7 @@ def write(digest: str, noted: Mapping[str, Any], code: bytes, kind: str = "kerne
 def _prune(directory: Path, kind: str) -> None:
     """Delete the oldest half if there are too many."""
     entries = list(directory.glob(f"*.{kind}"))
-    if len(entries) < _MOST_ENTRIES:
+    if len(entries) < MOST_ENTRIES:
         return
     entries.sort(key=lambda path: path.stat().st_mtime)
     for path in entries[: len(entries) // 2]:

@@ -98,7 +98,7 @@ class PostgresStore(stores.JobStore):
     def _read(self, function: Callable[[statements.Session], T]) -> T:
         return self._insist(lambda connection: function(statements.Session(connection, [], statements.POSTGRES)))
 
-    def _write(self, change: Callable[[statements.Session], T], durable: bool = True) -> T:
+    def write_change(self, change: Callable[[statements.Session], T], durable: bool = True) -> T:
         def transaction(connection: Connection) -> tuple[T, list[model.Change]]:
             session = statements.Session(connection, [], statements.POSTGRES)
             # In a pipeline, statements whose rows nobody waits for cost no way to the server and back.

@@ -60,7 +60,7 @@ def writing(
 
     @functools.wraps(statement)
     def write(self: JobStore, /, *arguments: P.args, **named: P.kwargs) -> T:
-        return self._write(lambda session: statement(session, *arguments, **named), durable)
+        return self.write_change(lambda session: statement(session, *arguments, **named), durable)
 
     return write
 
@@ -81,7 +81,7 @@ class JobStore(ABC):
         """Look at the store."""
 
     @abstractmethod
-    def _write(self, change: Callable[[statements.Session], T], durable: bool = True) -> T:
+    def write_change(self, change: Callable[[statements.Session], T], durable: bool = True) -> T:
         """Change it in one transaction, and tell of the jobs that changed."""
 
     @abstractmethod
@@ -114,7 +114,7 @@ class JobStore(ABC):
     def try_to_write(self) -> None:
         """Write something small and durable, and read every column; raises what the database says."""
         self._read(lambda s: s.rows("columns"))
-        self._write(lambda s: s.run("probe"))
+        self.write_change(lambda s: s.run("probe"))
 
     @abstractmethod
     def close(self) -> None:
@@ -162,9 +162,9 @@ class JobStore(ABC):
                 self.add_lines(id, lines[place : place + statements.STEP], bounds)
         except model.TooManyJobs:  # others were faster
             self.dismiss_batch(id)
-            self._write(lambda s: statements.forget_batch(s, id))
+            self.write_change(lambda s: statements.forget_batch(s, id))
             raise
-        return self._write(lambda s: statements.complete_batch(s, id, len(lines)))
+        return self.write_change(lambda s: statements.complete_batch(s, id, len(lines)))
 
     def dismiss_batch(self, id: str) -> list[str]:
         """Dismiss the open lines of the batch; the ids of their jobs that nobody else waits for, which stop.
@@ -173,7 +173,7 @@ class JobStore(ABC):
         """
         over, left = list[str](), 1
         while left:
-            left, some = self._write(lambda s: statements.leave_some(s, id))
+            left, some = self.write_change(lambda s: statements.leave_some(s, id))
             over += some
         return over
 
@@ -193,7 +193,7 @@ class JobStore(ABC):
         return forgotten
 
     def _forget(self, before: float) -> tuple[int, int]:
-        return self._write(lambda s: statements.forget(s, before, STEP), durable=False)
+        return self.write_change(lambda s: statements.forget(s, before, STEP), durable=False)
 
     secret = writing(statements.secret)
     # What follows is for an operator; a service that runs over the same store hears of it within seconds.
@@ -207,12 +207,12 @@ class JobStore(ABC):
         """Dismiss whatever is open for a client; the ids of the jobs that nobody else waits for, which stop."""
         own = self._read(lambda s: s.rows("batches_of_client", client))
         ended = [id for batch in own for id in self.dismiss_batch(batch["id"])]
-        return ended + self._write(lambda s: statements.leave_all(s, client))
+        return ended + self.write_change(lambda s: statements.leave_all(s, client))
 
     def erase_client(self, client: str) -> int:
         """Forget all jobs, answers and batches of a client that no other one asked for; how many jobs."""
         self.dismiss_client(client)
-        return self._write(lambda s: statements.erase_client(s, client))
+        return self.write_change(lambda s: statements.erase_client(s, client))
 
 
 def connect(path: str, read_only: bool = False) -> sqlite3.Connection:
@@ -328,7 +328,7 @@ class SqliteStore(JobStore):
 
     def prune(self, oldest: float, largest: int) -> int:
         forgotten = super().prune(oldest, largest)
-        while self._write(_give_back, durable=False):
+        while self.write_change(_give_back, durable=False):
             pass
         return forgotten
 
@@ -348,7 +348,7 @@ class SqliteStore(JobStore):
     def _read(self, function: Callable[[statements.Session], T]) -> T:
         return function(statements.Session(self._reader(), [], statements.SQLITE))
 
-    def _write(self, change: Callable[[statements.Session], T], durable: bool = True) -> T:
+    def write_change(self, change: Callable[[statements.Session], T], durable: bool = True) -> T:
         told = list[model.Change]()
         with self._turn:  # or one with many changes in a row would go before all others
             self._writing.acquire()
@@ -398,12 +398,12 @@ class Cleaner:
     def clean(self) -> None:
         """Forget what is old or too much; a store that is away may be back the next time."""
         try:
-            if forgotten := self._store.prune(self._oldest(), self._size):
+            if forgotten := self._store.prune(self.oldest_kept(), self._size):
                 log.info("old jobs forgotten", extra={"jobs": forgotten})
         except Exception:
             log.exception("old jobs could not be forgotten")
 
-    def _oldest(self) -> float:
+    def oldest_kept(self) -> float:
         """What ended before is forgotten: nothing by its age while the clock may be wrong."""
         newest, _ = self._store.jobs(limit=1)
         offset, self._offset = self._offset, time.time() - time.monotonic()

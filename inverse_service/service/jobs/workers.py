@@ -48,7 +48,7 @@ MOST_CROWDED = 2.0
 WARM = "inverse_service.service.jobs.warm"
 # What a task says is sent this often, from its beginning, so that a short one only says that it is done; s.
 BETWEEN_REPORTS = 0.3
-_starting = threading.Lock()
+starting = threading.Lock()
 # What the server that forks the workers has loaded.
 _preloaded = [WARM]
 NO_SHARE = 1_000_000
@@ -79,7 +79,7 @@ class WorkerProcess:
         self._connection: Connection = receiver
         self._heard = select.poll()
         self._heard.register(receiver, select.POLLIN)
-        with _starting:
+        with starting:
             self._process = context.Process(target=serve, args=(sender, memory_limit, is_alone), daemon=True)
             self._process.start()
         sender.close()
@@ -167,7 +167,7 @@ def start_server() -> None:
 
     Linux ties the death signal of a process to the thread that made it.
     """
-    # Not under `_starting`: who has that waits for the server to load everything, and the loop must not.
+    # Not under `starting`: who has that waits for the server to load everything, and the loop must not.
     if process_context().get_start_method() == "forkserver":
         multiprocessing.forkserver.ensure_running()
         locks.hold(Path(multiprocessing.util.get_temp_dir()))

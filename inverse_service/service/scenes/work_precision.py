@@ -81,7 +81,7 @@ def _steps(schema: SceneDocument) -> tuple[float, ...]:
 def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> dict[str, Any]:
     drawn = precision.curves(measured)
     named = {setting.requested.label: setting.requested for setting in measured.settings}
-    targets = _targets(measured, named)
+    targets = target_errors(measured, named)
     # Only methods that were run here are recommended.
     run = {requested.method for requested in named.values()} | {"stormer-verlet"}
     advice = taken if taken is not None and taken["method"].replace("-", "_") in run | {"stormer_verlet"} else None
@@ -116,7 +116,7 @@ def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> di
     }
 
 
-def _targets(measured: precision.Precision, named: dict[str, scene_data.Requested]) -> list[dict[str, Any]]:
+def target_errors(measured: precision.Precision, named: dict[str, scene_data.Requested]) -> list[dict[str, Any]]:
     """The cost of each relative error, cheapest method first; methods that miss it come last, without numbers."""
     found, own = [], precision.by_method(measured.settings)
     for target, reached in precision.prices(measured).items():

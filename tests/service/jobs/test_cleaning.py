@@ -55,17 +55,17 @@ def cleaner(newest: float) -> Cleaner:
 
 
 def test_a_service_in_use_forgets_by_age_from_the_start(clock: Clock) -> None:
-    assert cleaner(clock.wall - 60)._oldest() == clock.wall - 365 * DAY
+    assert cleaner(clock.wall - 60).oldest_kept() == clock.wall - 365 * DAY
 
 
 @pytest.mark.parametrize("jump_at_start", [True, False])
 def test_after_a_jump_of_the_clock_nothing_is_forgotten_by_age_for_a_day(clock: Clock, jump_at_start: bool) -> None:
     found = cleaner(clock.wall - (400 * DAY if jump_at_start else 0.0))
     if not jump_at_start:
-        found._oldest()
+        found.oldest_kept()
         clock.go(600.0, jump=400 * DAY)
     for _ in range(3):
-        assert found._oldest() == 0.0
+        assert found.oldest_kept() == 0.0
         clock.go(DAY / 4)
     clock.go(DAY)
-    assert found._oldest() == clock.wall - 365 * DAY
+    assert found.oldest_kept() == clock.wall - 365 * DAY

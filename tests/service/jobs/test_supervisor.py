@@ -99,11 +99,11 @@ def test_a_result_is_stored_as_the_worker_wrote_it(store: SqliteStore) -> None:
 
 def test_a_new_question_takes_two_commits(store: SqliteStore, monkeypatch: pytest.MonkeyPatch) -> None:
     commits = list[int]()
-    write = store._write
+    write = store.write_change
     heard = list[model.Change]()
     store.on_change(heard.append)
     with supervised(store, Scripted(lambda call: DONE)) as supervisor:
-        monkeypatch.setattr(store, "_write", lambda *given: (commits.append(1), write(*given))[1])
+        monkeypatch.setattr(store, "write_change", lambda *given: (commits.append(1), write(*given))[1])
         jobs = [supervisor.submit(request(str(k)), model.Bounds())[0] for k in range(3)]
         assert {final(store, job.id).status for job in jobs} == {"successful"}
     assert sum(commits) == 2 * 3, "one commit when the job is accepted and starts, one when it ends"
