@@ -16,6 +16,7 @@ import sympy
 from sympy.concrete.expr_with_limits import ExprWithLimits
 from sympy.core.function import Application, AppliedUndef
 from sympy.logic.boolalg import BooleanAtom
+from sympy.printing.precedence import PRECEDENCE
 from sympy.printing.str import StrPrinter
 
 from inverse_service.errors import InputError
@@ -96,6 +97,9 @@ class _DocumentPrinter(StrPrinter):  # type: ignore[misc]
         if (name := type(expr).__name__) not in _KNOWN:
             raise _refused(f"the function {name} occurs", "write elementary functions, or a function of your own")
         return str(super()._print_Function(expr))
+
+    def _print_Mul(self, expr: Any) -> str:
+        return "*".join(self.parenthesize(factor, PRECEDENCE["Mul"]) for factor in expr.args)  # SymPy errs in quotients
 
     def _print_UnevaluatedExpr(self, expr: Any) -> str:
         return f"({self._print(expr.args[0])})"  # SymPy takes x - (y - z) for the text of x + UnevaluatedExpr(-y - z)
