@@ -864,6 +864,22 @@ def where_regular(question: Question, read_matrix: Callable[[Letters], list[list
     return in_letters(question, work)
 
 
+def sides_of(question: Question, read: Callable[[Letters], Any]) -> Cell:
+    """The sides of the poles of related arctangents on which P lies, where their relations are those used at P.
+
+    `read` reads the formulas in the order in which the plan of the question was made.
+    """
+    if not any(entry.pair for entry in question.plan.entries):
+        return Cell()
+
+    def work(ring: Letters) -> Cell:
+        read(ring)
+        sides = written(ring, strongest(ring, signed(question, ring, ring.cut)))
+        return Cell(sides, sides, bool(sides), any(LONG in text for text in sides))
+
+    return in_letters(question, work)
+
+
 def determinant(ring: Letters, matrix: list[list[Quotient]]) -> Quotient:
     """The determinant by elimination in the field of quotients, with short pivots first."""
     rows, value = [[*row] for row in matrix], Quotient(ring.one, ring.one)

@@ -113,6 +113,12 @@ def test_another_branch_of_a_root_is_another_system() -> None:
     assert compared(document, {"x": "-(x^2)^(1/2)"}) == "invalid"
 
 
+def test_related_arctangents_are_another_system_beyond_their_poles() -> None:
+    system = {"coordinates": ["x"], "equations": {"x": "-x"}}
+    found = compared_with_document({"equations": "x'' = -atan(tan(x))"}, Canonical(system, {"near": {"x": "1/3"}}))
+    assert (found.verdict, found.cell and found.cell.domain) == ("valid", ("cos(x) > 0",))
+
+
 def test_formulas_without_a_common_real_point_are_not_judged() -> None:
     assert compared({"equations": "x'' = log(-1 - x^2)"}, {"x": "0"}) == "incomplete"
 

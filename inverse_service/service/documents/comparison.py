@@ -358,9 +358,13 @@ def _examined(
         return checks.Claims([checks.Zero(*pair) for pair in zeros], [checks.Regular(numbers_of_rows, sentences[1])])
 
     def where(question: checks.Question) -> cell.Cell:
-        if question.unsolved or is_constant:
+        if question.unsolved:
             return cell.Cell()
-        return cell.where_regular(question, lambda ring: matrix(ring, _leaves(coordinates, ring.names)))
+        sides = cell.sides_of(question, parts)
+        if is_constant:
+            return sides
+        regular = cell.where_regular(question, lambda ring: matrix(ring, _leaves(coordinates, ring.names)))
+        return replace(sides, domain=(*sides.domain, *regular.domain), unknown=sides.unknown or regular.unknown)
 
     def work(tools: Any) -> list[str]:
         question = checks.Question(tools, canonical.system, True, canonical.claim)
