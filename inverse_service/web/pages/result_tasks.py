@@ -335,12 +335,14 @@ def curl_of(document: Mapping[str, Any], address: str) -> str:
 
 def glance_task(body: bytes, content_type: str) -> Markup:
     """A short answer to the solve form as HTML, which is not stored; a hint if it takes longer than a glance."""
-    document = forms.sent_task(body, content_type).document
-    return _in_html(None if document is None else glance_of(document))
+    sent = forms.sent_task(body, content_type)
+    return _in_html(None if sent.document is None else glance_of(sent.document), sent.fields)
 
 
-def _in_html(glance: Mapping[str, Any] | None) -> Markup:
-    return Markup(rendering.render("glance.html", glance=glance))
+def _in_html(glance: Mapping[str, Any] | None, fields: forms.Fields) -> Markup:
+    """The glance with the question that it answers, which the page compares with its form."""
+    question = [pair for pair in fields.items() if pair[1]]
+    return Markup(rendering.render("glance.html", glance=glance, question=question))
 
 
 def glance_of_fields(fields: forms.Fields) -> Markup | None:
@@ -349,7 +351,7 @@ def glance_of_fields(fields: forms.Fields) -> Markup | None:
         found = glance_of(forms.document_of_fields(fields))
     except errors.InputError:
         return None
-    return None if found is None else _in_html(found)
+    return None if found is None else _in_html(found, fields)
 
 
 class _Enough(Exception):

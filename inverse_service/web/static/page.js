@@ -26,14 +26,40 @@ async function post(address, form, signal) {
   return { isBusy: [429, 503].includes(answer.status), isPage, text: isPage ? await answer.text() : (await answer.json()).detail ?? FAILED };
 }
 
+// The question of a form as one text: what is typed and what a link has set. `as` "defaultValue": as the page came.
+function questionOf(form, as = "value") {
+  const fields = [...form.elements].filter((one) => one.name && (one.type === "textarea" || one.type === "text" || one.type === "hidden"));
+  return textOf(fields.map((one) => [one.name, one[as].replaceAll("\r\n", "\n").trim()]));
+}
+const NO_QUESTION = ["kind", "name"]; // fields that leave the answer as it is
+const textOf = (pairs) => JSON.stringify(pairs.filter(([name, text]) => text && !NO_QUESTION.includes(name)).sort());
+
+// An answer whose form has been changed since fades. These forms have autocomplete off: what a browser would fill in
+// after a reload or Back comes later than the page.
+function fading(place, form) {
+  const isAsServed = (one) => one.type === "radio" || one.type === "checkbox" ? one.checked === one.defaultChecked
+    : one.options ? [...one.options].every((option) => option.selected === option.defaultSelected || one.selectedIndex === 0) : one.value === one.defaultValue;
+  const look = () => isOld(place, [...form.elements].some((one) => one.name && !place.contains(one) && !isAsServed(one)));
+  form.addEventListener("input", look);
+  addEventListener("pageshow", look);
+  look();
+}
+
+function isOld(place, old) {
+  place.classList.toggle("old", old);
+  place.toggleAttribute("aria-busy", old);
+  if (old) place.setAttribute("aria-busy", "true");
+}
+
 function echo(form) {
   const target = document.getElementById(form.dataset.understood ?? "understood");
   let [timer, typed, scolding, tries] = [0, 0, 0, 0];
-  let asked = null;
+  let [asked, read] = [null, questionOf(form, "defaultValue")];
   const answering = form.dataset.answer ? answers(form) : null;
   const ask = async () => {
     asked?.abort();
     asked = new AbortController();
+    read = questionOf(form);
     try {
       const { isBusy, isPage, text } = await post(`${form.dataset.echo}?fragment=1`, form, asked.signal);
       // What was typed while the service starts is read once it has started.
@@ -73,7 +99,10 @@ function echo(form) {
     timer = setTimeout(ask, ECHO_PAUSE);
   });
   mark(form, target);
-  return ask;
+  // What a browser or a draft has filled in is read as if it were typed.
+  const renew = () => { if (questionOf(form) !== read) { answering?.forget(); ask(); } };
+  addEventListener("pageshow", renew);
+  return { ask, renew };
 }
 
 // Behind a box lies a copy of its text, in which a place is marked; the line below the box says it without scripts.
@@ -132,9 +161,16 @@ function answers(form) {
   const panel = place.closest(".live");
   let [timer, version, busy, again, tries] = [0, 0, false, false, 0];
   let motion = null;
+  // The pane carries the question that it answers; beside any other it fades.
+  const agree = () => {
+    const question = place.querySelector("[data-question]")?.dataset.question;
+    const isAnswered = question !== undefined && textOf(JSON.parse(question)) === questionOf(form);
+    isOld(panel, question !== undefined && !isAnswered);
+    return isAnswered;
+  };
   const show = () => {
     panel.hidden = false;
-    panel.classList.remove("old");
+    agree();
     motion?.play(false);
     const data = place.querySelector("script");
     panel.querySelector("svg").classList.toggle("hidden", !data);
@@ -158,13 +194,13 @@ function answers(form) {
   const later = (typed) => {
     clearTimeout(timer);
     tries = 0;
-    if (typed || !place.querySelector("[data-settled]")) timer = setTimeout(ask, Math.max(0, ANSWER_PAUSE - (Date.now() - typed)));
+    if (!agree()) timer = setTimeout(ask, Math.max(0, ANSWER_PAUSE - (Date.now() - typed)));
   };
   // What was typed since has no answer yet: the old one fades, and goes where the text cannot be read.
   later.forget = () => {
     version += 1;
     clearTimeout(timer);
-    panel.classList.add("old");
+    agree();
     said("");
   };
   later.clear = () => { panel.hidden = true; place.replaceChildren(); motion?.play(false); };
@@ -174,7 +210,7 @@ function answers(form) {
 }
 
 // What is typed survives a reload and the other tab: the draft of each form, until this window is closed.
-function drafts(form, ask) {
+function drafts(form) {
   const name = `${DRAFT}${location.pathname}:${form.elements.kind?.value ?? ""}`;
   const fields = [...form.querySelectorAll("textarea, input:not([type])")];
   const asks = location.search && !location.search.startsWith("?kind=");
@@ -183,7 +219,6 @@ function drafts(form, ask) {
     for (const field of fields) {
       if (field.name in kept) field.value = kept[field.name];
     }
-    ask();
   }
   const keep = () => sessionStorage.setItem(name, JSON.stringify(Object.fromEntries(fields.map((field) => [field.name, field.value]))));
   form.addEventListener("input", keep);
@@ -388,10 +423,11 @@ async function batchProgress() {
 }
 
 for (const form of document.querySelectorAll("form[data-echo]")) {
-  const ask = echo(form);
+  const { ask, renew } = echo(form);
   if (form.dataset.understood) form.addEventListener("focusin", ask, { once: true });
   else {
-    drafts(form, ask);
+    drafts(form);
+    renew();
     // A service that just started shows the form before it can say how the form is read.
     const isAnswered = !form.dataset.answer || document.querySelector("[data-settled], [data-problem]");
     if (!isAnswered || !document.querySelector("#understood .formula, #understood [data-problem]")) ask();
@@ -400,6 +436,7 @@ for (const form of document.querySelectorAll("form[data-echo]")) {
   form.querySelector("input[type=file]")?.addEventListener("change", ask);
 }
 for (const box of document.querySelectorAll("#own textarea")) keeping(box);
+for (const place of document.querySelectorAll("[data-answers]")) fading(place, document.getElementById(place.dataset.answers));
 note(document);
 remembering();
 focusWide(document);

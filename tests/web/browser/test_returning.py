@@ -1,0 +1,104 @@
+"""An answer never appears next to another question than its own: after a draft, a reload, Back, and Forward."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+
+import pytest
+from playwright.sync_api import expect
+
+from .conftest import Visit
+from .test_people import ask
+
+# At each frame: the text of a box, and what the part that answers it says, unless that has faded.
+WATCH = """(([box, answer]) => {
+    const look = () => {
+        const typed = document.querySelector(box);
+        const said = [...document.querySelectorAll(answer)]
+            .filter((one) => one.getClientRects().length && Number(getComputedStyle(one).opacity) > 0.5);
+        const pair = typed && JSON.stringify([typed.value.trim(), said.map((one) => one.innerText).join(" ")]);
+        if (pair && pair !== window.seen.at(-1)) window.seen.push(pair);
+        requestAnimationFrame(look);
+    };
+    window.seen = [];
+    document.addEventListener("DOMContentLoaded", look);
+})"""
+
+ANSWERED = "([text, words]) => seen.map(JSON.parse).some(([typed, said]) => typed === text && said.includes(words))"
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A box, the part of its page that answers it, and for each text the words that its answer alone has."""
+
+    box: str
+    answer: str
+    said: dict[str, str]
+    sends: str = ""  # the button; without one the page answers by itself
+
+
+ITALIC = {"a": "\U0001d44e", "b": "\U0001d44f"}  # as MathML shows the letters
+EQUATIONS = {
+    "x'' = -x - c*x'": "with the time in L",
+    "x'' = -x - x'^2*y\ny'' = -y + x'*y'": "No regular Lagrangian",
+    "x'' = 0": "there is a Lagrangian",
+}
+PAGES = {
+    "/": Beside("#equations", "#live", EQUATIONS),
+    "/?kind=nonholonomic": Beside("#constraints", "#live", {f"z' - {one}*x*y'": ITALIC[one] for one in "ab"}),
+    "/?kind=lagrangian": Beside("#lagrangian", "#live", {f"x'^2/2 - {one}*x^2/2": ITALIC[one] for one in "ab"}),
+    "own": Beside("#own-lagrangian", "#own + [role=status]", {"x'^2/2 - x^2/2": "Yes", "x'^2/2": "Not yet"}, "Does it"),
+    "/exercise?equations=x''+%3D+-x": Beside(
+        "#formula", "#feedback h2", {"x'^2/2 - x^2/2": "Yes", "x'^2/2": "Not yet"}, "Check"
+    ),
+    "/atlas": Beside("#q", "[aria-label=Systems]", {"kepler": "Kepler problem", "sleigh": "Chaplygin"}, "Search"),
+}
+
+
+@pytest.mark.parametrize("path", ["/", *(pytest.param(path, marks=pytest.mark.slow) for path in list(PAGES)[1:])])
+def test_an_answer_is_never_next_to_another_question(fresh: Visit, path: str) -> None:
+    page, beside = fresh.page, PAGES[path]
+    page.add_init_script(f"{WATCH}({json.dumps([beside.box, beside.answer])})")
+    box = page.locator(beside.box)
+    answered: set[str] = set()
+
+    def agree() -> None:
+        """No frame showed the answer of another text."""
+        for typed, answer in map(json.loads, page.evaluate("window.seen")):
+            wrong = [text for text, words in beside.said.items() if text != typed and words in answer]
+            right = beside.said.get(typed)
+            assert not (wrong and (right is None or right not in answer)), (typed, answer)
+            answered.update([typed] if right and right in answer else [])
+
+    def answer(text: str) -> None:
+        """The text, typed or restored, and its answer."""
+        expect(box).to_have_value(text)
+        if beside.sends and box.evaluate("one => one.value !== one.defaultValue"):
+            page.get_by_role("button", name=beside.sends).click()
+            page.wait_for_load_state()
+        page.wait_for_function(ANSWERED, arg=[text, beside.said[text]])
+        agree()
+
+    if path == "own":
+        ask(fresh, {"equations": "x'' = -x"})
+        page.get_by_role("heading", name="More").click()
+    else:
+        fresh.go(path)
+    for text in beside.said:
+        box.fill(text)
+        answer(text)
+    first, last = next(iter(beside.said)), list(beside.said)[-1]
+    page.reload()
+    answer(last)
+    box.fill(first)
+    fresh.go("/learn")  # before it is answered
+    page.go_back()
+    page.wait_for_load_state()
+    agree()
+    page.go_forward()
+    page.go_back()
+    page.wait_for_load_state()
+    page.wait_for_timeout(300)
+    agree()
+    assert answered == set(beside.said)
