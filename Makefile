@@ -4,7 +4,7 @@ HOST ?= 127.0.0.1
 SERVICE := .venv/.service
 STAMP := .venv/.installed
 
-.PHONY: help docs notebooks install develop service run test wheel installed nightly lint paper bench bench-service soundness coverage mutation font reference
+.PHONY: help docs notebooks install develop service run test wheel installed nightly lint paper bench bench-service soundness coverage mutation golden font reference
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):[^#]*## /\1: /p' Makefile
@@ -91,6 +91,11 @@ coverage: install ## branch coverage of the heart
 # Small changes to checker and decision, each of which a test has to notice.
 mutation: install ## small changes that tests must notice
 	.venv/bin/python -m tests.mutation --output build/mutation
+
+# What the working tree answers otherwise than a revision, over a hundred documents.
+BASE ?= HEAD
+golden: install ## compare a hundred results with those of BASE=REVISION
+	.venv/bin/python -m tests.golden --base $(BASE)
 
 # The mathematics font of the pages: the characters that our MathML uses, out of a pinned package. Needs npm.
 FONT := inverse_service/web/static/stix-two-math

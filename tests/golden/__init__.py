@@ -1,0 +1,1 @@
+"""A hundred documents answered by two states of the code, and what their results differ in."""
