@@ -19,7 +19,7 @@ import mpmath
 from inverse_service import bounds, errors
 from inverse_service.certificate import cell as cells, checker, formulas
 from inverse_service.decision import deciding
-from inverse_service.expressions import calculus, collecting, notation, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, functions, notation, printing, tree as ex
 from inverse_service.field import exact_field, real_branch, tower
 from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.reading import names as nm, reader
@@ -35,7 +35,7 @@ _SEED = 3
 # The largest number of coordinates for which series are written.
 _MOST_COORDINATES = 4
 _MOST_CONDITIONS = 100  # per certificate
-_CIRCULAR = ("sin", "cos", "tan", "sec", "csc", "cot", "sinh", "cosh", "tanh", "sech", "csch", "coth")
+_CIRCULAR = functions.CIRCULAR + functions.HYPERBOLIC
 Entry = dict[str, str]  # of the roots of a certificate
 
 
@@ -382,12 +382,8 @@ def _hidden_radicands(formulas: Sequence[ex.Expression]) -> list[ex.Expression]:
     found = list[ex.Expression]()
     for node in ex.distinct_nodes(formulas):
         match node:
-            case ex.Apply("asin" | "acos", u):
-                found.append(1 - u**2)
-            case ex.Apply("acosh", u):
-                found.append(u**2 - 1)
-            case ex.Apply("asinh", u):
-                found.append(u**2 + 1)
+            case ex.Apply(function, u) if (slope := functions.slope(function)) and slope[3].denominator == 2:
+                found.append(slope[1] + slope[2] * u**2)
     return found
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service import errors
-from inverse_service.expressions import calculus, tree as ex
+from inverse_service.expressions import functions, tree as ex
 
 Array = NDArray[np.float64]
 
@@ -57,8 +57,8 @@ def _value(expression: ex.Expression, known: dict[ex.Expression, Any]) -> Any:
         case ex.Power(base, exponent):
             found = np.power(np.asarray(_value(base, known), dtype=float), _value(exponent, known))
         case ex.Apply(function, argument):
-            below, inner = calculus.RECIPROCALS.get(function), _value(argument, known)
-            found = np.heaviside(inner, np.nan) if function == calculus.STEP else getattr(np, below or function)(inner)
+            below, inner = functions.RECIPROCALS.get(function), _value(argument, known)
+            found = np.heaviside(inner, np.nan) if function == functions.STEP else getattr(np, below or function)(inner)
             found = 1 / found if below else found
         case _ if expression == ex.PI:
             found = np.pi

@@ -1,10 +1,9 @@
-"""The elementary functions, derivatives of trees (partial and in time, not simplified), and their values at a point.
+"""Derivatives of trees (partial and in time, not simplified), and their values at a point.
 
 Values are real numbers of any precision.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache, reduce
 from operator import mul
@@ -14,81 +13,13 @@ from mpmath import mp, mpf
 
 from inverse_service import errors
 from inverse_service.expressions import tree as ex
+from inverse_service.expressions.functions import FUNCTION, STEP, Rule
 from inverse_service.expressions.refusals import fault
 
 # Arbitrary function to (names of its arguments, formula in these names).
 Definitions = Mapping[str, tuple[tuple[str, ...], ex.Expression]]
-Rule = Callable[[ex.Expression], ex.Expression]
-_NOT_ZERO = (bool, "a number other than 0")
 Real = Any  # mpmath has no types
-# The function that is 1 where its argument is positive and 0 where it is negative.
-STEP = "Heaviside"
 _IN_MPMATH = {"log": "ln"}
-
-
-@dataclass(frozen=True, slots=True)
-class Function:
-    """One function f of one real argument u.
-
-    `derivative` maps u to the tree f'(u). `parity` is 1 if f(-u) = f(u), -1 if f(-u) = -f(u), else 0. `reciprocal`
-    names g with f = 1/g, `undoes` names g with f(g(u)) = u wherever g is real, and `root` is g, a, b with f(g(u)) =
-    sqrt(a + b u^2) there. `holds` says whether f has a real value at a number, and `wanted` describes these numbers.
-    `command` is the LaTeX command, `shown` the printed name.
-    """
-
-    name: str
-    derivative: Rule
-    parity: int = 0
-    reciprocal: str = ""
-    holds: Callable[[Fraction], bool] | None = None
-    wanted: str = ""
-    command: str = ""
-    shown: str = ""
-    undoes: str = ""
-    root: tuple[str, int, int] | None = None
-
-
-def _inverse_root(u: ex.Expression) -> ex.Expression:
-    return u ** Fraction(-1, 2)
-
-
-def _other(function: str) -> Rule:
-    return lambda u: ex.Apply(function, u)
-
-
-def _negative_product(first: str, second: str) -> Rule:
-    return lambda u: -1 * ex.Apply(first, u) * ex.Apply(second, u)
-
-
-_ROWS = (
-    Function("exp", _other("exp"), command="\\exp"),
-    Function("log", lambda u: u**-1, 0, "", lambda u: u > 0, "a positive number", "\\ln", "ln"),
-    Function("sin", _other("cos"), -1, command="\\sin", undoes="asin", root=("acos", 1, -1)),
-    Function("cos", lambda u: -ex.Apply("sin", u), 1, command="\\cos", undoes="acos", root=("asin", 1, -1)),
-    Function("tan", lambda u: 1 + ex.Apply("tan", u)**2, -1, command="\\tan", undoes="atan"),
-    Function("cot", lambda u: -(1 + ex.Apply("cot", u)**2), -1, "tan", *_NOT_ZERO, "\\cot"),
-    Function("sec", lambda u: ex.Apply("sec", u) * ex.Apply("tan", u), 1, "cos", command="\\sec"),
-    Function("csc", _negative_product("csc", "cot"), -1, "sin", *_NOT_ZERO, "\\csc"),
-    Function("sinh", _other("cosh"), -1, command="\\sinh", undoes="asinh", root=("acosh", -1, 1)),
-    Function("cosh", _other("sinh"), 1, command="\\cosh", undoes="acosh", root=("asinh", 1, 1)),
-    Function("tanh", lambda u: 1 - ex.Apply("tanh", u)**2, -1, command="\\tanh", undoes="atanh"),
-    Function("coth", lambda u: 1 - ex.Apply("coth", u)**2, -1, "tanh", *_NOT_ZERO, "\\coth"),
-    Function("sech", _negative_product("sech", "tanh"), 1, "cosh"),
-    Function("csch", _negative_product("csch", "coth"), -1, "sinh", *_NOT_ZERO),
-    Function("asin", lambda u: _inverse_root(1 - u**2), -1, "", lambda u: abs(u) <= 1,
-             "a number between -1 and 1", "\\arcsin", "arcsin"),
-    Function("acos", lambda u: -_inverse_root(1 - u**2), 0, "", lambda u: abs(u) <= 1,
-             "a number between -1 and 1", "\\arccos", "arccos"),
-    Function("atan", lambda u: (1 + u**2)**-1, -1, command="\\arctan", shown="arctan"),
-    Function("asinh", lambda u: _inverse_root(1 + u**2), -1, undoes="sinh"),
-    # Two roots, because sqrt(u^2 - 1) would also be real for u < -1, where acosh is not.
-    Function("acosh", lambda u: _inverse_root(u - 1) * _inverse_root(u + 1), 0, "",
-             lambda u: u >= 1, "a number not less than 1"),
-    Function("atanh", lambda u: (1 - u**2)**-1, -1, "", lambda u: abs(u) < 1,
-             "a number between -1 and 1", undoes="tanh"),
-)  # fmt: skip
-FUNCTION: dict[str, Function] = {row.name: row for row in _ROWS}
-RECIPROCALS: dict[str, str] = {row.name: row.reciprocal for row in _ROWS if row.reciprocal}
 
 
 def _rule(function: str) -> Rule:

@@ -17,7 +17,7 @@ from typing import TypeVar
 from flint import fmpz
 
 from inverse_service import deadline
-from inverse_service.expressions import calculus, printing, tree as ex
+from inverse_service.expressions import functions, printing, tree as ex
 
 T = TypeVar("T", bound=Hashable)
 
@@ -228,7 +228,7 @@ def _number_power(value: Fraction, exponent: Fraction) -> Terms:
 
 def of_inverse(tree: ex.Apply) -> ex.Expression | None:
     """sin(asin(u)) = u, cos(asin(u)) = sqrt(1 - u^2), and similar rules if asin(u) is real; None for any other tree."""
-    inner, row = tree.argument, calculus.FUNCTION.get(tree.function)
+    inner, row = tree.argument, functions.FUNCTION.get(tree.function)
     if isinstance(inner, ex.Apply) and row is not None:
         if row.undoes == inner.function:
             return inner.argument
@@ -238,7 +238,7 @@ def of_inverse(tree: ex.Apply) -> ex.Expression | None:
 
 
 def _function(tree: ex.Apply) -> Terms:
-    inner, row = tree.argument, calculus.FUNCTION.get(tree.function)
+    inner, row = tree.argument, functions.FUNCTION.get(tree.function)
     if (simple := of_inverse(tree)) is not None:
         return _expand(simple)
     special = _SPECIAL.get(tree.function)

@@ -7,7 +7,7 @@ polynomial is zero, is unspecified because answers hold on open sets.
 from collections.abc import Sequence
 
 from inverse_service.expressions import collecting, printing, tree as ex
-from inverse_service.expressions.calculus import STEP
+from inverse_service.expressions.functions import STEP
 from inverse_service.expressions.refusals import fault
 
 MOST_PIECES, MOST_BOUNDARIES = 8, 7

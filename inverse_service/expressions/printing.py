@@ -13,7 +13,7 @@ except for partial derivatives. The text uses a small part of the grammar of `re
               | "diff(" name "(" name {", " name} "), " name {", " name} ")"
               | name "[" integer {"," integer} "](" formula {", " formula} ")"
 
-`sqrt` and `sign` are the only functions besides those of `calculus.py` and the declared ones; integers have no sign;
+`sqrt` and `sign` are the only functions besides those of `functions.py` and the declared ones; integers have no sign;
 rational numbers are written as quotients. A'(u) is the derivative of a declared function of one argument; for several
 arguments, diff(B(x, y), x) if they are different names, else B[1,0](u, w) with the order of the derivative by each
 argument.
@@ -29,7 +29,7 @@ from fractions import Fraction
 from functools import lru_cache
 from html import escape
 
-from inverse_service.expressions import calculus, letters, tree as ex
+from inverse_service.expressions import functions, letters, tree as ex
 
 _EXPONENTIAL = ex.Apply("exp", ex.ONE)
 # The denominator from which a decimal number can be much shorter than a fraction, and how many digits shorter.
@@ -368,7 +368,7 @@ def to_latex(expression: ex.Expression, within: bool = False) -> str:
 
 
 def _command(function: str) -> str:
-    row = calculus.FUNCTION.get(function)
+    row = functions.FUNCTION.get(function)
     return (row.command if row else "") or f"\\operatorname{{{function}}}"
 
 
@@ -442,7 +442,7 @@ class _Mathml(_Notation):
     def call(self, function: str, argument: ex.Expression) -> str:
         if function == "exp":
             return f"<msup><mi>e</mi>{self.exponent(argument)}</msup>"
-        row = calculus.FUNCTION.get(function)
+        row = functions.FUNCTION.get(function)
         name = escape((row.shown if row else "") or function)
         return f"<mrow><mi>{name}</mi>{_APPLY}{self.brackets(argument)}</mrow>"
 

@@ -35,7 +35,7 @@ from flint import Ordering, fmpq, fmpq_mat, fmpq_mpoly, fmpq_mpoly_ctx, fmpz
 from flint.utils.flint_exceptions import DomainError
 
 from inverse_service.deadline import end, now
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import functions, tree as ex
 
 Exponents = tuple[tuple[int, int], ...]
 # The cost of a step in addition to its terms.
@@ -50,22 +50,9 @@ FACTORED_TERMS = 120
 FACTORED_DEGREE = 60
 
 Family = tuple[str, tuple[ex.Expression, ...]]
-# The derivative of each inverse function is sign / (constant + quadratic u^2)^exponent.
-INVERSE: dict[str, tuple[int, int, int, Fraction]] = {
-    "asin": (1, 1, -1, Fraction(1, 2)),
-    "acos": (-1, 1, -1, Fraction(1, 2)),
-    "atan": (1, 1, 1, Fraction(1)),
-    "asinh": (1, 1, 1, Fraction(1, 2)),
-    "acosh": (1, -1, 1, Fraction(1, 2)),
-    "atanh": (1, 1, -1, Fraction(1)),
-}
-
 Coordinates = Mapping[Any, Fraction]
 # The largest multiple of a basis element; powers of a generator are expanded.
 _LARGEST_MULTIPLE = 1_000
-TRIGONOMETRIC = frozenset(["sin", "cos", "tan", "cot", "sec", "csc"])
-HYPERBOLIC = frozenset(["sinh", "cosh", "tanh", "coth", "sech", "csch"])
-
 # sin(k x) is a polynomial of degree k in sin x and cos x.
 LARGEST_MULTIPLE = 64
 
@@ -865,7 +852,9 @@ def _is_root(ring: ExactRing, index: int) -> bool:
 
 def adjoin_inverse(ring: ExactRing, node: ex.Apply) -> None:
     """Add a generator for asin, acos, atan, asinh, acosh, or atanh of an argument."""
-    sign, constant, quadratic, exponent = INVERSE[node.function]
+    slope = functions.FUNCTION[node.function].slope
+    assert slope is not None
+    sign, constant, quadratic, exponent = slope
     argument = ring.value(node.argument)
     below = ring.constant(constant) + (argument * argument).scaled(quadratic)
     if exponent.denominator == 2:
@@ -993,14 +982,14 @@ def _adjoin_level(ring: ExactRing, level: Sequence[ex.Expression], orders: int, 
     adjoin_roots(ring, [node for node in level if isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number)])
     symbolic = [node for node in level if isinstance(node, ex.Power) and not isinstance(node.exponent, ex.Number)]
     _adjoin_logarithms(ring, [*_applied(level, {"log"}), *(ex.Apply("log", node.base) for node in symbolic)])
-    hyperbolic = _applied(level, HYPERBOLIC)
+    hyperbolic = _applied(level, functions.HYPERBOLIC)
     by_exponentials = bool(names & {"exp", "power"})
     exponentials = _applied(level, {"exp"}) + (hyperbolic if by_exponentials else [])
     _adjoin_exponentials(ring, exponentials, symbolic)
-    adjoin_pairs(ring, _applied(level, TRIGONOMETRIC), -1)
+    adjoin_pairs(ring, _applied(level, functions.CIRCULAR), -1)
     if not by_exponentials:
         adjoin_pairs(ring, hyperbolic, 1)
-    for node in _applied(level, INVERSE):
+    for node in _applied(level, functions.INVERSE):
         adjoin_inverse(ring, node)
     adjoin_arbitrary(ring, [node for node in level if isinstance(node, ex.Arbitrary)], orders)
 

@@ -30,7 +30,7 @@ import numpy as np
 import numpy.typing as npt
 
 from inverse_service import deadline
-from inverse_service.expressions import calculus, collecting, tree as ex
+from inverse_service.expressions import calculus, collecting, functions, tree as ex
 from inverse_service.field import modular, tower
 
 Numbers = npt.NDArray[np.int64]
@@ -39,7 +39,7 @@ PRIME = 2_147_454_839
 _HALF = (PRIME - 1) // 2
 # ("variable" | "root", itself), ("angle" | "exp", its unit), ("function", a derivative of it), (name, argument) else.
 Generator = tuple[str, ex.Expression]
-_INVERSES = ("log", "atan", "asin", "acos", "asinh", "acosh", "atanh")
+_INVERSES = ("log", *functions.INVERSE)
 _ARGUMENT = ex.Symbol("argument of a function")
 
 

@@ -39,7 +39,7 @@ from flint import fmpq_mpoly, fmpz_mat, nmod_mat
 
 from inverse_service import bounds, errors
 from inverse_service.certificate import cell, formulas as grammar, question
-from inverse_service.expressions import calculus, collecting, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, functions, printing, tree as ex
 from inverse_service.field import exact_field, modular, tower as towers
 
 _DIGITS = 40
@@ -68,7 +68,6 @@ Factors = dict[ex.Expression, int]
 # The largest number under a root that is factored.
 _LARGEST_NUMBER = 10**40
 Way = tuple[ex.Expression, tuple[ex.Expression, ...]]
-_INVERSE_PAIRS = frozenset((("asin", "sin"), ("acos", "cos"), ("atan", "tan")))
 
 
 def find_real_point(
@@ -490,19 +489,15 @@ def _own_requirements(node: ex.Expression) -> list[ex.Expression]:
             return [base]
         case ex.Power(base, exponent) if not isinstance(exponent, ex.Number):
             return [base]
-        case ex.Apply("log", u):
-            return [u]
-        case ex.Apply("asin" | "acos" | "atanh", u):
-            return [1 - u, 1 + u]
-        case ex.Apply("acosh", u):
-            return [u - 1]
+        case ex.Apply(function, u) if function in functions.FUNCTION:
+            return [*functions.FUNCTION[function].needs(u)]
         case _:
             return []
 
 
 def _branch_arguments(node: ex.Expression) -> tuple[ex.Expression, ...]:
     match node:
-        case ex.Apply("log" | "asin" | "acos" | "atan" | "asinh" | "acosh" | "atanh", u):
+        case ex.Apply(function, u) if function == "log" or function in functions.INVERSE:
             return (u,)
         case ex.Integral():
             return (*node.arguments, *(slope for slope in node.slopes if slope is not None))
@@ -524,12 +519,8 @@ def _own_poles(node: ex.Expression) -> list[ex.Expression]:
     match node:
         case ex.Power(base, ex.Number(exponent)) if exponent < 0:
             return [base]
-        case ex.Apply("tan" | "sec", u):
-            return [ex.Apply("cos", u)]
-        case ex.Apply("cot" | "csc", u):
-            return [ex.Apply("sin", u)]
-        case ex.Apply("coth" | "csch", u):
-            return [u]
+        case ex.Apply(function, u) if function in functions.FUNCTION:
+            return [*functions.FUNCTION[function].poles(u)]
         case _:
             return []
 
@@ -854,9 +845,11 @@ def _ways(case: Case) -> list[Case] | None:
 def _inverse_ways(node: ex.Apply) -> list[Way]:
     """Heaviside(u) on both sides; asin(sin u), acos(cos u), atan(tan u) on the two intervals next to 0."""
     inner = node.argument
-    if node.function == calculus.STEP:
+    if node.function == functions.STEP:
         return [(ex.ONE, (inner,)), (ex.ZERO, (-inner,))]
-    if not isinstance(inner, ex.Apply) or (node.function, inner.function) not in _INVERSE_PAIRS:
+    if not isinstance(inner, ex.Apply) or inner.function not in functions.CIRCULAR:
+        return []
+    if not functions.solves(node.function, inner.function):
         return []
     u, quarter = inner.argument, ex.HALF * ex.PI
     before, after = u + quarter, quarter - u

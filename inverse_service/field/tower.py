@@ -27,7 +27,7 @@ from functools import lru_cache
 from flint import nmod_mat
 
 from inverse_service import errors
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import functions, tree as ex
 from inverse_service.field import matrices, modular
 
 # The angle of one radian, when constants such as cos(1) occur.
@@ -54,8 +54,11 @@ Turns = Callable[[ex.Expression, Combination, Sequence[ex.Expression]], Combinat
 def to_kernels(expression: ex.Expression) -> ex.Expression:
     """The expression written with the six kernels only."""
     inner = ex.rebuild(expression, to_kernels)
-    if isinstance(inner, ex.Apply) and inner.function in _REWRITE:
-        return _REWRITE[inner.function](inner.argument)
+    if isinstance(inner, ex.Apply):
+        row = functions.FUNCTION.get(inner.function)
+        if row is not None and row.kernel is not None:
+            return row.kernel(inner.argument)
+        return _step(inner.argument) if inner.function == functions.STEP else inner
     if isinstance(inner, ex.Power):
         return _rational_power(inner)
     return inner
@@ -63,58 +66,14 @@ def to_kernels(expression: ex.Expression) -> ex.Expression:
 
 def _rational_power(node: ex.Power) -> ex.Expression:
     if not isinstance(node.exponent, ex.Number):
-        return _exp(node.exponent * ex.Apply("log", node.base))
+        return ex.Apply("exp", node.exponent * ex.Apply("log", node.base))
     if isinstance(node.base, ex.Apply) and node.base.function == "exp":
-        return _exp(node.exponent * node.base.argument)
+        return ex.Apply("exp", node.exponent * node.base.argument)
     return node
 
 
-def _exp(u: ex.Expression) -> ex.Expression:
-    return ex.Apply("exp", u)
-
-
-def _sin(u: ex.Expression) -> ex.Expression:
-    return ex.Apply("sin", u)
-
-
-def _cos(u: ex.Expression) -> ex.Expression:
-    return ex.Apply("cos", u)
-
-
-def _cosh(u: ex.Expression) -> ex.Expression:
-    return ex.HALF * (_exp(u) + _exp(-u))
-
-
-def _sinh(u: ex.Expression) -> ex.Expression:
-    return ex.HALF * (_exp(u) - _exp(-u))
-
-
-def _asin(u: ex.Expression) -> ex.Expression:
-    return ex.Apply("atan", u / ex.square_root(1 - u**2))
-
-
-def _log_with_root(u: ex.Expression, sign: int) -> ex.Expression:
-    return ex.Apply("log", u + ex.square_root(u**2 + sign))
-
-
-_REWRITE: dict[str, Callable[[ex.Expression], ex.Expression]] = {
-    "tan": lambda u: _sin(u) / _cos(u),
-    "cot": lambda u: _cos(u) / _sin(u),
-    "sec": lambda u: _cos(u) ** -1,
-    "csc": lambda u: _sin(u) ** -1,
-    "cosh": _cosh,
-    "sinh": _sinh,
-    "tanh": lambda u: _sinh(u) / _cosh(u),
-    "coth": lambda u: _cosh(u) / _sinh(u),
-    "sech": lambda u: _cosh(u) ** -1,
-    "csch": lambda u: _sinh(u) ** -1,
-    "asin": _asin,
-    "Heaviside": lambda u: ex.HALF * (1 + u / ex.square_root(u**2)),
-    "acos": lambda u: ex.HALF * ex.PI - _asin(u),
-    "asinh": lambda u: _log_with_root(u, 1),
-    "acosh": lambda u: _log_with_root(u, -1),
-    "atanh": lambda u: ex.HALF * ex.Apply("log", (1 + u) / (1 - u)),
-}
+def _step(u: ex.Expression) -> ex.Expression:
+    return ex.HALF * (1 + u / ex.square_root(u**2))
 
 
 def is_even_root(node: ex.Expression) -> bool:

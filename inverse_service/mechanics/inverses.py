@@ -34,15 +34,11 @@ from functools import lru_cache
 from itertools import combinations, combinations_with_replacement, product
 
 from inverse_service import bounds
-from inverse_service.expressions import calculus, collecting, tree as ex
+from inverse_service.expressions import calculus, collecting, functions, tree as ex
 from inverse_service.field import exact_field, matrices, real_branch
 from inverse_service.mechanics import euler_lagrange, second_order_system, writing
 
 Matrix = tuple[tuple[ex.Expression, ...], ...]
-_INVERSES: dict[str, str] = {
-    "exp": "log", "log": "exp", "tan": "atan", "sinh": "asinh", "tanh": "atanh", "asin": "sin", "acos": "cos",
-    "atan": "tan", "asinh": "sinh", "acosh": "cosh", "atanh": "tanh",
-}  # fmt: skip
 _NAME = "the cubic's unknown"
 _LARGEST_BLOCK = 3
 Rule = Callable[[ex.Expression], ex.Expression]
@@ -148,7 +144,7 @@ class InverseBranch:
     hamiltonian: ex.Expression
     conditions: tuple[ex.Expression, ...] = ()
 
-    def changed(self, change: calculus.Rule) -> "InverseBranch":
+    def changed(self, change: functions.Rule) -> "InverseBranch":
         """The branch with every formula changed."""
         velocities, conditions = (tuple(map(change, trees)) for trees in (self.velocities, self.conditions))
         return InverseBranch(velocities, change(self.hamiltonian), conditions)
@@ -311,21 +307,15 @@ def roots_of_power(base: ex.Expression, exponent: ex.Expression, target: ex.Expr
 
 def _roots_of_function(function: str, argument: ex.Expression, target: ex.Expression) -> Iterator[Root]:
     """argument with function(argument) = target, on the branches next to zero."""
-    inverse = _INVERSES.get(function)
-    if inverse:
-        yield Root(ex.Apply(inverse, target), _branch_conditions(function, argument))
-    elif function == "sin":
-        yield Root(ex.Apply("asin", target), _branch_conditions("tan", argument))
-    elif function in ("cos", "cosh"):
-        root = ex.Apply("a" + function, target)
+    row = functions.FUNCTION.get(function)
+    if row is None or not row.solved:
+        return
+    root, quarter_turn = ex.Apply(row.solved, target), ex.HALF * ex.PI
+    if row.parity == 1:
         yield Root(root, (argument,))
         yield Root(-root, (-argument,))
-
-
-def _branch_conditions(function: str, argument: ex.Expression) -> tuple[ex.Expression, ...]:
-    """tan and sin are undone by atan and asin only for |argument| < pi/2."""
-    quarter_turn = ex.HALF * ex.PI
-    return (quarter_turn - argument, quarter_turn + argument) if function == "tan" else ()
+    else:  # tan and sin are undone by atan and asin only for |argument| < pi/2
+        yield Root(root, (quarter_turn - argument, quarter_turn + argument) if row.family == "circular" else ())
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,7 @@ from operator import add, itemgetter, sub
 from flint import fmpq, fmpq_mpoly_ctx
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.expressions import collecting, printing, tree as ex
+from inverse_service.expressions import collecting, functions, printing, tree as ex
 from inverse_service.field import exact_field, real_branch
 
 Wave = tuple[int, ...]
@@ -41,9 +41,6 @@ _MOST_TERMS = 200
 _WORK, _WORK_ON_ONE = 150_000, 20_000
 # Orders of the variables that are tried, and terms of a part that is factored.
 _MOST_ORDERS, _MOST_FACTORED = 24, 60
-_QUOTIENTS = {("sin", "cos"): "tan", ("cos", "sin"): "cot", ("sinh", "cosh"): "tanh", ("cosh", "sinh"): "coth"}
-_CIRCULAR = {"sin": "cos", "cos": "sin"}
-_INVERSE = {("atan", "tan"), ("log", "exp"), ("exp", "log"), ("asin", "sin"), ("acos", "cos"), ("atanh", "tanh")}
 # A 1 that makes a polynomial homogeneous, by a name that no formula can hold.
 _UNIT = ex.Symbol("a unit")
 # Coefficients of waves are found modulo a prime, in which the imaginary unit is a residue; a wave that is lost to
@@ -103,9 +100,11 @@ def _replacements(
 def _both(table: Mapping[ex.Expression, Fraction], one: ex.Expression, other: ex.Expression) -> ex.Expression | None:
     """A replacement of both bases, with the exponent of the first; None where no replacement is shorter."""
     match one, other:
-        case [ex.Apply(above, argument), ex.Apply(below, same)] if argument == same and (above, below) in _QUOTIENTS:
+        case [ex.Apply(above, argument), ex.Apply(below, same)] if (
+            argument == same and (above, below) in functions.QUOTIENTS
+        ):
             fits = table[one] == -table[other] and table[one] > 0
-            found: ex.Expression = ex.Apply(_QUOTIENTS[above, below], argument)
+            found: ex.Expression = ex.Apply(functions.QUOTIENTS[above, below], argument)
         case [ex.Sum(left), ex.Sum(right)] if table[one] == table[other] and len(left) * len(right) <= _MOST_PRODUCTS:
             found = collecting.terms_tree(
                 sorted(collecting.expand(one * other), key=lambda term: -sum(exponent for _, exponent in term[0]))
@@ -281,10 +280,10 @@ def _with_squares_joined(tree: ex.Expression) -> ex.Expression:
     places = {term: k for k, term in enumerate(terms)} if len(terms) > 1 else {}
     for term, k in list(places.items()):
         for base, exponent in ex.powers_of(term) if term in places else ():
-            if isinstance(base, ex.Apply) and base.function in _CIRCULAR and exponent == 2:
+            if isinstance(base, ex.Apply) and base.function in ("sin", "cos") and exponent == 2:
                 partner = ex.negated(ex.multiply(*(factor for factor in ex.factors_of(term) if factor != base**2)))
                 if partner in places:
-                    terms[k] = partner * ex.Apply(_CIRCULAR[base.function], base.argument) ** 2
+                    terms[k] = partner * ex.Apply(functions.SQUARES[base.function][0], base.argument) ** 2
                     terms[places.pop(partner)] = ex.ZERO
                     del places[term]
                     break
@@ -429,7 +428,7 @@ def by_short_angles(
     held = {
         node: ex.substitute(exact_field.quotient_tree(ring, value), table)
         for node, value in ring.atoms.items()
-        if _angle_of(node, exact_field.TRIGONOMETRIC) is not None
+        if _angle_of(node, functions.CIRCULAR) is not None
     }
     return [ex.substitute(tree, held) for tree in trees]
 
@@ -675,7 +674,7 @@ def cancelled(sign: int, tree: ex.Expression) -> ex.Expression:
 def _cancelled(tree: ex.Expression, sign: int) -> ex.Expression:
     inner = ex.rebuild(tree, lambda part: _cancelled(part, sign))
     match inner:
-        case ex.Apply(outer, ex.Apply(function, argument)) if (outer, function) in _INVERSE:
+        case ex.Apply(outer, ex.Apply(function, argument)) if functions.solves(outer, function):
             return argument
         case ex.Power(ex.Product(factors), ex.Number(e)) if e.denominator == 1:
             return ex.multiply(*(factor**e for factor in factors))

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.calculus import FUNCTION, STEP, Rule
+from inverse_service.expressions.functions import FUNCTION, STEP, Rule
 from inverse_service.expressions.letters import ALIKE, DOTS, GREEK, LETTER_COMMANDS, SCRIPT_L, SUBSCRIPTS
 from inverse_service.expressions.pieces import step
 from inverse_service.expressions.refusals import LIMITS, fault, joined, refusal, shorten

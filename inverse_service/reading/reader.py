@@ -12,7 +12,7 @@ from fractions import Fraction
 from functools import lru_cache
 
 from inverse_service import errors
-from inverse_service.expressions import calculus, tree as ex
+from inverse_service.expressions import functions, tree as ex
 from inverse_service.expressions.refusals import fault, most_characters, shorten
 from inverse_service.reading import components, latex, notations, parser, prose, tokens as tk
 from inverse_service.reading.names import FUNCTIONS, GREEK_NAMES, MAY_BE_FUNCTIONS, Names, pattern, written_product
@@ -121,7 +121,7 @@ def _is_our_own(formula: str, declared: Collection[str]) -> bool:
     if not _OWN_SIGNS.fullmatch(formula) or any(side.count("(") != side.count(")") for side in formula.split("=")):
         return False
     words = set(re.findall(r"[A-Za-z]\w*", formula)).difference(declared)
-    return all((len(word) == 1 and word not in "dD") or word in calculus.FUNCTION for word in words)
+    return all((len(word) == 1 and word not in "dD") or word in functions.FUNCTION for word in words)
 
 
 def _translated(formula: str, names: Names) -> tuple[list[Token], str, bool]:

@@ -37,7 +37,7 @@ from itertools import combinations, combinations_with_replacement
 from typing import Any
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.expressions import calculus, collecting, tree as ex
+from inverse_service.expressions import calculus, collecting, functions as elementary, tree as ex
 from inverse_service.field import exact_field, matrices, modular, real_branch
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -130,8 +130,8 @@ def in_one_square(terms: tm.Terms) -> tm.Terms:
 def _of_one_square(key: tm.Monomial) -> tm.Terms:
     powers = dict(key)
     for letter, e in key:
-        if e >= 2 and isinstance(letter, ex.Apply) and letter.function in tm.SQUARES:
-            name, a, b = tm.SQUARES[letter.function]
+        if e >= 2 and isinstance(letter, ex.Apply) and letter.function in elementary.SQUARES:
+            name, a, b = elementary.SQUARES[letter.function]
             partner = ex.Apply(name, letter.argument)
             if powers.get(partner, 0) < 0:
                 less = tm.times(key, tm.monomial(letter), -2)
@@ -471,7 +471,7 @@ def _substitutions(
         form = ex.substitute(outer, table)
         if x not in ex.walk(form):
             yield form, w
-    for angle in dict.fromkeys(node.argument for node in functions if node.function in exact_field.TRIGONOMETRIC):
+    for angle in dict.fromkeys(node.argument for node in functions if node.function in elementary.CIRCULAR):
         yield from _circular(slope, x, angle, inner)
     exponential = [node for node in functions if node.function in ("exp", "sinh", "cosh", "tanh")]
     for u in dict.fromkeys(node.argument for node in exponential):

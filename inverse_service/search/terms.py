@@ -23,7 +23,7 @@ from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx, fmpz
 
 from inverse_service import bounds, errors
 from inverse_service.decision.deciding import Analysis
-from inverse_service.expressions import calculus, collecting, tree as ex
+from inverse_service.expressions import calculus, collecting, functions, tree as ex
 from inverse_service.expressions.calculus import differentiate
 from inverse_service.field import exact_field, real_branch
 from inverse_service.mechanics import conditions
@@ -33,16 +33,6 @@ Terms = dict[Monomial, Fraction]
 
 EMPTY: Monomial = frozenset()
 _LARGEST_FACTORED = 10**15
-_CIRCULAR, _HYPERBOLIC = ("sin", "cos"), ("sinh", "cosh")
-_PARITY = {"sin": -1, "cos": 1, "sinh": -1, "cosh": 1, "asin": -1, "atan": -1, "asinh": -1, "atanh": -1}
-# Quotients as powers of (sin, cos) or (sinh, cosh).
-_QUOTIENTS = {
-    "tan": (_CIRCULAR, (1, -1)), "cot": (_CIRCULAR, (-1, 1)), "sec": (_CIRCULAR, (0, -1)), "csc": (_CIRCULAR, (-1, 0)),
-    "tanh": (_HYPERBOLIC, (1, -1)), "coth": (_HYPERBOLIC, (-1, 1)), "sech": (_HYPERBOLIC, (0, -1)),
-    "csch": (_HYPERBOLIC, (-1, 0)),
-}  # fmt: skip
-# p^2 = a + b q^2 for the pairs of functions p, q of one argument.
-SQUARES = {"sin": ("cos", 1, -1), "cos": ("sin", 1, -1), "sinh": ("cosh", -1, 1), "cosh": ("sinh", 1, 1)}
 # The largest power of one function that is expanded in multiple angles, and the largest number of waves per product.
 _POWERS, _WAVES = 4, 256
 
@@ -188,13 +178,15 @@ def terms_of(expression: ex.Expression) -> Terms:
             return _exponential(argument)
         case ex.Apply() if (simple := collecting.of_inverse(expression)) is not None:
             return terms_of(simple)
-        case ex.Apply(function, argument) if function in _QUOTIENTS:
-            pairs = zip(*_QUOTIENTS[function], strict=True)
+        case ex.Apply(function, argument) if function in functions.FRACTIONS:
+            pairs = zip(*functions.FRACTIONS[function], strict=True)
             return terms_of(ex.multiply(*(ex.Apply(name, argument) ** e for name, e in pairs if e)))
-        case ex.Apply(function, ex.Sum() as argument) if function in _PARITY:
+        case ex.Apply(function, ex.Sum() as argument) if functions.parity(function):
             return _with_leading_plus(function, terms_of(argument))
-        case ex.Apply(function, ex.Product((ex.Number(factor), *_)) as argument) if factor < 0 and function in _PARITY:
-            return {key: c * _PARITY[function] for key, c in terms_of(ex.Apply(function, -argument)).items()}
+        case ex.Apply(function, ex.Product((ex.Number(factor), *_)) as argument) if factor < 0 and functions.parity(
+            function
+        ):
+            return {key: c * functions.parity(function) for key, c in terms_of(ex.Apply(function, -argument)).items()}
         case _:
             return {monomial(expression): Fraction(1)}
 
@@ -218,10 +210,10 @@ def _product(factors: Sequence[Terms]) -> Terms:
 def _with_leading_plus(function: str, argument: Terms) -> Terms:
     """f(argument) with one generator for both signs: sin(y - x) = -sin(x - y), cos(y - x) = cos(x - y)."""
     if not argument:
-        return {} if _PARITY[function] < 0 else {EMPTY: Fraction(1)}
+        return {} if functions.parity(function) < 0 else {EMPTY: Fraction(1)}
     negative = argument[min(argument, key=rank)] < 0
     turned = {key: -value for key, value in argument.items()} if negative else argument
-    sign = _PARITY[function] if negative else 1
+    sign = functions.parity(function) if negative else 1
     return {monomial(ex.Apply(function, tree_of(turned))): Fraction(sign)}
 
 
@@ -633,8 +625,10 @@ def shortest_in_angles(terms: Terms) -> Terms:
         return waves
     try:
         letters = sorted({p for key in terms for p, _ in key if isinstance(p, ex.Apply)}, key=repr)
-        squares = [p for p in letters if p.function in SQUARES]
-        for letter in dict.fromkeys(q for p in squares for q in (p, ex.Apply(SQUARES[p.function][0], p.argument))):
+        squares = [p for p in letters if p.function in functions.SQUARES]
+        for letter in dict.fromkeys(
+            q for p in squares for q in (p, ex.Apply(functions.SQUARES[p.function][0], p.argument))
+        ):
             other = _exchanged(best, letter)
             best = other if _length(other) < _length(best) else best
     except TooManyTerms:
@@ -648,7 +642,7 @@ def _length(terms: Terms) -> tuple[int, int]:
 
 def _exchanged(terms: Terms, letter: ex.Apply) -> Terms:
     """The terms with 1 - sin^2 for cos^2 in one angle, 1 - cos^2 for sin^2, or likewise for hyperbolic functions."""
-    new, constant, factor = SQUARES[letter.function]
+    new, constant, factor = functions.SQUARES[letter.function]
     square = times(EMPTY, monomial(ex.Apply(new, letter.argument)), 2)
     parts = list[Terms]()
     for key, value in terms.items():
@@ -816,8 +810,8 @@ def _letters(forces: Iterable[Terms]) -> list[ex.Expression]:
 def companions(letter: ex.Expression) -> list[ex.Expression]:
     """cos for sin, sin for cos, cosh for sinh, sinh for cosh, and A for A' or A''."""
     match letter:
-        case ex.Apply(function, argument) if function in SQUARES:
-            return [ex.Apply(SQUARES[function][0], argument)]
+        case ex.Apply(function, argument) if function in functions.SQUARES:
+            return [ex.Apply(functions.SQUARES[function][0], argument)]
         case ex.Arbitrary(name, arguments, orders) if any(orders):
             place = next(k for k, order in enumerate(orders) if order)
             lower = tuple(order - (k == place) for k, order in enumerate(orders))

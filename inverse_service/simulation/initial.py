@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
-from inverse_service.expressions import arrays, calculus, collecting, tree as ex
+from inverse_service.expressions import arrays, calculus, collecting, functions, tree as ex
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation.numeric_formulas import table_of
@@ -25,7 +25,6 @@ TOLERANCE = 1e-9
 RANK = 1e-10
 NEARBY = 6
 MOST_ITERATIONS = 60
-PERIODIC = frozenset({"sin", "cos", "tan", "cot", "sec", "csc"})
 
 
 System = Problem | Scene  # coordinates, a Lagrangian where there is one, and constraints
@@ -169,7 +168,7 @@ def _times(matrices: Array, vectors: Array) -> Array:
 def angles(scene: Scene) -> NDArray[np.bool_]:
     """Which coordinates are angles, (n,): they occur only in sines and cosines of their integer multiples."""
     known = ex.distinct_nodes(scene.formulas)
-    waves = [node for node in known if isinstance(node, ex.Apply) and node.function in PERIODIC]
+    waves = [node for node in known if isinstance(node, ex.Apply) and node.function in functions.CIRCULAR]
 
     def is_angle(name: ex.Symbol) -> bool:
         turns: dict[ex.Expression, ex.Expression] = {}

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from inverse_service import errors
-from inverse_service.expressions import printing, tree as ex
+from inverse_service.expressions import functions, printing, tree as ex
 from inverse_service.field import exact_field
 from inverse_service.integrators.trajectory import Array
 from inverse_service.integrators.variational import Gradient, Vector
@@ -23,8 +23,6 @@ from inverse_service.kernels.codegen import symengine_trees as se
 from inverse_service.simulation.scene_data import Problem
 
 MOST_TERMS = 200
-_POLES = {"tan": "cos", "sec": "cos", "cot": "sin", "csc": "sin"}
-_AT_ZERO = frozenset({"log", "coth", "csch"})
 # t in a kernel: the time at the start of the step, a state variable of systems that depend on it.
 MOMENT = se.symbol("t")
 
@@ -70,10 +68,11 @@ def _walls_of(node: ex.Expression) -> Iterator[ex.Expression]:
         case ex.Power(base, exponent):
             if not (isinstance(exponent, ex.Number) and exponent.value > 0 and exponent.value.denominator == 1):
                 yield from _factors(base)
-        case ex.Apply(function, argument) if function in _POLES:
-            yield ex.Apply(_POLES[function], argument)
-        case ex.Apply(function, argument) if function in _AT_ZERO:
+        case ex.Apply("log", argument):
             yield from _factors(argument)
+        case ex.Apply(function, argument) if function in functions.FUNCTION:
+            for wall in functions.FUNCTION[function].poles(argument):
+                yield from _factors(wall)
 
 
 def _factors(base: ex.Expression) -> Iterator[ex.Expression]:

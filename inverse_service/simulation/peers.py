@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from inverse_service.errors import InputError
-from inverse_service.expressions import arrays, calculus, tree as ex
+from inverse_service.expressions import arrays, functions, tree as ex
 from inverse_service.integrators.method_table import SCIPY
 from inverse_service.integrators.trajectory import Outcome, Trajectory
 from inverse_service.kernels.codegen.symengine_trees import closure
@@ -136,7 +136,7 @@ def _translated(tree: ex.Expression, table: Mapping[ex.Expression, Any], heyoka:
         case ex.Apply("cot", argument):  # 1/tan has no series where it is 0
             return _translated(ex.Apply("cos", argument) / ex.Apply("sin", argument), table, heyoka)
         case ex.Apply(function, argument):
-            below, inner = calculus.RECIPROCALS.get(function), _translated(argument, table, heyoka)
+            below, inner = functions.RECIPROCALS.get(function), _translated(argument, table, heyoka)
             return 1.0 / getattr(heyoka, below)(inner) if below else getattr(heyoka, function)(inner)
         case _:
             raise InputError("heyoka cannot take a formula with functions or names that have no value.")

@@ -20,7 +20,7 @@ from sympy.printing.precedence import PRECEDENCE
 from sympy.printing.str import StrPrinter
 
 from inverse_service.errors import InputError
-from inverse_service.expressions import calculus, printing, refusals, tree as ex
+from inverse_service.expressions import functions, printing, refusals, tree as ex
 from inverse_service.field import tower
 from inverse_service.mechanics.conditions import conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -675,7 +675,7 @@ def conditions_of(system: Any, coordinates: Sequence[Any] | None, keys: Mapping[
     document, table = asked(system, coordinates, **keys)
     ready, motion = _system_of(document)
     nodes = ex.distinct_nodes(motion.accelerations)
-    steps = [node for node in nodes if isinstance(node, ex.Apply) and node.function == calculus.STEP]
+    steps = [node for node in nodes if isinstance(node, ex.Apply) and node.function == functions.STEP]
     with_signs = {step: tower.to_kernels(step) for step in steps}  # a step has no derivatives, its sign has
     found = conditions(replace(motion, accelerations=tuple(ex.substitute(f, with_signs) for f in motion.accelerations)))
     tensors = {"Phi": found.Phi, "nabla_Phi": found.nabla_Phi, "R": found.R, "N": found.N}

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from mpmath import mp, mpf
 
-from inverse_service.expressions.calculus import FUNCTION, NoRealValue, differentiate, differentiate_in_time, evaluate
+from inverse_service.expressions.calculus import NoRealValue, differentiate, differentiate_in_time, evaluate
+from inverse_service.expressions.functions import FUNCTION
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import ZERO, Apply, Expression, Symbol, Velocity, number
 from inverse_service.reading.names import Names

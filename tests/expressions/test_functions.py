@@ -1,37 +1,119 @@
-"""The table of elementary functions agrees with the functions that mpmath evaluates."""
+"""The table of functions agrees with mpmath, and with the checker's and the browser's own tables."""
 
 from __future__ import annotations
 
+import json
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator
 from fractions import Fraction
+from pathlib import Path
 
 import pytest
 from mpmath import mp, mpf
 
-from inverse_service.expressions.calculus import FUNCTION, RECIPROCALS, Function, evaluate
-from inverse_service.expressions.tree import Apply, Symbol
+import inverse_service
+from inverse_service.certificate import formulas
+from inverse_service.expressions import calculus, functions, tree as ex
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_formula
 
-U = Symbol("u")
+U, TINY = ex.Symbol("u"), mpf(10) ** -25
+ROWS = functions.FUNCTION
+SCRIPT = Path(inverse_service.__file__).parent / "web" / "static" / "system.js"
 
 
-@pytest.mark.parametrize("row", FUNCTION.values(), ids=list(FUNCTION))
-def test_a_row_says_what_holds_of_its_function(row: Function) -> None:
-    point = mpf(5) / 3 if row.name == "acosh" else mpf(3) / 7
-    with mp.workdps(60):
-        value = evaluate(Apply(row.name, U), {U: point})
-        slope = mp.diff(lambda u: evaluate(Apply(row.name, U), {U: u}), point)
-        assert abs(evaluate(row.derivative(U), {U: point}) - slope) < mpf(10) ** -25
-        if row.parity:
-            assert abs(evaluate(Apply(row.name, U), {U: -point}) - row.parity * value) < mpf(10) ** -50
-        if row.reciprocal:
-            assert abs(value * evaluate(Apply(row.reciprocal, U), {U: point}) - 1) < mpf(10) ** -50
-        if row.undoes and row.name != "cosh":
-            assert abs(evaluate(Apply(row.name, Apply(row.undoes, U)), {U: mpf(3) / 7}) - mpf(3) / 7) < mpf(10) ** -50
-        if row.root:
-            inner, a, b = row.root
-            u = mpf(5) / 3 if inner == "acosh" else mpf(3) / 7
-            assert abs(evaluate(Apply(row.name, Apply(inner, U)), {U: u}) - mp.sqrt(a + b * u**2)) < mpf(10) ** -50
-    if row.holds is not None:
-        assert row.holds(Fraction(3, 7)) or row.name == "acosh"
-        assert not all(row.holds(Fraction(k)) for k in (-2, 0))
-        assert row.wanted
-    assert RECIPROCALS.get(row.name, "") == row.reciprocal
+def points(name: str) -> Iterator[mpf]:
+    """At most 50 points, on both sides of 0, at which a function is real and has a derivative."""
+    row = ROWS[name]
+    for place in range(50):
+        u = Fraction(2 * place - 49, 14 if row.wanted != "a number between -1 and 1" else 50)
+        if row.holds is None or row.holds(u):
+            yield mpf(u.numerator) / u.denominator
+
+
+def at(tree: ex.Expression, u: mpf) -> mpf:
+    return calculus.evaluate(tree, {U: u})
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_each_column_of_a_row_is_true_of_its_function(name: str) -> None:
+    row, f = ROWS[name], ex.Apply(name, U)
+    with mp.workdps(40):
+        for u in points(name):
+            value, slope = at(f, u), at(row.derivative(U), u)
+            differences = [slope - mp.diff(lambda w: at(f, w), u)]
+            differences += [at(f, -u) - row.parity * value] if row.parity else []
+            differences += [at(row.kernel(U), u) - value] if row.kernel else []
+            differences += [value * at(ex.Apply(row.reciprocal, U), u) - 1] if row.reciprocal else []
+            if row.powers:
+                pair = ("sinh", "cosh") if row.family == "hyperbolic" else ("sin", "cos")
+                factors = (ex.Apply(one, U) ** e for one, e in zip(pair, row.powers, strict=True))
+                differences.append(at(ex.multiply(*factors), u) - value)
+            if row.square:
+                other, a, b = row.square
+                differences.append(value**2 - a - b * at(ex.Apply(other, U), u) ** 2)
+            if row.slope:
+                sign, constant, quadratic, exponent = row.slope
+                below = constant + quadratic * u**2
+                differences.append(sign / below ** (mpf(exponent.numerator) / exponent.denominator) - slope)
+            assert all(abs(one) < TINY * (1 + abs(value)) for one in differences), (u, differences)
+            assert all(at(tree, u) > 0 for tree in row.needs(U))
+            assert all(at(tree, u) != 0 for tree in row.poles(U))
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_inverse_functions_undo_each_other_near_zero(name: str) -> None:
+    row = ROWS[name]
+    with mp.workdps(40):
+        small = mpf(8) / 7 if name == "acosh" else mpf(3) / 7
+        if row.solved:
+            assert abs(at(ex.Apply(row.solved, ex.Apply(name, U)), small) - small) < TINY
+            assert functions.solves(row.solved, name)
+        for u in points(row.undoes) if row.undoes else ():
+            assert abs(at(ex.Apply(name, ex.Apply(row.undoes, U)), u) - u) < TINY * (1 + abs(u))
+        for u in points(row.root[0]) if row.root else ():
+            inner, a, b = row.root or ("", 0, 0)
+            assert abs(at(ex.Apply(name, ex.Apply(inner, U)), u) - mp.sqrt(a + b * u**2)) < TINY * (1 + abs(u))
+
+
+@pytest.mark.parametrize("name", [name for name, row in ROWS.items() if row.holds])
+def test_a_function_without_a_value_somewhere_says_where_it_has_one(name: str) -> None:
+    row = ROWS[name]
+    assert row.wanted
+    assert row.holds
+    assert not all(map(row.holds, map(Fraction, (-2, 0))))
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_the_checker_has_the_same_functions(name: str) -> None:
+    assert name in formulas.IRRATIONAL
+    if name not in formulas.DEFINED:
+        assert ROWS[name].kernel is None
+        return
+    defined = read_formula(formulas.DEFINED[name], Names(("u",), (), ()))
+    with mp.workdps(40):
+        for u in points(name):
+            assert abs(at(defined, u) - at(ex.Apply(name, U), u)) < TINY
+
+
+def test_the_browser_has_the_same_functions() -> None:
+    script = SCRIPT.read_text().partition("};")[0]
+    names = {*re.findall(r'"(\w+)"', script), *re.findall(r"(\w+): \(", script)}
+    assert names == {*ROWS}
+    if shutil.which("node") is None:
+        return
+    asked = {name: [float(u) for u in points(name)] for name in ROWS}
+    program = (
+        script
+        + f"""}};
+        const found = {{}};
+        for (const [name, values] of Object.entries({json.dumps(asked)})) found[name] = values.map(FUNCTIONS[name]);
+        console.log(JSON.stringify(found));"""
+    )
+    done = subprocess.run(["node", "-e", program], capture_output=True, text=True, check=True, timeout=60)
+    for name, values in json.loads(done.stdout).items():
+        with mp.workdps(30):
+            expected = [float(at(ex.Apply(name, U), mpf(u))) for u in asked[name]]
+        assert values == pytest.approx(expected, rel=1e-12, abs=1e-14), name

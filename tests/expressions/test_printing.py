@@ -16,7 +16,7 @@ from hypothesis import given, settings, strategies as some
 from mpmath import mp, mpf
 
 from inverse_service import errors
-from inverse_service.expressions import calculus, printing, tree as ex
+from inverse_service.expressions import calculus, functions, printing, tree as ex
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 
@@ -48,7 +48,7 @@ def _compound(inner: some.SearchStrategy[ex.Expression]) -> some.SearchStrategy[
         inner.map(lambda part: ex.multiply(ex.MINUS_ONE, part)),
         some.builds(ex.power, inner.filter(lambda part: part != ex.ZERO), some.sampled_from(EXPONENTS)),
         some.builds(ex.power, inner.filter(lambda part: part != ex.ZERO), inner),
-        some.builds(ex.Apply, some.sampled_from(sorted(calculus.FUNCTION)), inner),
+        some.builds(ex.Apply, some.sampled_from(sorted(functions.FUNCTION)), inner),
         some.builds(lambda u, k: ex.Arbitrary("A", (u,), (k,)), inner, some.integers(0, 3)),
         some.builds(lambda u, w, k: ex.Arbitrary("B", (u, w), (k, 1)), inner, inner, some.integers(0, 2)),
     )

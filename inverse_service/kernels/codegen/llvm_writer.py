@@ -19,7 +19,7 @@ from pathlib import Path
 import symengine
 
 from inverse_service import errors
-from inverse_service.expressions import calculus
+from inverse_service.expressions import functions
 from inverse_service.kernels.codegen.symengine_trees import ONE, Formula
 
 _SINE = (
@@ -46,7 +46,7 @@ _COMPARISONS = {
     "==": ("fcmp oeq", ""), "!=": ("fcmp une", ""),
 }  # fmt: skip
 _INTRINSICS = frozenset(("sqrt", "exp", "log", "pow", "fabs", "fma"))
-_LIBRARY = frozenset(("sinh", "cosh", "tanh", "asin", "acos", "atan", "asinh", "acosh", "atanh"))
+_LIBRARY = frozenset(name for name, row in functions.FUNCTION.items() if row.library)
 _ROOTS = {symengine.Rational(1, 2): 1, symengine.Rational(3, 2): 3, symengine.Rational(5, 2): 5}
 _LARGEST_PRODUCT = 64
 
@@ -436,8 +436,8 @@ class Emitter:
             pair = self.writer.sine_cosine(self._value(argument))
             self._values |= zip((symengine.sin(argument), symengine.cos(argument)), pair, strict=True)
             return pair[name == "cos"]
-        if name in calculus.RECIPROCALS:
-            return 1.0 / self._function(calculus.RECIPROCALS[name], argument)
+        if name in functions.RECIPROCALS:
+            return 1.0 / self._function(functions.RECIPROCALS[name], argument)
         if name in _LIBRARY or name == "log":
             return self.writer.call(name, self._value(argument))
         raise errors.InputError(f"A simulation cannot compute the function {name}.")

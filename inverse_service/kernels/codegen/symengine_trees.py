@@ -4,13 +4,14 @@ No name of a user reaches symengine: coordinate i is q{i}, its velocity v{i}, it
 """
 
 import functools
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import symengine
 
 from inverse_service import errors
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import functions, tree as ex
 
 Formula = Any  # symengine has no types
 HALF = symengine.Rational(1, 2)
@@ -80,11 +81,9 @@ def _finite(formula: Formula) -> Formula:
 
 def _applied(function: str, argument: Formula) -> Formula:
     """tan and similar functions by sin and cos, so that a factor cos u cancels."""
-    sine, cosine = symengine.sin(argument), symengine.cos(argument)
-    written = {"tan": (sine, cosine), "cot": (cosine, sine), "sec": (ONE, cosine), "csc": (ONE, sine)}
-    if function in written:
-        above, below = written[function]
-        return above / below
+    if function in functions.CIRCULAR and function in functions.FRACTIONS:
+        pair, powers = functions.FRACTIONS[function]
+        return math.prod(getattr(symengine, name)(argument) ** e for name, e in zip(pair, powers, strict=True))
     return getattr(symengine, function)(argument)
 
 

@@ -24,7 +24,7 @@ from api_schemas import base, scene as schemas
 from api_schemas.system import TAGS
 from inverse_service import catalogue
 from inverse_service.errors import DocumentRefused, InputError, LimitError
-from inverse_service.expressions import arrays, calculus, collecting, refusals, tree as ex
+from inverse_service.expressions import arrays, calculus, collecting, functions, refusals, tree as ex
 from inverse_service.field import tower
 from inverse_service.integrators.method_table import GEOMETRIC, METHODS, OWN_STEPS, RUNGE_KUTTA
 from inverse_service.integrators.trajectory import Array
@@ -248,7 +248,7 @@ def mechanical_system(given: Any, extra: Sequence[str]) -> MechanicalSystem:
 
 def without_steps(tree: ex.Expression) -> ex.Expression:
     """The tree with step functions written with u/sqrt(u^2), like sign(u)."""
-    steps = (node for node in ex.walk(tree) if isinstance(node, ex.Apply) and node.function == calculus.STEP)
+    steps = (node for node in ex.walk(tree) if isinstance(node, ex.Apply) and node.function == functions.STEP)
     return ex.substitute(tree, {node: tower.to_kernels(node) for node in steps})
 
 

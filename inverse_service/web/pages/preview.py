@@ -10,7 +10,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from inverse_service import errors
-from inverse_service.expressions import calculus, printing, tree as trees
+from inverse_service.expressions import calculus, functions, printing, tree as trees
 from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import printed_pages
 from inverse_service.service.scenes import views
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 # Formulas of more nodes are left to the service.
 MOST_NODES = 4_000
-PERIODIC = frozenset({"sin", "cos", "tan", "cot", "sec", "csc"})
 LONG = "These equations cannot be played with in the browser; Run computes them."
 # The steps of a price: of longer runs the error is that after so many.
 MOST_PRICED, FEW = 2_000, 50
@@ -205,7 +204,7 @@ def angles_of(coordinates: Iterable[str], formulas: Iterable[trees.Expression]) 
     inside = {
         name.name
         for node in trees.distinct_nodes(formulas)
-        if isinstance(node, trees.Apply) and node.function in PERIODIC
+        if isinstance(node, trees.Apply) and node.function in functions.CIRCULAR
         for name in trees.walk(node.argument)
         if isinstance(name, trees.Symbol)
     }
@@ -225,7 +224,7 @@ def angles_of_texts(system: Mapping[str, Any]) -> list[str]:
 
 def _plainly(tree: trees.Expression) -> Iterable[trees.Symbol]:
     """The names of a tree that stand in no periodic function."""
-    if isinstance(tree, trees.Apply) and tree.function in PERIODIC:
+    if isinstance(tree, trees.Apply) and tree.function in functions.CIRCULAR:
         return ()
     if isinstance(tree, trees.Symbol):
         return (tree,)

@@ -1,0 +1,206 @@
+"""The table of elementary functions: what any part of the program knows of a function by its name.
+
+Two parts keep a table of their own on purpose: the checker (`certificate.formulas`), which trusts
+nothing of this program, and the browser (`web/static/system.js`). A test compares both with this
+table, and each column with mpmath.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal
+
+from inverse_service.expressions import tree as ex
+
+Rule = Callable[[ex.Expression], ex.Expression]
+Trees = Callable[[ex.Expression], tuple[ex.Expression, ...]]
+Family = Literal["", "circular", "hyperbolic", "inverse"]
+# The function that is 1 where its argument is positive and 0 where it is negative.
+STEP = "Heaviside"
+
+
+def _none(_: ex.Expression) -> tuple[ex.Expression, ...]:
+    return ()
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """One function f of one real argument u.
+
+    | column | meaning |
+    | --- | --- |
+    | `derivative` | u to the tree f'(u) |
+    | `parity` | 1 if f(-u) = f(u), -1 if f(-u) = -f(u), else 0 |
+    | `family` | that of sin, that of sinh, or the inverse functions |
+    | `command`, `shown` | the LaTeX command and the printed name, if f has others than its own |
+    | `kernel` | f(u) by exp, log, sin, cos, atan, and roots; None for these |
+    | `powers` | exponents of (sin, cos) or (sinh, cosh) whose product is f |
+    | `square` | g, a, b with f^2 = a + b g^2 |
+    | `slope` | s, c, k, e with f' = s/(c + k u^2)^e |
+    | `solved` | g with v = g(u) where f(v) = u, on the branch next to 0 |
+    | `undoes` | g with f(g(u)) = u where g is real |
+    | `root` | g, a, b with f(g(u)) = sqrt(a + b u^2) where g is real |
+    | `needs` | f is real where these trees are positive |
+    | `poles` | f has a pole where one of these trees is 0 |
+    | `holds`, `wanted` | whether f has a real value at a number, and a description of such numbers |
+    | `library` | whether the mathematical library of C has f and no intrinsic of LLVM does |
+    """
+
+    name: str
+    derivative: Rule
+    parity: int = 0
+    family: Family = ""
+    command: str = ""
+    shown: str = ""
+    kernel: Rule | None = None
+    powers: tuple[int, int] | None = None
+    square: tuple[str, int, int] | None = None
+    slope: tuple[int, int, int, Fraction] | None = None
+    solved: str = ""
+    undoes: str = ""
+    root: tuple[str, int, int] | None = None
+    needs: Trees = _none
+    poles: Trees = _none
+    holds: Callable[[Fraction], bool] | None = None
+    wanted: str = ""
+    library: bool = False
+
+    @property
+    def reciprocal(self) -> str:
+        """g with f = 1/g, where g is one of sin, cos, tan, sinh, cosh, tanh."""
+        return _RECIPROCAL.get((self.family, self.powers or (0, 0)), "")
+
+
+def _applied(name: str) -> Rule:
+    return lambda u: ex.Apply(name, u)
+
+
+def _inverse(
+    name: str, parity: int, slope: tuple[int, int, int, int], kernel: Rule | None, **columns: object
+) -> Function:
+    """The row of an inverse function, by its slope with the exponent in halves."""
+    sign, constant, quadratic, halves = slope
+    exponent = Fraction(halves, 2)
+    rows: dict[str, object] = {
+        "derivative": lambda u: ex.number(sign) * (constant + quadratic * u**2) ** -exponent,
+        "slope": (sign, constant, quadratic, exponent),
+        "kernel": kernel,
+        "library": True,
+    }
+    return Function(name=name, parity=parity, family="inverse", **(rows | columns))  # type: ignore[arg-type]
+
+
+def _quotient(name: str, powers: tuple[int, int], derivative: Rule, **columns: object) -> Function:
+    """The row of a quotient of the two functions of its family."""
+    family: Family = "hyperbolic" if name.endswith("h") else "circular"
+    pair = _PAIRS[family]
+    below = pair[0] if powers[0] < 0 else pair[1]
+
+    def poles(u: ex.Expression) -> tuple[ex.Expression, ...]:
+        if family == "circular":
+            return (ex.Apply(below, u),)
+        return (u,) if below == "sinh" else ()
+
+    def kernel(u: ex.Expression) -> ex.Expression:
+        factors = sorted(zip(powers, pair, strict=True), reverse=True)  # the numerator first
+        return ex.multiply(*((FUNCTION[one].kernel or _applied(one))(u) ** e for e, one in factors if e))
+
+    rows: dict[str, object] = {"kernel": kernel, "powers": powers, "poles": poles}
+    if below == pair[0]:
+        rows |= {"holds": bool, "wanted": "a number other than 0"}
+    parity = -1 if powers[0] % 2 else 1
+    return Function(name, derivative, parity, family, **(rows | columns))  # type: ignore[arg-type]
+
+
+def _one_plus_square(name: str, sign: int, factor: int = 1) -> Rule:
+    return lambda u: factor * (1 + sign * ex.Apply(name, u) ** 2)
+
+
+def _negative_product(first: str, second: str) -> Rule:
+    return lambda u: -1 * ex.Apply(first, u) * ex.Apply(second, u)
+
+
+def _atan_of_root(u: ex.Expression) -> ex.Expression:
+    return ex.Apply("atan", u / ex.square_root(1 - u**2))
+
+
+def _log_with_root(sign: int) -> Rule:
+    return lambda u: ex.Apply("log", u + ex.square_root(u**2 + sign))
+
+
+def _exponentials(sign: int) -> Rule:
+    return lambda u: ex.HALF * (ex.Apply("exp", u) + sign * ex.Apply("exp", -u))
+
+
+def _distances_from_one(u: ex.Expression) -> tuple[ex.Expression, ...]:
+    return 1 - u, 1 + u
+
+
+_PAIRS = {"circular": ("sin", "cos"), "hyperbolic": ("sinh", "cosh")}
+_WITHIN_ONE = {"needs": _distances_from_one, "wanted": "a number between -1 and 1"}
+_ROWS = (
+    Function("exp", _applied("exp"), command="\\exp", solved="log"),
+    Function("log", lambda u: u**-1, command="\\ln", shown="ln", solved="exp", needs=lambda u: (u,),
+             holds=lambda u: u > 0, wanted="a positive number"),
+    Function("sin", _applied("cos"), -1, "circular", "\\sin", powers=(1, 0), square=("cos", 1, -1),
+             solved="asin", undoes="asin", root=("acos", 1, -1)),
+    Function("cos", lambda u: -ex.Apply("sin", u), 1, "circular", "\\cos", powers=(0, 1), square=("sin", 1, -1),
+             solved="acos", undoes="acos", root=("asin", 1, -1)),
+    _quotient("tan", (1, -1), _one_plus_square("tan", 1), command="\\tan", solved="atan", undoes="atan"),
+    _quotient("sec", (0, -1), lambda u: ex.Apply("sec", u) * ex.Apply("tan", u), command="\\sec"),
+    _quotient("csc", (-1, 0), _negative_product("csc", "cot"), command="\\csc"),
+    _quotient("cot", (-1, 1), _one_plus_square("cot", 1, -1), command="\\cot"),
+    Function("sinh", _applied("cosh"), -1, "hyperbolic", "\\sinh", kernel=_exponentials(-1), powers=(1, 0),
+             square=("cosh", -1, 1), solved="asinh", undoes="asinh", root=("acosh", -1, 1), library=True),
+    Function("cosh", _applied("sinh"), 1, "hyperbolic", "\\cosh", kernel=_exponentials(1), powers=(0, 1),
+             square=("sinh", 1, 1), solved="acosh", undoes="acosh", root=("asinh", 1, 1), library=True),
+    _quotient("tanh", (1, -1), _one_plus_square("tanh", -1), command="\\tanh", solved="atanh", undoes="atanh",
+              library=True),
+    _quotient("sech", (0, -1), _negative_product("sech", "tanh")),
+    _quotient("csch", (-1, 0), _negative_product("csch", "coth")),
+    _quotient("coth", (-1, 1), _one_plus_square("coth", -1), command="\\coth"),
+    _inverse("asin", -1, (1, 1, -1, 1), _atan_of_root, command="\\arcsin", shown="arcsin", solved="sin",
+             holds=lambda u: abs(u) <= 1, **_WITHIN_ONE),
+    _inverse("acos", 0, (-1, 1, -1, 1), lambda u: ex.HALF * ex.PI - _atan_of_root(u), command="\\arccos",
+             shown="arccos", solved="cos", holds=lambda u: abs(u) <= 1, **_WITHIN_ONE),
+    _inverse("atan", -1, (1, 1, 1, 2), None, command="\\arctan", shown="arctan", solved="tan"),
+    _inverse("asinh", -1, (1, 1, 1, 1), _log_with_root(1), solved="sinh", undoes="sinh"),
+    # Two roots, because sqrt(u^2 - 1) would also be real for u < -1, where acosh is not.
+    _inverse("acosh", 0, (1, -1, 1, 1), _log_with_root(-1), solved="cosh", needs=lambda u: (u - 1,),
+             derivative=lambda u: (u - 1) ** Fraction(-1, 2) * (u + 1) ** Fraction(-1, 2),
+             holds=lambda u: u >= 1, wanted="a number not less than 1"),
+    _inverse("atanh", -1, (1, 1, -1, 2), lambda u: ex.HALF * ex.Apply("log", (1 + u) / (1 - u)), solved="tanh",
+             undoes="tanh", holds=lambda u: abs(u) < 1, **_WITHIN_ONE),
+)  # fmt: skip
+FUNCTION: dict[str, Function] = {row.name: row for row in _ROWS}
+CIRCULAR, HYPERBOLIC, INVERSE = (
+    tuple(row.name for row in _ROWS if row.family == family) for family in ("circular", "hyperbolic", "inverse")
+)
+_RECIPROCAL = {
+    (row.family, (-row.powers[0], -row.powers[1])): row.name
+    for row in _ROWS
+    if row.powers and sum(row.powers) >= 0 and row.powers[0] >= 0
+}
+RECIPROCALS: dict[str, str] = {row.name: row.reciprocal for row in _ROWS if row.reciprocal}
+SQUARES = {row.name: row.square for row in _ROWS if row.square}
+# f to (g, h) and the exponents of g and h, for the quotients: tan to ("sin", "cos") and (1, -1).
+FRACTIONS = {row.name: (_PAIRS[row.family], row.powers) for row in _ROWS if row.powers and min(row.powers) < 0}
+# (g, h) to the name of g/h: ("sin", "cos") to "tan".
+QUOTIENTS = {
+    pair[:: powers[0]]: name for name, (pair, powers) in FRACTIONS.items() if sum(map(abs, powers)) == 2
+}  # fmt: skip
+
+
+def parity(name: str) -> int:
+    """1 for an even, -1 for an odd function, 0 for others."""
+    return FUNCTION[name].parity if name in FUNCTION else 0
+
+
+def slope(name: str) -> tuple[int, int, int, Fraction] | None:
+    """The slope of an inverse function; None for others."""
+    return FUNCTION[name].slope if name in FUNCTION else None
+
+
+def solves(outer: str, inner: str) -> bool:
+    """Whether outer(inner(u)) = u on the branch next to 0."""
+    return inner in FUNCTION and FUNCTION[inner].solved == outer
