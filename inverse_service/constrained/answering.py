@@ -1,14 +1,15 @@
 """Answer whether any Lagrangian has a motion, with the Lagrangian, its Hamiltonian, and a checked proof.
 
-The decision comes first, for L(q, q') and, if there is none, for L(t, q, q'). Then the module looks for a Lagrangian in
-closed form, from an associated system known to have one or by an ansatz. The checker confirms every verdict. If a
-Lagrangian exists but none is known in closed form, the sentences show the beginning of the power series of l and
-lambda_a.
+A Lagrangian that is known from another question comes first, since its own check is the proof: that of an
+associated system, the given L, or that of the reduced system. Then each question is decided, for L(q, q') and, if there
+is none, for L(t, q, q'). After a yes, short searches for a Lagrangian come before the proof of existence, which takes
+long, and long ones after it. The checker confirms every verdict. If a Lagrangian exists but none is known in closed
+form, the sentences show the beginning of the power series of l and lambda_a.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -37,8 +38,15 @@ _SHARE_OF_DECISION, _SHARE_OF_REDUCED, _SHARE_OF_ANSATZ = 0.4, 0.3, 0.5
 _STEEP = -3
 # The least time, in seconds, for a closed form, because its parts do not check the time at every step.
 _LEAST_FOR_ANSATZ = 6.0
+# The least seconds for the check of a known Lagrangian, and those for the number of functions on which it depends,
+# which no proof needs.
+_FOR_KNOWN, _FOR_FREEDOM = 2.0, 1.0
 OUT_OF_TIME = "The time for this question was over."
 _NOT_CONFIRMED = "the independent check could not confirm it"
+_FREE_MOTION = (
+    "The forces of constraint vanish along the motion, so the Euler-Lagrange expressions of the given `L` do, too. "
+    "With half the squares of the constraints it is regular."
+)
 
 _QUESTION = {False: "L(q, q')", True: "L(t, q, q')"}
 
@@ -91,6 +99,8 @@ class MotionAnswer:
 class _Work:
     motion: second_order_system.ConstrainedMotion
     known: Sequence[KnownLagrangian]
+    # The answer about L(q, q') for the reduced system.
+    reduced: Answer | None
     seed: int
     deadline: float
     progress: Callable[[str], None]
@@ -120,10 +130,11 @@ def answer_motion(
     a report on H. `tell` receives a confirmed verdict while the search for a Lagrangian continues; this verdict remains
     if the time expires.
     """
-    work = _Work(motion, known, seed, deadline, progress, tell)
+    deadline = max(deadline, now() + _FOR_KNOWN) if known else deadline
+    work = _Work(motion, known, None if time_dependent is True else reduced, seed, deadline, progress, tell)
     try:
         with until(deadline):
-            return _answer_both_questions(work, time_dependent, existence.analyze_motion(motion, positive), reduced)
+            return _answer_both_questions(work, time_dependent, existence.analyze_motion(motion, positive))
     except errors.IrreducibleAtoms as problem:
         return MotionAnswer("undetermined", "undetermined", problem.detail)
     except OutOfTime:
@@ -131,18 +142,19 @@ def answer_motion(
 
 
 def _answer_both_questions(
-    work: _Work, time_dependent: bool | None, analyzed: existence.AnalyzedMotion, reduced: Answer | None
+    work: _Work, time_dependent: bool | None, analyzed: existence.AnalyzedMotion
 ) -> MotionAnswer:
+    """What one check proves comes first, then each question: L(q, q') and, if there is none, L(t, q, q')."""
     motion = work.motion
     both = time_dependent is None and not motion.depends_on_time
-    fitting = any(not one.with_time for one in work.known)
-    if reduced is not None and not fitting and time_dependent is not True:
-        carried = _carry_reduced_answer(work, analyzed, reduced)
-        if carried is not None:
-            return carried
+    with_time = not both and (time_dependent is not False or motion.depends_on_time)
+    known = _first_confirmed(work, analyzed, _propose_known(work, with_time), with_time)
+    if known is not None:
+        _tell(work, known)
+        return _with_freedom(work, analyzed, known, with_time)
     if not both:
-        with_time = time_dependent is not False or motion.depends_on_time
-        return _answer_question(work, analyzed, _decide_in_share(work, analyzed, with_time), with_time)
+        found = _decide_in_share(work, analyzed, with_time)
+        return _answer_question(work, analyzed, found, with_time, _of_reduced(work))
     plain = _decide_in_share(work, analyzed, with_time=False)
     if plain.exists is False:  # one proof for both questions, where there is no L(t, q, q') either
         timed = _decide_in_share(work, analyzed, with_time=True)
@@ -153,10 +165,13 @@ def _answer_both_questions(
             return other
     else:
         timed = None
-    first = _answer_question(work, analyzed, plain, with_time=False)
+    first = _answer_question(work, analyzed, plain, with_time=False, proven=_of_reduced(work))
     if first.verdict == "variational":
         return first
     work.first, work.told = first, _of_both(first, MotionAnswer("undetermined", "undetermined", OUT_OF_TIME))
+    known = _first_confirmed(work, analyzed, _propose_known(work, with_time=True), with_time=True)
+    if known is not None:
+        return _of_both(first, _with_freedom(work, analyzed, known, with_time=True))
     timed = timed or _decide_in_share(work, analyzed, with_time=True)
     other = _answer_question(work, analyzed, timed, with_time=True)
     return other if other.verdict == "not_variational" else _of_both(first, other)  # no L(t, q, q'), so no L(q, q')
@@ -176,27 +191,13 @@ def _of_both(first: MotionAnswer, other: MotionAnswer) -> MotionAnswer:
     )
 
 
-def _carry_reduced_answer(work: _Work, analyzed: existence.AnalyzedMotion, reduced: Answer) -> MotionAnswer | None:
-    """The yes of the reduced system transferred to the motion, if the checker agrees.
-
-    Without a Lagrangian in closed form, the certificate is about the free coordinates only.
-    """
-    if reduced.verdict != "variational" or reduced.checked != "valid" or reduced.certificate is None:
+def _of_reduced(work: _Work) -> MotionAnswer | None:
+    """The yes of the reduced system for the motion, by a certificate that is about the free coordinates only."""
+    reduced = work.reduced
+    if reduced is None or reduced.verdict != "variational" or reduced.checked != "valid" or not reduced.certificate:
         return None
-    (closed,) = on_constraints.closed_coordinates(work.motion)
-    steps = reduced_steps(closed.system.coordinates)
-    if reduced.lagrangian is None:
-        proof = (reduced.certificate,)
-        return MotionAnswer("variational", "variational", "", proof, None, "", steps, reduced.exceptions)
-    whole = on_constraints.on_whole_motion(work.motion, closed, reduced.lagrangian)
-    plain = existence.of_lagrangian(analyzed, whole.expression, False)
-    proven = _confirm_certificate(work, analyzed, plain, [whole.expression])
-    if proven is None:
-        return None
-    certificate, checked = proven
-    found = _complete_lagrangian(work, whole).on_its_set(certificate, checked)
-    steps += lagrangian_steps(whole.expression, found.jet)
-    return MotionAnswer("variational", "variational", "", (certificate,), found, "", steps, checked.exceptions)
+    steps = reduced_steps(work.motion.free)
+    return MotionAnswer("variational", "variational", "", (reduced.certificate,), None, "", steps, reduced.exceptions)
 
 
 def _decide_in_share(work: _Work, analyzed: existence.AnalyzedMotion, with_time: bool) -> Finding:
@@ -204,32 +205,78 @@ def _decide_in_share(work: _Work, analyzed: existence.AnalyzedMotion, with_time:
     return existence.decide_motion(analyzed, with_time, work.seed, limit, lambda stage: work.progress(f"any: {stage}"))
 
 
-def _answer_question(work: _Work, analyzed: existence.AnalyzedMotion, found: Finding, with_time: bool) -> MotionAnswer:
+def _with_freedom(
+    work: _Work, analyzed: existence.AnalyzedMotion, answer: MotionAnswer, with_time: bool
+) -> MotionAnswer:
+    """The answer with the size of the set of Lagrangians, if the decision, which is not needed, takes little time."""
+    limit = min(share(_SHARE_OF_DECISION, work.deadline), now() + _FOR_FREEDOM)
+    found = existence.decide_motion(analyzed, with_time, work.seed, limit, lambda stage: work.progress(f"any: {stage}"))
+    return replace(answer, freedom=freedom(found, len(work.motion.coordinates), with_time) if found.exists else "")
+
+
+def _answer_question(
+    work: _Work,
+    analyzed: existence.AnalyzedMotion,
+    found: Finding,
+    with_time: bool,
+    proven: MotionAnswer | None = None,
+) -> MotionAnswer:
+    """The answer by short searches for L, then a proof of existence, unless `proven` is one, then long searches."""
     if found.exists is False:
         refused = _prove_verdict(work, analyzed, found, with_time, "not_variational")
         if with_time:
             _tell(work, refused)
         return refused
-    proven = None
-    if found.exists and not any(with_time or not one.with_time for one in work.known):
+    size, steps = (
+        freedom(found, len(work.motion.coordinates), with_time),
+        finding_steps(analyzed, found, with_time),
+    )
+
+    def by_lagrangian(proposals: Iterable[_Proposal]) -> MotionAnswer | None:
+        answer = _first_confirmed(work, analyzed, proposals, with_time)
+        return answer and replace(answer, freedom=size, explanation=(*steps, *answer.explanation))
+
+    answer = by_lagrangian(_propose_in_short(work, with_time))
+    if answer is not None:
+        return answer
+    if proven is not None:
+        proven = replace(proven, freedom=size)
+    elif found.exists:
         proven = _prove_verdict(work, analyzed, found, with_time, "variational")
+    if proven is not None:
         _tell(work, proven if work.first is None else _of_both(work.first, proven))
-    for lagrangian in _propose_lagrangians(work, with_time):
-        tree = lagrangian.lagrangian.expression
+    answer = by_lagrangian(_propose_at_length(work, with_time))
+    return answer or proven or MotionAnswer("undetermined", "undetermined", open_reason(found))
+
+
+@dataclass(frozen=True, slots=True)
+class _Proposal:
+    """A Lagrangian of the motion that is not confirmed yet, what it is known from, and the steps that explain it."""
+
+    lagrangian: Lagrangian
+    known: KnownLagrangian | None = None
+    steps: tuple[Step, ...] = ()
+
+
+def _first_confirmed(
+    work: _Work, analyzed: existence.AnalyzedMotion, proposals: Iterable[_Proposal], with_time: bool
+) -> MotionAnswer | None:
+    """A yes by the first proposal that the checker confirms, with H."""
+    for proposal in proposals:
+        tree = proposal.lagrangian.expression
         confirmed = _confirm_certificate(work, analyzed, existence.of_lagrangian(analyzed, tree, with_time), [tree])
-        if confirmed is not None:
-            certificate, proof = confirmed
-            steps = (
-                *finding_steps(analyzed, found, with_time),
-                *lagrangian_steps(lagrangian.lagrangian.expression, lagrangian.jet),
-            )
-            size = freedom(found, len(work.motion.coordinates), with_time)
-            found_here = lagrangian.on_its_set(certificate, proof)
-            proofs = (certificate,)
-            return MotionAnswer("variational", "variational", "", proofs, found_here, size, steps, proof.exceptions)
-    if found.exists is None:
-        return MotionAnswer("undetermined", "undetermined", open_reason(found))
-    return proven or _prove_verdict(work, analyzed, found, with_time, "variational")
+        if confirmed is None:
+            continue
+        certificate, checked = confirmed
+        known, jet = proposal.known, on_constraints.jet_of(tree, work.motion)
+        if known is not None:
+            found = MotionLagrangian(proposal.lagrangian, jet, known.kind, known.system, known.report)
+        else:
+            found = _complete_lagrangian(work, proposal.lagrangian, jet)
+        found = found.on_its_set(certificate, checked)
+        steps = (*proposal.steps, *lagrangian_steps(tree, jet))
+        return MotionAnswer("variational", "variational", "", (certificate,), found, "", steps, checked.exceptions)
+    return None
 
 
 def _tell(work: _Work, answer: MotionAnswer) -> None:
@@ -263,29 +310,42 @@ def _confirm_certificate(
     return (certificate, found) if found.verdict == "valid" else None
 
 
-def _propose_lagrangians(work: _Work, with_time: bool) -> Sequence[MotionLagrangian]:
-    """Lagrangians of associated systems, else of the reduced system, of other closed functions, or from an ansatz."""
-    fitting = [one for one in work.known if with_time or not one.with_time]
-    if fitting:
-        jets = [on_constraints.jet_of(one.lagrangian.expression, work.motion) for one in fitting]
-        pairs = zip(fitting, jets, strict=True)
-        return [MotionLagrangian(one.lagrangian, jet, one.kind, one.system, one.report) for one, jet in pairs]
+def _propose_known(work: _Work, with_time: bool) -> Iterator[_Proposal]:
+    """Lagrangians of associated systems, the given one if it is one of the motion, and that of the reduced system."""
+    for one in work.known:
+        if with_time or not one.with_time:
+            yield _Proposal(one.lagrangian, one)
+    for free in on_constraints.of_free_motion(work.motion):
+        yield _Proposal(free, steps=(said(_FREE_MOTION),))
+    if not with_time and work.reduced is not None and work.reduced.lagrangian is not None:
+        for closed in on_constraints.closed_coordinates(work.motion):
+            whole = on_constraints.on_whole_motion(work.motion, closed, work.reduced.lagrangian)
+            yield _Proposal(whole, steps=reduced_steps(closed.system.coordinates))
+
+
+def _propose_in_short(work: _Work, with_time: bool) -> Iterator[_Proposal]:
+    """Lagrangians of the reduced system, unless it is answered already, and of other closed functions."""
     if work.left() < _LEAST_FOR_ANSATZ:
-        return []
-    work.progress("any: reduced system")
-    reduced = _find_for_closed(work, on_constraints.closed_coordinates(work.motion), with_time)
-    if reduced is not None:
-        return [_complete_lagrangian(work, reduced)]
+        return
+    if with_time or work.reduced is None:
+        work.progress("any: reduced system")
+        reduced = _find_for_closed(work, on_constraints.closed_coordinates(work.motion), with_time)
+        if reduced is not None:
+            yield _Proposal(reduced)
     work.progress("any: functions of position with equations of their own")
     others = on_constraints.closed_functions(work.motion, now() + _SHARE_OF_REDUCED * work.left())
     reduced = _find_for_closed(work, others, with_time)
     if reduced is not None:
-        return [_complete_lagrangian(work, reduced)]
+        yield _Proposal(reduced)
+
+
+def _propose_at_length(work: _Work, with_time: bool) -> Iterator[_Proposal]:
+    """A Lagrangian from the wide ansatz."""
     if work.left() < _LEAST_FOR_ANSATZ:
-        return []
+        return
     work.progress("any: ansatz along the constraints")
     found = on_constraints.find_lagrangians(work.motion, with_time, work.seed, now() + _SHARE_OF_ANSATZ * work.left())
-    return [_complete_lagrangian(work, tree) for tree in found[:1]]
+    yield from map(_Proposal, found[:1])
 
 
 def _find_for_closed(
@@ -305,7 +365,7 @@ def _is_steep(lagrangian: Expression) -> bool:
     )
 
 
-def _complete_lagrangian(work: _Work, lagrangian: Lagrangian) -> MotionLagrangian:
+def _complete_lagrangian(work: _Work, lagrangian: Lagrangian, jet: on_constraints.JetOnConstraints) -> MotionLagrangian:
     """Add its own equations, H, and the constraints in phase space."""
     tree, report = lagrangian.expression, None
     system = on_constraints.own_system(tree, work.motion, now() + _SHARE_OF_ANSATZ * work.left())
@@ -313,7 +373,7 @@ def _complete_lagrangian(work: _Work, lagrangian: Lagrangian) -> MotionLagrangia
         known = legendre(tree, system.coordinates, 0.0) if _is_steep(tree) else None
         with suppress(OutOfTime), until(now() + _SHARE_OF_ANSATZ * work.left()):
             report = hamiltonise(work.motion, system, tree, work.seed, known)
-    return MotionLagrangian(lagrangian, on_constraints.jet_of(tree, work.motion), "own", system, report)
+    return MotionLagrangian(lagrangian, jet, "own", system, report)
 
 
 def finding_steps(analyzed: existence.AnalyzedMotion, found: Finding, with_time: bool) -> tuple[Step, ...]:

@@ -27,6 +27,7 @@ from inverse_service.field import exact_field, matrices, modular, tower
 from inverse_service.field.echelon import Words
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus
 from inverse_service.mechanics import euler_lagrange
+from inverse_service.mechanics.constrained_motion import EquationsOfMotion
 from inverse_service.mechanics.second_order_system import ConstrainedMotion, SecondOrderSystem, system_of
 from inverse_service.search import ansatz, families, terms as tm
 from inverse_service.search.ansatz import best_members
@@ -70,11 +71,14 @@ def own_system(lagrangian: ex.Expression, motion: ConstrainedMotion, deadline: f
     names = motion.coordinates
     matrix = euler_lagrange.hessian(lagrangian, names)
     right = [-tree for tree in euler_lagrange.euler_lagrange_sums(lagrangian, names, [ex.ZERO] * len(names))]
-    variables: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
     found = None
     with suppress(exact_field.TooLarge, ZeroDivisionError):
-        found = _solved(matrix, right, variables, exact_field.Budget(bounds.TERMS, deadline))
+        found = _solved(matrix, right, _variables(names), exact_field.Budget(bounds.TERMS, deadline))
     return None if found is None else SecondOrderSystem(names, found, motion.parameters, motion.functions)
+
+
+def _variables(names: Sequence[str]) -> list[ex.Symbol | ex.Velocity]:
+    return [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
 
 
 def _solved(
@@ -231,6 +235,28 @@ def on_whole_motion(motion: ConstrainedMotion, closed: ClosedFunctions, lagrangi
         nonzero=tuple(ex.substitute(tree, table) for tree in lagrangian.nonzero),
         positive=tuple(ex.substitute(tree, table) for tree in lagrangian.positive),
     )
+
+
+def of_free_motion(motion: ConstrainedMotion) -> Iterator[Lagrangian]:
+    """The given L plus c/2 times the squares of the constraints, if the forces of constraint vanish along the motion.
+
+    The Euler-Lagrange expressions of L, lambda_a d(mu^a)/dv, are then 0 on the constraints, as those of the squares
+    are. Since L is regular on D, the determinant of the Hessian is a polynomial in c of degree k, for k constraints,
+    that does not vanish: one of 1, …, k + 1 makes the sum regular.
+    """
+    if not isinstance(motion, EquationsOfMotion) or any(force != ex.ZERO for force in motion.multipliers):
+        return
+    given = motion.system
+    half = ex.Number(Fraction(1, 2))
+    squares = ex.add(*(half * constraint ** Fraction(2) for constraint in given.constraints))
+    for c in range(1, len(given.constraints) + 2):
+        whole = given.lagrangian + ex.number(c) * squares
+        form = euler_lagrange.hessian(whole, motion.coordinates)
+        with suppress(exact_field.TooLarge, ZeroDivisionError):
+            still = [ex.ZERO] * len(form)
+            if _solved(form, still, _variables(motion.coordinates), exact_field.Budget.long()) is not None:
+                yield Lagrangian(whole, form, (), "the given L")
+                return
 
 
 def first_system(motion: ConstrainedMotion) -> SecondOrderSystem:

@@ -258,6 +258,37 @@ def faults_of_motion(part: Mapping[str, Any], coordinates: Sequence[str]) -> str
     return "no point of the motion was found"
 
 
+def faults_of_lagrangian_on_constraints(
+    found: Mapping[str, Any], motion: Mapping[str, Any], coordinates: Sequence[str]
+) -> str | None:
+    """None if a Lagrangian is regular and its Euler-Lagrange expressions vanish along a motion on constraints.
+
+    `found` is `lagrangian` of `any_associated`, `motion` is `equations_of_motion`, which `faults_of_motion` judges. The
+    free velocities have both signs where the domain of L allows it.
+    """
+    given, seen = Equations(tuple(coordinates), ()), set[tuple[bool, ...]]()
+    with mpmath.workdps(DIGITS):
+        for point in itertools.islice(points(given, near=found.get("near")), 200):
+            try:
+                for name, rate in motion["first_order"].items():
+                    point.numbers[name + "'"] = point.value(rate["text"])
+                if not all(map(point.holds, found["domain"])):
+                    continue
+                q_tt = [point.value(motion["accelerations"][name]["text"]) for name in coordinates]
+                g, b = euler_lagrange(point.jet(found["text"]), given, point)
+            except NotReal:
+                continue
+            scaled = [[x / (max(map(abs, row)) or 1) for x in row] for row in g]
+            if abs(mpmath.det(mpmath.matrix(scaled))) <= mpmath.mpf(10) ** -24:
+                return f"singular Hessian of {found['text']}"
+            for row, rest in zip(g, b, strict=True):
+                parts = [*(x * f for x, f in zip(row, q_tt, strict=True)), rest]
+                if abs(mpmath.fsum(parts)) > NEAR_ZERO * (1 + max(map(abs, parts))):
+                    return f"{found['text']} has another motion"
+            seen.add(tuple(point.numbers[v] > 0 for v in given.velocities))
+    return None if seen else f"no point of the domain of {found['text']} was found"
+
+
 def same_formula(left: str, right: str, names: Sequence[str] = ()) -> bool:
     """Whether two canonical formulas have the same values at random points."""
     if left == right:

@@ -155,6 +155,14 @@ def assert_associated(wanted: Mapping[str, str], result: Mapping[str, Any]) -> N
 def assert_motion(wanted: str, result: Mapping[str, Any]) -> None:
     found = result["any_associated"]
     assert (found["verdict"], found["checked"]) == (wanted, "valid"), found["reason"]
+    part = result["nonholonomic"]
+    if found["lagrangian"] and part:
+        motion, names = part["equations_of_motion"], result["system"]["coordinates"]
+        assert judge.faults_of_lagrangian_on_constraints(found["lagrangian"], motion, names) is None
+
+
+def assert_lagrangian_of_motion(wanted: bool, result: Mapping[str, Any]) -> None:
+    assert bool(result["any_associated"]["lagrangian"]) == wanted
 
 
 PARTS: dict[str, Callable[[Any, Mapping[str, Any]], None]] = {
@@ -167,6 +175,7 @@ PARTS: dict[str, Callable[[Any, Mapping[str, Any]], None]] = {
     "reduced": assert_reduced,
     "associated": assert_associated,
     "any_associated": assert_motion,
+    "lagrangian_of_motion": assert_lagrangian_of_motion,
 }
 
 
