@@ -19,7 +19,7 @@ from typing import Any
 
 from inverse_service import catalogue, solve
 from inverse_service.errors import InputError
-from inverse_service.service.documents import printed_pages, sheets
+from inverse_service.service.documents import printed_pages, sheets, stated
 from inverse_service.service.documents.alike import form_of
 
 ROOT = Path(__file__).parents[1]
@@ -161,7 +161,7 @@ def entry_of(row: Mapping[str, Any], time_limit: float = TIME_LIMIT) -> dict[str
         return {**row, "refused": "It was not decided within the time limit."}
     sheet, system = sheets.sheet_of(result, brief=True), result["system"] or {}
     formulas = {f.letter: f.text for case in sheet.cases[:1] for f in case.formulas}
-    constrained = sheets.is_constrained(result)
+    constrained = stated.is_constrained(result)
     return {
         "name": row["name"],
         "title": row["title"],
@@ -188,9 +188,9 @@ def _overrun(*_: Any) -> None:
 
 
 def _shown(result: Mapping[str, Any]) -> Mapping[str, Any]:
-    if sheets.is_constrained(result):
+    if stated.is_constrained(result):
         return result.get("any_associated") or {}
-    return sheets.answers_of((result.get("branches") or [result])[0], result)[0]
+    return stated.main_statements(result)[0].part
 
 
 def _short(text: str | None) -> str | None:
@@ -204,7 +204,7 @@ def tags_of(row: Mapping[str, Any], result: Mapping[str, Any], sheet: sheets.She
     count = len(system["coordinates"])
     text = f"{row['name']} {row['title']}".lower()
     found = [*row["tags"], f"{count} coordinate{'s' if count != 1 else ''}", sheet.badge]
-    found += ["constraints"] if sheets.is_constrained(result) else []
+    found += ["constraints"] if stated.is_constrained(result) else []
     found += ["with time only"] if printed_pages.plain(sheet.sentence).endswith("with the time in L.") else []
     found += ["arbitrary functions"] if system.get("functions") else []
     found += [word for word in WORDS if word in text]

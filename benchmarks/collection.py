@@ -22,8 +22,8 @@ from typing import Any
 from benchmarks.lagrangians import percentile
 from benchmarks.tables import MISSING, table
 from inverse_service.decision.solutions import SolveOptions
+from inverse_service.service.documents import stated
 from inverse_service.service.documents.documents import solve_document
-from inverse_service.service.documents.sheets import in_order
 
 _KEYS = ("coordinates", "equations", "parameters", "functions")
 
@@ -46,7 +46,7 @@ def answered(entry: Mapping[str, Any], limit: float) -> Answered:
     began = time.process_time()
     result = solve_document(document, SolveOptions(time_limit=limit))
     seconds = time.process_time() - began
-    answers = [answer for answer, _ in in_order(result, result)]
+    answers = [one.part for one in stated.main_statements(result)]
     first = next((answer for answer in answers if answer["lagrangian"]), None)
     verdicts = ", ".join(dict.fromkeys(answer["verdict"] for answer in answers))
     if first is None:

@@ -17,7 +17,7 @@ from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import BaseModel, Field
 
 from inverse_service import __version__, errors, settings
-from inverse_service.service.documents import answers, growing, plain_data, sheets
+from inverse_service.service.documents import answers, growing, plain_data, stated
 from inverse_service.service.jobs import model, tasks, workers
 
 INSTRUCTIONS = (
@@ -184,10 +184,8 @@ def _short(text: str | None) -> str | None:
 
 
 def _solved(result: dict[str, Any], resource: str) -> Solved:
-    about = result.get("any_associated") or {}
-    first = sheets.first_answer(result)
-    best = about if about.get("lagrangian") and not first.get("lagrangian") else first
-    lagrangian, hamiltonian = (_short((best.get(key) or {}).get("text")) for key in ("lagrangian", "hamiltonian"))
+    about, first = result.get("any_associated") or {}, stated.first_answer(result)
+    lagrangian, hamiltonian = (_short((first.get(key) or {}).get("text")) for key in ("lagrangian", "hamiltonian"))
     reason = result.get("reason") or ""
     if "verdict" not in result:  # a Lagrangian was given, which is its own answer
         equations = ", ".join(f"{name}'' = {formula['text']}" for name, formula in result["equations"].items())
@@ -198,10 +196,12 @@ def _solved(result: dict[str, Any], resource: str) -> Solved:
         motion=about.get("verdict"),
         lagrangian=lagrangian,
         hamiltonian=hamiltonian,
-        domain=list(sheets.conditions_of(best)),
+        domain=list(stated.conditions_of(first)),
         checked=result.get("checked"),
         reason=reason,
-        proof=[_short(step["text"]) or "" for step in (best.get("explanation") or result.get("explanation") or [])[:8]],
+        proof=[
+            _short(step["text"]) or "" for step in (first.get("explanation") or result.get("explanation") or [])[:8]
+        ],
         incomplete=[entry["part"] for entry in result.get("incomplete") or []],
         resource=resource,
     )

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from inverse_service import catalogue, errors
 from inverse_service.reading import reader
-from inverse_service.service.documents import accepting, plain_data, printed_pages, sheets
+from inverse_service.service.documents import accepting, plain_data, printed_pages, sheets, stated
 from inverse_service.service.documents.answers import of_input_error
 
 if TYPE_CHECKING:
@@ -307,12 +307,12 @@ class Answer(dict[str, Any]):
 
     def _integrals(self) -> Any:
         integrals = self._shown.get("integrals") or {}
-        return sheets.integrals_of(integrals, sheets.names_of(self._system, integrals))
+        return sheets.integrals_of(integrals, stated.names_of(self._system, integrals))
 
     @cached_property
     def _where(self) -> tuple[str, ...]:
         """The conditions of the answer and of its L."""
-        return sheets.conditions_of(self._shown)
+        return stated.conditions_of(self._shown)
 
     @cached_property
     def _table(self) -> Table:
@@ -388,7 +388,7 @@ class Answer(dict[str, Any]):
     @property
     def proof(self) -> Listed[Step]:
         """The steps of the explanation."""
-        names = sheets.names_of(self._system or None)
+        names = stated.names_of(self._system or None)
         steps = self._shown.get("explanation", ())
         said = [(step["text"], sheets.sentence(step, names)) for step in steps]
         return Listed(Step(text, printed_pages.sentence(pieces, inline=True)) for text, pieces in said)
@@ -503,7 +503,7 @@ class Result(Answer):
 
     @property
     def _shown(self) -> Mapping[str, Any]:
-        return sheets.first_answer(self)
+        return stated.first_answer(self)
 
     @cached_property
     def main(self) -> Answer:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 import inverse_service
-from inverse_service.service.documents import printed_pages, sheets
+from inverse_service.service.documents import printed_pages, stated
 from tests.values import slow
 
 KNIFE_EDGE = {
@@ -42,7 +42,7 @@ def test_one_proof_of_a_no_answers_both_questions_at_every_door(equations: str) 
     assert (result.verdict, result.verdict_with_time, result.with_time) == ("not_variational", "not_variational", None)
     for page in (printed_pages.text_page(dict(result), False), printed_pages.latex_page(dict(result), False)):
         assert page.count("do not come from any regular Lagrangian.") == 1
-    answers = sheets.answers_of(result, result)
-    assert [(one["verdict"], one["timed"]) for one in answers] == [("not_variational", k) for k in (False, True)]
+    answers = stated.main_statements(result)
+    assert [(one.verdict, one.question.timed) for one in answers] == [("not_variational", k) for k in (False, True)]
     found = result.check()
     assert (found["verdict"], found["statement"]["question"]) == ("valid", "L(t, q, q')")  # it covers L(q, q')

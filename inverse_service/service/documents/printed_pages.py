@@ -11,7 +11,7 @@ from typing import Any
 from inverse_service import __version__, errors
 from inverse_service.expressions import notation, printing
 from inverse_service.reading import names as nm, reader
-from inverse_service.service.documents import sheets
+from inverse_service.service.documents import sheets, stated
 
 # Characters of a formula of a text: of the answer itself, and of what there is besides.
 LONGEST, LONG = 2_000, 300
@@ -191,7 +191,7 @@ def _whole(formula: sheets.Formula) -> str:
 
 def conditions_latex(conditions: Sequence[str], system: Mapping[str, Any] | None) -> str:
     """Conditions such as "x != 0" as formulas in a sentence."""
-    names = sheets.names_of(system)
+    names = stated.names_of(system)
     return ", ".join(f"${latex_of(condition, names)}$" for condition in conditions)
 
 
@@ -292,18 +292,18 @@ def row_of(result: Mapping[str, Any]) -> dict[str, Any]:
         raise errors.InputError("A table needs results.")
     row = {key: result.get(key) for key in COLUMNS}
     for key in ("verdict", "verdict_with_time"):
-        verdicts = {one.get(key) for one in sheets.branches_of(result)}
+        verdicts = {one.get(key) for one in stated.branches_of(result)}
         row[key] = verdicts.pop() if len(verdicts) == 1 else "differs"
     if error := result.get("error"):
         row |= {"verdict": "error", "reason": error["detail"]}
-    first = sheets.first_answer(result)
+    first = stated.first_answer(result)
     for letter, key in sheets.FORMULAS:
         row[letter] = (first.get(key) or {}).get("text")
     space, system = result.get("solution_space") or {}, result.get("system") or {}
     seconds = (result.get("provenance") or {}).get("seconds") or {}
     row |= {"statement": space.get("statement"), "n": len(system.get("coordinates", ())), "order": space.get("order")}
     row |= {"seconds": sum(seconds.values()) if seconds else None}
-    return row | {"where": ", ".join(sheets.conditions_of(first)), "branches": len(sheets.branches_of(result))}
+    return row | {"where": ", ".join(stated.conditions_of(first)), "branches": len(stated.branches_of(result))}
 
 
 def quantities(result: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -14,10 +14,20 @@ from typing import Any
 
 from inverse_service import errors
 from inverse_service.certificate.formulas import FORMAT
-from inverse_service.expressions import notation, printing, tree as ex
+from inverse_service.expressions import notation, printing
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import growing
+from inverse_service.service.documents import growing, stated
+from inverse_service.service.documents.stated import (
+    Stated,
+    asks_for_time,
+    auxiliary_of,
+    branches_of,
+    conditions_of,
+    is_constrained,
+    names_of,
+)
+from inverse_service.statements.questions import About
 
 YES, NO, OPEN, DIFFERS = "yes", "no", "open", "differs"
 VERDICTS = {"variational": YES, "not_variational": NO}
@@ -29,14 +39,12 @@ MAX_STEPS = 200  # of a proof; the whole is in the JSON
 LONGEST_MATRICES = 6_000  # characters of all matrices together: typeset they weigh 25 times that
 TENSORS = (("Phi", "Phi"), ("nabla Phi", "nabla_Phi"))
 CHECKED = "An independent checker verified the proof."
-QUESTION_WITH_TIME = "L(t, q, q')"
 QUESTIONS = frozenset(("existence", "existence_with_time"))
 FORMULAS = (("L", "lagrangian"), ("H", "hamiltonian"))
 MOST_SOUGHT = 3
 SEEKING = "Being decided"
 STATED = {"holds": "Holds", "fails": "Fails", "not settled": "Undetermined"}
 ANSWERS = {YES: "Yes", NO: "No", OPEN: "Undetermined"}
-OF_OTHERS = ("Reduced", "Another clock")
 NEW_TIME = "a new time, d\u03c4 = N dt"
 # What is said of a proof that the checker did not call valid, of kinds of Lagrangians, and of associated systems.
 _WORDS = json.loads((Path(__file__).parent / "sheets.json").read_text(encoding="utf-8"))
@@ -155,101 +163,24 @@ class _Told:
     pending: frozenset[str] = frozenset()
 
 
-# What a result has.
-
-
-def branches_of(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """The answers on each branch; the result itself where there is one."""
-    return result.get("branches") or [result]
-
-
-def asks_for_time(result: Mapping[str, Any]) -> bool:
-    """Whether the main fields answer L(t, q, q')."""
-    return bool(result["question"] == QUESTION_WITH_TIME)
-
-
-def is_constrained(result: Mapping[str, Any]) -> bool:
-    """Whether the result is about a motion on constraints."""
-    return bool(result.get("nonholonomic") or result.get("any_associated"))
-
-
-def in_order(branch: Mapping[str, Any], result: Mapping[str, Any]) -> list[tuple[Mapping[str, Any], bool]]:
-    """The answers on a branch in a reader's order, each with whether it is on L(t, q, q').
-
-    The question that was asked comes first, unless it has a Lagrangian that was not found in closed form, or the other
-    one has a Lagrangian of a simpler kind.
-    """
-    main, other = (branch, asks_for_time(result)), branch.get("with_time")
-    if other is None:
-        return [main]
-    texts = [part["lagrangian"]["text"] for part in (branch, other) if part["lagrangian"]]
-    kinds = [_reading_class(text, result["system"]) for text in texts]
-    exists_only = not branch["lagrangian"] and branch["verdict"] == "variational"
-    is_better = kinds[1] < kinds[0] if len(kinds) == 2 else exists_only and bool(texts)
-    return [(other, True), main] if is_better else [main, (other, True)]
-
-
-def _reading_class(lagrangian: str, system: Mapping[str, Any]) -> int:
-    try:
-        return ex.reading_class(reader.read_formula(lagrangian, names_of(system)), ex.Symbol(system.get("time", "t")))
-    except errors.InputError:
-        return 3
-
-
-def answers_of(branch: Mapping[str, Any], result: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The answers to both questions, those with a Lagrangian first, each with `timed`."""
-    found = [{**answer, "timed": timed} for answer, timed in in_order(branch, result)]
-    verdict = branch.get("verdict_with_time")
-    if len(found) == 1 and verdict is not None and not found[0]["timed"]:
-        found.append({"verdict": verdict, "timed": True})  # the same proof answers both
-    return sorted(found, key=lambda one: (one["verdict"] != "variational", not one.get("lagrangian")))
-
-
-def first_answer(result: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The answer that a reader meets first; a result without a question is its own."""
-    asked = result.get("verdict") and "question" in result
-    return in_order(result, result)[0][0] if asked else result
-
-
-def conditions_of(answer: Mapping[str, Any]) -> tuple[str, ...]:
-    """Where the answer holds and its L is one."""
-    conditions = (*(answer.get("domain") or ()), *(answer.get("lagrangian") or {}).get("domain", ()))
-    return tuple(dict.fromkeys(conditions))
-
-
-def names_of(system: Mapping[str, Any] | None, integrals: Mapping[str, Any] | None = None) -> Names:
-    """The names of a result's system or of a document; momenta, entries of the multiplier and L, H are parameters.
-
-    `integrals` are functions that an answer has besides.
-    """
-    if system is None:
-        return Names(parameters=("L", "H"))
-    equations, given = system.get("equations"), system.get("parameters") or ()
-    coordinates = tuple(system.get("coordinates") or (equations if isinstance(equations, Mapping) else ()))
-    n = len(coordinates)
-    entries = [f"{letter}_{i}{j}" for letter in "gh" for i in range(1, n + 1) for j in range(i, n + 1)]
-    functions = {name: tuple(arguments) for name, arguments in (system.get("functions") or {}).items()}
-    functions |= {name: tuple(known["arguments"]) for name, known in (integrals or {}).items()}
-    parameters = () if isinstance(given, str) else given  # "guess"
-    words = (system.get("time", "t"), *parameters, *(f"p_{name}" for name in coordinates), *entries, "L", "H")
-    taken = {*coordinates, *functions, "t"}
-    return Names(coordinates, tuple(dict.fromkeys(word for word in words if word not in taken)), functions)
-
-
 # The rule.
 
 
 def verdict_of(result: Mapping[str, Any]) -> str:
     """One of yes, no, open, differs. A yes with t is a yes; a motion on constraints is asked for a Hamiltonian."""
-    found = {_verdict_of_branch(branch, result) for branch in branches_of(result)}
+    found = {_verdict_on_cell(cell, result) for cell in range(len(branches_of(result)))}
     found |= {OPEN} if result.get("not_answered") else set()
     return found.pop() if len(found) == 1 else DIFFERS
 
 
-def _verdict_of_branch(branch: Mapping[str, Any], result: Mapping[str, Any]) -> str:
+def _verdict_on_cell(cell: int, result: Mapping[str, Any]) -> str:
+    branch = branches_of(result)[cell]
     if not is_constrained(result):
-        return _common(answer["verdict"] for answer in answers_of(branch, result))
-    motion = branch.get("any_associated") or result.get("any_associated") or {}
+        return _common((branch["verdict"], branch.get("verdict_with_time")))
+    return _verdict_of_motion(branch.get("any_associated") or result.get("any_associated") or {}, result)
+
+
+def _verdict_of_motion(motion: Mapping[str, Any], result: Mapping[str, Any]) -> str:
     verdicts = [motion.get("verdict"), motion.get("verdict_with_time")]
     systems = (result.get("nonholonomic") or {}).get("associated", ())
     if any(one.get(key) == "variational" for one in systems for key in ("verdict", "verdict_with_time")):
@@ -334,26 +265,27 @@ def meanings(system: Mapping[str, Any]) -> list[Sentence]:
     return [(words, *listed(texts, names)) for words, texts in groups if texts]
 
 
-def _sentence(verdict: str, answers: Sequence[Mapping[str, Any]], count: int, told: _Told) -> Sentence:
+def _sentence(verdict: str, answers: Sequence[Stated], count: int, told: _Told) -> Sentence:
     """The verdict about so many equations, or a brief answer; parts still pending are marked as being looked for."""
     pending, brief = told.pending, told.brief
     these, come = ("this equation", "comes") if count == 1 else ("these equations", "come")
     if verdict == YES:
         shown, yes = answers[0], Word("Yes,", YES)
         is_sought = any(part.startswith(("existence", "lagrangian")) for part in pending)
-        time = " that contains the time" if shown["timed"] and not shown["asked"] and not is_sought else ""
-        if shown.get("lagrangian") is None and not is_sought:
+        is_asked = shown.question.timed is asks_for_time(told.result)
+        time = " that contains the time" if shown.question.timed and not is_asked and not is_sought else ""
+        if shown.part.get("lagrangian") is None and not is_sought:
             return (yes, f" a Lagrangian{time} exists; none was found in closed form.")
         if brief:
             return (yes, f" {'with the time in L' if time else 'there is a Lagrangian'}.")
         return (yes, f" {these} {come} from a Lagrangian{time}.")
     if verdict == NO:
-        time = "" if len(answers) > 1 or answers[0]["timed"] else " without the time"
+        time = "" if any(one.question.timed for one in answers) else " without the time"
         if brief:
             return (Word("No", NO), f" regular Lagrangian{time}.")
         do = Word("does not" if count == 1 else "do not", NO)
         return (f"{capitalized(these)} ", do, f" come from any regular Lagrangian{time}.")
-    none = any(one["verdict"] == "not_variational" for one in answers)
+    none = any(one.verdict == "not_variational" for one in answers)
     return _open_sentence(f"{these} {come} from a Lagrangian", none and "Lagrangian", QUESTIONS.intersection(pending))
 
 
@@ -406,7 +338,7 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
     verdict = verdict_of(result)
     if is_constrained(result):
         return _constrained(told, verdict)
-    cases = tuple(_case(branch, told) for branch in branches_of(result))
+    cases = tuple(_case(cell, told) for cell in range(len(branches_of(result))))
     sentence, notes = cases[0].sentence, cases[0].notes
     if len(cases) > 1:
         unanswered = result.get("not_answered") or ()
@@ -432,11 +364,12 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
     )
 
 
-def _case(branch: Mapping[str, Any], told: _Told) -> Case:
+def _case(cell: int, told: _Told) -> Case:
     result, names = told.result, told.names
-    answers = answers_of(branch, result)
-    answers[0]["asked"] = answers[0]["timed"] == asks_for_time(result)
-    verdict, (shown, *others) = _verdict_of_branch(branch, result), answers
+    answers = stated.main_statements(result, cell)
+    verdict, shown = _verdict_on_cell(cell, result), answers[0].part
+    # What follows from the same proof is not repeated.
+    others = [one for one in answers[1:] if (one.at, one.verdict) != (answers[0].at, answers[0].verdict)]
     notes: list[Sentence] = []
     domain, formula = shown.get("domain") or [], (shown.get("lagrangian") or {}).get("domain") or []
     if domain:
@@ -450,41 +383,41 @@ def _case(branch: Mapping[str, Any], told: _Told) -> Case:
     notes += _checked([shown])
     if verdict == YES and not QUESTIONS.intersection(told.pending):
         notes += filter(None, map(_other_note, others))
-    more = [_other_row(other, told) for other in others if other.get("lagrangian")]
+    more = [_other_row(other, told) for other in others if other.part.get("lagrangian")]
     sentence = _sentence(verdict, answers, len((result["system"] or {}).get("coordinates", ())), told)
     formulas = tuple(_formulas(shown, told))
     if told.brief:
         return Case(verdict, sentence, tuple(notes), formulas, more=tuple(more))
     steps = _steps(shown, names)
     start = next((step for step in steps if "Suppose" in str(step[:1])), steps[0] if steps else ())
-    headed = [("Without the time" if not other["timed"] else "With the time", other) for other in others]
-    proofs = [("", steps), *((heading, _steps(other, names)) for heading, other in headed)]
+    headed = [("With the time" if other.question.timed else "Without the time", other) for other in others]
+    proofs = [("", steps), *((heading, _steps(other.part, names)) for heading, other in headed)]
     gist = (("Assumption", start), ("Contradiction", steps[-1])) if verdict == NO and len(steps) > 1 else ()
-    more += _answer_rows(shown, told)
+    more += _answer_rows({**branches_of(result)[cell], **shown}, told)
     return Case(
         verdict, sentence, tuple(notes), formulas, tuple(proof for proof in proofs if proof[1]), tuple(more), gist
     )
 
 
-def _other_note(other: Mapping[str, Any]) -> Sentence:
+def _other_note(other: Stated) -> Sentence:
     """The sentence about the question that is not shown large."""
-    kind = "containing" if other["timed"] else "without"
-    if other["verdict"] == "variational":
-        return (Word(f"One {kind} the time", target="#more"), " exists, too.") if other.get("lagrangian") else ()
-    if other["verdict"] == "not_variational":
+    kind = "containing" if other.question.timed else "without"
+    if other.verdict == "variational":
+        return (Word(f"One {kind} the time", target="#more"), " exists, too.") if other.part.get("lagrangian") else ()
+    if other.verdict == "not_variational":
         return (f"None {kind} the time exists.",)
     return (f"Whether one {kind} the time exists is undetermined.",)
 
 
-def _other_row(other: Mapping[str, Any], told: _Told) -> Row:
-    name, domain = "With the time" if other["timed"] else "Without the time", other["lagrangian"].get("domain")
+def _other_row(other: Stated, told: _Told) -> Row:
+    name, domain = ("Without the time", "With the time")[other.question.timed], other.part["lagrangian"].get("domain")
     hint = ("where ", *listed(domain, told.names)) if domain else ()
-    return Row(name, hint, formulas=tuple(_formulas(other, told)))
+    return Row(name, hint, formulas=tuple(_formulas(other.part, told)))
 
 
 def _formulas(part: Mapping[str, Any], told: _Told) -> list[Formula]:
     """L with its integrals, D, and H with its momenta and constraints."""
-    integrals = part.get("integrals") or {}
+    integrals = auxiliary_of(part)
     names = names_of(told.result["system"], integrals) if integrals else told.names
     found = []
     if lagrangian := part.get("lagrangian"):
@@ -710,14 +643,13 @@ def _constrained(told: _Told, verdict: str) -> Sheet:
     part = result.get("nonholonomic") or {}
     motions = growing.motions_of(result) or [{}]
     table = tuple(_rows(part, motions[0], told))
-    main = next((row for row in table if row.is_main), None)
     asked = [formula_of("L", part["lagrangian"], names)] if part.get("lagrangian") else []
     asked += _lines([f"{one['text']} = 0" for one in part.get("constraints") or ()], names)
     if not asked:
         asked = _equations(result["system"] or {"equations": {}}, names)
-    # Those of the reduced motion and of another clock are about other equations.
-    systems = [row for row in table if row.formulas and row.verdict == YES and row.name not in OF_OTHERS]
-    shown = main if main and main.formulas else systems[0] if systems and verdict == YES else None
+    first = stated.statements_of(result)[0]
+    shown = first.part if first.part.get("lagrangian") and not first.question.is_about_others else {}
+    domain = listed((shown.get("lagrangian") or {}).get("domain") or (), names)
     notes = _checked([one for one in (motions[0], *part.get("associated", ())) if one.get("checked")])
     if motions[0].get("exceptions"):
         notes.insert(0, _general(motions[0]["exceptions"], told))
@@ -728,10 +660,10 @@ def _constrained(told: _Told, verdict: str) -> Sheet:
         notes.insert(0, _ended(reason))
     if verdict == YES and not shown and not pending:
         notes.append(("None was found in closed form.",))
-    if shown and shown.domain:
-        notes.insert(0, ("These formulas hold where ", *shown.domain, "."))
-    if shown and shown is not main:
-        notes.append((f"L and H are those of the {shown.name.lower()} associated system.",))
+    if domain:
+        notes.insert(0, ("These formulas hold where ", *domain, "."))
+    if shown and first.question.about is not About.ANY:
+        notes.append((f"L and H are those of the {first.question.about} associated system.",))
     besides = [row.name for row in table if verdict == NO and row.verdict == YES]
     if besides:
         how = "The reduced motion can." if besides[0] == "Reduced" else "With another clock the reduced motion can."
@@ -739,9 +671,9 @@ def _constrained(told: _Told, verdict: str) -> Sheet:
     sentence = _motion_sentence(verdict, motions[0], pending)
     steps = () if told.brief or verdict != NO else _steps(motions[0], names)
     gist = (("Conclusion", steps[-1]),) if steps else ()
-    cases = [Case(verdict, sentence, tuple(notes), shown.formulas if shown else (), gist=gist)]
+    cases = [Case(verdict, sentence, tuple(notes), tuple(_formulas(shown, told)), gist=gist)]
     for one, branch in zip(motions[1:], branches_of(result)[1:], strict=False):
-        own = _verdict_of_branch({"any_associated": one}, result)
+        own = _verdict_of_motion(one, result)
         where = ("Where ", *listed(branch.get("domain") or (), names), ".")
         cases.append(Case(own, _motion_sentence(own, one), (where,)))
     if len(cases) > 1:
@@ -775,7 +707,7 @@ def _rows(part: Mapping[str, Any], motion: Mapping[str, Any], told: _Told) -> It
         if motion.get("freedom"):
             after.append((f"L along the constraints depends on {motion['freedom']}.",))
         row = _row("Any", ("all associated systems at once",), motion, told, after=after, is_main=True)
-        if row.verdict == OPEN and _verdict_of_branch({}, result) == YES:  # one of those above is enough
+        if row.verdict == OPEN and _verdict_on_cell(0, result) == YES:  # one of those above is enough
             row = replace(row, verdict=YES, word=ANSWERS[YES], steps=())
         yield replace(row, word=SEEKING) if row.verdict == OPEN and "any_associated" in pending else row
     reduced = result.get("reduced")

@@ -23,7 +23,7 @@ from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.expressions import tree as ex
 from inverse_service.reading import reader
-from inverse_service.service.documents import sheets
+from inverse_service.service.documents import sheets, stated
 from inverse_service.service.jobs import model, tasks
 from inverse_service.web import clients
 from inverse_service.web.engine import Engine
@@ -55,7 +55,7 @@ def exercise_task(fields: Mapping[str, str], ask: str, answer: str, own: str) ->
         result = tasks.solve_task(document, SolveOptions(time_limit=result_tasks.GLANCE))
     except errors.InputError as error:
         return Exercise([], "", problem=forms.sentence(error.places[0]) if error.places else str(error))
-    system, names = result["system"], sheets.names_of(result["system"])
+    system, names = result["system"], stated.names_of(result["system"])
     sheet = sheets.sheet_of(result, brief=True)
     wanted = [typesetting.formula(f"{name}'' = {text}", names) for name, text in system["equations"].items()]
     judged = None

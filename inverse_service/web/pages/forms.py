@@ -13,7 +13,7 @@ from markupsafe import Markup
 from inverse_service import errors
 from inverse_service.expressions import letters, notation
 from inverse_service.reading import document_names, reader
-from inverse_service.service.documents import plain_data, sheets
+from inverse_service.service.documents import plain_data, sheets, stated
 from inverse_service.service.jobs import model, tasks
 from inverse_service.web.pages import WORDS, typesetting
 from inverse_service.web.problems import Refusal
@@ -371,7 +371,7 @@ Problem = list[ShownPlace]
 
 def understood(answer: Mapping[str, Any], time: str = "t") -> Understood:
     """The answer of /v1/parse about a document with this time, typeset, with the guessed names."""
-    names = sheets.names_of({**answer, "time": time})
+    names = stated.names_of({**answer, "time": time})
     lagrangian, equations = answer.get("lagrangian"), (answer.get("equations") or {}).items()
     groups = (
         ("Lagrangian", [lagrangian["text"]] if lagrangian else []),

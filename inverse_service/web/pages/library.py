@@ -17,7 +17,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service import __version__, catalogue, errors
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import sheets
+from inverse_service.service.documents import stated
 from inverse_service.web import problems, routes
 from inverse_service.web.pages import WORDS, forms, rendering, typesetting
 
@@ -152,7 +152,7 @@ async def atlas_entry(name: str) -> HTMLResponse:
     found = catalogue.atlas().get(name)
     if found is None:
         raise problems.Refusal(404, "not-found", "The atlas has no system of this name; /atlas searches it.")
-    names = sheets.names_of(found["document"])
+    names = stated.names_of(found["document"])
     formulas = [typesetting.proposition(text, names) for text in found["equations"]]
     answers = [(letter, found[key]) for letter, key in (("L", "lagrangian"), ("H", "hamiltonian")) if found[key]]
     return rendering.page(

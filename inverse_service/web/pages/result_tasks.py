@@ -18,7 +18,7 @@ from starlette.responses import HTMLResponse
 from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.reading import document_names, names as nm
-from inverse_service.service.documents import plain_data, printed_pages, sheets
+from inverse_service.service.documents import plain_data, printed_pages, sheets, stated
 from inverse_service.service.jobs import model, opening, tasks
 from inverse_service.service.scenes import views
 from inverse_service.web.pages import WORDS, forms, preview, rendering, simulations, typesetting
@@ -39,8 +39,8 @@ def advice_for(result: Mapping[str, Any], largest: float) -> list[str]:
     run = [LONG_RUN] if limit is not None and longer_of(result, largest) is None else []
     if verdict == sheets.OPEN:
         return [*run, *_about_size(result)]
-    shown = sheets.answers_of(sheets.branches_of(result)[0], result)[0]
-    if verdict == sheets.YES and not sheets.is_constrained(result) and not shown.get("lagrangian"):
+    shown = stated.main_statements(result)[0].part
+    if verdict == sheets.YES and not stated.is_constrained(result) and not shown.get("lagrangian"):
         return [*run, OFFER_TERMS.format(_terms_of(result["system"]))]
     return []
 
@@ -75,7 +75,7 @@ def _about_size(result: Mapping[str, Any]) -> list[str]:
     if system.get("parameters"):
         found.append("Assign values to the parameters, such as k = 1/2. Numeric systems are faster.")
     both_are_open = result["verdict"] == "undetermined" and result.get("verdict_with_time") is not None
-    if both_are_open and not sheets.asks_for_time(result):
+    if both_are_open and not stated.asks_for_time(result):
         found.append(ONE_QUESTION)
     return found or ["Write the equations in other coordinates, or solve uncoupled parts separately."]
 
@@ -261,7 +261,7 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
     found, system = job["result"], job["result"]["system"]
     is_open = job["status"] != "successful"
     sheet = sheets.sheet_of(found, grows=is_open)
-    judged = judged_of(check, sheets.names_of(system)) if check and "lagrangian" in check else None
+    judged = judged_of(check, stated.names_of(system)) if check and "lagrangian" in check else None
     advice = advice_for(found, look.time_limit) if "verdict" in found and not is_open else []
     return rendering.page(
         "sheet.html",
@@ -274,7 +274,7 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         address_of_result=f"{look.address}/results/{job['id']}",
         motion=preview.motion_of_result(found, _conditions_shown(found)),
         own=judged,
-        can_judge=bool(system) and "verdict" in found and not sheets.is_constrained(found) and not is_open,
+        can_judge=bool(system) and "verdict" in found and not stated.is_constrained(found) and not is_open,
         advice=advice,
         seconds=_seconds_of(found),
         longer=longer_of(found, look.time_limit) if advice else None,
@@ -287,9 +287,9 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
 
 def _conditions_shown(result: Mapping[str, Any]) -> tuple[str, ...]:
     """The domain of the displayed formulas; the picture begins there."""
-    if "verdict" not in result or sheets.is_constrained(result):
+    if "verdict" not in result or stated.is_constrained(result):
         return ()
-    return sheets.conditions_of(sheets.answers_of(sheets.branches_of(result)[0], result)[0])
+    return stated.conditions_of(stated.main_statements(result)[0].part)
 
 
 def _seconds_of(result: Mapping[str, Any]) -> float:
@@ -370,7 +370,7 @@ def glance_of(document: Mapping[str, Any]) -> dict[str, Any] | None:
             return
         so_far.update(report["value"])
         # With a domain there are other branches to come.
-        is_whole = not (so_far.get("domain") or sheets.is_constrained(so_far))
+        is_whole = not (so_far.get("domain") or stated.is_constrained(so_far))
         cases = sheets.sheet_of(so_far, brief=True).cases if is_whole else ()
         if len(cases) == 1 and {"L", "H"} <= {formula.letter for formula in cases[0].formulas}:
             raise _Enough

@@ -14,7 +14,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service.reading import document_names
-from inverse_service.service.documents import printed_pages, sheets
+from inverse_service.service.documents import printed_pages, sheets, stated
 from inverse_service.service.jobs import model, statements, tasks
 from inverse_service.service.jobs.batch import answer_line
 from inverse_service.service.scenes import views
@@ -352,4 +352,4 @@ def row_of(answer: statements.BatchAnswer) -> dict[str, Any]:
             "verdict": known["verdict"] or "done",
         }
     row |= {"lagrangian": known["L"] or "", "reason": known["reason"] or "", "where": where}
-    return row | {"checked": sheets.proof_of(sheets.first_answer(found)) or ""}
+    return row | {"checked": sheets.proof_of(stated.first_answer(found)) or ""}

@@ -19,7 +19,7 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 from inverse_service import catalogue, errors
 from inverse_service.deadline import now
 from inverse_service.reading import names as nm, reader
-from inverse_service.service.documents import accepting, sheets
+from inverse_service.service.documents import accepting, stated
 from inverse_service.web.pages import WORDS, forms, library, preview, rendering, result_tasks, results, solve
 from inverse_service.web.pages.typesetting import formulas_of
 from inverse_service.web.problems import REFUSED, Refusal, known, refusal_of
@@ -466,7 +466,7 @@ def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dic
             found = {"free_lagrangian": result["lagrangian"]["text"]}
     else:
         system = {"result": result}
-        answer = next((one for one, _ in sheets.in_order(result, result) if one["lagrangian"]), answer)
+        answer = next((one.part for one in stated.main_statements(result) if one.part.get("lagrangian")), answer)
     form = with_good_start(form_of_system(system, job=job), system, answer, found)
     return form, {"system": system, **found}
 

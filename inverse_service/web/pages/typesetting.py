@@ -12,7 +12,7 @@ from markupsafe import Markup, escape
 from inverse_service import errors
 from inverse_service.expressions import notation, printing, tree as ex
 from inverse_service.reading import names as nm, reader
-from inverse_service.service.documents import sheets
+from inverse_service.service.documents import sheets, stated
 
 # Beyond this a formula is read as text, in a box that scrolls.
 MAX_CHARACTERS = 4_000
@@ -233,7 +233,7 @@ def low_fences(mathml: str) -> str:
 
 def formulas_of(system: Mapping[str, Any]) -> tuple[Markup, ...]:
     """The definition of a system: L and the constraints, or its solved equations."""
-    names = sheets.names_of(system)
+    names = stated.names_of(system)
     found = [equation("L", system["lagrangian"], names)] if system.get("lagrangian") else []
     constraints, equations = system.get("constraints") or (), system.get("equations")
     lines = [f"{text} = 0" for text in ([constraints] if isinstance(constraints, str) else constraints)]

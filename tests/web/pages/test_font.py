@@ -12,7 +12,7 @@ from fontTools.ttLib import TTFont
 
 from inverse_service import catalogue
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import sheets
+from inverse_service.service.documents import stated
 from inverse_service.web.pages import typesetting
 from inverse_service.web.pages.rendering import address, page
 
@@ -34,7 +34,7 @@ def test_every_character_of_our_formulas_is_in_the_font() -> None:
     for name in catalogue.names():
         document = catalogue.document(name)
         if isinstance(document.get("equations"), dict):
-            named = sheets.names_of({"parameters": list(document.get("parameters") or ()), **document})
+            named = stated.names_of({"parameters": list(document.get("parameters") or ()), **document})
             shown += [typesetting.formula(text, named) for text in document["equations"].values()]
     used = set().union(*(characters(str(one)) for one in shown))
     assert {f"{ord(c):04X}" for c in used if c.strip() and ord(c) not in FONT.getBestCmap()} == set()

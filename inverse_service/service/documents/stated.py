@@ -1,0 +1,211 @@
+"""The statements of a result, in the order of every door, read from the fields in which they are.
+
+A result has a place for each question that it may answer: its main fields, `with_time`, `branches`, `any_associated`,
+`nonholonomic.associated`, `reduced`, `with_clock`, `kinds`, `instead`, `special_cases`. This is their one reader.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from inverse_service import errors
+from inverse_service.expressions import tree as ex
+from inverse_service.reading import reader
+from inverse_service.reading.names import Names
+from inverse_service.statements.order import Standing, in_order
+from inverse_service.statements.questions import About, Question
+
+QUESTION_WITH_TIME = "L(t, q, q')"
+_UNREADABLE = 3  # the form of an L that cannot be read again
+_FORMULAS = ("lagrangian", "hamiltonian", "dissipation")
+# What belongs to the Lagrangian of an answer, not to its verdict.
+_OF_LAGRANGIAN = (*_FORMULAS, "other_lagrangians", "multiplier", "integrals", "image", "freedom")
+# What an answer that follows from another one does not repeat.
+_ONCE = ("other_lagrangians", "multiplier", "solution_space", "first_integrals", "explanation", "details")
+_REPEATED = ("time", "reduced")  # kinds of `instead` that repeat other fields
+
+
+@dataclass(frozen=True, slots=True)
+class Stated:
+    """An answer: its question, the fields that give it, where they are (a JSON pointer), and on which cell it holds."""
+
+    question: Question
+    part: Mapping[str, Any]
+    at: str = ""
+    cell: int = 0
+
+    @property
+    def verdict(self) -> str:
+        return str(self.part["verdict"])
+
+
+def branches_of(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The answers on each branch; the result itself where there is one."""
+    return result.get("branches") or [result]
+
+
+def asks_for_time(result: Mapping[str, Any]) -> bool:
+    """Whether the main fields answer L(t, q, q')."""
+    return bool(result["question"] == QUESTION_WITH_TIME)
+
+
+def is_constrained(result: Mapping[str, Any]) -> bool:
+    """Whether the result is about a motion on constraints."""
+    return bool(result.get("nonholonomic") or result.get("any_associated"))
+
+
+def names_of(system: Mapping[str, Any] | None, integrals: Mapping[str, Any] | None = None) -> Names:
+    """The names of a result's system or of a document; momenta, entries of the multiplier and L, H are parameters.
+
+    `integrals` are functions that an answer has besides.
+    """
+    if system is None:
+        return Names(parameters=("L", "H"))
+    equations, given = system.get("equations"), system.get("parameters") or ()
+    coordinates = tuple(system.get("coordinates") or (equations if isinstance(equations, Mapping) else ()))
+    n = len(coordinates)
+    entries = [f"{letter}_{i}{j}" for letter in "gh" for i in range(1, n + 1) for j in range(i, n + 1)]
+    functions = {name: tuple(arguments) for name, arguments in (system.get("functions") or {}).items()}
+    functions |= {name: tuple(known["arguments"]) for name, known in (integrals or {}).items()}
+    parameters = () if isinstance(given, str) else given  # "guess"
+    words = (system.get("time", "t"), *parameters, *(f"p_{name}" for name in coordinates), *entries, "L", "H")
+    taken = {*coordinates, *functions, "t"}
+    return Names(coordinates, tuple(dict.fromkeys(word for word in words if word not in taken)), functions)
+
+
+# The reader.
+
+
+def statements_of(result: Mapping[str, Any]) -> list[Stated]:
+    """All statements of a result, the one that a person is shown first."""
+    found = list(_found(result))
+    several = sum(bool(one.part.get("lagrangian")) for one in found) > 1
+
+    def standing(one: Stated) -> Standing:
+        text = (one.part.get("lagrangian") or {}).get("text")
+        form = None if not text else _form(text, result["system"], auxiliary_of(one.part)) if several else 0
+        return Standing(one.question, one.verdict, one.cell, form)
+
+    return in_order(found, asks_for_time(result), standing)
+
+
+def main_statements(result: Mapping[str, Any], cell: int = 0) -> list[Stated]:
+    """The statements about the equations themselves on a cell: on L(q, q') and on L(t, q, q')."""
+    about = _about_main(result)
+    found = [one for one in statements_of(result) if one.cell == cell and one.question.about is about]
+    return [one for one in found if not one.question.is_about_others]
+
+
+def first_answer(result: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The fields of the answer that a reader meets first; a result without a question is its own."""
+    asked = result.get("verdict") and "question" in result
+    return statements_of(result)[0].part if asked else result
+
+
+def _about_main(result: Mapping[str, Any]) -> About:
+    return _about((result.get("nonholonomic") or {}).get("main", "first")) if is_constrained(result) else About.MAIN
+
+
+def _about(kind: str) -> About:
+    """The associated system of this name; one with a family of multiples is the asker's own."""
+    return About(kind) if kind in (About.FIRST, About.SECOND, About.THIRD) else About.OWN
+
+
+def _found(result: Mapping[str, Any]) -> Iterator[Stated]:
+    held, asked, about = result.get("nonholonomic") or {}, asks_for_time(result), _about_main(result)
+    for cell, branch in enumerate(branches_of(result)):
+        at = f"/branches/{cell}" if result.get("branches") else ""
+        yield Stated(Question(about, asked), branch, at, cell)
+        later, other = branch.get("verdict_with_time"), branch.get("with_time")
+        if other:
+            yield Stated(Question(about, timed=True), other, f"{at}/with_time", cell)
+        elif later is not None and not asked:  # the same proof
+            yield Stated(Question(about, timed=True), _following(branch, later), at, cell)
+        if motion := branch.get("any_associated"):
+            yield from _both(About.ANY, motion, f"{at}/any_associated", cell, asked)
+    for place, one in enumerate(held.get("associated") or ()):
+        if one["defined"] and one["kind"] != held.get("main"):
+            yield from _both(_about(one["kind"]), one, f"/nonholonomic/associated/{place}", 0, asked)
+    motion, branches = result.get("any_associated"), result.get("branches") or ()
+    if motion and branches and not any(branch.get("any_associated") for branch in branches):
+        yield from _both(About.ANY, motion, "/any_associated", 0, asked)
+    reduced = result.get("reduced") or {}
+    if reduced:
+        yield Stated(Question(About.REDUCED, _is_timed(reduced, asked)), reduced, "/reduced")
+    for of, clock, at in (
+        (About.MAIN, result.get("with_clock"), "/with_clock"),
+        (About.REDUCED, reduced.get("with_clock"), "/reduced/with_clock"),
+    ):
+        if clock:
+            yield Stated(Question(of, clock=clock["factor"] or "search"), clock, at)
+    yield from _asked_besides(result, asked)
+
+
+def _asked_besides(result: Mapping[str, Any], asked: bool) -> Iterator[Stated]:
+    """The answers about kinds of Lagrangians and about special values of the parameters."""
+    about, kinds, instead = _about_main(result), result.get("kinds") or {}, result.get("instead") or {}
+    for name, part in kinds.items():
+        yield Stated(Question(about, _is_timed(part, asked), kind=name), part, f"/kinds/{name}")
+    if instead and instead["kind"] not in (*_REPEATED, *kinds):
+        kind, case = ("", instead["conditions"]) if instead.get("conditions") else (instead["kind"], ())
+        question = Question(about, _is_timed(instead, False), kind=kind, case=tuple(case))
+        yield Stated(question, {**instead, "verdict": "variational"}, "/instead")
+    waiting = [("/special_cases/tree", (result.get("special_cases") or {}).get("tree") or {})]
+    while waiting:
+        at, node = waiting.pop(0)
+        waiting += [(f"{at}/children/{place}", one) for place, one in enumerate(node.get("children") or ())]
+        if node.get("conditions"):
+            yield from _both(about, node, at, 0, asked, tuple(one["text"] for one in node["conditions"]))
+
+
+def _both(
+    about: About, part: Mapping[str, Any], at: str, cell: int, asked: bool, case: tuple[str, ...] = ()
+) -> Iterator[Stated]:
+    """The answers to both questions, where one place has them; its L belongs to the first that is a yes."""
+    verdict, later = part.get("verdict"), part.get("verdict_with_time")
+    if verdict is None:
+        return
+    has_plain = asked or verdict == "variational" or later != "variational"
+    yield Stated(Question(about, asked, case=case), part if has_plain else _without_formulas(part), at, cell)
+    if later is not None and not asked:
+        timed = {**part, "verdict": later} if not has_plain else _following(part, later)
+        yield Stated(Question(about, timed=True, case=case), timed, at, cell)
+
+
+def _following(part: Mapping[str, Any], verdict: str) -> dict[str, Any]:
+    """The answer on L(t, q, q') by the proof of the one on L(q, q'): an L without t is an L, too."""
+    kept = {key: value for key, value in part.items() if key not in _ONCE}
+    same = verdict == part["verdict"]
+    return (kept if same else _without_formulas(kept)) | {"verdict": verdict}
+
+
+def _without_formulas(part: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in part.items() if key not in _OF_LAGRANGIAN}
+
+
+def _is_timed(part: Mapping[str, Any], asked: bool) -> bool:
+    """Whether an answer is about L(t, q, q'), as its certificate says; a no with t is one without, too."""
+    certificate = part.get("certificate") or {}
+    return asked or (certificate.get("question") == "time_dependent" and part.get("verdict") != "not_variational")
+
+
+def _form(lagrangian: str, system: Mapping[str, Any] | None, integrals: Mapping[str, Any]) -> int:
+    try:
+        tree = reader.read_formula(lagrangian, names_of(system, integrals))
+        return ex.reading_class(tree, ex.Symbol((system or {}).get("time", "t")))
+    except errors.InputError:
+        return _UNREADABLE
+
+
+def auxiliary_of(part: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The functions F in the Lagrangian of an answer that are known by their derivatives."""
+    found = part.get("integrals") or (part.get("lagrangian") or {}).get("auxiliary")
+    return found or (part.get("certificate") or {}).get("integrals") or {}
+
+
+def conditions_of(part: Mapping[str, Any]) -> tuple[str, ...]:
+    """Where the answer holds and its L is one."""
+    conditions = (*(part.get("domain") or ()), *(part.get("lagrangian") or {}).get("domain", ()))
+    return tuple(dict.fromkeys(conditions))

@@ -1,0 +1,64 @@
+"""The order in which people meet what was found: one function, and the same first statement at every door."""
+
+from __future__ import annotations
+
+import itertools
+import random
+
+import pytest
+
+from inverse_service.statements.order import Standing, in_order
+from inverse_service.statements.questions import About, Question
+
+VERDICTS = ("variational", "not_variational", "undetermined")
+QUESTIONS = [Question(about, timed) for about in About for timed in (False, True)]
+QUESTIONS += [Question(clock="x"), Question(kind="natural"), Question(case=("k = 0",))]
+FORMS = {"variational": (None, 0, 1, 3), "not_variational": (None,), "undetermined": (None,)}
+ALL = [
+    Standing(question, verdict, cell, form)
+    for question in QUESTIONS
+    for verdict in VERDICTS
+    for form in FORMS[verdict]
+    for cell in (0, 1)
+]
+
+
+def before(one: Standing, other: Standing, timed: bool) -> bool:
+    first, second = in_order([other, one], timed, lambda seen: seen)
+    return (first, second) == (one, other)
+
+
+@pytest.mark.parametrize("timed", [False, True])
+def test_what_is_about_the_system_itself_comes_before_what_is_about_others(timed: bool) -> None:
+    """A no about the equations as given is no reason to show an L of other equations in its place."""
+    here = [one for one in ALL if one.cell == 0]
+    own, others = ([one for one in here if one.question.is_about_others is kind] for kind in (False, True))
+    assert all(before(one, other, timed) for one, other in itertools.product(own, others))
+
+
+@pytest.mark.parametrize("timed", [False, True])
+def test_a_yes_with_a_simple_lagrangian_comes_first(timed: bool) -> None:
+    """A yes before a no, a no before an open question; a yes with L before one without; simple L first."""
+    own = [one for one in ALL if one.cell == 0 and not one.question.is_about_others]
+    for one, other in itertools.permutations(own, 2):
+        if VERDICTS.index(one.verdict) < VERDICTS.index(other.verdict):
+            assert before(one, other, timed)
+        elif one.verdict == other.verdict == "variational" and one.form is not None:
+            assert not (other.form is None or one.form < other.form) or before(one, other, timed)
+
+
+@pytest.mark.parametrize("timed", [False, True])
+def test_of_two_alike_the_question_that_was_asked_comes_first(timed: bool) -> None:
+    for verdict in VERDICTS:
+        asked, other = (Standing(Question(timed=kind), verdict, 0, None) for kind in (timed, not timed))
+        assert before(asked, other, timed)
+
+
+def test_the_order_does_not_depend_on_where_the_answers_are_written() -> None:
+    """Questions differ, so no two statements are of one place: every arrangement is sorted into the same one."""
+    found, generator = [one for one in ALL if one.verdict == "variational" and one.form == 0], random.Random(1)
+    own = [one for one in found if not one.question.is_about_others]
+    wanted = in_order(own, False, lambda seen: seen)
+    for _ in range(20):
+        generator.shuffle(own)
+        assert in_order(own, False, lambda seen: seen) == wanted
