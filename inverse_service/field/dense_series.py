@@ -31,7 +31,7 @@ from inverse_service.expressions import tree as ex
 from inverse_service.field import modular
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus, power
-from inverse_service.kernels.machine_code.kernels import Kept
+from inverse_service.kernels.machine_code.argument_kinds import Kept
 
 Integers = npt.NDArray[np.int64]
 Places = npt.NDArray[np.int32]

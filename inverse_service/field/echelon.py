@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from inverse_service.field import modular
 from inverse_service.field.modular import GOLDEN, Field, compiled, leading_zeros, minus, mixed, multiply, plus, power
-from inverse_service.kernels.machine_code.kernels import Kept
+from inverse_service.kernels.machine_code.argument_kinds import Kept
 
 Words = npt.NDArray[np.uint64]
 Indices = npt.NDArray[np.int64]

@@ -33,7 +33,7 @@ from inverse_service.field.dense_series import (
 )
 from inverse_service.field.echelon import Echelon, Flags, SparseRows, Words
 from inverse_service.field.modular import Field, compiled, multiply
-from inverse_service.kernels.machine_code.kernels import Kept
+from inverse_service.kernels.machine_code.argument_kinds import Kept
 
 Integers = npt.NDArray[np.int64]
 Places = npt.NDArray[np.int32]

@@ -43,7 +43,7 @@ def ship(folder: Path, machine: str) -> list[Path]:
     """Write index and libraries for the processors of a platform; the files."""
     import llvmlite.binding as llvm
 
-    from inverse_service.kernels.machine_code import building, kernels
+    from inverse_service.kernels.machine_code import argument_kinds, building, kernels
 
     warm_up()
     llvm.initialize_all_targets()
@@ -54,7 +54,9 @@ def ship(folder: Path, machine: str) -> list[Path]:
             symbol = f"kernel_{len(listed)}"
             module, answer = building.module_of(kernel.made(), kinds, symbol)
             texts.append((symbol, HOST.sub("", str(module))))
-            listed.append({"name": kernel.name, "kinds": kernels.told(kinds), "answer": answer, "symbol": symbol})
+            listed.append(
+                {"name": kernel.name, "kinds": argument_kinds.told(kinds), "answer": answer, "symbol": symbol}
+            )
     for kernel in kernels.KERNELS:  # whichever calls which: all files that define one
         sources.add(Path(kernel.py_func.__code__.co_filename).relative_to(code_store.ROOT).as_posix())
     folder.mkdir(parents=True, exist_ok=True)

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from inverse_service.kernels.machine_code import building
-from inverse_service.kernels.machine_code.kernels import Kernel, compiled, kinds_of
+from inverse_service.kernels.machine_code.argument_kinds import kinds_of
+from inverse_service.kernels.machine_code.kernels import Kernel, compiled
 from inverse_service.kernels.machine_code.loading import Unstorable, kernel_digest
 
 WEIGHT = 3

@@ -14,7 +14,7 @@ from numba import types
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
-from inverse_service.kernels.machine_code import kernels, loading
+from inverse_service.kernels.machine_code import argument_kinds, loading
 
 _NUMBERS = {"int64": types.int64, "uint64": types.uint64, "bool": types.boolean}
 _ANSWERS = {types.none: "none", types.int64: "int64", types.uint64: "uint64", types.boolean: "bool"}
@@ -36,7 +36,7 @@ def dispatcher(work: Callable[..., Any]) -> Any:
     return numba.njit(error_model="numpy")(alike)
 
 
-def object_code(compiler: Any, kinds: kernels.Kinds) -> tuple[bytes, str]:
+def object_code(compiler: Any, kinds: argument_kinds.Kinds) -> tuple[bytes, str]:
     """Object code of the kernel for these kinds, and the kind of its result.
 
     Raises Unstorable if it needs other code.
@@ -47,7 +47,7 @@ def object_code(compiler: Any, kinds: kernels.Kinds) -> tuple[bytes, str]:
     return bytes(machine.emit_object(module)), answer
 
 
-def module_of(compiler: Any, kinds: kernels.Kinds, name: str = loading.ENTRY) -> tuple[Any, str]:
+def module_of(compiler: Any, kinds: argument_kinds.Kinds, name: str = loading.ENTRY) -> tuple[Any, str]:
     """The kernel as an LLVM module whose entry is one function of this name, and the kind of its result."""
     signature = tuple(map(_type, kinds))
     compiler.compile(signature)  # rejects a kernel that writes to a read-only array
@@ -60,26 +60,28 @@ def module_of(compiler: Any, kinds: kernels.Kinds, name: str = loading.ENTRY) ->
     return module, answer
 
 
-def _type(kind: kernels.Kind) -> Any:
+def _type(kind: argument_kinds.Kind) -> Any:
     if not isinstance(kind, str):
         return types.BaseTuple.from_types(tuple(map(_type, kind[1])), kind[0])  # type: ignore[no-untyped-call]
-    array = kernels.array_of(kind)
+    array = argument_kinds.array_of(kind)
     if not array.dimensions:
         return _NUMBERS[kind]
     return types.Array(getattr(types, array.element), array.dimensions, "C", readonly=array.constant)
 
 
-def _flat(compiler: Any, kinds: kernels.Kinds, answer: str) -> Any:
+def _flat(compiler: Any, kinds: argument_kinds.Kinds, answer: str) -> Any:
     """The kernel as a C function of the address of its words."""
     space: dict[str, Any] = {"work": compiler, "array": carray, "constant": _constant(), "integer": types.int64}
-    space |= {name: _pointer_to(getattr(types, name)) for name in kernels.ELEMENTS}
+    space |= {name: _pointer_to(getattr(types, name)) for name in argument_kinds.ELEMENTS}
     places = count()
 
-    def argument(kind: kernels.Kind) -> str:
+    def argument(kind: argument_kinds.Kind) -> str:
         if isinstance(kind, str):
             place = next(places)
             return _argument(
-                kind, place, [f"integer(words[{next(places)}])" for _ in range(kernels.array_of(kind).dimensions)]
+                kind,
+                place,
+                [f"integer(words[{next(places)}])" for _ in range(argument_kinds.array_of(kind).dimensions)],
             )
         name = f"S{len(space)}"
         space[name] = kind[0]
@@ -95,7 +97,7 @@ def _flat(compiler: Any, kinds: kernels.Kinds, answer: str) -> Any:
 
 def _argument(kind: str, place: int, lengths: list[str]) -> str:
     """Code that rebuilds the argument from its words."""
-    word, array = f"words[{place}]", kernels.array_of(kind)
+    word, array = f"words[{place}]", argument_kinds.array_of(kind)
     if lengths:
         made = f"array({array.element}({word}), ({', '.join(lengths)},))"
         return f"constant({made})" if array.constant else made

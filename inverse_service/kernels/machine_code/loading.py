@@ -14,7 +14,7 @@ import llvmlite
 import llvmlite.binding as llvm
 import numpy as np
 
-from inverse_service.kernels.machine_code import code_store, kernels
+from inverse_service.kernels.machine_code import argument_kinds, code_store
 
 ENTRY = "entry"
 # Loaded code is never freed.
@@ -87,10 +87,10 @@ def _names(code: CodeType) -> Iterator[str]:
             yield from _names(part)
 
 
-def kernel_digest(work: Callable[..., Any], kinds: kernels.Kinds) -> str:
+def kernel_digest(work: Callable[..., Any], kinds: argument_kinds.Kinds) -> str:
     """SHA-256 of the kernel for arguments of these kinds; raises Unstorable."""
     digest = hashlib.sha256(_makers().encode())
-    for part in (repr(kernels.told(kinds)), *_described(work)):
+    for part in (repr(argument_kinds.told(kinds)), *_described(work)):
         digest.update(part.encode() + b"\0")
     return digest.hexdigest()
 
