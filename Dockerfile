@@ -14,11 +14,12 @@ ARG EXTRAS=""
 RUN for extra in $(echo "$EXTRAS" | tr , ' '); do chosen="$chosen -r deploy/image/requirements-$extra.txt"; done; \
     /build/bin/pip --python /opt/inverse-service/bin/python install --no-cache-dir --require-hashes --no-compile \
       -r deploy/image/requirements.txt $chosen
-COPY pyproject.toml README.md LICENSE ./
+COPY pyproject.toml hatch_build.py README.md LICENSE ./
 COPY docs/*.md docs/
 COPY api_schemas api_schemas
 COPY inverse_service inverse_service
-RUN /build/bin/pip wheel --no-deps --no-build-isolation --wheel-dir /build/wheels . \
+# The kernels are compiled below, by the versions of numba and LLVM that the image has.
+RUN INVERSE_SERVICE_WHEEL=pure /build/bin/pip wheel --no-deps --no-build-isolation --wheel-dir /build/wheels . \
     && /build/bin/pip --python /opt/inverse-service/bin/python install --no-deps --no-compile /build/wheels/*.whl \
     && /opt/inverse-service/bin/python -m compileall -q /opt/inverse-service
 # The kernels of the solver, compiled for every processor of this platform.

@@ -14,24 +14,31 @@ service: $(SERVICE) ## the environment of `make run`
 install: $(STAMP)
 develop: install ## the environment of developers, .venv
 # The first interpreter that is new enough; `make PYTHON=/path/to/python` overrules the search.
+define FIND_PYTHON
+found=; for candidate in $(PYTHON) python3 python3.11 python3.12 python3.13 python3.14 python; do \
+  if $$candidate -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then found=$$candidate; break; fi; \
+done; \
+if [ -z "$$found" ]; then echo "Python 3.11 or newer is needed; none was found." >&2; exit 1; fi
+endef
+
 $(SERVICE): pyproject.toml constraints.txt
-	@set -e; \
-	for candidate in $(PYTHON) python3 python3.11 python3.12 python3.13 python3.14 python; do \
-	  if $$candidate -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then found=$$candidate; break; fi; \
-	done; \
-	if [ -z "$$found" ]; then echo "Python 3.11 or newer is needed; none was found." >&2; exit 1; fi; \
+	@$(FIND_PYTHON); set -e; \
 	if ! .venv/bin/python -m pip --version >/dev/null 2>&1; then \
 	  $$found -m venv --clear .venv || { \
 	    echo "This Python cannot make an environment: install its venv package (Debian: python3-venv)." >&2; exit 1; }; \
 	fi
+	@echo "Installing the packages of the service into .venv (550 MB, once); this takes a minute or two."
 	.venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[all]'
+	@echo "Compiling the sources."
 	@# Sources and modular kernels are compiled once, here, and not in the first call of a user: where Python may write
 	@# no bytecode (PYTHONDONTWRITEBYTECODE), every call would compile the sources again, which takes 0.2 s.
 	.venv/bin/python -m compileall -q inverse_service api_schemas
-	@.venv/bin/inverse-service warm
+	@# The first question compiles the kernels of a clone, which no other question then waits for.
+	@.venv/bin/inverse-service solve "x'' = -x" --format json > /dev/null
 	@touch $(SERVICE)
 
 $(STAMP): $(SERVICE)
+	@echo "Installing what tests and documentation need (1 GB more, once)."
 	.venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	@touch $(STAMP)
 
@@ -41,15 +48,12 @@ run: service ## serve the pages and HTTP on 127.0.0.1:8000 (PORT=, HOST=)
 test: install ## the tests
 	.venv/bin/python -m pytest -n logical --dist loadfile --no-loadscope-reorder
 
-wheel: install ## the wheel, build/wheel, with the kernels compiled
-	rm -rf build/wheel
-	.venv/bin/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir build/wheel .
+# Neither uses .venv: what a stranger gets is built and asked as a stranger would.
+wheel: ## the wheel with its kernels and the source archive, build/wheel
+	@$(FIND_PYTHON); $$found tests/wheel.py build/wheel
 
 installed: wheel ## ten questions to the wheel in an empty environment
-	rm -rf build/environment
-	.venv/bin/python -m venv build/environment
-	build/environment/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt build/wheel/*.whl
-	.venv/bin/python tests/installed.py build/environment/bin/inverse-service
+	@$(FIND_PYTHON); $$found tests/installed.py build/wheel/*.whl build/environment
 
 nightly: install ## the long tests
 	.venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,manifests]'

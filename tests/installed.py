@@ -1,17 +1,19 @@
-"""Test an installation with ten questions: `python tests/installed.py COMMAND`, with the `inverse-service` of an
-environment.
+"""Test an installation with ten questions: `python tests/installed.py WHEEL FOLDER` installs the wheel there.
 
-Run by `make installed` against the wheel in an empty environment, with a home directory that is not writable.
+Run by `make installed`. The environment is empty, and the home directory is not writable, so that an answer that
+needs a compiler or a compiled file of somebody else's fails.
 """
 
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
+
+from wheel import ROOT, empty, fresh
 
 QUESTIONS = {
     "x'' = -x": "variational",
@@ -33,15 +35,28 @@ SCENE = {
 }
 
 
-def main(command: str) -> None:
+def size(folder: Path) -> int:
+    """Bytes of all files."""
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file() and not path.is_symlink())
+
+
+def main(wheel: Path, place: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         barrier = Path(folder) / "file"  # nobody can write below a file, not even root
         barrier.touch()
-        environment = os.environ | {"HOME": f"{barrier}/home", "XDG_CACHE_HOME": f"{barrier}/cache"}
+        python = fresh(place)
+        install = [python, "-m", "pip", "install", "--quiet", "-c", ROOT / "constraints.txt", wheel]
+        subprocess.run(install, env=empty(Path(folder)), check=True)
+        command = place / "bin" / "inverse-service"
+        assert subprocess.run([python, "-c", "import numba"], capture_output=True, check=False).returncode
+        environment = empty(barrier / "home", XDG_CACHE_HOME=f"{barrier}/cache")
 
         def run(*words: str) -> subprocess.CompletedProcess[str]:
             return subprocess.run([command, *words], capture_output=True, text=True, env=environment, check=False)
 
+        began = time.monotonic()
+        run("solve", "x'' = -x")
+        seconds = time.monotonic() - began
         for equations, verdict in QUESTIONS.items():
             found = run("solve", equations, "--format", "json")
             assert found.returncode == 0, (equations, found.stderr[-800:])
@@ -53,8 +68,8 @@ def main(command: str) -> None:
         refused = run("simulate", str(scene))
         assert refused.returncode == 2, refused
         assert "inverse-service[simulation]" in refused.stderr, refused.stderr
-    print(f"{len(QUESTIONS) + 1} passed, 0 failed")
+    print(f"{len(QUESTIONS) + 1} passed, 0 failed; {size(place) / 2**20:.0f} MB, first answer after {seconds:.1f} s")
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main(Path(sys.argv[1]), Path(sys.argv[2]))

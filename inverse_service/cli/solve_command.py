@@ -1,4 +1,4 @@
-"""`inverse-service solve`; `catalogue`, the documents that come with the package; `warm`."""
+"""`inverse-service solve`; `catalogue`, the documents that come with the package."""
 
 import functools
 import re
@@ -142,11 +142,10 @@ def _is_open(result: dict[str, Any]) -> bool:
     return bool(result.get("not_answered")) or any(answer.get("verdict") == "undetermined" for answer in answers)
 
 
-def warm_alone(memory_limit: int) -> cli.ExitCode:
+def warm_alone(memory_limit: int) -> None:
     """Compile missing kernels in a separate process before any time limit starts; report it on standard error."""
     say = functools.partial(print, file=sys.stderr, flush=True)
     code_store.warm_first(say, lambda: workers.run_alone(compiling.warm_up, (), compiling.PATIENCE, memory_limit))
-    return cli.ExitCode.DONE
 
 
 def given_document(name: str, guess: bool | None) -> Any:
@@ -341,9 +340,3 @@ def catalogue(
         text = "\n".join([*(lines if form == "text" else ()), cli.in_json(entry["document"])])
     cli.write(text)
     return cli.ExitCode.DONE
-
-
-@cli.application.command()
-def warm() -> cli.ExitCode:
-    """Compile what this machine needs, once, after an installation, so that no question waits for it."""
-    return warm_alone(read_settings().memory_limit)
