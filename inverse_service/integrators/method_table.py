@@ -144,6 +144,7 @@ SCIPY = {name: method.scipy for name, method in METHODS.items() if method.scipy}
 GEOMETRIC = frozenset(name for name, method in METHODS.items() if method.alpha)
 USES_FREE = frozenset(name for name, method in METHODS.items() if method.uses == "free")
 USES_ACCELERATIONS = frozenset(name for name, method in METHODS.items() if method.uses == "accelerations")
+EXPLICIT = frozenset(name for name, method in METHODS.items() if method.family == "explicit" and not method.scipy)
 POINT_METHODS = USES_ACCELERATIONS - {"heyoka", *SCIPY}  # kernels on positions and velocities
 
 

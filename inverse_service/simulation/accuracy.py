@@ -48,6 +48,7 @@ AGAIN, TRUE = "With {}, the trajectory", "The true motion"
 GOES_ON = ("completed", "cancelled")
 TOO_LARGE, NOT_CHOSEN, OVER_TOLERANCE = 0.1, 0.01, 100.0  # the first two of the size of the motion
 GOLDEN, GOLDEN_STEPS, MOST_MOMENTS, MOST_VALUES = 0.618033988749895, 75, 64, 2**21  # to the last bit of a step
+FIRST_LOOK, SHOWS = 8, 0.25  # sections after which a turn has to show this share of what a peak would
 CREATED = 0.75  # of the kinetic energy: more from nothing in one step is no motion
 LOST, SUDDEN = "one step differs from two of half its length by {:.3g} of the range of a coordinate", 0.05
 ENOUGH = 1e-12  # two solutions agree if their distance over the size of the motion is less
@@ -198,7 +199,7 @@ def _at_peaks(run: observing.Observed, derived: derivation.Derived) -> Iterator[
             stays = ex.Symbol(run.scene.coordinates[0])
             times = (ex.TIME - ex.number(Fraction(moment)) for moment in peaks.tolist())
             events = tuple(data.Event(time, 1, False, ((stays, stays),), 2) for time in times)
-            yield Finer(ADAPTIVE, finer(run.requested, run.scene.grid).grid, PEAKS, 1.0, derived.motion(), events)
+            yield Finer(ADAPTIVE, finer(run.requested, run.scene.grid).grid, PEAKS, 1.0, derived.explicit(), events)
 
 
 def _unresolved(run: observing.Observed, row: int, quantity: str) -> Outcome:
@@ -305,25 +306,38 @@ def moments_between(run: observing.Observed) -> Array:
         table = nf.table_of(scene.coordinates, *between_points(times, places, speeds, moments), run.values, moments)
         return arrays.array_values(trees, table)
 
+    def heights_about(tree: ex.Expression, peaks: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Half a step before the peaks, the values there and at the peaks, how far these are above those half a step
+        before and after, and how far those are apart."""
+        half = abs(scene.grid.step) / 2
+        begin, end = np.maximum(peaks - half, times[0]), np.minimum(peaks + half, times[-1])
+        before, heights, after = (values(moments, tree)[0] for moments in (begin, peaks, end))
+        above = np.minimum(np.abs(heights - before), np.abs(heights - after))
+        return begin, before, heights, above, np.abs(after - before)
+
     known = values(times, *(tree for pair in pairs for tree in pair))
     found: list[Array] = [np.empty(0)]
     for (node, inner), shown, along in zip(pairs, known[::2], known[1::2], strict=True):
         turns, zeros = (np.flatnonzero(np.diff(np.sign(one)) != 0) for one in (np.diff(along), along))
         low, high = times[np.concatenate([turns, zeros])], times[np.concatenate([turns + 2, zeros + 1])]
         rises = np.concatenate([np.sign(along[turns + 1] - along[turns]), np.zeros(len(zeros))])
-        for _ in range(GOLDEN_STEPS):
+        largest = np.nanmax(np.abs(shown), initial=0.0)
+        for section in range(GOLDEN_STEPS):
+            if section == FIRST_LOOK:
+                *_, above, _ = heights_about(node, (low + high) / 2)
+                stays = ~(above < SHOWS * largest / 2) | (rises == 0)
+                low, high, rises = low[stays], high[stays], rises[stays]
+            if not len(low):
+                break
             a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
             left, right = (values(moments, inner)[0] for moments in (a, b))
             left, right = (np.where(rises == 0, -np.abs(one), rises * one) for one in (left, right))
             low, high = np.where(left > right, low, a), np.where(left > right, b, high)
-        peaks, half = (low + high) / 2, abs(scene.grid.step) / 2
-        begin, end = np.maximum(peaks - half, times[0]), np.minimum(peaks + half, times[-1])
-        before, heights, after = (values(moments, node)[0] for moments in (begin, peaks, end))
-        above = np.minimum(np.abs(heights - before), np.abs(heights - after))
-        largest = np.nanmax(np.abs(np.concatenate([shown, heights])), initial=0.0)
-        seen = (above > largest / 2) & (np.abs(after - before) < above / 2)
+        peaks = (low + high) / 2
+        begin, before, heights, above, apart = heights_about(node, peaks)
+        seen = (above > max(largest, np.nanmax(np.abs(heights), initial=0.0)) / 2) & (apart < above / 2)
         low, high, before, above = begin[seen], peaks[seen], before[seen], above[seen]
-        for _ in range(50):  # to half of its height, where a force that is its slope is strong
+        for _ in range(50 if len(low) else 0):  # to half of its height, where a force that is its slope is strong
             middle = (low + high) / 2
             low, high = np.where(np.abs(values(middle, node)[0] - before) < above / 2, (middle, high), (low, middle))
         found.append(high)

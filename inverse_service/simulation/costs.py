@@ -16,7 +16,7 @@ from inverse_service.simulation.sentences import say
 IN_KERNEL = ("energy", "constraints")
 TIMED_STEPS, MORE_STEPS = 20_000, 8  # steps that are timed at most, and how many times as many where they are too few
 REPEATS, LEAST_REPEATS, LONG_ENOUGH = 15, 3, 0.03  # runs for one measurement, and their seconds
-LARGE = 8  # coordinates beyond which the operations of effects are counted where the cost is observed only
+LARGE = 2  # coordinates beyond which the operations of effects are counted where the cost is observed only
 _OPERATION = re.compile(r"= (?:fadd|fsub|fmul|fdiv|fneg|fcmp|(?:tail )?call)\b")
 
 
@@ -104,7 +104,7 @@ def effects_of(derived: derivation.Derived) -> dict[str, Any]:
                    and not _belongs_together(scene, one)), None)  # fmt: skip
 
     def count(known: derivation.Derived) -> int | None:
-        if method is None or len(scene.coordinates) > LARGE:
+        if method is None or (len(scene.coordinates) > LARGE and "cost" not in scene.observe):
             return None
         with suppress(InputError):  # the method may be for other scenes
             return operations(*observing.observed_problem(known.scene, derivation.problem_of(method, known)), method)

@@ -16,9 +16,9 @@ from typing import Any, TypeVar
 
 from inverse_service.errors import InputError
 from inverse_service.expressions import collecting, tree as ex
-from inverse_service.integrators.method_table import USES_ACCELERATIONS, USES_FREE
+from inverse_service.integrators.method_table import EXPLICIT, USES_ACCELERATIONS, USES_FREE
 from inverse_service.mechanics import constrained_motion, euler_lagrange
-from inverse_service.simulation import accelerations as accelerating, exact_motion, initial
+from inverse_service.simulation import accelerations as accelerating, exact_motion, initial, numeric_formulas
 from inverse_service.simulation.scene_data import FreeLagrangian, Problem, Requested, Scene, Stop, Unavailable
 from inverse_service.simulation.sentences import say
 
@@ -122,6 +122,20 @@ class Derived:
         names, values = scene.coordinates, tuple(scene.values)
         return Problem(names, values, constraints=scene.constraints, accelerations=self.accelerations())
 
+    def explicit(self) -> Problem:
+        """The problem for methods that only need the values of the accelerations: those of a Lagrangian are unknowns of
+        linear equations, except where signs switch, which asks for formulas on each side."""
+        scene = self.scene
+        jumps = numeric_formulas.switching_functions([scene.lagrangian, *scene.forces], scene.coordinates)
+        if scene.lagrangian is None or jumps:
+            return self.motion()
+        if initial.ended_at_start(scene) is not None:
+            raise Unavailable(say("no_lagrangian_at_start"))
+        if initial.is_singular_at_start(scene):
+            raise Unavailable(say("singular_at_start"))
+        names, values = scene.coordinates, tuple(scene.values)
+        return Problem(names, values, scene.lagrangian, scene.constraints, forces=scene.forces)
+
 
 def with_energy(derived: Derived) -> Derived:
     """Of a system given by its equations: with the Lagrangian that is found for its energy or its methods."""
@@ -140,6 +154,8 @@ def problem_of(requested: Requested, derived: Derived) -> Problem:
     scene, method = derived.scene, requested.method
     if derived.degenerate:
         raise Unavailable(_DEGENERATE)
+    if method in EXPLICIT:
+        return derived.explicit()
     if method in USES_ACCELERATIONS:
         return derived.motion()
     if scene.lagrangian is None and method in ("nonholonomic", "modified"):
@@ -152,6 +168,8 @@ def problem_of(requested: Requested, derived: Derived) -> Problem:
     if method == "nonholonomic":
         return found
     free = derived.free(requested.free)
+    if free.lagrangian == scene.lagrangian and free.hamiltonian is None and initial.is_singular_at_start(scene):
+        raise Unavailable(say("singular_at_start"))
     if free.lost and method == "variational" and requested.choice.form != "raw":
         raise Unavailable(free.lost)
     return replace(

@@ -307,9 +307,10 @@ def _determinant(card: Card, place: int, problem: Problem) -> str:
     """The equations of a block, by its unknowns in the user's names."""
     if place >= len(card.solves):
         return "the stage equations, whose iteration does not converge"
-    shown = []
-    for letter, k in ((name[0], int(name[1:])) for name in card.solves[place]):
-        change = "step of " if letter == "d" else "change of p_"
+    changes, shown = {"d": "step of ", "f": "acceleration of "}, []
+    for name in card.solves[place]:
+        letter, k = name[0], int(name[1:].rpartition("_")[2])  # those of a stage are f0_1 and m0_1
+        change = changes.get(letter, "change of p_")
         shown.append(f"multiplier {k + 1}" if letter == "m" else f"the {change}{problem.coordinates[k]}")
     return f"determinant of the discrete equations for {', '.join(shown)}"
 
@@ -509,6 +510,8 @@ def no_one_motion(f: Formulas, by_slopes: bool, at: tuple[tuple[str, float], ...
     motion leaves such a place at once it is the only one, but a method that solves by slopes may take another.
     """
     table = dict(at)
+    if f.problem.accelerations is None:
+        return undefined_force(f, f.linear_motion[1], table)
     undefined = undefined_force(f, f.accelerations, table)
     if undefined is not None or not f.walls_of(f.problem.accelerations or ()):
         return undefined

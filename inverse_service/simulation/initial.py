@@ -123,6 +123,18 @@ def is_degenerate(scene: Scene) -> bool:
     return not ((size > 0).all(axis=1) & (ranks == whole.shape[1])).any()
 
 
+def is_singular_at_start(scene: Scene) -> bool:
+    """Whether [[L_vv, w^T], [w, 0]] is singular at the start to the accuracy of its entries, so that neither
+    accelerations nor velocities follow there; those of an ensemble end for themselves."""
+    if scene.ensemble is not None:
+        return False
+    (whole,) = saddle(scene, at_start(scene, scene.values))
+    sizes = np.abs(whole).max(axis=1)
+    if not np.isfinite(sizes).all():
+        return False
+    return bool((sizes == 0).any() or np.linalg.matrix_rank(whole / sizes[:, None]) < len(whole))
+
+
 def initial_velocities(what: System, values: Values, positions: Array, given: Values, project: bool) -> Array:
     """The velocities of a start (n,), or of N starts (N, n), on the constraints; `values` and `given` are numbers or
     (N,).

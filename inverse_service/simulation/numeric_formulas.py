@@ -108,6 +108,9 @@ class Formulas:
     @cached_property
     def depends_on_velocities(self) -> bool:
         """Whether an acceleration does."""
+        if self.problem.accelerations is None:
+            matrix, right = self.linear_motion
+            return any(not part.free_symbols.isdisjoint(self.symbols("v")) for part in (*matrix.flat, *right))
         return any(se.contains(force, v) for force in self.accelerations for v in self.symbols("v"))
 
     @cached_property
@@ -150,6 +153,24 @@ class Formulas:
     def accelerations(self) -> Vector:
         assert self.problem.accelerations is not None
         return self._translated(self.problem.accelerations)
+
+    @cached_property
+    def linear_motion(self) -> tuple[Vector, Vector]:
+        """[[g, -w^T], [w, 0]] and (L_q - L_vq v - L_vt + Q, -w' v - c'): the matrix and the right-hand side of the
+        linear equations for (q'', lambda), (n + m, n + m) and (n + m,)."""
+        n, q, v = self.size, self.symbols("q"), self.symbols("v")
+        momenta, rows = [self.lagrangian.diff(x) for x in v], self.forms
+        matrix = np.full((n + len(rows), n + len(rows)), se.ZERO)
+        matrix[:n, :n] = [[p.diff(x) for x in v] for p in momenta]
+        matrix[n:, :n], matrix[:n, n:] = rows, -rows.T
+
+        def drift(formula: se.Formula) -> se.Formula:
+            """Its rate along q' = v at fixed v."""
+            return sum((formula.diff(x) * y for x, y in zip(q, v, strict=True)), formula.diff(MOMENT))
+
+        right = np.array([self.lagrangian.diff(x) - drift(p) for x, p in zip(q, momenta, strict=True)])
+        right = right + self.forces if len(self.forces) else right
+        return matrix, np.array([*right, *(-drift(w) for w in self._translated(self.problem.constraints))])
 
     @cached_property
     def forces(self) -> Vector:
@@ -241,6 +262,13 @@ class Formulas:
     def denominators(self) -> list[Denominator]:
         """The walls of L~, parameters alone left out."""
         return self.walls_of([self.problem.free_lagrangian])
+
+    @property
+    def given_motion(self) -> tuple[ex.Expression, ...]:
+        """The formulas whose walls end the motion: its accelerations, or what these follow from."""
+        what = self.problem
+        lagrangian = () if what.lagrangian is None else (what.lagrangian,)
+        return what.accelerations or (*lagrangian, *what.constraints, *what.forces)
 
     def walls_of(self, trees: Sequence[ex.Expression | None]) -> list[Denominator]:
         """The walls whose signs must not change for the formulas to stay smooth, without repetition."""

@@ -148,7 +148,9 @@ def point_velocities(
         symbols = [ex.Symbol(f"p_{name}") for name in names]
         slopes = [calculus.differentiate(problem.free_hamiltonian, p) for p in symbols]
         return np.column_stack(arrays.array_values(slopes, table | dict(zip(symbols, momenta.T, strict=True))))
-    if method != "nonholonomic" or scene.lagrangian is None:
+    if scene.lagrangian is None or scene.lagrangian not in (problem.lagrangian, problem.free_lagrangian):
+        return None
+    if method not in ("nonholonomic", "variational") or problem.free_lagrangian not in (None, scene.lagrangian):
         return None
     # g v + w^T s = p - b, w v = -c.
     matrix = euler_lagrange.hessian(scene.lagrangian, names)

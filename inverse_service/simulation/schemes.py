@@ -17,7 +17,7 @@ from inverse_service.integrators.variational import Vector
 from inverse_service.kernels.codegen import program as programs, symengine_trees as se
 from inverse_service.kernels.codegen.symengine_trees import HALF, ONE, STEP, ZERO, Formula, number, symbol
 from inverse_service.simulation.numeric_formulas import MOMENT, Denominator, Formulas, put
-from inverse_service.simulation.scene_data import MethodChoice, Observation
+from inverse_service.simulation.scene_data import MethodChoice, Observation, Problem
 from inverse_service.simulation.sentences import say
 
 SMALLEST_NORM = 1e-200  # its product with the fourth power of a tolerance does not underflow
@@ -48,7 +48,14 @@ def program_of(formulas: Formulas, choice: MethodChoice, observation: Observatio
         "runge_kutta": runge_kutta, "reference": gauss_legendre, "adaptive": adaptive, "stiff": stiff,
     }  # fmt: skip
     name = choice.form if choice.method == "variational" else choice.method
+    if name == "hamiltonian" and uses_own_lagrangian(formulas.problem):
+        name = "raw"  # with weight alpha both forms are the same equations, and this one has half as many unknowns
     return builders[name](formulas, choice, observation)
+
+
+def uses_own_lagrangian(problem: Problem) -> bool:
+    """Whether L~ is the regular L of a scene without constraints, so that no H is needed: p = L_v determines v."""
+    return problem.free_hamiltonian is None and problem.free_lagrangian == problem.lagrangian is not None
 
 
 def _verlet(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
@@ -96,11 +103,12 @@ def _raw(f: Formulas, choice: MethodChoice, observation: Observation) -> program
     slope_q, slope_v = (f.gradient(f.free_lagrangian, letter, moment=moment_at(parts[0])) for letter in "qv")
     slope_q = f.pushed(slope_q, moment_at(parts[0]))
     equations, pushes = discrete.raw_step(q, p, d, STEP, parts, slope_q, slope_v)
-    points = [discrete_point(f, part) for part in parts]
-    watches = [one for at in points for one in sign_watches(f.denominators, at, "use the Hamiltonian form")]
+    points, is_own = [discrete_point(f, part) for part in parts], uses_own_lagrangian(f.problem)
+    remedy = where_it_ends(f) if is_own else "use the Hamiltonian form"
+    watches = [one for at in points for one in sign_watches(f.denominators, at, remedy)]
     watches += range_watches(f, parts[0])
     # Near A_beta = 0 the determinant itself has no limit; there the watches above are the guard.
-    guarded = choice.guard and all(one.moves for one in f.denominators)
+    guarded = choice.guard and (is_own or all(one.moves for one in f.denominators))
     return _program(f, choice, observation, _solved(f, equations, d, guarded), [*d, *pushes], watches)
 
 
@@ -189,7 +197,7 @@ def _program(
 def runge_kutta(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
     """Explicit steps of one length."""
     tableau = TABLEAUX[choice.order]
-    statements, forces, changes, _ = _explicit(f, tableau)
+    statements, forces, changes, _ = _explicit(f, tableau, choice.guard)
     # Stages on both sides of a jump of the force can cancel, so that no step ever ends beyond it.
     names = [symbol(f"x{len(forces) - 1}_{k}") for k in range(2 * f.size)]
     last = f.point(moment_at(number(round(float(tableau.nodes[-1]), 12))), q=names[: f.size], v=names[f.size :])
@@ -226,13 +234,25 @@ def _squared_norm(f: Formulas, changes: Vector, first: Vector, errors: Vector, l
         others = others + np.concatenate([se.WHOLE_STEP**2 * gained, gained])
     sizes = np.concatenate([q, v]) ** 2 + changes**2 + first**2 + others / 1_000_000
     if f.problem.depends_on_time:
-        ends = put(f.accelerations, {MOMENT: moment_at(number(1.0))})
-        terms = np.array([_squared_terms(end) if _is_sum(end) else ZERO for end in ends])
-        noise = (number(ROUND_OFF) * STEP / se.ALPHA) ** 2 * terms
+        noise = (number(ROUND_OFF) * STEP / se.ALPHA) ** 2 * _sizes_of_terms(f)
         sizes = sizes + np.concatenate([STEP**2 * noise, noise])
     wholes = np.repeat([sizes[: f.size].sum(), sizes[f.size :].sum()], f.size)
     shares = errors**2 / (sizes + wholes * number(FAR_END**2) + number(SMALLEST))
     return shares.sum() / (2 * f.size * se.ALPHA**2)
+
+
+def _sizes_of_terms(f: Formulas) -> Vector:
+    """The sum of the squares of the terms of each acceleration at the end of a step, 0 where it is one term; of linear
+    equations, those of a coordinate that moves alone."""
+    masses = np.full(f.size, ONE)
+    if f.problem.accelerations is not None:
+        forces = f.accelerations
+    else:
+        matrix, right = f.linear_motion
+        forces, masses = right[: f.size], np.diagonal(matrix)[: f.size]
+    ends, masses = (put(part, {MOMENT: moment_at(ONE)}) for part in (forces, masses))
+    pairs = zip(ends, masses, strict=True)
+    return np.array([_squared_terms(end) / mass**2 if _is_sum(end) and mass != ZERO else ZERO for end, mass in pairs])
 
 
 def _is_sum(formula: Formula) -> bool:
@@ -276,10 +296,13 @@ def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> progra
     return _program(f, choice, observation, statements, changes, [], None, len(stages), error, RODAS.order)
 
 
-def _explicit(f: Formulas, tableau: Tableau) -> tuple[list[programs.Statement], list[Vector], Vector, list[Vector]]:
+def _explicit(
+    f: Formulas, tableau: Tableau, watched: bool = False
+) -> tuple[list[programs.Statement], list[Vector], Vector, list[Vector]]:
     """Statements, the forces of each stage, the increments of q and v, and estimates of their errors.
 
-    Where forces do not depend on velocities, those of the stages are left out.
+    Where forces do not depend on velocities, those of the stages are left out. `watched`: the determinant of the linear
+    equations for the accelerations must keep its sign.
     """
     n, (q, v) = f.size, map(f.symbols, "qv")
     statements: list[programs.Statement] = []
@@ -297,9 +320,21 @@ def _explicit(f: Formulas, tableau: Tableau) -> tuple[list[programs.Statement], 
         point = _named(statements, np.concatenate([q, v]) + moved(node, row, places), f"x{stage}_")
         speeds.append(point[n:])
         at = f.point(moment_at(number(node)), q=point[:n], v=point[n:])
-        forces.append(_named(statements, put(f.accelerations, at), f"f{stage}_"))
+        forces.append(_accelerations(f, statements, at, stage, watched and stage == 0))
     errors = [moved(0.0, row, places) for row, places in zip(tableau.errors, tableau.end_errors, strict=True)]
     return statements, forces, moved(1.0, tableau.weights, tableau.ends), errors
+
+
+def _accelerations(
+    f: Formulas, statements: list[programs.Statement], at: dict[Formula, Formula], stage: int, tested: bool
+) -> Vector:
+    """Those at a stage: of given formulas, or the solution of linear equations together with the multipliers."""
+    if f.problem.accelerations is not None:
+        return _named(statements, put(f.accelerations, at), f"f{stage}_")
+    matrix, right = (put(part, at) for part in f.linear_motion)
+    names = [*(f"f{stage}_{k}" for k in range(f.size)), *(f"m{stage}_{k}" for k in range(len(right) - f.size))]
+    statements += programs.linear_blocks(matrix, right, names, tested)
+    return np.array([symbol(name) for name in names[: f.size]])
 
 
 def _combined(weights: Iterable[float], stages: Iterable[Vector], size: int) -> Vector:
@@ -410,4 +445,4 @@ def motion_walls(f: Formulas, point: dict[Formula, Formula]) -> list[programs.Wa
 
     Beyond one, even a smooth motion has lost its accuracy, because small errors were divided by a vanishing factor.
     """
-    return sign_watches(f.walls_of(f.problem.accelerations or ()), point, say("regular_motion"))
+    return sign_watches(f.walls_of(f.given_motion), point, say("regular_motion"))

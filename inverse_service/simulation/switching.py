@@ -120,10 +120,15 @@ class _Motion:
     scene: data.Scene
     values: Mapping[str, float]
     problem: data.Problem
-    accelerations: tuple[ex.Expression, ...]
+    formulas: Callable[[], tuple[ex.Expression, ...]]
     functions: tuple[ex.Expression, ...]
     made: dict[Key, tuple[tuple[ex.Expression, ...], dict[ex.Expression, ex.Expression]]] = field(default_factory=dict)
     problems: dict[tuple[bool, Key], data.Problem] = field(default_factory=dict)
+
+    @property
+    def accelerations(self) -> tuple[ex.Expression, ...]:
+        """Their formulas, derived where a side or an event asks for one."""
+        return self.formulas()
 
     def at(self, trees: Sequence[ex.Expression], state: Point) -> Array:
         time, q, v = state
@@ -280,7 +285,7 @@ def run_motion(
 
     if not has_pieces(scene, problem):
         return Run(integrate(problem, requested.choice, start, scene.grid))
-    formulas = _Motion(scene, values, problem, derived.accelerations(), switches_of(problem, scene))
+    formulas = _Motion(scene, values, problem, derived.accelerations, switches_of(problem, scene))
     every_point = replace(scene, grid=replace(scene.grid, record_every=1))
     run = _Pieces(every_point, requested, formulas, integrate, derived.stop).go(start)
     return replace(run, trajectory=run.trajectory.thinned(scene.grid.steps, scene.grid.record_every))

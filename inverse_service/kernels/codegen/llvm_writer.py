@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache, reduce
+from itertools import islice
 from pathlib import Path
 
 import symengine
@@ -356,6 +357,7 @@ class Emitter:
     def write(self, formulas: Sequence[Formula]) -> list[Value]:
         """The values of the formulas, common parts found first."""
         replaced, reduced = symengine.cse(list(formulas))
+        before = len(self._values)
         # Shared parts get their full meaning back as key, so that later calls find them again.
         meaning: dict[Formula, Formula] = {}
         for name, part in replaced:
@@ -363,7 +365,9 @@ class Emitter:
             self._values[full] = self._values[name] = self._values.get(full) or self._value(part)
         found = [self._value(formula) for formula in reduced]
         if gone := {name for name, _ in replaced}:
-            self._values = {f: v for f, v in self._values.items() if not (f.free_symbols & gone)}
+            for formula in [*islice(reversed(self._values), len(self._values) - before)]:
+                if formula.free_symbols & gone:
+                    del self._values[formula]
         return found
 
     def value(self, formula: Formula) -> Value:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import symengine
@@ -156,13 +156,13 @@ class Program:
 
     @property
     def solves(self) -> tuple[Solve, ...]:
-        """Those with a determinant, which is watched."""
-        return tuple(block for block in self.blocks if block.jacobian)
+        """Those with a determinant that is watched."""
+        return tuple(block for block in self.blocks if block.jacobian and block.tested)
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """All unknowns of implicit blocks; their rates (unknown / h) are kept as the next guess."""
-        return tuple(name for block in self.blocks for name in block.unknowns)
+        """Those of implicit blocks whose rates (unknown / h) are kept as the next guess."""
+        return tuple(name for block in self.blocks if block.tested for name in block.unknowns)
 
     @property
     def sizes(self) -> tuple[str, ...]:
@@ -256,6 +256,20 @@ def _blocks(equations: Sequence[Formula], unknowns: Sequence[str]) -> list[tuple
         name: [other for other in unknowns if other != name and other in present[row_of[name]]] for name in unknowns
     }
     return [([row_of[name] for name in names], names) for names in components(graph)]
+
+
+def linear_blocks(
+    matrix: Sequence[Sequence[Formula]], right: Sequence[Formula], names: Sequence[str], tested: bool
+) -> Iterator[Solve]:
+    """matrix x = right for the unknowns of these names, one diagonal block after the other."""
+    span = range(len(names))
+    coupled = {i: [j for j in span if matrix[i][j] != ZERO or matrix[j][i] != ZERO] for i in span}
+    for block in map(sorted, components(coupled)):
+        unknowns = [names[k] for k in block]
+        entries = tuple(tuple(matrix[i][j] for j in block) for i in block)
+        sums = (sum((a * symbol(x) for a, x in zip(row, unknowns, strict=True)), ZERO) for row in entries)
+        residuals = tuple(total - right[i] for total, i in zip(sums, block, strict=True))
+        yield Solve(tuple(unknowns), residuals, entries, True, ("",) * len(block), tested=tested)
 
 
 def _block(equations: Sequence[Formula], names: Sequence[str], scales: Mapping[str, str], guarded: bool) -> Solve:

@@ -65,7 +65,9 @@ class _Search:
         if wanted is not None and wanted not in KINDS:
             return self.given(wanted, pointer, "given in the scene")
         if not scene.constraints and scene.lagrangian is not None:
-            own = _with_hamiltonian(scene, scene.lagrangian, {}, "the Lagrangian of the scene")
+            own = FreeLagrangian(scene.lagrangian, None, {}, "the Lagrangian of the scene")
+            if any(one.choice.form == "verlet" for one in scene.methods):  # others need no H
+                own = _with_hamiltonian(scene, own.lagrangian, {}, own.source)
             return replace(own, forced=bool(scene.forces))
         if scene.forces:
             raise Unavailable(say("forced_constraints"))

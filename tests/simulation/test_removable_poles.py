@@ -1,0 +1,110 @@
+"""Motions through points at which the masses of the coordinates are singular and those on the constraints are not.
+
+Each is compared with the equations of its free coordinates, which are regular, written by hand, by SciPy's DOP853.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from inverse_service.service.scenes.simulating import simulate
+
+Array = Any
+TIME = 5.0
+
+
+def disk(t: float, y: Array) -> list[float]:
+    """A disk that falls over without turning or spinning is a pendulum with its rim at rest: q2 and q2'."""
+    return [y[1], 9.81 * np.sin(y[0]) / (0.25 + 1)]
+
+
+def spiral(t: float, y: Array) -> list[float]:
+    """phi = 2 r in polar coordinates, V = r^2 + r/2."""
+    return [y[1], (-4 * y[0] * y[1] ** 2 - 2 * y[0] - 0.5) / (1 + 4 * y[0] ** 2)]
+
+
+def sphere(t: float, y: Array) -> list[float]:
+    """phi = 3 theta on a sphere, V = -cos(theta - 1)."""
+    s, c = np.sin(y[0]), np.cos(y[0])
+    return [y[1], (-9 * s * c * y[1] ** 2 - np.sin(y[0] - 1)) / (1 + 9 * s**2)]
+
+
+def top(t: float, y: Array) -> list[float]:
+    """phi = 2 theta of a top with I1 = 1, whose p_psi is constant, V = -cos(theta) + theta/5."""
+    s, c = np.sin(y[0]), np.cos(y[0])
+    return [y[1], (-4 * s * c * y[1] ** 2 - s - 0.2) / (1 + 4 * s**2)]
+
+
+def screw(t: float, y: Array) -> list[float]:
+    """phi = 2 z in cylindrical coordinates, V = 2 r^2 + z: (r, z, r', z')."""
+    r, _, dr, dz = y
+    return [dr, dz, 4 * r * dz**2 - 4 * r, (-1 - 8 * r * dr * dz) / (1 + 4 * r**2)]
+
+
+def knife(t: float, y: Array) -> list[float]:
+    """phi' = x z', which has no integral, V = 2 r^2 + x^2/2 + z: (r, x, z, r', x', z')."""
+    r, x, _, dr, dx, dz = y
+    push = r**2 * dx * dz + 2 * r * dr * x * dz
+    return [dr, dx, dz, r * (x * dz) ** 2 - 4 * r, -x, (-x * push - 1) / (1 + x**2 * r**2)]
+
+
+POLES: dict[str, tuple[str, list[str], dict[str, float], dict[str, float], Callable[..., Any], list[str]]] = {
+    "disk, cos(q2) = 0": (
+        "(x'^2 + y'^2 + sin(q2)^2*q2'^2)/2 + (q2'^2 + q1'^2*cos(q2)^2)/8 + (q3' + q1'*sin(q2))^2/4 - 9.81*cos(q2)",
+        ["x' = -cos(q1)*(q1'*sin(q2) + q3') - sin(q1)*cos(q2)*q2'",
+         "y' = -sin(q1)*(q1'*sin(q2) + q3') + cos(q1)*cos(q2)*q2'"],
+        {"q1": 0, "q2": 0.3, "q3": 0, "x": 0, "y": 0}, {"q1": 0, "q2": 0.1, "q3": 0}, disk, ["q2"],
+    ),
+    "spiral, r = 0": (
+        "(r'^2 + r^2*phi'^2)/2 - r^2 - r/2", ["phi' = 2*r'"], {"r": 1, "phi": 2}, {"r": 0}, spiral,
+        ["r"],
+    ),
+    "sphere, theta = 0": (
+        "(theta'^2 + sin(theta)^2*phi'^2)/2 + cos(theta - 1)", ["phi' = 3*theta'"], {"theta": -1, "phi": -3},
+        {"theta": 0.2}, sphere, ["theta"],
+    ),
+    "top, theta = 0": (
+        "(theta'^2 + sin(theta)^2*phi'^2)/2 + (psi' + phi'*cos(theta))^2/4 + cos(theta) - theta/5", ["phi' = 2*theta'"],
+        {"theta": 1.2, "phi": 2.4, "psi": 0}, {"theta": 0, "psi": 3}, top, ["theta"],
+    ),
+    "screw, r = 0": (
+        "(r'^2 + r^2*phi'^2 + z'^2)/2 - 2*r^2 - z", ["phi' = 2*z'"], {"r": 1, "phi": 0, "z": 0}, {"r": 0, "z": 0.5},
+        screw, ["r", "z"],
+    ),
+    "edge, r = 0": (
+        "(r'^2 + r^2*phi'^2 + z'^2 + x'^2)/2 - 2*r^2 - x^2/2 - z", ["phi' = x*z'"],
+        {"r": 1, "phi": 0, "x": 1, "z": 0}, {"r": 0, "x": 0.5, "z": 0.5}, knife, ["r", "x", "z"],
+    ),
+}  # fmt: skip
+
+
+def distance(name: str, method: dict[str, Any] | str, step: float) -> float:
+    """The greatest distance of the free coordinates at the end, which the run has to reach."""
+    lagrangian, constraints, positions, velocities, rates, free = POLES[name]
+    system = {"coordinates": [*positions], "lagrangian": lagrangian, "constraints": constraints}
+    scene = {
+        "system": system, "effects": ["kinetic", "potential", "constraints"], "step": step, "time": TIME,
+        "initial": {"positions": positions, "velocities": velocities}, "methods": [method], "observe": ["trajectory"],
+    }  # fmt: skip
+    (found,) = simulate(scene)["methods"]
+    assert found["outcome"] == "completed", found
+    begin = [float(at[x]) for at in (positions, velocities) for x in free]
+    true = solve_ivp(rates, (0, TIME), begin, "DOP853", rtol=1e-13, atol=1e-13).y
+    signs = np.sign(true[0]) if name != "disk, cos(q2) = 0" else np.sign(np.cos(true[0]))
+    assert (np.diff(signs) != 0).any()  # it passes the pole
+    end = np.array([found["final"]["positions"][x] for x in free])
+    return float(np.abs(end - true[: len(free), -1]).max())
+
+
+@pytest.mark.parametrize("name", POLES)
+def test_a_motion_passes_where_only_its_coordinates_are_singular(name: str) -> None:
+    assert distance(name, {"method": "runge-kutta", "order": 4}, 0.0005) < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", POLES)
+def test_adaptive_steps_pass_too(name: str) -> None:
+    assert distance(name, "adaptive", 0.01) < 1e-9
