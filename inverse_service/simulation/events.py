@@ -133,7 +133,7 @@ def _located(run: observing.Observed, event: data.Event, follow: Follow | None) 
 
     try:
         along, *parts = run.values_of(event.formula, *ex.summands(event.formula))
-        if len(parts) > 1 and (np.abs(along) <= NOISE * np.abs(parts).sum(axis=0)).all():
+        if not along.any() or (len(parts) > 1 and (np.abs(along) <= NOISE * np.abs(parts).sum(axis=0)).all()):
             return replace(nothing, note=say("event_always_zero"))
         if follow is None:
             turns = (np.sign(along[1:]) != np.sign(along[:-1])).any()

@@ -38,6 +38,9 @@ from inverse_service.simulation.sentences import say
 FIRST, MOST = 16, 4096  # steps of a piece that is looked at for events at once
 SAME = 1e-12  # of a step: events at one time; of the size of a state: what does not move
 AT_ZERO = 1e-9  # of the size of a state: what sticks is zero
+CANCELLED = 1e-12  # of its summands: less is no acceleration
+HOP, MOST_HOPS = 1e-15, 8  # of the size of a formula: what it rises between two events at rest; so often in a row
+MOST_AT_ONCE = 1000  # events at one moment
 SOON = 1e-10  # of a step or of the time: events closer than this are taken to accumulate
 MOST_TOGETHER = 3  # switching functions that are zero at once
 STICKS = 0
@@ -56,6 +59,16 @@ class Switch:
     function: ex.Expression
     time: float
     side: int
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """On which side of its zero a formula is, or to which it moves if it is `at_zero`, 0 if it stays there; and how far
+    from zero it goes before it turns, as a share of its size."""
+
+    side: int
+    at_zero: bool
+    hop: float = np.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +110,16 @@ def _size(state: Point) -> float:
     return float(np.abs(np.concatenate(state[1:])).max()) + 1e-300
 
 
+def joined_spans(spans: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Spans of time, in order, each joined to the one before where that ends at its begin."""
+    found: list[tuple[float, float]] = []
+    for begin, end in spans:
+        if found and begin <= found[-1][1] + SAME * (1 + abs(begin)):
+            begin, _ = found.pop()
+        found.append((begin, end))
+    return found
+
+
 def has_pieces(scene: data.Scene, problem: data.Problem) -> bool:
     """Whether a run of this problem consists of pieces. A Lagrangian found for given equations is valid on one side,
     and its run ends there."""
@@ -123,6 +146,7 @@ class _Motion:
     formulas: Callable[[], tuple[ex.Expression, ...]]
     functions: tuple[ex.Expression, ...]
     made: dict[Key, tuple[tuple[ex.Expression, ...], dict[ex.Expression, ex.Expression]]] = field(default_factory=dict)
+    rates: dict[tuple[ex.Expression, Key], tuple[ex.Expression, ...]] = field(default_factory=dict)
     problems: dict[tuple[bool, Key], data.Problem] = field(default_factory=dict)
 
     @property
@@ -259,6 +283,31 @@ class _Motion:
         still = bool(np.abs(rate).max() <= AT_ZERO * np.abs(free).max(initial=0.0))
         return still and bool(np.linalg.matrix_rank(rows) == np.linalg.matrix_rank(rows[:-1]))
 
+    def place_of(self, u: ex.Expression, sides: Sides, state: Point) -> Place:
+        """Where a formula u is at a state: its side of zero, or, at zero, the side to which u' and u'' lead.
+
+        It is at zero where |u| is at most AT_ZERO of sum |u_q| |q| + sum |u_v| |v| + |u_t| |t|, with for |q| the
+        greatest position and the way of a step. A u'' that its summands cancel to CANCELLED of them is 0.
+        """
+        if (key := (u, (*sides.items(),))) not in self.rates:
+            own, forces = on_sides(u, sides), self.forces(sides)
+            first = self.rate(own, forces)
+            second = self.rate(first, forces)
+            places = [calculus.differentiate(own, name) for name in map(ex.Symbol, self.scene.coordinates)]
+            slopes = [*places, *self.slopes(own), calculus.differentiate(own, ex.TIME)]
+            self.rates[key] = own, first, second, *slopes, *ex.summands(second)
+        n, step = len(self.scene.coordinates), abs(self.scene.grid.step)
+        value, first, second, *others = self.at(self.rates[key], state).tolist()
+        steep, parts = np.abs(others[: 2 * n + 1]), np.abs(others[2 * n + 1 :])
+        time, fastest, farthest = abs(state[0]) + step, *(float(np.abs(one).max()) for one in (state[2], state[1]))
+        size = steep[:n].sum() * (farthest + step * fastest) + steep[n:-1].sum() * fastest + steep[-1] * time
+        if not abs(value) <= AT_ZERO * size:
+            return Place(int(np.sign(value)), False)
+        slow = abs(first) <= AT_ZERO * (abs(second) + fastest)
+        turns = 0.0 if abs(second) <= CANCELLED * parts.sum() else second
+        hop = first**2 / (2 * abs(turns) * size) if first * turns < 0 else np.inf
+        return Place(int(np.sign(turns if slow else first)), True, hop)
+
     def goes(self, sides: Sides, zero: Sequence[ex.Expression], state: Point) -> bool:
         """Whether the motion on these sides moves away from each zero to its side."""
         for u in zero:
@@ -304,19 +353,24 @@ class _Pieces:
         size = len(self.scene.coordinates)
         self.seen: list[list[Found]] = [[nowhere(event, size)] for event in self.scene.events]
         self.notes: dict[int, str] = {}
+        self.still: dict[int, list[tuple[float, float]]] = {}  # when a formula was zero within round-off
+        self.hops = 0  # events in a row between which nothing rises
         self.switches: list[Switch] = []
         self.acted: list[float] = []
         self.settled: set[ex.Expression] = set()  # functions whose sides at the last event are known
         self.held: dict[int, float] = {}  # the sense in which each event was reached that turned the motion back
+        self.side = [0] * len(self.scene.events)  # on which each formula was when it was last not at zero
 
     def go(self, start: data.Start) -> Run:
         scene, grid = self.scene, self.scene.grid
         state: Point = grid.begin, np.array(start.positions, dtype=float), np.array(start.velocities, dtype=float)
         begun: data.Start | None = start
         sides, outcome = self._sides(state, {}, self._zeros(state, {})), None
-        if sides is not None and (kinds := self._at_start(state, sides)):
-            begun, (state, outcome) = None, self._act(state, kinds, sides)
-            sides = self._sides(state, sides, self._zeros(state, sides))
+        if sides is not None:
+            self.side = [self.motion.place_of(event.formula, sides, state).side for event in scene.events]
+            if kinds := self._at_start(state, sides):
+                begun, (state, outcome) = None, self._act(state, kinds, sides)
+                sides = self._sides(state, sides, self._zeros(state, sides))
         place, count = 0, FIRST
         share, tries, failed = 1.0, 0, None
         while sides is not None and outcome is None and place < grid.steps:
@@ -361,7 +415,9 @@ class _Pieces:
                 velocities = velocities[:last]
             found, begun = self._first(observed, sides), None
             arrived = float(ran.times[-1]), ran.positions[-1], velocities[-1]
-            if self._fell_through(points[1], np.inf if found is None else found[0][0]):
+            if self._fell_through(points[1], np.inf if found is None else found[0][0]) or (
+                found is None and self._leaked(arrived, sides)
+            ):
                 outcome = self._zeno(state[0], place)
                 break
             away = min((side * self.motion.value(u, sides, arrived) for u, side in sides.items()), default=0.0)
@@ -401,8 +457,16 @@ class _Pieces:
             text = " = ".join(map(printing.to_text, self._zeros(state, {}) or self.motion.functions))
             outcome = Outcome("singular", place, state[0], say("no_one_motion", text), None, BEGIN_ELSEWHERE)
         whole = self._joined(outcome or Outcome("completed", grid.steps, grid.begin + grid.steps * grid.step), start)
-        events = tuple(joined(parts, self.notes.get(k, "")) for k, parts in enumerate(self.seen))
+        events = tuple(joined(parts, self._note_of(k, whole)) for k, parts in enumerate(self.seen))
         return Run(whole, True, events, tuple(self.switches), state)
+
+    def _note_of(self, index: int, whole: Trajectory) -> str:
+        """What else was seen of an event."""
+        (begin, end), *_ = self.still.get(index, [(0.0, -1.0)])
+        if index in self.notes or end < begin:
+            return self.notes.get(index, "")
+        always = begin <= whole.times[0] and end >= whole.times[-1]
+        return say("event_always_zero") if always else say("event_zero_between", begin, end)
 
     def _passed(self, ran: Trajectory, velocities: Array, sides: Sides) -> int:
         """How many points lead to the first beyond a switch, or all."""
@@ -467,34 +531,103 @@ class _Pieces:
         first = first_of([one for _, one in ends])
         end = np.inf if first is None else first[0]
         for k, (event, one) in enumerate(zip(events, later, strict=False)):
-            if one.note:
+            if one.note == say("event_always_zero"):
+                until = min(end, float(run.trajectory.times[-1]))
+                self.still[k] = joined_spans([*self.still.get(k, []), (float(begin), until)])
+            elif one.note:
                 self.notes[k] = one.note
             if not (event.acts or event.stops):
                 self.seen[k].append(one.part(one.times <= end))
         return first and (first, [kind for kind, one in ends if one.times[0] <= end + least])
 
     def _act(self, state: Point, kinds: Sequence[int | ex.Expression], sides: Sides) -> tuple[Point, Outcome | None]:
-        """The state after the events, and the outcome where they end the run."""
-        time, q, v = state
-        for index in (kind for kind in kinds if isinstance(kind, int)):
-            event = self.scene.events[index]
-            self.seen[index].append(Found(event, np.array([time]), q[None], v[None]))
+        """The state after the events, one after another, and after those that they lead to at the same moment; the
+        outcome where they end the run."""
+        time, waiting = state[0], [kind for kind in kinds if isinstance(kind, int)]
+        for index, event in enumerate(self.scene.events):
+            place = self.motion.place_of(event.formula, sides, state)
+            if index in waiting:
+                self.side[index] = event.direction or -self.side[index] or place.side
+            elif not place.at_zero:
+                self.side[index] = place.side
+        for _ in range(MOST_AT_ONCE):
+            if not waiting:
+                break
+            index = waiting.pop(0)
+            event, reached = self.scene.events[index], state
             if event.acts:
-                q, v = self._after(event, (time, q, v), state, sides)
-                if not (np.isfinite(q).all() and np.isfinite(v).all()):
+                after = (time, *self._after(event, state, sides))
+                if not np.isfinite(np.concatenate(after[1:])).all():
                     text = f"what the event {printing.to_text(event.formula)} = 0 sets, which has no value"
-                    return (time, q, v), Outcome("off_domain", None, time, text, None, BEGIN_ELSEWHERE)
-                if sense := self._sense_held(event, state, (time, q, v), sides):
+                    return after, Outcome("off_domain", None, time, text, None, BEGIN_ELSEWHERE)
+                if self._turns_again(index, state, after, sides):
+                    self.side[index] = -self.side[index]
+                    continue
+                if sense := self._sense_held(event, state, after, sides):
                     self.held[index] = sense
-            if sum(len(one.times) for one in self.seen[index]) >= event.most:
+                state = after
+            self.seen[index].append(Found(event, np.array([time]), reached[1][None], reached[2][None]))
+            if sum(len(one.times) for one in self.seen[index]) >= event.most and (event.acts or event.stops):
                 note = say("ended_by_event", time) if event.most == 1 else say("many_events", event.most, time)
-                return (time, q, v), Outcome("completed", None, time, note=note)
+                return state, Outcome("completed", None, time, note=note)
+            if event.acts:
+                waiting += self._led_to(index, reached, state, sides, waiting)
+        else:
+            return state, self._zeno(time, None)
         self.acted.append(time)
         # The time is known only to round-off, so much shorter times have no meaning.
         soon = SOON * max(abs(self.scene.grid.step), abs(time))
-        if len(self.acted) > 8 and self.acted[-1] - self.acted[-5] < soon:
-            return (time, q, v), self._zeno(time, None)
-        return (time, q, v), None
+        if self.hops > MOST_HOPS or (len(self.acted) > 8 and self.acted[-1] - self.acted[-5] < soon):
+            return state, self._zeno(time, None)
+        return state, None
+
+    def _turns_again(self, index: int, before: Point, after: Point, sides: Sides) -> bool:
+        """Whether an earlier event at this moment has turned back what this one would turn round again."""
+        formula, crossed = self.scene.events[index].formula, self.side[index]
+        if (old := self.motion.place_of(formula, sides, before)).side != -crossed or not old.at_zero:
+            return False
+        new = self.motion.place_of(formula, sides, after)
+        return new.at_zero and new.side == crossed
+
+    def _led_to(
+        self, acted: int, before: Point, after: Point, sides: Sides, waiting: Sequence[int]
+    ) -> list[int]:  # fmt: skip
+        """The other events whose formula is zero and moves, after the state has changed, to another side than the one
+        on which it was: from a zero at rest too."""
+        found = []
+        for index, event in enumerate(self.scene.events):
+            was, new = self.side[index], self.motion.place_of(event.formula, sides, after)
+            if index == acted:  # on the side from which it came, if it is at rest there
+                self.side[index] = new.side or -was
+                self.hops = self.hops + 1 if new.hop < HOP else 0
+                continue
+            if index in waiting or new.side in (0, was):
+                continue
+            self.side[index] = new.side
+            if event.direction not in (0, new.side):
+                continue
+            # Without a direction, a formula that was always zero has an event where its side has changed.
+            known = event.direction or was or self.motion.place_of(event.formula, sides, before).side != new.side
+            if new.at_zero and known:
+                found.append(index)
+            elif was and not new.at_zero:
+                self.notes[index] = say("event_jumped", after[0])
+        return found
+
+    def _leaked(self, arrived: Point, sides: Sides) -> bool:
+        """Whether the formula of an event that turns the motion back has passed its zero without having been found: the
+        motion began at zero, and was pushed through it. Sides are noted."""
+        leaked = False
+        for index, event in enumerate(self.scene.events):
+            place, was = self.motion.place_of(event.formula, sides, arrived), self.side[index]
+            if place.at_zero:
+                continue
+            if event.acts and place.side == event.direction != was and not leaked:
+                rate = self.motion.rate(on_sides(event.formula, sides), self.motion.forces(sides))
+                turned = (arrived[0], *self._after(event, arrived, sides))
+                leaked = event.direction * float(self.motion.at([rate], turned)[0]) <= 0
+            self.side[index] = place.side
+        return leaked
 
     def _at_start(self, state: Point, sides: Sides) -> list[int | ex.Expression]:
         """The events at which the motion begins, goes on in their direction, and is turned back: a ball on a floor."""
@@ -502,11 +635,11 @@ class _Pieces:
         acting = [(k, one) for k, one in enumerate(self.scene.events) if one.acts and one.direction]
         zero = [(k, one) for k, one in acting if abs(motion.value(one.formula, sides, state)) <= least]
         onward = [(k, e) for k, e in zero if motion.goes(sides | {e.formula: e.direction}, [e.formula], state)]
-        return [k for k, e in onward if held(e, state, (state[0], *self._after(e, state, state, sides)), sides)]
+        return [k for k, e in onward if held(e, state, (state[0], *self._after(e, state, sides)), sides)]
 
-    def _after(self, event: data.Event, old: Point, state: Point, sides: Sides) -> tuple[Array, Array]:
-        """Position and velocity with what the event sets at `state` in the place of the old ones."""
-        whole, names = np.concatenate(old[1:]), nf.state_names(self.scene.coordinates)
+    def _after(self, event: data.Event, state: Point, sides: Sides) -> tuple[Array, Array]:
+        """Position and velocity with what the event sets."""
+        whole, names = np.concatenate(state[1:]), nf.state_names(self.scene.coordinates)
         targets = self.motion.at([on_sides(tree, sides) for _, tree in event.sets], state)
         for (target, _), value in zip(event.sets, targets, strict=True):
             whole[names.index(target)] = value
