@@ -65,15 +65,18 @@ SQLITE: Final = Dialect(
     {
         "BIGINT GENERATED ALWAYS AS IDENTITY PRIMARY KEY": "INTEGER PRIMARY KEY", "BIGINT": "INTEGER",
         "DOUBLE PRECISION": "REAL", "BYTEA": "BLOB", "AMONG (?)": "IN (SELECT value FROM json_each(?))",
-        " FOR UPDATE": "", " SKIP LOCKED": "",
+        " FOR UPDATE": "", " SKIP LOCKED": "", " FIRST (": " IN (", ") LAST": ")",
     },
     has_locks=False,
 )  # fmt: skip
 POSTGRES: Final = Dialect(
     {
         " STRICT, WITHOUT ROWID": "", " STRICT": "", "ADD COLUMN": "ADD COLUMN IF NOT EXISTS",
-        "AMONG (?)": "= ANY(%s)", "?": "%s", "moment()": "extract(epoch FROM clock_timestamp())::double precision",
-        "today()": "(extract(epoch FROM clock_timestamp())::bigint / 86400)::integer",
+        # PostgreSQL looks through all jobs for what is IN a list that depends on the row, and goes to each of an array.
+        " FIRST (": " = ANY(ARRAY(", ") LAST": "))", "AMONG (?)": "= ANY(%s)", "?": "%s",
+        "moment()": "extract(epoch FROM clock_timestamp())::double precision",
+        # The time of the statement is one for all its rows, so an index finds the day.
+        "today()": "(extract(epoch FROM statement_timestamp())::bigint / 86400)::integer",
     },
     has_locks=True,
 )  # fmt: skip
@@ -582,6 +585,7 @@ def forget(session: Session, before: float, most: int) -> tuple[int, int]:
     """
     session.lock(PRUNE_LOCK)
     session.run("forget_keys", before)
+    session.run("forget_uses")
     if (batch := session.first("old_batch", before)) is not None:
         lines = session.rows("forget_some_lines", batch["id"], batch["id"], most)
         if len(lines) < most:

@@ -1,5 +1,5 @@
--- What is asked of the store, by name. AMONG () takes a list; moment() is the time of the database, today() its day in
--- UTC, counted from 1970. A name in braces stands for the statement of that name, or for what the caller puts there.
+-- What is asked of the store, by name. AMONG () takes a list, FIRST () LAST one that depends on the row; moment() is the
+-- time of the database, today() its day in UTC, counted from 1970. A name in braces stands for the statement of that name, or for what the caller puts there.
 -- Locks, which only mean something where transactions run at the same time, are always taken in the order jobs (by id),
 -- then batches (by id), so that no two wait for each other. What a comment must not have here: question marks, braces.
 
@@ -105,10 +105,10 @@ WITH RECURSIVE waiting (client) AS (
     SELECT id, priority, sequence,
         coalesce(ranks.rank, 0) + CASE WHEN priority < 0 THEN -1 WHEN priority > 10 THEN 1 ELSE 0 END AS rank,
         coalesce(busy.jobs, 0) + row_number() OVER (PARTITION BY jobs.client ORDER BY priority, sequence) AS place
-    FROM waiting JOIN jobs ON jobs.sequence IN (
+    FROM waiting JOIN jobs ON jobs.sequence FIRST (
         SELECT own.sequence FROM jobs AS own WHERE {waiting} AND own.client = waiting.client
         ORDER BY own.priority, own.sequence LIMIT ?
-    ) LEFT JOIN busy ON busy.client = jobs.client LEFT JOIN ranks ON ranks.client = jobs.client
+    ) LAST LEFT JOIN busy ON busy.client = jobs.client LEFT JOIN ranks ON ranks.client = jobs.client
 )
 SELECT id FROM candidates WHERE place <= ? ORDER BY rank, place, priority, sequence LIMIT ?
 
@@ -223,6 +223,9 @@ SELECT DISTINCT job FROM lines WHERE batch = ? AND order_number IS NULL LIMIT ?
 
 -- name: forget_keys
 DELETE FROM keys WHERE created <= ?
+
+-- name: forget_uses
+DELETE FROM uses WHERE day < today()
 
 -- name: old_batch
 SELECT id FROM batches WHERE created <= ?
