@@ -18,7 +18,7 @@ from inverse_service import errors
 from inverse_service.service.documents import growing
 from inverse_service.service.jobs import model, tasks, workers
 from inverse_service.service.jobs.stores import SqliteStore
-from inverse_service.service.jobs.supervisor import TICK, Supervisor, described
+from inverse_service.service.jobs.supervisor import HEARTBEAT, TICK, Supervisor, described
 from inverse_service.service.jobs.tasks import Call, Outcome, Usage
 from tests.serving import until
 from tests.values import present
@@ -378,3 +378,16 @@ def test_a_short_question_is_answered_while_the_workers_have_long_ones(store: Sq
     assert {call.deadline for call in quick.calls} == {0.5}
     found = present(store.job(long.id))
     assert (found.status, found.attempt) == ("accepted", 1)
+
+
+@pytest.mark.parametrize(("silent", "is_taken"), [(0.0, False), (20.0, False), (60.0, True)])
+def test_a_front_end_loses_its_jobs_after_many_missed_heartbeats_and_not_after_a_pause(
+    store: SqliteStore, monkeypatch: pytest.MonkeyPatch, silent: float, is_taken: bool
+) -> None:
+    monkeypatch.setattr(SqliteStore, "exclusive", False)
+    (job,) = store.submit([request()])
+    store.claim("another front end", 1)
+    store.write_change(lambda s: s.connection.execute("UPDATE jobs SET heartbeat = heartbeat - ?", (silent,)))
+    with supervised(store, Scripted(lambda call: None)):  # it looks as it starts, and at each heartbeat
+        assert present(store.job(job.id)).restarts == int(is_taken)
+    assert 10 * HEARTBEAT < 20.0
