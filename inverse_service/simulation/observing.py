@@ -16,7 +16,8 @@ holds half a reaction. Methods of order 2 without momenta have differences of th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -217,9 +218,11 @@ def observed_quantities(run: Observed, seconds: dict[str, float]) -> Observation
     numbers: dict[str, Any] = {}
     series: dict[str, Array] = {}
     wanted = {name: QUANTITIES[name] for name in run.scene.observe if name in QUANTITIES}
-    for name, quantity in (wanted | ({"own observables": _own} if run.scene.own else {})).items():
+    for name, quantity in (wanted | ({"own observables": OWN} if run.scene.own else {})).items():
         with derivation.timed(seconds, name):
-            found, columns = quantity(run)
+            found, columns = quantity.observe(run)
+        if quantity is not OWN and (unnamed := [key for key in columns if not _is_of(quantity, key, run.scene)]):
+            raise AssertionError(f"QUANTITIES does not name the columns {unnamed} of {name}")
         numbers |= found
         series |= columns
     return numbers, series
@@ -444,10 +447,43 @@ def _phase(run: Observed) -> Observations:
     return {"max_phase_error": greatest(angles), "final_phase_error": float(angles[-1])}, {"phase_error": angles}
 
 
-QUANTITIES: dict[str, Callable[[Observed], Observations]] = {
-    "energy": _energy, "constraints": _constraints, "momenta": _momenta, "velocities": _velocities,
-    "matching_circle": _matching_circle, "constraint_forces": _constraint_forces, "phase": _phase, "error": _error,
-}  # fmt: skip
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What computes a quantity, and the names of the columns that it may have; nothing else may have them."""
+
+    observe: Callable[[Observed], Observations]
+    columns: tuple[str, ...] = ()
+
+
+QUANTITIES: dict[str, Quantity] = {
+    "energy": Quantity(
+        _energy, ("energy", "mechanical_energy", "discrete_energy", "power", "work", "conserved_{number}")
+    ),
+    "constraints": Quantity(_constraints, ("constraint_{constraint}",)),
+    "momenta": Quantity(_momenta, ("p_{coordinate}",)),
+    "velocities": Quantity(_velocities, ("v_{coordinate}",)),
+    "matching_circle": Quantity(_matching_circle),
+    "constraint_forces": Quantity(_constraint_forces, ("lambda_{constraint}", "force_{coordinate}")),
+    "phase": Quantity(_phase, ("phase_error",)),
+    "error": Quantity(_error, ("error",)),
+}
+OWN = Quantity(_own)  # under the names that the scene gives them
+
+
+def names_of_columns(
+    coordinates: Sequence[str], constraints: int, of: Iterable[Quantity] | None = None
+) -> re.Pattern[str]:
+    """The names of the columns that quantities (None: all, and the time) may have in a scene of this size."""
+    templates = [name for one in (QUANTITIES.values() if of is None else of) for name in one.columns]
+    numbers = "|".join(map(str, range(1, constraints + 1))) or "(?!)"
+    places = {"coordinate": f"({'|'.join(map(re.escape, coordinates))})", "constraint": f"({numbers})"}
+    every = [template.format(**places, number="[1-9][0-9]*") for template in templates]
+    return re.compile("|".join([*every, *(["t"] if of is None else [])]) or "(?!)")
+
+
+def _is_of(quantity: Quantity, name: str, scene: data.Scene) -> bool:
+    names = names_of_columns(scene.coordinates, len(scene.constraints), [quantity])
+    return names.fullmatch(name) is not None
 
 
 def last_point(run: Observed) -> tuple[float, Array, Array | None]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 
+from api_schemas.scene import Observed
 from inverse_service.errors import InputError
+from inverse_service.service.scenes import scene_reading
 from inverse_service.service.scenes.simulating import simulate, simulate_tables
 
 OSCILLATOR = {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}
@@ -80,8 +82,62 @@ def test_observables_by_formula() -> None:
         assert method["observables"]["Lz"]["greatest"] - method["observables"]["Lz"]["least"] < 1e-10
         assert method["observables"]["r"]["least"] == pytest.approx(0.8**2 / (1 + 0.36), rel=2e-2)
         assert set(method["points"]["columns"]) == {"t", "Lz", "r"}
-    with pytest.raises(InputError, match="another column already has this name"):
-        simulate(scene(OSCILLATOR, ["adaptive"], observe=[{"energy": "x"}]))
+
+
+EVERYTHING = [name for name in get_args(Observed) if name not in ("lyapunov", "period", "cost")]  # numbers alone
+FOLLOWED = {"coordinates": ["x", "y"], "lagrangian": "exp(t/9)*(x'^2 + y'^2 - x^2)/2", "constraints": ["y' - x*x'"]}
+AT_REST = {"positions": {"x": 1, "y": 0}, "velocities": {"x": 0, "y": 0}}
+
+
+def test_no_observable_replaces_a_column_that_a_run_has() -> None:
+    """Each column of three runs that together observe everything is a name that an observable cannot have."""
+    seen = ["energy", "momenta", "velocities"]
+    driven = scene(OSCILLATOR, ["variational"], forces={"x": "sin(t) - x'/9"}, observe=seen, time=0.3)
+    damped = scene({"equations": {"x": "-x - x'/5"}}, ["adaptive"], observe=seen, time=0.3)
+    held = scene(FOLLOWED, ["adaptive", "nonholonomic"], initial=AT_REST, observe=EVERYTHING, time=0.3)
+    met = set[str]()
+    for document in (driven, damped, held):
+        runs = simulate_tables(document)["tables"].values()
+        own = {name for run in runs for name in run} - {"x", "y"}
+        met |= own
+        for name in own:
+            with pytest.raises(InputError, match=f"has the name {name}: choose") as refused:
+                scene_reading.read_scene(scene_reading.scene_schema(document | {"observe": [{name: "7"}]}))
+            assert refused.value.pointer == f"/observe/0/{name}"
+    assert met >= {
+        "t",
+        "v_x",
+        "p_x",
+        "energy",
+        "mechanical_energy",
+        "power",
+        "work",
+        "conserved_1",
+        "error",
+        "phase_error",
+    }
+    assert met >= {"constraint_1", "lambda_1", "force_x", "force_y"}
+
+
+def test_a_point_of_a_body_does_not_replace_a_column() -> None:
+    held = scene(FOLLOWED, ["adaptive"], initial=AT_REST, observe=["constraint_forces"], points={"force": ["x", "y"]})
+    with pytest.raises(InputError, match="has the name force_x: choose"):
+        simulate(held)
+
+
+def test_a_parameter_of_an_ensemble_does_not_replace_a_column() -> None:
+    system = {"equations": {"x": "-x_end*x"}, "parameters": ["x_end"]}
+    document = scene(system, ["adaptive"], ensemble={"parameters": {"x_end": [1, 2]}}, parameters={"x_end": 1})
+    with pytest.raises(InputError, match="has the name x_end: choose"):
+        simulate(document)
+
+
+def test_a_name_that_only_looks_like_a_column_is_free() -> None:
+    document = scene(
+        OSCILLATOR, ["adaptive"], observe=["energy", {"force_y": "-x", "lambda_1": "x", "kinetic": "x'^2/2"}]
+    )
+    (method,) = labelled(document).values()
+    assert set(method["observables"]) == {"force_y", "lambda_1", "kinetic"}
 
 
 @pytest.mark.slow

@@ -35,7 +35,7 @@ from inverse_service.reading import names as nm, reader
 from inverse_service.reading.document_names import AND_GUESS, Declared, document_names, known_names
 from inverse_service.service.documents import accepting
 from inverse_service.service.documents.plain_data import escape
-from inverse_service.simulation import derivation, numeric_formulas, scene_data as data
+from inverse_service.simulation import derivation, numeric_formulas, observing, scene_data as data
 from inverse_service.simulation.initial import System, check_constraints, initial_velocities, velocities_from_momenta
 
 LAGRANGIAN_KEYS = "name, coordinates, lagrangian, constraints, parameters, functions, where, time"
@@ -58,7 +58,6 @@ FILLED = {
     "methods": ", ".join(get_args(schemas.MethodName)), "quantities": ", ".join(get_args(schemas.Observed)),
     "orders": ", ".join(map(str, RUNGE_KUTTA)), "most steps": schemas.MAX_STEPS, "most methods": schemas.MAX_METHODS,
 }  # fmt: skip
-TAKEN = frozenset({"t", "energy", "discrete_energy", "error", "phase_error", "power", "work"})
 Constraints = tuple[ex.Expression, ...]
 POSITIVE = 5e-324  # the smallest positive number
 DISSIPATION = frozenset({"friction", "drag", "damping", "dissipation"})
@@ -327,23 +326,21 @@ def read_forces(
 def read_observables(schema: schemas.SceneDocument, system: MechanicalSystem) -> tuple[data.Observable, ...]:
     """The observables that the scene gives by formula, in its order; each name is a separate column."""
     found: dict[str, data.Observable] = {}
-    taken = _columns(system.names.coordinates).union(system.names.coordinates)
+    coordinates = system.names.coordinates
+    columns = observing.names_of_columns(coordinates, len(system.constraints))
+
+    def add(name: str, text: str, pointer: str) -> None:
+        if name in coordinates or name in found or columns.fullmatch(name):
+            raise refusal("taken", pointer, name=name[:40])
+        found[name] = data.Observable(name, read_expression(text, system, pointer))
+
     for place, item in enumerate(schema.observe):
         for name, text in item.items() if isinstance(item, dict) else ():
-            pointer = f"/observe/{place}/{escape(name)}"
-            if name in taken or name in found:
-                raise refusal("taken", pointer)
-            found[name] = data.Observable(name, read_expression(text, system, pointer))
+            add(name, text, f"/observe/{place}/{escape(name)}")
     for body, texts in schema.points.items():
         for axis, text in zip("xy", texts, strict=True):
-            pointer = f"/points/{escape(body)}/{'xy'.index(axis)}"
-            found[f"{body}_{axis}"] = data.Observable(f"{body}_{axis}", read_expression(text, system, pointer))
+            add(f"{body}_{axis}", text, f"/points/{escape(body)}/{'xy'.index(axis)}")
     return tuple(found.values())
-
-
-def _columns(coordinates: Sequence[str]) -> frozenset[str]:
-    """The names of the columns that a table may have besides the coordinates and the observables by formula."""
-    return TAKEN.union(f"{kind}_{name}" for kind in ("v", "p") for name in coordinates)
 
 
 def read_events(schema: schemas.SceneDocument, system: MechanicalSystem) -> tuple[data.Event, ...]:
@@ -399,7 +396,8 @@ def read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSys
     has_formulas = any(getattr(one, key, None) for one in (schema, *schema.methods) for key in keys)
     _refuse_unknown(system, given, has_formulas or any(isinstance(item, dict) for item in schema.observe))
     names = system.names
-    if taken := _columns(names.coordinates).intersection(names.coordinates):
+    columns = observing.names_of_columns(names.coordinates, len(system.constraints))
+    if taken := [*filter(columns.fullmatch, names.coordinates)]:
         raise refusal("column", "/system", name=min(taken))
     texts = dict(system.values) | {names.spelling(name): text for name, text in given.items()}
     if missing := [name for name in names.parameters if name not in texts]:
@@ -641,6 +639,14 @@ def read_members(
         name, pointer = names.spelling(key), f"/ensemble/parameters/{escape(key)}"
         if name not in scene.values:
             raise refusal("no_parameter", pointer, name=escape(key), known=", ".join(scene.values) or "none")
+        ends = (
+            "energy",
+            *names.coordinates,
+            *(f"v_{of}" for of in names.coordinates),
+            *(one.name for one in scene.own),
+        )
+        if name in {"completed", *(f"{of}_end" for of in ends), *(f"{of}_start" for of in names.coordinates)}:
+            raise refusal("taken", pointer, name=name[:40])
         axes[name] = [number_of(text, f"{pointer}/{k}") for k, text in enumerate(texts)]
     grid, columns = list(product(*axes.values())), list[list[str]]()
     starts = given.initial
