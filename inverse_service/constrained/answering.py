@@ -324,7 +324,7 @@ def _propose_known(work: _Work, with_time: bool) -> Iterator[_Proposal]:
 
 
 def _propose_in_short(work: _Work, with_time: bool) -> Iterator[_Proposal]:
-    """Lagrangians of the reduced system, unless it is answered already, and of other closed functions."""
+    """Lagrangians of the reduced system, unless it is answered already, and from the ansatz along the constraints."""
     if work.left() < _LEAST_FOR_ANSATZ:
         return
     if with_time or work.reduced is None:
@@ -332,20 +332,20 @@ def _propose_in_short(work: _Work, with_time: bool) -> Iterator[_Proposal]:
         reduced = _find_for_closed(work, on_constraints.closed_coordinates(work.motion), with_time)
         if reduced is not None:
             yield _Proposal(reduced)
+    work.progress("any: ansatz along the constraints")
+    found = on_constraints.find_lagrangians(work.motion, with_time, work.seed, now() + _SHARE_OF_ANSATZ * work.left())
+    yield from map(_Proposal, found[:1])
+
+
+def _propose_at_length(work: _Work, with_time: bool) -> Iterator[_Proposal]:
+    """Lagrangians of other closed functions of position."""
+    if work.left() < _LEAST_FOR_ANSATZ:
+        return
     work.progress("any: functions of position with equations of their own")
     others = on_constraints.closed_functions(work.motion, now() + _SHARE_OF_REDUCED * work.left())
     reduced = _find_for_closed(work, others, with_time)
     if reduced is not None:
         yield _Proposal(reduced)
-
-
-def _propose_at_length(work: _Work, with_time: bool) -> Iterator[_Proposal]:
-    """A Lagrangian from the wide ansatz."""
-    if work.left() < _LEAST_FOR_ANSATZ:
-        return
-    work.progress("any: ansatz along the constraints")
-    found = on_constraints.find_lagrangians(work.motion, with_time, work.seed, now() + _SHARE_OF_ANSATZ * work.left())
-    yield from map(_Proposal, found[:1])
 
 
 def _find_for_closed(

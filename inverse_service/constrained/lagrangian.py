@@ -2,17 +2,15 @@
 
 The ansatz finds such Lagrangians in closed form by linear algebra. The Euler-Lagrange expressions of a term at a point
 of D, with the accelerations of the motion, are linear in its coefficient. The terms are T and T s', with T a Laurent
-monomial in the free velocities times a product of functions of position; they form l - lambda_a w^a and lambda_a.
-Products of two constraints may be added: they change the associated system but not the motion.
+monomial in the free velocities times a product of functions of position; they form l - lambda_a w^a and lambda_a. They
+are tried one degree at a time in the scalings of the motion (`search.grading`). Products of two constraints may be
+added: they change the associated system but not the motion.
 """
 
-import itertools
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import reduce
 from itertools import combinations, count, islice
 
 import numpy as np
@@ -29,18 +27,17 @@ from inverse_service.field.modular import Field, compiled, minus, multiply, plus
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.mechanics.constrained_motion import EquationsOfMotion
 from inverse_service.mechanics.second_order_system import ConstrainedMotion, SecondOrderSystem, system_of
-from inverse_service.search import ansatz, families, terms as tm
+from inverse_service.search import ansatz, families, grading, terms as tm
 from inverse_service.search.ansatz import best_members
 from inverse_service.search.tidy import describe
 from inverse_service.solving import solving
 
-# With 4,000 terms the inclined knife edge, which needs v^-3, has none.
-_MOST_TERMS, _MOST_PRODUCTS = 6_000, 30_000
-# In units of `deadline`: every Lagrangian found took at most 750,000; without a limit, 15 to 37 s find none.
-_MOST_WORK = 2_000_000
-# The widest ansatz last: degree in the free velocities that change, lowest and highest power of those that do not,
-# generators of position in a product, degree in the coordinates.
-_WIDTHS = ((2, -1, 2, 2, 0), (2, -1, 2, 2, 1), (2, -2, 2, 2, 1), (2, -3, 2, 3, 1), (2, -3, 2, 2, 2), (2, -3, 3, 4, 2))
+# The products of all degrees together.
+_MOST_PRODUCTS = 200_000
+# Exponents of velocities in denominators: the inclined knife edge needs v^-3.
+_LOWEST = -5
+# The largest sums of the exponents of coordinates, velocities, constraints and constants in a term.
+_LIMITS = {"coordinate": 2, "velocity": 2, "transverse": 1, "constant": 2, "time": 1}
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,16 +266,18 @@ def first_system(motion: ConstrainedMotion) -> SecondOrderSystem:
 
 
 def find_lagrangians(motion: ConstrainedMotion, with_time: bool, seed: int, deadline: float) -> list[Lagrangian]:
-    """Lagrangians on the whole tangent bundle, simplest first, from the first successful ansatz within the time."""
+    """Lagrangians that are sums of parts homogeneous in all scalings and reflections of the motion, simplest first."""
     try:
-        with until(deadline), within(_MOST_WORK):
-            constrained = {
-                v: tower.to_kernels(w) for v, w in motion.on_constraints.items() if isinstance(v, ex.Velocity)
-            }
-            analysis = replace(deciding.analyze(_plain(first_system(motion), deadline)), constrained=constrained)
-            return _first_found(motion, tm.gather_material(analysis, with_time), analysis, seed)
+        with until(deadline), within(bounds.WORK):
+            analysis = _analysis(motion, deadline)
+            return _first_graded(motion, tm.gather_material(analysis, with_time), analysis, seed)
     except (errors.IrreducibleAtoms, tm.TooManyTerms, OutOfTime):
         return []
+
+
+def _analysis(motion: ConstrainedMotion, deadline: float) -> deciding.Analysis:
+    constrained = {v: tower.to_kernels(w) for v, w in motion.on_constraints.items() if isinstance(v, ex.Velocity)}
+    return replace(deciding.analyze(_plain(first_system(motion), deadline)), constrained=constrained)
 
 
 def _plain(system: SecondOrderSystem, deadline: float) -> SecondOrderSystem:
@@ -292,17 +291,73 @@ def _plain(system: SecondOrderSystem, deadline: float) -> SecondOrderSystem:
         return system
 
 
-def _first_found(
+def _first_graded(
     motion: ConstrainedMotion, material: tm.Material, analysis: deciding.Analysis, seed: int
 ) -> list[Lagrangian]:
-    squares = _squares(motion)
-    for candidates in _families(motion, material):
-        sampler = ansatz.sampler_of(analysis, candidates)
-        space = _solve_ansatz(sampler, candidates, seed)
-        members = best_members(replace(space, combinations=(*space.combinations, *squares)), seed)
-        if members:
-            return [describe(analysis, tm.tree_of(member.terms), "along the constraints") for member in members]
+    forces = dict(zip(motion.coordinates, material.motion.forces, strict=True))
+    rates = {
+        name: tm.terms_of(tower.to_kernels(w))
+        for name, w in zip(motion.dependent, motion.dependent_velocities, strict=True)
+    }
+    equations = [grading.second_order(name, forces[name]) for name in motion.free]
+    equations += [grading.first_order(name, terms) for name, terms in rates.items()]
+    gradings = grading.gradings_of(equations)
+    squares, known = _squares(motion), list[ansatz.Combination]()
+    for inverted in _inverted(motion):
+        blocks = _blocks(motion, material, rates, inverted)
+        for candidates in grading.products_by_degree(blocks, gradings, _LIMITS, _MOST_PRODUCTS, bounds.LARGE):
+            sampler = ansatz.sampler_of(analysis, candidates)
+            space = _solve_ansatz(sampler, candidates, seed)
+            if not space.combinations:
+                continue
+            known += space.combinations
+            members = best_members(replace(space, combinations=(*known, *squares)), seed)
+            if members:
+                return [describe(analysis, tm.tree_of(member.terms), "along the constraints") for member in members]
     return []
+
+
+def _blocks(
+    motion: ConstrainedMotion, material: tm.Material, rates: Mapping[str, tm.Terms], inverted: Sequence[ex.Velocity]
+) -> list[grading.Block]:
+    """The products of which the ansatz consists, with their exponents.
+
+    A velocity is taken with its integrating factor, so that x'' = tan(phi) phi' x' is a constant x'/cos(phi).
+    """
+    factors = families.find_factors(material)
+    forces = [material.motion.forces[motion.coordinates.index(name)] for name in motion.free]
+    keys = [key for terms in (*forces, *rates.values()) for key in terms]
+    blocks = []
+    for name in motion.free:
+        v, i = ex.Velocity(name), motion.coordinates.index(name)
+        factor = tm.times(factors.along.get(i, tm.EMPTY), factors.across.get(i, tm.EMPTY))
+        exponents, kind = (range(_LOWEST, 3), "") if v in inverted else (range(3), "velocity")
+        blocks.append(grading.Block(tm.times(factor, tm.monomial(v)), exponents, kind, moves=True))
+    across = [tm.monomial(ex.Velocity(name)) for name in motion.dependent]
+    blocks += [grading.Block(v, range(2), "transverse", moves=True) for v in across]
+    blocks += [grading.Block(key, range(3), "constant") for key in _constant_parts(motion, keys)]
+    letters = dict.fromkeys([*material.position_letters, *(p for key in keys for p, _ in key)])
+    inside = {node for p in letters if not isinstance(p, ex.Sum) for node in ex.walk(p) if node != p}
+    names = [*map(ex.Symbol, motion.coordinates), *[ex.TIME] * material.motion.with_time]
+    for letter in letters:
+        if not tm.has_velocity(letter) and not isinstance(letter, ex.Symbol) and ex.holds(letter, *names):
+            blocks.append(grading.Block(tm.monomial(letter), _exponents(letter, keys)))
+    blocks += [grading.Block(tm.monomial(q), range(3), "coordinate") for q in names if q not in inside]
+    in_time = factors.in_time[1:] if material.motion.with_time else ()
+    return [*blocks, *(grading.Block(factor, range(2), "time") for factor in in_time)]
+
+
+def _exponents(letter: ex.Expression, keys: Sequence[tm.Monomial]) -> Sequence[Fraction | int]:
+    """The exponents of a generator of position; positive powers of a sum are sums of others."""
+    seen = {tm.exponent_of(key, letter) for key in keys}
+    match letter:
+        case ex.Apply("sin" | "sinh", _):
+            return range(2)
+        case ex.Sum():
+            return [Fraction(k, 2) for k in range(-4, 2)]
+        case ex.Apply("exp", _):
+            return range(-2, 3)
+    return range(-2 if min(seen, default=0) < 0 else 0, 3)
 
 
 def _solve_ansatz(sampler: ansatz.Sampler, candidates: Sequence[tm.Monomial], seed: int) -> ansatz.LagrangianSpace:
@@ -366,48 +421,6 @@ def _squares(motion: ConstrainedMotion) -> list[dict[tm.Monomial, Fraction]]:
     return found
 
 
-def _families(motion: ConstrainedMotion, material: tm.Material) -> Iterator[list[tm.Monomial]]:
-    transverse = [tm.EMPTY, *(tm.monomial(ex.Velocity(name)) for name in motion.dependent)]
-    before = 0
-    for (degree, low, high, letters, coordinates), inverted in itertools.product(_WIDTHS, _inverted(motion)):
-        shapes = _shapes(motion, inverted, degree, low, high)
-        parts = _functions(motion, material, letters, coordinates)
-        check(len(shapes) * len(transverse) + sum(map(len, parts)))
-        if len(transverse) * len(shapes) * math.prod(map(len, parts)) > _MOST_PRODUCTS:
-            continue
-        constants, *others = parts
-        reduced = [key for key in tm.distinct(reduce(families.products, others)) if _is_reduced(key)]
-        factors = tm.distinct(families.products(constants, reduced))
-        candidates = tm.distinct(families.products(transverse, families.products(shapes, factors)))
-        if before <= len(candidates) <= _MOST_TERMS:
-            before = len(candidates)
-            yield candidates
-
-
-def _is_reduced(key: tm.Monomial) -> bool:
-    """Whether neither sin^2 + cos^2 = 1 nor (u^a)^(1/a) = u expresses the monomial by other candidates."""
-    return not any(
-        (isinstance(letter, ex.Sum) and e >= 1) or (isinstance(letter, ex.Apply) and letter.function == "sin" and e > 1)
-        for letter, e in key
-    )
-
-
-def _shapes(
-    motion: ConstrainedMotion, inverted: Sequence[ex.Velocity], degree: int, low: int, high: int
-) -> list[tm.Monomial]:
-    """Powers low … high of the inverted free velocities times products of the others up to a degree."""
-    moving = [ex.Velocity(name) for name in motion.free if ex.Velocity(name) not in inverted]
-    found = [tm.EMPTY]
-    for v in inverted:
-        found = [tm.times(key, tm.monomial(v), e) for key in found for e in range(low, high + 1)]
-    upper = [
-        tm.monomial(*chosen)
-        for count in range(degree + 1)
-        for chosen in itertools.combinations_with_replacement(moving, count)
-    ]
-    return families.products(found, upper)
-
-
 def _inverted(motion: ConstrainedMotion) -> list[tuple[ex.Velocity, ...]]:
     """The free velocities allowed in denominators: those with an independent motion, or those that keep their sign."""
     pairs = [(ex.Velocity(name), name, f) for name, f in zip(motion.free, motion.free_accelerations, strict=True)]
@@ -422,28 +435,10 @@ def _is_alone(motion: ConstrainedMotion, name: str, f: ex.Expression) -> bool:
     return not ex.holds(f, *(leaf for leaf in every if leaf not in (ex.Symbol(name), ex.Velocity(name))))
 
 
-def _functions(
-    motion: ConstrainedMotion, material: tm.Material, letters: int, coordinates: int
-) -> tuple[list[tm.Monomial], list[tm.Monomial], list[tm.Monomial]]:
-    """Factors to multiply: parameters as in f, products of generators of the motion, and products of coordinates."""
-    names = [tm.monomial(ex.Symbol(name)) for name in motion.coordinates]
-    powers: list[tm.Monomial] = [tm.EMPTY]
-    for degree in range(1, coordinates + 1):
-        for chosen in itertools.combinations_with_replacement(names, degree):
-            powers.append(reduce(tm.times, chosen))
-    constants = [tm.EMPTY, *_constants(motion, material)][:3]
-    squares = [tm.times(a, b) for a, b in itertools.combinations_with_replacement(constants, 2)]
-    return tm.distinct(squares), families.position_monomials(material, letters), powers
-
-
-def _constants(motion: ConstrainedMotion, material: tm.Material) -> list[tm.Monomial]:
-    """The parametric part of each term of f, such as g*sin(alpha)."""
+def _constant_parts(motion: ConstrainedMotion, keys: Iterable[tm.Monomial]) -> list[tm.Monomial]:
+    """The parametric part of each term, such as g*sin(alpha)."""
     moving: list[ex.Expression] = [ex.TIME, *map(ex.Symbol, motion.coordinates), *map(ex.Velocity, motion.coordinates)]
-    found: list[tm.Monomial] = []
-    for terms in material.motion.forces:
-        for key in terms:
-            part = frozenset(
-                (letter, e) for letter, e in key if not isinstance(letter, ex.Number) and not ex.holds(letter, *moving)
-            )
-            found += [part] if part else []
-    return tm.distinct(found)
+    parts = (
+        frozenset((p, e) for p, e in key if not isinstance(p, ex.Number) and not ex.holds(p, *moving)) for key in keys
+    )
+    return tm.distinct([part for part in parts if part])
