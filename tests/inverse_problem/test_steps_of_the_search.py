@@ -1,0 +1,65 @@
+"""Steps of the search: gauges, regular Lagrangians only."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import pytest
+
+from inverse_service.decision import deciding
+from inverse_service.expressions import calculus, tree as ex
+from inverse_service.mechanics import euler_lagrange
+from inverse_service.mechanics.second_order_system import read_system
+from inverse_service.reading import names as nm, reader
+from inverse_service.search import ansatz, ladder, terms as tm, tidy
+
+
+def terms(text: str) -> tm.Terms:
+    return tm.terms_of(reader.read_formula(text, nm.Names(("x", "y"), (), {})))
+
+
+@pytest.mark.parametrize("weight", [3, -2, Fraction(1, 2)])
+def test_total_derivatives_are_left_out_of_a_lagrangian(weight: Fraction | int) -> None:
+    kinetic, gauge = terms("x'^2/2 + y'^2/2"), terms("x*y' + y*x'")
+    assert ansatz.without_gauge(tm.add_terms(kinetic, gauge, weight), [gauge]) == kinetic
+
+
+def test_what_is_no_total_derivative_stays_in_a_lagrangian() -> None:
+    magnetic = terms("x'^2/2 + y'^2/2 + x*y'/2 - y*x'/2")
+    assert ansatz.without_gauge(magnetic, [terms("x'^2"), terms("x*y' + y*x'")]) != terms("y'^2/2")
+    total = ansatz.without_gauge(magnetic, [terms("x*y' + y*x'")])
+    names, still = ("x", "y"), (ex.Symbol("a"), ex.Symbol("b"))
+    found, given = (euler_lagrange.euler_lagrange_residual(tm.tree_of(one), names, still) for one in (total, magnetic))
+    assert found == given
+
+
+def test_a_linear_term_vanishes_at_the_pole_where_the_kinetic_energy_does() -> None:
+    """cos(u)^2 p' is not continuous at the pole u = 0 of the sphere, where p has no direction; -sin(u)^2 p' is."""
+    system = read_system(["u", "p"], {"u": "(p'^2 - 2*B*p')*sin(u)*cos(u)", "p": "2*(B - p')*u'*cos(u)/sin(u)"}, ["B"])
+    names = nm.Names(("u", "p"), ("B",), {})
+    given = reader.read_formula("u'^2/2 + sin(u)^2*p'^2/2 + B*cos(u)^2*p'", names)
+    shown = tidy.tidied(given, system)
+    residuals = euler_lagrange.euler_lagrange_residual(shown, system.coordinates, system.accelerations)
+    assert {str(tm.collected(each)) for each in residuals} == {str(ex.ZERO)}
+    momentum = calculus.differentiate(shown, ex.Velocity("p"))
+    at_pole = ex.substitute(momentum, {ex.Symbol("u"): ex.ZERO})
+    assert (
+        calculus.evaluate(at_pole, {ex.Velocity("p"): 3, ex.Velocity("u"): 2, ex.Symbol("B"): 5, ex.Symbol("p"): 1})
+        == 0
+    )
+
+
+@pytest.mark.parametrize(
+    ("lagrangian", "holds"),
+    [
+        ("x'^2/2 + y'^2/2", True),
+        ("x'*y'", True),
+        ("(x' + y')^2/2", False),
+        ("x*y' - y*x'", False),
+        ("x'^2/2 - x", False),
+    ],
+)
+def test_the_search_takes_regular_lagrangians_only(lagrangian: str, holds: bool) -> None:
+    analysis = deciding.analyze(read_system(["x", "y"], {"x": "0", "y": "0"}))
+    tree = reader.read_formula(lagrangian, nm.Names(("x", "y"), (), {}))
+    assert ladder.holds_numerically(analysis, tree, 1) is holds
