@@ -2,7 +2,8 @@
 
 Between two recorded points a method is continued by its own step of length theta h, theta from 0 to 1, which for theta
 = 1 is the whole step. The sign is examined at PIECES such points of each step, and where the formula turns towards 0
-between them at its turning point, so that two zeros within a step are found. Of all crossings at once theta is found by
+between them at its turning point, so that two zeros within a step are found. Between these points `enclosures` bounds
+all but linear formulas: what is narrower is found too, or a note says so. Of all crossings at once theta is found by
 regula falsi (Illinois; M. Dowell, P. Jarratt, BIT 11 (1971) 168), in SIMD lanes. Methods that have no such step are
 continued by `adaptive` from the point before. The period of an orbit is the time between its returns to a section.
 """
@@ -22,7 +23,14 @@ from inverse_service import errors
 from inverse_service.expressions import arrays, tree as ex
 from inverse_service.integrators import method_table, trajectory
 from inverse_service.integrators.trajectory import Trajectory
-from inverse_service.simulation import execution, initial, numeric_formulas as nf, observing, scene_data as data
+from inverse_service.simulation import (
+    enclosures,
+    execution,
+    initial,
+    numeric_formulas as nf,
+    observing,
+    scene_data as data,
+)
 from inverse_service.simulation.sentences import say
 
 Point = tuple[float, trajectory.Array, trajectory.Array]  # a time, position and velocity (n,)
@@ -38,8 +46,6 @@ FLAT = 1e-3
 SECTIONS, CLOSEST = 16, 1e-9  # points that are looked at together, and the last interval in distances of places
 CLOSE = 0.1  # of the size of a motion: a return to its start
 TOUCH, TOUCH_FROM = 1e-13, 1e-6  # of its greatest value, and of a step from the ends of the run
-LOOKED_AGAIN, OFF_GRID = 512, (0.1, 0.23, 0.382)  # places between those looked at, in parts of their distance
-NOT_SHOWN, OFTEN = 0.25, 0.01  # of the change nearby, and of the places
 Motion = Callable[[], data.Problem]  # the motion as q'' = f; Unavailable where that is not known
 Follow = Callable[[NDArray[np.int64], trajectory.Array], State]
 
@@ -138,8 +144,15 @@ def _located(run: observing.Observed, event: data.Event, follow: Follow | None) 
         if follow is None:
             turns = (np.sign(along[1:]) != np.sign(along[:-1])).any()
             return replace(nothing, note=say("event_without_velocities") if turns else "")
+        assert run.velocities is not None
         way = Way(ran.times, along, follow, value)
-        brackets, touched, unseen = _brackets(way, event.direction)
+        points = ran.times, ran.positions, run.velocities
+        fine, states, pieces = _examined(way, points)
+        curve = enclosures.Curve(scene.coordinates, *states, scene.values)
+        between, unseen = np.empty(0), enclosures.is_rough(curve, lambda k, shares: way.between(k, shares, pieces)[1:])
+        if not unseen and not enclosures.is_plain(event.formula, scene.coordinates):
+            between, unseen = enclosures.hidden(event.formula, curve, fine)
+        brackets, touched = _brackets(way, event.direction, fine, between / pieces)
         lost = int(np.isnan(along).sum())
         note = say("events_unseen") if unseen else say("zero_touched", touched[0]) if len(touched) else ""
         note = say("event_without_value", lost, len(along)) if lost else note
@@ -176,6 +189,11 @@ class Way:
         """The states a share of the step behind the points at these places."""
         return self.follow(places, shares * (self.times[places + 1] - self.times[places]))
 
+    def between(self, places: NDArray[np.int64], shares: trajectory.Array, pieces: int) -> State:
+        """The states a share of the intervals behind these points, `pieces` to a step."""
+        steps, inner = np.divmod(places, pieces)
+        return self.at(steps, (inner + shares) / pieces)
+
     def values(self, shares: trajectory.Array) -> trajectory.Array:
         """The formula at `shares`, in steps from the first point."""
         places = np.minimum(shares.astype(np.int64), len(self.times) - 2)
@@ -193,38 +211,40 @@ class Brackets:
     above: trajectory.Array
 
 
-def _is_unseen(way: Way, fine: trajectory.Array, pieces: int) -> bool:
-    """Whether the formula between the points has values that the cubic through four of them does not show."""
-    places = np.unique(np.linspace(1, len(fine) - 3, LOOKED_AGAIN).astype(np.int64))
-    part = np.resize(OFF_GRID, len(places))
-    a, b, c, d = fine[places - 1], fine[places], fine[places + 1], fine[places + 2]
-    cubic = b + part * ((c - a) / 2 + part * (a - 2.5 * b + 2 * c - d / 2 + part * (1.5 * (b - c) + (d - a) / 2)))
-    apart = np.abs(way.values((places + part) / pieces) - cubic)
-    change = np.ptp(np.stack([a, b, c, d]), axis=0)
-    noise = TOUCH * np.abs(fine).max(initial=0.0, where=np.isfinite(fine))
-    return bool((apart > NOT_SHOWN * change + noise).mean() > OFTEN)
-
-
-def _brackets(way: Way, direction: int) -> tuple[Brackets, trajectory.Array, bool]:
-    """The changes of sign along a run, rising (direction 1), falling (-1) or both (0), the times at which the formula
-    is 0 and does not change it, and whether it has more of them than the points show.
-
-    Each step is examined at PIECES points and, where the formula turns towards 0 between them, at its turning point.
-    """
+def _examined(way: Way, points: State) -> tuple[trajectory.Array, State, int]:
+    """The formula and the states, (m,) and (m, n), at PIECES places of each step, or less in a long run, and how many
+    there are in a step; `points` are those of the run."""
     steps = len(way.times) - 1
     pieces = int(np.clip(MOST_PLACES // steps, LEAST_PIECES, PIECES))
-    inner = np.arange(1, pieces) / pieces
-    places = np.repeat(np.arange(steps), pieces - 1)
-    fine = np.empty(steps * pieces + 1)
-    fine[::pieces] = way.along
-    shares = np.tile(inner, steps)
-    chunks = [slice(k, k + AT_ONCE) for k in range(0, len(places), AT_ONCE)]
-    fine[np.arange(len(fine)) % pieces != 0] = np.concatenate([way.value(way.at(places[k], shares[k])) for k in chunks])
+    places, shares = np.repeat(np.arange(steps), pieces - 1), np.tile(np.arange(1, pieces) / pieces, steps)
+    chunks = [way.at(places[k : k + AT_ONCE], shares[k : k + AT_ONCE]) for k in range(0, len(places), AT_ONCE)]
+    inner = tuple(map(np.concatenate, zip(*chunks, strict=True)))
+    fine, between = np.empty(steps * pieces + 1), np.arange(steps * pieces + 1) % pieces != 0
+    fine[::pieces], fine[between] = way.along, np.concatenate([way.value(chunk) for chunk in chunks])
+    states = []
+    for known, more in zip(points, inner, strict=True):
+        whole = np.empty((len(fine), *known.shape[1:]))
+        whole[::pieces], whole[between] = known, more
+        states.append(whole)
+    return fine, (states[0], states[1], states[2]), pieces
+
+
+def _brackets(
+    way: Way, direction: int, fine: trajectory.Array, between: trajectory.Array
+) -> tuple[Brackets, trajectory.Array]:
+    """The changes of sign along a run, rising (direction 1), falling (-1) or both (0), and the times at which the
+    formula is 0 and does not change it.
+
+    Each step is examined at its `fine` points, at places `between` them, in steps from the first point, and where the
+    formula turns towards 0, at its turning point.
+    """
+    steps = len(way.times) - 1
+    pieces = (len(fine) - 1) // steps
     turned, least = _turning_points(way, fine, pieces)
     size = np.abs(fine).max(initial=0.0, where=np.isfinite(fine))
     touching = (np.abs(least) <= TOUCH * size) & (turned > TOUCH_FROM) & (turned < steps - TOUCH_FROM)
-    shares = np.concatenate([np.arange(len(fine)) / pieces, turned[~touching]])
-    values = np.concatenate([fine, least[~touching]])
+    shares = np.concatenate([np.arange(len(fine)) / pieces, turned[~touching], between])
+    values = np.concatenate([fine, least[~touching], way.values(between) if len(between) else between])
     order = np.argsort(shares, kind="stable")
     shares, values = shares[order], values[order]
     k = np.minimum(((shares[:-1] + shares[1:]) / 2).astype(np.int64), steps - 1)
@@ -234,7 +254,7 @@ def _brackets(way: Way, direction: int) -> tuple[Brackets, trajectory.Array, boo
     kept = np.isin(sense, (direction,) if direction else (1, -1))
     low, high, below, above = (column[kept] for column in (shares[:-1] - k, shares[1:] - k, below, above))
     moments = np.interp(turned[touching], np.arange(steps + 1), way.times)
-    return Brackets(k[kept], low, high, below, above), moments, _is_unseen(way, fine, pieces)
+    return Brackets(k[kept], low, high, below, above), moments
 
 
 def _signed(values: trajectory.Array) -> trajectory.Array:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from inverse_service.service.scenes.simulating import simulate
+from tests.values import slow
 
 OSCILLATOR = {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}
 METHODS = ["adaptive", "reference", {"method": "stormer-verlet", "order": 8}]
@@ -83,8 +84,47 @@ def test_a_formula_that_jumps_has_an_event_at_every_jump() -> None:
     assert events("1/x")["count"] == events("tan(x)")["count"] - 3 == 0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("rate", [1000, 2 * np.pi * 16 / 0.3, 350])
-def test_a_formula_that_is_too_fast_for_the_places_says_so(rate: float) -> None:
-    assert "events may be missing" in events(f"sin({rate!r}*t + 1/2)")["note"]
-    assert "note" not in events("sin(100*t + 1/2)")["events"][0]
+@pytest.mark.parametrize("rate", [100, 350, slow(1000), slow(2 * np.pi * 16 / 0.3)])
+def test_a_formula_that_is_faster_than_the_examined_points_has_all_its_events(rate: float) -> None:
+    found = events(f"sin({rate!r}*t + 1/2)")
+    numbers = np.arange(1, np.floor((12 * rate + 0.5) / np.pi) + 1)
+    assert np.array(found["columns"]["t"]) == pytest.approx((numbers * np.pi - 0.5) / rate, rel=1e-12)
+    assert "note" not in found["events"][0]
+
+
+@pytest.mark.parametrize("when", ["sin(10^8*t + 1/2)", "exp(-((t - 7.3)/10^-14)^2) - 1/2"])
+def test_a_formula_that_is_too_fast_says_so(when: str) -> None:
+    assert "events may be missing" in events(when)["note"]
+
+
+PASSES = {
+    "exp(-((x - 7.3)/0.001)^2) - 1/2": 0.001 * np.sqrt(np.log(2)),
+    "exp(-((x - 7.3)/10^-7)^2) - 1/2": 1e-7 * np.sqrt(np.log(2)),
+    "1/(1 + (10^4*(x - 7.3))^2) - 1/2": 1e-4,
+    "abs(x - 7.3) - 10^-6": 1e-6,
+    "1/sqrt((x - 7.3)^2 + 10^-8) - 1000": np.sqrt(1e-6 - 1e-8),
+    "sech(10^5*(x - 7.3)) - 1/2": np.arccosh(2) / 1e5,
+    "log((x - 7.3)^2 + 10^-12) + 20": np.sqrt(np.exp(-20) - 1e-12),
+    "(x - 7.3)^2 - 10^-10": 1e-5,
+}
+
+
+@pytest.mark.parametrize("step", [1, 0.5])
+@pytest.mark.parametrize("when", PASSES)
+def test_an_event_that_is_narrower_than_a_step_is_found(when: str, step: float) -> None:
+    """x = t passes two zeros at 7.3 with and without half the width."""
+    free = {"system": {"coordinates": ["x"], "lagrangian": "x'^2/2"}, "step": step, "time": 10}
+    found = events(when, **free)
+    half = PASSES[when]
+    assert found["columns"]["t"] == pytest.approx([7.3 - half, 7.3 + half], abs=1e-9 + 1e-6 * half)
+    direction = -1 if when.endswith(("- 10^-6", "+ 20", "- 10^-10")) else 1
+    turned = {"when": when, "direction": direction, "do": {"set": {"x'": "-x'"}}}
+    back = events("", **free, events=[turned])
+    assert back["count"] == 1
+    assert back["final"]["positions"]["x"] == pytest.approx(14.6 - 2 * half - 10, abs=1e-8)
+
+
+@pytest.mark.parametrize("when", ["1/(x - 7.3)^2", "(x - 7.3)^2 + 10^-12", "1/(x - 7.3)", "exp(-(10^4*(x - 7.3))^2)"])
+def test_what_comes_near_zero_or_has_a_pole_is_no_event(when: str) -> None:
+    found = events(when, system={"coordinates": ["x"], "lagrangian": "x'^2/2"}, step=1, time=10)
+    assert found["count"] == 0
