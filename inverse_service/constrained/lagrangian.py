@@ -15,7 +15,7 @@ from itertools import combinations, count, islice
 
 import numpy as np
 
-from inverse_service import bounds, errors
+from inverse_service import bounds
 from inverse_service.constrained.reduced import reduced_system
 from inverse_service.deadline import OutOfTime, check, left, now, until, within
 from inverse_service.decision import deciding
@@ -271,7 +271,7 @@ def find_lagrangians(motion: ConstrainedMotion, with_time: bool, seed: int, dead
         with until(deadline), within(bounds.WORK):
             analysis = _analysis(motion, deadline)
             return _first_graded(motion, tm.gather_material(analysis, with_time), analysis, seed)
-    except (errors.IrreducibleAtoms, tm.TooManyTerms, OutOfTime):
+    except (*ansatz.NO_POINTS, tm.TooManyTerms, OutOfTime):
         return []
 
 
@@ -305,8 +305,9 @@ def _first_graded(
     squares, known = _squares(motion), list[ansatz.Combination]()
     for inverted in _inverted(motion):
         blocks = _blocks(motion, material, rates, inverted)
+        # One for all degrees, at whose points the roots in all of them exist.
+        sampler = ansatz.sampler_of(analysis, (tm.times(tm.EMPTY, b.product, e) for b in blocks for e in b.exponents))
         for candidates in grading.products_by_degree(blocks, gradings, _LIMITS, _MOST_PRODUCTS, bounds.LARGE):
-            sampler = ansatz.sampler_of(analysis, candidates)
             space = _solve_ansatz(sampler, candidates, seed)
             if not space.combinations:
                 continue

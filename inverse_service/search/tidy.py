@@ -16,7 +16,7 @@ import mpmath
 from inverse_service import bounds, deadline, errors
 from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import Lagrangian
-from inverse_service.expressions import collecting, printing, tree as ex
+from inverse_service.expressions import calculus, collecting, printing, tree as ex
 from inverse_service.field import exact_field, modular, real_branch, tower as towers
 from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -704,11 +704,37 @@ def with_plain_forces(analysis: deciding.Analysis) -> deciding.Analysis:
 
     Its Lagrangians are verified with f as given.
     """
-    forces = tuple(map(partial(_plainer, analysis.tower), analysis.system.accelerations))
+    forces = tuple(map(partial(_plainer, analysis.tower), _without_hidden_zeros(analysis)))
     if forces != analysis.system.accelerations:
         with suppress(errors.IrreducibleAtoms):
             return deciding.analyze(replace(analysis.system, accelerations=forces))
     return analysis
+
+
+def _without_hidden_zeros(analysis: deciding.Analysis) -> tuple[ex.Expression, ...]:
+    """f without the coefficients of velocities that vanish by relations among atoms, such as tan(pi/8) + 1 - sqrt(2).
+
+    They are small at the real point and zero modulo a prime at a point of the tower, which has all relations.
+    """
+    given = analysis.system.accelerations
+    table = analysis.real_point
+    if table is None or not any(isinstance(node, ex.Apply | ex.Power) for node in ex.distinct_nodes(given)):
+        return given
+    point = towers.draw_point(analysis.tower, 1)
+
+    def is_zero(coefficient: tm.Terms) -> bool:
+        tree = tm.tree_of(coefficient)
+        return real_branch.is_small(tree, table) and modular.evaluate(towers.to_kernels(tree), point) == 0
+
+    shown = []
+    for f in given:
+        with suppress(*tm.FAILED, modular.SingularPoint, calculus.NoRealValue), mpmath.workdps(bounds.DIGITS):
+            groups = tm.grouped(tm.terms_of(f), tm.has_velocity)
+            kept = {moving: part for moving, part in groups.items() if len(part) == 1 or not is_zero(part)}
+            if len(kept) < len(groups):
+                f = ex.add(*(tm.tree_of(part) * tm.monomial_tree(moving) for moving, part in kept.items()))
+        shown.append(f)
+    return tuple(shown)
 
 
 def _plainer(tower: towers.Tower, force: ex.Expression) -> ex.Expression:
