@@ -30,9 +30,10 @@ from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.kernels.codegen import program as programs
 from inverse_service.kernels.codegen.compiled import Card, Compiled, compiled
 from inverse_service.kernels.codegen.kernel import CONTROL, MOST_TRIES
+from inverse_service.kernels.codegen.looped import looped
 from inverse_service.kernels.codegen.symengine_trees import Formula
 from inverse_service.kernels.machine_code.loading import processor_features
-from inverse_service.simulation import peers, schemes
+from inverse_service.simulation import looping, peers, schemes
 from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, formulas_of
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start, Stop
 from inverse_service.simulation.sentences import say
@@ -74,6 +75,8 @@ def kernel_of(formulas: Formulas, choice: MethodChoice, observation: Observation
         formulas.problem, choice.method, choice.form, order, tuple(map(str, schemes.parts_of(choice))),
         str(schemes.alpha_of(choice)), choice.guard, observation,
     )  # fmt: skip
+    if looping.is_looped(formulas.problem, choice):  # one lane after the other
+        return looped(identity, lambda: looping.program_of(formulas.problem, choice, observation))
     return compiled(identity, lambda: schemes.program_of(formulas, choice, observation), lanes)
 
 
@@ -158,7 +161,10 @@ def prepared(
     if isinstance(begin, Outcome):
         return Trajectory.of_start(grid.begin, start.positions, None, begin)
     found = Prepared(formulas, choice, kernel_of(formulas, choice, observation), begin)
-    if choice.method != "adaptive" or formulas.depends_on_velocities:
+    if choice.method != "adaptive":
+        return found
+    own = problem.accelerations is None
+    if looping.depends_on_velocities(problem) if own else formulas.depends_on_velocities:
         return found
     # More than MANY steps from one point of the grid to the next: a few show it, where they are a small part of all.
     steps = min(_FIRST_OWN, grid.steps // FEW)
@@ -427,7 +433,7 @@ def initial(f: Formulas, choice: MethodChoice, start: Start, arguments: Columns)
     table = {**arguments, **_named("q", start.positions), **_named("v", start.velocities)}
     if choice.method in method_table.POINT_METHODS:
         at = tuple((name, value) for name, value in table.items() if name not in ("h", "a"))
-        return no_one_motion(f, choice.method == "stiff", at) or table
+        return no_one_motion(f, choice.method == "stiff", at) or table | looping.first_signs(f.problem, choice, table)
     momenta = None if start.momenta is None or choice.method == "modified" else np.array(start.momenta)
     if start.convention == "discrete_constraint":
         if choice.order > 2:
@@ -436,7 +442,7 @@ def initial(f: Formulas, choice: MethodChoice, start: Start, arguments: Columns)
         table |= _named("v", velocities)
     elif momenta is not None:
         return carried(f, choice, table, momenta)
-    found = carried(f, choice, table, momenta)
+    found = carried(f, choice, table, momenta) | looping.first_signs(f.problem, choice, table)
     undefined = undefined_force(f, f.forces, table)
     if undefined is None and f.problem.depends_on_time:  # elsewhere L~ may be 0/0 at the start
         undefined = undefined_force(f, [f.discretized(choice.method).diff(x) for x in f.symbols("q")], table)
@@ -450,9 +456,12 @@ def initial(f: Formulas, choice: MethodChoice, start: Start, arguments: Columns)
 
 def carried(f: Formulas, choice: MethodChoice, columns: Columns, momenta: Array | None) -> Columns:
     """Columns with q and v as a method on (q, p) carries them: momenta, those given or dL/dv, and rates."""
+    is_own = choice.method == "nonholonomic" or looping.uses_own_lagrangian(f.problem)
+    if momenta is None and is_own:
+        momenta = looping.momenta_at(f.problem, columns)
     if momenta is None:  # of L~ with the constraints put in, which hold, so that common factors A_alpha cancel
-        given = f.on_constraints if choice.method != "nonholonomic" else {}
-        momenta = f.rows([f.discretized(choice.method).diff(v).subs(given) for v in f.symbols("v")], columns)
+        slopes = [f.discretized(choice.method).diff(v).subs(f.on_constraints) for v in f.symbols("v")]
+        momenta = f.rows(slopes, columns)
     kept = [k for k in range(f.size) if choice.method != "modified" or k not in f.dependent]
     others = {name: value for name, value in columns.items() if name[0] != "v"}
     rates = {f"d{k}_rate": columns[f"v{k}"] for k in range(f.size)}
@@ -511,7 +520,7 @@ def no_one_motion(f: Formulas, by_slopes: bool, at: tuple[tuple[str, float], ...
     """
     table = dict(at)
     if f.problem.accelerations is None:
-        return undefined_force(f, f.linear_motion[1], table)
+        return looping.without_force(f.problem, table)
     undefined = undefined_force(f, f.accelerations, table)
     if undefined is not None or not f.walls_of(f.problem.accelerations or ()):
         return undefined
@@ -558,6 +567,7 @@ def run_ensemble(
     f = Formulas(problem)
     lanes = 8 if "+avx512f" in processor_features() else 4  # doubles that a core takes at once
     columns = arguments_of(problem, choice, grid, values) | _named("q", positions) | _named("v", velocities)
+    columns |= looping.first_signs(problem, choice, columns)
     columns |= ({} if steps is None else {"h": steps}) | ({} if begins is None else {str(MOMENT): begins})
     if choice.method not in method_table.POINT_METHODS:
         columns = carried(f, choice, columns, momenta)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Hashable
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import llvmlite.binding as llvm
 import numpy as np
@@ -38,7 +38,7 @@ def code_digest() -> str:
 
 
 @lru_cache(maxsize=256)
-def _text_digest(identity: Hashable) -> str:
+def text_digest(identity: Hashable) -> str:
     """To write the text of a problem takes milliseconds."""
     return hashlib.sha256(repr(identity).encode()).hexdigest()
 
@@ -69,6 +69,12 @@ def object_code(ir: str, thorough: bool = False) -> bytes:
             passes.add_new_gvn_pass()
     passes.run(module, builder)
     return bytes(machine.emit_object(module))
+
+
+class Stepper(Protocol):
+    """Runs steps: see `Machine.call`."""
+
+    def call(self, memory: Array, weights: Array, control: NDArray[np.int64], record: Array) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +118,7 @@ class Compiled:
     """A kernel ready to run; `seconds` by stage: "write", "compile", "load" (0 where it was found)."""
 
     card: Card
-    machine: Machine
+    machine: Stepper
     seconds: dict[str, float]
 
 
@@ -122,13 +128,18 @@ _CARD = TypeAdapter(Card)  # as JSON gives it back
 
 def compiled(identity: Hashable, make: Callable[[], Program], lanes: int = 1) -> Compiled:
     """The kernel of the program that `make` builds; `identity` says all on which the program depends."""
-    digest = hashlib.sha256(f"{code_digest()} {_text_digest(identity)} {lanes}".encode()).hexdigest()
+    return kept(f"{text_digest(identity)} {lanes}", _from_disk, lambda digest: _made(digest, make, lanes))
+
+
+def kept(name: str, stored: Callable[[str], Compiled | None], made: Callable[[str], Compiled]) -> Compiled:
+    """The kernel of this name in memory, else what is stored or made under the digest of its name and of our code."""
+    digest = hashlib.sha256(f"{code_digest()} {name}".encode()).hexdigest()
     with _lock:  # LLVM's global context takes one thread at a time
         if (known := loaded_kernels.get(digest)) is not None:
             return Compiled(known.card, known.machine, {})
         if len(loaded_kernels) >= MOST_IN_MEMORY:
             loaded_kernels.clear()  # from disk they are loaded again in a millisecond
-        found = loaded_kernels[digest] = _from_disk(digest) or _made(digest, make, lanes)
+        found = loaded_kernels[digest] = stored(digest) or made(digest)
     return found
 
 

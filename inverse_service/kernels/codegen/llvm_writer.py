@@ -41,10 +41,10 @@ _ROUND = 6755399441055744.0  # 1.5 * 2^52: adding it rounds to an integer and sh
 SIGNATURE = "ptr noalias %memory, ptr noalias %weights, ptr noalias %control, ptr noalias %record"
 GROUPS = (Path(__file__).parent / "groups.ll").read_text(encoding="utf-8")  # runs kernel after kernel
 # Of numbers, and of counters.
-_OPERATIONS = {"+": ("fadd", "add nsw"), "-": ("fsub", ""), "*": ("fmul", "mul nsw"), "/": ("fdiv", "")}
+_OPERATIONS = {"+": ("fadd", "add nsw"), "-": ("fsub", "sub nsw"), "*": ("fmul", "mul nsw"), "/": ("fdiv", "")}
 _COMPARISONS = {
     "<": ("fcmp olt", "icmp slt"), "<=": ("fcmp ole", ""), ">": ("fcmp ogt", "icmp sgt"), ">=": ("fcmp oge", ""),
-    "==": ("fcmp oeq", ""), "!=": ("fcmp une", ""),
+    "==": ("fcmp oeq", "icmp eq"), "!=": ("fcmp une", "icmp ne"),
 }  # fmt: skip
 _INTRINSICS = frozenset(("sqrt", "exp", "log", "pow", "fabs", "fma"))
 _LIBRARY = frozenset(name for name, row in functions.FUNCTION.items() if row.library)
@@ -232,7 +232,7 @@ class LlvmWriter:
     def _address(self, array: str, place: int | Value, kind: str) -> str:
         return self.new(f"getelementptr {kind}, ptr %{array}, i64 {self._text(place, True)}").text
 
-    def load(self, array: str, place: int, is_counter: bool = False) -> Value:
+    def load(self, array: str, place: int | Value, is_counter: bool = False) -> Value:
         kind = "i64" if is_counter else self.type
         return self.new(f"load {kind}, ptr {self._address(array, place, kind)}, align 8", is_counter)
 
@@ -245,9 +245,9 @@ class LlvmWriter:
         mask = f"<{self.lanes} x i32> zeroinitializer"
         return self.new(f"shufflevector {self.type} {first}, {self.type} poison, {mask}")
 
-    def store(self, array: str, place: int | Value, value: Value) -> None:
-        kind = "i64" if value.is_counter else self.type
-        self.lines.append(f"  store {kind} {value.text}, ptr {self._address(array, place, kind)}, align 8")
+    def store(self, array: str, place: int | Value, value: Operand) -> None:
+        kind = "i64" if isinstance(value, Value) and value.is_counter else self.type
+        self.lines.append(f"  store {kind} {self._text(value)}, ptr {self._address(array, place, kind)}, align 8")
 
     def everywhere(self, condition: Value) -> Value:
         if self.lanes == 1:

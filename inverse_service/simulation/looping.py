@@ -1,0 +1,148 @@
+"""Which steps run in the loops of `kernels.codegen.loops`, and their programs from the graph of a scene.
+
+A step that is written out for its scene is faster where it is short. Compiled code grows with it, by the number of
+stages and by eliminations, while loops call the formulas of the scene, which are compiled once.
+"""
+
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from inverse_service.expressions import printing, tree as ex
+from inverse_service.integrators import method_table
+from inverse_service.integrators.trajectory import Outcome
+from inverse_service.kernels.codegen import graph as graphs, looped
+from inverse_service.kernels.codegen.kernel import ROUND_OFF_AT_START
+from inverse_service.simulation import numeric_formulas as nf, scene_data as data
+from inverse_service.simulation.scene_graph import MOMENT, PLACE, SETTING, SPEED, STEP, SceneGraph, graph_of
+from inverse_service.simulation.sentences import say
+
+SMALL = 2  # coordinates up to which no step is long
+LONG, COUPLED = 4000, 6  # operations of a step; coordinates on one side of the diagonal of its matrix
+MOVING = MOMENT | PLACE | SPEED
+EXPLICIT, OWN = ("adaptive", "runge_kutta"), ("hamiltonian", "raw")
+
+
+def uses_own_lagrangian(problem: data.Problem) -> bool:
+    """Whether L~ is the regular L of a scene without constraints, so that no H is needed: p = L_v determines v."""
+    return problem.free_hamiltonian is None and problem.free_lagrangian == problem.lagrangian is not None
+
+
+@lru_cache(maxsize=64)
+def is_looped(problem: data.Problem, choice: data.MethodChoice) -> bool:
+    """Whether the steps of a method run in loops: those that are long, of methods that have loops."""
+    if len(problem.coordinates) <= SMALL or not _has_loops(problem, choice):
+        return False
+    if nf.switching_functions(problem.formulas, problem.coordinates):
+        return False
+    try:
+        program = program_of(problem, choice, ())
+    except graphs.NotInGraph:
+        return False
+    plan = looped.plan_of(program)
+    below, above, rows = (plan.numbers[name] for name in ("below", "above", "rows"))
+    size = len(program.graph.operations(program.outputs["evaluate"])) + rows * below * (below + above)
+    return below >= COUPLED or size * plan.numbers.get("stages", 1) > LONG
+
+
+def _has_loops(problem: data.Problem, choice: data.MethodChoice) -> bool:
+    if choice.method in EXPLICIT:
+        return problem.lagrangian is not None or problem.accelerations is not None
+    if choice.symmetrised and choice.alpha != 0.5:
+        return False
+    own = choice.method == "variational" and choice.form in OWN and uses_own_lagrangian(problem)
+    return own or choice.method == "nonholonomic"
+
+
+def program_of(problem: data.Problem, choice: data.MethodChoice, observation: data.Observation) -> looped.LoopProgram:
+    """The program of a method; raises NotInGraph where a formula is none of numbers."""
+    scene = graph_of(problem)
+    g, n, watches = scene.graph, scene.size, list[tuple[str, int, str, str]]()
+    observed = [(one.name, g.node(one.expression)) for one in observation]
+    explicit, tableau = choice.method in EXPLICIT, 0
+    if explicit:
+        orders = method_table.PAIRS if choice.method == "adaptive" else (*method_table.TABLEAUX,)
+        tableau = choice.order if choice.order in orders else orders[0]
+    if choice.guard and choice.method != "adaptive":
+        watches = [("sign", g.node(wall), printing.to_text(wall), say("regular_motion")) for wall in walls_of(problem)]
+    parts: dict[str, Any]
+    if not explicit:
+        right, entries, pushes = scene.discrete
+        parts = {"right": right, "entries": entries, "pushes": pushes}
+    elif problem.accelerations is not None:
+        parts = {"right": scene.accelerations}
+    else:
+        parts = dict(zip(("right", "entries"), scene.linear, strict=True))
+    is_adaptive = choice.method == "adaptive"
+    if is_adaptive and problem.depends_on_time:
+        parts["noise"] = scene.terms()
+    moving = MOVING | (0 if explicit or choice.order <= 2 else STEP | SETTING)
+    return looped.LoopProgram(
+        g, n, len(problem.parameters), watches=watches, observed=observed, tableau=tableau, adaptive=is_adaptive,
+        moving=moving, **parts,
+    )  # fmt: skip
+
+
+def walls_of(problem: data.Problem) -> Iterator[ex.Expression]:
+    """Poles, ends and kinks of the formulas of a motion, whose signs stay."""
+    names = (*problem.coordinates, ex.TIME.name)
+    trees = (problem.lagrangian, *(problem.accelerations or ()), *problem.constraints, *problem.forces)
+    yield from dict.fromkeys(wall for tree in trees if tree is not None for wall in nf.walls(tree, names))
+
+
+def depends_on_velocities(problem: data.Problem) -> bool:
+    """Whether an acceleration does."""
+    scene = graph_of(problem)
+    right, entries = scene.linear
+    return any(scene.graph.masks[node] & SPEED for node in (*right, *entries.values()))
+
+
+def momenta_at(problem: data.Problem, columns: Mapping[str, Any]) -> Any:
+    """L_v at the numbers of a kernel by name, (..., n)."""
+    scene = graph_of(problem)
+    found = scene.graph.values(scene.momenta, _inputs(scene, columns))
+    return np.stack(np.broadcast_arrays(*found), axis=-1)
+
+
+def without_force(problem: data.Problem, columns: Mapping[str, Any]) -> Outcome | None:
+    """The outcome if a force of the scene has no value at the start: it is not finite, or divides by 0, or takes the
+    logarithm of 0, even if the value seems to be one, as atan(v/x) at x = 0."""
+    scene = graph_of(problem)
+    g, inputs = scene.graph, _inputs(scene, columns)
+    forces = scene.linear[0][: scene.size]
+    values = np.array(g.values(forces, inputs), dtype=float)
+    lost = ~np.isfinite(values)
+    below = g.below(forces)
+    divisors = {k: g.keys[k][1] for k in below if g.keys[k][0] == graphs.RECIPROCAL or g.keys[k][2] == "log"}
+    zeros = np.array(g.values([*divisors.values()], inputs), dtype=float) == 0.0
+    at_zero = {k for k, zero in zip(divisors, zeros, strict=True) if zero}
+    for k, name in enumerate(problem.coordinates):
+        if lost[k] or (at_zero and at_zero.intersection(g.below([forces[k]]))):
+            begin = float(columns["t"])
+            quantity = say("force_without_value", name, begin)
+            return Outcome("off_domain", 0, begin, quantity, None, say("begin_elsewhere_or_later"))
+    return None
+
+
+def first_signs(problem: data.Problem, choice: data.MethodChoice, columns: Mapping[str, Any]) -> dict[str, Any]:
+    """The signs that walls have at the start, where they are more than round-off: the first step may pass a zero."""
+    if not choice.guard or choice.method == "adaptive" or not is_looped(problem, choice):
+        return {}
+    scene, found = graph_of(problem), {}
+    g, inputs = scene.graph, _inputs(scene, columns)
+    with np.errstate(all="ignore"):
+        for place, wall in enumerate(map(g.node, walls_of(problem))):
+            slopes = g.gradient(wall, MOVING)
+            value, *rates = g.values([wall, *slopes.values()], inputs)
+            noise = sum(abs(rate * inputs[k]) for k, rate in zip(slopes, rates, strict=True))
+            found[f"watch_{place}"] = np.where(np.abs(value) > ROUND_OFF_AT_START * noise, np.sign(value), 0.0)
+    return found
+
+
+def _inputs(scene: SceneGraph, columns: Mapping[str, Any]) -> dict[int, Any]:
+    """The inputs of a graph from the numbers of a kernel by name."""
+    n, found = scene.size, {0: columns.get("t", 0.0)}
+    found |= {1 + k: columns[f"q{k}"] for k in range(n)} | {1 + n + k: columns[f"v{k}"] for k in range(n)}
+    return found | {3 + 2 * n + k: columns[f"c{k}"] for k in range(len(scene.problem.parameters))}

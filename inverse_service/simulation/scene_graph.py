@@ -1,0 +1,219 @@
+"""The formulas of a motion as one graph: L, its derivatives, constraints and forces; numbers at many points; programs.
+
+    momenta    p = L_v                     pulls   L_q + Q
+    masses     g = L_vv                    rates   L_vq v + L_vt, the change of p at constant v
+    linear     [[g, -w^T], [w, 0]] (q'', lambda) = (L_q + Q - L_vq v - L_vt, -w' v - c')
+
+A discrete step with weight alpha has u = (d, mu) as unknowns, at q + alpha d, d/h and t + alpha h:
+
+    L_v - (1 - alpha) h (L_q + Q) + mu w(q_k) = p_k,   w v + c = 0;   p_(k+1) = p_k + h (L_q + Q) - mu w(q_k)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+
+from inverse_service.expressions import tree as ex
+from inverse_service.integrators.trajectory import Array
+from inverse_service.kernels.codegen.graph import Graph
+from inverse_service.simulation.scene_data import Problem
+
+MOMENT, PLACE, SPEED, STEP, SETTING, PARAMETER, FORCE, BEGIN = (1 << k for k in range(8))  # kinds of leaves
+Nodes = list[int]
+Entries = dict[tuple[int, int], int]
+
+
+@dataclass(frozen=True)
+class SceneGraph:
+    """The graph of a problem; each part is added at first use. InputError for a name or function without a value."""
+
+    problem: Problem
+    graph: Graph = field(default_factory=Graph)
+
+    def __post_init__(self) -> None:
+        g, what = self.graph, self.problem
+        g.leaf(0, MOMENT, ex.TIME)
+        for k, name in enumerate(what.coordinates):
+            g.leaf(1 + k, PLACE, ex.Symbol(name))
+            g.leaf(1 + self.size + k, SPEED, ex.Velocity(name))
+        for k, name in enumerate(what.parameters):
+            g.leaf(3 + 2 * self.size + k, PARAMETER, ex.Symbol(name))
+
+    @property
+    def size(self) -> int:
+        """The number of coordinates."""
+        return len(self.problem.coordinates)
+
+    @cached_property
+    def step(self) -> int:
+        """h."""
+        return self.graph.leaf(1 + 2 * self.size, STEP)
+
+    @cached_property
+    def alpha(self) -> int:
+        """The weight of the end of a step."""
+        return self.graph.leaf(2 + 2 * self.size, SETTING)
+
+    @cached_property
+    def speeds(self) -> Nodes:
+        """v."""
+        return [self.graph.leaf(1 + self.size + k, SPEED) for k in range(self.size)]
+
+    @cached_property
+    def lagrangian(self) -> int:
+        """L, or the L~ of a problem that has no other."""
+        what = self.problem
+        tree = what.free_lagrangian if what.lagrangian is None else what.lagrangian
+        assert tree is not None
+        return self.graph.node(tree)
+
+    @cached_property
+    def _slopes(self) -> dict[int, int]:
+        return self.graph.gradient(self.lagrangian, PLACE | SPEED)
+
+    @cached_property
+    def momenta(self) -> Nodes:
+        """L_v."""
+        zero = self.graph.constant(0.0)
+        return [self._slopes.get(1 + self.size + k, zero) for k in range(self.size)]
+
+    @cached_property
+    def forces(self) -> Nodes:
+        """Q, empty without forces."""
+        return [self.graph.node(force) for force in self.problem.forces]
+
+    @cached_property
+    def pulls(self) -> Nodes:
+        """L_q + Q."""
+        zero = self.graph.constant(0.0)
+        found = [self._slopes.get(1 + k, zero) for k in range(self.size)]
+        return [self.graph.add(*pair) for pair in zip(found, self.forces, strict=True)] if self.forces else found
+
+    @cached_property
+    def masses(self) -> Entries:
+        """L_vv, entries that are not 0."""
+        found = {}
+        for row, momentum in enumerate(self.momenta):
+            for place, node in self.graph.gradient(momentum, SPEED).items():
+                if not self.graph.is_zero(node):
+                    found[row, place - 1 - self.size] = node
+        return found
+
+    @cached_property
+    def constraints(self) -> Nodes:
+        """w v + c."""
+        return [self.graph.node(tree) for tree in self.problem.constraints]
+
+    @cached_property
+    def forms(self) -> Entries:
+        """w, entries that are not 0, by constraint and coordinate."""
+        found = {}
+        for row, constraint in enumerate(self.constraints):
+            for place, node in self.graph.gradient(constraint, SPEED).items():
+                if not self.graph.is_zero(node):
+                    found[row, place - 1 - self.size] = node
+        return found
+
+    def _at_constant_speed(self, nodes: Sequence[int]) -> Nodes:
+        """The changes of nodes along q' = v, t' = 1."""
+        along = {1 + k: speed for k, speed in enumerate(self.speeds)}
+        return self.graph.rate(nodes, along | {0: self.graph.constant(1.0)})
+
+    @cached_property
+    def linear(self) -> tuple[Nodes, Entries]:
+        """The right-hand side and the entries of the equations for (q'', lambda)."""
+        g, n = self.graph, self.size
+        rates = self._at_constant_speed([*self.momenta, *self.constraints])
+        right = [g.subtract(*pair) for pair in zip(self.pulls, rates[:n], strict=True)]
+        right += [g.negative(rate) for rate in rates[n:]]
+        entries = dict(self.masses)
+        for (row, k), node in self.forms.items():
+            entries[n + row, k], entries[k, n + row] = node, g.negative(node)
+        return right, entries
+
+    @cached_property
+    def energy(self) -> int:
+        """v L_v - L."""
+        g = self.graph
+        double = g.total(g.multiply(*pair) for pair in zip(self.speeds, self.momenta, strict=True))
+        return g.subtract(double, self.lagrangian)
+
+    @cached_property
+    def discrete(self) -> tuple[Nodes, Entries, Nodes]:
+        """Of a step: left-hand sides (n + m,), their derivatives by the unknowns, and the rates of the momenta."""
+        g, n, m = self.graph, self.size, len(self.constraints)
+        rest = g.multiply(g.subtract(g.constant(1.0), self.alpha), self.step)
+        left = [g.subtract(p, g.multiply(rest, pull)) for p, pull in zip(self.momenta, self.pulls, strict=True)]
+        first = 3 + 2 * n + len(self.problem.parameters)
+        multipliers = [g.leaf(first + a, FORCE) for a in range(m)]
+        pushes, over, entries = list(self.pulls), g.reciprocal(self.step), Entries()
+        for i, node in enumerate((*left, *self.constraints)):
+            for place, slope in g.gradient(node, PLACE | SPEED).items():
+                moves = place > n
+                part = g.multiply(over if moves else self.alpha, slope)
+                j = place - 1 - n if moves else place - 1
+                entries[i, j] = g.add(entries[i, j], part) if (i, j) in entries else part
+        if m:
+            held = g.moved(list(self.forms.values()), {1 + k: g.leaf(first + m + k, BEGIN) for k in range(n)})
+            for (a, k), form in zip(self.forms, held, strict=True):
+                left[k] = g.add(left[k], g.multiply(multipliers[a], form))
+                pushes[k] = g.subtract(pushes[k], g.multiply(over, g.multiply(multipliers[a], form)))
+                entries[k, n + a] = form
+        return [*left, *self.constraints], entries, pushes
+
+    def terms(self) -> Nodes:
+        """The squares of the terms of each acceleration, as of a coordinate that moves alone, (n,)."""
+        g, n = self.graph, self.size
+        sums = self.accelerations if self.problem.accelerations is not None else self.linear[0][:n]
+        one = g.constant(1.0)
+        masses = {} if self.problem.accelerations is not None else self.masses
+        found = []
+        for k, node in enumerate(sums):
+            parts, mass = g.summands(node), masses.get((k, k), one)
+            total = g.total(g.multiply(part, part) for part in parts) if len(parts) > 1 else g.constant(0.0)
+            found.append(g.multiply(total, g.power(mass, -2)))
+        return found
+
+    @cached_property
+    def accelerations(self) -> Nodes:
+        """Those given by formulas."""
+        return [self.graph.node(tree) for tree in self.problem.accelerations or ()]
+
+    def inputs(
+        self, positions: Array, velocities: Array | None, values: Mapping[str, Any], times: Array | float = 0.0
+    ) -> dict[int, Any]:
+        """What leaves are at m points: positions and velocities (m, n), parameters numbers or (m,)."""
+        found: dict[int, Any] = {0: times}
+        found |= {1 + k: column for k, column in enumerate(positions.T)}
+        speeds = np.zeros_like(positions) if velocities is None else velocities
+        found |= {1 + self.size + k: column for k, column in enumerate(speeds.T)}
+        found |= {3 + 2 * self.size + k: values[name] for k, name in enumerate(self.problem.parameters)}
+        return found
+
+    def values(self, nodes: Sequence[int], inputs: Mapping[int, Any], count: int) -> Array:
+        """The values of nodes at `count` points, (nodes, count)."""
+        found = self.graph.values(nodes, inputs)
+        return np.array([np.broadcast_to(one, count) for one in found], dtype=float).reshape(len(nodes), count)
+
+    def saddle(self, inputs: Mapping[int, Any], count: int) -> Array:
+        """[[g, w^T], [w, 0]] at `count` points, (count, n + m, n + m)."""
+        n, m = self.size, len(self.constraints)
+        whole = np.zeros((count, n + m, n + m))
+        pairs = [*self.masses, *((n + a, k) for a, k in self.forms)]
+        found = self.values([*self.masses.values(), *self.forms.values()], inputs, count)
+        for (i, j), value in zip(pairs, found, strict=True):
+            whole[:, i, j] = value
+            if i >= n:
+                whole[:, j, i] = value
+        return whole
+
+
+@lru_cache(maxsize=8)
+def graph_of(problem: Problem) -> SceneGraph:
+    """The graph of a problem, which one use shares with another."""
+    return SceneGraph(problem)

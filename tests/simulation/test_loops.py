@@ -1,0 +1,104 @@
+"""Steps in loops are the steps that are written out for a scene; their graph has the derivatives of its formulas."""
+
+import itertools
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.scene_families import bodies, oscillators, pendulum
+from inverse_service.expressions import arrays, calculus, tree as ex
+from inverse_service.kernels.codegen.graph import Graph, ordering
+from inverse_service.reading import names as nm, reader
+from inverse_service.service.scenes.simulating import simulate
+from inverse_service.simulation import looping
+
+NAMES = nm.Names(("x", "y"), ("k",))
+FORMULAS = [
+    "sin(x*y)^3*exp(-y)/(2 + cos(x))", "sqrt(x^2 + y^2)*log(y) - x^(1/3)", "(x*y' - y*x')^2/(1 + k*x'^2)^(3/2)",
+    "tan(x) + atan(y/x) + x^y", "cosh(x)*tanh(y') + asinh(x' - y)", "k", "x - x", "x*x'*k - y/(x*y)",
+    "sec(x)*cot(y) + csc(x)*coth(y)",
+]  # fmt: skip
+LEAVES = {
+    name: place for place, name in enumerate((*map(ex.Symbol, ("x", "y", "k")), ex.Velocity("x"), ex.Velocity("y")))
+}
+
+
+@pytest.mark.parametrize("text", FORMULAS)
+def test_a_graph_has_the_values_and_derivatives_of_a_tree(text: str) -> None:
+    tree, graph = reader.read_formula(text, NAMES), Graph()
+    for name, place in LEAVES.items():
+        graph.leaf(place, 1 << place, name)
+    values = np.random.default_rng(1).uniform(0.3, 1.2, (len(LEAVES), 5))
+    table, inputs = dict(zip(LEAVES, values, strict=True)), dict(enumerate(values))
+    node, every = graph.node(tree), (1 << len(LEAVES)) - 1
+    gradient = graph.gradient(node, every)
+    along = {place: graph.constant(place + 1.0) for place in LEAVES.values()}
+    (rate,) = graph.rate([node], along)
+    slopes = [calculus.differentiate(tree, name) for name in LEAVES]
+    true = np.array(arrays.array_values([tree, *slopes], table))
+    zero = graph.constant(0.0)
+    found = graph.values([node, *(gradient.get(place, zero) for place in LEAVES.values()), rate], inputs)
+    shown = np.array([np.broadcast_to(one, 5) for one in found])
+    whole = np.array([*true, np.arange(1, len(LEAVES) + 1) @ true[1:]])
+    assert np.abs(shown - whole).max() <= 1e-12 * (1 + np.abs(whole).max())
+
+
+def test_rows_that_couple_neighbours_of_a_shuffled_chain_come_side_by_side() -> None:
+    shuffled = np.random.default_rng(2).permutation(40)
+    pairs = {(int(a), int(b)) for a, b in itertools.pairwise(shuffled)}
+    places = ordering(40, pairs)
+    assert sorted(places) == list(range(40))
+    assert max(abs(places[i] - places[j]) for i, j in pairs) == 1
+
+
+@pytest.fixture
+def limits() -> Iterator[Any]:
+    """A way to choose loops (0) or written-out steps (1000 coordinates)."""
+    before = looping.SMALL, looping.LONG
+
+    def choose(small: int) -> None:
+        looping.is_looped.cache_clear()
+        looping.SMALL, looping.LONG = small, -1
+
+    yield choose
+    looping.is_looped.cache_clear()
+    looping.SMALL, looping.LONG = before
+
+
+KNIFE = {"r": 1, "phi": 0, "x": 1, "z": 0}
+SCENES: dict[str, dict[str, Any]] = {
+    "pendulum": pendulum(3) | {"time": 1},
+    "chain": oscillators(5) | {"time": 1},
+    "bodies": bodies(3) | {"time": 0.2},
+    "pushed": pendulum(2)
+    | {"forces": {"q1": "-q1'/5", "q2": "sin(t)"}, "time": 1, "effects": ["kinetic", "potential", "forces"]},
+    "constrained": {
+        "system": {
+            "coordinates": [*KNIFE], "constraints": ["phi' = x*z'"],
+            "lagrangian": "(r'^2 + r^2*phi'^2 + z'^2 + x'^2)/2 - 2*r^2 - x^2/2 - z",
+        },
+        "initial": {"positions": KNIFE, "velocities": {"r": 0, "x": 0.5, "z": 0.5}}, "step": 0.01, "time": 1,
+    },
+}  # fmt: skip
+RK4, VARIATIONAL = {"method": "runge-kutta", "order": 4}, {"method": "variational"}
+FAST = [("constrained", RK4), ("constrained", "nonholonomic"), ("pushed", VARIATIONAL | {"order": 4})]
+SLOW = [
+    ("chain", VARIATIONAL), ("pendulum", "adaptive"), ("bodies", "adaptive"), ("pushed", "adaptive"), ("pendulum", RK4),
+    ("pendulum", VARIATIONAL | {"order": 4}), ("bodies", VARIATIONAL), ("pendulum", VARIATIONAL | {"alpha": "0.3"}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "method"), [*FAST, *(pytest.param(*one, marks=pytest.mark.slow) for one in SLOW)])
+def test_loops_make_the_steps_of_a_written_kernel(name: str, method: Any, limits: Any) -> None:
+    found = []
+    for small in (0, 1000):
+        limits(small)
+        scene = SCENES[name] | {"methods": [method], "observe": ["trajectory", "constraints"]}
+        found.append(simulate(scene)["methods"][0])
+    first, second = found
+    assert (first["outcome"], first["steps"]) == (second["outcome"], second["steps"])
+    for part in ("positions", "velocities"):
+        for coordinate, value in second["final"][part].items():
+            assert abs(first["final"][part][coordinate] - value) <= 1e-12 * (1 + abs(value))
