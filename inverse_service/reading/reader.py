@@ -98,6 +98,15 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     return [*tokens]
 
 
+def has_too_many_parts(formula: str) -> bool:
+    """Whether a text is longer in parts than the limit: found by the first step of reading, before all others."""
+    try:
+        _scanned(formula, Names())
+    except errors.InputError as error:
+        return isinstance(error, errors.LimitError)
+    return False
+
+
 # A document is parsed many times for its names.
 @lru_cache(maxsize=64)
 def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[str, str]]:
@@ -126,14 +135,19 @@ def _is_our_own(formula: str, declared: Collection[str]) -> bool:
 
 def _translated(formula: str, names: Names) -> tuple[list[Token], str, bool]:
     """The tokens in our notation, the text without words at the same columns, and whether it is LaTeX."""
+    scanned, formula, is_tex = _scanned(formula, names)
+    in_our_words = notations.with_derivatives if is_tex else notations.in_our_words
+    tokens = in_our_words(_with_products(components.by_components(scanned, is_tex), names), names)
+    return tokens, formula, is_tex
+
+
+def _scanned(formula: str, names: Names) -> tuple[list[Token], str, bool]:
+    """The tokens as they are written, the text without words at the same columns, and whether it is LaTeX."""
     _refuse_lost_backslashes(formula)
     formula = _GREEK_OF_MATHEMATICA.sub(_greek, formula)
     is_tex, formula = is_latex(formula), _with_dots_after_letters(without_words(formula, names.declared()))
     formula = _RAISED_FIRST.sub(r"\2\1", _BY_INDEX.sub(lambda index: index[1].ljust(len(index[0])), formula))
-    scanned = latex.tokenize(formula, names) if is_tex else tk.tokenize(formula, names.declared())
-    in_our_words = notations.with_derivatives if is_tex else notations.in_our_words
-    tokens = in_our_words(_with_products(components.by_components(scanned, is_tex), names), names)
-    return tokens, formula, is_tex
+    return (latex.tokenize(formula, names) if is_tex else tk.tokenize(formula, names.declared())), formula, is_tex
 
 
 def _ask_about_primes(tokens: Line, energy: bool, latex: bool) -> None:

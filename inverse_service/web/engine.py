@@ -31,8 +31,11 @@ from inverse_service.settings import Settings
 from inverse_service.web import asking, clients, pages, problems
 
 log = logging.getLogger(__name__)
-# What is no job has a second, and two more for each MB; batches of many lines have more, pages and figures too.
-QUICK_DEADLINE = 1.0
+# What is no job has a second, and two more for each MB; batches of many lines have more, pages and figures too. It
+# waits so long for a processor that others have, ten times its own second, as at ten processes for each processor.
+QUICK_DEADLINE, PATIENCE = 1.0, 10.0
+# The system counts processor time in steps; a task that had this part of its time had all of it.
+ITS_TIME = 0.9
 BUSY = "The service is busy with other questions; try again in some seconds."
 SECONDS_FOR_A_BYTE = 2e-6
 LONG_DEADLINE = 15.0
@@ -414,10 +417,10 @@ class Engine:
     ) -> T:
         """What a task of the quick processes makes; raises Refusal, saying that it is `late`, at a limit.
 
-        A task that had less than half of the time on a processor says nothing about its document.
+        A task that did not have its time on a processor says nothing about its document.
         """
         outcome = await self.run_quick(client, task, *arguments, seconds=seconds)
-        if outcome.status == "deadline" and outcome.spent.cpu < seconds / 2:
+        if outcome.status == "deadline" and outcome.spent.cpu < ITS_TIME * seconds:
             raise problems.Refusal(503, "busy", BUSY, headers={"Retry-After": "2"})
         if outcome.status in tasks.LIMITS:
             raise problems.Refusal(status, "busy" if status == 503 else "limit", late.format(outcome.status))
@@ -432,7 +435,8 @@ class Engine:
         It is cancelled when no one waits for it any more.
         """
         size = sum(len(argument) for argument in arguments if isinstance(argument, bytes))
-        call = tasks.Call(task, arguments, seconds + SECONDS_FOR_A_BYTE * size, client=client)
+        deadline = seconds + SECONDS_FOR_A_BYTE * size
+        call = tasks.Call(task, arguments, deadline, client=client, patience=PATIENCE)
         executor = self.work_workers if among_jobs else self.quick_workers
         with self.places.hold(client, 1):
             running = executor.submit(call)

@@ -94,6 +94,16 @@ def test_a_loop_in_c_that_holds_the_interpreter_is_killed_at_its_deadline(worker
     assert run(workers, tasks.load_engine, (), 30.0).status == "done"
 
 
+@pytest.mark.parametrize(("patience", "status"), [(0.0, "deadline"), (20.0, "done")])
+def test_a_task_waits_for_a_processor_as_long_as_it_has_patience(
+    workers: Workers, monkeypatch: pytest.MonkeyPatch, patience: float, status: str
+) -> None:
+    run(workers, tasks.load_engine, (), 30.0)
+    monkeypatch.setattr("inverse_service.service.jobs.workers._waited", lambda _: 1e6)  # others have had it all along
+    call = tasks.Call(busy, (0.2,), 0.05, patience=patience)
+    assert workers.submit(call).outcome.result(60).status == status
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/proc/self/schedstat"), reason="the system does not tell who waits")
 def test_a_task_is_not_killed_while_others_have_the_processor() -> None:

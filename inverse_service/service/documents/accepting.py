@@ -158,6 +158,8 @@ def prepared(document: Any) -> Prepared:
     formulas = [plain[key] for key in FORMULAS if key in plain]
     if any(len(text) > refusals.most_characters() for text in _texts(formulas)):
         return Prepared(plain)  # too long a text is refused before it is read
+    if any(len(text) > refusals.most_tokens() and reader.has_too_many_parts(text) for text in _texts(formulas)):
+        return Prepared(plain)  # and so is one of too many parts
     plain = _with_indices_below(plain)
     places, read = dict[str, str](), dict[str, str]()
     if "lagrangian" in plain or not _gives_accelerations(plain.get("equations")):

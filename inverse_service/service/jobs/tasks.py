@@ -71,7 +71,8 @@ class Call:
 
     `reports`: the task takes a keyword `report` and calls it with what it is doing; "long": what one said that is done
     within a moment is not told. `client`: whose it is, so that nobody waits for the many of another. `priority`: the
-    smaller one of a client goes first.
+    smaller one of a client goes first. `patience`: while others have the processor, the deadline may be later by so
+    many seconds, or by its own length if that is more.
     """
 
     task: Callable[..., Any]
@@ -81,6 +82,7 @@ class Call:
     reports: bool | Literal["long"] = False
     priority: int = 0
     client: str = ""
+    patience: float = 0.0
 
 
 def guard(task: Callable[..., Any], *arguments: Any, **named: Any) -> Outcome:

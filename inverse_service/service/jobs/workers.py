@@ -102,7 +102,7 @@ class WorkerProcess:
         except (OSError, EOFError):
             raise NotStarted from None
         self.tasks += 1
-        outcome = self._await(call.deadline, self._ready[1], report)
+        outcome = self._await(call, self._ready[1], report)
         if outcome.spent.wall:
             return outcome
         wall = time.monotonic() - self._began
@@ -123,13 +123,13 @@ class WorkerProcess:
         self._process.join(5)
         self._connection.close()
 
-    def _await(self, deadline: float, waited: float, report: Report | None) -> Outcome:
+    def _await(self, call: Call, waited: float, report: Report | None) -> Outcome:
         """The answer within so many seconds by the clock, and as many more as others had the processor."""
-        began = time.monotonic()
-        end = began + deadline
+        began, deadline = time.monotonic(), call.deadline
+        end, patience = began + deadline, max(call.patience, (MOST_CROWDED - 1) * deadline)
         while True:
             while not self._heard.poll(max(0.0, 1e3 * (end - time.monotonic()))):
-                end = began + deadline + min(_waited(self.pid) - waited, (MOST_CROWDED - 1) * deadline)
+                end = began + deadline + min(_waited(self.pid) - waited, patience)
                 if end <= time.monotonic():
                     self.kill()
                     return Outcome("deadline")
