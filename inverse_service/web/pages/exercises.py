@@ -42,7 +42,7 @@ class Exercise:
     equations: list[Markup]
     constants: Markup | str
     hints: list[Markup] = field(default_factory=list)
-    motion: dict[str, Any] | None = None
+    motion: preview.Shown | None = None
     judged: result_tasks.Judged | None = None
     wanted: list[Markup] = field(default_factory=list)
     problem: str = ""
@@ -67,7 +67,7 @@ def exercise_task(fields: Mapping[str, str], ask: str, answer: str, own: str) ->
         [typesetting.said(formula) for formula in sheet.asked],
         Markup(", ").join(map(typesetting.said, sheet.about)),
         hints_of(result, names),
-        preview.motion_of_result(result),
+        preview.motion_of_result(result, reveals=False),
         judged,
         wanted,
     )

@@ -5,15 +5,17 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from inverse_service import errors
-from inverse_service.expressions import calculus, functions, printing, tree as trees
+from inverse_service.expressions import functions, printing, tree as trees
 from inverse_service.reading import names as nm, reader
-from inverse_service.service.documents import printed_pages
+from inverse_service.service.documents import printed_pages, sheets
 from inverse_service.service.scenes import views
+from inverse_service.web.pages import pictures, typesetting
 
 if TYPE_CHECKING:
     from inverse_service.simulation.scene_data import Scene
@@ -23,6 +25,8 @@ MOST_NODES = 4_000
 LONG = "These equations cannot be played with in the browser; Run computes them."
 # The steps of a price: of longer runs the error is that after so many.
 MOST_PRICED, FEW = 2_000, 50
+SUBSCRIPTS = str.maketrans("0123456789", "\u2080\u2081\u2082\u2083\u2084\u2085\u2086\u2087\u2088\u2089")
+MOST_METERS, LONGEST_METER, MOST_SLIDERS = 3, 40, 6
 
 
 def accelerations_of(document: Mapping[str, Any]) -> tuple[Scene, tuple[trees.Expression, ...] | None]:
@@ -46,7 +50,15 @@ def preview_task(document: Mapping[str, Any]) -> dict[str, Any]:
     formulas = (*(found or ()), *scene.constraints)
     if found is None or sum(map(trees.node_count, formulas)) > MOST_NODES:
         return {"reason": LONG}
-    return _played(scene.coordinates, dict(scene.values), found, scene.constraints)
+    played = _played(scene.coordinates, dict(scene.values), found, scene.constraints)
+    names = nm.Names(tuple(scene.coordinates), tuple(scene.values))
+    known = pictures.Facts(
+        names, tuple(found), tuple(played["angles"]), values=dict(scene.values), lagrangian=scene.lagrangian,
+        constraints=tuple(scene.constraints),
+    )  # fmt: skip
+    picture = pictures.picture_of(known)
+    shown = {"picture": picture.kind, "known": _written(picture.trees), "meters": []}
+    return played | shown | {"caption": typesetting.said(picture.caption)}
 
 
 def _played(
@@ -108,52 +120,63 @@ def _distance(left: Sequence[Sequence[float]], right: Sequence[Sequence[float]])
 @dataclass(frozen=True, slots=True)
 class Moving:
     """The formulas of a result's motion: the accelerations of its coordinates, the velocities that the constraints
-    give, and the constraints; arbitrary functions have a formula of their own, as on the form of a simulation."""
+    give, and the constraints."""
 
     names: nm.Names
     accelerations: tuple[trees.Expression, ...]
     velocities: dict[str, trees.Expression]
     constraints: tuple[trees.Expression, ...]
-    definitions: dict[str, tuple[tuple[str, ...], trees.Expression]]
 
     def read(self, text: str) -> trees.Expression:
-        """A formula or a condition with the functions defined."""
+        """A formula or a condition."""
         is_condition = any(sign in text for sign in (" > ", " < ", " != "))
-        tree = (reader.read_condition if is_condition else reader.read_formula)(text, self.names)
-        return calculus.define_functions(tree, self.definitions)
+        return (reader.read_condition if is_condition else reader.read_formula)(text, self.names)
 
 
 def moving_of(result: Mapping[str, Any]) -> Moving | None:
-    """None if the accelerations are not solved for or cannot be read."""
+    """None if the accelerations are not solved for, cannot be read, or hold an unknown function.
+
+    A function would have to be invented to move anything.
+    """
     system, part = result["system"], result.get("nonholonomic") or {}
-    if system is None or any(reader.has_acceleration(text) for text in system["equations"].values()):
+    if system is None or system.get("functions"):
+        return None
+    if any(reader.has_acceleration(text) for text in system["equations"].values()):
         return None
     motion, time = part.get("equations_of_motion") or {}, system.get("time", "t")
-    functions, parameters = system.get("functions") or {}, tuple(system["parameters"])
-    names = nm.Names(tuple(system["coordinates"]), (*parameters, *((time,) if time != "t" else ())), functions)
+    parameters = tuple(system["parameters"])
+    names = nm.Names(tuple(system["coordinates"]), (*parameters, *((time,) if time != "t" else ())))
     texts = system["equations"] | {name: f["text"] for name, f in motion.get("accelerations", {}).items()}
     try:
-        definitions = {
-            name: (tuple(of), reader.read_formula(f"1 + {of[0]}^2/4", names)) for name, of in functions.items()
-        }
-        found = Moving(names, (), {}, (), definitions)
-        return replace(
-            found,
-            accelerations=tuple(found.read(texts[name]) for name in names.coordinates),
-            velocities={name: found.read(one["text"]) for name, one in motion.get("first_order", {}).items()},
-            constraints=tuple(found.read(one["text"]) for one in part.get("constraints") or ()),
+        return Moving(
+            names,
+            tuple(reader.read_formula(texts[name], names) for name in names.coordinates),
+            {name: reader.read_formula(one["text"], names) for name, one in motion.get("first_order", {}).items()},
+            tuple(reader.read_formula(one["text"], names) for one in part.get("constraints") or ()),
         )
     except (errors.InputError, ValueError):
         return None
 
 
-def motion_of_result(result: Mapping[str, Any], domain: Sequence[str] = ()) -> dict[str, Any] | None:
-    """What the script needs to move a result: trees, names, and the conditions that the start keeps; None without."""
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A motion as a page shows it: the data of the script, the caption, and conserved quantities as meters."""
+
+    data: Mapping[str, Any]
+    caption: sheets.Sentence = ()
+    meters: tuple[tuple[str, sheets.Formula | str], ...] = ()
+    rows: int = 0  # of sliders, whose room is kept until the script makes them
+
+
+def motion_of_result(result: Mapping[str, Any], domain: Sequence[str] = (), reveals: bool = True) -> Shown | None:
+    """What a page needs to move a result; the start keeps the conditions of `domain`. None where nothing moves.
+
+    Without `reveals` the picture follows from the equations alone.
+    """
     moving = moving_of(result)
     if moving is None:
         return None
-    formulas = (*moving.accelerations, *moving.constraints)
-    if sum(map(trees.node_count, formulas)) > MOST_NODES:
+    if sum(map(trees.node_count, (*moving.accelerations, *moving.constraints))) > MOST_NODES:
         return None
     system = result["system"]
     given = system["given"].get("parameters") if isinstance(system.get("given"), Mapping) else None
@@ -162,20 +185,101 @@ def motion_of_result(result: Mapping[str, Any], domain: Sequence[str] = ()) -> d
     constrained = (result.get("nonholonomic") or {}).get("equations_of_motion")
     try:
         played = _played(system["coordinates"], numbers, moving.accelerations, moving.constraints)
-        sides = [listed(moving.read(text)) for text in domain]
+        facts = facts_of(result, moving, numbers, tuple(played["angles"]), reveals)
+        sides = [listed(moving.read(text)) for text in (() if facts.cases else domain)]
     except (errors.InputError, ValueError):
         return None
-    return played | {
+    picture = pictures.picture_of(facts)
+    meters = facts.integrals[:MOST_METERS] if reveals else ()
+    data = played | {
         "time": system.get("time", "t"),
         "free": constrained["free"] if constrained else None,
         "domain": sides,
-        "signs": [" > " in text or " < " in text for text in domain],
+        "signs": [" > " in text or " < " in text for text in domain] if sides else [],
+        "picture": picture.kind,
+        "known": _written(picture.trees),
+        "meters": [listed(tree) for _, _, tree in meters],
     }
+    said = tuple((name, facts.said(text) if len(text) <= LONGEST_METER else "") for name, text, _ in meters)
+    return Shown(data, picture.caption, said, _rows_of_sliders(data))
+
+
+def _rows_of_sliders(data: Mapping[str, Any]) -> int:
+    """As the script makes them: parameters, and the free velocities of several coordinates if there is room for all."""
+    count = min(MOST_SLIDERS, len(data["values"]))
+    free = data["free"] if data["free"] is not None else data["coordinates"]
+    more = len(free) if len(data["coordinates"]) > 1 else 0
+    return -(-(count + (more if count + more <= MOST_SLIDERS else 0)) // 3)
+
+
+def facts_of(
+    result: Mapping[str, Any], moving: Moving, values: Mapping[str, float], angles: tuple[str, ...], reveals: bool
+) -> pictures.Facts:
+    """What the result says of the motion; without `reveals` the equations alone."""
+    facts = pictures.Facts(
+        moving.names, moving.accelerations, angles, result["system"].get("time", "t"), values,
+        constraints=moving.constraints, velocities=moving.velocities,
+    )  # fmt: skip
+    if not reveals or sheets.is_constrained(result):
+        return facts
+    if "verdict" not in result:  # a Lagrangian with its equations
+        given = moving.read(result["lagrangian"]["text"])
+        kept = tuple(_kept_of({"first_integrals": result.get("conserved")}, moving))
+        return replace(facts, lagrangian=given, integrals=kept)
+    branches = sheets.branches_of(result)
+    shown = sheets.answers_of(branches[0], result)[0]
+    if len(branches) > 1:
+        cases = [(", ".join(texts), tuple(map(moving.read, texts))) for one in branches if (texts := one["domain"])]
+        here = {moving.names.coordinates[0]}
+        is_of_places = all(_names_in(side) <= here for _, sides in cases for side in sides)
+        return replace(facts, cases=tuple(cases)) if len(cases) == len(branches) and is_of_places else facts
+    # An L with functions that are known by their derivatives alone has no values.
+    text = None if shown.get("integrals") else (shown.get("lagrangian") or {}).get("text")
+    tensors, conditions = None, result.get("conditions") or {}
+    is_none = shown.get("verdict") == "not_variational" and len(moving.accelerations) == 2
+    if is_none and conditions.get("Phi") and conditions.get("nabla_Phi"):
+        first, second = ([list(map(moving.read, row)) for row in conditions[key]] for key in ("Phi", "nabla_Phi"))
+        tensors = (first, second)
+    return replace(
+        facts,
+        lagrangian=moving.read(text) if text else None,
+        integrals=tuple(_kept_of(shown, moving)),
+        tensors=tensors,
+    )
+
+
+def _kept_of(shown: Mapping[str, Any], moving: Moving) -> Iterable[tuple[str, str, trees.Expression]]:
+    """The conserved quantities that can be computed."""
+    for one in shown.get("first_integrals") or ():
+        with suppress(errors.InputError):
+            yield one["name"], one["text"], moving.read(one["text"])
+
+
+def _names_in(tree: trees.Expression) -> set[str]:
+    """The names of coordinates, of velocities with a prime, and of parameters in a tree."""
+    leaves = (node for node in trees.walk(tree) if isinstance(node, trees.Symbol | trees.Velocity))
+    return {leaf.name if isinstance(leaf, trees.Symbol) else f"{leaf.coordinate}'" for leaf in leaves}
+
+
+def _written(known: Any) -> Any:
+    """What a picture knows, its trees as lists; a list of trees is {"list": […]}, since a tree is a list, too."""
+    if isinstance(known, Mapping):
+        return {name: _written(one) for name, one in known.items()}
+    if isinstance(known, list | tuple):
+        return {"list": [_written(one) for one in known]}
+    return listed(known) if isinstance(known, trees.Expression) else known
 
 
 def labels_of(names: Iterable[str]) -> dict[str, str]:
-    """The names as the picture shows them."""
-    return {name: printing.shown(name) for name in names}
+    """The names as the picture shows them: Greek letters, and numbers as subscripts."""
+    return {name: _label(name) for name in names}
+
+
+def _label(name: str) -> str:
+    letter, below = printing.written(name)
+    if not all(word.isdigit() for word in below):
+        return printing.shown(name)
+    return printing.shown(letter) + "\u202f".join(word.translate(SUBSCRIPTS) for word in below)
 
 
 def listed(tree: trees.Expression) -> Any:
@@ -220,6 +324,19 @@ def angles_of_texts(system: Mapping[str, Any]) -> list[str]:
         return angles_of(system["coordinates"], [reader.read_formula(text, names) for text in texts])
     except errors.InputError:
         return []
+
+
+def picture_of_texts(system: Mapping[str, Any]) -> dict[str, Any]:
+    """The picture of a simulated system, as far as it needs no values of formulas."""
+    names = nm.Names(tuple(system["coordinates"]), tuple(system["parameters"]))
+    try:
+        lagrangian = reader.read_formula(system["lagrangian"], names) if system["lagrangian"] else None
+        constraints = tuple(reader.read_formula(text, names) for text in system["constraints"])
+    except errors.InputError:
+        return {}
+    angles = tuple(angles_of_texts(system))
+    picture = pictures.picture_of(pictures.Facts(names, (), angles, lagrangian=lagrangian, constraints=constraints))
+    return {"picture": picture.kind, "known": {k: v for k, v in picture.trees.items() if isinstance(v, int)}}
 
 
 def _plainly(tree: trees.Expression) -> Iterable[trees.Symbol]:

@@ -33,7 +33,18 @@ from inverse_service.web.problems import Refusal
 TYPES = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml", "png": "image/png", "woff2": "font/woff2"}
 FONT = "stix-two-math.woff2"
 CHARTS = ("uPlot.iife.js", "uPlot.min.css")  # of the package uplot-python
-NAMES = (FONT, "style.css", "page.js", "figures.js", "motion.js", "play.js", "system.js", "icon.svg", *CHARTS)
+NAMES = (
+    FONT,
+    "style.css",
+    "page.js",
+    "figures.js",
+    "motion.js",
+    "pictures.js",
+    "play.js",
+    "system.js",
+    "icon.svg",
+    *CHARTS,
+)
 # With a changed file all have another address, so an address never changes its content; scripts import their neighbors.
 FOREVER = "public, max-age=31536000, immutable"
 THEMES = ("light", "dark")

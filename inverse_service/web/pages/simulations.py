@@ -288,4 +288,4 @@ def motion_of(result: Mapping[str, Any], tables: views.Tables) -> dict[str, Any]
         "labels": preview.labels_of(coordinates),
         "angles": preview.angles_of_texts(result["system"]),
         "tracks": tracks,
-    }
+    } | preview.picture_of_texts(result["system"])

@@ -25,6 +25,10 @@ _RELATION = re.compile(r" (!=|>=|<=|=|>|<) ")
 _LONG_NAME = re.compile(r"(?<=[A-Za-z_]{2})[A-Za-z_]+")
 _FENCE = re.compile(r"<mo>[()]</mo>")
 _TALL = re.compile(r"<(?:mfrac|msqrt|mtable)")
+# The start of a letter that reaches as high as the dots of a derivative, and those dots.
+_DOTTED = re.compile(
+    r'<mover accent="true"(?=>(?:<m[a-z]+>)*<mi[^>]*>[bdfhkltA-Z\u03b2\u03b4\u03b6\u03b8\u03bb\u03be\u03d1])'
+)
 # An invisible product sign with a little room, so that R sin x does not read Rsin x.
 THIN_TIMES = '<mo lspace="0.08em" rspace="0.08em">&#x2062;</mo>'
 
@@ -41,7 +45,8 @@ def inner_mathml(text: str, names: nm.Names) -> str | None:
 
 
 def spaced(mathml: str) -> str:
-    return low_fences(mathml).replace("<mo>&#x2062;</mo>", THIN_TIMES)
+    """With room between factors and between tall letters and the dots above them, and with low brackets."""
+    return _DOTTED.sub(r'\g<0> class="tall"', low_fences(mathml).replace("<mo>&#x2062;</mo>", THIN_TIMES))
 
 
 def math(inner: str, display: bool = False) -> Markup:

@@ -173,7 +173,9 @@ function answers(form) {
     agree();
     motion?.play(false);
     const data = place.querySelector("script");
-    panel.querySelector("svg").classList.toggle("hidden", !data);
+    const svg = panel.querySelector("svg");
+    svg.classList.toggle("hidden", !data && Boolean(place.querySelector("[data-settled]")));
+    svg.classList.toggle("blank", !data); // whose room is kept for the next answer
     motion = data ? moving(panel, { small: true }) : null;
     focusWide(place);
   };

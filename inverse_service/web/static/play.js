@@ -22,7 +22,7 @@ class Play {
       } else this.read();
       this.remember();
     });
-    this.part.picture.addEventListener("change", () => { this.motion.name = this.part.picture.value; this.motion.update(true); });
+    this.part.picture.addEventListener("change", () => { this.motion.name = this.part.picture.value; this.motion.update(true); this.panel.querySelector("[data-caption]").hidden = this.motion.name !== this.motion.names[0]; });
     this.step = form.querySelector("[data-step]");
     this.step.addEventListener("input", (event) => {
       event.stopPropagation();
@@ -76,6 +76,7 @@ class Play {
     this.motion?.play(false);
     this.motion = moving(figure, { told, changed: () => this.write() });
     if (!this.motion) return;
+    figure.querySelector("[data-caption]").innerHTML = told.caption ?? "";
     this.part.picture.replaceChildren(...this.motion.names.map((name) => new Option(PICTURES[name].label, name)));
     this.part.picture.closest("span").hidden = this.motion.names.length < 2;
     this.askPrice();

@@ -61,8 +61,8 @@ def answer_in_one_screen(visit: Visit, height: int) -> None:
     for letter in ("L", "H"):
         assert bottom(page.locator(".answer .formula:not(.small)", has_text=letter).first) < height
     assert bottom(page.locator("figure.motion")) < height
-    before = page.locator("[data-done]").get_attribute("d")
-    expect(page.locator("[data-done]")).not_to_have_attribute("d", before or "")
+    before = page.locator("[data-done]").get_attribute("stroke-dasharray")
+    expect(page.locator("[data-done]")).not_to_have_attribute("stroke-dasharray", before or "")
     open_all(visit)
     assert violations(visit) == []
     assert not is_too_wide(visit)

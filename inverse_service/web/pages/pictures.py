@@ -1,0 +1,494 @@
+"""Which picture shows a motion, and the sentence below it: chosen by what is known of the system.
+
+A picture makes a statement, so it follows from L, from conserved quantities, from constraints or from the form of
+the equations; names choose only what no formula says (r, phi as polar coordinates). What is known is proven or is
+structure: a formula that is not of the expected form gets the plainer picture, whose statement is weaker.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any
+
+import mpmath
+
+from inverse_service.expressions import calculus, collecting, printing, tree as ex
+from inverse_service.mechanics import euler_lagrange, writing
+from inverse_service.reading import names as nm
+from inverse_service.service.documents import sheets
+
+RADII = frozenset({"r", "rho", "R", "s"})
+TURNS = frozenset({"phi", "theta", "varphi", "vartheta", "psi", "alpha", "beta"})
+MOST_LINES = 10  # coordinates that have a line each
+MOST_NODES = 3_000  # of the three conditions on g
+LEAST = mpmath.mpf(10) ** -6  # of their determinant in parts of the lengths of its rows
+Matrix = Sequence[Sequence[ex.Expression]]
+Point = Mapping[ex.Expression, mpmath.mpf]
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What is known of a motion: its formulas, L, conserved quantities with their names and texts, and its cases.
+
+    `accelerations` are empty for a computed motion; `velocities` are those that the constraints give. `tensors` are
+    Phi and nabla Phi of a system without a Lagrangian, (n, n). A case is the text of its condition with its trees,
+    which are positive there.
+    """
+
+    names: nm.Names
+    accelerations: tuple[ex.Expression, ...]
+    angles: tuple[str, ...] = ()
+    time: str = "t"
+    values: Mapping[str, float] = field(default_factory=dict)
+    lagrangian: ex.Expression | None = None
+    integrals: tuple[tuple[str, str, ex.Expression], ...] = ()
+    constraints: tuple[ex.Expression, ...] = ()
+    velocities: Mapping[str, ex.Expression] = field(default_factory=dict)
+    tensors: tuple[Matrix, Matrix] | None = None
+    cases: tuple[tuple[str, tuple[ex.Expression, ...]], ...] = ()
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        return self.names.coordinates
+
+    def said(self, text: str) -> sheets.Formula:
+        """A formula of a caption."""
+        return sheets.Formula(text, self.names)
+
+    def is_constant(self, tree: ex.Expression) -> bool:
+        """Whether only parameters occur in a tree."""
+        moving = {*map(ex.Symbol, (*self.coordinates, self.time)), *map(ex.Velocity, self.coordinates)}
+        return not any(node in moving or isinstance(node, ex.Arbitrary) for node in ex.walk(tree))
+
+    def is_positive(self, tree: ex.Expression) -> bool:
+        """Whether a constant is positive for the values with which the picture begins."""
+        return self.is_constant(tree) and self.value(tree, {}) > 0
+
+    def value(self, tree: ex.Expression, point: Point) -> mpmath.mpf:
+        """A tree at a point; nan where it has no value."""
+        table: dict[ex.Expression, mpmath.mpf] = dict(point)
+        table |= {ex.Symbol(name): mpmath.mpf(number) for name, number in self.values.items()}
+        try:
+            return calculus.evaluate(tree, table)
+        except (calculus.NoRealValue, ArithmeticError, KeyError):
+            return mpmath.nan
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A kind of picture, the sentence below it, and the trees and names that its drawing needs."""
+
+    kind: str
+    caption: sheets.Sentence = ()
+    trees: Mapping[str, Any] = field(default_factory=dict)
+
+
+def picture_of(facts: Facts) -> Picture:
+    """The picture of a motion."""
+    if facts.constraints:
+        return _of_constraints(facts)
+    if len(facts.coordinates) == 1:
+        return _of_one(facts)
+    if len(facts.coordinates) == 2:
+        return next(found for choose in _OF_TWO if (found := choose(facts)) is not None)
+    return _of_many(facts)
+
+
+def _collected(tree: ex.Expression) -> ex.Expression:
+    return collecting.collect(tree)
+
+
+def _is_zero(tree: ex.Expression) -> bool:
+    """Whether a tree is seen to be zero."""
+    return _collected(tree) == ex.ZERO or writing.simplified(tree) == ex.ZERO
+
+
+def natural_of(facts: Facts) -> tuple[euler_lagrange.Matrix, ex.Expression] | None:
+    """M(q) and V(q) of L = v M v / 2 - V; None if L is of another form."""
+    if facts.lagrangian is None or ex.holds(facts.lagrangian, ex.Symbol(facts.time)):
+        return None
+    rates = [ex.Velocity(name) for name in facts.coordinates]
+    mass = euler_lagrange.hessian(facts.lagrangian, facts.coordinates)
+    if any(ex.has(entry, ex.Velocity) for row in mass for entry in row):
+        return None
+    half = ex.number(Fraction(1, 2))
+    kinetic = [
+        half * entry * u * v for u, row in zip(rates, mass, strict=True) for v, entry in zip(rates, row, strict=True)
+    ]
+    rest = _collected(ex.subtract(facts.lagrangian, ex.add(*kinetic)))
+    return None if ex.has(rest, ex.Velocity) else (mass, _collected(ex.negate(rest)))
+
+
+# One coordinate.
+
+
+def _of_one(facts: Facts) -> Picture:
+    (name,) = facts.coordinates
+    if not facts.accelerations:
+        return Picture("pendulum" if name in facts.angles else "phase")
+    (f,) = facts.accelerations
+    q, v = facts.said(name), facts.said(f"{name}'")
+    if ex.holds(f, ex.Symbol(facts.time)):
+        return Picture("history", (q, " over ", facts.said(facts.time), ", as the equation contains the time."))
+    if facts.cases:
+        told = [{"label": text, "sides": sides} for text, sides in facts.cases]
+        return Picture("cases", ("Each part of the plane has its own equation and its own formulas.",), {"cases": told})
+    natural = natural_of(facts)
+    is_angle = name in facts.angles
+    if natural and _falls(facts, natural) and not is_angle:
+        trees = {"mass": natural[0][0][0], "potential": natural[1]}
+        said: sheets.Sentence = (_L, " is ", _theory("T - V"), ": the point rolls on the graph of ", _theory("V"))
+        return Picture("well", (*said, ", as high as its energy ", _theory("E"), " allows."), trees)
+    position, slope = calculus.differentiate(f, ex.Symbol(name)), calculus.differentiate(f, ex.Velocity(name))
+    position, slope = _collected(position), _collected(slope)
+    rest = ex.subtract(f, ex.add(position * ex.Symbol(name), slope * ex.Velocity(name)))
+    if facts.is_positive(ex.negate(position)) and facts.is_constant(slope) and _is_zero(rest):
+        return Picture("spring", ("A mass on a spring, above the plane of its ", q, " and ", v, *_area(facts, slope)))
+    if is_angle:
+        return Picture(
+            "pendulum", ("A rod at the angle ", q, ", above the plane of ", q, " and ", v, *_area(facts, slope))
+        )
+    return Picture("phase", ("The arrows show where each ", q, " and ", v, " lead", *_area(facts, slope)))
+
+
+_L = sheets.Formula("L", nm.Names(parameters=("L",)))
+
+
+def _theory(text: str) -> sheets.Formula:
+    """A formula of letters that are no names of the system."""
+    return sheets.Formula(text, nm.Names(parameters=("T", "V", "E", "g", "L")))
+
+
+def _area(facts: Facts, slope: ex.Expression) -> sheets.Sentence:
+    """What a constant df/dv does to areas of starts, and the factor of L that makes up for it.
+
+    L_vv f_v + d/dt L_vv = 0 for each L of one equation (Helmholtz, 1887), so L_vv times an area is constant.
+    """
+    if slope == ex.ZERO or not facts.is_constant(slope):
+        return (".",)
+    rate = ex.multiply(slope, ex.Symbol(facts.time))
+    factor = facts.said(printing.to_text(ex.Apply("exp", rate)))
+    said: sheets.Sentence = (". Each area in this plane changes by the factor ", factor)
+    if facts.lagrangian is None:
+        return (*said, ".")
+    ((mass,),) = euler_lagrange.hessian(facts.lagrangian, facts.coordinates)
+    kept = ex.Apply("exp", ex.negate(rate))
+    if not facts.is_constant(_collected(mass * ex.Apply("exp", rate))):
+        return (*said, ".")
+    return (*said, ", which ", facts.said(printing.to_text(kept)), " in ", _L, " makes up for.")
+
+
+def _falls(facts: Facts, natural: tuple[euler_lagrange.Matrix, ex.Expression]) -> bool:
+    """Whether M is diagonal, constant and positive, and M f = -dV/dq: no other force acts."""
+    mass, potential = natural
+    for i, (name, f) in enumerate(zip(facts.coordinates, facts.accelerations, strict=True)):
+        others = (entry for j, entry in enumerate(mass[i]) if j != i)
+        if not facts.is_positive(mass[i][i]) or any(entry != ex.ZERO for entry in others):
+            return False
+        if not _is_zero(ex.add(mass[i][i] * f, calculus.differentiate(potential, ex.Symbol(name)))):
+            return False
+    return True
+
+
+# Two coordinates.
+
+
+def _polar(facts: Facts) -> Picture | None:
+    r, phi = facts.coordinates
+    if r not in RADII or phi not in TURNS:
+        return None
+    u, rate = ex.Symbol(r), ex.Velocity(phi)
+    swept = ex.multiply(ex.power(u, 2), rate)
+    said: sheets.Sentence = (facts.said(r), " and ", facts.said(phi), " as polar coordinates.")
+    if _is_kept(facts, lambda tree: facts.is_constant(_collected(ex.divide(tree, swept)))):
+        rule = facts.said(printing.to_text(swept))
+        return Picture(
+            "central",
+            (*said, " ", rule, " stays the same: equal times sweep equal areas."),
+            {"polar": True, "swept": swept},
+        )
+    return Picture("central", said, {"polar": True})
+
+
+def _is_kept(facts: Facts, is_this: Callable[[ex.Expression], bool]) -> bool:
+    return any(is_this(tree) for _, _, tree in facts.integrals)
+
+
+def _central(facts: Facts) -> Picture | None:
+    x, y = map(ex.Symbol, facts.coordinates)
+    u, v = map(ex.Velocity, facts.coordinates)
+    swept = ex.subtract(x * v, y * u)
+
+    def is_swept(tree: ex.Expression) -> bool:
+        factor = _collected(ex.divide(calculus.differentiate(tree, v), x))
+        return facts.is_constant(factor) and factor != ex.ZERO and _is_zero(ex.subtract(tree, factor * swept))
+
+    if facts.angles or not _is_kept(facts, is_swept):
+        return None
+    rule = facts.said(printing.to_text(swept))
+    return Picture("central", (rule, " stays the same: equal times sweep equal areas."), {"swept": swept})
+
+
+def _charge(facts: Facts) -> Picture | None:
+    if not facts.accelerations:
+        return None
+    u, v = map(ex.Velocity, facts.coordinates)
+    first, second = facts.accelerations
+    strength = _collected(calculus.differentiate(first, v))
+    if (
+        facts.angles
+        or strength == ex.ZERO
+        or ex.has(strength, ex.Velocity)
+        or ex.holds(strength, ex.Symbol(facts.time))
+    ):
+        return None
+    if not (_is_zero(ex.subtract(first, strength * v)) and _is_zero(ex.add(second, strength * u))):
+        return None
+    x, y = (facts.said(name) for name in facts.coordinates)
+    said = (
+        "A charge in a field across the plane of ",
+        x,
+        " and ",
+        y,
+        ": dots are dense where it is strong. It turns the path",
+    )
+    return Picture("charge", (*said, " and leaves the speed as it is."), {"strength": strength})
+
+
+def _double_pendulum(facts: Facts) -> Picture | None:
+    natural = natural_of(facts)
+    if natural is None or len(facts.angles) != 2:
+        return None
+    ((first, cross), (_, second)), potential = natural
+    a, b = map(ex.Symbol, facts.coordinates)
+    for turn in (ex.Apply("cos", ex.subtract(a, b)), ex.Apply("cos", ex.subtract(b, a))):
+        factor = _collected(ex.divide(cross, turn))
+        if (
+            facts.is_positive(factor)
+            and facts.is_positive(first)
+            and facts.is_positive(second)
+            and _hangs(facts, potential)
+        ):
+            ratio = ex.divide(second, factor)
+            return Picture(
+                "double-pendulum",
+                (
+                    "Two rods from the vertical by ",
+                    facts.said(facts.coordinates[0]),
+                    " and ",
+                    facts.said(facts.coordinates[1]),
+                    ".",
+                ),
+                {"ratio": ratio},
+            )
+    return None
+
+
+def _hangs(facts: Facts, potential: ex.Expression) -> bool:
+    """Whether V grows with each angle from 0 on."""
+    zero: Point = {ex.Symbol(name): mpmath.mpf(0) for name in facts.coordinates}
+    for name in facts.angles:
+        slope = calculus.differentiate(calculus.differentiate(potential, ex.Symbol(name)), ex.Symbol(name))
+        if not facts.value(slope, zero) > 0:
+            return False
+    return True
+
+
+def _cart(facts: Facts) -> Picture | None:
+    natural = natural_of(facts)
+    if natural is None or facts.angles != facts.coordinates[1:]:
+        return None
+    ((first, cross), (_, second)), potential = natural
+    factor = _collected(ex.divide(cross, ex.Apply("cos", ex.Symbol(facts.coordinates[1]))))
+    if not (all(map(facts.is_positive, (factor, first, second))) and _hangs(facts, potential)):
+        return None
+    x, angle = (facts.said(name) for name in facts.coordinates)
+    return Picture(
+        "cart", ("A slide at ", x, " with a rod at the angle ", angle, "."), {"length": ex.divide(second, factor)}
+    )
+
+
+def _well_of_two(facts: Facts) -> Picture | None:
+    natural = natural_of(facts)
+    if natural is None or facts.angles:
+        return None
+    ((first, _), (_, second)), potential = natural
+    if not facts.accelerations or facts.is_constant(potential) or not _falls(facts, natural):
+        return None
+    said = ("The path of ", *_point(facts), ". The point cannot leave the line ", _theory("V = E"))
+    return Picture(
+        "path",
+        (*said, ", where it would be at rest."),
+        {"potential": potential, "mass": {"first": first, "second": second}},
+    )
+
+
+def _none(facts: Facts) -> Picture | None:
+    """Three lines: the conditions of Phi, nabla Phi, nabla nabla Phi on g = [[g_11, g_12], [g_12, g_22]]."""
+    if facts.tensors is None:
+        return None
+    tensors = [*facts.tensors, _nabla(facts, facts.tensors[1])]
+    rows = [
+        [_collected(part) for part in (t[0][1], ex.subtract(t[1][1], t[0][0]), ex.negate(t[1][0]))] for t in tensors
+    ]
+    if sum(ex.node_count(part) for row in rows for part in row) > MOST_NODES or not _are_apart(facts, rows):
+        return None
+    said = (
+        "Above, the path of ",
+        *_point(facts),
+        ". Below, each symmetric ",
+        _theory("g"),
+        " up to size is a point, and each of ",
+    )
+    return Picture(
+        "none",
+        (
+            *said,
+            "three conditions on it at this state is a line. They have no point in common: only ",
+            _theory("g = 0"),
+            " is left.",
+        ),
+        {"rows": rows},
+    )
+
+
+def _nabla(facts: Facts, tensor: Matrix) -> Matrix:
+    """Gamma(T) + N T - T N with N = -1/2 df/dv, (2, 2)."""
+    rates: list[tuple[ex.Expression, ex.Expression]] = []
+    for name, f in zip(facts.coordinates, facts.accelerations, strict=True):
+        rates += [(ex.Symbol(name), ex.Velocity(name)), (ex.Velocity(name), f)]
+    half = ex.number(Fraction(-1, 2))
+    n = [
+        [half * calculus.differentiate(f, ex.Velocity(name)) for name in facts.coordinates] for f in facts.accelerations
+    ]
+
+    def entry(i: int, j: int) -> ex.Expression:
+        plus = [n[i][k] * tensor[k][j] for k in range(2)]
+        minus = [ex.negate(tensor[i][k] * n[k][j]) for k in range(2)]
+        return ex.add(calculus.along(tensor[i][j], rates), *plus, *minus)
+
+    return [[entry(i, j) for j in range(2)] for i in range(2)]
+
+
+def _are_apart(facts: Facts, rows: Matrix) -> bool:
+    """Whether the rows are independent at a point, which they then are at almost every point."""
+    leaves: list[ex.Expression] = [
+        *map(ex.Symbol, facts.coordinates),
+        *map(ex.Velocity, facts.coordinates),
+        ex.Symbol(facts.time),
+    ]
+    point: Point = {leaf: mpmath.mpf(k) / 7 + mpmath.mpf(1) / 3 for k, leaf in enumerate(leaves)}
+    found = mpmath.matrix([[facts.value(part, point) for part in row] for row in rows])
+    sizes = [mpmath.norm(found[k, :]) for k in range(3)]
+    size = sizes[0] * sizes[1] * sizes[2]
+    return bool(size > 0 and abs(mpmath.det(found)) > LEAST * size)
+
+
+def _point(facts: Facts) -> Iterator[str | sheets.Formula]:
+    first, second = facts.coordinates[:2]
+    yield from ("(", facts.said(first), ", ", facts.said(second), ")")
+
+
+def _path(facts: Facts) -> Picture | None:
+    return Picture("path", ("The path of ", *_point(facts), "."))
+
+
+_OF_TWO: tuple[Callable[[Facts], Picture | None], ...] = (
+    _polar, _none, _central, _charge, _double_pendulum, _cart, _well_of_two, _path,
+)  # fmt: skip
+
+
+# More coordinates.
+
+
+def _of_many(facts: Facts) -> Picture:
+    if facts.coordinates == ("x", "y", "z"):
+        return Picture(
+            "space",
+            (
+                "The path in space; the dotted line goes down to the plane of ",
+                facts.said("x"),
+                " and ",
+                facts.said("y"),
+                ".",
+            ),
+        )
+    if len(facts.coordinates) <= MOST_LINES:
+        return Picture("lines", ("Each coordinate on its own line, to one scale, with its last second behind it.",))
+    return Picture("history", ("All coordinates over the time.",))
+
+
+def _of_constraints(facts: Facts) -> Picture:
+    """A body seen from above, where x and y move along a direction that is a coordinate."""
+    known = {ex.Velocity(name): tree for name, tree in facts.velocities.items()} or _solved(facts)
+    others = [name for name in facts.coordinates if name not in "xy"]
+    if not {"x", "y"} <= set(facts.coordinates):
+        return (
+            Picture("path", ("The path of ", *_point(facts), " on the constraints."))
+            if len(facts.coordinates) == 2
+            else _of_many(facts)
+        )
+    u, v = (known.get(ex.Velocity(name), ex.Velocity(name)) for name in "xy")
+    for name in others:
+        cos, sin = ex.Apply("cos", ex.Symbol(name)), ex.Apply("sin", ex.Symbol(name))
+        if _is_zero(ex.subtract(v * cos, u * sin)) or _is_along(facts, cos, sin):
+            return _of_heading(facts, name, [one for one in others if one != name], u, cos)
+    turned = " Other coordinates are not drawn." if others else ""
+    return Picture(
+        "path", ("The path of ", "(", facts.said("x"), ", ", facts.said("y"), f") on the constraints.{turned}")
+    )
+
+
+def _solved(facts: Facts) -> dict[ex.Velocity, ex.Expression]:
+    """x' and y' by the other velocities, from the first two constraints that give them (Cramer's rule)."""
+    x, y = ex.Velocity("x"), ex.Velocity("y")
+    for first, second in itertools.combinations(facts.constraints, 2):
+        a, b = ([_collected(calculus.differentiate(one, rate)) for rate in (x, y)] for one in (first, second))
+        determinant = _collected(ex.subtract(a[0] * b[1], a[1] * b[0]))
+        if writing.simplified(determinant) == ex.ZERO:
+            continue
+        still: dict[ex.Velocity, ex.Expression] = {x: ex.ZERO, y: ex.ZERO}
+        p, q = (ex.substitute(one, still) for one in (first, second))
+        pairs = ((x, ex.subtract(a[1] * q, b[1] * p)), (y, ex.subtract(b[0] * p, a[0] * q)))
+        return {rate: writing.simplified(ex.divide(top, determinant)) for rate, top in pairs}
+    return {}
+
+
+def _is_along(facts: Facts, cos: ex.Expression, sin: ex.Expression) -> bool:
+    """Whether a velocity along (cos, sin) without any other one keeps the only constraint, which has x' and y'."""
+    if len(facts.constraints) != 1:
+        return False
+    rates: dict[ex.Velocity, ex.Expression] = {ex.Velocity(name): ex.ZERO for name in facts.coordinates}
+    rates |= {ex.Velocity("x"): cos, ex.Velocity("y"): sin}
+    (constraint,) = facts.constraints
+    alone = all(ex.Velocity(name) not in set(ex.walk(constraint)) for name in facts.coordinates if name not in "xy")
+    return alone and _is_zero(ex.substitute(constraint, rates))
+
+
+def _of_heading(facts: Facts, name: str, rest: Sequence[str], u: ex.Expression, cos: ex.Expression) -> Picture:
+    heading = facts.coordinates.index(name)
+    angle = facts.said(name)
+    if len(rest) == 1:
+        (one,) = rest
+        radius = _collected(ex.divide(u, cos * ex.Velocity(one)))
+        if facts.is_constant(radius) and radius != ex.ZERO:
+            said = (
+                "Seen from above. The wheel rolls along ",
+                angle,
+                " without slipping: the marks on the ground are one turn apart.",
+            )
+            return Picture("disk", said, {"heading": heading, "rolled": facts.coordinates.index(one)})
+    if len(rest) >= 2:
+        return Picture(
+            "carriage",
+            ("Seen from above. No wheel moves sideways: the path has the direction ", angle, "."),
+            {"heading": heading, "rolled": facts.coordinates.index(rest[0])},
+        )
+    return Picture(
+        "knife-edge",
+        ("Seen from above. The blade has the direction ", angle, " and moves along itself alone."),
+        {"heading": heading},
+    )

@@ -1,0 +1,490 @@
+// How a motion is drawn. Each picture makes of the present track a scene: its curve in the plane of the picture, the
+// frame that puts it on the screen, what lies below and above it, labels, and what a dragged start means. The service
+// chooses which one (web/pages/pictures.py); `fits` is for those that may be chosen besides.
+
+const TALL = 0.3; // of the height, for what is above a phase plane
+const EDGE = 30; // CSS pixels between a curve and the edge
+const LETTER = 15; // the height of a line of text
+const SPREAD = [0.45, 0.75, 1.25]; // starts of the neighbors, in parts of the start
+const SECTORS = 8;
+const ARROW = 11;
+
+export const fixed = (number) => number.toFixed(1);
+export const line = (points) => (points.length ? `M${points.map(([u, v]) => `${fixed(u)} ${fixed(v)}`).join("L")}` : "");
+export const short = (number, digits = 3) => String(Number(number.toPrecision(digits))).replace("-", "\u2212");
+export const escaped = (text) => text.replace(/[&<>"]/g, (sign) => `&#${sign.charCodeAt(0)};`);
+const path = (d, name = "", more = "") => `<path class="${name}" d="${d}"${more}/>`;
+const ball = ([u, v], size = 6, name = "body") => `<circle class="${name}" cx="${fixed(u)}" cy="${fixed(v)}" r="${size}"/>`;
+const plane = (c) => [c.indexOf("x"), c.indexOf("y")];
+const hasPlane = (c) => !plane(c).includes(-1);
+const rod = (angle, [x, y] = [0, 0], length = 1) => [x + length * Math.sin(angle), y - length * Math.cos(angle)];
+
+// A rectangle [left, top, right, bottom] of the screen that shows a box [x0, x1, y0, y1] of a plane.
+export class Frame {
+  constructor(area, box, { equal = false, margin = 0.04 } = {}) {
+    const [left, top, right, bottom] = area;
+    const size = (low, high) => Math.max(high - low, 1e-9) * (1 + 2 * margin);
+    let [a, b] = [(right - left) / size(box[0], box[1]), (bottom - top) / size(box[2], box[3])];
+    if (equal) a = b = Math.min(box[1] - box[0] > 1e-9 ? a : Infinity, box[3] - box[2] > 1e-9 ? b : Infinity, 1e6);
+    Object.assign(this, { area, a, b, x: (box[0] + box[1]) / 2, y: (box[2] + box[3]) / 2, u: (left + right) / 2, v: (top + bottom) / 2 });
+  }
+
+  at([x, y]) { return [this.u + (x - this.x) * this.a, this.v - (y - this.y) * this.b]; }
+
+  back([u, v]) { return [this.x + (u - this.u) / this.a, this.y - (v - this.v) / this.b]; }
+
+  holds([u, v], slack = 6) { const [l, t, r, b] = this.area; return u > l - slack && u < r + slack && v > t - slack && v < b + slack; }
+}
+
+export const boxOf = (points, box = [Infinity, -Infinity, Infinity, -Infinity]) => {
+  for (const [x, y] of points) if (Number.isFinite(x + y)) {
+    box[0] = Math.min(box[0], x); box[1] = Math.max(box[1], x); box[2] = Math.min(box[2], y); box[3] = Math.max(box[3], y);
+  }
+  return box;
+};
+
+// Labels are placed one after another, each at that free one of its places where it covers least of the curve; without
+// a free place it is left out.
+const pen = document.createElement("canvas").getContext("2d");
+export function placed(labels, { width, height, family, taken = [], curve = [] }) {
+  const boxes = [...taken];
+  let text = "";
+  for (const { words, at, name = "", mark = "", data = "" } of labels) {
+    pen.font = `${name === "name" ? "italic 16px" : name === "case" ? "600 13px" : "13px"} ${family}`;
+    const long = pen.measureText(words).width * (name === "name" ? 1.15 : 1.04);
+    let best = null;
+    for (const [u, v, anchor = "middle"] of at) {
+      const left = u - (anchor === "end" ? long : anchor === "middle" ? long / 2 : 0);
+      const box = [left - 3, v - LETTER, left + long + 3, v + 6];
+      if (box[0] < -2 || box[2] > width + 2 || box[1] < -4 || box[3] > height + 4) continue;
+      if (boxes.some((one) => box[0] < one[2] && one[0] < box[2] && box[1] < one[3] && one[1] < box[3])) continue;
+      const covered = curve.filter(([x, y]) => x > box[0] && x < box[2] && y > box[1] && y < box[3]).length;
+      if (!best || covered < best.covered) best = { u, v, anchor, box, covered };
+    }
+    if (!best) continue;
+    boxes.push(best.box);
+    text += `${mark}<text class="${name}" text-anchor="${best.anchor}" x="${fixed(best.u)}" y="${fixed(best.v)}"${data}>${escaped(words)}</text>`;
+  }
+  return text;
+}
+
+// Axes through zero, or at the edge where zero is out of sight, with numbers and names at their ends.
+function axes(frame, [first, second]) {
+  const [left, top, right, bottom] = frame.area;
+  const [ou, ov] = frame.at([0, 0]);
+  const [u, v] = [Math.min(right, Math.max(left, ou)), Math.min(bottom, Math.max(top, ov))];
+  const nice = (range) => { const power = 10 ** Math.floor(Math.log10(range / 2.4)); return [5, 2, 1].map((k) => k * power).find((k) => k <= range / 2.4) ?? power; };
+  const [low, high] = [frame.back([left, bottom]), frame.back([right, top])];
+  const labels = [
+    { words: first, name: "name", at: [[right + 16, v - 7, "end"], [right + 16, v + 18, "end"], [left - 12, v - 7, "start"]] },
+    { words: second, name: "name", at: [[u + 8, top + 3, "start"], [u - 8, top + 3, "end"], [u + 8, bottom + 2, "start"]] },
+  ];
+  for (const axis of [0, 1]) {
+    const step = nice(high[axis] - low[axis]);
+    for (let k = Math.ceil(low[axis] / step); k * step <= high[axis]; k += 1) if (k) {
+      const [p, q] = frame.at(axis ? [frame.x, k * step] : [k * step, frame.y]);
+      labels.push(axis ? { words: short(k * step), at: [[u - 7, q + 4, "end"], [u + 7, q + 4, "start"]], mark: path(`M${fixed(u - 3)} ${fixed(q)}h6`) }
+        : { words: short(k * step), at: [[p, v + 19], [p, v - 8]], mark: path(`M${fixed(p)} ${fixed(v - 3)}v6`) });
+    }
+  }
+  return { under: path(`M${fixed(left - 14)} ${fixed(v)}H${fixed(right + 14)}M${fixed(u)} ${fixed(top - 6)}V${fixed(bottom + 6)}`), labels };
+}
+
+const dotted = (name) => `${name}\u0307`;
+
+// One coordinate: velocity over position, with something above it.
+function phase(m, { above = 0, arrows = false } = {}) {
+  const { width, height } = m;
+  const top = above ? height * above + 30 : 26;
+  const points = m.main.t.map((_, k) => [m.main.q[0][k], m.main.v[0][k]]);
+  const box = boxOf(points);
+  const frame = m.frame([EDGE, top, width - EDGE, height - 26], boxOf([[-0.2 * box[1], -0.2 * box[3]], [0.2 * box[1], 0.2 * box[3]]], box));
+  const name = m.called(m.told.coordinates[0]);
+  const found = m.isTiny ? { under: "", labels: [] } : axes(frame, [name, dotted(name)]);
+  return {
+    points, frame, labels: found.labels, under: found.under,
+    near: (arrows && m.system ? field(m, frame) : "") + (m.system && !m.small ? neighbors(m, frame) : ""),
+    put: ([x, y]) => { m.q = [x]; m.v = [y]; },
+    draw: (k) => ball(frame.at(points[k]), 5.5, "dot"),
+  };
+}
+
+function neighbors(m, frame) {
+  return SPREAD.map((s) => {
+    const near = m.track([frame.x + s * (m.q[0] - frame.x)], [frame.y + s * (m.v[0] - frame.y)], 500);
+    const parts = [[]]; // what leaves the picture is not joined to what comes back
+    near.t.forEach((_, k) => {
+      const at = frame.at([near.q[0][k], near.v[0][k]]);
+      if (frame.holds(at, 20)) parts.at(-1).push(at);
+      else if (parts.at(-1).length) parts.push([]);
+    });
+    return path(parts.map(line).join(""));
+  }).join("");
+}
+
+function field(m, frame) {
+  const [left, top, right, bottom] = frame.area;
+  const [columns, rows] = [Math.round((right - left) / 34), Math.round((bottom - top) / 30)];
+  let d = "";
+  for (let i = 0; i < columns; i += 1) for (let j = 0; j < rows; j += 1) {
+    const [u, w] = [left + ((i + 0.5) * (right - left)) / columns, top + ((j + 0.5) * (bottom - top)) / rows];
+    const [x, v] = frame.back([u, w]);
+    const [du, dw] = [v * frame.a, -m.system.f[0](m.system.state([x], [v], m.values)) * frame.b];
+    const size = Math.hypot(du, dw);
+    if (!(size > 1e-9) || !Number.isFinite(size)) continue;
+    const [p, q] = [(du / size) * ARROW, (dw / size) * ARROW];
+    d += `M${fixed(u - p / 2)} ${fixed(w - q / 2)}l${fixed(p)} ${fixed(q)}m${fixed(-0.4 * p - 0.2 * q)} ${fixed(-0.4 * q + 0.2 * p)}L${fixed(u + p / 2)} ${fixed(w + q / 2)}l${fixed(-0.4 * p + 0.2 * q)} ${fixed(-0.4 * q - 0.2 * p)}`;
+  }
+  return path(d, "arrows");
+}
+
+// Above the phase plane the graph of V: the point on it is as high as its potential energy, the line its whole energy.
+function well(m) {
+  const { width, height } = m;
+  const scene = phase(m, { above: TALL });
+  const { frame, points } = scene;
+  const [top, bottom] = [16, height * TALL];
+  const [mass, potential] = [m.known("mass"), m.known("potential")];
+  const energy = (mass(m.q, m.v) * m.v[0] ** 2) / 2 + potential(m.q, [0]);
+  const samples = Array.from({ length: 121 }, (_, k) => { const u = 8 + ((width - 16) * k) / 120; return [u, potential([frame.back([u, 0])[0]], [0])]; });
+  const seen = samples.map(([, v]) => v).filter(Number.isFinite);
+  const low = Math.min(...points.map(([x]) => potential([x], [0])).filter(Number.isFinite), energy);
+  const floor = Math.max(Math.min(...seen), low - 0.8 * Math.max(energy - low, 1e-9));
+  const ceiling = energy + 0.3 * Math.max(energy - floor, 1e-9);
+  const tall = (value) => bottom - ((value - floor) / (ceiling - floor)) * (bottom - top);
+  const parts = [[]];
+  for (const [u, value] of samples) {
+    if (value >= floor - 1e-12 && value <= ceiling) parts.at(-1).push([u, tall(value)]);
+    else if (parts.at(-1).length) parts.push([]);
+  }
+  const curves = parts.filter((part) => part.length > 1);
+  const [e, ends] = [tall(energy), curves.length ? [curves[0][0], curves.at(-1).at(-1)] : []];
+  const land = curves.map((part) => path(`${line(part)}L${fixed(part.at(-1)[0])} ${fixed(bottom)}H${fixed(part[0][0])}Z`, "land")).join("");
+  return {
+    ...scene,
+    under: land + curves.map((part) => path(line(part), "graph")).join("") + path(`M8 ${fixed(e)}H${fixed(width - 8)}`, "level") + scene.under,
+    labels: m.isTiny ? [] : [
+      { words: "E", name: "name", at: [[10, e - 6, "start"], [width - 10, e - 6, "end"], [10, e + 17, "start"], [width - 10, e + 17, "end"]] },
+      { words: "V", name: "name", at: ends.flatMap(([u, v]) => [[u < width / 2 ? u + 12 : u - 4, v + 20, u < width / 2 ? "start" : "end"], [u < width / 2 ? u + 4 : u - 12, v - 8, u < width / 2 ? "start" : "end"]]) },
+      ...scene.labels,
+    ],
+    draw: (k) => {
+      const [u, v] = frame.at(points[k]);
+      const w = tall(potential([points[k][0]], [0]));
+      return (Number.isFinite(w) ? path(`M${fixed(u)} ${fixed(w)}V${fixed(v)}`, "plumb") + ball([u, w], 6.5) : "") + ball([u, v], 5.5, "dot");
+    },
+  };
+}
+
+function spring(m) {
+  const scene = phase(m, { above: 0.2 });
+  const damps = Object.keys(m.values ?? {}).some((name) => m.ranges[name]?.[2] && m.values[name]);
+  const [low, middle, high] = [16, 42, 68].map((v) => (v * m.height * 0.2) / 76);
+  return {
+    ...scene,
+    draw: (k) => {
+      const [u, v] = scene.frame.at(scene.points[k]);
+      const left = Math.max(34, u - 16);
+      const half = 14 + (left - 14) / 2;
+      const [first, second] = damps ? [middle - 6, high - 10] : [middle, 0];
+      const damper = damps ? path(`M14 ${fixed(second)}H${fixed(half - 9)}M${fixed(half + 9)} ${fixed(second - 5)}H${fixed(half - 9)}v10H${fixed(half + 9)}M${fixed(half + 2)} ${fixed(second - 4)}v8m0 -4H${fixed(left)}`, "rod") : "";
+      return path(`M14 ${fixed(low)}V${fixed(high)}H${fixed(m.width - 10)}`, "rule") + path(zigzag([14, first], [left, first]), "rod") + damper
+        + `<rect class="body" x="${fixed(left)}" y="${fixed(low + 8)}" width="32" height="${fixed(high - low - 9)}" rx="4"/>` + path(`M${fixed(u)} ${fixed(high)}V${fixed(v)}`, "plumb") + ball([u, v], 5.5, "dot");
+    },
+  };
+}
+
+function zigzag([u, v], [x, y], half = 7, turns = 9) {
+  const [dx, dy] = [x - u, y - v];
+  const size = Math.hypot(dx, dy) || 1;
+  const points = [[u, v]];
+  for (let k = 0; k < 2 * turns; k += 1) {
+    const [along, side] = [(k + 0.5) / (2 * turns), k % 2 ? half : -half];
+    points.push([u + dx * along - (dy / size) * side, v + dy * along + (dx / size) * side]);
+  }
+  return line([...points, [x, y]]);
+}
+
+function pendulum(m) {
+  const scene = phase(m, { above: 0.34, arrows: false });
+  const [pivot, length] = [[m.width / 2, m.height * 0.17], m.height * 0.14];
+  return {
+    ...scene,
+    draw: (k) => {
+      const q = scene.points[k][0];
+      const end = [pivot[0] + length * Math.sin(q), pivot[1] + length * Math.cos(q)];
+      return path(`M${fixed(pivot[0] - 22)} ${fixed(pivot[1])}h44`, "rule") + path(line([pivot, end]), "rod") + ball(pivot, 3, "pivot") + ball(end, 7) + ball(scene.frame.at(scene.points[k]), 5.5, "dot");
+    },
+  };
+}
+
+// The plane in parts, each with its own equation; the one in which the point is holds now.
+function cases(m) {
+  const scene = phase(m);
+  const { frame, points } = scene;
+  const sides = m.known("cases").map(({ label, sides: list }) => ({ label, holds: (x) => list.every((side) => side([x], [0]) > 0) }));
+  const where = (x) => sides.findIndex((one) => one.holds(x));
+  const [count, parts] = [Math.round(m.width / 2), []];
+  for (let k = 0; k < count; k += 1) {
+    const here = where(frame.back([(k + 0.5) * (m.width / count), 0])[0]);
+    if (parts.at(-1)?.here === here) parts.at(-1).end = ((k + 1) * m.width) / count;
+    else parts.push({ here, start: (k * m.width) / count, end: ((k + 1) * m.width) / count });
+  }
+  const known = parts.filter((part) => part.here >= 0);
+  const shade = known.map((part) => `<rect class="part-${part.here % 2}" x="${fixed(part.start)}" y="0" width="${fixed(part.end - part.start)}" height="${m.height}"/>`).join("");
+  let now = null;
+  return {
+    ...scene, under: shade + scene.under,
+    labels: m.isTiny ? [] : [...known.map((part) => ({ words: `${sides[part.here].label}`.replace("-", "\u2212"), name: "case", data: ` data-here="${part.here}"`, at: [[(part.start + part.end) / 2, m.height - 10], [(part.start + part.end) / 2, 18]] })), ...scene.labels],
+    draw: (k) => {
+      const here = where(points[k][0]);
+      if (here >= 0 && here !== now) { now = here; m.holds(here); }
+      return ball(frame.at(points[k]), 5.5, "dot");
+    },
+  };
+}
+
+// Coordinates over the time.
+function history(m) {
+  const { width, height, main } = m;
+  const box = boxOf(main.q.flatMap((column) => column.map((x, k) => [main.t[k], x])));
+  const frame = m.frame([EDGE + 8, 26, width - EDGE, height - 26], box);
+  const { under, labels } = m.isTiny ? { under: "", labels: [] } : axes(frame, [m.told.time ?? "t", m.told.coordinates.length === 1 ? m.called(m.told.coordinates[0]) : ""]);
+  const all = main.q.slice(1).map((column) => path(line(main.t.map((t, k) => frame.at([t, column[k]])).filter((_, k) => k % 2 === 0)), "graph")).join("");
+  return {
+    points: main.t.map((t, k) => [t, main.q[0][k]]), frame, under: under + all, labels: labels.filter((one) => one.words),
+    put: ([, x]) => { m.q = [x, ...m.q.slice(1)]; },
+    draw: (k) => main.q.map((column) => ball(frame.at([main.t[k], column[k]]), 5.5, "dot")).join(""),
+  };
+}
+
+const first = (m) => { const places = plane(m.told.coordinates); return places.includes(-1) ? [0, 1] : places; };
+const ofColumns = (m, places) => m.main.t.map((_, k) => places.map((place) => m.main.q[place][k]));
+const inside = (m) => [EDGE, 26, m.width - EDGE, m.height - 26];
+
+// A path in the plane of two coordinates; with V known the line V = E, which the point cannot leave.
+function point(m) {
+  const places = first(m);
+  const points = ofColumns(m, places);
+  const frame = m.frame(inside(m), boxOf(points), { equal: true, margin: m.told.known?.potential ? 0.16 : 0.04 });
+  const { under, labels } = m.isTiny ? { under: "", labels: [] } : axes(frame, places.map((k) => m.called(m.told.coordinates[k])));
+  const [limit, at] = m.told.known?.potential ? limits(m, frame) : ["", []];
+  return {
+    points, frame, under: path(limit, "limit") + under, labels: [...labels.slice(0, 2), ...(at.length ? [{ words: "V = E", name: "name", at }] : []), ...labels.slice(2)],
+    put: ([x, y]) => { m.q[places[0]] = x; m.q[places[1]] = y; },
+    draw: (k) => ball(frame.at(points[k])),
+  };
+}
+
+// Where V = E, by marching squares, and places for its name.
+function limits(m, frame) {
+  const potential = m.known("potential");
+  const { first: one, second } = m.known("mass");
+  const energy = (one(m.q, m.v) * m.v[0] ** 2 + second(m.q, m.v) * m.v[1] ** 2) / 2 + potential(m.q, [0, 0]);
+  const [columns, rows] = [Math.round(m.width / 7), Math.round(m.height / 7)];
+  const at = (i, j) => [(i * m.width) / columns, (j * m.height) / rows];
+  const values = Array.from({ length: columns + 1 }, (_, i) => Array.from({ length: rows + 1 }, (__, j) => potential(frame.back(at(i, j)), [0, 0]) - energy));
+  let d = "";
+  const seen = [];
+  for (let i = 0; i < columns; i += 1) for (let j = 0; j < rows; j += 1) {
+    const corners = [[i, j], [i + 1, j], [i + 1, j + 1], [i, j + 1]];
+    const cuts = [];
+    corners.forEach((corner, k) => {
+      const next = corners[(k + 1) % 4];
+      const [a, b] = [values[corner[0]][corner[1]], values[next[0]][next[1]]];
+      if (!Number.isFinite(a + b) || a > 0 === b > 0) return;
+      const [p, q] = [at(...corner), at(...next)];
+      cuts.push([p[0] + ((q[0] - p[0]) * a) / (a - b), p[1] + ((q[1] - p[1]) * a) / (a - b)]);
+    });
+    for (let k = 0; k + 1 < cuts.length; k += 2) { d += line([cuts[k], cuts[k + 1]]); seen.push(cuts[k]); }
+  }
+  return [d, seen.filter((_, k) => k % 9 === 0).flatMap(([u, v]) => [[u + 8, v - 6, "start"], [u - 8, v - 6, "end"]])];
+}
+
+// A field across the plane as dots, as dense as it is strong.
+function charge(m) {
+  const scene = point(m);
+  const strength = m.known("strength");
+  const candidates = [];
+  let seed = 7;
+  const next = () => (seed = (seed * 16807) % 2147483647) / 2147483647;
+  const still = m.told.coordinates.map(() => 0);
+  for (let k = 0; k < m.width * m.height * 0.006; k += 1) {
+    const at = [next() * m.width, next() * m.height];
+    candidates.push([at, Math.abs(strength(scene.frame.back(at), still)), next()]);
+  }
+  const most = Math.max(...candidates.map(([, value]) => value).filter(Number.isFinite), 1e-12);
+  const dots = candidates.filter(([, value, chance]) => chance * most < value).map(([[u, v]]) => `M${fixed(u)} ${fixed(v)}h.01`).join("");
+  return { ...scene, under: path(dots, "dots") + scene.under };
+}
+
+// About a center: in polar or in plane coordinates; with equal areas known, sectors of equal times.
+function central(m) {
+  const isPolar = m.told.known?.polar || !hasPlane(m.told.coordinates);
+  const raw = ofColumns(m, isPolar ? [0, 1] : first(m));
+  const points = isPolar ? raw.map(([r, angle]) => [r * Math.cos(angle), r * Math.sin(angle)]) : raw;
+  const frame = m.frame(inside(m), boxOf([[0, 0]], boxOf(points)), { equal: true });
+  const center = frame.at([0, 0]);
+  let sectors = "";
+  if (m.told.known?.swept && !m.isTiny) {
+    let [turned, end] = [0, 0];
+    for (let k = 1; k < points.length && Math.abs(turned) < 2 * Math.PI; k += 1) {
+      const [[a, b], [c, d]] = [points[k - 1], points[k]];
+      turned += Math.atan2(a * d - b * c, a * c + b * d);
+      end = k;
+    }
+    const size = Math.floor(end / SECTORS);
+    for (let s = 0; s < SECTORS && size > 1; s += 1) sectors += path(`M${fixed(center[0])} ${fixed(center[1])}L${line(points.slice(s * size, (s + 1) * size + 1).map((one) => frame.at(one))).slice(1)}Z`, `sector part-${s % 2}`);
+  }
+  return {
+    points, frame, under: sectors + ball(center, 6, "pivot"),
+    labels: [],
+    put: ([x, y]) => { if (isPolar) m.q = [Math.hypot(x, y), Math.atan2(y, x)]; else { const places = first(m); m.q[places[0]] = x; m.q[places[1]] = y; } },
+    draw: (k) => path(line([center, frame.at(points[k])]), "rod") + ball(frame.at(points[k])),
+  };
+}
+
+// Rods and slides: `joints` of a state in the plane, the path that of the last one.
+const chainOf = (joints, drag, more = () => "") => (m) => {
+  const all = m.main.t.map((_, k) => joints(m.main.q.map((column) => column[k]), m));
+  const points = all.map((one) => one.at(-1));
+  const frame = m.frame(inside(m), boxOf(all.flat()), { equal: true });
+  return {
+    points, frame, under: more(m, frame), labels: [],
+    put: ([x, y]) => { m.q = drag(m.q, x, y, m); },
+    draw: (k) => { const at = all[k].map((one) => frame.at(one)); return path(line(at), "rod") + ball(at[0], 3, "pivot") + at.slice(1).map((one) => ball(one, 7)).join(""); },
+  };
+};
+const ratio = (m, name) => { const found = m.told.known?.[name] === undefined ? 1 : m.known(name)(m.q, m.v); return found > 0 ? found : 1; };
+const doublePendulum = chainOf((q, m) => [[0, 0], rod(q[0]), rod(q[1], rod(q[0]), ratio(m, "ratio"))],
+  (q, x, y) => { const [a, b] = rod(q[0]); return [q[0], Math.atan2(x - a, b - y)]; });
+const cart = chainOf((q, m) => [[q[0], 0], rod(q[1], [q[0], 0], ratio(m, "length"))], (q, x, y) => [q[0], Math.atan2(x - q[0], -y)],
+  (m, frame) => path(`M10 ${fixed(frame.at([0, 0])[1])}H${fixed(m.width - 10)}`, "rule"));
+
+// Each coordinate on its own line, to one scale.
+function lines(m) {
+  const { width, height, main } = m;
+  const n = main.q.length;
+  const most = Math.max(...main.q.flat().map(Math.abs), 1e-9);
+  const names = m.told.coordinates.map((name) => m.called(name));
+  const room = m.isTiny ? 8 : Math.min(90, 18 + Math.max(...names.map((name) => name.length)) * 9);
+  const frame = m.frame([room + 8, 14, width - 16, height - 30], [-most, most, -(n - 0.5), 0.5]);
+  const row = (k) => frame.at([0, -k])[1];
+  const [left, right] = [frame.area[0] - 6, frame.area[2] + 6];
+  const [zero, tail] = [frame.at([0, 0])[0], Math.max(2, Math.round(1 / (main.t[1] - main.t[0])))];
+  return {
+    points: main.t.map((_, k) => [main.q[0][k], 0]), frame, isPathless: true,
+    under: path(`M${fixed(zero)} 8V${fixed(height - 26)}`, "level") + names.map((_, k) => path(`M${fixed(left)} ${fixed(row(k))}H${fixed(right)}`, "graph")).join(""),
+    labels: m.isTiny ? [] : [...names.map((words, k) => ({ words, name: "name", at: [[10, row(k) + 5, "start"]] })), { words: "0", at: [[zero, height - 8]] },
+      { words: short(most, 2), at: [[right, height - 8, "end"]] }, { words: short(-most, 2), at: [[left, height - 8, "start"]] }],
+    put: ([x]) => { m.q = [x, ...m.q.slice(1)]; },
+    draw: (k) => main.q.map((column, j) => {
+      const last = column.slice(Math.max(0, k - tail), k + 1).map((x) => frame.at([x, -j])[0]);
+      return path(`M${fixed(Math.min(...last))} ${fixed(row(j))}H${fixed(Math.max(...last))}`, "tail") + ball([last.at(-1), row(j)], 6.5);
+    }).join(""),
+  };
+}
+
+// In space, seen from the side; x comes to the front.
+function space(m) {
+  const flat = ([x, y, z]) => [y - 0.5 * x, z - 0.3 * x];
+  const places = [0, 1, 2].map((k) => m.main.q[k]);
+  const all = m.main.t.map((_, k) => places.map((column) => column[k]));
+  const points = all.map(flat);
+  const box = boxOf(points);
+  const reach = 0.35 * Math.max(box[1] - box[0], box[3] - box[2], 1e-3);
+  const ends = [[2 * reach, 0, 0], [0, reach, 0], [0, 0, reach]];
+  const frame = m.frame(inside(m), boxOf([[0, 0], ...ends.map(flat)], box), { equal: true });
+  const origin = frame.at([0, 0]);
+  return {
+    points, frame, under: ends.map((end) => path(line([origin, frame.at(flat(end))]), "axis")).join(""),
+    labels: m.isTiny ? [] : ends.map((end, k) => { const [u, v] = frame.at(flat(end)); return { words: m.called(m.told.coordinates[k]), name: "name", at: [[u + 12, v + 4], [u - 12, v + 4], [u, v - 8]] }; }),
+    draw: (k) => path(line([frame.at(points[k]), frame.at(flat([all[k][0], all[k][1], 0]))]), "plumb") + ball(frame.at(points[k])),
+  };
+}
+
+// Bodies seen from above, turned to their direction.
+const bodies = {
+  disk: (rolled) => `<ellipse class="fill" rx="26" ry="8"/>${[0, 1, 2].map((k) => { const a = rolled + (2 * Math.PI * k) / 3; return path(`M0 0L${fixed(26 * Math.cos(a))} ${fixed(8 * Math.sin(a))}`, k ? "thin" : "mark"); }).join("")}`,
+  carriage: (rolled) => `<rect class="fill" x="-12" y="-12" width="28" height="24" rx="3"/><g transform="translate(0 -18)scale(.5)">${bodies.disk(rolled)}</g><g transform="translate(0 18)scale(.5)">${bodies.disk(rolled)}</g>`,
+  "knife-edge": () => '<path class="fill" d="M-20 0Q0 -8 22 0Q0 8 -20 0Z"/><path class="mark" d="M0 0H22"/>',
+};
+const fromAbove = (name) => (m) => {
+  const scene = point(m);
+  const { heading = 0, rolled = 1 } = m.told.known ?? {};
+  const column = m.main.q[rolled] ?? [];
+  let marks = "";
+  if (name === "disk") for (let k = 1, turns = 0; k < column.length; k += 1) {
+    const turned = Math.floor(Math.abs(column[k] - column[0]) / (2 * Math.PI));
+    if (turned > turns) { turns = turned; marks += ball(scene.frame.at(scene.points[k]), 3, "pivot"); }
+  }
+  return {
+    ...scene, under: scene.under + marks,
+    draw: (k) => { const [u, v] = scene.frame.at(scene.points[k]); return `<g transform="translate(${fixed(u)} ${fixed(v)})rotate(${fixed((-m.main.q[heading][k] * 180) / Math.PI)})">${bodies[name](column[k] ?? 0)}</g>`; },
+  };
+};
+
+// Why there is none: above the path, below the three conditions on g at the present state as lines of a plane in which
+// each symmetric 2 x 2 matrix up to size is a point, (g_11 - g_22, 2 g_12) / (g_11 + g_22); on the circle det g = 0.
+function none(m) {
+  const { width, height } = m;
+  const cut = height * 0.36;
+  const points = ofColumns(m, [0, 1]);
+  const frame = m.frame([EDGE, 22, width - EDGE, cut - 14], boxOf(points));
+  const { under, labels } = m.isTiny ? { under: "", labels: [] } : axes(frame, m.told.coordinates.map((name) => m.called(name)));
+  const side = m.isTiny ? 4 : 104;
+  const [left, top, right, bottom] = [4, cut + 8, width - side, height - 4];
+  const center = [(left + right) / 2, (top + bottom) / 2];
+  const radius = 0.3 * Math.min(right - left, bottom - top);
+  const rows = m.known("rows");
+  const kinds = ["first", "second", "third"];
+  const key = m.isTiny ? "" : kinds.map((kind, k) => path(`M${fixed(right + 8)} ${fixed(top + 14 + 24 * k)}h24`, `condition ${kind}`)).join("");
+  const keys = ["\u03a6", "\u2207\u03a6", "\u2207\u2207\u03a6"].map((words, k) => ({ words, at: [[right + 38, top + 19 + 24 * k, "start"]] }));
+  // The line a X + b Y + c = 0 within the rectangle.
+  const cutting = (a, b, c) => {
+    const ends = [];
+    const [x0, x1, y0, y1] = [(left - center[0]) / radius, (right - center[0]) / radius, (center[1] - bottom) / radius, (center[1] - top) / radius];
+    for (const x of [x0, x1]) { const y = -(a * x + c) / b; if (y >= y0 && y <= y1) ends.push([x, y]); }
+    for (const y of [y0, y1]) { const x = -(b * y + c) / a; if (x >= x0 && x <= x1) ends.push([x, y]); }
+    return ends.slice(0, 2).map(([x, y]) => [center[0] + x * radius, center[1] - y * radius]);
+  };
+  return {
+    points, frame,
+    under: under + path(`M0 ${fixed(cut)}H${width}`, "graph") + `<circle class="positive" cx="${fixed(center[0])}" cy="${fixed(center[1])}" r="${fixed(radius)}"/>${key}`,
+    labels: m.isTiny ? [] : [...labels.slice(0, 2), ...keys, { words: "det g = 0", at: [[right + 24, top + 96, "start"]], mark: ball([right + 14, top + 92], 7, "positive") }, ...labels.slice(2)],
+    put: ([x, y]) => { m.q = [x, y]; },
+    draw: (k) => {
+      const [q, v] = [m.main.q.map((column) => column[k]), m.main.v.map((column) => column[k])];
+      // g_11 = (1 + X) / 2, g_12 = Y / 2, g_22 = (1 - X) / 2.
+      const found = rows.map((row) => row.map((part) => part(q, v, m.main.t[k]))).map(([a, b, c]) => [a - c, b, a + c]);
+      const meet = (one, two) => { const d = one[0] * two[1] - one[1] * two[0]; return [(one[1] * two[2] - two[1] * one[2]) / d, (two[0] * one[2] - one[0] * two[2]) / d]; };
+      const corners = [[0, 1], [1, 2], [2, 0]].map(([i, j]) => meet(found[i], found[j])).map(([x, y]) => [center[0] + x * radius, center[1] - y * radius]);
+      const gap = corners.every(([x, y]) => x > left && x < right && y > top && y < bottom) ? path(`${line(corners)}Z`, "gap") : "";
+      return gap + found.map((one, j) => (one.every(Number.isFinite) ? path(line(cutting(...one)), `condition ${kinds[j]}`) : "")).join("") + ball(frame.at(points[k]), 5.5, "dot");
+    },
+  };
+}
+
+// `fits` says for which coordinates a picture may be chosen besides that of the service.
+const one = (c) => c.length === 1;
+export const PICTURES = {
+  well: { label: "potential well", make: well },
+  cases: { label: "cases", make: cases },
+  none: { label: "the three conditions", make: none },
+  charge: { label: "charge in a field", make: charge },
+  phase: { label: "directions in the phase plane", fits: one, make: (m) => phase(m, { arrows: true }) },
+  pendulum: { label: "pendulum", fits: (c, angles) => one(c) && angles.length === 1, make: pendulum },
+  spring: { label: "mass on a spring", make: spring },
+  disk: { label: "rolling disk", make: fromAbove("disk") },
+  carriage: { label: "carriage", make: fromAbove("carriage") },
+  "knife-edge": { label: "knife edge or sleigh", make: fromAbove("knife-edge") },
+  "double-pendulum": { label: "double pendulum", make: doublePendulum },
+  cart: { label: "pendulum on a slide", make: cart },
+  central: { label: "orbit in polar coordinates", fits: (c) => c.length === 2 && ["r", "rho", "R"].includes(c[0]), make: central },
+  path: { label: "path in the plane", fits: (c) => c.length === 2 || hasPlane(c), make: point },
+  space: { label: "path in space", fits: (c) => c.length === 3 && c.join() === "x,y,z", make: space },
+  lines: { label: "a line for each coordinate", fits: (c) => c.length > 1 && c.length <= 10, make: lines },
+  history: { label: "over the time", fits: () => true, make: history },
+};
+
+export const picturesFor = (coordinates, angles, chosen) => [...new Set([...(chosen in PICTURES ? [chosen] : []), ...Object.keys(PICTURES).filter((name) => PICTURES[name].fits?.(coordinates, angles))])];

@@ -1,0 +1,148 @@
+"""Pictures and pages as they look: no label on a label, nothing moves by itself, nothing jumps."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Page, ViewportSize, expect
+
+from .conftest import Visit, visited
+from .test_people import ask
+
+# The texts of a picture that touch another one, or leave the picture.
+TOUCHING = """() => {
+    const seen = [...document.querySelectorAll(".motion svg")].filter((svg) => svg.getClientRects().length);
+    const hits = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+    return seen.flatMap((svg) => {
+        const frame = svg.getBoundingClientRect();
+        const isOut = (a) => a.left < frame.left - 1 || a.right > frame.right + 1
+            || a.top < frame.top - 2 || a.bottom > frame.bottom + 2;
+        const texts = [...svg.querySelectorAll("text")].map((one) => [one.textContent, one.getBoundingClientRect()]);
+        return texts.flatMap(([words, a], k) => [
+            ...(isOut(a) ? [words] : []),
+            ...texts.slice(0, k).filter(([, b]) => hits(a, b)).map(([other]) => `${words} on ${other}`),
+        ]);
+    });
+}"""
+SMALLEST = """() => Math.min(...[...document.querySelectorAll(".motion svg text")]
+    .map((one) => parseFloat(getComputedStyle(one).fontSize)))"""
+SHIFT = """() => new Promise((found) => {
+    let sum = 0;
+    const add = (list) => list.getEntries().forEach((one) => { if (!one.hadRecentInput) sum += one.value; });
+    new PerformanceObserver(add).observe({ type: "layout-shift", buffered: true });
+    setTimeout(() => found(sum), 300);
+})"""
+WIDTHS = (320, 768, 1280)
+SYSTEMS: dict[str, dict[str, Any]] = {
+    "well": {"equations": "x'' = x - x^3"},
+    "none": {"equations": "x'' = -x - x'^2*y; y'' = -y + x'*y'"},
+}
+MORE: dict[str, dict[str, Any]] = {
+    "fall": {"equations": "y'' = -9.81"},
+    "spring": {"equations": "x'' = -x - c*x'", "parameters": "guess"},
+    "drag": {"equations": "x'' = -x'^2"},
+    "cases": {"equations": "x'' = -abs(x)"},
+    "pendulum": {"equations": "theta'' = -sin(theta)"},
+    "forced": {"equations": "x'' = -x + cos(t)"},
+    "self-excited": {"equations": "x'' = -x + (1-x^2)*x'"},
+    "coupled": {"equations": "x'' = -a*x + b*y; y'' = b*x - d*y", "parameters": "guess"},
+    "well of two": {"equations": "x'' = -x - 2*x*y; y'' = -y - x^2 + y^2"},
+    "charge": {"equations": "x'' = (1+x/2)*y'; y'' = -(1+x/2)*x'"},
+    "polar": {"equations": "r'' = r*phi'^2 - 1/r^2; phi'' = -2*r'*phi'/r"},
+    "chain": {"equations": "x1''=x2-2*x1; x2''=x1-2*x2+x3; x3''=x2-2*x3+x4; x4''=x3-2*x4"},
+    "three angles": {"equations": "theta1''=theta2-theta1; theta2''=theta1-2*theta2+theta3; theta3''=theta2-theta3"},
+    "space": {"equations": "x'' = y'; y'' = -x'; z'' = -1"},
+    "blade": {"lagrangian": "(x'^2+y'^2+p'^2)/2", "constraints": ["x'*sin(p)-y'*cos(p)"]},
+    "particle": {"lagrangian": "(x'^2+y'^2+z'^2)/2", "constraints": ["z' - y*x'"]},
+    "large": {"equations": "x'' = -1000000*x"},
+    "small": {"equations": "x'' = -x/1000000"},
+}
+
+
+def look_at(visit: Visit, document: dict[str, Any]) -> None:
+    page = visit.page
+    ask(visit, document)
+    for width in WIDTHS:
+        page.set_viewport_size({"width": width, "height": 900})
+        expect(page.locator(".motion svg")).to_have_attribute(
+            "viewBox", f"0 0 {page.evaluate(WIDTH)} {page.evaluate(HEIGHT)}"
+        )
+        assert page.locator(".motion svg text").count() >= 1, width
+        assert page.evaluate(TOUCHING) == [], width
+        assert page.evaluate(SMALLEST) >= 11, width
+
+
+WIDTH, HEIGHT = (
+    "document.querySelector('.motion svg').clientWidth",
+    "document.querySelector('.motion svg').clientHeight",
+)
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_no_label_touches_another(fresh: Visit, name: str) -> None:
+    look_at(fresh, SYSTEMS[name])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MORE)
+def test_the_same_for_the_other_kinds(fresh: Visit, name: str) -> None:
+    look_at(fresh, MORE[name])
+
+
+@pytest.fixture
+def calm(browser: Browser, service: str) -> Iterator[Visit]:
+    """A page of a person who has asked for less motion."""
+    size: ViewportSize = {"width": 1280, "height": 900}
+    page = browser.new_context(viewport=size, reduced_motion="reduce").new_page()
+    page.set_default_timeout(20_000)
+    yield from visited(page, service)
+    page.context.close()
+
+
+def drawn(page: Page) -> list[str | None]:
+    return [page.locator("[data-done]").get_attribute("stroke-dasharray"), page.locator("[data-now]").text_content()]
+
+
+def test_a_picture_is_still_for_those_who_ask_for_less_motion_and_its_energy_stays(calm: Visit) -> None:
+    page = calm.page
+    ask(calm, SYSTEMS["well"])
+    before = drawn(page)
+    energy = page.locator("[data-meter]").first.inner_text()
+    page.wait_for_timeout(300)
+    assert drawn(page) == before
+    page.get_by_role("button", name="Play").click()
+    expect(page.locator("[data-now]")).to_have_text(re.compile("t = [1-9]"))
+    assert page.locator("[data-meter]").first.inner_text() == energy
+
+
+def test_the_button_stays_where_it_is_and_nothing_shifts(fresh: Visit) -> None:
+    """The answer and how a text is read take room that is kept for them."""
+    page = fresh.page
+    fresh.go("/")
+    expect(page.locator("#glance h2")).to_contain_text("Yes")
+    box, button = page.get_by_label("Equations", exact=True), page.get_by_role("button", name="Open the answer")
+    begin = button.bounding_box()
+    for text, words in (
+        ("x'' = -x'^2", "Yes"),
+        ("x'' = -abs(x)", "2 cases"),
+        ("x1''=x2-2*x1; x2''=x1-2*x2+x3; x3''=x2-2*x3", "Yes"),
+        ("x'' = -y\ny'' = 3*@ + x", ""),
+    ):
+        box.fill(text)
+        if words:
+            expect(page.locator("#live:not(.old) #glance h2").first).to_contain_text(words)
+        else:
+            expect(page.locator("#understood mark")).to_have_text("@")
+        assert button.bounding_box() == begin, text
+    assert page.evaluate(SHIFT) < 0.005
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["well", "none"])
+def test_a_result_does_not_shift(fresh: Visit, name: str) -> None:
+    ask(fresh, SYSTEMS[name])
+    fresh.page.reload()
+    assert fresh.page.evaluate(SHIFT) < 0.005

@@ -1,0 +1,120 @@
+"""The picture of a motion follows from what is known of it, and what its caption says is true."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import pytest
+
+from inverse_service import catalogue, solve
+from inverse_service.service.documents import printed_pages
+from inverse_service.web.pages import preview
+
+KEPLER = "r'' = r*phi'^2 - 1/r^2; phi'' = -2*r'*phi'/r"
+COUPLED = "theta1'' = -sin(theta1) + theta2 - theta1; theta2'' = -sin(theta2) + theta1 - theta2"
+DOUBLE = "(m1+m2)/2*l1^2*a'^2 + m2/2*l2^2*b'^2 + m2*l1*l2*cos(a-b)*a'*b' + (m1+m2)*g*l1*cos(a) + m2*g*l2*cos(b)"
+CART = "(M+m)/2*x'^2 + m/2*l^2*theta'^2 + m*l*cos(theta)*x'*theta' + m*g*l*cos(theta)"
+KNIFE = {"lagrangian": "(x'^2+y'^2+p'^2)/2", "constraints": ["x'*sin(p)-y'*cos(p)"]}
+
+
+@cache
+def solved(text: str) -> Any:
+    return solve({"equations" if "''" in text else "lagrangian": text, "parameters": "guess"})
+
+
+def shown(document: Any, reveals: bool = True) -> preview.Shown | None:
+    result = solved(document) if isinstance(document, str) else solve(document)
+    return preview.motion_of_result(result, reveals=reveals)
+
+
+def kind(document: Any, reveals: bool = True) -> str:
+    found = shown(document, reveals)
+    return "" if found is None else str(found.data["picture"])
+
+
+@pytest.mark.parametrize(
+    ("document", "expected"),
+    [
+        ("y'' = -9.81", "well"),
+        ("x'' = x - x^3", "well"),
+        ("x'' = -x - x'", "spring"),
+        ("x'' = -abs(x)", "cases"),
+        ("x'' = -x - 2*x*y; y'' = -y - x^2 + y^2", "path"),
+        ("x'' = (1+x/2)*y'; y'' = -(1+x/2)*x'", "charge"),
+        (KEPLER, "central"),
+        ("x'' = -x - x'^2*y; y'' = -y + x'*y'", "none"),
+        ("x1'' = x2 - x1; x2'' = x1 - 2*x2 + x3; x3'' = x2 - x3", "lines"),
+        (DOUBLE, "double-pendulum"),
+        (CART, "cart"),
+        ({"equations": "x'' = F(x)", "functions": {"F": ["x"]}}, ""),
+    ],
+)
+def test_the_picture_is_that_of_what_is_known(document: Any, expected: str) -> None:
+    assert kind(document) == expected
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("document", "expected"),
+    [
+        ("x'' = x - c*x'", "phase"),  # no spring pushes away
+        ("x'' = -x'^2", "phase"),
+        ("x'' = -x + cos(t)", "history"),
+        ("theta'' = -sin(theta)", "pendulum"),
+        (COUPLED, "path"),  # two angles, and no double pendulum
+        ("x'' = -x/(x^2+y^2)^(3/2); y'' = -y/(x^2+y^2)^(3/2)", "central"),
+        ("x'' = y'; y'' = -x'; z'' = -1", "space"),
+        (KNIFE, "knife-edge"),
+        (catalogue.document("vertically-rolling-disk"), "disk"),
+        (catalogue.document("nonholonomic-particle"), "path"),
+        ("x'' = F(x)*x'", ""),
+    ],
+)
+def test_the_same_for_systems_that_take_longer(document: Any, expected: str) -> None:
+    if expected == "" and isinstance(document, str):
+        document = {"equations": document, "functions": {"F": ["x"]}}
+    assert kind(document) == expected
+
+
+def test_the_potential_that_is_drawn_is_that_of_the_force() -> None:
+    """m f = -dV/dx for x'' = x - x^3: V = x^4/4 - x^2/2, up to the order of its terms."""
+    found = shown("x'' = x - x^3")
+    assert found is not None
+
+    def value(tree: Any, x: float) -> float:
+        if isinstance(tree, float | int):
+            return float(tree)
+        if tree == "x":
+            return x
+        first, *parts = tree
+        numbers = [value(part, x) for part in parts]
+        if first == "+":
+            return sum(numbers)
+        if first == "^":
+            return float(numbers[0] ** numbers[1])
+        assert first == "*"
+        product = 1.0
+        for number in numbers:
+            product *= number
+        return product
+
+    for x in (-1.3, 0.4, 2.0):
+        assert value(found.data["known"]["potential"], x) == pytest.approx(x**4 / 4 - x**2 / 2)
+
+
+def test_a_force_besides_the_potential_is_not_drawn_as_a_well() -> None:
+    """L = x'^2/2 - x^2/2 is not what x'' = -x - x' has, so no point rolls as high as its energy."""
+    found = shown("x'' = -x - x'")
+    assert found is not None
+    assert "potential" not in found.data["known"]
+    assert "changes by the factor exp(-t), which exp(t) in L makes up for" in printed_pages.plain(found.caption)
+
+
+@pytest.mark.parametrize("document", ["x'' = x - x^3", KEPLER])
+def test_an_exercise_shows_nothing_of_its_answer(document: str) -> None:
+    found = shown(document, reveals=False)
+    assert found is not None
+    assert found.meters == ()
+    assert found.data["meters"] == []
+    assert not {"potential", "mass", "swept"} & set(found.data["known"])
