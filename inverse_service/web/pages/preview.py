@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from inverse_service import errors
 from inverse_service.expressions import functions, printing, tree as trees
 from inverse_service.reading import names as nm, reader
-from inverse_service.service.documents import printed_pages, sheets
+from inverse_service.service.documents import printed_pages, sheets, stated
 from inverse_service.service.scenes import views
 from inverse_service.web.pages import pictures, typesetting
 
@@ -220,21 +220,21 @@ def facts_of(
         moving.names, moving.accelerations, angles, result["system"].get("time", "t"), values,
         constraints=moving.constraints, velocities=moving.velocities,
     )  # fmt: skip
-    if not reveals or sheets.is_constrained(result):
+    if not reveals or stated.is_constrained(result):
         return facts
     if "verdict" not in result:  # a Lagrangian with its equations
         given = moving.read(result["lagrangian"]["text"])
         kept = tuple(_kept_of({"first_integrals": result.get("conserved")}, moving))
         return replace(facts, lagrangian=given, integrals=kept)
-    branches = sheets.branches_of(result)
-    shown = sheets.answers_of(branches[0], result)[0]
+    branches = stated.branches_of(result)
+    shown = {**branches[0], **stated.main_statements(result)[0].part}
     if len(branches) > 1:
         cases = [(", ".join(texts), tuple(map(moving.read, texts))) for one in branches if (texts := one["domain"])]
         here = {moving.names.coordinates[0]}
         is_of_places = all(_names_in(side) <= here for _, sides in cases for side in sides)
         return replace(facts, cases=tuple(cases)) if len(cases) == len(branches) and is_of_places else facts
     # An L with functions that are known by their derivatives alone has no values.
-    text = None if shown.get("integrals") else (shown.get("lagrangian") or {}).get("text")
+    text = None if stated.auxiliary_of(shown) else (shown.get("lagrangian") or {}).get("text")
     tensors, conditions = None, result.get("conditions") or {}
     is_none = shown.get("verdict") == "not_variational" and len(moving.accelerations) == 2
     if is_none and conditions.get("Phi") and conditions.get("nabla_Phi"):
