@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import pytest
 from playwright.sync_api import expect
 
+from inverse_service.web.pages.solve import START
+
 from .conftest import Visit
 from .test_people import ask
 
@@ -40,7 +42,7 @@ class Beside:
 
 ITALIC = {"a": "\U0001d44e", "b": "\U0001d44f"}  # as MathML shows the letters
 EQUATIONS = {
-    "x'' = -x - c*x'": "with the time in L",
+    START: "with the time in L",
     "x'' = -x - x'^2*y\ny'' = -y + x'*y'": "No regular Lagrangian",
     "x'' = 0": "there is a Lagrangian",
 }
