@@ -172,6 +172,21 @@ class SpecialCasesPart(base.Document):
     reasons: list[str] = Field(default_factory=list)
 
 
+class LeftOutPart(ProvenPart):
+    """A set of special members that the answer about general constants and functions does not cover.
+
+    `where` is its equation. If it is `decided`, the part is the answer to the question of the result, or to L(t, q, q')
+    alone, about the `equations` there; else nothing is said about it.
+    """
+
+    where: Formula
+    decided: bool
+    verdict: Verdict = "undetermined"
+    equations: dict[str, str] = Field(default_factory=dict)
+    hamiltonian: HamiltonianPart | None = None
+    integrals: dict[str, IntegralPart] = Field(default_factory=dict)
+
+
 class OtherAnswer(ProvenPart):
     """The answer to the other question, L(t, q, q'), where it differs from the main one; `domain` as in a result.
 
@@ -269,7 +284,9 @@ class ResultDocument(OtherAnswer):
     a point of both. One coordinate has a Lagrangian near every point at which f is analytic and, for L(q, q'), q' and
     q'' are not both 0. Where other relations hold elsewhere, `branches` has the answers for all cells, that of the main
     fields first, and `not_answered` the cells without one; `verdict` is `differs` where the cells have different
-    verdicts. `exceptions`: special values of the parameters that are not decided here.
+    verdicts. A statement about constants and functions is about general ones: `exceptions` are the special values and
+    functions for which it is not proven, and `left_out` has the equation of each set of them that is known, with its
+    answer if it is decided.
     `guessed` are names that the document did not declare and asked to be taken as constants (or functions),
     `readings` ({"text": "kx", "as": "k*x"}) what was read otherwise than typed, `ignored` keys
     that are not of documents.
@@ -288,6 +305,7 @@ class ResultDocument(OtherAnswer):
     with_time: OtherAnswer | None = None
     branches: list[BranchPart] = Field(default_factory=list)
     not_answered: list[NotAnsweredPart] = Field(default_factory=list)
+    left_out: list[LeftOutPart] = Field(default_factory=list)
     special_cases: SpecialCasesPart | None = None
     kinds: dict[str, KindPart] | None = None
     instead: InsteadPart | None = None

@@ -9,19 +9,23 @@ project, draws its own points, primes, and directions, and never searches or rep
 
 import json
 import random
+import re
 import time
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Literal
 
 from .cell import Cell, cells_of
 from .constraints import Along, Motion
-from .exceptions import Exceptions, exceptions_of
+from .exceptions import Exceptions, Values, exceptions_of
 from .formulas import CERTIFICATE, OLD, OLD_FORMAT, Ended, Incomplete, check_shape, require
 from .kinds import Definite, OfKind
 from .numbers import Undefined, Unsettled
 from .question import Question, Tools
+
+FORMULAS = ("lagrangian", "integrals", "factors", "conditions", "roots", "dissipation")  # the keys that hold formulas
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +90,21 @@ def certified(document: Any, tools: Tools) -> CheckResult:
     question named after the kind has returned.
     """
     began = time.thread_time()
+    asked, sentence = proven_question(document, tools)
+    kind, among = document["kind"], document.get("among")
+    one = len(asked.coordinates) == 1 and type(asked) is Question
+    cell, formulas = cells_of(asked, one and not asked.unsolved)
+    by_theorem = one and (kind == "existence" or cell != formulas)
+    # A definite Hessian is proven at the point `near`, for its parameter values; a theorem has no exceptions.
+    generic = None if (one and kind == "existence") or isinstance(asked, Definite) else asked.generic
+    spent = time.thread_time() - began
+    exceptions = Exceptions(partial(exceptions_of, asked, generic, spent, partial(fails_at, document, tools)))
+    meant = f" Only Lagrangians of a kind are meant: {among}." if among is not None else ""
+    return CheckResult("valid", (sentence + meant,), cell, formulas, exceptions, by_theorem)
+
+
+def proven_question(document: Any, tools: Tools) -> tuple[Question, str]:
+    """The question whose claim is proven, and the sentence that says so, or Ended."""
     if isinstance(document, dict) and document.get("format") == OLD_FORMAT:
         raise Incomplete(OLD)
     check_shape(document, CERTIFICATE, "certificate")
@@ -104,15 +123,52 @@ def certified(document: Any, tools: Tools) -> CheckResult:
     alone = "Equations that are not solved for q'' are proven variational by an L alone."
     require(plain or not asked.unsolved, alone)
     checks = {"lagrangian": asked.lagrangian, "existence": asked.existence, "nonexistence": asked.nonexistence}
-    sentence = checks[kind](document)
-    one = len(asked.coordinates) == 1 and about is Question
-    cell, formulas = cells_of(asked, one and not asked.unsolved)
-    by_theorem = one and (kind == "existence" or cell != formulas)
-    # A definite Hessian is proven at the point `near`, for its parameter values.
-    generic = None if one or about is Definite else asked.generic
-    exceptions = Exceptions(partial(exceptions_of, asked, generic, time.thread_time() - began))
-    meant = f" Only Lagrangians of a kind are meant: {among}." if among is not None else ""
-    return CheckResult("valid", (sentence + meant,), cell, formulas, exceptions, by_theorem)
+    return asked, checks[kind](document)
+
+
+def fails_at(document: dict[str, Any], tools: Tools, values: Values, seconds: float) -> bool:
+    """Whether f is defined with these formulas in the place of parameters, and the claim is not proven there.
+
+    Raises Incomplete if the time is over.
+    """
+    special = with_values(document, values)
+    here = Tools(tools.generator, time.thread_time() + seconds)
+
+    def succeeds(work: Callable[[dict[str, Any]], object]) -> bool:
+        nowhere: dict[str, str] = {}
+        for near in (special["near"], nowhere):  # the other parameters may have to have other values
+            with suppress(Ended, Undefined, Unsettled, StopIteration, OverflowError):
+                work(special | {"near": near})
+                return True
+        if time.thread_time() > here.deadline:
+            raise Incomplete("The time limit ended the search for exceptions.")
+        return False
+
+    def read(one: dict[str, Any]) -> None:
+        Question(here, one["system"], one["question"] == "time_dependent", one).prepare(lambda ring: None)
+
+    if succeeds(lambda one: proven_question(one, here)):
+        return False
+    return document["system"].get("velocities") is not None or succeeds(read)
+
+
+def with_values(document: dict[str, Any], values: Values) -> dict[str, Any]:
+    """The certificate with formulas in the place of parameters, in all its formulas."""
+    names = re.compile(rf"\b({'|'.join(map(re.escape, values))})\b")
+
+    def put(part: Any) -> Any:
+        if isinstance(part, dict):
+            return {key: put(one) for key, one in part.items()}
+        if isinstance(part, list):
+            return [put(one) for one in part]
+        return names.sub(lambda found: f"({values[found[0]]})", part) if isinstance(part, str) else part
+
+    system = document["system"]
+    left = {key: put(system[key]) for key in ("equations", "velocities") if system.get(key)}
+    left |= {"parameters": [name for name in system["parameters"] if name not in values]}
+    formulas = {key: put(document[key]) for key in FORMULAS if document.get(key)}
+    near = {name: value for name, value in (document.get("near") or {}).items() if name not in values}
+    return document | formulas | {"system": system | left, "near": near, "series": None}
 
 
 def near_points(name: str, timed: bool) -> str:

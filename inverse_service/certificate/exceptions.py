@@ -9,6 +9,14 @@ values determine, and the divisors at two points (t, q, q') have only the conten
 lines are combined into a polynomial in the parameters, which is factored. A factor is dropped if f is not defined
 there, or if other pivots prove the claim. Sets given by two or more equations are found only if these set parameters to
 0.
+
+Where a parameter occurs in an exponent or in the argument of a function, independent functions may become dependent for
+single values of it: x^a - x^2 is 0 for a = 2 and for no factor of a content. There the whole check is repeated with the
+value in the place of the parameter: with -3 ... 3 and 1/2 in an exponent, with 0 in another argument, and for two such
+parameters with one equal to the other or to its negative.
+
+A claim about arbitrary functions is proven for all of them if the divisors of its proof do not depend on them, and
+otherwise for general functions, which "special functions F(x, y)" says.
 """
 
 from __future__ import annotations
@@ -16,8 +24,9 @@ from __future__ import annotations
 import math
 import random
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cache
 from itertools import combinations, combinations_with_replacement
 from typing import TYPE_CHECKING, Any
@@ -38,6 +47,9 @@ SPARE = 4  # additional points beyond those required by the degrees
 MAX_SHAPES = 60  # monomials of one degree
 MAX_ZEROS = 4  # parameters that are 0 together
 LEAST_TIME = 3.0  # s
+SPECIAL_FUNCTIONS = "special functions "
+EXPONENTS = (*map(Fraction, range(-3, 4)), Fraction(1, 2))  # tried for a parameter in an exponent
+Values = dict[str, str]  # formulas in the place of parameters
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +74,7 @@ class Special(Residues):
     """
 
     divisors: list[int] | None = None
+    salt = 0  # which values the arbitrary functions have
 
     def __init__(self, question: Question, prime: int, seed: int, values: dict[str, int], last: bool = False) -> None:
         super().__init__(question, prime, seed, question.plan.choices[0])
@@ -71,6 +84,11 @@ class Special(Residues):
 
     def draw(self) -> int:
         return self.drawn.randrange(self.prime)
+
+    def jet(self, name: str, number: int, orders: tuple[int, ...]) -> int:
+        if self.salt and name in self.question.functions:
+            return random.Random(f"{self.salt} {(name, number, orders)}").randrange(self.prime)
+        return super().jet(name, number, orders)
 
     def inverse(self, value: Any) -> Any:
         self.note(value)
@@ -109,23 +127,61 @@ def not_found(names: Sequence[str]) -> tuple[str, ...]:
     return (f"single values of {', '.join(names)}",) if names else ()
 
 
-def exceptions_of(question: Question, generic: Generic | None, spent: float) -> tuple[str, ...]:
+def of_functions(functions: Mapping[str, Sequence[str]]) -> str:
+    """The exception that stands for functions which the proof does not cover."""
+    written = [f"{name}({', '.join(arguments)})" for name, arguments in functions.items()]
+    return f"{SPECIAL_FUNCTIONS}{', '.join(written)}"
+
+
+def depends_on_functions(question: Question, generic: Generic) -> bool:
+    """Whether a divisor of the proof changes with the values of the arbitrary functions, at the same point."""
+    if not question.functions:
+        return False
+    prime = question.prime(narrow=True)
+    for _ in range(32):
+        seed, found = question.generator.getrandbits(64), list[list[int]]()
+        try:
+            for salt in (0, question.generator.randrange(1, prime)):
+                arithmetic = Special(question, prime, seed, {})
+                arithmetic.salt = salt
+                ring = question.expansion(arithmetic, generic.degree)
+                arithmetic.divisors = []
+                generic.work(ring)
+                found.append(arithmetic.divisors)
+            return found[0] != found[1]
+        except (Ended, Undefined, Unsettled, StopIteration, ArithmeticError, ValueError):
+            if time.thread_time() > question.deadline:
+                break
+    return True
+
+
+def exceptions_of(
+    question: Question, generic: Generic | None, spent: float, fails_at: Callable[[Values, float], bool]
+) -> tuple[str, ...]:
     """Equations between parameters, such as "c1 = c2" and "k = 0".
 
-    It takes about as long as the check (`spent`). "single values of k" stands for values that could not be found.
+    It takes about as long as the check (`spent`), and as long again for each value of a parameter in a function.
+    `fails_at` says, within some seconds, whether f is defined and the claim not proven with formulas in the place of
+    parameters. "single values of k" stands for values that could not be found.
     """
     names = question.own_parameters
-    if generic is None or not names:
+    if generic is None or not (names or question.functions):
         return ()
-    (unknown,) = not_found(names)
     deadline = question.deadline
     question.deadline = min(question.deadline, time.thread_time() + spent + LEAST_TIME)
-    found = list[str]()
+    found = [of_functions(question.functions)] if depends_on_functions(question, generic) else []
+    if not names:
+        question.deadline = deadline
+        return tuple(found)
+    (unknown,) = not_found(names)
     try:
         if len(names) > MAX_PARAMETERS:
-            return (unknown,)
+            return (*found, unknown)
         for text in Finding(question, generic, names).texts():
             found.append(text)
+        for text, values in special_values(question):
+            if text not in found and fails_at(values, spent + LEAST_TIME):
+                found.append(text)
         return tuple(found)
     except (Ended, Undefined, Unsettled, StopIteration, ArithmeticError, ValueError):
         return (*found, unknown)
@@ -133,6 +189,26 @@ def exceptions_of(question: Question, generic: Generic | None, spent: float) -> 
         return (*found, unknown)
     finally:
         question.deadline = deadline
+
+
+def special_values(question: Question) -> Iterator[tuple[str, Values]]:
+    """The values of parameters inside functions that are tried: (equation, formulas in the place of parameters)."""
+    inside, exponents = set[str](), set[str]()
+    nodes, below = question.nodes, list[frozenset[str]]()
+    for number, node in enumerate(nodes.listed):
+        held = frozenset[str]().union(*(below[part] for part in nodes.parts(number)))
+        below.append(held | ({node[1]} if node[0] == "name" else set()))
+        if node[0] not in ("number", "name", "+", "*", "/", "power"):
+            inside |= held
+        if node[0] == "^":
+            exponents |= below[node[2]]
+    names = [name for name in question.own_parameters if name in inside]
+    for name in names:
+        for value in EXPONENTS if name in exponents else (Fraction(0),):
+            yield f"{name} = {value}", {name: str(value)}
+    for first, second in combinations(names, 2):
+        yield f"{first} = {second}", {first: second}
+        yield f"{first} = -{second}", {first: f"-{second}"}
 
 
 class Finding:

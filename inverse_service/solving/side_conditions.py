@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 from flint import fmpq, fmpq_mpoly
 
+from inverse_service import bounds, errors
 from inverse_service.decision.deciding import Analysis
 from inverse_service.explanation import hierarchy
 from inverse_service.expressions import calculus, collecting, tree as ex
@@ -54,6 +55,24 @@ def of_conditions(
     divisors = [part for step in solved for part in (step.content, step.divisor)]
     ideals = [*(ideal for part in divisors for ideal in reader.ideals(part)), *reader.inside_functions()]
     return SideConditions(tuple(ideals), any(map(reader.is_doubtful, divisors)))
+
+
+def on_functions(analysis: Analysis, seed: int, end: float) -> list[tuple[ex.Expression, ...]]:
+    """The sets of equations between functions at which the algebraic proof of a no may fail, shortest first.
+
+    Empty where the algebraic conditions do not suffice, or the time `end` comes first.
+    """
+    budget = exact_field.Budget(bounds.TERMS, end)
+    try:
+        chosen = hierarchy.smallest_sufficient_set(analysis, seed)
+        if chosen is None:
+            return []
+        space = strata.ParameterSpace(analysis.system.parameters)
+        ideals = of_conditions(analysis, space, chosen.equations, budget, seed).ideals
+    except (exact_field.TooLarge, ZeroDivisionError, errors.IrreducibleAtoms):
+        return []
+    found = dict.fromkeys(tuple(map(collecting.collect, one.functional)) for one in ideals if one.functional)
+    return sorted(found, key=lambda trees: sum(map(ex.node_count, trees)))
 
 
 @dataclass(frozen=True)
@@ -156,9 +175,20 @@ class Reader:
         others = [k for k in range(len(polynomial.degrees())) if k not in self.jets and k not in self.kept]
         parts = list(exact_field.coefficients_of(polynomial, others).values())
         common = exact_field.common_divisor(parts)
-        found = [self._of_parts([factor]) for factor in strata.factors(common)]
-        left = [part / common for part in parts]
+        found = [
+            self._of_parts([factor]) for factor in strata.factors(common) if not self._essential(factor).is_constant()
+        ]
+        left = [self._essential(part / common) for part in parts]
         return found if any(part.is_constant() for part in left) else [*found, self._of_parts(left)]
+
+    def _essential(self, polynomial: fmpq_mpoly) -> fmpq_mpoly:
+        """The product of the factors that hold functions or parameters: coordinates vanish nowhere."""
+        arguments = [k for k in self.jets if not isinstance(self.ring.trees[k], ex.Arbitrary)]
+        whole = polynomial.context().constant(1)
+        for factor, _ in exact_field.factor_polynomial(polynomial)[1]:
+            if any(e and k not in arguments for k, e in enumerate(factor.degrees())):
+                whole *= factor
+        return whole
 
     def _of_parts(self, parts: Sequence[fmpq_mpoly]) -> Ideal:
         if any(e and index in self.jets for part in parts for index, e in enumerate(part.degrees())):

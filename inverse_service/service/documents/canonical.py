@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from inverse_service.certificate import checker
+from inverse_service.certificate.exceptions import SPECIAL_FUNCTIONS
 from inverse_service.decision import certify
 from inverse_service.expressions import printing
 from inverse_service.reading import reader
@@ -93,7 +94,7 @@ def _words(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
     rates = ", ".join(f"{name}' = {text}" for name, text in (system.get("velocities") or {}).items())
     kind = f" of the kind {one['among']}" if one["among"] is not None else ""
     says = _SAYS[one["verdict"]].format(one["question"]) + kind + " that has this motion" * bool(rates)
-    general = f" {in_general(system['parameters'], one['exceptions'])}" if one["exceptions"] else ""
+    general = f" {in_general(system, one['exceptions'])}" if one["exceptions"] else ""
     near = checker.near_points(system["coordinates"][0], one["timed"]) if one["by_theorem"] else ""
     near = f"{',' * bool(one['domain'])} {near}" if near else ""
     parts = [f"For {', '.join(filter(None, (equations, rates)))} {says}{where(one)}{near}{general}."]
@@ -107,13 +108,24 @@ def _words(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
     return " ".join(parts)
 
 
-def in_general(parameters: Sequence[str], exceptions: Sequence[str]) -> str:
-    """For which parameters a verdict was proven: "for general c1, c2, k (not decided here: c1 = c2, k = 0)".
+def in_general(system: Mapping[str, Any], exceptions: Sequence[str]) -> str:
+    """For which constants and functions a verdict was proven.
 
-    "for general g" alone where the exceptions could not be found: the checker says "single values of g" then.
+    "for general c1, c2, k (not decided here: c1 = c2, k = 0)"; "for general g" alone if the exceptions could not be
+    found: the checker says "single values of g" then. With "special functions F(x)" also "and for a general F(x)".
     """
-    left_out = f" (not decided here: {', '.join(exceptions)})" if any("=" in one for one in exceptions) else ""
-    return f"for general {', '.join(parameters)}{left_out}"
+    functions = [one.removeprefix(SPECIAL_FUNCTIONS) for one in exceptions if one.startswith(SPECIAL_FUNCTIONS)]
+    constants = [", ".join(system.get("parameters") or ())] if len(exceptions) > len(functions) else []
+    a = "a " if len(system.get("functions") or ()) == 1 else ""
+    general = " and ".join(
+        [*(f"for general {one}" for one in constants), *(f"for {a}general {one}" for one in functions)]
+    )
+    left_out = f" (not decided here: {', '.join(filter(_is_equation, exceptions))})"
+    return f"{general}{left_out if any(map(_is_equation, exceptions)) else ''}"
+
+
+def _is_equation(exception: str) -> bool:
+    return "=" in exception
 
 
 def where(one: Mapping[str, Any]) -> str:

@@ -270,6 +270,7 @@ class Examination:
         self.motions(plain, timed)
         self.others(document, own)
         if not moving:
+            self.left_out(document)
             self.cases(document)
         if not main and not (growing.asks_motion_alone(plain) and result.get("any_associated")):
             self.unsettled(_OPEN)
@@ -538,6 +539,23 @@ class Examination:
             self.agree("/instead/kind", good, kind, "It is not the reduced system.")
             if document is not own:  # else the reduced system itself is compared with nothing
                 self.claim(*(f"/instead/{key}" for key in derived.OF_REDUCED))
+
+    def left_out(self, document: Any) -> None:
+        """The answers at the special values of the parameters that the main answer does not cover."""
+        holders = (self.result, as_object(self.result.get("with_time")))
+        proven = {text for one in holders for text in one.get("exceptions") or ()}
+        for k, part in enumerate(self.result.get("left_out") or ()):
+            at, text = f"/left_out/{k}", part["where"]["text"]
+            if text not in proven:
+                self.open_places.append(at)  # equations between functions
+                self.agree(f"{at}/decided", part["decided"] is False, part["decided"], "No special value is decided.")
+                continue
+            self.claim(f"{at}/where/text")
+            if part["decided"]:
+                system = derived.system_at(document, text)
+                self.about_another(at, part, system, ("equations", "decided"))
+            else:
+                self.agree(f"{at}/verdict", part["verdict"] == "undetermined", part["verdict"], "It is not decided.")
 
     def cases(self, document: Any) -> None:
         """The Lagrangians of special cases that conditions on the parameters give."""

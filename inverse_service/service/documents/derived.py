@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from api_schemas import base, result as schemas
 from api_schemas.system import InvariantKind, SystemDocument
 from inverse_service import deadline
+from inverse_service.certificate.exceptions import SPECIAL_FUNCTIONS
 from inverse_service.decision import deciding
 from inverse_service.decision.helmholtz import LagrangianKind, invariant, kind_named
 from inverse_service.decision.solutions import Answer, Solution, SolveOptions
@@ -36,6 +37,7 @@ Whole = TypeVar("Whole", bound=schemas.ResultDocument)
 SEARCH = "search"
 SHARE_OF_TREE = 0.7  # of the time for special cases; the remainder is for their Lagrangians
 _MOST_CASES = 6
+_MOST_LEFT_OUT = 8  # special values with an answer of their own
 _SHOWN = ("lagrangian", "hamiltonian", "certificate", "checked")
 OF_REDUCED = (*_SHOWN, "equations", "clock")  # what `instead` repeats of the reduced system
 _RATIONAL = (ex.Number, ex.Power, ex.Product, ex.Sum, ex.Symbol)
@@ -197,15 +199,8 @@ def left_out(result: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any] | 
 def _there(system: Mapping[str, Any], text: str) -> dict[str, Any] | None:
     keys = ("coordinates", "equations", "parameters", "functions")
     whole = second_order_system.read_system(**{key: system[key] for key in keys if system.get(key)})
-    *sides, last = [reader.read_formula(side, whole.names) for side in text.split("=")]
-    values = dict[ex.Expression, ex.Expression]()
-    for side in sides:
-        roots = (_root(collecting.collect(side - last), name) for name in whole.parameters)
-        found = next(filter(None, roots), None)
-        if found is None:
-            return None
-        values |= found
-    return translate.plain_fields(second_order_system.with_values(whole, values))
+    values = _values_there(whole, text)
+    return None if values is None else translate.plain_fields(second_order_system.with_values(whole, values))
 
 
 def _root(tree: ex.Expression, name: str) -> dict[ex.Expression, ex.Expression] | None:
@@ -214,6 +209,57 @@ def _root(tree: ex.Expression, name: str) -> dict[ex.Expression, ex.Expression] 
     if not isinstance(slope, ex.Number) or slope == ex.ZERO:
         return None
     return {ex.Symbol(name): collecting.collect(-ex.substitute(tree, {ex.Symbol(name): ex.ZERO}) / slope)}
+
+
+# The key `left_out`: the special members that the main answer does not cover.
+
+
+def with_left_out(
+    result: schemas.ResultDocument, solution: Solution, asked: SolveOptions, end: float
+) -> schemas.ResultDocument:
+    """The result with the sets that its exceptions name; for one coordinate with a Lagrangian, each has its answer.
+
+    Conditions on functions are those of the algebraic proof that there is no Lagrangian.
+    """
+    listed = dict.fromkeys([*result.exceptions, *(result.with_time.exceptions if result.with_time else ())])
+    system, parts = solution.system, list[schemas.LeftOutPart]()
+    decides = result.lagrangian is not None or (
+        result.with_time is not None and result.with_time.lagrangian is not None
+    )
+    for text in listed:
+        if "=" not in text:
+            continue
+        values = _values_there(system, text)
+        fields: dict[str, Any] = {}
+        if values and decides and len(system.coordinates) == 1 and len(parts) < _MOST_LEFT_OUT and deadline.now() < end:
+            timed = solution.main is not solution.autonomous or asked.time_dependent is True
+            there, answer = _solved(second_order_system.with_values(system, values), timed, asked.seed, end)
+            if answer is not None and answer.checked == "valid":
+                fields = answered(schemas.LeftOutPart, there, answer)
+        sides = [reader.read_formula(side, system.names) for side in text.split(" = ")]
+        where = schemas.Formula(text=text, latex=" = ".join(map(printing.to_latex, sides)))
+        parts.append(schemas.LeftOutPart(where=where, decided=bool(fields), **fields))
+    if any(text.startswith(SPECIAL_FUNCTIONS) for text in listed) and result.verdict == "not_variational":
+        from inverse_service.solving import side_conditions
+
+        for trees in side_conditions.on_functions(deciding.analyze(system), asked.seed, end):
+            texts = [[f"{write(tree)} = 0" for tree in trees] for write in (printing.to_text, printing.to_latex)]
+            where = schemas.Formula(text=" and ".join(texts[0]), latex=", \\; ".join(texts[1]))
+            parts.append(schemas.LeftOutPart(where=where, decided=False))
+    return result.model_copy(update={"left_out": parts})
+
+
+def _values_there(system: SecondOrderSystem, text: str) -> dict[ex.Expression, ex.Expression] | None:
+    """The values of parameters at an exception; None where it cannot be solved for a parameter."""
+    *sides, last = [reader.read_formula(side, system.names) for side in text.split("=")]
+    values = dict[ex.Expression, ex.Expression]()
+    for side in sides:
+        roots = (_root(collecting.collect(side - last), name) for name in system.parameters)
+        found = next(filter(None, roots), None)
+        if found is None:
+            return None
+        values |= found
+    return values
 
 
 # The key `instead`: the first alternative that is quickly found where there is no L(q, q').
@@ -316,6 +362,19 @@ def system_there(document: Any, conditions: Any) -> SecondOrderSystem | None:
     known = {ex.Symbol(name) for name in system.parameters} - held
     good = values and len(values) == len(pairs) and {*values} <= known
     return second_order_system.with_values(system, values) if good else None
+
+
+def system_at(document: Any, where: str) -> SecondOrderSystem | None:
+    """The first branch of that of the document where a parameter has the value of an exception, "n = 1"."""
+    try:
+        system = accepting.to_system(accepting.to_schema(accepting.prepared(document).document))
+        system = second_order_system.branches_of(system)[0]
+        values = _values_there(system, where)
+    except InputError:
+        return None
+    return (
+        None if values is None else second_order_system.branches_of(second_order_system.with_values(system, values))[0]
+    )
 
 
 def is_of_reduced(part: Mapping[str, Any], reduced: Mapping[str, Any]) -> bool:

@@ -182,6 +182,8 @@ def solve_system(document: Any, options: SolveOptions, grow: growing.Growing | N
     solution, grow.cut = solutions[0], {part: why for each in solutions for part, why in each.cut.items()}
     result = translate.to_result(solution, schema, solutions[1:], left)
     limit = now() + comparison.SHARE_OF_SOLVER * (end - now())
+    if result.exceptions or (result.with_time and result.with_time.exceptions):
+        result = derived.with_left_out(result, solution, asked, min(limit, now() + QUICKLY))
     if result.verdict == "not_variational":
         grow.begin("kinds")
         result = derived.with_instead(result, solution, asked, min(limit, now() + QUICKLY))

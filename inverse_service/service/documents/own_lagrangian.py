@@ -243,7 +243,7 @@ def solve_forward(document: Any, options: solutions.SolveOptions, grow: growing.
         equations=translate.formulas(names, system.accelerations),
         momenta=translate.formulas(names, functions.values()),
         hamiltonian=translate.hamiltonian_part(
-            solutions.Hamiltonian(legendre(lagrangian, names, options.time_limit / 2))
+            solutions.Hamiltonian(legendre(lagrangian, names, options.time_limit / 2)), parameters=system.parameters
         ),
         conserved=_conserved(lagrangian, functions, constants),
         guessed=translate.guessed_names(schema, system),

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from inverse_service import errors
+from inverse_service.certificate.exceptions import SPECIAL_FUNCTIONS
 from inverse_service.certificate.formulas import FORMAT
 from inverse_service.expressions import notation, printing
 from inverse_service.reading import reader
@@ -36,9 +37,10 @@ OF_MOTION = {YES: "has a Hamiltonian", NO: "has no Hamiltonian", OPEN: "undeterm
 LONGEST_TITLE = 60  # characters of its first line
 LONGEST_TYPED = 4_000  # characters of equations that are shown as they were typed
 MAX_STEPS = 200  # of a proof; the whole is in the JSON
+LONGEST_CONDITION, MOST_CONDITIONS = 120, 3  # characters, and number, of the conditions on functions that are shown
 LONGEST_MATRICES = 6_000  # characters of all matrices together: typeset they weigh 25 times that
 TENSORS = (("Phi", "Phi"), ("nabla Phi", "nabla_Phi"))
-CHECKED = "An independent checker verified the proof."
+CHECKED = "An independent checker verified that"
 QUESTIONS = frozenset(("existence", "existence_with_time"))
 FORMULAS = (("L", "lagrangian"), ("H", "hamiltonian"))
 MOST_SOUGHT = 3
@@ -46,8 +48,10 @@ SEEKING = "Being decided"
 STATED = {"holds": "Holds", "fails": "Fails", "not settled": "Undetermined"}
 ANSWERS = {YES: "Yes", NO: "No", OPEN: "Undetermined"}
 NEW_TIME = "a new time, d\u03c4 = N dt"
-# What is said of a proof that the checker did not call valid, of kinds of Lagrangians, and of associated systems.
+# What a proof proves, what is said of one that the checker did not call valid, of kinds of Lagrangians, and of
+# associated systems.
 _WORDS = json.loads((Path(__file__).parent / "sheets.json").read_text(encoding="utf-8"))
+PROVEN: dict[str, str] = _WORDS["proven"]
 DOUBTED: dict[str, str] = _WORDS["doubted"]
 KIND_NAMES: dict[str, str] = _WORDS["kinds"]
 HINTS: dict[str, str] = _WORDS["hints"]
@@ -257,11 +261,14 @@ def listed(texts: Iterable[str], names: Names) -> Sentence:
 
 
 def meanings(system: Mapping[str, Any]) -> list[Sentence]:
-    """What the names of a system mean that are not its coordinates: constants, and functions that may be any."""
+    """What the names of a system mean that are not its coordinates: constants and unknown functions."""
     parameters, functions = system.get("parameters") or (), (system.get("functions") or {}).items()
     names = names_of(system) if parameters or functions else Names()
     wanted = [f"{name}({', '.join(of)})" for name, of in functions]
-    groups = ((f"with constant{'s' * (len(parameters) > 1)} ", parameters), ("any function ", wanted))
+    groups = (
+        (f"with constant{'s' * (len(parameters) > 1)} ", parameters),
+        (f"with unknown function{'s' * (len(wanted) > 1)} ", wanted),
+    )
     return [(words, *listed(texts, names)) for words, texts in groups if texts]
 
 
@@ -269,20 +276,25 @@ def _sentence(verdict: str, answers: Sequence[Stated], count: int, told: _Told) 
     """The verdict about so many equations, or a brief answer; parts still pending are marked as being looked for."""
     pending, brief = told.pending, told.brief
     these, come = ("this equation", "comes") if count == 1 else ("these equations", "come")
+    general = _in_general(answers[0].part.get("exceptions") or (), told)
     if verdict == YES:
         shown, yes = answers[0], Word("Yes,", YES)
         is_sought = any(part.startswith(("existence", "lagrangian")) for part in pending)
         is_asked = shown.question.timed is asks_for_time(told.result)
         time = " that contains the time" if shown.question.timed and not is_asked and not is_sought else ""
         if shown.part.get("lagrangian") is None and not is_sought:
-            return (yes, f" a Lagrangian{time} exists; none was found in closed form.")
+            first: Sentence = (*general, ", ", Word("yes:", YES)) if general else (yes,)
+            return (*first, f" a Lagrangian{time} exists; none was found in closed form.")
         if brief:
             return (yes, f" {'with the time in L' if time else 'there is a Lagrangian'}.")
         return (yes, f" {these} {come} from a Lagrangian{time}.")
     if verdict == NO:
         time = "" if any(one.question.timed for one in answers) else " without the time"
         if brief:
-            return (Word("No", NO), f" regular Lagrangian{time}.")
+            first = (*general, ", ", Word("no", NO)) if general else (Word("No", NO),)
+            return (*first, f" regular Lagrangian{time}.")
+        if general:
+            return (*general, ", ", Word("no:", NO), f" {these} {come} from no regular Lagrangian{time}.")
         do = Word("does not" if count == 1 else "do not", NO)
         return (f"{capitalized(these)} ", do, f" come from any regular Lagrangian{time}.")
     none = any(one.verdict == "not_variational" for one in answers)
@@ -319,7 +331,17 @@ def _checked(parts: Sequence[Mapping[str, Any]]) -> list[Sentence]:
     worst = next((one for one in ("invalid", "old", "incomplete") if one in found), None)
     if worst:
         return [(DOUBTED[worst],)]
-    return [("An independent checker verified the proofs." if len(parts) > 1 else CHECKED,)] if found else []
+    if len(parts) > 1:
+        return [("An independent checker verified the proof of each answer.",)] if found else []
+    return [(f"{CHECKED} {_proven(parts[0].get('certificate') or {})}.",)] if found else []
+
+
+def _proven(certificate: Mapping[str, Any]) -> str:
+    """What the checker proved of a certificate."""
+    word = PROVEN.get(certificate.get("kind", ""), PROVEN[""])
+    if certificate.get("kind") == "lagrangian" and certificate.get("dissipation"):
+        return f"{word} with the friction D"
+    return word
 
 
 # The sheet.
@@ -379,7 +401,8 @@ def _case(cell: int, told: _Told) -> Case:
     if shown.get("reason") and verdict == OPEN and not told.pending:
         notes.append(_ended(shown["reason"]))
     if shown.get("exceptions") and result.get("system"):
-        notes.append(_general(shown["exceptions"], told))
+        is_said = verdict == NO or (verdict == YES and not shown.get("lagrangian"))
+        notes.append(_general(shown["exceptions"], told, is_said))
     notes += _checked([shown])
     if verdict == YES and not QUESTIONS.intersection(told.pending):
         notes += filter(None, map(_other_note, others))
@@ -540,6 +563,7 @@ def _conserved(one: Mapping[str, Any], names: Names) -> Row:
 def _more(told: _Told) -> Iterable[Row]:
     """What was asked besides, and what there is instead of a no."""
     result, names = told.result, told.names
+    yield from (_row_of_left_out(one, told) for one in result.get("left_out") or () if one["decided"])
     part = result.get("instead")
     if part and part["kind"] in ("rayleigh", "parameters"):  # others are among the answers
         conditions = part.get("conditions") or ()
@@ -563,6 +587,14 @@ def _more(told: _Told) -> Iterable[Row]:
             ended = " ".join(["Other parameter values may change the verdict.", *special["reasons"]])
         hint = (f"{count} case{'s' * (count != 1)} examined. {ended}",)
         yield Row("Special cases", hint, tree=(_special(special["tree"], names),))
+
+
+def _row_of_left_out(part: Mapping[str, Any], told: _Told) -> Row:
+    """The answer at special values that the main answer does not cover."""
+    verdict, domain = VERDICTS.get(part["verdict"], OPEN), (part["lagrangian"] or {}).get("domain") or ()
+    notes: list[Sentence] = [("L is defined where ", *listed(domain, told.names), ".")] if domain else []
+    hint = tuple(piece for one in (*notes, *_checked([part])) for piece in (" ", *one))[1:]
+    return Row(f"If {part['where']['text']}", hint, verdict, ANSWERS[verdict], tuple(_formulas(part, told)))
 
 
 def _special(node: Mapping[str, Any], names: Names) -> SpecialCase:
@@ -602,18 +634,45 @@ def _solved(part: Mapping[str, Any], names: Names) -> Sentence:
     return listed((reader.equation_line(*pair) for pair in part["equations"].items()), names)
 
 
-def _general(exceptions: Sequence[str], told: _Told) -> Sentence:
-    """For which parameters the answer was proven, with a link to a form that asks about the others."""
+def _in_general(exceptions: Sequence[str], told: _Told) -> Sentence:
+    """The constants and functions for which an answer was proven: "For general a, b and a general F(x)"; () for all."""
+    system, names = told.result["system"] or {}, told.names
+    functions = [one.removeprefix(SPECIAL_FUNCTIONS) for one in exceptions if one.startswith(SPECIAL_FUNCTIONS)]
+    of_functions: Sentence = ()
+    if functions:
+        wanted = [f"{name}({', '.join(of)})" for name, of in system["functions"].items()]
+        of_functions = ("a general " if len(wanted) == 1 else "general ", *listed(wanted, names))
+    of_constants: Sentence = ()
+    if len(exceptions) > len(functions):
+        of_constants = ("general ", *listed(system["parameters"], names))
+    parts = [part for part in (of_constants, of_functions) if part]
+    return ("For ", *parts[0], *((" and ", *parts[1]) if len(parts) > 1 else ())) if parts else ()
+
+
+def _general(exceptions: Sequence[str], told: _Told, is_said: bool = False) -> Sentence:
+    """For which constants and functions the answer was proven, with a link to a form that asks about the others.
+
+    `is_said`: the sentence of the answer says it already.
+    """
     system, names = told.result["system"], told.names
-    general = ("For general ", *listed(system["parameters"], names))
+    general = () if is_said else _in_general(exceptions, told)
     if (told.result.get("special_cases") or {}).get("complete"):
-        return (*general, "; ", Word("special values", target="#more"), " are decided, too.")
-    left = [Formula(one, names) if "=" in one else one for one in exceptions]
-    pieces = [piece for one in left for piece in (", ", one)][1:]
-    left_out: Sentence = (" (not decided here: ", *pieces, ")") if any("=" in one for one in exceptions) else ()
+        return (*general, *("; ",) * (not is_said), Word("special values", target="#more"), " are decided, too.")
+    left, decided = [one for one in exceptions if "=" in one], list[str]()
+    if exceptions in (told.result.get("exceptions"), (told.result.get("with_time") or {}).get("exceptions")):
+        parts = [(one["where"]["text"], one["decided"]) for one in told.result.get("left_out") or ()]
+        decided = [where for where, is_decided in parts if is_decided and where in left]
+        of_functions = [where for where, is_decided in parts if not is_decided and where not in left]
+        left = [*(one for one in left if one not in decided), *of_functions[:MOST_CONDITIONS]]
+    shown = [Formula(one, names) if len(one) <= LONGEST_CONDITION else "a longer condition" for one in left]
+    pieces = [piece for one in dict.fromkeys(shown) for piece in (", ", one)][1:]
+    said: Sentence = ("; ", *listed(decided, names), " below") if decided else ()
+    open_ones: Sentence = ("Not decided here: ", *pieces) if is_said else (" (not decided here: ", *pieces, ")")
     given = system.get("given")
     asked = {**given, "special_cases": True} if isinstance(given, dict) else ""
-    return (*general, *left_out, ".", Word("Decide special values", target=asked))
+    link = (Word("Decide special values", target=asked),) if left or not decided else ()
+    words = (*general, *said, *(open_ones if left else ()))
+    return (*words, *(".",) * bool(words), *link)
 
 
 def _matrices(conditions: Mapping[str, Any] | None, names: Names) -> Iterable[Sentence]:

@@ -1,7 +1,8 @@
 """The statements of a result, in the order of every door, read from the fields in which they are.
 
 A result has a place for each question that it may answer: its main fields, `with_time`, `branches`, `any_associated`,
-`nonholonomic.associated`, `reduced`, `with_clock`, `kinds`, `instead`, `special_cases`. This is their one reader.
+`nonholonomic.associated`, `reduced`, `with_clock`, `kinds`, `instead`, `left_out`, `special_cases`. This is their one
+reader.
 """
 
 from __future__ import annotations
@@ -152,6 +153,10 @@ def _asked_besides(result: Mapping[str, Any], asked: bool) -> Iterator[Stated]:
         kind, case = ("", instead["conditions"]) if instead.get("conditions") else (instead["kind"], ())
         question = Question(about, _is_timed(instead, False), kind=kind, case=tuple(case))
         yield Stated(question, {**instead, "verdict": "variational"}, "/instead")
+    for place, part in enumerate(result.get("left_out") or ()):
+        if part["decided"]:
+            question = Question(about, _is_timed(part, asked), case=(part["where"]["text"],))
+            yield Stated(question, part, f"/left_out/{place}")
     waiting = [("/special_cases/tree", (result.get("special_cases") or {}).get("tree") or {})]
     while waiting:
         at, node = waiting.pop(0)

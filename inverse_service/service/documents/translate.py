@@ -173,13 +173,15 @@ def answers_time(solution: solutions.Solution, time_dependent: bool | None) -> b
 def answer_fields(answer: solutions.Answer) -> dict[str, Any]:
     """One answer as the fields of a result."""
     lagrangian, space = answer.lagrangian, answer.space
+    parameters = () if answer.certificate is None else answer.certificate["system"].get("parameters") or ()
+    energy = None if answer.hamiltonian is None else hamiltonian_part(answer.hamiltonian, lagrangian, parameters)
     return {
         "verdict": answer.verdict,
         "lagrangian": None if lagrangian is None else lagrangian_part(lagrangian),
         "other_lagrangians": [lagrangian_part(other) for other in answer.other_lagrangians],
         "multiplier": None if lagrangian is None else texts_of(lagrangian.multiplier),
         "integrals": {} if lagrangian is None else certify.integrals_of(lagrangian.expression).get("integrals", {}),
-        "hamiltonian": None if answer.hamiltonian is None else hamiltonian_part(answer.hamiltonian, lagrangian),
+        "hamiltonian": energy,
         "solution_space": None if space is None else part_of(schemas.SolutionSpacePart, space),
         "certificate": None if answer.certificate is None else plain(answer.certificate),
         "explanation": [step_part(step) for step in answer.explanation],
@@ -229,12 +231,19 @@ def _is_regular_everywhere(lagrangian: solutions.Lagrangian) -> bool:
 
 
 def hamiltonian_part(
-    hamiltonian: solutions.Hamiltonian, lagrangian: solutions.Lagrangian | None = None
+    hamiltonian: solutions.Hamiltonian,
+    lagrangian: solutions.Lagrangian | None = None,
+    parameters: Sequence[str] = (),
 ) -> schemas.HamiltonianPart:
-    """With the conditions on the positions under which the Lagrangian is one: H holds only where L does."""
+    """With the conditions on the positions under which the Lagrangian is one: H holds only where L does.
+
+    Divisors of H and of the momenta that hold `parameters` alone are conditions, too.
+    """
     conditions = ((), ()) if lagrangian is None else (lagrangian.nonzero, lagrangian.positive)
     nonzero, positive = ([tree for tree in trees if not ex.has(tree, ex.Velocity)] for trees in conditions)
     transform = hamiltonian.transform
+    divisors = real_branch.poles([transform.hamiltonian, *transform.momenta])
+    nonzero += [tree for tree in divisors if _is_constant(tree, parameters)]
     pairs = zip(transform.symbols, transform.momenta, strict=True)
     return schemas.HamiltonianPart(
         **formula_fields(transform.hamiltonian),
@@ -244,6 +253,13 @@ def hamiltonian_part(
         constraints=[printing.to_text(constraint) for constraint in hamiltonian.constraints],
         domain=certify.shortest([*positive, *transform.positive], nonzero),
     )
+
+
+def _is_constant(tree: ex.Expression, parameters: Sequence[str]) -> bool:
+    """Whether the tree holds parameters and no other names."""
+    names = [node for node in ex.walk(tree) if isinstance(node, ex.Symbol) and node != ex.PI]
+    moving = ex.Velocity | ex.Arbitrary | ex.Integral
+    return all(node.name in parameters for node in names) and not ex.has(tree, moving)
 
 
 def name_of(key: ex.Expression) -> str:

@@ -48,7 +48,7 @@ def test_what_is_typed_while_the_service_starts_is_read_once_it_has_started(visi
 
     visit.page.route(re.compile("fragment=1"), starting)
     visit.page.get_by_label("Equations", exact=True).fill("x'' = -k*x\ny'' = A(x)")
-    expect(visit.page.locator("#understood")).to_contain_text("any function")
+    expect(visit.page.locator("#understood")).to_contain_text("unknown function")
     visit.page.unroute(re.compile("fragment=1"), starting)
     assert len(asked) == 2
 
