@@ -69,7 +69,7 @@ def solve(
         bool | None,
         typer.Option(
             "--guess/--no-guess",
-            help="Take undeclared names as constants, and say so; the default for equations on the command line only.",
+            help="Take undeclared names as constants, and say so; the default where no names are declared.",
         ),
     ] = None,
     parameters: Annotated[str | None, typer.Option(help="Names of constants: q,r or q=1/2,r.")] = None,
@@ -151,18 +151,24 @@ def warm_alone(memory_limit: int) -> None:
 def given_document(name: str, guess: bool | None) -> Any:
     """The document of a file, of standard input (-), of equations given on the command line, or of the catalogue.
 
-    `guess`: whether undeclared names are constants; if None, they are only for equations on the command line.
+    `guess`: whether undeclared names are constants; if None, they are for equations on the command line, and in any
+    document that declares no names (see `accepting.prepared`).
     """
     if name == "-" or _is_file(name):
         document = cli.read_document(name)
     elif "=" in name or name.startswith("{") or _CALLED.match(name) or _ACCELERATED.search(normalize("NFD", name)):
         document = plain_data.read_document(name, "") if _MAY_BE_JSON.match(name) else {"equations": name}
-        guess = guess if guess is not None else "equations" in document and "parameters" not in document
+        if guess is None and "equations" in document and "parameters" not in document:
+            guess = True
     elif catalog.meant(name):
         document = catalog.document(name)
     else:
         document = cli.read_document(name)
-    return document_names.with_guess(document) if guess and isinstance(document, dict) else document
+    if not isinstance(document, dict):
+        return document
+    if guess is False and not document.keys() & {*document_names.DECLARING}:
+        return {**document, "parameters": []}  # a document that declares nothing would be guessed
+    return document_names.with_guess(document) if guess else document
 
 
 def with_declared(document: Any, named: Mapping[str, Any]) -> Any:

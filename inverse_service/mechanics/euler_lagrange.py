@@ -299,9 +299,8 @@ def _matched(
     for columns, equation in zip(pattern, equations, strict=True):
         if not columns:
             raise errors.InputError(
-                "this equation contains no acceleration, the matrix of the accelerations is singular, as is every "
-                "Lagrangian that has it: write an equation of second order, or give a constraint as a nonholonomic "
-                "system.",
+                "this equation contains no acceleration, so the equations do not determine all accelerations: write "
+                "an equation of second order, or give a constraint together with a Lagrangian.",
                 equation.pointer,
             )
     found = graphs.matching(pattern)

@@ -19,7 +19,14 @@ from inverse_service.expressions.calculus import along
 from inverse_service.field import modular, real_branch, tower
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.reading import document_names, reader
-from inverse_service.reading.names import GREEK_NAMES, Names, check_clashes, escaped, is_momentum
+from inverse_service.reading.names import (
+    GREEK_NAMES,
+    Names,
+    check_clashes,
+    escaped,
+    is_momentum,
+    looks_like_a_coordinate,
+)
 from inverse_service.reading.tokens import Token, at, spelled, walk
 
 # Arbitrary functions, each with the names of the coordinates that it depends on.
@@ -41,7 +48,7 @@ _Others = tuple[tuple[str, ex.Expression], ...]
 # y_xx, dxdt, dtheta: derivatives to the writer; delta and damping are names
 _DERIVATIVE = re.compile(rf"_(\w)\1$|^dd?(?:[a-z]|{'|'.join(GREEK_NAMES)})_?\d*(?:dt)?$|^diff$")
 _ACCELERATION = re.compile(r"([a-z]\w*?)_?(?:dd|pp)|dd([a-z]\w*)|[dD]2([a-z]\w*?)(?:dt2)?")  # xdd, ddx, d2x, d2xdt2
-DEFINITION = "a definition"
+DEFINITION, HELD_FIXED = "a definition", "a coordinate that is held fixed"
 ROOT = ", of the positive root"
 _AS_VARIANT = re.compile(r"\\(phi|theta|rho|epsilon|kappa|sigma|pi)(?![a-z])")  # \varphi is read as phi
 _DEFINES = re.compile(r"(:?==?|\\[a-z]+|.)")
@@ -516,7 +523,9 @@ def _definitions(
                 name = before.rstrip(" &") if called else first.text
                 before_root = " " * (rest[0].column - 1 + len(sign) - root.index("%"))
                 found[name.replace("\\left", "").replace("\\right", "")] = before_root + root % formula, pointer
-                reader.note(f"{before}{sign}{formula.rstrip()}", DEFINITION + ROOT * bool(squared))
+                fixed = looks_like_a_coordinate(first.text) and [token.kind for token in rest[1:]] == ["number"]
+                meant = HELD_FIXED if fixed else DEFINITION + ROOT * bool(squared)
+                reader.note(f"{before}{sign}{formula.rstrip()}", meant)
     return found
 
 
@@ -537,9 +546,6 @@ def _refuse_definition(
     what, instead = f"{name.text} = … is a definition, not an equation of motion; it occurs", ""
     if is_lagrangian:
         instead = 'write it in the document as "lagrangian": "…"'
-    elif [token.text for token in rest[1:]] == ["0"]:
-        what = f"{name.text} = 0 holds no acceleration, as an equation of a singular Lagrangian; it occurs"
-        instead = f'write it in the document as "where": {{"{name.text}": "0"}}'
     elif any(_moves(each, name.text) for each in texts.values()):  # a definition would leave its own equation
         instead = f"leave out the equation with {name.text}'' and put {name.text} into the others"
     if instead:

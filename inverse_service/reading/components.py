@@ -15,7 +15,20 @@ from inverse_service.reading import tokens as tk
 from inverse_service.reading.tokens import Line, Token, Tokens, bracket, note
 
 MATRICES = ("matrix", "pmatrix", "bmatrix")
-BOLD = ("mathbf", "boldsymbol", "bm", "pmb", "textbf", "vec", "overrightarrow", "underline")
+BOLD = (
+    "mathbf",
+    "boldsymbol",
+    "bm",
+    "pmb",
+    "textbf",
+    "vec",
+    "overrightarrow",
+    "underline",
+    "vb",
+    "va",
+    "vectorbold",
+    "vectorarrow",
+)
 UNUSED = "a vector that is not used"
 _JOINS = (*tk.JOINING, *tk.CONDITIONAL, ",")  # r'' = -k r for r = (x, y), k > 0
 Value = list[list[Tokens]]  # rows of cells; a scalar is one cell
@@ -28,6 +41,9 @@ def by_components(tokens: Tokens, latex: bool) -> Tokens:
         if token.text in _JOINS and any(map(_is_given, beside)):
             tokens = [*tokens[:place], replace(token, kind="operator", text=";"), *tokens[place + 1 :]]
     statements = tk.split_at(";,", tokens)
+    if latex and (alone := _only_vector(tokens)):
+        note(alone, "each component of the vector")
+        return _without_arrows(tokens)
     named = {line[0].text for line in statements if _is_given(line) and line[0].kind == "name"}
     if not named and not (latex and _holds_many(tokens)):
         return tokens
@@ -54,6 +70,36 @@ def by_components(tokens: Tokens, latex: bool) -> Tokens:
         for row in rows:
             found += ([Token("operator", ";", row[0].column)] if found and row else []) + row
     return found
+
+
+def _only_vector(tokens: Tokens) -> str:
+    """The r of \\ddot{\\vec r} = -k \\vec r, a vector whose components obey one equation each; else nothing.
+
+    Each term is a scalar times this vector or one of its derivatives, so the components do not mix.
+    """
+    vectors = {token.text for token in tk.walk(tokens) if token.kind == "vector" and token.text != "0"}
+    if len(vectors) != 1 or any(token.is_bracket("[") or token.text == "|" for token in tk.walk(tokens)):
+        return ""
+    name = next(iter(vectors))
+    terms = [term for term in tk.split_at("+-=;,", tokens) if term and tk.spelled(term) != "0"]
+    linear = all(
+        sum(token.kind == "vector" for token in term) == 1 == sum(token.kind == "vector" for token in tk.walk(term))
+        and not any(token.kind == "name" and token.text == name for token in tk.walk(term))
+        and not _is_raised(term)
+        for term in terms
+    )
+    return name if linear and len(terms) > 1 else ""
+
+
+def _is_raised(term: Tokens) -> bool:
+    """Whether the vector of the term is raised to a power or divides."""
+    place = next(place for place, token in enumerate(term) if token.kind == "vector")
+    return tk.at(term, place + 1).is_operator("^") or tk.at(term, place - 1).is_operator("/", "^")
+
+
+def _without_arrows(line: Line) -> Tokens:
+    found = [replace(token, kind="name") if token.kind == "vector" else token for token in line]
+    return [tk.within(token, _without_arrows) for token in found]
 
 
 def holds_vector(text: str) -> bool:

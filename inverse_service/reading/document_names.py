@@ -24,6 +24,8 @@ Parameters = Sequence[str] | Mapping[str, ParameterValue] | str
 Words = tuple[str, ...]
 Texts = Mapping[str, str]  # formulas by name or pointer
 GUESS = "guess"
+# The keys that declare names; in a document with none of them, undeclared names are constants.
+DECLARING = ("coordinates", "parameters", "functions")
 AND_GUESS = "..."
 ANY_SPEED = ("u", "v", "s", "V")  # of x' = v cos(theta), y' = v sin(theta)
 _VELOCITY = re.compile(r"\s*(?:\\dot\s*\{?\s*(\\?\w+)\s*\}?|(.+)')\s*")

@@ -33,13 +33,18 @@ _SCRIPTED = re.compile(r"\\(?:mathcal|mathscr|mathfrak|mathsf)\s*\{\s*([A-NP-Za-
 _ANY_COMMAND = re.compile(r"\\[A-Za-z]+")
 _RUN, _DIGITS = re.compile("[A-Za-z0-9]+"), re.compile("[0-9]+")
 _WORDS = nm.FUNCTIONS | nm.DERIVATIVE_NAMES | nm.REFUSED.keys()
-_FRACTIONS = ("frac", "tfrac", "dfrac", "cfrac")
+_FRACTIONS = ("frac", "tfrac", "dfrac", "cfrac", "flatfrac", "sfrac", "nicefrac")
+# Commands of the packages physics, derivative, diffcoeff, commath, siunitx, and mathtools, by what they do.
+_OF_PACKAGES = nm.meanings("packages")
+_ARROWS = frozenset(("to", "rightarrow", "rightharpoonup", "vec"))
 # Words that are commands without their backslash rather than products of letters.
 _COMMANDS = frozenset(
     ("dot", "ddot", "cdot", "times", "left", "right", "partial", "mathrm", "text", "quad", "qquad", *_FRACTIONS[:3])
 ) | {*components.BOLD} - {"bm"}
 _SIGNS = nm.meanings("commands")
 _PRODUCTS = {"cdot": plain.DOT, "times": plain.CROSS}
+_PRODUCTS |= dict.fromkeys(("vdot", "dotproduct"), plain.DOT)
+_PRODUCTS |= dict.fromkeys(("cross", "cp", "crossproduct"), plain.CROSS)
 # Words that have their usual meaning in \text too.
 _IN_TEXT = frozenset((*plain.JOINING, *plain.CONDITIONAL, "const", "constant"))
 # Words that are not products of letters; they are refused unless they join two formulas.
@@ -274,6 +279,8 @@ class _Line(plain.TokenStream):
         if not self.ahead.is_operator("_"):
             return name
         underscore, piece = self.take(), self.take()
+        if plain.at(piece.inside, 0).is_operator(",") and self._names.role(name) == "function":
+            piece = replace(piece, inside=piece.inside[1:])  # V_{,x} is V_x
         subscript = self._joined([piece, self.take()] if piece.kind == "command" else [piece])
         if not subscript:
             key = "comma in a subscript" if plain.at(piece.inside, 0).is_operator(",") else "subscript"
@@ -323,8 +330,11 @@ class _Line(plain.TokenStream):
             self._root(token)
         elif name in nm.FUNCTIONS and (not self._named or name in ("max", "min")):  # g/l\sin x is g/l sin x
             self._name(replace(token, kind="name", space_before=True))
+            self._power_in_square_brackets()
         elif name in ("dot", "ddot"):
-            self._dot(token)
+            self._dot(token, 2 if name == "ddot" else 1)
+        elif name in _OF_PACKAGES:
+            self._of_package(_OF_PACKAGES[name], token)
         elif name == "rm":  # {\rm d} is \mathrm{d}
             rest, self.position = self.part(self.position, -1), len(self._tokens) - 1
             self._upright(token, rest)
@@ -333,6 +343,7 @@ class _Line(plain.TokenStream):
         elif name in _ACCENTS:
             self._emit(token, f"{self._joined([self.take()])}_{_ACCENTS[name]}")
         elif name in components.BOLD:
+            self.take_operator("*")  # \vb*{x} is slanted
             self._emit(token, self._joined([self.take()]), "vector")
         elif name in _SCRIPTS and (scripted := self._scripted(token)):
             self.take()
@@ -408,14 +419,117 @@ class _Line(plain.TokenStream):
             power = plain.nested(plain.written(f"^(1/{token.value})", token))
             self._found.append(self._enclosed([argument, *power], token, FACTOR))
 
-    def _dot(self, token: Token) -> None:
+    def _of_package(self, what: str, token: Token) -> None:
+        """A command of a package; see `packages` in `words.toml`."""
+        braces = self.ahead.is_bracket("{") + (self.ahead.is_bracket("{") and self.look(1).is_bracket("{"))
+        match what:
+            case "over":
+                self._overset(token)
+            case "d/dt":
+                sign = Token("operator", TOTAL, token.column, token.space_before)
+                self._found.append(self._quotient([sign], [sign, Token("name", "t", token.column)], token))
+            case "derivative" | "partial derivative":
+                self._derivative(token, PARTIAL if what[0] == "p" else TOTAL)
+            case "differential" if braces < 2 and not self._order_follows(1):
+                self._differential(token)
+            case "differential":
+                self._derivative(token, TOTAL)
+            case "quantity" if braces == 2:
+                self._with_unit(token)
+            case "quantity" if braces == 1:
+                self._found.append(self._enclosed(self._argument(token), token))
+            case "quantity":  # \qty(x + y) is (x + y)
+                self.take_operator("*")
+            case "number" | "number with unit":
+                self._with_unit(token, what == "number with unit")
+            case "degrees":
+                degrees = [*self._argument(token), *plain.written("*pi/180", token)]
+                self._found.append(self._enclosed(degrees, token))
+            case "unit":
+                self._note_unit(token, self.take())
+            case "norm":
+                bar = Token("operator", "|", token.column)
+                self._found += [bar, *self._argument(token), bar]
+            case _:  # a frame around a part, \boxed{...} or \underbrace{...}_{...}
+                inner = self._argument(token)
+                framed = len(inner) == 1 or any(part.is_operator("=", ",", ";") for part in inner)
+                self._found += inner if framed else [self._enclosed(inner, token)]
+                if self.ahead.is_operator("_", "^") and what == "frame with a remark":
+                    self.take()
+                    self.take()
+
+    def _order_follows(self, braces: int) -> bool:
+        """Whether [2] follows, and so many groups in braces after it at least."""
+        groups = (self.look(1 + place).is_bracket("{") for place in range(braces + 1))
+        return self._is_square(self.ahead) and all(groups)
+
+    def _is_square(self, token: Token) -> bool:
+        return token.is_bracket("(") and self._text[token.column - 1] == "["
+
+    def _derivative(self, token: Token, sign: str) -> None:
+        r"""\dv[2]{x}{t} as \frac{d^2 x}{d t^2}, \dv{t} as \frac{d}{d t}, and \pdv{V}{x}{y}."""
+        self.take_operator("*")
+        order = [*self.take().inside] if self._is_square(self.ahead) else []
+        groups = [self._argument(token)]
+        while self.ahead.is_bracket("{") and len(groups) < (3 if sign == PARTIAL else 2):
+            groups.append(self._argument(token))
+        operand, variables = (groups[0], groups[1:]) if len(groups) > 1 else ([], groups)
+        d = Token("operator", sign, token.column)
+        power = [Token("operator", "^", token.column), bracket(order, token, space=False)] if order else []
+        if len(variables) > 1 and not order:
+            power = plain.nested(plain.written(f"^({len(variables)})", token))
+        operand = operand if len(operand) < 2 else [bracket(operand, token)]
+        below = [part for variable in variables for part in (d, *variable)]
+        self._found.append(self._quotient([d, *power, *operand], [*below, *(power if order else [])], token))
+
+    def _differential(self, token: Token) -> None:
+        r"""\dd{x}, \dd x, \dd[2]{x}, and \diff t as the upright d of a derivative."""
+        self._found.append(Token("operator", TOTAL, token.column, token.space_before))
+        if self._is_square(self.ahead):
+            self._found += [Token("operator", "^", token.column), self.take()]
+        if self.ahead.is_bracket("{"):
+            self._found += self._argument(token)
+
+    def _overset(self, token: Token) -> None:
+        r"""\overset{\cdot\cdot}{x} and \overset{..}{x} as \ddot{x}, \overset{\to}{x} as \vec{x}."""
+        marks = self.take().inside
+        dots = all(mark.is_operator("*") or mark.text in (".", "bullet") for mark in marks)
+        if marks and dots and len(marks) < 3:
+            self._dot(replace(token, text="overset"), len(marks))
+        elif len(marks) == 1 and marks[0].text in _ARROWS:
+            self._emit(token, self._joined([self.take()]), "vector")
+        else:
+            raise fault("sign above a letter", token.column)
+
+    def _with_unit(self, token: Token, unit: bool = True) -> None:
+        r"""The number of \SI{9.81}{\metre\per\second\squared}; its unit is left out, which is noted."""
+        if self._is_square(self.ahead):
+            self.take()
+        number = self._argument(token)
+        self._found += number if len(number) == 1 else [self._enclosed(number, token)]
+        if unit:
+            self._note_unit(token, self.take())
+
+    def _note_unit(self, token: Token, unit: Token) -> None:
+        if unit.is_bracket("{") and unit.inside:
+            plain.note(
+                self._text[token.column - 1 : unit.end], f"without the unit {self._text[unit.column : unit.end - 1]}"
+            )
+
+    def _power_in_square_brackets(self) -> None:
+        r"""The ^2 of \sin[2](x), which the package physics sets as \sin^2(x)."""
+        if self._is_square(self.ahead) and self.look(1).is_bracket():
+            power = self.take()
+            self._found += [Token("operator", "^", power.column), replace(power, value=FACTOR)]
+
+    def _dot(self, token: Token, order: int) -> None:
         """\\dot{x}, \\dot x, \\dot{r}_1, \\dot{r_1}, \\dot\\theta."""
         inner, shown = self._argument(token), self._shown(token)
         name = plain.at(inner, 0)
         other = name.text in nm.FUNCTIONS and not self._names.role(name.text)
         if len(inner) != 1 or name.kind not in ("name", "vector") or name.order or other:
             raise fault("dots without a name", token.column, shown=shown)
-        self._emit(token if name.kind == "name" else name, name.text, name.kind, 2 if token.text == "ddot" else 1)
+        self._emit(token if name.kind == "name" else name, name.text, name.kind, order)
 
     def _power(self, caret: Token) -> None:
         r"""x^2, e^x, e^{u}, and the primes of x^{\prime}."""

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from inverse_service.expressions.refusals import LIMITS, at_most, fault
-from inverse_service.reading import tokens as tk
+from inverse_service.reading import programs, tokens as tk
 from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, Names, meanings
 from inverse_service.reading.tokens import Line, Token, Tokens, at
 
-_MODULES = frozenset(("sp", "sympy", "sym", "np", "numpy", "math", "Math", "jnp"))
+_MODULES = frozenset(("sp", "sympy", "sym", "np", "numpy", "math", "Math", "jnp", "hy", "heyoka"))
 _CAPITALS = meanings("mathematica")
 _PIECES = "Piecewise[{"  # a head that cannot be a name
 _HEADS = meanings("heads")
@@ -30,12 +30,14 @@ _CLEAR = ("=", "+", "-", ",", ";", ")", "&", "<", ">")
 
 def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     """The same formulas in this package's notation; tokens that already have it are returned unchanged."""
-    marks = {token.text for token in tk.walk(tokens)}
     mathematica = _is_mathematica(tokens)
+    if not mathematica:
+        tokens = programs.as_equations(tokens, names)
+    marks = {token.text for token in tk.walk(tokens)}
     if marks & {"[", "{"}:
         tokens = _with_round_brackets(_with_indices(tokens, names), names, mathematica)
     written = tokens
-    if marks & {*_HEADS, ".", "@", "Piecewise"}:
+    if marks & {*_HEADS, ".", "@", "Piecewise", "diff"}:
         tokens = _rewritten(tokens, names)
     if "I" in marks and names.role("I") is None and (mathematica or tokens != written or marks & DERIVATIVE_NAMES):
         raise fault("imaginary unit", next(token.column for token in tk.walk(tokens) if token.text == "I"))
@@ -72,6 +74,28 @@ def _is_indexed(line: Line, place: int) -> bool:
     called = after.is_bracket() and tk.spelled(after.inside) != "t"
     named = name.kind == "name" and not name.order
     return named and index.is_bracket("[") and tk.spelled(index.inside).isdigit() and not called
+
+
+def with_subscripts(line: Line, names: Names) -> Tokens:
+    """V[1,0] for the V_x, and V[1,1] for the V_xy, of a declared function V of x and y; each is noted."""
+    if not names.functions:
+        return [*line]
+    found: Tokens = []
+    for token in line:
+        head, _, below = token.text.partition("_") if token.kind == "name" else ("", "", "")
+        arguments = names.functions.get(head, ())
+        by = [below] if below in arguments else list(below)
+        if not by or names.role_meant(token.text) or not {*by} <= {*arguments}:
+            found.append(tk.within(token, lambda inside: with_subscripts(inside, names)))
+            continue
+        tk.note(token.text, f"diff({head}({', '.join(arguments)}), {', '.join(by)})")
+        orders = ",".join(str(by.count(argument)) for argument in arguments)
+        if len(arguments) == 1:
+            found.append(replace(token, text=head, order=len(by), primed=token.column))
+        else:
+            brackets = tk.nested(tk.written(f"[{orders}]", token))
+            found += [replace(token, text=head), *brackets]
+    return found
 
 
 def _is_mathematica(tokens: Tokens) -> bool:
@@ -127,6 +151,8 @@ def _rewritten(line: Line, names: Names) -> Tokens:
             place = _after_dot(line, place, found, names)
         elif power:
             place = _derivative_of(line, place + 1, int(power[1]), found)
+        elif token.text == "D" and not names.role("D") and (order := _positions(after)):
+            place = _derivative_of(line, place + 2, order, found)
         elif called and not (token.text == "D" and _is_factor(after)):
             place = _called(line, place, found, names)
         else:
@@ -135,11 +161,21 @@ def _rewritten(line: Line, names: Names) -> Tokens:
     return found
 
 
+def _positions(bracket: Token) -> int:
+    """How many positions the [1, 1] of Maple's D[1, 1](x) lists, or the [0, 0] of Sage's; 0 for anything else."""
+    places = [token.text for token in bracket.inside if not token.is_operator(",")]
+    first = {*places} in ({"0"}, {"1"})
+    return len(places) if first and bracket.is_bracket("[") else 0
+
+
 def _after_dot(line: Line, place: int, found: Tokens, names: Names) -> int:
     """sp.sin is sin; u.diff(t, 2) is diff(u, t, 2)."""
     method, variables = at(line, place + 1), at(line, place + 2)
     if found and found[-1].text in _MODULES:
-        found.pop()
+        heyoka = found.pop().text in ("hy", "heyoka")
+        if heyoka and method.text == "time":
+            found.append(replace(method, text="t"))
+            return place + 2
         return place + 1
     if method.text != "diff" or not variables.is_bracket():
         raise fault("dot", line[place].column)
@@ -194,12 +230,29 @@ def _called(line: Line, place: int, found: Tokens, names: Names) -> int:
         if len(arguments) != 1 or not operand.is_bracket():
             raise fault("Differential", head.column)
         arguments, after = [[*operand.inside], *arguments], after + 1
+    if _HEADS[head.text] == "indexed" and [len(argument) for argument in arguments] == [1, 1]:
+        found.append(replace(_with_index(head, *arguments), order=given.order, primed=given.primed))
+        return after
     try:
         found += _converted(head, [_rewritten(argument, names) for argument in arguments])
     except (ValueError, IndexError):
         raise fault(f"{_HEADS[head.text]} of another program", head.column) from None
     found += _primes(given)
     return after
+
+
+def _with_index(head: Token, name: Tokens, index: Tokens) -> Token:
+    """phi_1 for Subscript[phi, 1]."""
+    if name[0].kind != "name" or name[0].order or index[0].kind not in ("name", "number"):
+        raise fault("indexed of another program", head.column)
+    return replace(head, text=f"{name[0].text}_{index[0].text}")
+
+
+def _pairs(whole: Tokens) -> Tokens:
+    """x = a, y = b for {x, y} = {a, b}; ValueError if these are not lists of one length."""
+    equal = next(token for token in whole if token.is_operator("="))
+    left, right = (tk.split_at(",", side.inside) for [side] in tk.split_at("=", whole))
+    return _joined([_joined(pair, "=", equal) for pair in zip(left, right, strict=True)], ",")
 
 
 def _joined(parts: Sequence[Tokens], sign: str, at: Token | None = None) -> Tokens:
@@ -236,6 +289,16 @@ def _converted(head: Token, parts: Sequence[Tokens]) -> Tokens:
             return [tk.bracket(_joined(parts, kind), head, tk.FACTOR)]
         case "decimal":
             raise ValueError
+        case "equations":  # Thread[{u, v} == {a, b}]
+            [whole] = parts
+            return [tk.bracket(_pairs(whole), head, tk.FACTOR)]
+        case "solver":  # DSolve[{equations}, x, t]
+            first, *more = parts
+            for part in more:
+                tk.note(tk.source(part))
+            return [tk.bracket(first, head, tk.FACTOR)] if len(first) > 1 else first
+        case "diff" if len(parts) == 2 and [token.kind for token in parts[1]] == ["number"]:  # diff(x, 2)
+            parts = [parts[0], [Token("name", "t", head.column)], parts[1]]
         case "rate":  # Modelica's der(u) is diff(u, t)
             [operand] = parts
             kind, parts = "diff", [operand, [Token("name", "t", head.column)]]

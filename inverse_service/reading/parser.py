@@ -278,8 +278,24 @@ class FormulaParser(tk.TokenStream):
         if below[-1].is_bracket() and below[0].kind in ("name", "operator", "bracket"):
             return name != "" or ahead.is_bracket()
         moves = role == "coordinate" or name == "t"
+        if moves and self._is_apart(slash):
+            return True
         numbers = all(token.kind in ("number", "bracket") or token.is_operator("*", "^") for token in tk.walk(above))
         return len(below) == 1 and below[0].kind == "number" and (numbers or moves or ahead.is_bracket())
+
+    def _is_apart(self, slash: int) -> bool:
+        """Whether blanks join k/m, not m x, in k/m x'; the other interpretation is noted."""
+        sign, below = self._tokens[slash - 1], self.part(slash)
+        glued = not sign.space_before and not below[0].space_before and below[0].kind in ("name", "number")
+        if not glued or any(token.space_before for token in below):
+            return False
+        over, under, after = (
+            self.source(slash - 2, slash - 1),
+            self.source(slash),
+            self.source(self.position, self.position + 1),
+        )
+        note(f"{over}/{under} {after}", f"({over}/{under})*{after}, not {over}/({under}*{after})")
+        return True
 
     def _is_half(self, start: int, slash: int, role: nm.Role | None) -> bool:
         """Whether this is 1/2m, m/2x'^2, m/2 l^2, or m/2(x'^2 + y'^2) in a Lagrangian; 1/2r^2 may be 1/(2 r^2)."""
@@ -344,10 +360,10 @@ class FormulaParser(tk.TokenStream):
             raise _prime(ahead)
         if not self.take_operator("^"):
             return base
-        is_sum = any(token.is_operator("+", "-") for token in self.look(-2).inside)
+        is_sum = any(token.is_operator("+", "-", "^") for token in self.look(-2).inside)
         exponent, slash = self._exponent(), self.ahead
         number, below = self.look(-1), self.look(1)
-        unclear = number.text == "1" or (number.text == "3" and is_sum and len(below.text) == 1)
+        unclear = number.text == "1" or (number.text == "3" and is_sum and below.text == "2")
         if unclear and slash.is_operator("/") and below.kind == "number":
             span = (number.column, self.look(2).column)
             raise fault("root or quotient", slash.column, span, over=number.text, under=below.text)

@@ -26,7 +26,7 @@ from inverse_service.reading.names import Reason, letter, meanings, pattern, rea
 Kind = Literal["number", "name", "prime", "operator", "bracket", "newline", "end", "vector", "command", "fault"]
 FACTOR, FRACTION, MATRIX, CASES = map(Fraction, range(1, 5))
 DOT, CROSS = Fraction(1), Fraction(2)
-GIVEN = Fraction(1)
+GIVEN, EQUALITY = Fraction(1), Fraction(2)
 PARTIAL, TOTAL, NABLA = "\u2202", "\u2146", "\u2207"  # TOTAL: the upright d of a derivative
 CLOSING = {"(": ")", "[": "]", "{": "}"}
 _OPENING = {closing: opening for opening, closing in CLOSING.items()}
@@ -55,7 +55,7 @@ _EQUALITY = re.compile(r"!?={1,2}|\u2260")
 _CONDITION_SIGNS = meanings("conditions")
 _REASONS, _REFUSED_SIGNS = reasons("characters"), reasons("signs")
 _OTHER_PROGRAMS = pattern("tokens", "other_programs")
-_OTHER_SIGNS = {"times": ",", "end": ";", "nothing": "", "dot": ".", "power": "@", None: ""}
+_OTHER_SIGNS = {"times": ",", "end": ";", "nothing": "", "dot": ".", "power": "@", "handle": "@", None: ""}
 _OTHERWISE = Reason("", "use letters, digits, + - * / ^ ( ) , = and '")
 LEFT_OUT = "left out"
 _NOTES: ContextVar[dict[str, str] | None] = ContextVar("notes", default=None)
@@ -85,7 +85,8 @@ class Token:
     A bracket is one token that contains the tokens `inside`; `end` is the column of its closing sign. `order` counts
     the primes after a name or a bracket, and `primed` is the column of the first prime. `value` is the value of a
     number; for a prime, the order of the derivative; for a bracket, FACTOR if it cannot contain arguments and FRACTION
-    for ((above)/(below)) of LaTeX; for *, DOT or CROSS if LaTeX has \\cdot or \\times; for =, GIVEN if the text has :=.
+    for ((above)/(below)) of LaTeX; for *, DOT or CROSS if LaTeX has \\cdot or \\times; for =, GIVEN if the text has :=
+    and EQUALITY if it has ==.
     The operators are + - * / ^ , = ; |, and also < > & ~ true in conditions of pieces.
     """
 
@@ -495,7 +496,8 @@ def _operator(text: str, place: int, space: bool) -> tuple[Tokens, int]:
             raise refusals.refusal(f"{refused.strip()} occurs", column, known.instead)
     for size in (2, 1):
         if sign := _SIGNS.get(text[place : place + size]):
-            return [Token("operator", sign, column, space, GIVEN * (text[place] == ":"))], place + size
+            value = {":=": GIVEN, "==": EQUALITY}.get(text[place : place + size], Fraction(0))
+            return [Token("operator", sign, column, space, value)], place + size
     if other := _OTHER_PROGRAMS.match(text, place):
         return [Token("operator", each, column, space) for each in _OTHER_SIGNS[other.lastgroup]], other.end()
     what = f"the character {_described(text[place])} is not accepted"

@@ -104,6 +104,24 @@ def test_the_service_reads_and_refuses_the_same(service: str) -> None:
     assert_all([*READINGS[::48], *REFUSALS[::24]], service)
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("r'' = -mu r/r^3", True),
+        ("r'' = r phi'^2 - mu r/r^3, phi'' = -2 r' phi'/r", False),  # polar coordinates
+        ("x'' = -mu x/x^3", False),
+    ],
+)
+def test_a_radius_over_a_power_of_itself_is_said_to_be_one_number(text: str, said: bool) -> None:
+    notes = {part["text"]: part["as"] for part in parsed({"equations": text})["readings"]}
+    assert ("components of a vector" in notes.get("r", "")) is said
+
+
+def test_no_names_declared_means_guessed_at_the_service_too(service: str) -> None:
+    found = parsed({"equations": "m x'' + c x' + k x = 0"}, service)
+    assert found["guessed"] == ["m", "c", "k"]
+
+
 LONG = {
     "huge integer": ('{"coordinates": ["x"], "equations": {"x": ' + "9" * 5000 + "}}", "characters"),
     "long word": ('{"equations": "' + "x" * 19_000 + "''=-1\"}", "too many characters"),

@@ -44,7 +44,7 @@ Asking = SystemDocument | NonholonomicDocument | MotionDocument
 Steps = tuple[int | str, ...]
 FORMULAS = ("equations", "lagrangian", "constraints", "ansatz", "multiples", "where", "clock", "motion", "kinds")
 SCENE_FORMULAS = ("forces", "rayleigh", "observe", "events", "terms", "functions", "free_lagrangian")
-NAMES = ("coordinates", "parameters", "functions")
+NAMES = document_names.DECLARING
 # Not for people, or not ours to change.
 KEPT = frozenset(("certificate", "provenance", "given", "format", "question", "id", "kind", "time", "verdict"))
 _LETTERS = "wzkbcudhgnalsTYZWJKBUDGNCP"
@@ -155,6 +155,8 @@ def prepared(document: Any) -> Prepared:
     if str(document.get("format", "")).startswith("inverse-service/"):
         raise errors.InputError("This is a result, not a document: its document is in system.given.", "/format")
     plain = {key: value for key, value in document.items() if key not in ("id", "$schema") and key[:1] != "_"}
+    if all(plain.get(key) is None for key in NAMES):
+        plain["parameters"] = document_names.GUESS  # it is read as the command line reads a text
     formulas = [plain[key] for key in FORMULAS if key in plain]
     if any(len(text) > refusals.most_characters() for text in _texts(formulas)):
         return Prepared(plain)  # too long a text is refused before it is read

@@ -14,6 +14,7 @@ from inverse_service import deadline, errors
 from inverse_service.decision import certify, deciding, solutions
 from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.expressions.notation import inequality_text
+from inverse_service.expressions.refusals import fault
 from inverse_service.field import real_branch, tower
 from inverse_service.field.real_branch import RealTable, requirements
 from inverse_service.mechanics import constrained_motion, euler_lagrange, second_order_system, writing
@@ -21,6 +22,7 @@ from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import document_names, names as nm, reader
 from inverse_service.reading.document_names import Declared, known_names
+from inverse_service.reading.tokens import walk
 from inverse_service.service.documents import accepting, canonical, growing, translate
 from inverse_service.solving import solving
 
@@ -221,8 +223,32 @@ def _equations_of(
 def _solved(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[ex.Expression, ...]:
     """The accelerations by the Euler-Lagrange equations; InputError where L is not regular."""
     sums = euler_lagrange.euler_lagrange_sums(lagrangian, names, [ex.Acceleration(name) for name in names])
+    _refuse_linear(lagrangian, names)
     equations = [euler_lagrange.linear_equation(tree, POINTER) for tree in sums]
     return euler_lagrange.solve_accelerations(equations, names)
+
+
+def _refuse_linear(lagrangian: ex.Expression, names: Sequence[str]) -> None:
+    """InputError where L is of first degree in a velocity: then no equation determines this acceleration."""
+    rows = zip(names, euler_lagrange.hessian(lagrangian, names), strict=True)
+    linear = [name for name, row in rows if all(collecting.collect(entry) == ex.ZERO for entry in row)]
+    if linear:
+        velocities, accelerations = (", ".join(name + primes for name in linear) for primes in ("'", "''"))
+        raise fault("linear in the velocities", POINTER, velocities=velocities, accelerations=accelerations)
+
+
+def _refuse_linear_text(schema: LagrangianDocument) -> None:
+    """The same for an L with names that cannot be guessed, such as the x of x y': each reading of x is singular."""
+    tokens = reader.tokens_if_any(schema.lagrangian, nm.Names(guesses=True))
+    moving = tuple(dict.fromkeys(document_names.moving_names(tokens, 1)))
+    words = (token.text for token in walk(tokens) if token.kind == "name")
+    others = tuple(dict.fromkeys(word for word in words if word not in (*moving, *nm.RESERVED)))
+    if moving and not (schema.where or schema.functions):
+        try:
+            tree = reader.read_formula(schema.lagrangian, nm.Names(moving, others))
+        except errors.InputError:
+            return
+        _refuse_linear(tree, moving)
 
 
 def _formulas(system: SecondOrderSystem, trees: tuple[ex.Expression, ...]) -> dict[str, dict[str, str]]:
@@ -266,7 +292,12 @@ def system_of(schema: LagrangianDocument) -> SecondOrderSystem:
 def _motion(schema: LagrangianDocument) -> tuple[ex.Expression, SecondOrderSystem]:
     """L with the system q'' = f of its Euler-Lagrange equations."""
     declared = Declared(schema.coordinates, schema.parameters, schema.functions, schema.where, most=MAX_FORWARD)
-    known = known_names(declared, {"/lagrangian": schema.lagrangian}, order=1)
+    try:
+        known = known_names(declared, {"/lagrangian": schema.lagrangian}, order=1)
+    except errors.InputError as error:
+        if error.declare:
+            _refuse_linear_text(schema)
+        raise
     lagrangian = known.put_in(constrained_motion.read_lagrangian(schema.lagrangian, known.names))
     names = known.remaining()
     lagrangian = in_few_terms(lagrangian, names, (schema.lagrangian, *schema.where.values()))

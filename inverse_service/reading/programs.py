@@ -1,0 +1,227 @@
+"""Right-hand sides and shorthand of numerical programs, rewritten as equations: tokens in, tokens out.
+
+| program | text | equations |
+| --- | --- | --- |
+| MATLAB, Octave | `@(t, q) [q(2); -sin(q(1))]` | q_1' = q_2; q_2' = -sin(q_1) |
+| MATLAB, Octave | `dydt(1) = y(2); dydt(2) = -y(1)`, `dydt = [y(2); -y(1)]` | y_1' = y_2; y_2' = -y_1 |
+| MATLAB `dsolve` | `D2x + 2*Dx + x = 0` | x'' + 2 x' + x = 0 |
+| Julia, Python | `du[1] = u[2]; du[2] = -u[1]`, `dydt[0] = y[1]` | u_1' = u_2; u_2' = -u_1 |
+| heyoka | `[(x, v), (v, -sin(x))]` | x' = v; v' = -sin(x) |
+| SymPy | `(x.diff(t, 2) + x, y.diff(t, 2) + y)` | x'' + x; y'' + y |
+| any with `==` | `eqn = diff(x, t, 2) == -x` | x'' = -x |
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from inverse_service.reading import tokens as tk
+from inverse_service.reading.names import DERIVATIVE_NAMES, Names
+from inverse_service.reading.tokens import Line, Token, Tokens, at
+
+_EQUATIONS = ("Eq", "Equal", "Equality")
+_SHORT = re.compile(r"D([2-9])?([A-Za-z]\w*)")
+# dydt, dy, ydot, and y_dot, the array of rates of the array y.
+_RATES = re.compile(r"d([A-Za-z]\w*?)(?:dt|_dt)?|([A-Za-z]\w*?)_?dot")
+_SOLVER = re.compile(r"\s*(?:\w+\s*=\s*)?dsolve\s*\(((?:\s*'[^']*'\s*,?)+)\)\s*;?\s*")
+_QUOTED = re.compile(r"'([^']*)'")
+
+
+def without_quotes(formula: str) -> str:
+    """dsolve('D2x = -x', 'x(0) = 1', 't') as its equations, at the same columns."""
+    call = _SOLVER.fullmatch(formula)
+    if call is None:
+        return formula
+    found = [" "] * len(formula)
+    for text in _QUOTED.finditer(formula):
+        stop = text.end() - 1
+        if "=" in text[1]:
+            found[text.start(1) : stop + 1] = [*text[1], ";"]
+        else:
+            tk.note(text[1])
+    return "".join(found)
+
+
+def as_equations(tokens: Tokens, names: Names) -> Tokens:
+    """The same statements as equations; tokens that no rule fits are returned unchanged."""
+    tokens = _with_primes(_without_label_of_equality(tokens), names)
+    for rule in (_of_handle, _of_pairs, _of_rates, _of_expressions):
+        found = rule(tokens, names)
+        if found is not None:
+            return found
+    return tokens
+
+
+def _without_label_of_equality(tokens: Tokens) -> Tokens:
+    """The tokens without the eqn = of eqn = diff(x, t, 2) == -x."""
+    found: Tokens = []
+    for line, end in tk.split(tokens, lambda _, token: token.is_operator(";", ",")):
+        label, equal, rest = at(line, 0), at(line, 1), line[2:]
+        second = any(token.is_operator("=") and token.value == tk.EQUALITY for token in rest)
+        second = second or (at(rest, 0).text in _EQUATIONS and at(rest, 1).is_bracket())
+        if label.kind == "name" and not label.order and equal.is_operator("=") and not equal.value and second:
+            tk.note(f"{label.text} =")
+            line = rest
+        found += [*line, *([end] if end else [])]
+    return found
+
+
+def _with_primes(tokens: Tokens, names: Names) -> Tokens:
+    """x'' for MATLAB's D2x and, in a text that has one, x' for Dx."""
+    short = [token for token in tk.walk(tokens) if token.kind == "name" and not names.role(token.text)]
+    second = {match[2] for token in short if (match := _SHORT.fullmatch(token.text)) and match[1] == "2"}
+    words = {token.text for token in short}
+
+    def with_primes(line: Line) -> Tokens:
+        found: Tokens = []
+        for token in line:
+            match = _SHORT.fullmatch(token.text) if token.kind == "name" and not names.role(token.text) else None
+            if match and not token.order and (match[1] or match[2] in words | second):
+                found.append(replace(token, text=match[2], order=int(match[1] or 1), primed=token.column))
+            else:
+                found.append(tk.within(token, with_primes))
+        return found
+
+    return with_primes(tokens) if second else tokens
+
+
+def _statements(tokens: Tokens) -> list[Tokens]:
+    return [part for part in tk.split_at(";,", tokens) if part]
+
+
+def _joined(statements: Sequence[Tokens]) -> Tokens:
+    found: Tokens = []
+    for statement in statements:
+        sign = [Token("operator", ";", statement[0].column)] if found else []
+        found += [*sign, *statement]
+    return found
+
+
+def _rate(name: Token, text: str) -> Tokens:
+    """text' = at the place of a token."""
+    primed = Token("name", text, name.column, name.space_before, order=1, primed=name.column)
+    return [primed, Token("operator", "=", name.column, True)]
+
+
+@dataclass(frozen=True, slots=True)
+class _Array:
+    """The name of an array of unknowns and its first index, 0 or 1."""
+
+    name: str
+    first: int
+
+    @classmethod
+    def of(cls, name: str, tokens: Line) -> "_Array":
+        """The array of this name in the tokens: y[0] occurs only where indices begin at 0."""
+        indices = {index for other, index, _ in _entries(tokens) if other == name}
+        return cls(name, 0 if 0 in indices else 1)
+
+    def entry(self, place: int) -> str:
+        return f"{self.name}_{place - self.first + 1}"
+
+    def with_names(self, line: Line) -> Tokens:
+        """The tokens with the name y_1 for the entry y(1) or y[1]."""
+        found: Tokens = []
+        for place, token in enumerate(line):
+            if found and (index := _index(line, place - 1)) is not None and line[place - 1].text == self.name:
+                found[-1] = replace(line[place - 1], text=self.entry(index), order=token.order, primed=token.primed)
+            else:
+                found.append(tk.within(token, self.with_names))
+        return found
+
+
+def _index(line: Line, place: int) -> int | None:
+    """The k of the y(k) or y[k] here; else None."""
+    name, bracket = at(line, place), at(line, place + 1)
+    inside = bracket.inside
+    indexed = name.kind == "name" and not name.order and bracket.kind == "bracket" and len(inside) == 1
+    return int(inside[0].text) if indexed and inside[0].kind == "number" and inside[0].text.isdigit() else None
+
+
+def _entries(tokens: Line) -> Iterator[tuple[str, int, Token]]:
+    """(y, k, token) for every y(k) and y[k]."""
+    for line, place, _ in tk.places(tokens):
+        if (index := _index(line, place)) is not None:
+            yield line[place].text, index, line[place]
+
+
+def _components(bracket: Token) -> list[Tokens]:
+    """The entries of [a; b], [a, b], and [a b;...]; none where they are not clear."""
+    signs = {token.text for token in bracket.inside if token.is_operator(";", ",")}
+    return [part for part in tk.split_at(";,", bracket.inside) if part] if len(signs) == 1 else []
+
+
+def _of_array(array: _Array, components: list[Tokens]) -> Tokens:
+    """y_1' = first; y_2' = second; ..."""
+    return _joined(
+        [
+            [*_rate(part[0], array.entry(place)), *array.with_names(part)]
+            for place, part in enumerate(components, array.first)
+        ]
+    )
+
+
+def _of_handle(tokens: Tokens, names: Names) -> Tokens | None:
+    """@(t, y) [y(2); -y(1)], perhaps after f = ."""
+    place = next((k for k, token in enumerate(tokens) if token.is_operator("@")), len(tokens))
+    arguments, body = at(tokens, place + 1), at(tokens, place + 2)
+    before = tk.spelled(tokens[:place])
+    given = [token.text for token in arguments.inside if not token.is_operator(",")]
+    after = tk.spelled(tokens[place + 3 :]).strip(";")
+    if len(given) < 2 or given[0] != "t" or not body.is_bracket("[") or after or not re.fullmatch(r"(\w+=)?", before):
+        return None
+    components = _components(body)
+    array = _Array.of(given[1], body.inside)
+    if len(components) < 2:
+        return None
+    tk.note(tk.source(tokens[: place + 2]))
+    return _of_array(array, components)
+
+
+def _of_pairs(tokens: Tokens, names: Names) -> Tokens | None:
+    """[(x, v), (v, -sin(x))], perhaps after sys = ."""
+    labelled = at(tokens, 0).kind == "name" and at(tokens, 1).is_operator("=")
+    whole = at(tokens, 2 * labelled)
+    listed = whole.inside if whole.is_bracket("[") and len(tokens) == 2 * labelled + 1 else ()
+    pairs = [part[0].inside for part in tk.split_at(",", listed) if len(part) == 1 and part[0].is_bracket()]
+    halves = [[half for half in tk.split_at(",", pair) if half] for pair in pairs]
+    if len(halves) < 2 or len(halves) != len(tk.split_at(",", listed)) or any(len(half) != 2 for half in halves):
+        return None
+    if any(len(first) != 1 or first[0].kind != "name" or first[0].order for first, _ in halves):
+        return None
+    return _joined([[*_rate(first[0], first[0].text), *rate] for first, rate in halves])
+
+
+def _of_rates(tokens: Tokens, names: Names) -> Tokens | None:
+    """dydt(1) = y(2); dydt(2) = ..., and dydt = [y(2); ...]."""
+    statements = _statements(tokens)
+    arrays = {name for name, _, _ in _entries(tokens)}
+    found: list[Tokens] = []
+    for statement in statements:
+        match = _RATES.fullmatch(statement[0].text) if statement[0].kind == "name" else None
+        name = next(filter(None, match.groups()), "") if match else ""
+        index = _index(statement, 0)
+        sign, body = at(statement, 1 + (index is not None)), statement[2 + (index is not None) :]
+        if name not in arrays or names.role(statement[0].text) or not sign.is_operator("=") or not body:
+            return None
+        array = _Array.of(name, tokens)
+        if index is not None:
+            first = array if any(other == name and k == 0 for other, k, _ in _entries(tokens)) else _Array(name, 1)
+            rates = {k for other, k, _ in _entries(tokens) if other == statement[0].text}
+            first = _Array(name, 0) if 0 in rates else first
+            found.append([*_rate(statement[0], first.entry(index)), *first.with_names(body)])
+        elif len(body) == 1 and body[0].kind == "bracket" and (components := _components(body[0])):
+            found.append(_of_array(array, components))
+        else:
+            return None
+    return _joined(found) if found else None
+
+
+def _of_expressions(tokens: Tokens, names: Names) -> Tokens | None:
+    """(x'' + x, y'' + y) and [x'' + x, y'' + y], lists of expressions that are zero."""
+    whole = at(tokens, 0)
+    if len(tokens) != 1 or whole.kind != "bracket" or whole.order or any(t.is_operator("=") for t in tk.walk(tokens)):
+        return None
+    parts = tk.split_at(",", whole.inside)
+    second = [any(token.order > 1 or token.text in DERIVATIVE_NAMES for token in tk.walk(part)) for part in parts]
+    return [*whole.inside] if len(parts) > 1 and all(second) else None
