@@ -33,7 +33,7 @@ from inverse_service.kernels.codegen.kernel import CONTROL, MOST_TRIES
 from inverse_service.kernels.codegen.looped import looped
 from inverse_service.kernels.codegen.symengine_trees import Formula
 from inverse_service.kernels.machine_code.loading import processor_features
-from inverse_service.simulation import looping, peers, schemes
+from inverse_service.simulation import looping, peers, scene_graph, schemes
 from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, formulas_of
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start, Stop
 from inverse_service.simulation.sentences import say
@@ -456,7 +456,7 @@ def initial(f: Formulas, choice: MethodChoice, start: Start, arguments: Columns)
 
 def carried(f: Formulas, choice: MethodChoice, columns: Columns, momenta: Array | None) -> Columns:
     """Columns with q and v as a method on (q, p) carries them: momenta, those given or dL/dv, and rates."""
-    is_own = choice.method == "nonholonomic" or looping.uses_own_lagrangian(f.problem)
+    is_own = choice.method == "nonholonomic" or scene_graph.uses_own_lagrangian(f.problem)
     if momenta is None and is_own:
         momenta = looping.momenta_at(f.problem, columns)
     if momenta is None:  # of L~ with the constraints put in, which hold, so that common factors A_alpha cancel

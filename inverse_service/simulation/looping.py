@@ -16,18 +16,22 @@ from inverse_service.integrators.trajectory import Outcome
 from inverse_service.kernels.codegen import graph as graphs, looped
 from inverse_service.kernels.codegen.kernel import ROUND_OFF_AT_START
 from inverse_service.simulation import numeric_formulas as nf, scene_data as data
-from inverse_service.simulation.scene_graph import MOMENT, PLACE, SETTING, SPEED, STEP, SceneGraph, graph_of
+from inverse_service.simulation.scene_graph import (
+    MOMENT,
+    PLACE,
+    SETTING,
+    SPEED,
+    STEP,
+    SceneGraph,
+    graph_of,
+    uses_own_lagrangian,
+)
 from inverse_service.simulation.sentences import say
 
 SMALL = 2  # coordinates up to which no step is long
 LONG, COUPLED = 4000, 6  # operations of a step; coordinates on one side of the diagonal of its matrix
 MOVING = MOMENT | PLACE | SPEED
 EXPLICIT, OWN = ("adaptive", "runge_kutta"), ("hamiltonian", "raw")
-
-
-def uses_own_lagrangian(problem: data.Problem) -> bool:
-    """Whether L~ is the regular L of a scene without constraints, so that no H is needed: p = L_v determines v."""
-    return problem.free_hamiltonian is None and problem.free_lagrangian == problem.lagrangian is not None
 
 
 @lru_cache(maxsize=64)

@@ -34,6 +34,7 @@ from inverse_service.simulation import (
     initial,
     numeric_formulas as nf,
     scene_data as data,
+    scene_graph,
 )
 from inverse_service.simulation.sentences import say
 
@@ -143,26 +144,16 @@ def point_velocities(
     momenta, names = trajectory.momenta, scene.coordinates
     if momenta is None:
         return None
+    if method == "nonholonomic" or (method == "variational" and scene_graph.uses_own_lagrangian(problem)):
+        graph = scene_graph.graph_of(problem)
+        return graph.velocities(trajectory.positions, momenta, values, trajectory.times)
+    if method != "variational" or problem.free_hamiltonian is None:
+        return None
     rest = np.zeros_like(trajectory.positions)
     table = nf.table_of(names, trajectory.positions, rest, values, trajectory.times)
-    if method == "variational" and problem.free_hamiltonian is not None:
-        symbols = [ex.Symbol(f"p_{name}") for name in names]
-        slopes = [calculus.differentiate(problem.free_hamiltonian, p) for p in symbols]
-        return np.column_stack(arrays.array_values(slopes, table | dict(zip(symbols, momenta.T, strict=True))))
-    if scene.lagrangian is None or scene.lagrangian not in (problem.lagrangian, problem.free_lagrangian):
-        return None
-    if method not in ("nonholonomic", "variational") or problem.free_lagrangian not in (None, scene.lagrangian):
-        return None
-    # g v + w^T s = p - b, w v = -c.
-    matrix = euler_lagrange.hessian(scene.lagrangian, names)
-    if any(isinstance(node, ex.Velocity) for row in matrix for entry in row for node in ex.walk(entry)):
-        return None
-    offsets = arrays.array_values([*euler_lagrange.momenta(scene.lagrangian, names), *scene.constraints], table)
-    right = np.pad(momenta, ((0, 0), (0, len(scene.constraints)))) - np.column_stack(offsets)
-    try:
-        return np.asarray(np.linalg.solve(initial.saddle(scene, table), right[:, :, None])[:, : len(names), 0])
-    except np.linalg.LinAlgError:  # the kinetic energy is degenerate at a point
-        return None
+    symbols = [ex.Symbol(f"p_{name}") for name in names]
+    slopes = [calculus.differentiate(problem.free_hamiltonian, p) for p in symbols]
+    return np.column_stack(arrays.array_values(slopes, table | dict(zip(symbols, momenta.T, strict=True))))
 
 
 @dataclass(frozen=True)

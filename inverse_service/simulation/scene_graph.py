@@ -24,6 +24,7 @@ from inverse_service.kernels.codegen.graph import Graph
 from inverse_service.simulation.scene_data import Problem
 
 MOMENT, PLACE, SPEED, STEP, SETTING, PARAMETER, FORCE, BEGIN = (1 << k for k in range(8))  # kinds of leaves
+MOST_NEWTON, SETTLED, NEARLY = 60, 1e-13, 1e-9  # for velocities of masses that depend on them
 Nodes = list[int]
 Entries = dict[tuple[int, int], int]
 
@@ -200,6 +201,30 @@ class SceneGraph:
         found = self.graph.values(nodes, inputs)
         return np.array([np.broadcast_to(one, count) for one in found], dtype=float).reshape(len(nodes), count)
 
+    def velocities(self, positions: Array, momenta: Array, values: Mapping[str, Any], times: Array) -> Array | None:
+        """v (m, n) with L_v + w^T s = p and w v + c = 0 at m points, nan where there is none; a matrix of numbers is
+        solved once for all. None where it is singular at a point."""
+        count, n = positions.shape
+        v, nodes = np.zeros_like(positions), [*self.momenta, *self.constraints]
+        target = np.pad(momenta, ((0, 0), (0, len(self.constraints)))).T
+        masks = [self.graph.masks[node] for node in (*self.masses.values(), *self.forms.values())]
+        moves, turns = (any(mask & kinds for mask in masks) for kinds in (~PARAMETER, SPEED))
+        is_one = not moves and not any(np.ndim(value) for value in values.values())
+        for _ in range(MOST_NEWTON if turns else 1):
+            inputs = self.inputs(positions, v, values, times)
+            left = (target - self.values(nodes, inputs, count)).T
+            matrix = (
+                self.saddle(self.inputs(positions[:1], v[:1], values, 0.0), 1) if is_one else self.saddle(inputs, count)
+            )
+            try:
+                change = np.linalg.solve(matrix, left[:, :, None])[:, :n, 0]
+            except np.linalg.LinAlgError:
+                return None
+            v = v + change
+            if (np.abs(change) <= SETTLED * (1 + np.abs(v))).all():
+                return v
+        return np.where((np.abs(change) <= NEARLY * (1 + np.abs(v))).all(axis=1)[:, None], v, np.nan) if turns else v
+
     def saddle(self, inputs: Mapping[int, Any], count: int) -> Array:
         """[[g, w^T], [w, 0]] at `count` points, (count, n + m, n + m)."""
         n, m = self.size, len(self.constraints)
@@ -211,6 +236,11 @@ class SceneGraph:
             if i >= n:
                 whole[:, j, i] = value
         return whole
+
+
+def uses_own_lagrangian(problem: Problem) -> bool:
+    """Whether L~ is the regular L of a scene without constraints, so that no H is needed: p = L_v determines v."""
+    return problem.free_hamiltonian is None and problem.free_lagrangian == problem.lagrangian is not None
 
 
 @lru_cache(maxsize=8)

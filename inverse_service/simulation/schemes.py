@@ -16,7 +16,7 @@ from inverse_service.integrators.method_table import GAUSS_LEGENDRE, PAIRS, POIN
 from inverse_service.integrators.variational import Vector
 from inverse_service.kernels.codegen import program as programs, symengine_trees as se
 from inverse_service.kernels.codegen.symengine_trees import HALF, ONE, STEP, ZERO, Formula, number, symbol
-from inverse_service.simulation import looping
+from inverse_service.simulation import scene_graph
 from inverse_service.simulation.numeric_formulas import MOMENT, Denominator, Formulas, put
 from inverse_service.simulation.scene_data import MethodChoice, Observation
 from inverse_service.simulation.sentences import say
@@ -49,7 +49,7 @@ def program_of(formulas: Formulas, choice: MethodChoice, observation: Observatio
         "runge_kutta": runge_kutta, "reference": gauss_legendre, "adaptive": adaptive, "stiff": stiff,
     }  # fmt: skip
     name = choice.form if choice.method == "variational" else choice.method
-    if name == "hamiltonian" and looping.uses_own_lagrangian(formulas.problem):
+    if name == "hamiltonian" and scene_graph.uses_own_lagrangian(formulas.problem):
         name = "raw"  # with weight alpha both forms are the same equations, and this one has half as many unknowns
     return builders[name](formulas, choice, observation)
 
@@ -99,7 +99,7 @@ def _raw(f: Formulas, choice: MethodChoice, observation: Observation) -> program
     slope_q, slope_v = (f.gradient(f.free_lagrangian, letter, moment=moment_at(parts[0])) for letter in "qv")
     slope_q = f.pushed(slope_q, moment_at(parts[0]))
     equations, pushes = discrete.raw_step(q, p, d, STEP, parts, slope_q, slope_v)
-    points, is_own = [discrete_point(f, part) for part in parts], looping.uses_own_lagrangian(f.problem)
+    points, is_own = [discrete_point(f, part) for part in parts], scene_graph.uses_own_lagrangian(f.problem)
     remedy = where_it_ends(f) if is_own else "use the Hamiltonian form"
     watches = [one for at in points for one in sign_watches(f.denominators, at, remedy)]
     watches += range_watches(f, parts[0])
