@@ -39,47 +39,55 @@ class ExplanationStep(base.Document):
         return {key: value for key, value in handler(self).items() if value}
 
 
+class IntegralPart(base.Document):
+    """A function in L that is known by its partial derivatives: {"arguments": ["t"], "derivatives": {"t": "f(t)"}}."""
+
+    arguments: list[str]
+    derivatives: dict[str, str]
+
+
 class LagrangianPart(Formula):
     """A Lagrangian, the set where it is defined, at which points of that it is regular, and where it comes from.
 
-    `reason` says why one of `other_lagrangians` is shown: "shorter", "positive definite" or "of another kind".
+    `auxiliary` defines the functions F in it by their derivatives. `reason` says why one of `other_lagrangians` is
+    shown: "shorter", "positive definite" or "of another kind".
     """
 
     domain: list[str] = Field(default_factory=list)
     family: str = ""
     regular: str = ""
     reason: str = ""
+    auxiliary: dict[str, IntegralPart] = Field(default_factory=dict)
 
 
 class HamiltonianPart(Formula):
     """H(q, p), or H(q, q') with the momenta where no closed inverse of p = dL/dq' was found (`implicit`).
 
     `domain`: on which branch of that inverse it is H, as strict inequalities for coordinates, velocities and momenta.
-    `reason`: why it is implicit.
+    `image`: the constraints of a motion in phase space, which are 0; `constraints` are their texts. `reason`: why it is
+    implicit.
     """
 
     momenta: dict[str, str]
     implicit: bool
     reason: str = ""
     constraints: list[str] = Field(default_factory=list)
+    image: list[Formula] = Field(default_factory=list)
     domain: list[str] = Field(default_factory=list)
 
 
 class ProvenPart(base.Document):
-    """A verdict with what proves it: `checked` is the independent checker's verdict on the certificate."""
+    """A verdict with what proves it: `checked` is the independent checker's verdict on the certificate.
+
+    It is proven for general parameters: `exceptions` are special values that it does not cover.
+    """
 
     verdict: Verdict
     reason: str = ""
     lagrangian: LagrangianPart | None = None
     certificate: dict[str, Any] | None = None
     checked: Checked | None = None
-
-
-class IntegralPart(base.Document):
-    """A function in L that is known by its partial derivatives: {"arguments": ["t"], "derivatives": {"t": "f(t)"}}."""
-
-    arguments: list[str]
-    derivatives: dict[str, str]
+    exceptions: list[str] = Field(default_factory=list)
 
 
 class FirstIntegralPart(Formula):
@@ -202,7 +210,6 @@ class OtherAnswer(ProvenPart):
     explanation: list[ExplanationStep] = Field(default_factory=list)
     details: list[ExplanationStep] = Field(default_factory=list)
     domain: list[str] = Field(default_factory=list)
-    exceptions: list[str] = Field(default_factory=list)
     near: dict[str, str] = Field(default_factory=dict)
 
 
@@ -225,12 +232,11 @@ class NotAnsweredPart(base.Document):
 class KindPart(ProvenPart):
     """Whether there is a regular Lagrangian of a kind; with friction, `dissipation` is D in E_i = dD/dv_i.
 
-    `near` is the real point that the certificate speaks of, `exceptions` as in the result.
+    `near` is the real point that the certificate speaks of.
     """
 
     dissipation: Formula | None = None
     near: dict[str, str] = Field(default_factory=dict)
-    exceptions: list[str] = Field(default_factory=list)
 
 
 class InsteadPart(base.Document):
@@ -249,6 +255,7 @@ class InsteadPart(base.Document):
     dissipation: Formula | None = None
     certificate: dict[str, Any]
     checked: Checked
+    exceptions: list[str] = Field(default_factory=list)
 
 
 class ClockPart(ProvenPart):
@@ -277,8 +284,62 @@ class IncompletePart(base.Document):
     more_time: str = ""
 
 
+class OpenPart(base.Document):
+    """What an answer leaves open: which part of the result is missing, why, what a longer time limit would do."""
+
+    part: str
+    words: str = ""
+    more_time: str = ""
+
+
+class AnswerPart(base.Document):
+    """One answer with all that it needs: what was asked, where the verdict holds, and L, H and their domains.
+
+    It is about the system as given (`main`); of a motion on constraints about `any` associated system, one of the
+    asker's `own`, the `first`, `second` or `third`, or the `reduced` equations; `equations` where these are not those
+    of `system`. `with_time`: L may contain t. `clock`: N, if the time is tau with dtau = N dt. `kind`: of which kind L
+    has to be. `conditions`: special values of the parameters. `cell` is the place in `branches`. `certificate` and
+    `explanation` are JSON pointers to the proof. `first_integrals` stand in the first answer about a cell. One that
+    `follows` from another answer, whose place this is, shares its formulas and its proof. Texts, lists and objects that
+    are empty are left out, but for `domain`.
+    """
+
+    about: Literal["main", "any", "own", "first", "second", "third", "reduced"]
+    with_time: bool
+    clock: str = ""
+    kind: str = ""
+    conditions: list[str] = Field(default_factory=list)
+    cell: int = 0
+    equations: dict[str, str] = Field(default_factory=dict)
+    verdict: Verdict
+    domain: list[str] = Field(default_factory=list)
+    near: dict[str, str] = Field(default_factory=dict)
+    lagrangian: LagrangianPart | None = None
+    hamiltonian: HamiltonianPart | None = None
+    dissipation: Formula | None = None
+    other_lagrangians: list[LagrangianPart] = Field(default_factory=list)
+    first_integrals: list[FirstIntegralPart] = Field(default_factory=list)
+    multiplier: TextMatrix | None = None
+    solution_space: SolutionSpacePart | None = None
+    freedom: str = ""
+    exceptions: list[str] = Field(default_factory=list)
+    checked: Checked | None = None
+    certificate: str = ""
+    explanation: str = ""
+    follows: int | None = None
+    open: OpenPart | None = None
+
+    @model_serializer(mode="wrap")
+    def _without_empty(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """What is empty is left out; what a program reads of each answer stays."""
+        kept = ("domain", "lagrangian", "hamiltonian", "checked", "open")
+        return {key: value for key, value in handler(self).items() if key in kept or value not in ("", [], {}, None)}
+
+
 class ResultDocument(OtherAnswer):
-    """Everything found out about one system; the main fields answer `question`.
+    """Everything found out about one system: `answers`, of which the first is what people are shown.
+
+    The fields after them are the older names of the same: the main fields answer `question`.
 
     They hold, generically, where the inequalities of `domain` hold, L where those of `lagrangian.domain` do; `near` is
     a point of both. One coordinate has a Lagrangian near every point at which f is analytic and, for L(q, q'), q' and
@@ -300,6 +361,7 @@ class ResultDocument(OtherAnswer):
     question: Literal["L(q, q')", "L(t, q, q')"] = "L(q, q')"
     verdict: MainVerdict  # type: ignore[assignment]
     verdict_with_time: MainVerdict | None = None
+    answers: list[AnswerPart] = Field(default_factory=list)
     first_integrals: list[FirstIntegralPart] = Field(default_factory=list)
     conditions: ConditionsPart | None = None
     with_time: OtherAnswer | None = None
@@ -475,7 +537,6 @@ class AnyAssociatedPart(ProvenPart, StatedPart):
     image: list[Formula] = Field(default_factory=list)
     freedom: str = ""
     certificate_with_time: dict[str, Any] | None = None
-    exceptions: list[str] = Field(default_factory=list)
     explanation: list[ExplanationStep] = Field(default_factory=list)
 
 

@@ -10,7 +10,7 @@ from api_schemas import base
 from api_schemas.result import IncompletePart, ResultDocument, UnderstoodSystem
 from inverse_service import __version__, errors
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.service.documents import growing
+from inverse_service.service.documents import growing, stated
 from inverse_service.service.jobs.tasks import Outcome, value_of
 
 UNDERSTAND_DEADLINE = 2.0
@@ -45,7 +45,7 @@ def result_document(
     happened = ENDS[outcome.status][2] if outcome.status in ENDS else ""
     reason = f"{happened.format(time=options.time_limit, memory=memory_limit)}."
     if happened and so_far is not None:
-        result = growing.cut_off(so_far["so_far"], reason, so_far["seconds"], outcome.spent.wall)
+        result = stated.with_answers(growing.cut_off(so_far["so_far"], reason, so_far["seconds"], outcome.spent.wall))
         result["provenance"] |= {"options": {"time_limit": options.time_limit, "seed": options.seed}}
         return result
     if outcome.status in ("deadline", "memory"):
@@ -77,7 +77,7 @@ def undetermined(understood: Any, reason: str, options: SolveOptions) -> dict[st
             "options": {"time_limit": options.time_limit, "seed": options.seed},
         },
     )
-    return result.model_dump(mode="json")
+    return stated.with_answers(result.model_dump(mode="json"))
 
 
 def problem_document(status: int, kind: str, detail: str, places: Sequence[errors.Place] = ()) -> dict[str, Any]:

@@ -30,6 +30,7 @@ from inverse_service.service.documents import (
     derived,
     growing,
     own_lagrangian,
+    stated,
     translate,
 )
 from inverse_service.service.documents.comparison import as_object, system_fields
@@ -279,8 +280,25 @@ class Examination:
         elif document is not own:
             self.covered(plain)
         self.named(plain, own)
+        self.answers()
         if not self.contradictions:
             self.statement = canonical.joined([canonical.of_cells(own, self.cells), *self.further])
+
+    def answers(self) -> None:
+        """The list of answers says what the fields say from which it is made."""
+        if (listed := self.result.get("answers")) is None:  # of a program that wrote none
+            return
+        made = {_identity(one): one for one in stated.answers_of({**self.result, "answers": []})}
+        self.agree("/answers", len(listed) == len(made), len(listed), f"There are {len(made)} answers.")
+        for place, one in enumerate(listed):
+            wanted = made.pop(_identity(one), None)
+            if wanted is None:
+                self.contradict(f"/answers/{place}", one.get("about"), "There is no such answer.")
+                continue
+            for key in sorted(one.keys() | wanted.keys()):
+                says, other = (_text(part.get(key)) for part in (one, wanted))
+                good = one.get(key) == wanted.get(key)
+                self.agree(f"/answers/{place}/{key}", good, str(says)[:200], f"It is {str(other)[:200]} in its field.")
 
     def differ(self, key: str) -> bool:
         """Whether the cells have different verdicts."""
@@ -374,6 +392,8 @@ class Examination:
             proof = self.narrow(certificate, self.with_document(certificate))
             # A part of a result that an older program wrote has no list.
             self.exceptions(at, part.get("exceptions", [*proof.exceptions] if shown.kind else []), proof.exceptions)
+        elif "exceptions" in part:
+            self.exceptions(at, part["exceptions"], proof.exceptions)
         if "checked" in part:
             self.agree(f"{at}/checked", part["checked"] == "valid", part["checked"], "The checker says valid.")
         self.formulas(shown, certificate)
@@ -403,6 +423,9 @@ class Examination:
         if part.get("integrals"):
             proven = certificate.get("integrals")
             self.agree(f"{at}/integrals", part["integrals"] == proven, "", "The certificate has different integrals.")
+        if defined := as_object(part.get("lagrangian")).get("auxiliary"):
+            good = defined == certificate.get("integrals")
+            self.agree(f"{at}/lagrangian/auxiliary", good, "", "The certificate has different integrals.")
 
     def latex(self, at: str, part: dict[str, Any], certificate: dict[str, Any], system: dict[str, Any]) -> None:
         """Claim the LaTeX if it is that of the formula."""
@@ -421,11 +444,11 @@ class Examination:
             (f"{at}/domain", part.get("domain"), proof.cell),
             (f"{at}/lagrangian/domain", (shape or {}).get("domain"), proof.formulas),
         ]
-        listed = [(place, stated, cell) for place, stated, cell in holders if stated is not None]
+        listed = [(place, says, cell) for place, says, cell in holders if says is not None]
         if not listed:
             listed = [(f"{at}/domain", shown.around or [], proof.cell)]
-        for place, stated, cell in listed:
-            self.domain(place, stated, cell, certificate, shown.around or [])
+        for place, says, cell in listed:
+            self.domain(place, says, cell, certificate, shown.around or [])
 
     def domain(
         self, at: str, stated: Sequence[str], cell: Cell | None, certificate: dict[str, Any], around: Sequence[str] = ()
@@ -694,9 +717,11 @@ class Examination:
         if isinstance(energy, dict) and energy.get("constraints") and "/hamiltonian/momenta" in self.claimed:
             good = comparison.image_agrees(plain, energy, certify.names_of(own, certificate, energy["momenta"]))
             if good is not None:
-                self.agree(
-                    "/hamiltonian/constraints", good, energy["constraints"], "It is not the image of the constraints."
-                )
+                proven = "It is not the image of the constraints."
+                self.agree("/hamiltonian/constraints", good, energy["constraints"], proven)
+                if energy.get("image"):
+                    same = good and [one["text"] for one in energy["image"]] == energy["constraints"]
+                    self.agree("/hamiltonian/image", same, str(energy["image"])[:200], proven)
 
     def covered(self, plain: Any) -> None:
         """Every point of the document that is found lies in a cell that is answered, or listed as not answered."""
@@ -760,6 +785,11 @@ def proves(certificate: Mapping[str, Any], question: str, verdict: str | None) -
     """Whether the certificate's claim, if right, makes the verdict right."""
     wider = "time_dependent" if verdict == "not_variational" else "autonomous"
     return certificate["claim"] == verdict and certificate["question"] in (question, wider)
+
+
+def _identity(answer: Mapping[str, Any]) -> tuple[object, ...]:
+    """What tells an entry of `answers` from the others of its result."""
+    return stated.question_of(answer), answer.get("cell", 0), str(answer.get("equations"))
 
 
 def _same_system(one: dict[str, Any], other: dict[str, Any]) -> bool:

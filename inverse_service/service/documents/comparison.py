@@ -48,7 +48,7 @@ _VELOCITIES = "A Hamiltonian that is not implicit must not contain velocities."
 _IMPLICIT = "An implicit Hamiltonian must contain velocities."
 # The solver stops by itself a little before its process is killed, so that it can say how far it came.
 SHARE_OF_SOLVER = 0.8
-FIRST_FIELDS = ("format", "system", "question", "verdict", "verdict_with_time", "reason", "checked")
+FIRST_FIELDS = ("format", "system", "question", "verdict", "verdict_with_time", "reason", "checked", "answers")
 OPEN_MOTION = "It is undecided whether any associated system gives this motion a Hamiltonian."
 Ring = Any  # one of the checker's, and an element of it
 Value = Any

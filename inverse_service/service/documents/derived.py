@@ -38,7 +38,7 @@ SEARCH = "search"
 SHARE_OF_TREE = 0.7  # of the time for special cases; the remainder is for their Lagrangians
 _MOST_CASES = 6
 _MOST_LEFT_OUT = 8  # special values with an answer of their own
-_SHOWN = ("lagrangian", "hamiltonian", "certificate", "checked")
+_SHOWN = ("lagrangian", "hamiltonian", "certificate", "checked", "exceptions")
 OF_REDUCED = (*_SHOWN, "equations", "clock")  # what `instead` repeats of the reduced system
 _RATIONAL = (ex.Number, ex.Power, ex.Product, ex.Sum, ex.Symbol)
 
@@ -298,7 +298,7 @@ def _with_friction(solution: Solution, asked: SolveOptions, end: float) -> schem
     names, lagrangian = solution.system.coordinates, found.lagrangian
     hamiltonian = explaining.hamiltonian_of(lagrangian.expression, names, lagrangian.positive)
     shown_hamiltonian = None if hamiltonian is None else translate.hamiltonian_part(hamiltonian)
-    shown = kind_part(found).model_dump(include={"lagrangian", "dissipation", "certificate", "checked"})
+    shown = kind_part(found).model_dump(include={"lagrangian", "dissipation", *_SHOWN} - {"hamiltonian"})
     return schemas.InsteadPart(kind="rayleigh", hamiltonian=shown_hamiltonian, **shown)
 
 

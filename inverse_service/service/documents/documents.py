@@ -22,7 +22,7 @@ from inverse_service.decision import deciding
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
-from inverse_service.service.documents import accepting, answers, comparison, derived, growing, translate
+from inverse_service.service.documents import accepting, answers, comparison, derived, growing, stated, translate
 from inverse_service.solving import solving
 
 if TYPE_CHECKING:
@@ -52,20 +52,21 @@ def solve_document(document: Any, options: SolveOptions, progress: Progress | No
     """
     try:
         ready = accepting.prepared(document)
-        grow = growing.Growing(progress, lambda found: _with_given(ready.outward(found), document))
+        grow = growing.Growing(progress, lambda found: _finished(ready.outward(found), document))
         with whole(options.time_limit):
             found = _in_own_words(ready, lambda cases: cases.solve(ready.document, options, grow))
     except ENDED as error:
         if accepting.is_forward(document):
             raise
         return _undetermined(document, error, options)
-    return _with_given(found, document)
+    return _finished(found, document)
 
 
-def _with_given(found: dict[str, Any], document: Any) -> dict[str, Any]:
+def _finished(found: dict[str, Any], document: Any) -> dict[str, Any]:
+    """The result with the document as it was given, and its answers in their order."""
     if isinstance(found.get("system"), dict):
         found["system"] = found["system"] | {"given": translate.plain(document)}
-    return found
+    return stated.with_answers(found)
 
 
 def _undetermined(document: Any, error: Exception, options: SolveOptions) -> dict[str, Any]:

@@ -1,8 +1,8 @@
 """The statements of a result, in the order of every door, read from the fields in which they are.
 
 A result has a place for each question that it may answer: its main fields, `with_time`, `branches`, `any_associated`,
-`nonholonomic.associated`, `reduced`, `with_clock`, `kinds`, `instead`, `left_out`, `special_cases`. This is their one
-reader.
+`nonholonomic.associated`, `reduced`, `with_clock`, `kinds`, `instead`, `left_out`, `special_cases`. `statements_of` is
+the one reader of these places, and `answers_of` writes what it reads as the key `answers`.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from api_schemas import result as schemas
 from inverse_service import errors
 from inverse_service.expressions import tree as ex
 from inverse_service.reading import reader
@@ -19,6 +20,7 @@ from inverse_service.statements.order import Standing, in_order
 from inverse_service.statements.questions import About, Question
 
 QUESTION_WITH_TIME = "L(t, q, q')"
+NOT_FOUND = "No Lagrangian was found in closed form."
 _UNREADABLE = 3  # the form of an L that cannot be read again
 _FORMULAS = ("lagrangian", "hamiltonian", "dissipation")
 # What belongs to the Lagrangian of an answer, not to its verdict.
@@ -26,6 +28,7 @@ _OF_LAGRANGIAN = (*_FORMULAS, "other_lagrangians", "multiplier", "integrals", "i
 # What an answer that follows from another one does not repeat.
 _ONCE = ("other_lagrangians", "multiplier", "solution_space", "first_integrals", "explanation", "details")
 _REPEATED = ("time", "reduced")  # kinds of `instead` that repeat other fields
+_NAMES_OF_PARTS = {About.ANY: "any_associated", About.REDUCED: "reduced"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,8 +83,14 @@ def names_of(system: Mapping[str, Any] | None, integrals: Mapping[str, Any] | No
 
 
 def statements_of(result: Mapping[str, Any]) -> list[Stated]:
-    """All statements of a result, the one that a person is shown first."""
+    """All statements of a result, beginning with the one that a person is shown.
+
+    They are in the order of its `answers` if it has them; results that an older program stored have none.
+    """
     found = list(_found(result))
+    if listed := result.get("answers"):
+        places = {(question_of(one), one.get("cell", 0)): place for place, one in enumerate(listed)}
+        return sorted(found, key=lambda one: places.get((one.question, one.cell), len(places)))
     several = sum(bool(one.part.get("lagrangian")) for one in found) > 1
 
     def standing(one: Stated) -> Standing:
@@ -214,3 +223,113 @@ def conditions_of(part: Mapping[str, Any]) -> tuple[str, ...]:
     """Where the answer holds and its L is one."""
     conditions = (*(part.get("domain") or ()), *(part.get("lagrangian") or {}).get("domain", ()))
     return tuple(dict.fromkeys(conditions))
+
+
+# The writer.
+
+
+def with_answers(result: dict[str, Any]) -> dict[str, Any]:
+    """The result with its statements as the key `answers`; one without a verdict as it is."""
+    if "verdict" not in result:
+        return result
+    plain = {key: value for key, value in result.items() if key != "answers"}
+    return result | {"answers": answers_of(plain)}
+
+
+def question_of(answer: Mapping[str, Any]) -> Question:
+    """The question of an entry of `answers`."""
+    texts = (answer.get("clock", ""), answer.get("kind", ""))
+    return Question(About(answer["about"]), answer["with_time"], *texts, tuple(answer.get("conditions", ())))
+
+
+def answers_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The statements as the documents of `answers`."""
+    found, places, cells = list[dict[str, Any]](), dict[tuple[str, str], int](), set[int]()
+    for one in statements_of(result):
+        fields = _answer_fields(one, result)
+        # What follows from the same proof shares its formulas.
+        first = places.setdefault((one.at, one.verdict), len(found))
+        if first < len(found):
+            kept = ("about", "with_time", "conditions", "cell", "verdict", "domain", "exceptions", "checked")
+            fields = {key: fields[key] for key in kept} | {"follows": first}
+        elif one.cell not in cells and not one.question.is_about_others:
+            cells.add(one.cell)
+            fields["first_integrals"] = list(branches_of(result)[one.cell].get("first_integrals") or ())
+        found.append(schemas.AnswerPart(**fields).model_dump(mode="json"))
+    return found
+
+
+def _answer_fields(one: Stated, result: Mapping[str, Any]) -> dict[str, Any]:
+    question, part = one.question, one.part
+    certificate, key = part.get("certificate") or {}, "certificate"
+    if question.timed and part.get("certificate_with_time"):
+        certificate, key = part["certificate_with_time"], "certificate_with_time"
+    steps = next((name for name in ("explanation", "steps") if isinstance(part.get(name), list) and part[name]), "")
+    has_own = question.about not in (About.MAIN, _about_main(result)) or question.is_about_others
+    equations = (part.get("associated") or part).get("equations") if has_own else None
+    return {
+        "about": question.about.value,
+        "with_time": question.timed,
+        "clock": question.clock,
+        "kind": question.kind,
+        "conditions": list(question.case),
+        "cell": one.cell,
+        "equations": equations or {},
+        "verdict": one.verdict,
+        "domain": _domain_of(part, certificate, result),
+        "near": part.get("near") or certificate.get("near") or {},
+        "lagrangian": _lagrangian_of(part),
+        "hamiltonian": _hamiltonian_of(part),
+        "dissipation": part.get("dissipation"),
+        "other_lagrangians": part.get("other_lagrangians") or [],
+        "multiplier": part.get("multiplier"),
+        "solution_space": part.get("solution_space"),
+        "freedom": part.get("freedom") or "",
+        "exceptions": part.get("exceptions") or [],
+        "checked": part.get("checked"),
+        "certificate": f"{one.at}/{key}" if certificate else "",
+        "explanation": f"{one.at}/{steps}" if steps else "",
+        "open": _open_part(one, result),
+    }
+
+
+def _domain_of(part: Mapping[str, Any], certificate: Mapping[str, Any], result: Mapping[str, Any]) -> list[str]:
+    """The set on which the verdict holds; of a kind of Lagrangian that of the system, else that of the proof."""
+    if (stated := part.get("domain")) is not None:
+        return list(stated)
+    return list(result.get("domain") or () if certificate.get("among") else certificate.get("conditions") or ())
+
+
+def _lagrangian_of(part: Mapping[str, Any]) -> dict[str, Any] | None:
+    """L with the definitions of the functions in it."""
+    found = part.get("lagrangian")
+    if found is None:
+        return None
+    known = {key: value for key, value in found.items() if key in schemas.LagrangianPart.model_fields}
+    return known | {"auxiliary": auxiliary_of(part)}
+
+
+def _hamiltonian_of(part: Mapping[str, Any]) -> dict[str, Any] | None:
+    """H with the constraints in phase space."""
+    found = part.get("hamiltonian")
+    if found is None or found.get("image"):
+        return found
+    texts = found.get("constraints") or ()
+    return {**found, "image": part.get("image") or [{"text": text, "latex": ""} for text in texts]}
+
+
+def _open_part(one: Stated, result: Mapping[str, Any]) -> schemas.OpenPart | None:
+    """What is missing of a verdict, or of a yes without L."""
+    question = one.question
+    if one.verdict == "undetermined":
+        part = _NAMES_OF_PARTS.get(question.about, f"existence{'_with_time' * question.timed}")
+        part = "clock" if question.clock else "kinds" if question.kind else "cases" if question.case else part
+        words = str(one.part.get("reason") or "")
+    elif one.verdict == "variational" and not one.part.get("lagrangian"):
+        part, words = f"lagrangian{'_with_time' * question.timed}", NOT_FOUND
+    else:
+        return None
+    known = next((entry for entry in result.get("incomplete") or () if entry["part"] == part), None)
+    if known is None:
+        return schemas.OpenPart(part=part, words=words)
+    return schemas.OpenPart(part=part, words=words or known["reason"], more_time=known["more_time"])

@@ -130,7 +130,6 @@ def _both_answers(solution: solutions.Solution, schema: Asking, is_a_cell: bool)
     second = None if other is None else answer_fields(other)
     if other is not None and second is not None:
         second["details"] = [step for step in second["details"] if step not in shown["details"]]
-        second["exceptions"] = list(other.exceptions)
     return shown | {
         "certificate": None if proven.certificate is None else plain(proven.certificate),
         "exceptions": list(proven.exceptions),
@@ -187,6 +186,7 @@ def answer_fields(answer: solutions.Answer) -> dict[str, Any]:
         "explanation": [step_part(step) for step in answer.explanation],
         "details": [step_part(step, in_full=False) for step in answer.details],
         "checked": answer.checked,
+        "exceptions": list(answer.exceptions),
         "reason": answer.reason,
         "domain": certify.shortest(answer.positive, answer.nonzero),
         "near": {} if answer.certificate is None else dict(answer.certificate.get("near", {})),
@@ -218,7 +218,8 @@ def lagrangian_part(lagrangian: solutions.Lagrangian) -> schemas.LagrangianPart:
         else "at generic points, where the Hessian of L in the velocities is not singular"
     )
     written = formula_fields(lagrangian.expression)
-    return part_of(schemas.LagrangianPart, lagrangian, **written, domain=domain, regular=regular)
+    auxiliary = certify.integrals_of(lagrangian.expression).get("integrals", {})
+    return part_of(schemas.LagrangianPart, lagrangian, **written, domain=domain, regular=regular, auxiliary=auxiliary)
 
 
 def _is_regular_everywhere(lagrangian: solutions.Lagrangian) -> bool:
@@ -251,6 +252,7 @@ def hamiltonian_part(
         implicit=transform.implicit,
         reason=transform.note if transform.implicit else "",
         constraints=[printing.to_text(constraint) for constraint in hamiltonian.constraints],
+        image=[formula(constraint) for constraint in hamiltonian.constraints],
         domain=certify.shortest([*positive, *transform.positive], nonzero),
     )
 
