@@ -300,8 +300,8 @@ class AnswerPart(base.Document):
     of `system`. `with_time`: L may contain t. `clock`: N, if the time is tau with dtau = N dt. `kind`: of which kind L
     has to be. `conditions`: special values of the parameters. `cell` is the place in `branches`. `certificate` and
     `explanation` are JSON pointers to the proof. `first_integrals` stand in the first answer about a cell. One that
-    `follows` from another answer, whose place this is, shares its formulas and its proof. Texts, lists and objects that
-    are empty are left out, but for `domain`.
+    `follows` from another answer, whose place this is, shares its formulas and its proof. What is empty is left out,
+    but for `domain`, `lagrangian`, `hamiltonian`, `checked` and `open`.
     """
 
     about: Literal["main", "any", "own", "first", "second", "third", "reduced"]
@@ -328,12 +328,6 @@ class AnswerPart(base.Document):
     explanation: str = ""
     follows: int | None = None
     open: OpenPart | None = None
-
-    @model_serializer(mode="wrap")
-    def _without_empty(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """What is empty is left out; what a program reads of each answer stays."""
-        kept = ("domain", "lagrangian", "hamiltonian", "checked", "open")
-        return {key: value for key, value in handler(self).items() if key in kept or value not in ("", [], {}, None)}
 
 
 class ResultDocument(OtherAnswer):

@@ -28,6 +28,7 @@ from sympy.printing.rust import RustCodePrinter
 from sympy.printing.str import StrPrinter
 
 from inverse_service.errors import InputError
+from inverse_service.service.documents import stated
 from inverse_service.sympy.from_sympy import expression, put
 
 if TYPE_CHECKING:
@@ -171,7 +172,7 @@ def known_quantities(answer: Answer, wanted: Sequence[str] = QUANTITIES) -> Iter
 
     That is an integral in it, for which only SymPy's program has a class.
     """
-    integrals = (answer._shown.get("integrals") or {}).keys()
+    integrals = stated.auxiliary_of(answer._shown).keys()
     for what in wanted:
         quantity = quantity_of(answer, what)
         if quantity is not None:
@@ -324,7 +325,7 @@ def _sympy_program(answer: Answer) -> str:
         formal = [text(expression(argument, table)) for argument in known["arguments"]]
         return formal, [(place, text(expression(slope, table))) for place, slope in slopes if slope is not None]
 
-    integrals, hamiltonian = answer._shown.get("integrals") or {}, answer.hamiltonian
+    integrals, hamiltonian = stated.auxiliary_of(answer._shown), answer.hamiltonian
     functions = [(words[each], each.func) for each in calls]
     functions += [(name, found) for name, found in table.functions.items() if name not in integrals]
     pairs = zip(answer.equations, answer.accelerations, strict=True)

@@ -306,7 +306,7 @@ class Answer(dict[str, Any]):
         return f"{type(self).__name__}({verdict}{' '.join(words)}{where})"
 
     def _integrals(self) -> Any:
-        integrals = self._shown.get("integrals") or {}
+        integrals = stated.auxiliary_of(self._shown)
         return sheets.integrals_of(integrals, stated.names_of(self._system, integrals))
 
     @cached_property
@@ -317,7 +317,7 @@ class Answer(dict[str, Any]):
     @cached_property
     def _table(self) -> Table:
         table: Table = self._given or _bridge().table_of_result({"system": self._system})
-        if integrals := self._shown.get("integrals"):
+        if integrals := stated.auxiliary_of(self._shown):
             table = _bridge().with_integrals(table, integrals)
         return table
 
@@ -492,6 +492,12 @@ class Answer(dict[str, Any]):
         return []
 
 
+def _own_equations(answer: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The coordinates and equations of an answer that is not about those of the system."""
+    found = answer.get("equations")
+    return {"coordinates": [*found], "equations": found} if found else {}
+
+
 class Result(Answer):
     """A whole result; `result["verdict"]` and all other keys of the document are available.
 
@@ -504,6 +510,13 @@ class Result(Answer):
     @property
     def _shown(self) -> Mapping[str, Any]:
         return stated.first_answer(self)
+
+    @cached_property
+    def answers(self) -> Listed[Answer]:
+        """Every answer with its question (`about`, `with_time`, …), the one that is shown first."""
+        listed = self.get("answers") or (stated.answers_of(self) if self.verdict else [])
+        whole = (stated.with_shared(one, listed) for one in listed)
+        return Listed(Answer(one, None, {**self._system, **_own_equations(one)}) for one in whole)
 
     @cached_property
     def main(self) -> Answer:

@@ -45,7 +45,7 @@ def result_document(
     happened = ENDS[outcome.status][2] if outcome.status in ENDS else ""
     reason = f"{happened.format(time=options.time_limit, memory=memory_limit)}."
     if happened and so_far is not None:
-        result = stated.with_answers(growing.cut_off(so_far["so_far"], reason, so_far["seconds"], outcome.spent.wall))
+        result = growing.cut_off(so_far["so_far"], reason, so_far["seconds"], outcome.spent.wall)
         result["provenance"] |= {"options": {"time_limit": options.time_limit, "seed": options.seed}}
         return result
     if outcome.status in ("deadline", "memory"):

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from inverse_service import deadline
+from inverse_service.service.documents import stated
 
 Tell = Callable[[Any], None]
 # The parts of a result in the order of wanting: its fields, where the first message brings all others; the stages whose
@@ -148,7 +149,7 @@ def cut_off(so_far: Mapping[str, Any], reason: str, seconds: Mapping[str, float]
     said = f"{reason[:-1]} before a verdict could be proved."
     if found["verdict"] == "undetermined" and "existence" in names:
         found["reason"] = said
-    return {key: _with_reason(value, said) for key, value in found.items()}
+    return stated.with_answers({key: _with_reason(value, said) for key, value in found.items()})
 
 
 def _with_reason(value: Any, reason: str) -> Any:

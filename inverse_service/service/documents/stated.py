@@ -7,11 +7,10 @@ the one reader of these places, and `answers_of` writes what it reads as the key
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from api_schemas import result as schemas
 from inverse_service import errors
 from inverse_service.expressions import tree as ex
 from inverse_service.reading import reader
@@ -28,6 +27,13 @@ _OF_LAGRANGIAN = (*_FORMULAS, "other_lagrangians", "multiplier", "integrals", "i
 # What an answer that follows from another one does not repeat.
 _ONCE = ("other_lagrangians", "multiplier", "solution_space", "first_integrals", "explanation", "details")
 _REPEATED = ("time", "reduced")  # kinds of `instead` that repeat other fields
+# Of an entry of `answers`: what is there even if it is empty, and what one says that follows from another entry.
+_ALWAYS = frozenset(("domain", "lagrangian", "hamiltonian", "checked", "open", "with_time", "cell"))
+_OF_FOLLOWING = frozenset(
+    ("about", "with_time", "conditions", "cell", "verdict", "domain", "exceptions", "checked", "follows")
+)
+_EMPTY: tuple[Any, ...] = ("", None, [], {})
+_ALONG_CONSTRAINTS = ("on_constraints", "transverse_momenta")  # of the L of a motion
 _NAMES_OF_PARTS = {About.ANY: "any_associated", About.REDUCED: "reduced"}
 
 
@@ -215,8 +221,10 @@ def _form(lagrangian: str, system: Mapping[str, Any] | None, integrals: Mapping[
 
 def auxiliary_of(part: Mapping[str, Any]) -> Mapping[str, Any]:
     """The functions F in the Lagrangian of an answer that are known by their derivatives."""
-    found = part.get("integrals") or (part.get("lagrangian") or {}).get("auxiliary")
-    return found or (part.get("certificate") or {}).get("integrals") or {}
+    found = (part.get("lagrangian") or {}).get("auxiliary")
+    if found is None:  # of an older program
+        found = part.get("integrals") or (part.get("certificate") or {}).get("integrals")
+    return found or {}
 
 
 def conditions_of(part: Mapping[str, Any]) -> tuple[str, ...]:
@@ -250,13 +258,19 @@ def answers_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
         # What follows from the same proof shares its formulas.
         first = places.setdefault((one.at, one.verdict), len(found))
         if first < len(found):
-            kept = ("about", "with_time", "conditions", "cell", "verdict", "domain", "exceptions", "checked")
-            fields = {key: fields[key] for key in kept} | {"follows": first}
+            fields = {key: value if key in _OF_FOLLOWING else None for key, value in fields.items()}
+            fields["follows"] = first
         elif one.cell not in cells and not one.question.is_about_others:
             cells.add(one.cell)
             fields["first_integrals"] = list(branches_of(result)[one.cell].get("first_integrals") or ())
-        found.append(schemas.AnswerPart(**fields).model_dump(mode="json"))
+        found.append({key: value for key, value in fields.items() if key in _ALWAYS or value not in _EMPTY})
     return found
+
+
+def with_shared(answer: Mapping[str, Any], answers: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    """An entry of `answers` with the formulas and the proof of the one that it follows from."""
+    place = answer.get("follows")
+    return answer if place is None else {**answers[place], "with_time": answer["with_time"]}
 
 
 def _answer_fields(one: Stated, result: Mapping[str, Any]) -> dict[str, Any]:
@@ -289,6 +303,7 @@ def _answer_fields(one: Stated, result: Mapping[str, Any]) -> dict[str, Any]:
         "checked": part.get("checked"),
         "certificate": f"{one.at}/{key}" if certificate else "",
         "explanation": f"{one.at}/{steps}" if steps else "",
+        "follows": None,
         "open": _open_part(one, result),
     }
 
@@ -305,7 +320,7 @@ def _lagrangian_of(part: Mapping[str, Any]) -> dict[str, Any] | None:
     found = part.get("lagrangian")
     if found is None:
         return None
-    known = {key: value for key, value in found.items() if key in schemas.LagrangianPart.model_fields}
+    known = {key: value for key, value in found.items() if key not in _ALONG_CONSTRAINTS}
     return known | {"auxiliary": auxiliary_of(part)}
 
 
@@ -318,7 +333,7 @@ def _hamiltonian_of(part: Mapping[str, Any]) -> dict[str, Any] | None:
     return {**found, "image": part.get("image") or [{"text": text, "latex": ""} for text in texts]}
 
 
-def _open_part(one: Stated, result: Mapping[str, Any]) -> schemas.OpenPart | None:
+def _open_part(one: Stated, result: Mapping[str, Any]) -> dict[str, str] | None:
     """What is missing of a verdict, or of a yes without L."""
     question = one.question
     if one.verdict == "undetermined":
@@ -330,6 +345,5 @@ def _open_part(one: Stated, result: Mapping[str, Any]) -> schemas.OpenPart | Non
     else:
         return None
     known = next((entry for entry in result.get("incomplete") or () if entry["part"] == part), None)
-    if known is None:
-        return schemas.OpenPart(part=part, words=words)
-    return schemas.OpenPart(part=part, words=words or known["reason"], more_time=known["more_time"])
+    said = {"reason": "", "more_time": ""} if known is None else known
+    return {"part": part, "words": words or said["reason"], "more_time": said["more_time"]}

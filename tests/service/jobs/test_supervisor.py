@@ -141,7 +141,8 @@ SO_FAR = {
     "parts": ["motion", "existence"],
     "seconds": {"motion": 0.5},
     "value": {
-        "format": "inverse-service/result/1", "verdict": "not_variational", "provenance": {},
+        "format": "inverse-service/result/1", "verdict": "not_variational", "provenance": {}, "system": None,
+        "question": "L(q, q')",
         "incomplete": [{"part": "any_associated", "reason": "", "more_time": "A longer time limit allows this."}],
     },
 }  # fmt: skip

@@ -1,0 +1,97 @@
+"""The first statement of a result is what every door shows, with the set on which it holds."""
+
+from __future__ import annotations
+
+import functools
+import re
+from typing import Any
+
+import pytest
+
+import inverse_service
+from api_schemas import result as schemas
+from inverse_service.service.documents import printed_pages, sheets, stated
+from inverse_service.sympy import from_result
+from tests.doors import rows
+from tests.values import slow
+
+Document = dict[str, Any]
+SHORT = 20  # characters of an L that LaTeX has on one line
+KNIFE_EDGE = {
+    "coordinates": ["x", "y", "phi"],
+    "lagrangian": "(x'^2 + y'^2 + phi'^2)/2",
+    "constraints": ["y'*cos(phi) - x'*sin(phi)"],
+}
+HENON_HEILES = {"equations": {"x": "-x - 2*x*y - x'", "y": "-y - x^2 + y^2 - y'"}}
+EMDEN = {"equations": {"x": "-3*x*x' - x^3"}}
+DRAG = {"equations": {"x": "-k(x)*x'^2 - g"}, "parameters": ["g"], "functions": {"k": ["x"]}}
+# L without t is an arctangent, there is one with t alone, L has a quotient, an F, none is, cells, constraints.
+CHEAP: list[Document] = [
+    {"equations": {"x": "-x - c*x'"}, "parameters": ["c"]},
+    HENON_HEILES,
+    EMDEN,
+    DRAG,
+    {"equations": {"x": "y", "y": "-x*x'"}},
+    {"equations": "x'' = -sqrt(x^2)"},
+    {"equations": {"x": "-x*y'^2", "y": "-x'*y'"}, "clock": "exp(x)"},
+    {"equations": {"x": "-2*x", "y": "-3*y"}, "kinds": ["natural", "finsler"]},
+    KNIFE_EDGE,
+    {"coordinates": ["x", "y", "z"], "motion": {"x": "0", "y": "0"}, "constraints": ["z' = y*x'"]},
+]
+CORPUS = [row["document"] for row in rows.systems() if row.get("verdict") == "variational"]
+SAMPLE = CORPUS[:: max(1, len(CORPUS) // 300)]
+
+
+@pytest.mark.parametrize("document", [*CHEAP, *map(slow, SAMPLE)])
+def test_every_door_shows_the_first_statement(document: Document) -> None:
+    result = dict(inverse_service.solve(document, time_limit=60))
+    assert_every_door_shows(result)
+    assert_each_is_whole(result)
+    older = {key: value for key, value in result.items() if key != "answers"}
+    assert stated.answers_of(older) == stated.answers_of(result) == result["answers"]
+
+
+def assert_every_door_shows(result: Document) -> None:
+    """L and H of `answers[0]` come first in text, LaTeX, page, SymPy, and CSV."""
+    first, answer, sheet = result["answers"][0], from_result(result), sheets.sheet_of(result)
+    lagrangian, _ = texts = [(first[key] or {}).get("text") for _, key in sheets.FORMULAS]
+    row = printed_pages.row_of(result)
+    assert [row["L"], row["H"]] == texts
+    assert str(answer.lagrangian) == str(answer.answers[0].lagrangian)
+    assert [answer.lagrangian is None, answer.hamiltonian is None] == [text is None for text in texts]
+    assert sheet.first is not None
+    shown = {one.letter: one.text for one in sheet.first.formulas}
+    assert [shown.get("L"), shown.get("H")] == texts
+    lines = [line.strip() for line in printed_pages.text_page(result, False).splitlines()]
+    given = [formula.whole for formula in sheet.asked]
+    printed = [line for line in lines if line.startswith("L = ") and line not in given]
+    if lagrangian and len(lagrangian) <= printed_pages.LONGEST:
+        assert printed[0] == f"L = {lagrangian}"
+    if lagrangian and len(lagrangian) < SHORT:
+        assert first["lagrangian"]["latex"] in printed_pages.latex_page(result, False)
+
+
+def at(result: Document, pointer: str) -> Any:
+    """The part of a result to which a JSON pointer without escapes leads."""
+    steps = (int(key) if key.isdigit() else key for key in pointer[1:].split("/"))
+    return functools.reduce(lambda part, key: part[key], steps, result)
+
+
+def assert_each_is_whole(result: Document) -> None:
+    """No verdict without proof, no formula without its set, no H without momenta, no F without its derivatives."""
+    for one in result["answers"]:
+        schemas.AnswerPart.model_validate(one)
+        whole = stated.with_shared(one, result["answers"])
+        lagrangian, energy, certificate = whole["lagrangian"], whole["hamiltonian"], whole.get("certificate", "")
+        is_settled = one["verdict"] != "undetermined"
+        assert is_settled is (one["checked"] == "valid") is bool(certificate)
+        is_open = not is_settled or (one["verdict"] == "variational" and not lagrangian)
+        assert is_open is (whole["open"] is not None)
+        if lagrangian:
+            named = set(re.findall(r"\b([A-Z]\w*)\(", lagrangian["text"])) - {*result["system"]["functions"]}
+            assert named <= {*lagrangian["auxiliary"]}
+            assert at(result, certificate)["lagrangian"] == lagrangian["text"]
+        if energy:
+            assert lagrangian
+            assert energy["momenta"]
+            assert energy["domain"] is not None
