@@ -65,7 +65,7 @@ class _Weights:
                 return {letter: Fraction(-1 if letter == ex.TIME else 1)}
             case ex.Velocity(name):
                 return {ex.Symbol(name): Fraction(1), ex.TIME: Fraction(1)}
-            case ex.Sum():
+            case ex.Sum() | ex.Product():
                 return self.of_terms(tm.terms_of(letter))
             case ex.Apply("exp", ex.Symbol() as exponent) if not self.is_reflection:
                 self.zero.append(self.of_letter(exponent))

@@ -26,6 +26,7 @@ from inverse_service.search import (
     ansatz,
     antiderivatives,
     families,
+    homogeneous,
     linear_systems,
     moving_matrix,
     one_coordinate,
@@ -133,6 +134,15 @@ RUNGS: tuple[Rung, ...] = (
         accepts=reductions.has_sums,
     ),
     Method(
+        "complex or dual coordinates",
+        2.07,
+        FEW,
+        partial(_lift_first, reductions.over_numbers),
+        "Constant matrices that commute with all derivatives of `f` make it a system of half as many complex or dual "
+        "coordinates. Both parts of a Lagrangian of that system are Lagrangians.",
+        accepts=reductions.has_sums,
+    ),
+    Method(
         "each equation times a function",
         2.1,
         ANY,
@@ -150,6 +160,15 @@ RUNGS: tuple[Rung, ...] = (
         accepts=reductions.is_decoupled,
         exact=True,
         last=True,  # later rungs have been tried on each block, and pairs of blocks come before
+    ),
+    Method(
+        "straight paths, powers of the common factor of f",
+        3.58,
+        SEVERAL,
+        homogeneous.propose,
+        "All equations have one factor `P` in common, `q'' = P q'`. Products of powers of `P`, its roots and the "
+        "velocities of one degree in all scalings of `f` have a combination that is a Lagrangian.",
+        accepts=homogeneous.has_common_factor,
     ),
     Method(
         "a coordinate as time",

@@ -13,15 +13,17 @@ from functools import partial
 from itertools import chain, product
 
 import numpy as np
+import numpy.typing as npt
 
 from inverse_service.decision import certify
 from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.field import exact_field, flow, matrices, tower
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, connected
-from inverse_service.search import antiderivatives, interpolation, linear_systems, terms as tm
+from inverse_service.search import algebras, antiderivatives, interpolation, linear_systems, terms as tm
 
 Table = list[list[ex.Expression]]
+Matrix = npt.NDArray[np.object_]
 # The number of points at which matrices are compared, and the seed.
 _POINTS, _SEED = 8, 1
 
@@ -98,7 +100,14 @@ def has_sums(material: tm.Material) -> bool:
 
 
 def _may_decouple(material: tm.Material) -> bool:
-    """Whether matrices P other than multiples of 1 commute with f_q and f_v at points modulo a prime."""
+    """Whether matrices P other than multiples of 1 commute with f_q and f_v at points modulo a prime; cached."""
+    proposals = material.analysis.proposals
+    if "may decouple" not in proposals:
+        proposals["may decouple"] = _commute_at_points(material)
+    return bool(proposals["may decouple"])
+
+
+def _commute_at_points(material: tm.Material) -> bool:
     system = material.analysis.system
     n = len(system.coordinates)
     forces, random = tuple(map(tower.to_kernels, system.accelerations)), np.random.default_rng(_SEED)
@@ -113,21 +122,31 @@ def _may_decouple(material: tm.Material) -> bool:
     return bool(rows) and len(interpolation.kernel_of(np.concatenate(rows) % flow.PRIME)) > 1
 
 
+def _commuting(material: tm.Material) -> tuple[exact_field.ExactRing, list[Matrix]]:
+    """A basis of the constant matrices P that commute with f_q and f_v at all points, over a ring; cached."""
+    proposals = material.analysis.proposals
+    if "commuting" not in proposals:
+        system, n = material.analysis.system, material.motion.size
+        variables = [kind(name) for kind in (ex.Symbol, ex.Velocity) for name in system.coordinates]
+        slopes = [calculus.differentiate(f, variable) for f, variable in product(system.accelerations, variables)]
+        ring = exact_field.exact_ring(slopes, system.variables, 0, exact_field.Budget.long())
+        jacobians = np.split(np.array(list(map(ring.value, slopes))).reshape(n, 2 * n), 2, axis=1)
+        zero, one = ring.constant(0), ring.constant(1)
+        units = [np.array([one if k == place else zero for k in range(n * n)]).reshape(n, n) for place in range(n * n)]
+        columns = [[entry for j in jacobians for entry in (e @ j - j @ e).flat] for e in units]
+        proposals["commuting"] = ring, [np.array(p).reshape(n, n) for p in matrices.null_vectors(ring, columns)]
+    found: tuple[exact_field.ExactRing, list[Matrix]] = proposals["commuting"]
+    return found
+
+
 def into_sums(material: tm.Material, seed: int) -> Iterator[Smaller]:
     """The two parts of the system in sums of the coordinates; each sum is named after a coordinate."""
     if not _may_decouple(material):
         return
-    system, n = material.analysis.system, material.motion.size
-    variables = [kind(name) for kind in (ex.Symbol, ex.Velocity) for name in system.coordinates]
-    slopes = [calculus.differentiate(f, variable) for f, variable in product(system.accelerations, variables)]
-    ring = exact_field.exact_ring(slopes, system.variables, 0, exact_field.Budget.long())
-    jacobians = np.split(np.array(list(map(ring.value, slopes))).reshape(n, 2 * n), 2, axis=1)
+    (ring, found), n = _commuting(material), material.motion.size
     zero, one = ring.constant(0), ring.constant(1)
-    units = [np.array([one if k == place else zero for k in range(n * n)]).reshape(n, n) for place in range(n * n)]
-    identity = sum(units[n + 1 :: n + 1], start=units[0])
-    columns = [[entry for j in jacobians for entry in (e @ j - j @ e).flat] for e in units]
-    for vector in matrices.null_vectors(ring, columns):
-        p = np.array(vector).reshape(n, n)
+    identity = np.array([[one if i == j else zero for j in range(n)] for i in range(n)])
+    for p in found:
         eigenvalues = linear_systems.eigenvalues_of(_trees(ring, p.tolist()))
         for value in (value for value, spread in eigenvalues if spread == ex.ZERO):
             power = np.linalg.matrix_power(p - identity * ring.value(value), n)
@@ -139,6 +158,28 @@ def into_sums(material: tm.Material, seed: int) -> Iterator[Smaller]:
                 inverse = _trees(ring, list(zip(*solved, strict=True)))
                 yield _in_forms(material, _trees(ring, forms), inverse, len(own))
                 return
+
+
+def over_numbers(material: tm.Material, seed: int) -> Iterator[Smaller]:
+    """The system as one of half as many complex or dual coordinates (`algebras`); L is a part of its Lagrangian."""
+    if not _may_decouple(material):
+        return
+    system = material.analysis.system
+    for p in _commuting(material)[1]:
+        entries = [[entry.constant_value for entry in row] for row in p.tolist()]
+        numbers = [[x for x in row if x is not None] for row in entries]
+        structure = algebras.structure_of(numbers) if all(len(row) == len(p) for row in numbers) else None
+        if structure is not None:
+            yield _over(system, structure, material.motion.with_time)
+
+
+def _over(system: SecondOrderSystem, structure: algebras.Structure, with_time: bool) -> Smaller:
+    smaller, letter = algebras.system_over(structure, system)
+
+    def lift(found: Sequence[Sequence[ex.Expression]]) -> list[ex.Expression]:
+        return [tree for one in found[0] for tree in algebras.parts_of(structure, system, letter, one)]
+
+    return Smaller((smaller,), (with_time,), lift)
 
 
 def with_constant_sums(material: tm.Material, seed: int) -> Iterator[Smaller]:

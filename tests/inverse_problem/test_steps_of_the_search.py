@@ -11,7 +11,7 @@ from inverse_service.expressions import calculus, tree as ex
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.mechanics.second_order_system import read_system
 from inverse_service.reading import names as nm, reader
-from inverse_service.search import ansatz, ladder, terms as tm, tidy
+from inverse_service.search import ansatz, homogeneous, ladder, terms as tm, tidy
 
 
 def terms(text: str) -> tm.Terms:
@@ -63,3 +63,13 @@ def test_the_search_takes_regular_lagrangians_only(lagrangian: str, holds: bool)
     analysis = deciding.analyze(read_system(["x", "y"], {"x": "0", "y": "0"}))
     tree = reader.read_formula(lagrangian, nm.Names(("x", "y"), (), {}))
     assert ladder.holds_numerically(analysis, tree, 1) is holds
+
+
+def test_the_common_factor_of_all_equations_is_seen() -> None:
+    system = read_system(["x", "y"], {"x": "x'*sqrt(x'^2 + y'^2)/x", "y": "y'*sqrt(x'^2 + y'^2)/x"})
+    material = tm.gather_material(deciding.analyze(system), with_time=False)
+    factor = homogeneous.common_factor(material)
+    assert factor is not None
+    assert tm.monomial_tree(factor) * ex.Velocity("x") == tm.tree_of(material.motion.forces[0])
+    other = read_system(["x", "y"], {"x": "x'*sqrt(x'^2 + y'^2)/x", "y": "2*y'*sqrt(x'^2 + y'^2)/x"})
+    assert not homogeneous.has_common_factor(tm.gather_material(deciding.analyze(other), with_time=False))
