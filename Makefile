@@ -92,7 +92,7 @@ coverage: install ## branch coverage of the heart
 	.venv/bin/python -m coverage run -m pytest -n logical; status=$$?; \
 	.venv/bin/python -m coverage combine --quiet && .venv/bin/python -m coverage report && exit $$status
 
-# Small changes to checker and decision, each of which a test has to notice.
+# Small changes to the mathematics, each of which a test has to notice.
 mutation: install ## small changes that tests must notice
 	.venv/bin/python -m tests.mutation --output build/mutation
 

@@ -1,4 +1,4 @@
-"""Mutation testing of checker and decision: `python -m tests.mutation --sample N --output DIR`.
+"""Mutation testing of the mathematics: `python -m tests.mutation --sample N --output DIR`.
 
 Each mutant has a quick trial; if that is inconclusive, it has a slow one that reloads the package and runs all tests.
 survivors.md in the folder lists the survivors. An interrupted run resumes.
@@ -19,7 +19,7 @@ from pathlib import Path
 from tests.mutation.children import answers
 from tests.mutation.mutants import Mutant, mutants, mutated
 from tests.mutation.record import Record
-from tests.mutation.trial import CHECKER, QUICK, SURVIVED, anew, path_of, prepare
+from tests.mutation.trial import QUICK, ROOT, SURVIVED, anew, path_of, prepare
 from tests.mutation.warm import Ready, run
 
 DECISION_TESTS = tuple(
@@ -34,11 +34,23 @@ DECISION_TESTS = tuple(
         "certify",
     )
 )
-# The tests responsible for a module.
-TESTS: dict[str, tuple[str, ...]] = {
-    **{f"inverse_service.certificate.{name}": ("tests/certificate",) for name in CHECKER},
-    "inverse_service.linear_pde.involution": DECISION_TESTS,
-    "inverse_service.linear_pde.equations": DECISION_TESTS,
+# Files of the package below inverse_service (patterns), and the tests that are responsible for them.
+ROOMS: dict[str, tuple[str, ...]] = {
+    "certificate/*.py": ("tests/certificate",),
+    "linear_pde/*.py": DECISION_TESTS,
+    "constrained/*.py": ("tests/doors", "tests/paper", "tests/service"),
+    "search/*.py": ("tests/doors", "tests/inverse_problem"),
+    "solving/*.py": ("tests/doors", "tests/inverse_problem", "tests/service"),
+    "simulation/accuracy.py": ("tests/simulation", "tests/service"),
+    "simulation/switching.py": ("tests/simulation", "tests/service"),
+    "simulation/events.py": ("tests/simulation", "tests/service"),
+    "simulation/contacts.py": ("tests/simulation", "tests/service"),
+}
+TESTS = {
+    ".".join(path.relative_to(ROOT).with_suffix("").parts): tests
+    for pattern, tests in ROOMS.items()
+    for path in sorted((ROOT / "inverse_service").glob(pattern))
+    if path.name != "__init__.py"
 }
 
 
