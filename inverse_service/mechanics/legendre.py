@@ -17,7 +17,7 @@ from mpmath import mp, mpf
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import calculus, collecting, printing, tree as ex
 from inverse_service.field import real_branch
-from inverse_service.mechanics import euler_lagrange, inverses, writing
+from inverse_service.mechanics import euler_lagrange, inverses, moves, writing
 
 _MANY, _FEW = 16, 4
 _ROUGH_DIGITS, _MOST_DIGITS = 2, 300
@@ -272,23 +272,66 @@ def _closed(
     mixed = ex.add(
         collecting.collect(ex.add(*energies, parts.written, ex.negated(parts.free))), ex.negated(parts.written)
     )
-    short = writing.inside(writing.shortest([plain, apart, mixed, collecting.collect(plain)]))
-    whole = writing.roots_upright(writing.joined(short))
-    whole = writing.shortest_form(whole, implicit.symbols, [*map(ex.Symbol, names)])
-    whole = writing.plain_quotients(writing.one_square(whole))
-    constants = _constants_of(implicit.lagrangian, names)
-    whole = writing.with_one_coefficient(writing.minus_inside(whole), implicit.symbols)
-    whole = writing.with_sums_as_in(whole, (implicit.lagrangian,))
-    whole = writing.with_products_in_order(whole, constants, implicit.symbols)
+    short = writing.shortest([plain, apart, mixed, collecting.collect(plain)])
+    whole = moves.write(ENERGY, _Setting(implicit.lagrangian, implicit.symbols, tuple(names)), short)
     return replace(
         implicit,
-        hamiltonian=ex.add(*sorted(ex.summands(whole), key=partial(_place, implicit.symbols))),
+        hamiltonian=whole,
         velocities=tuple(
             writing.joined(collecting.merge_powers(velocity)) for velocity in inverses.resolved(chained, names)
         ),
         implicit=False,
         chained=chained,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Setting:
+    """What the form of H depends on: L, the momenta, and the coordinates."""
+
+    lagrangian: ex.Expression
+    momenta: tuple[ex.Symbol, ...]
+    names: tuple[str, ...]
+
+    @property
+    def letters(self) -> list[ex.Symbol]:
+        return [*map(ex.Symbol, self.names)]
+
+
+def _plain(function: Callable[[ex.Expression], ex.Expression]) -> Callable[[_Setting, ex.Expression], ex.Expression]:
+    """A function of the tree as one of setting and tree."""
+    return lambda setting, tree: function(tree)
+
+
+def _in_order(setting: _Setting, tree: ex.Expression) -> ex.Expression:
+    """Sums as in L, the constants of products in its order, and `_place` for the terms."""
+    whole = writing.with_sums_as_in(tree, (setting.lagrangian,))
+    constants = _constants_of(setting.lagrangian, setting.names)
+    whole = writing.with_products_in_order(whole, constants, setting.momenta)
+    return ex.add(*sorted(ex.summands(whole), key=partial(_place, setting.momenta)))
+
+
+_SAME = moves.Holds.WHERE_DEFINED
+ENERGY = tuple(
+    moves.Move(name, _SAME, apply)
+    for name, apply in (
+        ("arguments of functions as one quotient", _plain(writing.inside)),
+        ("tan(u) for sin(u)/cos(u)", _plain(writing.joined)),
+        ("no quotient under a root in a denominator", _plain(writing.roots_upright)),
+        (
+            "squares of linear forms of momenta",
+            lambda setting, tree: writing.shortest_form(tree, setting.momenta, setting.letters),
+        ),
+        ("a sin(u)^2 for a - a cos(u)^2", _plain(writing.one_square)),
+        ("plain numbers above and below a line", _plain(writing.plain_quotients)),
+        ("(b - a) c for -(a - b) c", _plain(writing.minus_inside)),
+        (
+            "(p^2 + q^2)/(2 m) for two quotients",
+            lambda setting, tree: writing.with_one_coefficient(tree, setting.momenta),
+        ),
+        ("the order of L", _in_order),
+    )
+)
 
 
 def _place(momenta: Sequence[ex.Symbol], term: ex.Expression) -> int:

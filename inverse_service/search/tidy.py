@@ -3,7 +3,7 @@
 Terms of the same velocities and parameters are over one denominator. f is simplified in the same way before the search.
 """
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -18,7 +18,8 @@ from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import Lagrangian
 from inverse_service.expressions import calculus, collecting, printing, tree as ex
 from inverse_service.field import exact_field, modular, real_branch, tower as towers
-from inverse_service.mechanics import euler_lagrange, writing
+from inverse_service.mechanics import euler_lagrange, moves, writing
+from inverse_service.mechanics.moves import Form, Move
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import antiderivatives, terms as tm
 
@@ -53,31 +54,18 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
 
     Sums of velocities with powers higher than 2 or inside functions are kept, because the momenta are solved for them.
 
-    1. What changes L comes first, because the length of a form depends on it: terms without coordinates are dropped;
-       the total derivative of a function and the constant in the potential are chosen; then, because that may remove
-       divisors, the constant factor.
-    2. `_shortened` finds the shortest form. Most forms are written from the expanded terms (`tm.terms_of`), in which
-       the products, squares, and signs of steps 3 and 4 would be undone.
-    3. Products of functions are joined, tan(u) for sin(u)/cos(u) and 1 - t^2 for (1 - t) (1 + t), and the sums inside
-       roots and denominators are written as squares.
-    4. The sign of L, then signs and numbers within terms.
-    5. The order of terms, whole terms that belong together, and the order of factors: every earlier step makes new sums
-       and products.
+    1. GAUGES: what changes L comes first, because the length of a form depends on it.
+    2. `_shortened` finds the shortest of FORMS. Most are written from the expanded terms (`tm.terms_of`), in which the
+       products, squares, and signs of STYLE would be undone.
+    3. STYLE: every step makes new sums and products, so the order of terms and of factors comes last.
 
-    Within a step the order is free: of the 213 trees of 166 rows of the corpus, none changes if the gauges of 1 or the
-    functions of 3, 4, or 5 are exchanged. Seven change if one of 3 comes before 2.
+    Within a kind of step the order is free: of the 213 trees of 166 rows of the corpus, none changes if two gauges, two
+    functions, two signs, or two orders are exchanged. Seven change if a move of STYLE comes before FORMS.
     """
     moving = [place(name) for name in system.coordinates for place in (ex.Symbol, ex.Velocity)]
     tree = ex.add(*(term for term in ex.summands(collecting.merge_powers(tree)) if ex.holds(term, *moving)))
-    with suppress(*tm.FAILED):
-        tree = _finite(_regular_gauge(_cyclic_gauge(tree, system), system), system)
-        tree = _times_divisors(tree, system)
-    if _size(tree) > bounds.TERMS:
-        return tree
-    tree = _with_squares_inside(system, writing.one_square(writing.joined(_shortened(tree, system))))
-    tree = writing.numbers_outside(writing.minus_inside(ex.negated(tree) if _is_upside_down(tree, system) else tree))
-    tree = _turns_together(_grouped_alike(kinetic_first(tree)), _parameters(system) | {ex.TIME})
-    return _in_document_order(tree, system)
+    tree = moves.write(GAUGES, system, tree, tm.FAILED)
+    return tree if _size(tree) > bounds.TERMS else moves.write(STYLE, system, _shortened(tree, system))
 
 
 def _times_divisors(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
@@ -261,10 +249,8 @@ def _divisor(terms: tm.Terms, constants: Collection[ex.Expression]) -> tm.Monomi
 def _shortest(tree: ex.Expression, system: SecondOrderSystem, of_terms: bool = True) -> ex.Expression:
     """The shortest of all forms, or of those that depend on how the tree is written; the tree if none is shorter."""
     kept = _velocity_sums(tree)
-    others = dict.fromkeys(_other_forms(tree, system, of_terms))
-    return min(
-        [tree, *(collecting.merge_powers(one) for one in others if kept <= _velocity_sums(one))], key=_preference
-    )
+    tried = (form for form in FORMS if of_terms or not form.of_terms)
+    return moves.cheapest(tried, system, tree, _preference, lambda one: kept <= _velocity_sums(one), tm.FAILED)
 
 
 @lru_cache(maxsize=64)
@@ -329,26 +315,6 @@ def _velocity_sums(tree: ex.Expression) -> int:
                 found.add(inner)
     moving = [inner for inner in found if ex.has(inner, ex.Velocity)]
     return sum(isinstance(collecting.collect(inner), ex.Sum) for inner in moving)
-
-
-def _other_forms(tree: ex.Expression, system: SecondOrderSystem, of_terms: bool) -> list[ex.Expression]:
-    """The tree in each form that can be written; without `of_terms`, only in those that depend on how it is written.
-
-    A form may differ from the tree by a positive constant factor (`_by_rates`), by a total derivative
-    (`_with_shifted_rates`), and by the constant in the potential. Their order decides between forms of one length.
-    """
-    found = list[ex.Expression]()
-    as_written = _with_whole_squares, _with_shifted_rates, _with_springs
-    every = (
-        _by_parameters, _with_common_factor, _by_rates, _with_whole_squares, _with_proper_quotients, _by_functions,
-        _with_shifted_rates, _with_springs, _by_sines, _by_cosines,
-    )  # fmt: skip
-    for form in every if of_terms else as_written:
-        with suppress(*tm.FAILED):
-            found.append(form(system, tree))
-    velocities, positions = ([kind(name) for name in system.coordinates] for kind in (ex.Velocity, ex.Symbol))
-    springs = writing.sums_of_squares(tree, tuple(positions))
-    return [*found, *writing.short_forms(tree, velocities), *springs]
 
 
 @lru_cache(maxsize=1024)
@@ -620,10 +586,6 @@ def _by_squares_of(name: str, other: str, system: SecondOrderSystem, tree: ex.Ex
     return ex.add(*found)
 
 
-_by_sines = partial(_by_squares_of, "sin", "cos")
-_by_cosines = partial(_by_squares_of, "cos", "sin")
-
-
 def _by_functions(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     """The sum grouped by functions of the velocities, with factored coefficients: (x + 2 x') atan(x'/x)."""
     if not any((isinstance(node, ex.Apply) and tm.has_velocity(node)) or _is_symbolic(node) for node in ex.walk(tree)):
@@ -694,6 +656,78 @@ def _is_sum_of(tree: ex.Expression, count: int) -> bool:
     if isinstance(tree, ex.Product) and isinstance(tree.factors[0], ex.Number):
         tree = ex.multiply(*tree.factors[1:])
     return isinstance(tree, ex.Sum) and len(tree.terms) >= count
+
+
+def _short_forms(system: SecondOrderSystem, tree: ex.Expression) -> Iterator[ex.Expression]:
+    """Squares of linear forms of the velocities, and powers of quadratic forms."""
+    return writing.short_forms(tree, [ex.Velocity(name) for name in system.coordinates])
+
+
+def _squares_of_positions(system: SecondOrderSystem, tree: ex.Expression) -> Sequence[ex.Expression]:
+    """k (x - y)^2/2 in the potential."""
+    return writing.sums_of_squares(tree, tuple(map(ex.Symbol, system.coordinates)))
+
+
+def _upright(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
+    """-L for an L whose squares of velocities are all negative."""
+    return ex.negated(tree) if _is_upside_down(tree, system) else tree
+
+
+def _symmetric(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
+    return _turns_together(tree, _parameters(system) | {ex.TIME})
+
+
+def _plain(
+    function: Callable[[ex.Expression], ex.Expression],
+) -> Callable[[SecondOrderSystem, ex.Expression], ex.Expression]:
+    """A function of the tree as one of system and tree."""
+    return lambda system, tree: function(tree)
+
+
+def _one(
+    function: Callable[[SecondOrderSystem, ex.Expression], ex.Expression],
+) -> Callable[[SecondOrderSystem, ex.Expression], Iterator[ex.Expression]]:
+    """A form without variants."""
+    return lambda system, tree: iter((function(system, tree),))
+
+
+_SAME, _CONSTANT, _FACTOR, _DERIVATIVE = (
+    moves.Holds.WHERE_DEFINED, moves.Holds.CONSTANT, moves.Holds.FACTOR, moves.Holds.DERIVATIVE,
+)  # fmt: skip
+# Divisors may go with the constant of the potential, so the constant factor comes after it.
+GAUGES: tuple[Move[SecondOrderSystem], ...] = (
+    Move("F(x) y' for -y B(x) x', F' = B", _DERIVATIVE, lambda system, tree: _cyclic_gauge(tree, system)),
+    Move("c sin(u)^2 q' for -c cos(u)^2 q'", _DERIVATIVE, lambda system, tree: _regular_gauge(tree, system)),
+    Move("constant of the potential", _CONSTANT, lambda system, tree: _finite(tree, system)),
+    Move("no divisor of constants", _FACTOR, lambda system, tree: _times_divisors(tree, system)),
+)
+# The first of two forms of one length is kept.
+FORMS: tuple[Form[SecondOrderSystem], ...] = (
+    Form("coefficients factored in the parameters", _SAME, _one(_by_parameters)),
+    Form("common factor of all terms", _SAME, _one(_with_common_factor)),
+    Form("grouped by products of velocities", _FACTOR, _one(_by_rates)),
+    Form("whole squares over a divisor", _SAME, _one(_with_whole_squares), of_terms=False),
+    Form("proper quotients", _SAME, _one(_with_proper_quotients)),
+    Form("grouped by functions of velocities", _SAME, _one(_by_functions)),
+    Form("rotating frames: (x' - w y)^2", _DERIVATIVE, _one(_with_shifted_rates), of_terms=False),
+    Form("springs: (u - l)^2", _CONSTANT, _one(_with_springs), of_terms=False),
+    Form("squares of sines", _CONSTANT, _one(partial(_by_squares_of, "sin", "cos"))),
+    Form("squares of cosines", _CONSTANT, _one(partial(_by_squares_of, "cos", "sin"))),
+    Form("squares of linear forms of velocities", _SAME, _short_forms, of_terms=False),
+    Form("squares of linear forms of coordinates", _SAME, _squares_of_positions, of_terms=False),
+)
+STYLE: tuple[Move[SecondOrderSystem], ...] = (
+    Move("tan(u) for sin(u)/cos(u), 1 - t^2 for (1 - t) (1 + t)", _SAME, _plain(writing.joined)),
+    Move("a sin(u)^2 for a - a cos(u)^2", _SAME, _plain(writing.one_square)),
+    Move("squares inside roots and denominators", _SAME, _with_squares_inside),
+    Move("positive kinetic energy", _FACTOR, _upright),
+    Move("(b - a) c for -(a - b) c", _SAME, _plain(writing.minus_inside)),
+    Move("no denominators inside brackets", _SAME, _plain(writing.numbers_outside)),
+    Move("kinetic energy first", _SAME, _plain(kinetic_first)),
+    Move("squares of velocities like those of coordinates", _SAME, _plain(_grouped_alike)),
+    Move("B (x y' - y x')/2 for two terms", _SAME, _symmetric),
+    Move("the order of the document", _SAME, lambda system, tree: _in_document_order(tree, system)),
+)
 
 
 # f before the search, and what is said about a Lagrangian after it.
