@@ -1,9 +1,9 @@
 """Run a benchmark and print its tables; --output also writes them as Markdown and JSON files.
 
 Without a first word it measures the decision. The first word selects another benchmark: `lagrangians` the search for
-closed forms, `collection` the same on a list of documents, `ablation` the parts of the search, `bounds` its bounds,
-`service` the service under load, `simulation` the integrators, `peers` the cost of an error in other programs,
-`hard-cases` the hard cases.
+closed forms, `collection` the same on a list of documents, `ablation` the parts of the search, `moves` how formulas are
+shortened, `bounds` its bounds, `service` the service under load, `simulation` the integrators, `peers` the cost of an
+error in other programs, `hard-cases` the hard cases.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks import ablation, bounds, collection, families, lagrangians, tables
+from benchmarks import ablation, bounds, collection, families, lagrangians, move_counts, tables
 from benchmarks.cold_start import cold_starts
 from benchmarks.decision_benchmark import comparisons, medians
 from benchmarks.growth import against_order, against_size
@@ -117,6 +117,8 @@ if __name__ == "__main__":
         bounds.main(sys.argv[2:])
     elif sys.argv[1:2] == ["lagrangians"]:
         lagrangians.main(sys.argv[2:])
+    elif sys.argv[1:2] == ["moves"]:
+        move_counts.main(sys.argv[2:])
     elif sys.argv[1:2] == ["collection"]:
         collection.main(sys.argv[2:])
     elif sys.argv[1:2] == ["service"]:

@@ -54,7 +54,7 @@ class Form(Generic[Subject]):
 
 
 _off: ContextVar[frozenset[str]] = ContextVar("moves that are switched off", default=frozenset())
-_changes: ContextVar[Counter[str] | None] = ContextVar("how often each move changes a tree", default=None)
+_changes: ContextVar[Counter[object] | None] = ContextVar("how often each move changes a tree", default=None)
 
 
 @contextmanager
@@ -68,11 +68,12 @@ def without(*names: str) -> Iterator[None]:
 
 
 @contextmanager
-def counted() -> Iterator[Counter[str]]:
-    """Count the trees that each move changes, and for a form those for which it is chosen."""
-    token = _changes.set(Counter())
+def counted() -> Iterator[Counter[object]]:
+    """Count by move the trees that it changes, by form those for which it is chosen."""
+    table = Counter[object]()
+    token = _changes.set(table)
     try:
-        yield _changes.get() or Counter()
+        yield table
     finally:
         _changes.reset(token)
 
@@ -88,7 +89,7 @@ def write(
         if move.name not in _off.get():
             with suppress(*failures):
                 after = move.apply(subject, tree)
-                _count(move.name, after != tree)
+                _count(move, after != tree)
                 tree = after
     return tree
 
@@ -113,11 +114,11 @@ def cheapest(
         return tree
     best, form = min(written, key=lambda pair: cost(pair[0]))
     shorter = cost(best) < cost(tree)
-    _count(form.name, shorter)
+    _count(form, shorter)
     return best if shorter else tree
 
 
-def _count(name: str, changed: bool) -> None:
+def _count(move: object, changed: bool) -> None:
     table = _changes.get()
     if table is not None and changed:
-        table[name] += 1
+        table[move] += 1
