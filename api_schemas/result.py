@@ -537,8 +537,8 @@ class AnyAssociatedPart(ProvenPart, StatedPart):
 class ReducedPart(ProvenPart):
     """The equations of the free coordinates alone, where these do not contain the others, and their own answer.
 
-    `reconstruction` gives the velocities of the others, as `statement` says; `with_clock` is the answer with
-    dtau = N dt, N from the invariant measure (Chaplygin), `without_clock` why there is none.
+    `reconstruction` gives the velocities of the others, as `statement` says; `steps` prove the answer; `with_clock` is
+    the answer with dtau = N dt, N from the invariant measure (Chaplygin), `without_clock` why there is none.
     """
 
     coordinates: list[str]
@@ -547,6 +547,7 @@ class ReducedPart(ProvenPart):
     domain: list[str] = Field(default_factory=list)
     reconstruction: dict[str, str]
     statement: str
+    steps: list[ExplanationStep] = Field(default_factory=list)
     with_clock: ClockPart | None = None
     without_clock: str = ""
 

@@ -416,6 +416,7 @@ def _part(found: deciding.Reduced) -> schemas.ReducedPart:
         **derived.answered(schemas.ReducedPart, found.plain.system, found.plain.answer),
         reconstruction={name: printing.to_text(rate) for name, rate in found.others},
         statement=QUADRATURE if found.others else CLOSED,
+        steps=[translate.step_part(step, in_full=False) for step in found.plain.answer.explanation],
         with_clock=None
         if clocked is None or factor is None
         else derived.clocked_part(factor, clocked.system, clocked.answer),

@@ -777,7 +777,7 @@ def _rows(part: Mapping[str, Any], motion: Mapping[str, Any], told: _Told) -> It
     over = ("the equations of ", *listed(reduced["coordinates"], names), " alone")
     before: list[Sentence] = [("The equations ", *_solved(reduced, names), ".")]
     before += [(reduced["statement"],)] if reduced.get("statement") else []
-    row = _row("Reduced", over, reduced, told, before)
+    row = _row("Reduced", over, {**reduced, "explanation": reduced.get("steps")}, told, before)
     yield row
     clock = result.get("with_clock") or reduced.get("with_clock")
     if clock:
@@ -799,7 +799,9 @@ def _associated_row(one: Mapping[str, Any], told: _Told) -> Row:
     system = ("The system ", *_solved(one, names), *((" where ", *where) if where else ()), ".")
     if one["verdict"] == "undetermined" and not is_asked:
         return Row(name, hint, "", "Not asked", (), (system,))
-    return _row(name, hint, {**one, "explanation": one.get("steps")}, told, [system])
+    is_main = one["kind"] == (told.result.get("nonholonomic") or {}).get("main")
+    steps = told.result.get("explanation") if is_main else one.get("steps")
+    return _row(name, hint, {**one, "explanation": steps}, told, [system])
 
 
 def _motion_more(part: Mapping[str, Any], told: _Told) -> Iterable[Row]:
