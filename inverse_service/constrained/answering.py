@@ -393,8 +393,8 @@ def finding_steps(analyzed: existence.AnalyzedMotion, found: Finding, with_time:
         how = f"Prolonged to order {found.order}" if found.along is None else alone
         steps.append(
             said(
-                f"{how}, {len(found.rows)} equations leave a rank below {k} in every solution. This is a contradiction, "
-                "so no associated system is variational.",
+                f"{how}, {len(found.rows)} equations leave a rank below {k} in every solution. This is a "
+                "contradiction, so no associated system is variational.",
             )
         )
     elif found.symbol is not None:

@@ -95,7 +95,8 @@ def outline(result: Mapping[str, Any], explain: bool) -> Iterator[Line]:
     yield from (EMPTY, Line(0, sheet.sentence), *(Line(1, note) for note in sheet.notes))
     for case in sheet.cases:
         if len(sheet.cases) > 1:
-            yield from (EMPTY, Line(0, case.sentence), *(Line(1, note) for note in case.notes))
+            here = ("Where ", *case.where, ": ") if case.where else ()
+            yield from (EMPTY, Line(0, (*here, *case.sentence)), *(Line(1, note) for note in case.notes))
         yield from (line for formula in case.formulas for line in _formula(formula, 1, LONGEST))
         yield from (Line(1, (f"{heading}: ", *step)) for heading, step in (() if explain else case.gist))
     if sheet.missing:

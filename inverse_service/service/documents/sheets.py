@@ -44,6 +44,7 @@ CHECKED = "An independent checker verified that"
 QUESTIONS = frozenset(("existence", "existence_with_time"))
 FORMULAS = (("L", "lagrangian"), ("H", "hamiltonian"))
 MOST_SOUGHT = 3
+MOST_CASES_SAID = 3
 SEEKING = "Being decided"
 STATED = {"holds": "Holds", "fails": "Fails", "not settled": "Undetermined"}
 ANSWERS = {YES: "Yes", NO: "No", OPEN: "Undetermined"}
@@ -126,6 +127,7 @@ class Case:
     more: tuple[Row, ...] = ()
     # What is in the place of L and H after a no: how its proof begins and ends.
     gist: tuple[tuple[str, Sentence], ...] = ()
+    where: Sentence = ()  # of the conditions, where there are several cases
 
 
 @dataclass(frozen=True, slots=True)
@@ -364,9 +366,7 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
     sentence, notes = cases[0].sentence, cases[0].notes
     if len(cases) > 1:
         unanswered = result.get("not_answered") or ()
-        count = len(cases) + len(unanswered)
-        word = "is not the same everywhere" if verdict == DIFFERS else "is the same, with its own formula in each"
-        sentence = ("The answer ", Word(word, verdict), f": {count} cases.")
+        sentence = _sentence_of_cases(cases, [listed(one["domain"], told.names) for one in unanswered])
         notes = tuple(
             ("Not answered where ", *listed(one["domain"], told.names), f": {one['reason']}") for one in unanswered
         )
@@ -386,6 +386,27 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
     )
 
 
+def _sentence_of_cases(cases: Sequence[Case], unanswered: Sequence[Sentence]) -> Sentence:
+    """The verdict of several cases: the one that all have, or each with where it holds."""
+    parts = [(case.verdict, case.where) for case in cases] + [("", where) for where in unanswered]
+    if len({verdict for verdict, _ in parts}) == 1 and all(case.sentence == cases[0].sentence for case in cases):
+        *start, end = cases[0].sentence
+        each = "any" if cases[0].verdict == NO else "each"
+        return (*start, f"{str(end).removesuffix('.')} in {each} of {len(cases)} cases.")
+    if len({verdict for verdict, _ in parts}) == 1:
+        return (Word(ANSWERS[cases[0].verdict], cases[0].verdict), f" in each of {len(cases)} cases.")
+    if len(parts) > MOST_CASES_SAID or not all(where for _, where in parts):
+        return ("The answer ", Word("depends on the case", DIFFERS), f": {len(parts)} cases.")
+    words = [Word(ANSWERS.get(verdict, "Not answered"), verdict or OPEN) for verdict, _ in parts]
+    said = [piece for word, (_, where) in zip(words, parts, strict=True) for piece in (", ", word, " where ", *where)][
+        1:
+    ]
+    return (
+        *(replace(one, words=one.words.lower()) if k and isinstance(one, Word) else one for k, one in enumerate(said)),
+        ".",
+    )
+
+
 def _case(cell: int, told: _Told) -> Case:
     result, names = told.result, told.names
     answers = stated.main_statements(result, cell)
@@ -394,7 +415,8 @@ def _case(cell: int, told: _Told) -> Case:
     others = [one for one in answers[1:] if (one.at, one.verdict) != (answers[0].at, answers[0].verdict)]
     notes: list[Sentence] = []
     domain, formula = shown.get("domain") or [], (shown.get("lagrangian") or {}).get("domain") or []
-    if domain:
+    where = listed(domain, names) if len(branches_of(result)) > 1 else ()
+    if domain and not where:
         notes.append(("Where ", *listed(domain, names), "."))
     if not {*domain}.issuperset(formula):
         notes.append(("This formula holds where ", *listed(formula, names), "."))
@@ -410,15 +432,23 @@ def _case(cell: int, told: _Told) -> Case:
     sentence = _sentence(verdict, answers, len((result["system"] or {}).get("coordinates", ())), told)
     formulas = tuple(_formulas(shown, told))
     if told.brief:
-        return Case(verdict, sentence, tuple(notes), formulas, more=tuple(more))
+        return Case(verdict, sentence, tuple(notes), formulas, more=tuple(more), where=where)
     steps = _steps(shown, names)
     start = next((step for step in steps if "Suppose" in str(step[:1])), steps[0] if steps else ())
     headed = [("With the time" if other.question.timed else "Without the time", other) for other in others]
-    proofs = [("", steps), *((heading, _steps(other.part, names)) for heading, other in headed)]
+    here = f"Where {', '.join(domain)}" if cell else ""
+    proofs = [(here, steps), *((heading, _steps(other.part, names)) for heading, other in headed)]
     gist = (("Assumption", start), ("Contradiction", steps[-1])) if verdict == NO and len(steps) > 1 else ()
     more += _answer_rows({**branches_of(result)[cell], **shown}, told)
     return Case(
-        verdict, sentence, tuple(notes), formulas, tuple(proof for proof in proofs if proof[1]), tuple(more), gist
+        verdict,
+        sentence,
+        tuple(notes),
+        formulas,
+        tuple(proof for proof in proofs if proof[1]),
+        tuple(more),
+        gist,
+        where,
     )
 
 
@@ -731,12 +761,14 @@ def _constrained(told: _Told, verdict: str) -> Sheet:
     steps = () if told.brief or verdict != NO else _steps(motions[0], names)
     gist = (("Conclusion", steps[-1]),) if steps else ()
     cases = [Case(verdict, sentence, tuple(notes), tuple(_formulas(shown, told)), gist=gist)]
-    for one, branch in zip(motions[1:], branches_of(result)[1:], strict=False):
-        own = _verdict_of_motion(one, result)
-        where = ("Where ", *listed(branch.get("domain") or (), names), ".")
-        cases.append(Case(own, _motion_sentence(own, one), (where,)))
-    if len(cases) > 1:
-        sentence = ("The answer ", Word("depends on the case", verdict), f": {len(cases)} cases.")
+    if len(motions) > 1:
+        cells = [listed(branch.get("domain") or (), names) for branch in branches_of(result)]
+        own = _verdict_of_motion(motions[0], result)
+        cases = [replace(cases[0], verdict=own, sentence=_motion_sentence(own, motions[0]), where=cells[0])]
+        for one, where in zip(motions[1:], cells[1:], strict=False):
+            own = _verdict_of_motion(one, result)
+            cases.append(Case(own, _motion_sentence(own, one), (), where=where))
+        sentence = _sentence_of_cases(cases, ())
     return Sheet(
         title_of(result, pending), verdict, badge_of(result, pending), sentence, tuple(notes), tuple(asked),
         _about(result), tuple(cases),

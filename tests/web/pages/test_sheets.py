@@ -82,7 +82,7 @@ def test_cases_that_differ_or_are_open_are_all_listed() -> None:
     result["not_answered"] = [{"domain": ["x > 5"], "near": {}, "reason": "no time was left"}]
     sheet = sheets.sheet_of(result)
     assert sheet.verdict == sheets.DIFFERS
-    assert "3 cases" in words(sheet.sentence)
+    assert words(sheet.sentence) == "Yes where x > 0, yes where x < 0, not answered where x > 5."
     assert any("no time was left" in words(note) for note in sheet.notes)
 
 
@@ -107,3 +107,32 @@ def test_l_and_h_of_another_clock_are_not_shown_as_those_of_the_motion() -> None
     assert sheet.first is not None
     assert sheet.first.formulas == ()
     assert any("closed form" in words(note) for note in sheet.notes)
+
+
+@pytest.mark.parametrize(
+    ("equations", "headline"),
+    [
+        ("x'' = -abs(x)", "Yes, this equation comes from a Lagrangian in each of 2 cases."),
+        slow("x'' = abs(x)*y'; y'' = -y", "These equations do not come from any regular Lagrangian in any of 2 cases."),
+        slow("x'' = (x + abs(x))*y'; y'' = -y", "No where x > 0, yes where x < 0."),
+    ],
+)
+def test_the_headline_of_cases_is_true_of_each_and_each_has_its_condition(equations: str, headline: str) -> None:
+    sheet = sheets.sheet_of(solve({"equations": equations}))
+    assert words(sheet.sentence) == headline
+    assert [words(case.where) for case in sheet.cases] == ["x > 0", "x < 0"]
+    for case in sheet.cases:
+        assert not case.formulas or {formula.letter for formula in case.formulas} == {"L", "H"}
+
+
+@pytest.mark.slow
+def test_the_proof_of_each_no_in_the_table_ends_in_its_contradiction() -> None:
+    """First, second, any, and the reduced system of a sleigh with an offset mass; the checker's word comes after it."""
+    table = {row.name: row for row in sheets.sheet_of(solve(SLEIGH)).table}
+    for name in ("First", "Second", "Any", "Reduced"):
+        *proof, checked = map(words, table[name].steps)
+        assert table[name].verdict == "no"
+        assert len(proof) >= 3, name
+        assert "contradiction" in proof[-1], name
+        assert "checker" in checked
+    assert any("Phi" in step for step in map(words, table["Reduced"].steps))
