@@ -4,7 +4,7 @@ HOST ?= 127.0.0.1
 SERVICE := .venv/.service
 STAMP := .venv/.installed
 
-.PHONY: help docs notebooks install develop service run test wheel installed nightly lint paper bench bench-service soundness coverage mutation golden font reference
+.PHONY: help docs notebooks install develop service run test wheel installed nightly lint paper bench bench-service records soundness coverage mutation golden font reference
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):[^#]*## /\1: /p' Makefile
@@ -75,11 +75,20 @@ bench: install ## benchmarks of decision, search and integrators
 	.venv/bin/python -m benchmarks lagrangians --count 60 --seed 1
 	.venv/bin/python -m benchmarks simulation
 
-# The service under load, pool and cluster, the stores; the tables of docs/records/reliability.md and docs/records/scaling.md are replaced.
+# The service under load, pool and cluster, the stores; the tables of docs/records/reliability.md are replaced.
 bench-service: install ## the service under load
 	.venv/bin/python -m benchmarks service --page docs/records/reliability.md
-	.venv/bin/python -m benchmarks cluster --lines 200 --rounds 3 $(POSTGRES:%=--postgres %) --page docs/records/scaling.md
-	.venv/bin/python -m tests.store.measure_store docs/records/scaling.md
+	.venv/bin/python -m benchmarks cluster --lines 200 --rounds 3 $(POSTGRES:%=--postgres %) --page docs/records/reliability.md
+	.venv/bin/python -m tests.store.measure_store docs/records/reliability.md
+
+# Every page, or part of one, in docs/records/ that a command writes; each names the commit that was measured. The other
+# tables are put there by hand from `make bench`, `make coverage` and `make mutation`.
+records: bench-service paper soundness ## measure docs/records/ again; hours
+	.venv/bin/python -m benchmarks hard-cases --long --output docs/records/hard-cases.md
+	.venv/bin/python -m benchmarks peers --output docs/records/simulation-peers.md
+	.venv/bin/python -m tests.docs.test_known_kinds
+	.venv/bin/python -m benchmarks.kind_costs --write
+	.venv/bin/python -m benchmarks.motions --page docs/records/motions.md
 
 # 26,000 cases on all cores; interrupted, it goes on where it was.
 soundness: install ## 26,000 cases with the checker; goes on where it was
@@ -122,7 +131,8 @@ reference: install ## docs/reference/results.md from the program
 notebooks: install ## execute the notebooks of docs/ in place
 	.venv/bin/python -m tests.docs.notebooks
 
-# The documentation as a site in build/site; a warning is an error, and so is a notebook that prints something else now.
-docs: install ## the documentation as a site, build/site, and its notebooks run
+# The documentation as a site in build/site; a warning is an error, and so is a program of a page, or a notebook, that
+# prints something else now.
+docs: install ## the documentation as a site, build/site; its programs and notebooks run
 	.venv/bin/python -m sphinx --quiet --fail-on-warning --keep-going -b html docs build/site
-	.venv/bin/python -m pytest -m slow -n logical tests/docs/test_notebook.py
+	.venv/bin/python -m pytest -m slow -n logical tests/docs

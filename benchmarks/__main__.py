@@ -19,7 +19,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks import ablation, bounds, collection, families, lagrangians, move_counts, tables
+from benchmarks import ablation, bounds, collection, families, lagrangians, measured, move_counts, tables
 from benchmarks.cold_start import cold_starts
 from benchmarks.decision_benchmark import comparisons, medians
 from benchmarks.growth import against_order, against_size
@@ -95,7 +95,7 @@ def options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
 
 def machine() -> str:
     """Describe the machine of the measurement without naming it."""
-    return f"Python {platform.python_version()}, {platform.machine()}, {os.cpu_count()} cores"
+    return f"{measured.commit()}, Python {platform.python_version()}, {platform.machine()}, {os.cpu_count()} cores"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

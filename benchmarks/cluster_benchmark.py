@@ -1,7 +1,7 @@
 """Measure a batch on the local pool, a Dask cluster on loopback, and front ends over PostgreSQL: lines per second.
 
-    python -m benchmarks cluster [--lines N] [--rounds N] [--workers N] [--output DIR] [--page docs/records/scaling.md]
-                                [--postgres postgresql://...]
+    python -m benchmarks cluster [--lines N] [--rounds N] [--workers N] [--output DIR]
+                                [--page docs/records/reliability.md] [--postgres postgresql://...]
 
 They take turns, so that other load on the machine affects all of them. A front end is a service with one
 worker; all share the store at the address of --postgres, whose server is not counted.
@@ -187,7 +187,7 @@ def _cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[int]]]:
 
 
 def markdown(rows: Sequence[ClusterRow]) -> str:
-    """The table of docs/records/scaling.md."""
+    """The table of docs/records/reliability.md."""
     head = ["load", "where", "workers", "lines", "lines a second", "efficiency", "processor ms a line"]
     return table(head, [_cells(row) for row in rows])
 

@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.measured import commit
 from benchmarks.tables import MISSING, table
 from inverse_service import simulate
 from inverse_service.service.scenes.views import duration
@@ -124,7 +125,7 @@ def main(arguments: Sequence[str]) -> None:
     options = parser.parse_args(arguments)
     head = ["scene", "error", "ours", "by itself", "heyoka", "SciPy", "ours : best peer", "by itself : best peer",
             "cold, by itself", "cold, heyoka"]  # fmt: skip
-    here = ", ".join(f"{key} {value}" for key, value in machine().items())
+    here = ", ".join([commit(), *(f"{key} {value}" for key, value in machine().items())])
     precision.SECONDS = SECONDS
     rows: list[list[str]] = []
     for name, scene in SCENES.items():

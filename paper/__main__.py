@@ -8,6 +8,7 @@ import platform
 import sys
 from pathlib import Path
 
+from benchmarks.measured import commit
 from inverse_service import __version__
 from inverse_service.cli.command_line import ExitCode
 from inverse_service.cli.simulate_command import made_folder
@@ -20,7 +21,7 @@ def write_paper(output: Path) -> ExitCode:
     folder = made_folder(made_folder(output) / FIGURES)
     found = sections(folder, lambda line: print(line, file=sys.stderr, flush=True))
     python = f"Python {platform.python_version()}"
-    machine = f"Version {__version__}, {python}, {platform.machine()}, {os.cpu_count()} cores."
+    machine = f"Version {__version__}, {commit()}, {python}, {platform.machine()}, {os.cpu_count()} cores."
     records = made_folder(output / "records")
     (output / "paper.md").write_text(side_by_side(found), encoding="utf-8")
     (records / "paper.md").write_text(markdown(found, f"../{FIGURES}", machine), encoding="utf-8")

@@ -18,6 +18,7 @@ import yaml
 
 import inverse_service.sympy
 from api_schemas.scene import SceneDocument
+from benchmarks.measured import conditions
 from inverse_service import catalogue
 from inverse_service.service.documents.documents import look
 from inverse_service.service.documents.plain_data import read_json
@@ -47,7 +48,6 @@ NOT_RUN = {
     "docs/how-to/scale.md": (3, "no cluster, SLURM or PostgreSQL here; tests/cluster and tests/store have theirs"),
     "docs/records/benchmarks.md": (1, "ten minutes"),
     "docs/records/reliability.md": (1, "these are the tests themselves"),
-    "docs/records/scaling.md": (1, "a quarter of an hour"),
     "docs/tutorials/rest.md": (1, "no Julia where the tests run"),
     "docs/records/motions.md": (1, "minutes"),
     "docs/reference/open-questions.md": (1, "minutes"),
@@ -139,6 +139,13 @@ def test_python_in_the_pages_passes_pyright_strict(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "pyright", "--pythonpath", sys.executable, str(tmp_path)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
+
+
+def test_a_measurement_names_its_commit() -> None:
+    head = subprocess.run(
+        ["git", "rev-parse", "--short=8", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert conditions().startswith(f"commit {head.stdout.strip()}" if head.returncode == 0 else "no commit")
 
 
 def test_the_pages_have_programs() -> None:

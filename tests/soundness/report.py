@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
 from typing import Any
 
+from benchmarks.measured import commit
 from inverse_service import __version__
 from tests.soundness.cases import CHECKED_SHARE
 
@@ -55,7 +56,7 @@ def _versions(lines: Sequence[Line], seed: int) -> str:
     libraries = ", ".join(f"{name} {version(name)}" for name in names)
     seconds = sum(line["seconds"] for line in lines)
     return (
-        f"inverse-service {__version__}, Python {platform.python_version()}, {platform.machine()}, "
+        f"inverse-service {__version__}, {commit()}, Python {platform.python_version()}, {platform.machine()}, "
         f"{os.cpu_count()} cores, {libraries}. Seed {seed}. {len(lines)} cases, {seconds:.0f} s of processor time, "
         "the making of the systems included."
     )

@@ -1,4 +1,4 @@
-"""Measure the throughput of both stores: `python -m tests.store.measure_store [docs/records/scaling.md]` prints a
+"""Measure the throughput of both stores: `python -m tests.store.measure_store [docs/records/reliability.md]` prints a
 table.
 
 No engine runs: jobs are accepted, claimed, and answered as fast as the store allows.
