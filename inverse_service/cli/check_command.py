@@ -318,17 +318,18 @@ def progress(summary: batches.Summary, total: int | None) -> Iterator[Report]:
 @cli.application.command()
 def table(
     file: Annotated[Path, typer.Argument(help="The output of a batch: NDJSON (or .gz); - for standard input.")],
+    every: Annotated[bool, typer.Option("--all", help="One row for each answer, not for the first alone.")] = False,
 ) -> cli.ExitCode:
-    """Convert the results of a batch to CSV, one row per line."""
-    from inverse_service.service.documents.printed_pages import row_of  # for this command only
+    """Convert the results of a batch to CSV, one row per line: the answer that people are shown first."""
+    from inverse_service.service.documents import answer_rows  # for this command only
 
     with batches.open_source(file) as source:
         for place, (_, answer) in enumerate(batches.read_answers(source)):
-            row, text = row_of(answer), io.StringIO()
-            writer = csv.DictWriter(text, list(row))
+            text = io.StringIO()
+            writer = csv.DictWriter(text, answer_rows.COLUMNS)
             if place == 0:
                 writer.writeheader()
-            writer.writerow(row)
+            writer.writerows(answer_rows.rows(answer) if every else [answer_rows.first_row(answer)])
             cli.write(text.getvalue())
     return cli.ExitCode.DONE
 

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from inverse_service import catalogue, errors
 from inverse_service.reading import reader
-from inverse_service.service.documents import accepting, plain_data, printed_pages, sheets, stated
+from inverse_service.service.documents import accepting, answer_rows, plain_data, printed_pages, sheets, stated
 from inverse_service.service.documents.answers import of_input_error
 
 if TYPE_CHECKING:
@@ -168,7 +168,7 @@ def solve_many(
 
 def table(results: Iterable[Mapping[str, Any]]) -> Any:
     """One row a result: a pandas DataFrame where pandas is installed, else a list of dictionaries."""
-    rows = list(map(printed_pages.row_of, results))
+    rows = list(map(answer_rows.first_row, results))
     return rows if importlib.util.find_spec("pandas") is None else _frame(rows)
 
 
@@ -631,8 +631,8 @@ class Answers(Iterator[Result | dict[str, Any]]):
         return next(self._answers)
 
     def to_pandas(self) -> Any:
-        """A DataFrame with one row a result, see `printed_pages.row_of`; needs pandas."""
-        return _frame([printed_pages.row_of(answer) for answer in self])
+        """A DataFrame with one row a result, see `answer_rows`; needs pandas."""
+        return _frame([answer_rows.first_row(answer) for answer in self])
 
 
 class Run(dict[str, Any]):

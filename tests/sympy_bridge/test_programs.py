@@ -181,7 +181,7 @@ def test_many_systems_and_their_table() -> None:
     rows = table([found[0], found[1], found[3], found[4]])
     rows = rows if isinstance(rows, list) else rows.to_dict("records")
     assert [row["verdict"] for row in rows] == ["variational", "variational", "not_variational", "variational"]
-    assert [(row["where"], row["branches"]) for row in rows] == [("", 1), ("", 1), ("", 1), ("x > 0", 2)]
+    assert [(row["domain"], row["cells"]) for row in rows] == [("", 1), ("", 1), ("", 1), ("x > 0", 2)]
     assert rows[1]["L"] == "exp(t)*(x'^2 - x^2)/2"
 
 

@@ -1,4 +1,4 @@
-"""An answer line by line; these lines as plain text and as LaTeX; rows of tables of many answers and of runs.
+"""An answer line by line; these lines as plain text and as LaTeX; rows of tables of runs.
 
 The LaTeX document compiles by itself, with long formulas broken into the lines of an article.
 """
@@ -15,8 +15,6 @@ from inverse_service.service.documents import sheets, stated
 
 # Characters of a formula of a text: of the answer itself, and of what there is besides.
 LONGEST, LONG = 2_000, 300
-# Of the table of many results, as they are in each.
-COLUMNS = ("id", "line", "verdict", "verdict_with_time", "checked", "question", "reason")
 # The numbers of a run, with their headings in a table.
 QUANTITIES = (
     ("max_energy_error", "energy error"),
@@ -281,30 +279,7 @@ def _length(formula: str) -> int:
     return len(_LETTER.findall(formula))
 
 
-# Rows of tables.
-
-
-def row_of(result: Mapping[str, Any]) -> dict[str, Any]:
-    """The columns that are compared first: verdicts, L, H, where they hold, how many multipliers, seconds, size.
-
-    All of them are of the first of the `branches`, but the verdicts: "differs" where the branches differ.
-    """
-    if not isinstance(result, Mapping):
-        raise errors.InputError("A table needs results.")
-    row = {key: result.get(key) for key in COLUMNS}
-    for key in ("verdict", "verdict_with_time"):
-        verdicts = {one.get(key) for one in stated.branches_of(result)}
-        row[key] = verdicts.pop() if len(verdicts) == 1 else "differs"
-    if error := result.get("error"):
-        row |= {"verdict": "error", "reason": error["detail"]}
-    first = stated.first_answer(result)
-    for letter, key in sheets.FORMULAS:
-        row[letter] = (first.get(key) or {}).get("text")
-    space, system = result.get("solution_space") or {}, result.get("system") or {}
-    seconds = (result.get("provenance") or {}).get("seconds") or {}
-    row |= {"statement": space.get("statement"), "n": len(system.get("coordinates", ())), "order": space.get("order")}
-    row |= {"seconds": sum(seconds.values()) if seconds else None}
-    return row | {"where": ", ".join(stated.conditions_of(first)), "branches": len(stated.branches_of(result))}
+# Rows of a run.
 
 
 def quantities(result: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -487,7 +487,7 @@ def _formulas(part: Mapping[str, Any], told: _Told) -> list[Formula]:
             notes.append(("where ", *listed(further, names)))
         if hamiltonian.get("constraints"):
             notes.append(("on ", *listed([f"{text} = 0" for text in hamiltonian["constraints"]], names)))
-        found.append(formula_of("H", hamiltonian, names, notes))
+        found.append(formula_of("E" if hamiltonian.get("implicit") else "H", hamiltonian, names, notes))
     return found
 
 

@@ -372,7 +372,8 @@ def glance_of(document: Mapping[str, Any]) -> dict[str, Any] | None:
         # With a domain there are other branches to come.
         is_whole = not (so_far.get("domain") or stated.is_constrained(so_far))
         cases = sheets.sheet_of(so_far, brief=True).cases if is_whole else ()
-        if len(cases) == 1 and {"L", "H"} <= {formula.letter for formula in cases[0].formulas}:
+        letters = {formula.letter for case in cases for formula in case.formulas}
+        if len(cases) == 1 and "L" in letters and letters & {"H", "E"}:
             raise _Enough
 
     try:

@@ -14,7 +14,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service.reading import document_names
-from inverse_service.service.documents import printed_pages, sheets, stated
+from inverse_service.service.documents import answer_rows, sheets, stated
 from inverse_service.service.jobs import model, statements, tasks
 from inverse_service.service.jobs.batch import answer_line
 from inverse_service.service.scenes import views
@@ -343,13 +343,15 @@ def row_of(answer: statements.BatchAnswer) -> dict[str, Any]:
     row |= {} if found["id"] is None else {"name": str(found["id"])}
     if "error" in found:
         return row | {"verdict": "failed", "word": "failed", "shade": sheets.NO, "reason": found["detail"]}
-    known, others = printed_pages.row_of(found), len(found.get("branches") or ()) - 1
-    where = known["where"] + (f"; {others} more {'case' if others == 1 else 'cases'}" if others > 0 else "")
+    known = answer_rows.first_row(found)
+    others, sets = (known["cells"] or 1) - 1, [known["domain"], known["L_where"]]
+    where = ", ".join(dict.fromkeys(filter(None, sets)))
+    where += f"; {others} more {'case' if others == 1 else 'cases'}" if others > 0 else ""
     if "verdict" in found:  # results of other kinds have none
         row |= {
             "word": sheets.badge_of(found),
             "shade": sheets.verdict_of(found),
             "verdict": known["verdict"] or "done",
         }
-    row |= {"lagrangian": known["L"] or "", "reason": known["reason"] or "", "where": where}
+    row |= {"lagrangian": known["L"] or "", "reason": known["open"] or "", "where": where}
     return row | {"checked": sheets.proof_of(stated.first_answer(found)) or ""}
