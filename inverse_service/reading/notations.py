@@ -37,15 +37,18 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     if marks & {"[", "{"}:
         tokens = _with_round_brackets(_with_indices(tokens, names), names, mathematica)
     written = tokens
-    if marks & {*_HEADS, ".", "@", "Piecewise", "diff"}:
+    if marks & {*_HEADS, ".", "@", "Piecewise", "diff", "D2"}:
         tokens = _rewritten(tokens, names)
     if "I" in marks and names.role("I") is None and (mathematica or tokens != written or marks & DERIVATIVE_NAMES):
         raise fault("imaginary unit", next(token.column for token in tk.walk(tokens) if token.text == "I"))
     last = len(tokens) - 1 - at(tokens, len(tokens) - 1).is_operator(";")
     given, whole = tokens[: max(last, 0)], at(tokens, last)  # [eq1, eq2] and sys := {eq1, eq2};
-    alone = not given or (len(given) == 2 and given[1].value == tk.GIVEN)
+    labelled = len(given) == 2 and given[0].kind == "name" and given[1].is_operator("=")
+    alone = not given or (labelled and (given[1].value == tk.GIVEN or whole.is_bracket() or whole.is_bracket("[")))
     if alone and not whole.order and any(token.is_operator("=") for token in whole.inside):
-        tokens = [*given, *whole.inside]
+        tokens = [*given, *whole.inside] if not given or given[1].value else [*whole.inside]
+        if given and not given[1].value:
+            tk.note(f"{given[0].text} =")
     return with_derivatives(tokens, names)
 
 
@@ -153,6 +156,8 @@ def _rewritten(line: Line, names: Names) -> Tokens:
             place = _derivative_of(line, place + 1, int(power[1]), found)
         elif token.text == "D" and not names.role("D") and (order := _positions(after)):
             place = _derivative_of(line, place + 2, order, found)
+        elif token.text == "D2" and not names.role("D2") and [each.kind for each in after.inside] == ["name"]:
+            place = _derivative_of(line, place + 1, 2, found)  # Julia's D2 = Differential(t)^2
         elif called and not (token.text == "D" and _is_factor(after)):
             place = _called(line, place, found, names)
         else:

@@ -22,16 +22,26 @@ from inverse_service.reading.tokens import Line, Token, Tokens, at
 _EQUATIONS = ("Eq", "Equal", "Equality")
 _SHORT = re.compile(r"D([2-9])?([A-Za-z]\w*)")
 # dydt, dy, ydot, and y_dot, the array of rates of the array y.
-_RATES = re.compile(r"d([A-Za-z]\w*?)(?:dt|_dt)?|([A-Za-z]\w*?)_?dot")
+_RATES = re.compile(r"d([A-Za-z]\w*?)(?:_?d(?P<by>[a-z]))?|([A-Za-z]\w*?)_?dot")
 _SOLVER = re.compile(r"\s*(?:\w+\s*=\s*)?dsolve\s*\(((?:\s*'[^']*'\s*,?)+)\)\s*;?\s*")
 _QUOTED = re.compile(r"'([^']*)'")
+# The words around the formulas of a function in Python, MATLAB, or Julia, and the label of a command in Maxima.
+_AROUND = re.compile(
+    r"^[ \t]*def[ \t]+\w+[ \t]*\([^()]*\)[ \t]*:|^[ \t]*return\b(?=[ \t]*[\[(n])|^[ \t]*return[ \t]+\w+[ \t]*$"
+    r"|^[ \t]*function\b[^\n]*$|^[ \t]*end[ \t]*;?[ \t]*$|^[ \t]*\w+[ \t]*:(?=[ \t]*(?:ode2|desolve)\b)",
+    re.MULTILINE,
+)
+_ARRAYS = ("array", "SVector", "zeros", "ones")
 
 
-def without_quotes(formula: str) -> str:
-    """dsolve('D2x = -x', 'x(0) = 1', 't') as its equations, at the same columns."""
+def without_frames(formula: str) -> str:
+    """The formula without the words of a program around it, which become blanks, so that columns stay correct.
+
+    dsolve('D2x = -x', 'x(0) = 1', 't') is its equations, and def f(t, y): return [y[1], -y[0]] the list.
+    """
     call = _SOLVER.fullmatch(formula)
     if call is None:
-        return formula
+        return _AROUND.sub(lambda words: " " * len(words[0]), formula)
     found = [" "] * len(formula)
     for text in _QUOTED.finditer(formula):
         stop = text.end() - 1
@@ -45,7 +55,7 @@ def without_quotes(formula: str) -> str:
 def as_equations(tokens: Tokens, names: Names) -> Tokens:
     """The same statements as equations; tokens that no rule fits are returned unchanged."""
     tokens = _with_primes(_without_label_of_equality(tokens), names)
-    for rule in (_of_handle, _of_pairs, _of_rates, _of_expressions):
+    for rule in (_of_handle, _of_pairs, _of_rates, _of_list, _of_expressions):
         found = rule(tokens, names)
         if found is not None:
             return found
@@ -53,17 +63,28 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
 
 
 def _without_label_of_equality(tokens: Tokens) -> Tokens:
-    """The tokens without the eqn = of eqn = diff(x, t, 2) == -x."""
+    """The tokens without the eqn = of eqn = diff(x, t, 2) == -x, and without the a, b = of a, b = Eq(...), Eq(...)."""
     found: Tokens = []
+    first = next((place for place, token in enumerate(tokens) if token.is_operator("=")), 0)
+    labels, rest = tk.split_at(",", tokens[:first]), tk.split_at(",", tokens[first + 1 :])
+    if len(labels) > 1 and len(labels) == len(rest) and all(_is_equation_call(part) for part in rest):
+        tk.note(f"{tk.source(tokens[:first])} =")
+        return tokens[first + 1 :]
     for line, end in tk.split(tokens, lambda _, token: token.is_operator(";", ",")):
         label, equal, rest = at(line, 0), at(line, 1), line[2:]
         second = any(token.is_operator("=") and token.value == tk.EQUALITY for token in rest)
-        second = second or (at(rest, 0).text in _EQUATIONS and at(rest, 1).is_bracket())
+        second = second or _is_equation_call(rest)
         if label.kind == "name" and not label.order and equal.is_operator("=") and not equal.value and second:
             tk.note(f"{label.text} =")
             line = rest
         found += [*line, *([end] if end else [])]
     return found
+
+
+def _is_equation_call(line: Line) -> bool:
+    """Whether this is Eq(...), perhaps with the name of a module before it."""
+    place = 2 * at(line, 1).is_operator(".")
+    return at(line, place).text in _EQUATIONS and at(line, place + 1).is_bracket()
 
 
 def _with_primes(tokens: Tokens, names: Names) -> Tokens:
@@ -168,7 +189,8 @@ def _of_handle(tokens: Tokens, names: Names) -> Tokens | None:
     before = tk.spelled(tokens[:place])
     given = [token.text for token in arguments.inside if not token.is_operator(",")]
     after = tk.spelled(tokens[place + 3 :]).strip(";")
-    if len(given) < 2 or given[0] != "t" or not body.is_bracket("[") or after or not re.fullmatch(r"(\w+=)?", before):
+    timed = len(given) > 1 and (given[0] == "t" or given[0] not in {token.text for token in tk.walk([body])})
+    if not timed or not body.is_bracket("[") or after or not re.fullmatch(r"(\w+=)?", before):
         return None
     components = _components(body)
     array = _Array.of(given[1], body.inside)
@@ -199,9 +221,14 @@ def _of_rates(tokens: Tokens, names: Names) -> Tokens | None:
     found: list[Tokens] = []
     for statement in statements:
         match = _RATES.fullmatch(statement[0].text) if statement[0].kind == "name" else None
-        name = next(filter(None, match.groups()), "") if match else ""
+        name = next(filter(None, (match[1], match[3])), "") if match else ""
+        by = match["by"] if match else None
+        if by not in (None, "t") and by in {token.text for token in tk.walk(tokens)}:
+            return None  # dydx(1) = x*y(2), where x is the time
         index = _index(statement, 0)
         sign, body = at(statement, 1 + (index is not None)), statement[2 + (index is not None) :]
+        if at(body, 0).text in _ARRAYS[2:] and len(body) == 2:
+            continue  # dydt = zeros(2, 1)
         if name not in arrays or names.role(statement[0].text) or not sign.is_operator("=") or not body:
             return None
         array = _Array.of(name, tokens)
@@ -215,6 +242,36 @@ def _of_rates(tokens: Tokens, names: Names) -> Tokens | None:
         else:
             return None
     return _joined(found) if found else None
+
+
+def _of_list(tokens: Tokens, names: Names) -> Tokens | None:
+    """[y[1], -y[0]] alone, the rates of y; with x, v = y before it, those of x and v."""
+    statements = [part for part in tk.split_at(";", tokens) if part]
+    if len(statements) > 2:
+        return None
+    last, unpacked = statements[-1] if statements else [], list[str]()
+    if len(statements) == 2:
+        left, *right = tk.split_at("=", statements[0])
+        listed = left[0].inside if len(left) == 1 and left[0].is_bracket() else left
+        parts = tk.split_at(",", listed)
+        if len(right) != 1 or [token.kind for token in right[0]] != ["name"] or any(len(part) != 1 for part in parts):
+            return None
+        unpacked = [part[0].text for part in parts]
+    whole = last[-1] if last else at(last, 0)
+    if [token.text for token in last[:-1]][-1:] == ["array"] and whole.is_bracket() and len(whole.inside) == 1:
+        whole = whole.inside[0]  # np.array([...])
+    elif len(last) != 1 and not (len(last) == 3 and last[0].kind == "name" and last[1].is_operator("=")):
+        return None
+    components = _components(whole) if whole.kind == "bracket" else []
+    if len(components) < 2 or any(token.is_operator("=") or token.order for token in tk.walk([whole])):
+        return None
+    if unpacked:
+        pairs = zip(unpacked, components, strict=True) if len(unpacked) == len(components) else ()
+        return _joined([[*_rate(part[0], name), *part] for name, part in pairs]) or None
+    arrays = {_Array.of(name, whole.inside) for name, _, _ in _entries(whole.inside)}
+    sizes = {array: max(k for name, k, _ in _entries(whole.inside) if name == array.name) for array in arrays}
+    fitting = [array for array in arrays if sizes[array] - array.first + 1 == len(components)] or [*arrays]
+    return _of_array(fitting[0], components) if len(fitting) == 1 else None
 
 
 def _of_expressions(tokens: Tokens, names: Names) -> Tokens | None:

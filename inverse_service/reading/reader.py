@@ -26,7 +26,7 @@ _LOST_BACKSLASH = pattern("reader", "lost_backslash")
 _BY_INDEX = re.compile(r"('')_?(?:\{([xts])\2\}|([xts])\3(?!\w))")
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
 _LETTER_OF_A_FORM = re.compile(rf"(?:[A-Za-z]|{'|'.join(sorted(GREEK_NAMES))})(?:_?[0-9]+)?")
-_OF_PROGRAMS = re.compile(r"[A-Za-z']\[|==|(?<![\\A-Za-z])diff\(|\w\$\d|:=\s*\{")
+_OF_PROGRAMS = re.compile(r"[A-Za-z']\[|==|(?<![\\A-Za-z])d(?:iff|solve)\s*\(|\w\$\d|:=\s*\{")
 # Names, numbers, and signs of our own notation; ( ) around one name may be a label.
 _OWN_SIGNS = re.compile(r"(?:[A-Za-z]\w*+'*+|[0-9]++|\((?!\s*\w+\s*\))|[-+*/^=) ])++", re.ASCII)
 OF_A_FORM = Fraction(1)  # marks a name with a prime that replaces a differential
@@ -144,7 +144,7 @@ def _translated(formula: str, names: Names) -> tuple[list[Token], str, bool]:
 def _scanned(formula: str, names: Names) -> tuple[list[Token], str, bool]:
     """The tokens as they are written, the text without words at the same columns, and whether it is LaTeX."""
     _refuse_lost_backslashes(formula)
-    formula = programs.without_quotes(_GREEK_OF_MATHEMATICA.sub(_greek, formula))
+    formula = programs.without_frames(_GREEK_OF_MATHEMATICA.sub(_greek, formula))
     is_tex, formula = is_latex(formula), _with_dots_after_letters(without_words(formula, names.declared()))
     formula = _RAISED_FIRST.sub(r"\2\1", _BY_INDEX.sub(lambda index: index[1].ljust(len(index[0])), formula))
     return (latex.tokenize(formula, names) if is_tex else tk.tokenize(formula, names.declared())), formula, is_tex
@@ -292,9 +292,9 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
         omitted = bool(group) and (_is_initial(group) or _is_number(group))
         if equations and (omitted or (group and (_is_condition(group) or listed))):
             stop = end.column - 1 if end is not None else len(formula)
-            if group[-1].kind in ("number", "bracket"):
-                stop = min(stop, max(group[-1].end, group[-1].span[1] - 1))
-            note(formula[group[0].column - 1 : stop].strip(" \t\n$.,;"), LEFT_OUT if omitted else CONDITION)
+            typed = formula[group[0].column - 1 : stop].strip(" \t\n$.,;")
+            whole = all(typed.count(opening) == typed.count(closing) for opening, closing in tk.CLOSING.items())
+            note(typed if whole else tk.source(group), LEFT_OUT if omitted else CONDITION)
             group = []
         equal = group and (names.energy or _has(group, "="))
         found += _without_number(group, formula, names) if equal else group

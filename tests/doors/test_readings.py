@@ -1,7 +1,9 @@
 """Texts of the corpus: each is parsed as its author means it, or rejected with a location."""
 
 import json
+import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -115,6 +117,23 @@ def test_the_service_reads_and_refuses_the_same(service: str) -> None:
 def test_a_radius_over_a_power_of_itself_is_said_to_be_one_number(text: str, said: bool) -> None:
     notes = {part["text"]: part["as"] for part in parsed({"equations": text})["readings"]}
     assert ("components of a vector" in notes.get("r", "")) is said
+
+
+def examples_of_programs() -> list[str]:
+    """The examples of the table of notations in the documentation."""
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "enter-systems.md").read_text(encoding="utf-8")
+    table = page.partition("| from | derivatives |")[2].partition("\n\n")[0]
+    return re.findall(r"\| `([^`]+)` \|$", table, re.MULTILINE)
+
+
+def test_each_example_of_the_table_of_notations_is_an_oscillator() -> None:
+    examples = examples_of_programs()
+    assert len(examples) == 17
+    for text in examples:
+        found = parsed({"equations": text})
+        assert not isinstance(found, calls.Refusal), (text, found)
+        ((name, force),) = found["equations"].items()
+        assert same_formula(force["text"], f"-k*{name}", [name]), text
 
 
 def test_no_names_declared_means_guessed_at_the_service_too(service: str) -> None:
