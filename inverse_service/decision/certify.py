@@ -552,4 +552,7 @@ def _of_square(u: ex.Expression) -> Entry:
 
 
 def _entry(root: ex.Expression, value: ex.Expression) -> Entry:
+    match root:  # is printed as abs(u), which is no root to the checker
+        case ex.Power(ex.Power(u, ex.TWO), ex.HALF):
+            return {"root": f"sqrt(({printing.to_text(u)})^2)", "is": printing.to_text(value)}
     return {"root": printing.to_text(root), "is": printing.to_text(value)}

@@ -13,16 +13,18 @@ except for partial derivatives. The text uses a small part of the grammar of `re
               | "diff(" name "(" name {", " name} "), " name {", " name} ")"
               | name "[" integer {"," integer} "](" formula {", " formula} ")"
 
-`sqrt` and `sign` are the only functions besides those of `functions.py` and the declared ones; integers have no sign;
-rational numbers are written as quotients. A'(u) is the derivative of a declared function of one argument; for several
-arguments, diff(B(x, y), x) if they are different names, else B[1,0](u, w) with the order of the derivative by each
-argument.
+`sqrt`, `abs` for sqrt(u^2), and `sign` are the only functions besides those of `functions.py` and the declared ones;
+integers have no sign; rational numbers are quotients, or the decimal numbers that were typed. A'(u) is the
+derivative of a declared function of one argument; for several arguments, diff(B(x, y), x) if they are different names,
+else B[1,0](u, w) with the order of the derivative by each argument.
 """
 
 import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from decimal import Context, Decimal, Inexact
 from fractions import Fraction
@@ -34,6 +36,9 @@ from inverse_service.expressions import functions, letters, tree as ex
 _EXPONENTIAL = ex.Apply("exp", ex.ONE)
 # The denominator from which a decimal number can be much shorter than a fraction, and how many digits shorter.
 _LEAST_DECIMAL, _MUCH, _EXACT = 1000, 2, Context(prec=1000, traps=[Inexact])
+# A typed decimal number is recognized over these divisors and times these factors.
+_DIVISORS, _FACTORS = (1, 2, 3, 4, 6, 8, 12), (2, 3, 4)
+_DECIMALS: ContextVar[frozenset[Fraction]] = ContextVar("decimals", default=frozenset())
 _Factors = tuple[ex.Expression, ...]
 _Side = tuple[str, _Factors]  # the number and the factors above or below a fraction line
 # LaTeX.
@@ -64,17 +69,31 @@ class Ratio:
     numerators: _Factors
     denominators: _Factors
 
-    @property
-    def numbers(self) -> tuple[str, str]:
-        """`over` and `under` in digits; (398600.4418, 1) if the fraction is much shorter as a decimal number."""
+    def numbers(self, decimals: frozenset[Fraction] = frozenset()) -> tuple[str, str]:
+        """`over` and `under` in digits; (398600.4418, 1) if the fraction is much shorter as a decimal number.
+
+        A number of `decimals` is written as a decimal number, and so are its small multiples; half of it is (9.81, 2).
+        """
         plain = str(self.over), str(self.under)
+        value = Fraction(self.over, self.under)
+        if value.denominator > 1:
+            for divisor in _DIVISORS if decimals else ():
+                if value * divisor in decimals:
+                    return decimal_digits(value * divisor), str(divisor)
+            if any(value / factor in decimals for factor in _FACTORS):
+                return decimal_digits(value), "1"
         if self.under < _LEAST_DECIMAL:
             return plain
         try:
-            digits = f"{_EXACT.divide(Decimal(self.over), Decimal(self.under)):f}"
+            digits = decimal_digits(value)
         except Inexact:
             return plain
         return (digits, "1") if len(digits) + _MUCH < sum(map(len, plain)) else plain
+
+
+def decimal_digits(value: Fraction) -> str:
+    """The number as an exact decimal number; Inexact if it is none."""
+    return f"{_EXACT.divide(Decimal(value.numerator), Decimal(value.denominator)):f}"
 
 
 @lru_cache(maxsize=4096)  # printed expressions often occur in expressions that were printed before
@@ -198,14 +217,17 @@ class _Notation:
     plus, minus = " + ", " - "
     # The signs before and after a formula.
     parentheses, radical = ("(", ")"), ("sqrt(", ")")
-    bars: tuple[str, ...] = ()  # of sqrt(u^2)
+    bars = ("abs(", ")")  # of sqrt(u^2)
+
+    def __init__(self, decimals: frozenset[Fraction] = frozenset()) -> None:
+        self.decimals = decimals
 
     def joined(self, pieces: Sequence[str]) -> str:
         """The terms of a sum with their signs."""
         return "".join(pieces)
 
     def term(self, term: Ratio) -> str:
-        number, divisor = term.numbers
+        number, divisor = term.numbers(self.decimals)
         if divisor == "1" and not term.denominators:
             return self.product(number, term.numerators)
         return self.quotient((number, term.numerators), (divisor, term.denominators))
@@ -271,7 +293,7 @@ class _Notation:
 
     def root(self, base: ex.Expression) -> str:
         match base:
-            case ex.Power(inner, exponent) if exponent == ex.TWO and self.bars:
+            case ex.Power(inner, exponent) if exponent == ex.TWO:
                 return _written(self, inner, True).join(self.bars)
         return _written(self, base, True).join(self.radical)
 
@@ -306,12 +328,24 @@ def _written_factor(notation: _Notation, factor: ex.Expression) -> str:
     return notation.factor(factor)
 
 
-_TEXT = _Notation()
+@contextmanager
+def with_decimals(typed: frozenset[Fraction]) -> Iterator[None]:
+    """Print these numbers as decimal numbers, as their writer did: 9.81 instead of 981/100."""
+    mark = _DECIMALS.set(typed)
+    try:
+        yield
+    finally:
+        _DECIMALS.reset(mark)
+
+
+@lru_cache(maxsize=32)  # one object for each, because its output is stored by it
+def _in(notation: type[_Notation], decimals: frozenset[Fraction]) -> _Notation:
+    return notation(decimals)
 
 
 def to_text(expression: ex.Expression, within: bool = False) -> str:
     """The canonical text: deterministic, with only the brackets that parsing requires."""
-    return _written(_TEXT, expression, within)
+    return _written(_in(_Notation, _DECIMALS.get()), expression, within)
 
 
 class _Latex(_Notation):
@@ -359,12 +393,9 @@ class _Latex(_Notation):
         return f"{name}\\left({self.arguments(function)}\\right)"
 
 
-_LATEX = _Latex()
-
-
 def to_latex(expression: ex.Expression, within: bool = False) -> str:
     """The formula in LaTeX, without delimiters."""
-    return _written(_LATEX, expression, within)
+    return _written(_in(_Latex, _DECIMALS.get()), expression, within)
 
 
 def _command(function: str) -> str:
@@ -421,7 +452,7 @@ class _Mathml(_Notation):
         """t/10 on one line, because a fraction in an exponent is too small to read."""
         term, *further = signed_terms(tree, within=True)
         simple = all(isinstance(part, ex.Symbol | ex.Velocity) for part in (*term.numerators, *term.denominators))
-        number, divisor = term.numbers
+        number, divisor = term.numbers(self.decimals)
         if further or not simple or (divisor != "1") + len(term.denominators) != 1:
             return _written(self, tree, True)
         over, under = self.product(number, term.numerators), self.product(divisor, term.denominators)
@@ -457,12 +488,9 @@ class _Mathml(_Notation):
         return f"<mrow>{name}{_APPLY}<mo>(</mo>{arguments}<mo>)</mo></mrow>"
 
 
-_MATHML = _Mathml()
-
-
 def to_mathml(expression: ex.Expression) -> str:
     """A complete <math> element; all text in it is escaped."""
-    return f'<math xmlns="{_NAMESPACE}">{_written(_MATHML, expression, False)}</math>'
+    return f'<math xmlns="{_NAMESPACE}">{_written(_in(_Mathml, _DECIMALS.get()), expression, False)}</math>'
 
 
 def _identifier(word: str) -> str:

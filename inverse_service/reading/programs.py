@@ -66,8 +66,8 @@ def _without_label_of_equality(tokens: Tokens) -> Tokens:
     """The tokens without the eqn = of eqn = diff(x, t, 2) == -x, and without the a, b = of a, b = Eq(...), Eq(...)."""
     found: Tokens = []
     first = next((place for place, token in enumerate(tokens) if token.is_operator("=")), 0)
-    labels, rest = tk.split_at(",", tokens[:first]), tk.split_at(",", tokens[first + 1 :])
-    if len(labels) > 1 and len(labels) == len(rest) and all(_is_equation_call(part) for part in rest):
+    labels, calls = tk.split_at(",", tokens[:first]), tk.split_at(",", tokens[first + 1 :])
+    if len(labels) > 1 and len(labels) == len(calls) and all(map(_is_equation_call, calls)):
         tk.note(f"{tk.source(tokens[:first])} =")
         return tokens[first + 1 :]
     for line, end in tk.split(tokens, lambda _, token: token.is_operator(";", ",")):

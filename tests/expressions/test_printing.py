@@ -154,12 +154,12 @@ TABLE = [
     (ex.Power(ex.number(2), ex.Symbol("x")), "2^x", "2^{x}"),
     (ex.multiply(ex.number(3), ex.Power(ex.number(2), ex.Symbol("x"))), "3*2^x", r"3 \cdot 2^{x}"),
     # The reader parses |u| as sqrt(u^2); formulas for people show it as written.
-    (ex.power(ex.power(ex.Symbol("x"), 2), Fraction(1, 2)), "sqrt(x^2)", r"\left|x\right|"),
+    (ex.power(ex.power(ex.Symbol("x"), 2), Fraction(1, 2)), "abs(x)", r"\left|x\right|"),
     (
         ex.power(
             ex.power(ex.add(ex.Symbol("x"), ex.power(ex.power(ex.Symbol("y"), 2), Fraction(1, 2))), 2), Fraction(1, 2)
         ),
-        "sqrt((x + sqrt(y^2))^2)",
+        "abs(x + abs(y))",
         r"\left|x + \left|y\right|\right|",
     ),
     # A decimal number if the fraction is much longer.
@@ -217,3 +217,21 @@ def test_the_order_of_a_set_of_trees_is_the_same_in_all_processes() -> None:
     seeds = ({**os.environ, "PYTHONHASHSEED": seed} for seed in "123")
     found = {subprocess.check_output([sys.executable, "-c", program], env=seed) for seed in seeds}
     assert len(found) == 1
+
+
+@pytest.mark.parametrize(
+    ("value", "text", "latex"),
+    [
+        ("9.81*x", "9.81*x", "9.81 x"),
+        ("9.81*x^2/2", "9.81*x^2/2", r"\frac{9.81 x^{2}}{2}"),
+        ("2*9.81*x", "19.62*x", "19.62 x"),
+        ("x/2 + 9.81/(3*y)", "x/2 + 9.81/(3*y)", r"\frac{x}{2} + \frac{9.81}{3 y}"),
+        ("981*x/1000", "981*x/1000", r"\frac{981 x}{1000}"),
+    ],
+)
+def test_a_decimal_number_is_printed_as_it_was_typed(value: str, text: str, latex: str) -> None:
+    tree = reader.read_formula(value, Names(("x", "y")))
+    with printing.with_decimals(frozenset([Fraction("9.81")])):
+        assert (printing.to_text(tree), printing.to_latex(tree)) == (text, latex)
+        assert reader.read_formula(printing.to_text(tree), Names(("x", "y"))) == tree
+    assert "." not in printing.to_text(tree)

@@ -15,6 +15,7 @@ import unicodedata
 from collections import defaultdict
 from collections.abc import Callable, Container, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -60,6 +61,8 @@ _LATEX_WORD = re.compile(r"(_\{?)?(\\?[A-Za-z]+)")
 KEYS = frozenset(("time", "id", "options", "metadata", "search", "catalogue", "format")).union(
     *(one.model_fields for one in (SystemDocument, NonholonomicDocument, MotionDocument))
 )
+_DECIMAL = re.compile(r"(?<![\w.])\d{1,12}\.\d{1,12}(?![\w.])")
+MOST_TEXTS = 200
 _STRUCTURE = frozenset(("text", "latex"))
 # A letter with its derivatives and the digit above it: \ddot{q}^1, q\u0307\u00b9, x^{1}''
 _HIGH = "\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"
@@ -146,6 +149,17 @@ class Prepared:
         texts = (error.detail, error.plain, *error.instead)
         detail, plain, *instead = (_in_plain_text(text, names, pad=False) for text in texts)
         return error.said(detail, plain, error.pointer, tuple(instead))
+
+
+def typed_decimals(document: Any) -> frozenset[Fraction]:
+    """The decimal numbers in the formulas and values of a document, but for 0.5, 0.25, and 0.75."""
+    if not isinstance(document, Mapping):
+        return frozenset()
+    values = document.get("parameters")
+    numbers = [str(value) for value in values.values()] if isinstance(values, Mapping) else []
+    texts = [*_texts([document[key] for key in FORMULAS if key in document]), *numbers]
+    found = (Fraction(number) for text in texts[:MOST_TEXTS] for number in _DECIMAL.findall(text))
+    return frozenset(number for number in found if number > 1 or number.denominator > 4)
 
 
 def prepared(document: Any) -> Prepared:

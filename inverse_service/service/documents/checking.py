@@ -18,7 +18,7 @@ from inverse_service.certificate.kinds import KINDS, named
 from inverse_service.deadline import now
 from inverse_service.decision import certify
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions import refusals
+from inverse_service.expressions import printing, refusals
 from inverse_service.expressions.printing import to_latex
 from inverse_service.field import real_branch
 from inverse_service.mechanics import second_order_system
@@ -111,7 +111,8 @@ def check_plain(result: object, document: object = None) -> dict[str, Any]:
         return _answer(checker.CheckResult("invalid", (_NO_RESULT,)))
     examination = Examination(as_object(result), document, end)
     try:
-        with refusals.longer_texts(LONGER):
+        typed = accepting.typed_decimals(system.get("given"))
+        with refusals.longer_texts(LONGER), printing.with_decimals(typed):
             examination.examine()
     except LimitError as error:  # what we print may be longer than what we read
         examination.unsettled(f"A formula is too long to be read again: {error.detail}")

@@ -20,6 +20,7 @@ from inverse_service import errors
 from inverse_service.deadline import now, whole
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import SolveOptions
+from inverse_service.expressions import printing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
 from inverse_service.service.documents import accepting, answers, comparison, derived, growing, stated, translate
@@ -50,6 +51,11 @@ def solve_document(document: Any, options: SolveOptions, progress: Progress | No
 
     Where the mathematics fails on it the answer is undetermined and says why; `provenance.fault` names the error.
     """
+    with printing.with_decimals(accepting.typed_decimals(document)):
+        return _solved(document, options, progress)
+
+
+def _solved(document: Any, options: SolveOptions, progress: Progress | None) -> dict[str, Any]:
     try:
         ready = accepting.prepared(document)
         grow = growing.Growing(progress, lambda found: _finished(ready.outward(found), document))
@@ -84,7 +90,8 @@ def _undetermined(document: Any, error: Exception, options: SolveOptions) -> dic
 def parse_document(document: Any) -> dict[str, Any]:
     """The interpretation of a document; raises InputError."""
     ready = accepting.prepared(document)
-    return _in_own_words(ready, lambda cases: cases.parse(cases.look(ready.document)).model_dump(mode="json"))
+    with printing.with_decimals(accepting.typed_decimals(document)):
+        return _in_own_words(ready, lambda cases: cases.parse(cases.look(ready.document)).model_dump(mode="json"))
 
 
 def understand_document(document: Any) -> dict[str, Any]:
@@ -95,7 +102,8 @@ def understand_document(document: Any) -> dict[str, Any]:
         schema = cases.look(ready.document)
         return translate.to_understood(cases.system(schema), schema).model_dump(mode="json")
 
-    return {**_in_own_words(ready, understood), "given": translate.plain(document)}
+    with printing.with_decimals(accepting.typed_decimals(document)):
+        return {**_in_own_words(ready, understood), "given": translate.plain(document)}
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
