@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -18,6 +19,7 @@ import pytest
 from inverse_service.service.jobs import tasks, workers as workers_module
 from inverse_service.service.jobs.tasks import Call, Outcome, outcome_of_exit
 from inverse_service.service.jobs.workers import MOST_CROWDED, Workers, run_alone
+from tests.serving import until
 
 MEMORY = 2048
 
@@ -207,6 +209,41 @@ def test_without_a_process_a_task_is_not_started_and_later_ones_are(monkeypatch:
         assert run(pool, tasks.load_engine, (), 30.0).status == "unstarted"
     assert run(pool, tasks.load_engine, (), 30.0).status == "done"
     pool.stop()
+
+
+def test_a_process_that_has_ended_is_told_and_left_to_who_waits_for_it() -> None:
+    with subprocess.Popen([sys.executable, "-S", "-c", "input()"], stdin=subprocess.PIPE) as process:
+        assert not workers_module.has_ended(process.pid)
+        assert process.stdin is not None
+        process.stdin.close()
+        until(lambda: workers_module.has_ended(process.pid))
+        assert process.wait() == 1
+    assert workers_module.has_ended(process.pid)
+
+
+KILLED_SERVER = """
+import os, signal, time
+from inverse_service.service.jobs import tasks, workers
+if __name__ == "__main__":
+    pool = workers.Workers(1, 4096)
+    pool.start()
+    assert pool.submit(tasks.Call(tasks.load_engine, (), 60.0)).outcome.result().status == "done"
+    running = pool.submit(tasks.Call(time.sleep, (60.0,), 90.0))
+    while not running.has_begun: time.sleep(0.01)
+    time.sleep(0.2)
+    os.kill(workers.forking_server(), signal.SIGKILL)
+    print(running.outcome.result().status)
+    print(pool.submit(tasks.Call(tasks.load_engine, (), 60.0)).outcome.result().status)
+    pool.stop()
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere no death of a server reaches its workers")
+def test_a_job_does_not_answer_for_the_death_of_the_server_that_forks(tmp_path: Path) -> None:
+    (tmp_path / "killed.py").write_text(KILLED_SERVER)
+    done = subprocess.run([sys.executable, tmp_path / "killed.py"], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["unstarted", "done"]
 
 
 def test_stopped_workers_refuse() -> None:

@@ -24,6 +24,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import IO, Any
 
+from pydantic import ValidationError
+
+from api_schemas.system import SystemDocument
 from inverse_service.errors import InputError, LimitError
 from inverse_service.service.documents import answers, plain_data
 from inverse_service.service.jobs import locks, model, opening, statements, stores, tasks, workers
@@ -193,10 +196,19 @@ def batch_line(line: Line, terms: tasks.Terms) -> statements.BatchLine:
         document, given = model.split_options(line.document)
         limit = (terms.time_limit if given is None else None) or terms.server.time_limit
         options = model.read_options(given, replace(terms.server, time_limit=limit))
-        request = tasks.request_of(terms.kind, document, options, terms.client, model.BULK, terms.fresh)
+        look = _plain_first if terms.kind == "solve" else None
+        request = tasks.request_of(terms.kind, document, options, terms.client, model.BULK, terms.fresh, look)
     except InputError as error:
         return statements.BatchLine(line.number, identifier, problem=answers.as_bytes(answers.of_input_error(error)))
     return statements.BatchLine(line.number, identifier, request)
+
+
+def _plain_first(document: Any) -> None:
+    """Refuse what has not the shape of a document; one that has the form of the schema is not looked at further."""
+    try:
+        SystemDocument.model_validate(document)
+    except ValidationError:
+        tasks.KINDS["solve"].look(document)
 
 
 def answer_line(answer: statements.BatchAnswer, digest: str = "", duplicate_of: int | None = None) -> bytes:

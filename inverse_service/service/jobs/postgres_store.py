@@ -60,6 +60,7 @@ class PostgresStore(stores.JobStore):
     """See `stores.JobStore`. Raises InputError where the database cannot be used, StoreUnavailable later."""
 
     exclusive = False
+    step = 1_000
 
     def __init__(self, address: str) -> None:
         super().__init__()

@@ -55,6 +55,16 @@ created = excluded.created, started = NULL, finished = NULL, attempt = jobs.atte
 owner = NULL
 WHERE jobs.{finished} AND (jobs.status = 'dismissed' OR ? OR jobs.expires <= moment())
 
+-- name: accept_table
+INSERT INTO jobs (id, kind, document, options, status, client, priority, created)
+SELECT id, kind, document, options, 'accepted', client, priority, moment() FROM unnest(
+    CAST(? AS text[]), CAST(? AS text[]), CAST(? AS text[]), CAST(? AS text[]), CAST(? AS text[]), CAST(? AS integer[])
+) AS asked (id, kind, document, options, client, priority)
+ON CONFLICT (id) DO UPDATE SET status = 'accepted', client = excluded.client, priority = excluded.priority,
+created = excluded.created, started = NULL, finished = NULL, attempt = jobs.attempt + 1, crashes = 0, restarts = 0,
+owner = NULL
+WHERE jobs.{finished} AND (jobs.status = 'dismissed' OR jobs.id AMONG (?) OR jobs.expires <= moment())
+
 -- name: begin
 -- A new question begins as it is stored where none waits and the operator lets it.
 INSERT INTO jobs (id, kind, document, options, status, client, priority, created, started, heartbeat, attempt, owner)
@@ -208,6 +218,11 @@ UPDATE batches SET total = ? WHERE id = ?
 
 -- name: add_line
 INSERT INTO lines VALUES (?, ?, ?, ?, ?, NULL, 0) ON CONFLICT DO NOTHING
+
+-- name: add_line_table
+INSERT INTO lines SELECT *, NULL, 0 FROM unnest(
+    CAST(? AS text[]), CAST(? AS integer[]), CAST(? AS text[]), CAST(? AS text[]), CAST(? AS bytea[])
+) ON CONFLICT DO NOTHING
 
 -- name: answered
 (job IS NULL OR EXISTS (SELECT 1 FROM jobs WHERE jobs.id = lines.job AND jobs.{finished}))

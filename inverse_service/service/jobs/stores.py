@@ -70,6 +70,8 @@ class JobStore(ABC):
 
     # Whether one process alone has the store; else claims are looked for by polling.
     exclusive: ClassVar[bool]
+    # Lines of a batch that are stored in one transaction; others write between two of them.
+    step: ClassVar[int] = statements.STEP
     # Where `stored_answer` reads the same store from another process.
     address: str
 
@@ -158,8 +160,8 @@ class JobStore(ABC):
         self._read(lambda s: statements.refuse_without_room(s, asked, bounds))
         self.begin_batch(id, kind, client)
         try:
-            for place in range(0, len(lines), statements.STEP):
-                self.add_lines(id, lines[place : place + statements.STEP], bounds)
+            for place in range(0, len(lines), self.step):
+                self.add_lines(id, lines[place : place + self.step], bounds)
         except model.TooManyJobs:  # others were faster
             self.dismiss_batch(id)
             self.write_change(lambda s: statements.forget_batch(s, id))

@@ -64,6 +64,8 @@ IDLE_LOOK = 1.0
 # The first task of all shows that the engine can be loaded, s.
 PING_DEADLINE = 60.0
 FIRST = -1
+# The exit code that multiprocessing gives where the server that forks is not there to tell.
+UNTOLD = 255
 
 
 class NotStarted(Exception):
@@ -83,6 +85,7 @@ class WorkerProcess:
             self._process = context.Process(target=serve, args=(sender, memory_limit, is_alone), daemon=True)
             self._process.start()
         sender.close()
+        self._server = None if is_alone else forking_server()
         self.pid, self.tasks = int(self._process.pid or 0), 0
         # What it says before it takes a task: the seconds of processor that it used, and waited for one, until then.
         self._ready: tuple[float, float] | None = None
@@ -137,6 +140,8 @@ class WorkerProcess:
                 said, outcome, ready = self._connection.recv()
             except (OSError, EOFError):
                 self._process.join(5)
+                if self._process.exitcode == UNTOLD and self._server is not None and has_ended(self._server):
+                    return Outcome("unstarted", detail="the server that forks the workers died, and they with it")
                 return outcome_of_exit(self._process.exitcode)
             if report is not None:
                 for value in said:
@@ -145,6 +150,20 @@ class WorkerProcess:
                 found: Outcome = outcome
                 self._ready = ready
                 return found
+
+
+def forking_server() -> int | None:
+    """The process that forks the workers; it alone knows how they end."""
+    found: int | None = getattr(getattr(multiprocessing.forkserver, "_forkserver", None), "_forkserver_pid", None)
+    return found
+
+
+def has_ended(pid: int) -> bool:
+    """Whether this child of ours has ended; it is not taken away from whoever waits for it."""
+    try:
+        return os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
+    except ChildProcessError:
+        return True
 
 
 def process_context() -> Any:
