@@ -248,7 +248,7 @@ class Engine:
         """A job as this viewer may see it, with an answer that is not large; None also for another client's."""
         return viewer.seen(await self.read(self.store.job, id, PART, viewer.name))
 
-    async def batch(self, id: str, viewer: model.Viewer) -> statements.Batch | None:
+    async def batch(self, id: str, viewer: model.Viewer) -> model.Batch | None:
         """A batch as this viewer may see it; None also for another client's."""
         return viewer.seen(await self.read(self.store.batch, id))
 
@@ -353,14 +353,12 @@ class Engine:
             self.supervisor.cancel(id)
         return job
 
-    def create_batch(
-        self, kind: str, viewer: model.Viewer, lines: Sequence[statements.BatchLine], key: str
-    ) -> statements.Batch:
+    def create_batch(self, kind: str, viewer: model.Viewer, lines: Sequence[model.BatchLine], key: str) -> model.Batch:
         """The stored batch of these lines; one with cancelled lines is left as it is and a new one made. Blocks."""
         client = viewer.name
         lines = [replace(line, request=line.request and viewer.own(line.request)) for line in lines]
         self._claim_key(client, key, statements.batch_id(kind, client, lines, key, 0) if key else "")
-        latest: statements.Batch | None = None
+        latest: model.Batch | None = None
         for generation in itertools.count():
             id = statements.batch_id(kind, client, lines, key, generation)
             found = self.store.batch(id)
@@ -373,7 +371,7 @@ class Engine:
 
     async def ask_batch(
         self, body: bytes, is_array: bool, terms: tasks.Terms, viewer: model.Viewer, key: str = ""
-    ) -> statements.Batch:
+    ) -> model.Batch:
         """The stored batch of a body; too many lines are refused with 413."""
         try:
             lines = await self.read_body(terms.client, batch_task, body, is_array, terms, seconds=LONG_DEADLINE)

@@ -13,7 +13,7 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
 from inverse_service.service.documents import answers
-from inverse_service.service.jobs import batch, model, opening, statements
+from inverse_service.service.jobs import batch, model, opening
 from inverse_service.web import asking, clients, middleware, problems
 from inverse_service.web.engine import PART, Engine
 
@@ -59,7 +59,7 @@ async def parts_of(engine: Engine, id: str, offset: int, size: int) -> AsyncIter
         yield part
 
 
-async def lines_of(engine: Engine, answers: list[statements.BatchAnswer]) -> AsyncIterator[bytes]:
+async def lines_of(engine: Engine, answers: list[model.BatchAnswer]) -> AsyncIterator[bytes]:
     """The lines of answers of a batch: small ones together, each large one in parts."""
     together: list[bytes] = []
     for answer in answers:
@@ -178,7 +178,7 @@ def progress_of(job: model.Job, engine: Engine) -> Mapping[str, Any] | None:
     return events[-1].data if events else None
 
 
-def batch_fields(batch: statements.Batch) -> dict[str, Any]:
+def batch_fields(batch: model.Batch) -> dict[str, Any]:
     """The Batch document."""
     place = f"/v1/batches/{batch.id}"
     fields = ("id", "status", "total", "counts", "kind", "created")

@@ -22,7 +22,7 @@ from api_schemas.job import AtlasEntry, AtlasLine, AtlasList, Batch as BatchDocu
 from inverse_service import __version__, catalogue, errors
 from inverse_service.expressions.refusals import LIMITS
 from inverse_service.service.documents import alike
-from inverse_service.service.jobs import model, monitoring, statements, supervisor, tasks, workers
+from inverse_service.service.jobs import model, monitoring, supervisor, tasks, workers
 from inverse_service.service.jobs.batch import MAX_LINE_BYTES
 from inverse_service.web import asking, clients, job_answers, middleware, openapi, problems
 from inverse_service.web.engine import KEEP_ALIVE, Engine, key_of
@@ -303,7 +303,7 @@ async def as_array(parts: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
     yield b"]\n"
 
 
-async def answers_of(engine: Engine, batch: statements.Batch) -> AsyncIterator[bytes]:
+async def answers_of(engine: Engine, batch: model.Batch) -> AsyncIterator[bytes]:
     sent, after, looked, pause = 0, 0, time.monotonic(), 0.0
 
     async def look() -> asking.Found:
@@ -325,7 +325,7 @@ async def answers_of(engine: Engine, batch: statements.Batch) -> AsyncIterator[b
         raise middleware.StreamCut
 
 
-async def _known_batch(request: Request, id: str) -> statements.Batch:
+async def _known_batch(request: Request, id: str) -> model.Batch:
     found = await engine_of(request).batch(id, clients.viewer_of(request))
     return problems.known(found, "batch of this id; it may have been forgotten.")
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from inverse_service.service.jobs.model import JobOptions
-from inverse_service.service.jobs.statements import BatchLine, batch_id
+from inverse_service.service.jobs.model import BatchLine, JobOptions
+from inverse_service.service.jobs.statements import batch_id
 from inverse_service.service.jobs.stores import SqliteStore
 from inverse_service.service.jobs.tasks import Usage, request_of
 from inverse_service.service.scenes.simulating import simulate

@@ -17,8 +17,7 @@ from pathlib import Path
 
 from benchmarks.measured import conditions, put
 from benchmarks.tables import table
-from inverse_service.service.jobs.model import BULK, JobRequest
-from inverse_service.service.jobs.statements import BatchLine
+from inverse_service.service.jobs.model import BULK, BatchLine, JobRequest
 from inverse_service.service.jobs.stores import JobStore, SqliteStore
 from inverse_service.service.jobs.tasks import Usage
 from tests.store.server import programs, server

@@ -7,8 +7,7 @@ import sys
 import threading
 from pathlib import Path
 
-from inverse_service.service.jobs.model import JobRequest
-from inverse_service.service.jobs.statements import BatchLine
+from inverse_service.service.jobs.model import BatchLine, JobRequest
 from inverse_service.service.jobs.stores import SqliteStore
 from inverse_service.service.jobs.tasks import Usage
 

@@ -16,8 +16,7 @@ import psycopg
 import pytest
 
 from inverse_service.service.jobs import postgres_store, stores as sqlite_store
-from inverse_service.service.jobs.model import Bounds, Event, JobRequest
-from inverse_service.service.jobs.statements import BatchLine
+from inverse_service.service.jobs.model import BatchLine, Bounds, Event, JobRequest
 from inverse_service.service.jobs.stores import JobStore
 from inverse_service.service.jobs.tasks import Usage
 

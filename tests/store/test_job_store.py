@@ -14,9 +14,8 @@ from typing import Any
 import pytest
 
 from inverse_service.errors import LimitError
-from inverse_service.service.jobs.model import Bounds, Event, JobRequest, TooManyJobs
+from inverse_service.service.jobs.model import BatchLine, Bounds, Event, JobRequest, TooManyJobs
 from inverse_service.service.jobs.opening import stored_answer
-from inverse_service.service.jobs.statements import BatchLine
 from inverse_service.service.jobs.stores import JobStore
 from inverse_service.service.jobs.tasks import Usage
 from tests.values import present

@@ -8,8 +8,7 @@ from collections.abc import Callable
 
 import pytest
 
-from inverse_service.service.jobs.model import Bounds, JobRequest, TooManyJobs
-from inverse_service.service.jobs.statements import BatchLine
+from inverse_service.service.jobs.model import BatchLine, Bounds, JobRequest, TooManyJobs
 from inverse_service.service.jobs.stores import JobStore
 from tests.values import present
 
@@ -45,6 +44,7 @@ def test_nothing_stays_of_a_batch_that_runs_out_of_room(store: JobStore, monkeyp
     store.submit([JobRequest(f"bob {k}", "solve", "{}", client="bob") for k in range(100)])
     # Others were faster: a job that was free at the first look is taken.
     monkeypatch.setattr("inverse_service.service.jobs.statements.refuse_without_room", lambda *_: None)
+    monkeypatch.setattr(type(store), "step", 200)
     with pytest.raises(TooManyJobs):
         store.create_batch("batch", "solve", "alice", LINES[:1_000], Bounds(total=1_000))
     assert (store.batch("batch"), store.batch_answers("batch")) == (None, [])
@@ -63,6 +63,7 @@ def test_an_interrupted_batch_is_hidden_and_resumes_when_sent_again(
         add(*arguments, **named)  # type: ignore[arg-type]
 
     monkeypatch.setattr(JobStore, "add_lines", dies)
+    monkeypatch.setattr(type(store), "step", 200)
     with pytest.raises(OSError, match="killed"):
         store.create_batch("batch", "solve", "alice", LINES[:1_000])
     assert store.batch("batch") is None

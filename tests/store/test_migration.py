@@ -12,9 +12,9 @@ import pytest
 
 from inverse_service.errors import InputError
 from inverse_service.service.jobs import stores
-from inverse_service.service.jobs.model import JobRequest, WrongVersion
+from inverse_service.service.jobs.model import BatchLine, JobRequest, WrongVersion
 from inverse_service.service.jobs.opening import open_store
-from inverse_service.service.jobs.statements import VERSION, BatchLine
+from inverse_service.service.jobs.statements import VERSION
 from inverse_service.service.jobs.stores import JobStore, SqliteStore
 from inverse_service.service.jobs.tasks import Usage
 from tests.values import present

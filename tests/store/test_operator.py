@@ -6,8 +6,7 @@ import time
 
 import pytest
 
-from inverse_service.service.jobs.model import BULK, Bounds, JobRequest, TooManyJobs
-from inverse_service.service.jobs.statements import BatchLine
+from inverse_service.service.jobs.model import BULK, BatchLine, Bounds, JobRequest, TooManyJobs
 from inverse_service.service.jobs.stores import JobStore
 from inverse_service.service.jobs.tasks import Usage
 from tests.store.test_job_store import Stores, ids, request

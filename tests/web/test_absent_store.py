@@ -13,8 +13,7 @@ from typing import Any
 import httpx
 import pytest
 
-from inverse_service.service.jobs.model import Change, Event, Job, StoreUnavailable
-from inverse_service.service.jobs.statements import Batch, BatchAnswer
+from inverse_service.service.jobs.model import Batch, BatchAnswer, Change, Event, Job, StoreUnavailable
 from inverse_service.settings import Settings
 from inverse_service.web import engine as engine_module
 from inverse_service.web.application import create_application

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from inverse_service.service.jobs.statements import Batch, BatchAnswer
+from inverse_service.service.jobs.model import Batch, BatchAnswer
 from inverse_service.settings import Settings
 from inverse_service.web import routes
 from inverse_service.web.asking import Hub

@@ -11,9 +11,8 @@ from typing import Any
 import pytest
 
 from inverse_service.service.jobs.batch import answer_line
-from inverse_service.service.jobs.model import JobOptions, StoreUnavailable
+from inverse_service.service.jobs.model import BatchLine, JobOptions, StoreUnavailable
 from inverse_service.service.jobs.opening import stored_answer
-from inverse_service.service.jobs.statements import BatchLine
 from inverse_service.service.jobs.stores import SqliteStore
 from inverse_service.service.jobs.tasks import Usage, request_of
 from inverse_service.settings import Settings

@@ -170,14 +170,14 @@ def lines_of_array(values: Any) -> Iterator[Line]:
     return (marked(line_of(number, value), first_with) for number, value in enumerate(values, 1))
 
 
-def batch_task(body: bytes, is_array: bool, terms: tasks.Terms) -> list[statements.BatchLine]:
+def batch_task(body: bytes, is_array: bool, terms: tasks.Terms) -> list[model.BatchLine]:
     """A body with a batch to its lines."""
     return batch_lines(lines_of_array(tasks.read_body(body)) if is_array else read_lines(io.BytesIO(body)), terms)
 
 
-def batch_lines(lines: Iterable[Line], terms: tasks.Terms) -> list[statements.BatchLine]:
+def batch_lines(lines: Iterable[Line], terms: tasks.Terms) -> list[model.BatchLine]:
     """The lines as the store takes them. Raises LimitError for too many, InputError for none."""
-    found: list[statements.BatchLine] = []
+    found: list[model.BatchLine] = []
     for line in lines:
         if len(found) >= terms.most:
             raise LimitError(f"The batch has more than {terms.most} lines; send it in parts.")
@@ -187,7 +187,7 @@ def batch_lines(lines: Iterable[Line], terms: tasks.Terms) -> list[statements.Ba
     return found
 
 
-def batch_line(line: Line, terms: tasks.Terms) -> statements.BatchLine:
+def batch_line(line: Line, terms: tasks.Terms) -> model.BatchLine:
     """A line as its question, or as the problem document of one that is none."""
     identifier = json.dumps(line.identifier)
     try:
@@ -199,8 +199,8 @@ def batch_line(line: Line, terms: tasks.Terms) -> statements.BatchLine:
         look = _plain_first if terms.kind == "solve" else None
         request = tasks.request_of(terms.kind, document, options, terms.client, model.BULK, terms.fresh, look)
     except InputError as error:
-        return statements.BatchLine(line.number, identifier, problem=answers.as_bytes(answers.of_input_error(error)))
-    return statements.BatchLine(line.number, identifier, request)
+        return model.BatchLine(line.number, identifier, problem=answers.as_bytes(answers.of_input_error(error)))
+    return model.BatchLine(line.number, identifier, request)
 
 
 def _plain_first(document: Any) -> None:
@@ -211,7 +211,7 @@ def _plain_first(document: Any) -> None:
         tasks.KINDS["solve"].look(document)
 
 
-def answer_line(answer: statements.BatchAnswer, digest: str = "", duplicate_of: int | None = None) -> bytes:
+def answer_line(answer: model.BatchAnswer, digest: str = "", duplicate_of: int | None = None) -> bytes:
     """JSON with the `id` and the number of the line in front, and a line feed at the end.
 
     A problem document names its line; `error` holds it once more for who looks for that key.
@@ -228,13 +228,13 @@ def answer_line(answer: statements.BatchAnswer, digest: str = "", duplicate_of: 
     return answers.as_bytes(line | told | {"error": told}) + b"\n"
 
 
-def line_head(answer: statements.BatchAnswer, digest: str = "") -> bytes:
+def line_head(answer: model.BatchAnswer, digest: str = "") -> bytes:
     """What stands before the result in its line: the result follows without its first bracket, after a comma."""
     shown = f', "digest": "{digest}"' if digest else ""
     return f'{{"id": {answer.identifier}, "line": {answer.number}{shown}'.encode()
 
 
-def _problem(answer: statements.BatchAnswer) -> dict[str, Any]:
+def _problem(answer: model.BatchAnswer) -> dict[str, Any]:
     if answer.body is None:
         return answers.problem_document(410, "dismissed", "The job of this line was dismissed.")
     found: dict[str, Any] = json.loads(answer.body)

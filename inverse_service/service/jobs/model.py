@@ -17,13 +17,10 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from decimal import Decimal
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeVar
+from typing import Any, Final, Literal, NamedTuple, TypeVar
 
 from inverse_service import __version__, errors
 from inverse_service.service.documents import plain_data
-
-if TYPE_CHECKING:
-    from inverse_service.service.jobs.statements import Batch
 
 JobStatus = Literal["accepted", "running", "successful", "failed", "dismissed"]
 STATUSES: Final[tuple[JobStatus, ...]] = ("accepted", "running", "successful", "failed", "dismissed")
@@ -152,7 +149,56 @@ class ClientUse:
     cpu: float
 
 
-Owned = TypeVar("Owned", "Job", "Batch")
+@dataclass(frozen=True, slots=True)
+class BatchLine:
+    """One line of a batch: a question, or the problem document (JSON) of a line that is none.
+
+    `identifier` is the JSON of the line's own id.
+    """
+
+    number: int
+    identifier: str
+    request: JobRequest | None = None
+    problem: bytes | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """A stored batch with the number of its lines in each status; a bad line counts as failed."""
+
+    id: str
+    kind: str
+    client: str
+    created: float
+    total: int
+    counts: Mapping[JobStatus, int]
+
+    @property
+    def status(self) -> JobStatus:
+        """accepted before anything is done, successful when every line has its answer."""
+        unfinished = self.counts.get("accepted", 0) + self.counts.get("running", 0)
+        if unfinished == 0:
+            return "successful"
+        return "accepted" if unfinished == self.counts.get("accepted", 0) == self.total else "running"
+
+
+@dataclass(frozen=True, slots=True)
+class BatchAnswer:
+    """The answer to one line; `order` grows in the order in which answers came.
+
+    `size` is that of the body in the store, which is None here where more was not asked for; `job` has it.
+    """
+
+    number: int
+    identifier: str
+    status: JobStatus
+    body: bytes | None
+    order: int = 0
+    job: str = ""
+    size: int = 0
+
+
+Owned = TypeVar("Owned", Job, Batch)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """What a store does inside a transaction, the same for each database.
 
 The SQL is in `schema.sql` (tables, and how those of older versions become these) and `statements.sql`, by name. Then
-batches: their data, their identity, and what a store does with them and their lines.
+batches: their identity, and what a store does with them and their lines.
 """
 
 import functools
@@ -453,56 +453,7 @@ def number_lines(session: Session, where: str, arguments: tuple[Any, ...]) -> No
         session.run("number_lines", before, *arguments, batch, batch, where=where)
 
 
-@dataclass(frozen=True, slots=True)
-class BatchLine:
-    """One line of a batch: a question, or the problem document (JSON) of a line that is none.
-
-    `identifier` is the JSON of the line's own id.
-    """
-
-    number: int
-    identifier: str
-    request: model.JobRequest | None = None
-    problem: bytes | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Batch:
-    """A stored batch with the number of its lines in each status; a bad line counts as failed."""
-
-    id: str
-    kind: str
-    client: str
-    created: float
-    total: int
-    counts: Mapping[model.JobStatus, int]
-
-    @property
-    def status(self) -> model.JobStatus:
-        """accepted before anything is done, successful when every line has its answer."""
-        unfinished = self.counts.get("accepted", 0) + self.counts.get("running", 0)
-        if unfinished == 0:
-            return "successful"
-        return "accepted" if unfinished == self.counts.get("accepted", 0) == self.total else "running"
-
-
-@dataclass(frozen=True, slots=True)
-class BatchAnswer:
-    """The answer to one line; `order` grows in the order in which answers came.
-
-    `size` is that of the body in the store, which is None here where more was not asked for; `job` has it.
-    """
-
-    number: int
-    identifier: str
-    status: model.JobStatus
-    body: bytes | None
-    order: int = 0
-    job: str = ""
-    size: int = 0
-
-
-def batch_id(kind: str, client: str, lines: Sequence[BatchLine], key: str, generation: int) -> str:
+def batch_id(kind: str, client: str, lines: Sequence[model.BatchLine], key: str, generation: int) -> str:
     """The id of a client's batch, so that one that is sent again after a lost answer is not stored twice.
 
     `key` tells batches of the same lines apart; `generation` counts those with cancelled lines before it.
@@ -514,18 +465,18 @@ def batch_id(kind: str, client: str, lines: Sequence[BatchLine], key: str, gener
     return digest.hexdigest()[: model.DIGITS]
 
 
-def read_batch(session: Session, id: str) -> Batch | None:
+def read_batch(session: Session, id: str) -> model.Batch | None:
     """A batch with its counts by status."""
     row = session.first("read_batch", id)
     if row is None or row["total"] == INCOMPLETE:
         return None
     by_status = {found["status"]: found["lines"] for found in session.rows("count_lines", id)}
-    return Batch(id, row["kind"], row["client"], row["created"], row["total"], by_status)
+    return model.Batch(id, row["kind"], row["client"], row["created"], row["total"], by_status)
 
 
 def answers(
     session: Session, batch: str, after: int = 0, limit: int = 500, largest: int = model.NO_BOUND
-) -> list[BatchAnswer]:
+) -> list[model.BatchAnswer]:
     """Answers with `order` above `after`, in that order: what is done so far; bodies of at most `largest` bytes.
 
     They are of a bad line, of one that was cancelled, or of a job.
@@ -533,13 +484,13 @@ def answers(
     return [_answer_of(row) for row in session.rows("answers", largest, batch, after, limit)]
 
 
-def _answer_of(row: Any) -> BatchAnswer:
+def _answer_of(row: Any) -> model.BatchAnswer:
     if row["problem"] is not None:
-        return BatchAnswer(row["number"], row["identifier"], "failed", row["problem"], row["order_number"])
+        return model.BatchAnswer(row["number"], row["identifier"], "failed", row["problem"], row["order_number"])
     status: model.JobStatus = "dismissed" if row["dismissed"] else row["status"] or "dismissed"
     body = None if status == "dismissed" else row["body"]
     job, size = row["job"] or "", row["size"] or 0
-    return BatchAnswer(row["number"], row["identifier"], status, body, row["order_number"], job=job, size=size)
+    return model.BatchAnswer(row["number"], row["identifier"], status, body, row["order_number"], job=job, size=size)
 
 
 def repeated(session: Session, batch: str) -> int:
@@ -558,7 +509,7 @@ def claim_key(session: Session, client: str, key: str, digest: str) -> bool:
     return bool(session.first("key", client, key)["digest"] == digest)
 
 
-def add_lines(session: Session, id: str, lines: Sequence[BatchLine], bounds: model.Bounds) -> None:
+def add_lines(session: Session, id: str, lines: Sequence[model.BatchLine], bounds: model.Bounds) -> None:
     """Some lines and the jobs that are new; lines that are there already stay as they are."""
     _accept(session, [line.request for line in lines if line.request is not None], bounds, of_batch=True)
     session.told.append(model.Change("", "accepted"))
@@ -568,7 +519,7 @@ def add_lines(session: Session, id: str, lines: Sequence[BatchLine], bounds: mod
     number_lines(session, "batch = ? AND number BETWEEN ? AND ? AND {answered}", numbers)
 
 
-def complete_batch(session: Session, id: str, total: int) -> Batch:
+def complete_batch(session: Session, id: str, total: int) -> model.Batch:
     """The batch, all of whose lines are stored."""
     session.run("complete_batch", total, id)
     batch = read_batch(session, id)

@@ -146,9 +146,9 @@ class JobStore(ABC):
     batch_answers = _reading(statements.answers)
 
     def create_batch(
-        self, id: str, kind: str, client: str, lines: Sequence[statements.BatchLine],
+        self, id: str, kind: str, client: str, lines: Sequence[model.BatchLine],
         bounds: model.Bounds = statements.NO_BOUNDS,
-    ) -> statements.Batch:  # fmt: skip
+    ) -> model.Batch:  # fmt: skip
         """Store the batch and the jobs of its lines, all or nothing; one of this id stays as it is.
 
         In small transactions, between which others are served. One that a death of the service left incomplete is

@@ -15,7 +15,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service.reading import document_names
 from inverse_service.service.documents import answer_rows, sheets, stated
-from inverse_service.service.jobs import model, statements, tasks
+from inverse_service.service.jobs import model, tasks
 from inverse_service.service.jobs.batch import answer_line
 from inverse_service.service.scenes import views
 from inverse_service.web import asking, clients, job_answers, problems, routes
@@ -285,13 +285,13 @@ async def as_table(request: Request, identifier: str) -> Response:
     return Response(await routes.engine_of(request).in_thread(_csv, answers), media_type="text/csv")
 
 
-def _csv(answers: list[statements.BatchAnswer]) -> str:
+def _csv(answers: list[model.BatchAnswer]) -> str:
     heads = ("line", "name", "verdict", "lagrangian or reason", "checked", "where")
     rows = [row | {"line": row["number"], heads[3]: row["lagrangian"] or row["reason"]} for row in _rows(answers)]
     return csv_of([heads, *([row[head] for head in heads] for row in rows)])
 
 
-def _rows(answers: list[statements.BatchAnswer]) -> list[dict[str, Any]]:
+def _rows(answers: list[model.BatchAnswer]) -> list[dict[str, Any]]:
     return sorted(map(row_of, answers), key=itemgetter("number"))
 
 
@@ -323,14 +323,14 @@ async def line(request: Request, identifier: str, number: int) -> Response:
     return RedirectResponse(f"/results/{problems.known(lines.get(number), RESULT).job}", 303)
 
 
-async def _answers(request: Request, identifier: str, most: int = SHOWN_LINES + 1) -> list[statements.BatchAnswer]:
+async def _answers(request: Request, identifier: str, most: int = SHOWN_LINES + 1) -> list[model.BatchAnswer]:
     """The answers that are there now; the call under /v1 would wait for all."""
     engine, viewer = routes.engine_of(request), clients.viewer_of(request)
     problems.known(await engine.batch(identifier, viewer), RESULT)
     return await engine.in_thread(engine.store.batch_answers, identifier, 0, most, LARGEST_SHOWN)
 
 
-def row_of(answer: statements.BatchAnswer) -> dict[str, Any]:
+def row_of(answer: model.BatchAnswer) -> dict[str, Any]:
     """An answer as a line of the table: a `word` in the color of `shade`, and L or a `reason`.
 
     `verdict` is that of the result, or "failed"; a large answer is not read for it.

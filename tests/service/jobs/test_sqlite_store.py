@@ -12,8 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from inverse_service.service.jobs.model import DatabaseTaken, Job, JobRequest
-from inverse_service.service.jobs.statements import BatchLine
+from inverse_service.service.jobs.model import BatchLine, DatabaseTaken, Job, JobRequest
 from inverse_service.service.jobs.stores import SqliteStore
 from inverse_service.service.jobs.tasks import Usage
 
