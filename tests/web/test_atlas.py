@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 
 import httpx
@@ -74,3 +75,53 @@ def test_pages_have_marks_descriptions_and_what_browsers_ask_for(service: str) -
         for ending in ("png", "svg"):
             picture = client.get(f"/results/{place}/picture.{ending}")
             assert picture.headers["content-type"].startswith("image/")
+
+
+def answer_of(client: httpx.Client, name: str) -> str:
+    """The part of an entry's page with its answer, whatever time it takes."""
+    for _ in range(20):
+        answer = client.get(f"/atlas/{name}/answer")
+        if answer.status_code != 503:
+            break
+    assert answer.status_code == 200
+    return html.unescape(answer.text)
+
+
+def test_an_entry_shows_the_answer_of_this_program_with_its_proof_and_picture(service: str) -> None:
+    with httpx.Client(base_url=service, timeout=60) as client:
+        part = answer_of(client, "sho")
+        for text in (
+            "Yes,",
+            "aria-label=\"x'' = -x\"",
+            'aria-label="L = ',
+            'aria-label="H = ',
+            'id="why"',
+            "data-motion",
+        ):
+            assert text in part
+        page = html.unescape(client.get("/atlas/sho").text)
+        assert part in page
+        assert "oscillator" in page
+        assert "has a Lagrangian</span></h1>" not in page  # the answer alone says it
+        assert client.get("/atlas/none").status_code == client.get("/atlas/none/answer").status_code == 404
+
+
+@pytest.mark.slow
+def test_an_entry_says_the_clock_of_its_formulas(service: str) -> None:
+    """The inclined knife edge: its reduced motion has an L in a new time, which is named beside that L."""
+    with httpx.Client(base_url=service, timeout=60) as client:
+        part = answer_of(client, "inclined-knife-edge")
+        assert "Another clock" in part
+        assert "the equations become" in part
+        assert "aria-label=\"x'*sin(phi) - y'*cos(phi) = 0\"" in part
+
+
+def test_filters_leave_the_systems_that_have_what_they_say(service: str) -> None:
+    with httpx.Client(base_url=service, timeout=60) as client:
+        page = client.get("/atlas", params={"verdict": "no", "size": "2", "q": "pendul"}).text
+    rows = page[page.index("<tbody>") : page.index("</tbody>")]
+    assert "no Lagrangian" in rows
+    assert "has a Lagrangian" not in rows
+    names = [row.partition('"')[0] for row in rows.split('<a href="/atlas/')[1:]]
+    assert names
+    assert all("2 coordinates" in catalogue.atlas()[name]["tags"] for name in names)

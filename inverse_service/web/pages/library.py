@@ -2,7 +2,7 @@
 
 import itertools
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from html import unescape
 from importlib import resources
@@ -17,9 +17,9 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service import __version__, catalogue, errors
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import stated
-from inverse_service.web import problems, routes
-from inverse_service.web.pages import WORDS, forms, rendering, typesetting
+from inverse_service.service.documents import sheets, stated
+from inverse_service.web import clients, problems, routes
+from inverse_service.web.pages import WORDS, forms, kept, rendering, result_tasks, typesetting
 
 router = APIRouter()
 open_router = APIRouter()  # asks for no key
@@ -40,6 +40,10 @@ BODIES: list[tuple[str, str]] = WORDS["bodies"]
 PICTURES: list[str] = WORDS["pictures"]
 MOST_PICTURES = 20
 LONGEST_LINE = 120  # characters of the equations in a list
+AT_ONCE, PATIENCE = 1.0, 15.0  # s that a page, and the script on it, waits for an answer
+MOST_NEAR, RARE = 12, 60
+SIZES = ("1", "2", "3", "4", "5")
+_ANSWERS = kept.Kept(256)
 
 
 @router.get("/learn")
@@ -111,13 +115,14 @@ def body_of(name: str) -> str:
 async def atlas_search(request: Request) -> HTMLResponse:
     """The search and its results; the pictures if nothing is searched."""
     query = request.query_params
-    sent = {name: query.get(name, "").strip() for name in ("q", "tag", "equations")}
+    sent = {name: query.get(name, "").strip() for name in ("q", "tag", "equations", "verdict", "size")}
     most = MOST_SHOWN if query.get("all") else FIRST_SHOWN
     problem, found = "", []
     try:
         found = await routes.found_by(request, sent["q"], sent["tag"], sent["equations"])
     except (problems.Refusal, errors.InputError) as error:
         problem = str(getattr(error, "detail", error))
+    found = [one for one in found if sent["verdict"] in ("", one["verdict"]) and _has_size(one, sent["size"])]
     return rendering.page(
         "atlas.html",
         active="/atlas",
@@ -127,7 +132,9 @@ async def atlas_search(request: Request) -> HTMLResponse:
         count=len(found),
         more=f"/atlas?{urlencode({**sent, 'all': 'yes'})}#systems" if len(found) > most else "",
         whole=len(catalogue.atlas()),
-        tags=list(catalogue.atlas_tags().items())[:24],
+        tags=[pair for pair in catalogue.atlas_tags().items() if not _is_general(pair[0])][:24],
+        verdicts=[(key, sheets.BADGES[key]) for key in (sheets.YES, sheets.NO, sheets.DIFFERS, sheets.OPEN)],
+        sizes=SIZES,
         pictures=() if any(sent.values()) else pictures(),
         license=routes.LICENSE,
     )
@@ -141,35 +148,77 @@ def pictures() -> list[dict[str, Any]]:
     return [{**entry, "body": body_of(entry["name"]) or "spring"} for entry in known[:MOST_PICTURES]]
 
 
+def _has_size(entry: Mapping[str, Any], size: str) -> bool:
+    """Whether an entry has this number of coordinates; the largest choice means more, too."""
+    if size not in SIZES:
+        return True
+    count = next((int(tag.split()[0]) for tag in entry["tags"] if tag.split()[-1].startswith("coordinate")), 0)
+    return count == int(size) or (size == SIZES[-1] and count > int(size))
+
+
 def _line(entry: dict[str, Any]) -> dict[str, Any]:
     text = "; ".join(entry["equations"])
     return {**entry, "text": text if len(text) <= LONGEST_LINE else f"{text[:LONGEST_LINE]}\u2026"}
 
 
 @router.get("/atlas/{name}")
-async def atlas_entry(name: str) -> HTMLResponse:
-    """One system with its answers."""
-    found = catalogue.atlas().get(name)
-    if found is None:
-        raise problems.Refusal(404, "not-found", "The atlas has no system of this name; /atlas searches it.")
-    names = stated.names_of(found["document"])
-    formulas = [typesetting.proposition(text, names) for text in found["equations"]]
-    answers = [(letter, found[key]) for letter, key in (("L", "lagrangian"), ("H", "hamiltonian")) if found[key]]
+async def atlas_entry(request: Request, name: str) -> HTMLResponse:
+    """One system with its answer, which is that of this program."""
+    found = _entry(name)
     return rendering.page(
         "atlas_entry.html",
         active="/atlas",
         entry=found,
-        equations=formulas,
-        answers=[(letter, typesetting.equation(letter, text, names), f"{letter} = {text}") for letter, text in answers],
-        domain=[typesetting.formula(text, names) for text in found["domain"]],
+        equations=[typesetting.proposition(text, stated.names_of(found["document"])) for text in found["equations"]],
+        answer=await _answer_of(request, found, AT_ONCE),
         source=referenced(found["source"]),
         body=body_of(name),
-        alike=[one for one in catalogue.search_atlas(form=found["form"]) if one["name"] != name][:12]
+        alike=[one for one in catalogue.search_atlas(form=found["form"]) if one["name"] != name][:MOST_NEAR]
         if found["form"]
         else [],
+        near=near(found),
         question=forms.question_address(found["document"]),
-        cite=routes.CITE,
     )
+
+
+@router.get("/atlas/{name}/answer")
+async def atlas_answer(request: Request, name: str) -> Response:
+    """The part of an entry's page that shows its answer; 503 if it takes longer."""
+    found = await _answer_of(request, _entry(name), PATIENCE)
+    if found is None:
+        raise problems.Refusal(503, "busy", "The answer is being computed; ask again.")
+    return rendering.sent(found, "text/html", {"Content-Security-Policy": rendering.POLICY})
+
+
+def _entry(name: str) -> dict[str, Any]:
+    return problems.known(catalogue.atlas().get(name), "system of this name in the atlas; /atlas searches it.")
+
+
+async def _answer_of(request: Request, entry: dict[str, Any], patience: float) -> Markup | None:
+    engine, client = request.app.state.engine, clients.client_of(request)
+
+    async def make() -> Markup | None:
+        task, most = result_tasks.entry_task, 2 * result_tasks.ENTRY
+        outcome = await engine.run_quick(client, task, entry, seconds=most, among_jobs=True)
+        return outcome.value if outcome.status == "done" else None
+
+    return await _ANSWERS.of(entry["name"], make, patience)
+
+
+def near(entry: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Systems with the rarest of the subjects of an entry, of another form."""
+    counts = catalogue.atlas_tags()
+    subjects = [(counts[tag], tag) for tag in entry["tags"] if 1 < counts[tag] <= RARE and not _is_general(tag)]
+    found = [one for _, tag in sorted(subjects)[:1] for one in catalogue.search_atlas(tag=tag)]
+    others = [
+        one for one in found if one["name"] != entry["name"] and (not one["form"] or one["form"] != entry["form"])
+    ]
+    return others[:MOST_NEAR]
+
+
+def _is_general(tag: str) -> bool:
+    """Whether a tag is a verdict or a number of coordinates, which have filters of their own."""
+    return tag.endswith(("coordinate", "coordinates", "Lagrangian", "Hamiltonian"))
 
 
 def referenced(source: str) -> Markup:

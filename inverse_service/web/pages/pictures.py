@@ -198,9 +198,9 @@ def _falls(facts: Facts, natural: tuple[euler_lagrange.Matrix, ex.Expression]) -
 
 def _polar(facts: Facts) -> Picture | None:
     r, phi = facts.coordinates
-    if r not in RADII or phi not in TURNS:
-        return None
     u, rate = ex.Symbol(r), ex.Velocity(phi)
+    if not ((r in RADII and phi in TURNS) or _is_plane(facts, u)):
+        return None
     swept = ex.multiply(ex.power(u, 2), rate)
     said: sheets.Sentence = (facts.said(r), " and ", facts.said(phi), " as polar coordinates.")
     if _is_kept(facts, lambda tree: facts.is_constant(_collected(ex.divide(tree, swept)))):
@@ -211,6 +211,16 @@ def _polar(facts: Facts) -> Picture | None:
             {"polar": True, "swept": swept},
         )
     return Picture("central", said, {"polar": True})
+
+
+def _is_plane(facts: Facts, radius: ex.Symbol) -> bool:
+    """Whether the kinetic energy is that of a point of the plane in polar coordinates, c (r'^2 + r^2 phi'^2) / 2."""
+    natural = natural_of(facts)
+    if natural is None:
+        return False
+    ((first, cross), (_, second)), _ = natural
+    rest = ex.subtract(second, first * ex.power(radius, 2))
+    return facts.is_positive(first) and cross == ex.ZERO and _is_zero(rest)
 
 
 def _is_kept(facts: Facts, is_this: Callable[[ex.Expression], bool]) -> bool:

@@ -30,6 +30,7 @@ ONE_QUESTION = "Ask one question instead of two, in \u201cAsk in detail\u201d: L
 MUCH_OF = 0.8
 LONG_RUN = "Run the system on your own computer: `inverse-service solve --time-limit 3600 system.json`"
 EXPORTS: dict[str, tuple[str, str]] = WORDS["exports"]
+ENTRY = 10.0  # s of processor time for an entry of the atlas
 GLANCE = 3.0  # s of processor time; no one who is still typing waits longer
 
 
@@ -283,6 +284,21 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         certified=bool(found.get("certificate") or (found.get("any_associated") or {}).get("certificate")),
         can_simulate=rendering.can_simulate() and system is not None,
     )
+
+
+def entry_task(entry: Mapping[str, Any]) -> Markup:
+    """The answer of an entry of the atlas as a part of its page: its stored result, else the result of now."""
+    found = entry.get("result") or tasks.solve_task(entry["document"], SolveOptions(time_limit=ENTRY))
+    sheet = sheets.sheet_of(found)
+    html = rendering.render(
+        "atlas_answer.html",
+        name=entry["name"],
+        sheet=sheet,
+        motion=preview.motion_of_result(found, _conditions_shown(found)),
+        more_words=_words_of_more(sheet) if sheet.more or any(case.more for case in sheet.cases) else "",
+        question=forms.question_address(entry["document"]),
+    )
+    return Markup(html)
 
 
 def _conditions_shown(result: Mapping[str, Any]) -> tuple[str, ...]:

@@ -3,7 +3,6 @@
 import asyncio
 import json
 from collections.abc import Mapping
-from contextlib import suppress
 from functools import lru_cache
 from typing import Any
 
@@ -17,7 +16,7 @@ from inverse_service import catalogue, errors
 from inverse_service.service.documents import sheets
 from inverse_service.web import clients
 from inverse_service.web.engine import LONG_DEADLINE, QUICK_DEADLINE, Engine
-from inverse_service.web.pages import WORDS, forms, rendering, result_tasks, results
+from inverse_service.web.pages import WORDS, forms, kept, rendering, result_tasks, results
 from inverse_service.web.problems import REFUSED, Refusal, refusal_of
 
 router = APIRouter()
@@ -27,9 +26,7 @@ FIRST_NONHOLONOMIC = "nonholonomic-particle"
 AT_ONCE = 0.1  # s
 SOON = 0.3  # s that a page waits for the answer next to its form
 START: str = EXAMPLES[0]["document"]["equations"]
-MOST_GLANCES = 64  # answers of links and examples that are kept to be shown at once
-_GLANCES: dict[str, Markup] = {}
-_ASKED: dict[str, asyncio.Future[None]] = {}
+_GLANCES = kept.Kept(64)  # answers of links and examples
 
 
 @router.get("/")
@@ -73,24 +70,13 @@ async def ask(request: Request) -> Response:
 
 async def glance_of(request: Request, fields: dict[str, str], patience: float) -> Markup | None:
     """The answer to show next to a form at its start; None if it is not ready in a moment."""
-    key = json.dumps(fields, sort_keys=True)
-    if key not in _GLANCES:
-        engine: Engine = request.app.state.engine
-        asked = _ASKED.get(key) or asyncio.ensure_future(_keep_glance(engine, clients.client_of(request), key, fields))
-        _ASKED[key] = asked
-        asked.add_done_callback(lambda _: _ASKED.pop(key, None))
-        with suppress(TimeoutError):  # the work continues, and the next visitor has the answer at once
-            await asyncio.wait_for(asyncio.shield(asked), patience)
-    return _GLANCES.get(key)
+    engine, client = request.app.state.engine, clients.client_of(request)
 
-
-async def _keep_glance(engine: Engine, client: str, key: str, fields: dict[str, str]) -> None:
-    with suppress(Refusal):
+    async def make() -> Markup | None:
         outcome = await engine.run_quick(client, result_tasks.glance_of_fields, fields, seconds=LONG_DEADLINE)
-        if outcome.status == "done" and outcome.value is not None:
-            if len(_GLANCES) >= MOST_GLANCES:
-                _GLANCES.pop(next(iter(_GLANCES)))
-            _GLANCES[key] = outcome.value
+        return outcome.value if outcome.status == "done" else None
+
+    return await _GLANCES.of(json.dumps(fields, sort_keys=True), make, patience)
 
 
 @router.post("/")

@@ -424,6 +424,20 @@ async function batchProgress() {
   if (!answer?.ok || document.querySelector("[data-open]")) setTimeout(batchProgress, answer?.ok ? BATCH_PAUSE : BUSY_PAUSE);
 }
 
+// A part of a page that was not ready with it.
+async function later(place, tries = 0) {
+  const answer = await fetch(place.dataset.later).catch(() => null);
+  if (answer?.ok) {
+    const part = document.createRange().createContextualFragment(await answer.text());
+    const figures = [...part.querySelectorAll("[data-motion]")];
+    place.replaceWith(part);
+    for (const figure of figures) moving(figure);
+    focusWide(document);
+  } else if (tries < AGAIN.length) setTimeout(() => later(place, tries + 1), AGAIN[tries]);
+  else place.querySelector("[role=status]").textContent = "The service is busy. Load this page again later.";
+}
+
+for (const place of document.querySelectorAll("[data-later]")) later(place);
 for (const form of document.querySelectorAll("form[data-echo]")) {
   const { ask, renew } = echo(form);
   if (form.dataset.understood) form.addEventListener("focusin", ask, { once: true });
