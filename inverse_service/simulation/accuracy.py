@@ -14,10 +14,11 @@ is one, the run is compared with `adaptive`, whose steps end there.
 """
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -37,8 +38,9 @@ from inverse_service.simulation import (
     scene_data as data,
     schemes,
 )
+from inverse_service.simulation.peaks import moments_between
 from inverse_service.simulation.sentences import say
-from inverse_service.simulation.switching import Run, run_motion
+from inverse_service.simulation.switching import Run, has_pieces, run_motion
 
 MOST_STEPS = 1_000_000
 CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE, ROUND_OFF = 0.1, 0.1, 1e-14, 0.01, 1e-15
@@ -47,8 +49,7 @@ STRICTER, LOOSER = f"{HALF} and a tenth of the tolerance", f"{HALF} and ten time
 AGAIN, TRUE = "With {}, the trajectory", "The true motion"
 GOES_ON = ("completed", "cancelled")
 TOO_LARGE, NOT_CHOSEN, OVER_TOLERANCE = 0.1, 0.01, 100.0  # the first two of the size of the motion
-GOLDEN, GOLDEN_STEPS, MOST_MOMENTS, MOST_VALUES = 0.618033988749895, 75, 64, 2**21  # to the last bit of a step
-FIRST_LOOK, SHOWS = 8, 0.25  # sections after which a turn has to show this share of what a peak would
+MOST_VALUES = 2**21
 CREATED = 0.75  # of the kinetic energy: more from nothing in one step is no motion
 LOST, SUDDEN = "one step differs from two of half its length by {:.3g} of the range of a coordinate", 0.05
 ENOUGH = 1e-12  # two solutions agree if their distance over the size of the motion is less
@@ -66,14 +67,14 @@ ADAPTIVE = data.Requested("", EXPLICIT)
 @dataclass(frozen=True, slots=True)
 class Finer:
     """The same method on a finer `grid`, `how` a person says it, and the part of the error by which both are apart;
-    `problem` and `events` where they are others than those of the run."""
+    `problem` where it is another than that of the run, `stops` where its steps end too."""
 
     requested: data.Requested
     grid: data.Grid
     how: str
     part: float
     problem: data.Problem | None = None
-    events: tuple[data.Event, ...] = ()
+    stops: tuple[float, ...] = ()
 
 
 def finer(requested: data.Requested, grid: data.Grid) -> Finer:
@@ -166,10 +167,11 @@ def estimated(run: observing.Observed, derived: derivation.Derived) -> dict[str,
         is_sparse = scene.grid.record_every > 1 and again.grid.steps * len(turns) <= MOST_VALUES
         every = 1 if is_sparse else again.grid.record_every
         fine = replace(again.grid, record_every=every)
-        own = replace(derived, scene=replace(scene, grid=fine, events=(*scene.events, *again.events)))
+        own = derived.but(grid=fine)
         if again.how == PEAKS and (numbers["lost"] or any(doubts)):
             break
-        if (found := _again(own, again.requested, what)) is None:
+        ran = _stopping(own, what, again.stops) if again.stops else _again(own, again.requested, what)
+        if (found := ran) is None:
             continue
         whole, found = found.positions, found.thinned(fine.steps, again.grid.record_every // every)
         count, end, kind = min(len(found.times), len(at.times)), float(found.times[-1]), found.outcome.kind
@@ -196,10 +198,41 @@ def _at_peaks(run: observing.Observed, derived: derivation.Derived) -> Iterator[
     """`adaptive` with an event at each peak of a force that acts within a step; nothing where there is none."""
     if len(peaks := moments_between(run)):
         with suppress(data.Unavailable):
-            stays = ex.Symbol(run.scene.coordinates[0])
-            times = (ex.TIME - ex.number(Fraction(moment)) for moment in peaks.tolist())
-            events = tuple(data.Event(time, 1, False, ((stays, stays),), 2) for time in times)
-            yield Finer(ADAPTIVE, finer(run.requested, run.scene.grid).grid, PEAKS, 1.0, derived.explicit(), events)
+            grid, stops = finer(run.requested, run.scene.grid).grid, tuple(peaks.tolist())
+            yield Finer(ADAPTIVE, grid, PEAKS, 1.0, derived.explicit(), stops)
+
+
+def _stopping(derived: derivation.Derived, problem: data.Problem, stops: Sequence[float]) -> Trajectory | None:
+    """`adaptive` with steps that end at these times too: at events that change nothing where it runs in pieces anyway,
+    else as one run after the other with the kernel of all."""
+    scene, grid = derived.scene, derived.scene.grid
+    if has_pieces(scene, problem):
+        stays = ex.Symbol(scene.coordinates[0])
+        formulas = (ex.TIME - ex.number(Fraction(moment)) for moment in stops)
+        events = tuple(data.Event(one, 1, False, ((stays, stays),), 2) for one in formulas)
+        return _again(derived.but(events=(*scene.events, *events)), ADAPTIVE, problem)
+    pieces, done = list[tuple[data.Grid, bool]](), 0  # and whether each ends at a point of the grid
+    for place in sorted({*(int((moment - grid.begin) / grid.step) for moment in stops), grid.steps}):
+        if place > done:
+            pieces.append((data.Grid(grid.step, place - done, 1, grid.begin + done * grid.step), True))
+        if place < grid.steps:
+            begin, end = (grid.begin + k * grid.step for k in (place, place + 1))
+            ends = [begin, *sorted(moment for moment in stops if begin < moment < end), end]
+            pieces += [(data.Grid(b - a, 1, 1, a), b == end) for a, b in pairwise(ends)]
+        done = place + 1
+    state, outcome = (scene.positions, scene.velocities), Outcome("completed")
+    points = [(grid.begin, *state)]
+    for piece, is_on_grid in pieces:
+        own = derived.but(grid=piece, positions=state[0], velocities=state[1])
+        if (ran := _again(own, ADAPTIVE, problem)) is None or ran.velocities is None:
+            return None
+        state = ran.positions[-1], ran.velocities[-1]
+        if is_on_grid:
+            points += zip(ran.times[1:], ran.positions[1:], ran.velocities[1:], strict=True)
+        if not (outcome := ran.outcome).completed:
+            break
+    times, positions, velocities = map(np.array, zip(*points, strict=True))
+    return Trajectory(times, positions, None, velocities, outcome).thinned(grid.steps, grid.record_every)
 
 
 def _unresolved(run: observing.Observed, row: int, quantity: str) -> Outcome:
@@ -278,91 +311,6 @@ def other_motion(run: observing.Observed) -> Outcome | None:
     k = int(places[0])
     step, time = int(scene.grid.recorded[k]), float(at.times[k])
     return Outcome("off_domain", step, time, say("other_equations"), float(apart[k]), say("other_motion"))
-
-
-def moments_between(run: observing.Observed) -> Array:
-    """Times, at most MOST_MOMENTS, at which a function or power in the scene rises to a value that half a step
-    before and after do not show: a force that acts within a step and is missed by a method that steps over it.
-
-    A function is extreme where its argument turns or passes 0; this time is located on the cubic through the positions
-    and velocities of the points. A sine or cosine whose argument moves by more than a half turn in a step counts as
-    well. In a long run only the first MOST_VALUES values are examined.
-    """
-    at, scene, velocities = run.trajectory, run.scene, run.velocities
-    if run.problem is None or not run.requested.choice.guard or velocities is None:
-        return np.empty(0)
-    moving = [ex.TIME, *nf.state_names(scene.coordinates)]
-    pairs = [
-        (node, node.argument if isinstance(node, ex.Apply) else node.base)
-        for node in ex.distinct_nodes(scene.formulas)
-        if isinstance(node, ex.Apply | ex.Power) and ex.holds(node, *moving) and not _is_square_or_cube(node)
-    ]
-    count = min(len(at.times), MOST_VALUES // max(1, len(pairs)))
-    times, places, speeds = at.times[:count], at.positions[:count], velocities[:count]
-    if count < 3:
-        return np.empty(0)
-
-    def values(moments: Array, *trees: ex.Expression) -> list[Array]:
-        table = nf.table_of(scene.coordinates, *between_points(times, places, speeds, moments), run.values, moments)
-        return arrays.array_values(trees, table)
-
-    def heights_about(tree: ex.Expression, peaks: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Half a step before the peaks, the values there and at the peaks, how far these are above those half a step
-        before and after, and how far those are apart."""
-        half = abs(scene.grid.step) / 2
-        begin, end = np.maximum(peaks - half, times[0]), np.minimum(peaks + half, times[-1])
-        before, heights, after = (values(moments, tree)[0] for moments in (begin, peaks, end))
-        above = np.minimum(np.abs(heights - before), np.abs(heights - after))
-        return begin, before, heights, above, np.abs(after - before)
-
-    known = values(times, *(tree for pair in pairs for tree in pair))
-    found: list[Array] = [np.empty(0)]
-    for (node, inner), shown, along in zip(pairs, known[::2], known[1::2], strict=True):
-        turns, zeros = (np.flatnonzero(np.diff(np.sign(one)) != 0) for one in (np.diff(along), along))
-        low, high = times[np.concatenate([turns, zeros])], times[np.concatenate([turns + 2, zeros + 1])]
-        rises = np.concatenate([np.sign(along[turns + 1] - along[turns]), np.zeros(len(zeros))])
-        largest = np.nanmax(np.abs(shown), initial=0.0)
-        for section in range(GOLDEN_STEPS):
-            if section == FIRST_LOOK:
-                *_, above, _ = heights_about(node, (low + high) / 2)
-                stays = ~(above < SHOWS * largest / 2) | (rises == 0)
-                low, high, rises = low[stays], high[stays], rises[stays]
-            if not len(low):
-                break
-            a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-            left, right = (values(moments, inner)[0] for moments in (a, b))
-            left, right = (np.where(rises == 0, -np.abs(one), rises * one) for one in (left, right))
-            low, high = np.where(left > right, low, a), np.where(left > right, b, high)
-        peaks = (low + high) / 2
-        begin, before, heights, above, apart = heights_about(node, peaks)
-        seen = (above > max(largest, np.nanmax(np.abs(heights), initial=0.0)) / 2) & (apart < above / 2)
-        low, high, before, above = begin[seen], peaks[seen], before[seen], above[seen]
-        for _ in range(50 if len(low) else 0):  # to half of its height, where a force that is its slope is strong
-            middle = (low + high) / 2
-            low, high = np.where(np.abs(values(middle, node)[0] - before) < above / 2, (middle, high), (low, middle))
-        found.append(high)
-        if isinstance(node, ex.Apply) and node.function in ("sin", "cos"):
-            far = np.flatnonzero(np.abs(np.diff(along)) > np.pi * scene.grid.record_every)[:1]
-            found.append((times[far] + times[far + 1]) / 2)
-    return np.unique(np.concatenate(found))[:MOST_MOMENTS]
-
-
-def _is_square_or_cube(node: ex.Expression) -> bool:
-    """Whether it is one of sums and products, whose peaks are as wide as those of the motion."""
-    is_low = isinstance(node, ex.Power) and node.exponent in (ex.TWO, ex.number(3))
-    return is_low and not any(isinstance(part, ex.Apply | ex.Power) for part in list(ex.walk(node))[1:])
-
-
-def between_points(times: Array, positions: Array, velocities: Array, moments: Array) -> tuple[Array, Array]:
-    """Positions and velocities, (k, n) each, at the moments (k,) by the cubic of Hermite through the points about."""
-    after = np.clip(np.searchsorted(times, moments), 1, len(times) - 1)
-    length = (times[after] - times[after - 1])[:, None]
-    s = (moments - times[after - 1])[:, None] / length
-    moved, first, last = positions[after] - positions[after - 1], velocities[after - 1], velocities[after]
-    bend = first + last - 2 * moved / length
-    curve = 3 * moved / length - 2 * first - last
-    places = positions[after - 1] + length * s * (first + s * (curve + s * bend))
-    return places, first + s * (2 * curve + 3 * s * bend)
 
 
 def true_motion(derived: derivation.Derived) -> data.Truth:

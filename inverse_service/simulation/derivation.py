@@ -35,7 +35,12 @@ def lagrangian_parts(lagrangian: ex.Expression, coordinates: Sequence[str]) -> d
     """L = kinetic + magnetic + potential, each zero where L has no such terms ("potential" is -V); a term is kept as a
     whole and expanded only if it is of several kinds: the terms of (x - 10^6)^2 would lose 12 digits."""
     kinds: dict[str, list[ex.Expression]] = {KINETIC: [], MAGNETIC: [], POTENTIAL: []}
+    known: dict[ex.Expression, tuple[int, int] | None] = {}
     for term in ex.summands(lagrangian):
+        degrees = degrees_of(term, known)
+        if degrees is not None and degrees[0] == degrees[1]:
+            kinds[(POTENTIAL, MAGNETIC, KINETIC)[min(degrees[0], 2)]].append(term)
+            continue
         parts, found = ex.summands(collecting.collect(term)), []
         for part in parts:
             moves = ex.has(part, ex.Velocity)
@@ -44,6 +49,31 @@ def lagrangian_parts(lagrangian: ex.Expression, coordinates: Sequence[str]) -> d
         for kind, part in zip(found, parts, strict=True) if len(set(found)) > 1 else ((found[0], term),):
             kinds[kind].append(part)
     return {kind: ex.add(*terms) for kind, terms in kinds.items()}
+
+
+def degrees_of(tree: ex.Expression, known: dict[ex.Expression, tuple[int, int] | None]) -> tuple[int, int] | None:
+    """The lowest and the highest degree in the velocities of the terms of a polynomial in them; None of another."""
+    if tree in known:
+        return known[tree]
+    found: tuple[int, int] | None = (0, 0)
+    match tree:
+        case ex.Velocity():
+            found = 1, 1
+        case ex.Sum(terms):
+            parts = [degrees_of(term, known) for term in terms]
+            pairs = [pair for pair in parts if pair is not None]
+            found = (min(a for a, _ in pairs), max(b for _, b in pairs)) if len(pairs) == len(parts) else None
+        case ex.Product(factors):
+            parts = [degrees_of(factor, known) for factor in factors]
+            pairs = [pair for pair in parts if pair is not None]
+            found = (sum(a for a, _ in pairs), sum(b for _, b in pairs)) if len(pairs) == len(parts) else None
+        case ex.Power(base, ex.Number(value)) if value > 0 and value.denominator == 1:
+            inner = degrees_of(base, known)
+            found = None if inner is None else (int(value) * inner[0], int(value) * inner[1])
+        case _ if ex.has(tree, ex.Velocity):
+            found = None
+    known[tree] = found
+    return found
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions import arrays, calculus, collecting, functions, tree as ex
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.mechanics import euler_lagrange
+from inverse_service.simulation import scene_graph
 from inverse_service.simulation.numeric_formulas import table_of
 from inverse_service.simulation.scene_data import Members, Problem, Scene
 from inverse_service.simulation.sentences import say
@@ -44,14 +45,8 @@ def drifts_of(what: System) -> list[ex.Expression]:
 
 def saddle(what: System, table: Mapping[ex.Expression, Any]) -> Array:
     """[[g, w^T], [w, 0]] at the points of a table, (N, n + m, n + m)."""
-    assert what.lagrangian is not None  # given equations have no constraints
-    rows = [*euler_lagrange.hessian(what.lagrangian, what.coordinates), *forms_of(what)]
-    n, size = len(what.coordinates), len(rows)
-    values = np.array(arrays.array_values([entry for row in rows for entry in row], table)).reshape(size, n, -1)
-    whole = np.zeros((values.shape[2], size, size))
-    whole[:, :, :n] = values.transpose(2, 0, 1)
-    whole[:, :n, n:] = whole[:, n:, :n].transpose(0, 2, 1)
-    return whole
+    graph, inputs, count = scene_graph.on_table(what.coordinates, what.lagrangian, what.constraints, table)
+    return graph.saddle(inputs, count)
 
 
 def at_start(scene: Scene, values: Values) -> dict[ex.Expression, Any]:

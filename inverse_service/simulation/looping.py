@@ -45,6 +45,8 @@ def is_looped(problem: data.Problem, choice: data.MethodChoice) -> bool:
         program = program_of(problem, choice, ())
     except graphs.NotInGraph:
         return False
+    if not all(map(program.graph.is_compilable, program.outputs.values())):
+        return False
     plan = looped.plan_of(program)
     below, above, rows = (plan.numbers[name] for name in ("below", "above", "rows"))
     size = len(program.graph.operations(program.outputs["evaluate"])) + rows * below * (below + above)

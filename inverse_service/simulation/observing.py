@@ -62,8 +62,8 @@ def energies(scene: data.Scene, table: Mapping[ex.Expression, Any]) -> tuple[Arr
     """E and |v dL/dv|/2, the kinetic energy where L has masses, at the points of a table, (m,) each."""
     lagrangian, names = lagrangian_of_energy(scene), scene.coordinates
     assert lagrangian is not None
-    double = ex.dot(map(ex.Velocity, names), euler_lagrange.momenta(lagrangian, names))
-    found, powers = arrays.array_values([energy(lagrangian, names), double], table)
+    graph, inputs, count = scene_graph.on_table(names, lagrangian, (), table)
+    found, powers = graph.values([graph.energy, graph.power], inputs, count)
     return found, np.abs(powers) / 2
 
 

@@ -24,6 +24,7 @@ from inverse_service.simulation import (
     initial,
     lyapunov,
     observing,
+    peaks,
     scene_data as data,
     switching,
 )
@@ -258,7 +259,7 @@ def _missed(
         alone = replace(derived.scene, positions=start[0], velocities=start[1], values=own, ensemble=None)
         ran = Trajectory(many.grid.times, many.positions[row], None, run.velocities[row], many.outcome(row))
         seen = observing.Observed(alone, run.requested, ran, problem, own, None, in_pieces=True)
-        found = accuracy.estimated(seen, derived) if len(accuracy.moments_between(seen)) else {"doubt": ""}
+        found = accuracy.estimated(seen, derived) if len(peaks.moments_between(seen)) else {"doubt": ""}
         if found["doubt"]:
             estimates[row] = found.get("estimated_error", np.nan)
             return say("member", row, found["doubt"])

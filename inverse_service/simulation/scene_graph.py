@@ -138,11 +138,15 @@ class SceneGraph:
         return right, entries
 
     @cached_property
+    def power(self) -> int:
+        """v L_v."""
+        pairs = zip(self.speeds, self.momenta, strict=True)
+        return self.graph.total(self.graph.multiply(*pair) for pair in pairs)
+
+    @cached_property
     def energy(self) -> int:
         """v L_v - L."""
-        g = self.graph
-        double = g.total(g.multiply(*pair) for pair in zip(self.speeds, self.momenta, strict=True))
-        return g.subtract(double, self.lagrangian)
+        return self.graph.subtract(self.power, self.lagrangian)
 
     @cached_property
     def discrete(self) -> tuple[Nodes, Entries, Nodes]:
@@ -236,6 +240,18 @@ class SceneGraph:
             if i >= n:
                 whole[:, j, i] = value
         return whole
+
+
+def on_table(
+    coordinates: tuple[str, ...], lagrangian: ex.Expression | None, constraints: tuple[ex.Expression, ...],
+    table: Mapping[ex.Expression, Any],
+) -> tuple[SceneGraph, dict[int, Any], int]:  # fmt: skip
+    """The graph of L and constraints, with the inputs of a table of names and values, and the number of its points."""
+    known = {*map(ex.Symbol, coordinates), ex.TIME}
+    names = tuple(tree.name for tree in table if isinstance(tree, ex.Symbol) and tree not in known)
+    scene = graph_of(Problem(coordinates, names, lagrangian, constraints))
+    inputs = {scene.graph.keys[scene.graph.read[tree]][1]: value for tree, value in table.items()}
+    return scene, inputs, max((len(value) for value in table.values() if np.ndim(value)), default=1)
 
 
 def uses_own_lagrangian(problem: Problem) -> bool:

@@ -183,8 +183,6 @@ class Graph:
             return self.multiply(self.apply(above, x), self.reciprocal(self.apply(below, x)))
         if name in functions.RECIPROCALS:
             return self.reciprocal(self.apply(functions.RECIPROCALS[name], x))
-        if name not in FOUND_IN_C:
-            raise NotInGraph(f"A simulation cannot compute the function {name}.")
         value = self.number(x)
         if value is not None and math.isfinite(found := float(_numpy(name)(value))):
             return self.constant(found)
@@ -343,6 +341,11 @@ class Graph:
         """The nodes among those below whose values are computed."""
         return {k for k in self.below(nodes) if self.keys[k][0] > LEAF}
 
+    def is_compilable(self, nodes: Iterable[int]) -> bool:
+        """Whether all functions among the nodes below are in the C library."""
+        keys = (self.keys[k] for k in self.below(nodes))
+        return all(key[2] in FOUND_IN_C for key in keys if key[0] == FUNCTION)
+
     def values(self, nodes: Sequence[int], inputs: Mapping[int, Any]) -> list[Any]:
         """The values of nodes: of each leaf a number or an array, by its place."""
         order = self.below(nodes)
@@ -377,6 +380,8 @@ class Graph:
 
 
 def _numpy(name: str) -> Any:
+    if name == functions.STEP:
+        return lambda value: np.heaviside(value, np.nan)
     return getattr(np, f"arc{name[1:]}" if name in _ARCUS else name)
 
 
