@@ -101,6 +101,20 @@ class FirstIntegralPart(Formula):
     domain: list[str] = Field(default_factory=list)
 
 
+class AllIntegralsPart(base.Document):
+    """A proof that there are no other first integrals polynomial in the velocities up to a degree.
+
+    They are combinations of `number` products of those in `first_integrals` (1, H, H^2, …), with any coefficients that
+    are analytic in the coordinates, and in t if `timed`.
+    """
+
+    degree: int
+    number: int
+    timed: bool
+    certificate: dict[str, Any]
+    checked: Literal["valid"]
+
+
 class SolutionSpacePart(base.Document):
     """Size of the space of multipliers."""
 
@@ -219,6 +233,7 @@ class BranchPart(OtherAnswer):
     verdict_with_time: Verdict | None = None
     with_time: OtherAnswer | None = None
     first_integrals: list[FirstIntegralPart] = Field(default_factory=list)
+    first_integrals_complete: AllIntegralsPart | None = None
 
 
 class NotAnsweredPart(base.Document):
@@ -357,6 +372,7 @@ class ResultDocument(OtherAnswer):
     verdict_with_time: MainVerdict | None = None
     answers: list[AnswerPart] = Field(default_factory=list)
     first_integrals: list[FirstIntegralPart] = Field(default_factory=list)
+    first_integrals_complete: AllIntegralsPart | None = None
     conditions: ConditionsPart | None = None
     with_time: OtherAnswer | None = None
     branches: list[BranchPart] = Field(default_factory=list)

@@ -148,6 +148,19 @@ class Left:
 
 
 @dataclass(frozen=True, slots=True)
+class AllIntegrals:
+    """A proof that first integrals polynomial in the velocities up to a degree are combinations of `number` products.
+
+    The products of those found, 1 among them; with any coefficients that are analytic in q, and in t if `timed`.
+    """
+
+    degree: int
+    number: int
+    timed: bool
+    certificate: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
 class Solution:
     """All results about one system; `autonomous` is None if f contains t.
 
@@ -161,6 +174,7 @@ class Solution:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     cut: Mapping[str, str] = field(default_factory=dict)
     first_integrals: tuple[FirstIntegral, ...] = ()
+    all_integrals: AllIntegrals | None = None
 
     @property
     def main(self) -> Answer | None:

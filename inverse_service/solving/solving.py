@@ -16,7 +16,16 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from inverse_service import bounds, deadline, errors
 from inverse_service.certificate import checker, formulas
 from inverse_service.decision import certify, deciding
-from inverse_service.decision.solutions import Answer, Conditions, Lagrangian, Left, Solution, SolveOptions, Step
+from inverse_service.decision.solutions import (
+    AllIntegrals,
+    Answer,
+    Conditions,
+    Lagrangian,
+    Left,
+    Solution,
+    SolveOptions,
+    Step,
+)
 from inverse_service.explanation import explaining
 from inverse_service.expressions import collecting, notation, printing, tree as ex
 from inverse_service.field import real_branch, tower
@@ -41,7 +50,7 @@ _UNSOLVED = (
 )
 AS_GIVEN = "the equations as given"
 # The seconds, and the share of the time, that first integrals may use.
-_FOR_INTEGRALS, _SHARE_FOR_INTEGRALS = 1.0, 0.1
+_FOR_INTEGRALS, _FOR_ALL_INTEGRALS, _SHARE_FOR_INTEGRALS = 1.0, 0.5, 0.1
 # The number of unknowns up to which the freedom in L is counted if a Lagrangian is known: nine coordinates.
 _MOST_FOR_FREEDOM = 30_000
 # The `reading_class` of rational functions of the velocities; larger values are harder to read.
@@ -281,8 +290,9 @@ def _solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress 
     if work.refused:
         provenance["refused_lagrangians"] = len(work.refused)
     kept = _first_integrals(work, autonomous, with_time)
+    complete = _all_integrals(work, kept)
     provenance["seconds"] = {stage: round(value, 3) for stage, value in work.seconds.items()}
-    return Solution(system, autonomous, with_time, work.printed, provenance, work.cut, kept)
+    return Solution(system, autonomous, with_time, work.printed, provenance, work.cut, kept, complete)
 
 
 def _conditions(system: SecondOrderSystem, options: SolveOptions, report: Progress) -> tuple[Conditions | None, str]:
@@ -312,6 +322,20 @@ def _first_integrals(work: Work, *answers: Answer | None) -> tuple[FirstIntegral
     found = first_integrals(motion_of(system), tree, work.options.seed, limit)
     work.add_seconds("first integrals", began)
     return found
+
+
+def _all_integrals(work: Work, found: Sequence[FirstIntegral]) -> AllIntegrals | None:
+    """Whether these are all that are polynomials in the velocities, up to the highest degree that is proven."""
+    system = work.analysis.system
+    if not work.options.first_integrals or system.is_unsolved or len(system.coordinates) > bounds.FEW:
+        return None
+    from inverse_service.solving.complete_integrals import all_integrals
+
+    began = deadline.now()
+    limit = min(_FOR_ALL_INTEGRALS, _SHARE_FOR_INTEGRALS * work.options.time_limit, work.left())
+    complete = all_integrals(work.analysis, found, system.depends_on_time, limit)
+    work.add_seconds("first integrals", began)
+    return complete
 
 
 def _unreduced(system: SecondOrderSystem, options: SolveOptions, found: Conditions | None, reason: str) -> Solution:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from api_schemas.base import CHECK_FORMAT
-from inverse_service.certificate import checker, formulas
+from inverse_service.certificate import checker, conserved, formulas
 from inverse_service.certificate.cell import Cell
 from inverse_service.certificate.kinds import KINDS, named
 from inverse_service.deadline import now
@@ -317,8 +317,30 @@ class Examination:
             self.agree("/question", stated == proven, stated, f"The question is that of {proven}.")
         return timed
 
+    def all_integrals(self, part: dict[str, Any], at: str, own: dict[str, Any]) -> None:
+        """That there are no other first integrals: a certificate about the system with some of those listed."""
+        found = as_object(part.get("first_integrals_complete"))
+        if not found:
+            return
+        at, certificate = f"{at}/first_integrals_complete", as_object(found.get("certificate"))
+        proof = checker.check_certificate(certificate, time_limit=max(1.0, self.end - now()))
+        good = certificate.get("format") == conserved.FORMAT and proof.verdict == found.get("checked") == "valid"
+        self.agree(f"{at}/checked", good, found.get("checked"), "The certificate does not prove it.")
+        for key, proven in (
+            ("degree", certificate.get("degree")),
+            ("number", certificate.get("number")),
+            ("timed", certificate.get("question") == "time_dependent"),
+        ):
+            self.agree(f"{at}/{key}", found.get(key) == proven, found.get(key), f"The certificate says {proven}.")
+        listed = [as_object(one).get("text") for one in part.get("first_integrals") or []]
+        same = system_fields(certificate) == own and all(one in listed for one in certificate.get("integrals") or [])
+        self.agree(f"{at}/certificate", same, "", "It is about another system, or about integrals that are not listed.")
+        of = at.removesuffix("_complete")
+        self.claim(*(f"{of}/{k}/text" for k, one in enumerate(listed) if one in certificate.get("integrals", [])))
+
     def main(self, part: dict[str, Any], at: str, timed: bool, own: dict[str, Any]) -> bool:
         """The answers to both questions on one cell; whether both are decided."""
+        self.all_integrals(part, at, own)
         verdict, later, other = part.get("verdict"), part.get("verdict_with_time"), part.get("with_time")
         asked = "time_dependent" if timed else "autonomous"
         if timed and later not in (None, verdict):

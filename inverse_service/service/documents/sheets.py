@@ -563,6 +563,8 @@ def _answer_rows(shown: Mapping[str, Any], told: _Told) -> list[Row]:
     """Conserved quantities, other Lagrangians, the multiplier, how many there are."""
     names = told.names
     rows = [_conserved(one, names) for one in shown.get("first_integrals") or ()]
+    if complete := shown.get("first_integrals_complete"):
+        rows.append(Row("Conserved, all", (_completeness(complete),)))
     for other in shown.get("other_lagrangians") or ():
         hint = (other["reason"],) if other.get("reason") else ()
         rows.append(Row("Another Lagrangian", hint, formulas=(formula_of("L", other, names),)))
@@ -572,6 +574,15 @@ def _answer_rows(shown: Mapping[str, Any], told: _Told) -> list[Row]:
     if space := shown.get("solution_space"):
         rows.append(Row("How many", (f"{capitalized(space['statement'])}.",)))
     return rows
+
+
+def _completeness(complete: Mapping[str, Any]) -> str:
+    """Up to which degree there are no other first integrals than combinations of products of those listed."""
+    kind = "linear" if complete["degree"] == 1 else f"a polynomial of degree at most {complete['degree']}"
+    of_time = ", with coefficients that may depend on time," if complete["timed"] else ""
+    if complete["number"] == 1:
+        return f"No first integral but a constant is {kind} in the velocities{of_time.rstrip(',')}."
+    return f"Each first integral that is {kind} in the velocities{of_time} is a combination of products of these."
 
 
 def matrix_of(letter: str, rows: Iterable[Iterable[str]], names: Names) -> Formula:

@@ -136,7 +136,17 @@ def _both_answers(solution: solutions.Solution, schema: Asking, is_a_cell: bool)
         "verdict_with_time": time.verdict if time is not None else None,
         "with_time": None if second is None else schemas.OtherAnswer(**second),
         "first_integrals": [integral_part(one, main.positive if is_a_cell else ()) for one in solution.first_integrals],
+        "first_integrals_complete": _all_integrals(solution.all_integrals),
     }
+
+
+def _all_integrals(found: solutions.AllIntegrals | None) -> schemas.AllIntegralsPart | None:
+    if found is None:
+        return None
+    certificate = plain(found.certificate)
+    return schemas.AllIntegralsPart(
+        degree=found.degree, number=found.number, timed=found.timed, certificate=certificate, checked="valid"
+    )
 
 
 def integral_part(found: FirstIntegral, cell: Sequence[ex.Expression] = ()) -> schemas.FirstIntegralPart:
