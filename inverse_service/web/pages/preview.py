@@ -80,7 +80,7 @@ def _played(
 
 def price_task(document: Mapping[str, Any]) -> dict[str, Any]:
     """What the step of a scene costs by its first method that takes steps: {"method", "step", "order", "error",
-    "seconds", "until"}, or {"reason": a sentence}.
+    "seconds", "until", "parts": what each effect adds to a step in s}, or {"reason": a sentence}.
 
     The error is estimated from runs with the step, a half and a quarter of it (Richardson, 1911); it and the time
     belong to the motion up to `until`, the time to the whole.
@@ -108,7 +108,18 @@ def price_task(document: Mapping[str, Any]) -> dict[str, Any]:
     coarse, fine = (_distance(*pair) for pair in itertools.pairwise(ends))
     order = min(12.0, max(1.0, math.log2(coarse / fine))) if coarse and fine else 1.0
     error = coarse / (1 - 2**-order)
-    return {"method": name, "step": float(step), "order": order, "error": error, "seconds": seconds, "until": until}
+    told = {"method": name, "step": float(step), "order": order, "error": error, "seconds": seconds, "until": until}
+    # A free Lagrangian holds the effects in one formula.
+    apart = next((one for one in methods if one["method"] not in (*views.TRUE, "variational")), chosen)
+    return told | {"parts": _parts_of_step({**document, "methods": [apart], "steps": FEW})}
+
+
+def _parts_of_step(scene: Mapping[str, Any]) -> dict[str, float]:
+    """What each effect adds to a step, in s."""
+    from inverse_service.service.scenes.simulating import simulate
+
+    cost = simulate({**scene, "record_every": 1, "observe": ["cost"]})["methods"][0].get("cost") or {}
+    return {one["name"]: one["step_ns"] * 1e-9 for one in cost.get("parts") or () if one["kind"] == "effect"}
 
 
 def _distance(left: Sequence[Sequence[float]], right: Sequence[Sequence[float]]) -> float:

@@ -18,7 +18,7 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 
 from inverse_service import catalogue, errors
 from inverse_service.deadline import now
-from inverse_service.reading import names as nm, reader
+from inverse_service.reading import document_names, names as nm, reader
 from inverse_service.service.documents import accepting, stated
 from inverse_service.web.pages import WORDS, forms, library, preview, rendering, result_tasks, results, solve
 from inverse_service.web.pages.typesetting import formulas_of
@@ -77,6 +77,8 @@ class SceneForm:
     steps: str = "600"
     methods: tuple[str, ...] = TICKED_METHODS
     alphas: Mapping[str, str] = field(default_factory=dict)
+    form: str = ""  # of the variational method: "raw" for that of L
+    constants: str = ""  # free ones of the Lagrangian, as "C_x = 1/100, C_y = 1"
     observe: tuple[str, ...] = TICKED_OBSERVABLES
     further: tuple[Mapping[str, Any], ...] = ()
     kept: tuple[int, ...] = ()
@@ -146,6 +148,8 @@ def with_sent(form: SceneForm, sent: forms.Form) -> SceneForm:
         steps=sent.text("steps"),
         methods=tuple(name for name, *_ in METHODS if name in sent.every("method")),
         alphas={name: sent.text(f"alpha.{name}") for name, _, _, takes_alpha in METHODS if takes_alpha},
+        form="raw" if sent.text("form") == "raw" else "",
+        constants=sent.text("constants"),
         observe=tuple(name for name, *_ in OBSERVABLES if name in sent.every("observe")),
         kept=tuple(k for k in range(len(form.further)) if str(k) in sent.every("further")),
         effects=tuple(name for name, _ in form.parts if name in sent.every("effect")),
@@ -164,7 +168,7 @@ def scene_document(form: SceneForm, system: Mapping[str, Any]) -> dict[str, Any]
         "initial": {"positions": _filled(form.positions), "velocities": _filled(form.velocities)},
         "step": form.step,
         "steps": int(form.steps),
-        "methods": [*(_method(name, form.alphas) for name in form.methods), *(form.further[k] for k in form.kept)],
+        "methods": [*(_method(name, form) for name in form.methods), *(form.further[k] for k in form.kept)],
         "observe": list(form.observe),
     }
     if form.title:
@@ -173,12 +177,24 @@ def scene_document(form: SceneForm, system: Mapping[str, Any]) -> dict[str, Any]
         scene["effects"] = list(form.effects)
     if form.functions:
         scene["functions"] = {name: text for name, (_, text) in form.functions.items()}
+    if form.constants:
+        scene["constants"] = _constants(form.constants)
     return scene
 
 
-def _method(name: str, alphas: Mapping[str, str]) -> dict[str, Any]:
-    alpha = alphas.get(name, "")
-    return {"method": name, "alpha": alpha} if alpha else {"method": name}
+def _method(name: str, form: SceneForm) -> dict[str, Any]:
+    alpha = form.alphas.get(name, "")
+    found = {"method": name, "alpha": alpha} if alpha else {"method": name}
+    return found | {"form": form.form} if name == "variational" and form.form else found
+
+
+def _constants(text: str) -> dict[str, str]:
+    """Free constants with their values; InputError for one without."""
+    found = document_names.parameters_of(text)
+    open_one = next((name for name, value in found.items() if value is None), None)
+    if open_one is not None:
+        raise errors.InputError(f"{open_one} has no value. Write {open_one} = 1/100.", "/constants")
+    return {name: str(value) for name, value in found.items()}
 
 
 def _filled(values: Mapping[str, str]) -> dict[str, str]:
@@ -205,6 +221,8 @@ def form_of_scene(form: SceneForm, scene: Mapping[str, Any]) -> SceneForm:
         steps=_steps(scene, form.steps),
         methods=tuple(fitting),
         alphas={name: str(entry["alpha"]) for name, entry in fitting.items() if entry.get("alpha") is not None},
+        form=next((str(one["form"]) for one in fitting.values() if one.get("form") == "raw"), ""),
+        constants=", ".join(f"{name} = {value}" for name, value in (scene.get("constants") or {}).items()),
         observe=tuple(scene.get("observe", form.observe)),
         further=further,
         kept=tuple(range(len(further))),
@@ -215,7 +233,7 @@ def form_of_scene(form: SceneForm, scene: Mapping[str, Any]) -> SceneForm:
 
 def changed_scene(base: Mapping[str, Any], scene: Mapping[str, Any]) -> dict[str, Any]:
     """A scene that was run before with what the form says; what the form does not show stays."""
-    kept = {key: value for key, value in base.items() if key not in ("time", "steps", "effects")}
+    kept = {key: value for key, value in base.items() if key not in ("time", "steps", "effects", "constants")}
     initial = dict(scene["initial"])
     before = base.get("initial") or {}
     if before.get("project"):
@@ -230,7 +248,11 @@ def _fitting(methods: Sequence[Mapping[str, Any]]) -> dict[str, Mapping[str, Any
     names, found = {name for name, *_ in METHODS}, {}
     for entry in methods:
         name = str(entry["method"])
-        if name in names and name not in found and set(entry) <= {"method", "alpha"}:
+        if (
+            name in names
+            and name not in found
+            and set(entry) <= {"method", "alpha", *["form"] * (name == "variational")}
+        ):
             found[name] = entry
     return found
 
@@ -371,7 +393,7 @@ def field_of(pointer: str) -> str:
     for start, name in FIELDS:
         if pointer.startswith(start):
             return name + pointer.removeprefix(start)
-    return pointer[1:] if pointer in ("/step", "/steps") else ""
+    return pointer[1:] if pointer in ("/step", "/steps") else "constants" * pointer.startswith("/constants")
 
 
 @router.post("/simulate/preview")

@@ -92,8 +92,9 @@ class Play {
   }
 
   tellPrice() {
-    const [place, { step, order, error, seconds, method, reason = "" }] = [this.form.querySelector("[data-price]"), this.price ?? {}];
+    const [place, { step, order, error, seconds, method, parts = {}, reason = "" }] = [this.form.querySelector("[data-price]"), this.price ?? {}];
     const h = value(this.form.elements.step.value);
+    for (const price of this.form.querySelectorAll("[data-effect]")) { const one = parts[price.dataset.effect]; price.textContent = one === undefined ? "" : `; ${duration(Math.max(0, one))} of each step`; }
     place.textContent = step === undefined || !(h > 0) ? reason : `${h}: error about ${power(error * (h / step) ** order)}, ${duration((seconds * step) / h)} (${method})`;
   }
 
