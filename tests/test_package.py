@@ -60,8 +60,9 @@ def test_options_of_a_document_and_of_the_call_hold() -> None:
 
 @pytest.mark.parametrize(
     "document",
-    [3, None, [], {}, {"equations": "x'' = omega"}, {"equations": {"x": object()}}, {"equations": {"x": math.nan}},
-     {"equations": {"x": Fraction(1, 2)}}, {**SPRING, "options": 1}, {"equations": {"x": "\ud800"}}],
+    [3, None, [], {}, {"equations": "x'' = omega", "parameters": []}, {"equations": {"x": object()}},
+     {"equations": {"x": math.nan}}, {"equations": {"x": Fraction(1, 2)}},
+     {**SPRING, "options": 1}, {"equations": {"x": "\ud800"}}],
     ids=lambda document: type(document).__name__,
 )  # fmt: skip
 def test_an_object_that_is_not_a_document_is_rejected_with_a_sentence(document: Any) -> None:

@@ -12,7 +12,7 @@ import pytest
 LINES: list[Any] = [
     {"id": "oscillator", "equations": "x'' = -x"},
     {"id": "none", "equations": {"x": "y", "y": "-x*x'"}},
-    {"id": "bad\u0001", "equations": {"x": "omega"}},
+    {"id": "bad\u0001", "equations": {"x": "omega"}, "parameters": []},
     "no document",
 ]
 YES, NO = "variational", "not_variational"

@@ -15,6 +15,7 @@ from inverse_service.cli.command_line import application, load_commands
 from tests.docs.blocks import PAGES, ROOT, name
 
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
+CODE = re.compile(r"`[^`\n]*`")
 FENCED = re.compile(r"^```.*\n(?:.*\n)*?```$", re.MULTILINE)
 MACHINE = re.compile(r"(?:/home/|/root/|/Users/|/work/|/mnt/|C:\\)")
 REGISTRY = re.compile(
@@ -28,14 +29,14 @@ TEXTS = [*PAGES, *(ROOT / name for name in ("Makefile", "Dockerfile", "pyproject
 
 def anchors(page: Path) -> set[str]:
     """The anchors of the headings of a page, as Markdown renderers make them."""
-    text = FENCED.sub("", page.read_text(encoding="utf-8"))
+    text = CODE.sub("", FENCED.sub("", page.read_text(encoding="utf-8")))
     titles = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", title).lower().replace(" ", "-") for title in titles}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_every_link_leads_somewhere(page: Path) -> None:
-    for target in LINK.findall(FENCED.sub("", page.read_text(encoding="utf-8"))):
+    for target in LINK.findall(CODE.sub("", FENCED.sub("", page.read_text(encoding="utf-8")))):
         if target.startswith(("https://", "http://", "mailto:")):
             continue
         path, _, anchor = target.partition("#")

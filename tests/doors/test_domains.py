@@ -21,6 +21,11 @@ def damped() -> dict[str, Any]:
     return json.loads(inverse_service.solve(OSCILLATOR).to_json())
 
 
+def without_answers(result: dict[str, Any]) -> dict[str, Any]:
+    """A copy of a result as older programs wrote it, whose fields are compared with its certificates alone."""
+    return {key: value for key, value in copy.deepcopy(result).items() if key != "answers"}
+
+
 def test_the_damped_oscillator_has_a_lagrangian_for_all_c(damped: dict[str, Any]) -> None:
     assert damped["domain"] == []
     assert {"x != 0", "c^2 < 4"} <= {*damped["lagrangian"]["domain"]}
@@ -38,7 +43,7 @@ def test_text_and_page_say_which_of_both_the_conditions_belong_to(damped: dict[s
 
 @pytest.mark.parametrize("missing", ["x != 0", "c^2 < 4"])
 def test_a_formula_needs_its_own_domain(damped: dict[str, Any], missing: str) -> None:
-    forged = copy.deepcopy(damped)
+    forged = without_answers(damped)
     forged["lagrangian"]["domain"].remove(missing)
     assert inverse_service.check(forged)["verdict"] == "incomplete"
 
@@ -56,7 +61,7 @@ def test_a_formula_needs_its_own_domain(damped: dict[str, Any], missing: str) ->
 def test_a_verdict_on_one_coordinate_holds_where_f_is_analytic(force: str, domain: list[str]) -> None:
     result = inverse_service.solve({"equations": {"x": force}, "parameters": ["k"] if "k" in force else []})
     assert result["domain"] == domain
-    forged = json.loads(result.to_json()) | {"domain": []}
+    forged = without_answers(json.loads(result.to_json())) | {"domain": []}
     assert inverse_service.check(forged)["verdict"] == ("incomplete" if domain else "valid")
 
 
@@ -86,7 +91,7 @@ def test_lines_are_the_system_only_where_what_they_are_divided_by_is_not_0(lines
         assert all(one in headline for one in domain)
     own = {"system": lines, "lagrangian": result["lagrangian"]["text"]}
     assert {*inverse_service.check(own)["cells"][0]["domain"]} >= {*domain}
-    for forged in (result | {"domain": []}, everywhere(result)):
+    for forged in (without_answers(result) | {"domain": []}, everywhere(without_answers(result))):
         assert inverse_service.check(forged)["verdict"] == ("incomplete" if domain else "valid")
     found = checking.check_plain(everywhere(result)["certificate"], lines)["statement"]["domain"]
     assert {*found} >= {*domain} or found == ["sin(x - y) != 0"]

@@ -63,7 +63,9 @@ def test_the_statement_of_a_check_has_the_exceptions(no: dict[str, Any]) -> None
 def test_other_exceptions_than_proven_contradict(no: dict[str, Any], stated: list[str]) -> None:
     forged = copy.deepcopy(no)
     forged["exceptions"] = stated
-    assert [one["field"] for one in inverse_service.check(forged)["contradictions"]] == ["/exceptions"]
+    found = {one["field"] for one in inverse_service.check(forged)["contradictions"]}
+    assert {"/exceptions", "/answers/0/exceptions"} <= found
+    assert all(field.endswith("/exceptions") for field in found)
 
 
 @pytest.mark.slow
@@ -150,6 +152,6 @@ def test_over_http_a_result_its_page_and_its_check_have_the_exceptions(service: 
     assert {*checked["statement"]["exceptions"]} == {"c = 0", "k = 0"}
     result["exceptions"] = ["c = 0"]
     checked = httpx.post(f"{service}/v1/check", json={"document": FRICTION, "result": result}, timeout=60).json()
-    assert [one["field"] for one in checked["contradictions"]] == ["/exceptions"]
+    assert "/exceptions" in [one["field"] for one in checked["contradictions"]]
     page = httpx.get(service + found.links["canonical"]["url"], timeout=60)
     assert "ot decided here" in page.text

@@ -353,7 +353,7 @@ def test_a_refusal_of_a_form_that_declares_nothing_asks_for_no_declaration() -> 
 
 
 def test_a_problem_document_has_the_sentence_without_its_column_and_its_keys(client: httpx.Client) -> None:
-    (place,) = client.post("/v1/solve", json={"equations": {"x": "-k*x"}}).json()["errors"]
+    (place,) = client.post("/v1/solve", json={"equations": {"x": "-k*x"}, "parameters": []}).json()["errors"]
     what = "the name 'k' is not declared, and the coordinates are x"
     assert place["detail"] == f'{what}; it occurs at column 2: add it to "parameters".'
     assert (place["plain"], place["declare"]) == (f"{what}.", "parameters")

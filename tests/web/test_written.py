@@ -86,7 +86,9 @@ def test_text_and_latex_say_the_same(service: str) -> None:
 
 
 def test_a_refusal_stays_a_problem_document(service: str) -> None:
-    answer = httpx.post(f"{service}/v1/solve", json={"equations": "x'' = -kx"}, headers={"Accept": "text/plain"})
+    answer = httpx.post(
+        f"{service}/v1/solve", json={"equations": "x'' = -kx", "parameters": []}, headers={"Accept": "text/plain"}
+    )
     assert answer.status_code == 422
     assert answer.headers["content-type"].startswith("application/problem+json")
 
