@@ -156,3 +156,12 @@ def test_a_strong_damper_with_a_lagrangian_needs_the_stiff_method() -> None:
     system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}
     assert simulate(scene(system, ["stiff"], rayleigh="5000*x'^2/2"))["advice"]["method"] == "stiff"
     assert simulate(scene(system, ["stiff"], rayleigh="x'^2/2"))["advice"]["method"] == "adaptive"
+
+
+def test_the_advice_is_about_the_lagrangian_that_ends_at_the_fewest_places() -> None:
+    """exp(t/10) (x'^2 - x^2)/2 is regular everywhere, the L without t (an arctangent of x'/x) ends where x is 0."""
+    advice = solve(DAMPED)["advice"]
+    assert "contains t" in advice["reason"]
+    assert "ends where" not in advice["reason"]
+    alone = solve(DAMPED | {"time_dependent_lagrangian": False})["advice"]
+    assert "It ends where x changes its sign" in alone["reason"]

@@ -7,6 +7,7 @@ import random
 
 import pytest
 
+from inverse_service import solve
 from inverse_service.statements.order import Standing, in_order
 from inverse_service.statements.questions import About, Question
 
@@ -62,3 +63,10 @@ def test_the_order_does_not_depend_on_where_the_answers_are_written() -> None:
     for _ in range(20):
         generator.shuffle(own)
         assert in_order(own, False, lambda seen: seen) == wanted
+
+
+def test_the_damped_oscillator_is_shown_with_its_exponential() -> None:
+    """Bateman 1931: L = exp(t/10) (x'^2 - x^2)/2 is simpler than the L without t, an arctangent of x'/x."""
+    first, second = solve({"equations": {"x": "-x - x'/10"}})["answers"]
+    assert (first["with_time"], first["lagrangian"]["text"]) == (True, "exp(t/10)*(x'^2 - x^2)/2")
+    assert (second["with_time"], "atan" in second["lagrangian"]["text"]) == (False, True)
