@@ -65,7 +65,7 @@ class HamiltonianPart(Formula):
 
     `domain`: on which branch of that inverse it is H, as strict inequalities for coordinates, velocities and momenta.
     `image`: the constraints of a motion in phase space, which are 0; `constraints` are their texts. `reason`: why it is
-    implicit.
+    implicit. `mass_matrix` and `potential`: M(t, q) and V(t, q) of H = p^T M^-1 p/2 + V, where these are much shorter.
     """
 
     momenta: dict[str, str]
@@ -74,6 +74,8 @@ class HamiltonianPart(Formula):
     constraints: list[str] = Field(default_factory=list)
     image: list[Formula] = Field(default_factory=list)
     domain: list[str] = Field(default_factory=list)
+    mass_matrix: TextMatrix = Field(default_factory=list)
+    potential: Formula | None = None
 
 
 class ProvenPart(base.Document):

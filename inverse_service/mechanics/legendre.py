@@ -27,6 +27,9 @@ _ANY = ex.Velocity("the velocity of a block")
 Table = dict[ex.Expression, ex.Expression]
 
 
+Matrix = tuple[tuple[ex.Expression, ...], ...]
+
+
 @dataclass(frozen=True, slots=True)
 class LegendreTransform:
     """H over (t, q, p); over (t, q, v) where `implicit`, and then `velocities` is None.
@@ -83,6 +86,45 @@ class _Chosen:
 
     branch: inverses.InverseBranch
     judgment: Judgment
+
+
+def by_mass_matrix(transform: LegendreTransform) -> tuple[Matrix, ex.Expression] | None:
+    """M(t, q), (n, n), and V(t, q) with p = M v and H = p^T M^-1 p/2 + V; None for an H of another form.
+
+    The momenta are linear in the velocities without further terms, so L = v^T M v/2 - V with V = -L(v = 0).
+    """
+    velocities = tuple(ex.Velocity(symbol.name.removeprefix("p_")) for symbol in transform.symbols)
+    moving = {node for p in transform.momenta for node in ex.walk(p) if isinstance(node, ex.Velocity)}
+    if transform.implicit or not moving <= {*velocities}:
+        return None
+    pairs = [*enumerate(transform.momenta)]
+    rows = tuple(
+        tuple(_coefficient(transform.momenta[min(i, j)], velocities[max(i, j)]) for j, _ in pairs) for i, _ in pairs
+    )
+    at_rest = dict.fromkeys(velocities, ex.ZERO)
+    further = [collecting.collect(ex.substitute(p, at_rest)) for p in transform.momenta]
+    if any(tree != ex.ZERO for tree in further) or any(ex.has(entry, ex.Velocity) for row in rows for entry in row):
+        return None
+    terms = ex.summands(transform.lagrangian)
+    fixed = [ex.negated(term) for term in terms if not ex.has(term, ex.Velocity)]
+    moved = ex.add(*(term for term in terms if ex.has(term, ex.Velocity)))
+    return rows, ex.add(*fixed, ex.negated(collecting.collect(ex.substitute(moved, at_rest))))
+
+
+def _coefficient(tree: ex.Expression, velocity: ex.Velocity) -> ex.Expression:
+    """The coefficient of a velocity in a linear function, whose factors stay as they are."""
+    if tree == velocity:
+        return ex.ONE
+    terms = list[ex.Expression]()
+    for term in ex.summands(tree):
+        factors = ex.factors_of(term)
+        holding = [factor for factor in factors if ex.holds(factor, velocity)]
+        if len(holding) == 1 and (holding[0] == velocity or isinstance(holding[0], ex.Sum)):
+            others = (factor for factor in factors if factor != holding[0])
+            terms.append(ex.multiply(*others, _coefficient(holding[0], velocity)))
+        elif holding:
+            return collecting.collect(calculus.differentiate(tree, velocity))
+    return ex.add(*terms)
 
 
 def legendre(

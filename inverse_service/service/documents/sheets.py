@@ -36,6 +36,7 @@ BADGES = {YES: "has a Lagrangian", NO: "no Lagrangian", OPEN: "undetermined", DI
 OF_MOTION = {YES: "has a Hamiltonian", NO: "has no Hamiltonian", OPEN: "undetermined", DIFFERS: "differs by case"}
 LONGEST_TITLE = 60  # characters of its first line
 LONGEST_TYPED = 4_000  # characters of equations that are shown as they were typed
+BY_MASS_MATRIX, BY_MASS_MATRIX_LATEX = "p^T M^(-1) p/2 + V", "\\tfrac{1}{2} p^{T} M^{-1} p + V"
 MAX_STEPS = 200  # of a proof; the whole is in the JSON
 LONGEST_CONDITION, MOST_CONDITIONS = 120, 3  # characters, and number, of the conditions on functions that are shown
 LONGEST_MATRICES = 6_000  # characters of all matrices together: typeset they weigh 25 times that
@@ -487,8 +488,18 @@ def _formulas(part: Mapping[str, Any], told: _Told) -> list[Formula]:
             notes.append(("where ", *listed(further, names)))
         if hamiltonian.get("constraints"):
             notes.append(("on ", *listed([f"{text} = 0" for text in hamiltonian["constraints"]], names)))
-        found.append(formula_of("E" if hamiltonian.get("implicit") else "H", hamiltonian, names, notes))
+        found.append(_energy(hamiltonian, names, notes))
     return found
+
+
+def _energy(hamiltonian: Mapping[str, Any], names: Names, notes: Iterable[Sentence]) -> Formula:
+    """H, E where it is implicit, or H by its mass matrix and potential where these say it shorter."""
+    rows, potential = hamiltonian.get("mass_matrix"), hamiltonian.get("potential")
+    if not rows or not potential:
+        return formula_of("E" if hamiltonian.get("implicit") else "H", hamiltonian, names, notes)
+    momenta, known = ", ".join(hamiltonian["momenta"]), (matrix_of("M", rows, names), formula_of("V", potential, names))
+    said = (f"with p = ({momenta}), ", known[0], ", and ", known[1])
+    return Formula(BY_MASS_MATRIX, names, "H", BY_MASS_MATRIX_LATEX, (said, *notes), kind="step")
 
 
 def integrals_of(integrals: Mapping[str, Any], names: Names) -> Iterator[Formula]:
@@ -882,7 +893,7 @@ def _motion_more(part: Mapping[str, Any], told: _Told) -> Iterable[Row]:
 def _forward(told: _Told) -> Sheet:
     result, names, system = told.result, told.names, told.result["system"]
     momenta = [f"p_{name} = {part['text']}" for name, part in result["momenta"].items()]
-    energy = formula_of("H", result["hamiltonian"], names, [("with ", *listed(momenta, names))])
+    energy = _energy(result["hamiltonian"], names, [("with ", *listed(momenta, names))])
     said = ("These are its equations of motion.",)
     return Sheet(
         title_of(result), "", "", said, (), (formula_of("L", result["lagrangian"], names),), _about(result),

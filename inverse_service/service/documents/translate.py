@@ -14,7 +14,7 @@ from inverse_service import __version__
 from inverse_service.decision import certify, solutions
 from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import real_branch, tower
-from inverse_service.mechanics import euler_lagrange, second_order_system
+from inverse_service.mechanics import euler_lagrange, legendre, second_order_system
 from inverse_service.reading import document_names, names as nm
 
 if TYPE_CHECKING:
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from inverse_service.mechanics.first_integrals import FirstIntegral
     from inverse_service.service.documents.accepting import Asking
 
+# H = p^T M^-1 p/2 + V is shown for so many coordinates, where H has so many characters and M and V so many times fewer.
+LEAST_COORDINATES, LONG_HAMILTONIAN, MUCH_SHORTER = 3, 200, 2
 AnyDocument = SystemDocument | NonholonomicDocument | MotionDocument | LagrangianDocument
 
 Part = TypeVar("Part", bound=base.Document)
@@ -258,6 +260,7 @@ def hamiltonian_part(
     pairs = zip(transform.symbols, transform.momenta, strict=True)
     return schemas.HamiltonianPart(
         **formula_fields(transform.hamiltonian),
+        **({} if hamiltonian.constraints else _by_mass_matrix(transform)),
         momenta={symbol.name: printing.to_text(p) for symbol, p in pairs},
         implicit=transform.implicit,
         reason=transform.note if transform.implicit else "",
@@ -265,6 +268,20 @@ def hamiltonian_part(
         image=[formula(constraint) for constraint in hamiltonian.constraints],
         domain=certify.shortest([*positive, *transform.positive], nonzero),
     )
+
+
+def _by_mass_matrix(transform: legendre.LegendreTransform) -> dict[str, Any]:
+    """The fields `mass_matrix` and `potential` of an H of three coordinates or more that they say much shorter."""
+    length = len(printing.to_text(transform.hamiltonian))
+    if len(transform.symbols) < LEAST_COORDINATES or length < LONG_HAMILTONIAN:
+        return {}
+    found = legendre.by_mass_matrix(transform)
+    if found is None:
+        return {}
+    rows, potential = [[printing.to_text(entry) for entry in row] for row in found[0]], formula(found[1])
+    if MUCH_SHORTER * (sum(len(entry) for row in rows for entry in row) + len(potential.text)) > length:
+        return {}
+    return {"mass_matrix": rows, "potential": potential}
 
 
 def _is_constant(tree: ex.Expression, parameters: Sequence[str]) -> bool:
