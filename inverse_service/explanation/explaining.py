@@ -323,11 +323,21 @@ def existence_steps(decision: Decision) -> tuple[Step, ...]:
 def of_one_coordinate(name: str, with_time: bool, is_found: bool) -> Step:
     """The theorem of N. Sonin (1886) and G. Darboux (1894, Lecons III, art. 604)."""
     question = "L(t, q, q')" if with_time else "L(q, q')"
-    form = "" if is_found else "; no closed form was found"
-    return said(
+    theorem = (
         f"Every equation of one coordinate has a regular Lagrangian {question} {checker.near_points(name, with_time)} "
-        f"(Sonin 1886, Darboux 1894){form}."
+        "(Sonin 1886, Darboux 1894)"
     )
+    if is_found:
+        return said(f"{theorem}.")
+    # E(L) = Gamma(I)/v, and the energy v dL/dv - L is I; with time, E(L) has the v-derivative of the equation of M.
+    form = (
+        "the double integral over `v` of any solution `M` of `dM/dt + v dM/dx + d(f M)/dv = 0`, plus a function of `t` "
+        "and `x`"
+        if with_time
+        else "`v int I/v^2 dv`, for any function `I` of `x` and `v` that is not constant and solves "
+        "`v dI/dx + f dI/dv = 0`"
+    )
+    return said(f"{theorem}: {form}. No formula for such a function was found.")
 
 
 def not_found(system: SecondOrderSystem, space: SolutionSpace | None) -> Step:

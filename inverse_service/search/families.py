@@ -468,7 +468,11 @@ def _functions_of_position(material: tm.Material, factors: Factors, room: int) -
     plain = [
         tm.monomial(*some) for d in (1, 2) for some in combinations_with_replacement(material.motion.coordinates, d)
     ]
-    return list(dict.fromkeys([*fitted, *others, *plain, *products(fitted, plain)]))[: max(room, len(fitted))]
+    # The antiderivative of log(x) holds x log(x).
+    inverse = [p for p in material.position_letters if isinstance(p, ex.Apply) and p.function == "log"]
+    raised = [tm.monomial(p, p.argument) for p in inverse if isinstance(p.argument, ex.Symbol)]
+    found = dict.fromkeys([*fitted, *raised, *others, *plain, *products(fitted, plain)])
+    return list(found)[: max(room, len(fitted))]
 
 
 def _fitted(material: tm.Material, factors: Factors, shape: tm.Monomial) -> Iterator[tm.Monomial]:

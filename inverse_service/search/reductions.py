@@ -143,13 +143,20 @@ def into_sums(material: tm.Material, seed: int) -> Iterator[Smaller]:
     """The two parts of the system in sums of the coordinates; each sum is named after a coordinate."""
     if not _may_decouple(material):
         return
-    (ring, found), n = _commuting(material), material.motion.size
-    zero, one = ring.constant(0), ring.constant(1)
-    identity = np.array([[one if i == j else zero for j in range(n)] for i in range(n)])
+    given, found = _commuting(material)
+    n = material.motion.size
     for p in found:
-        eigenvalues = linear_systems.eigenvalues_of(_trees(ring, p.tolist()))
-        for value in (value for value, spread in eigenvalues if spread == ex.ZERO):
-            power = np.linalg.matrix_power(p - identity * ring.value(value), n)
+        trees = _trees(given, p.tolist())
+        for value, spread in linear_systems.eigenvalues_of(trees):
+            if not (isinstance(spread, ex.Number) and spread.value >= 0):
+                continue  # complex, or real for some parameters only
+            eigenvalue = value + tm.collected(spread ** Fraction(1, 2)) if spread.value else value
+            entries = [entry for row in trees for entry in row]
+            ring = exact_field.exact_ring([*entries, eigenvalue], (), 0, exact_field.Budget.long(), slopes=False)
+            zero, one = ring.constant(0), ring.constant(1)
+            identity = np.array([[one if i == j else zero for j in range(n)] for i in range(n)])
+            matrix = np.array([[ring.value(entry) for entry in row] for row in trees])
+            power = np.linalg.matrix_power(matrix - identity * ring.value(eigenvalue), n)
             own = matrices.null_space(power.T.tolist(), n, one).values()
             others = matrices.reduced_rows(power.tolist(), range(n)).rows
             if own and others:
