@@ -31,7 +31,7 @@ BETWEEN_LINES = 60.0
 NAMES = {"error": ("error line", "error lines"), "fault": ("fault of the program", "faults of the program")}
 
 
-@cli.application.command()
+@cli.command("check result.json")
 def check(
     file: Annotated[
         str,
@@ -202,7 +202,7 @@ def _claims(name: str, target: Path, others: Counter[str]) -> dict[int, str]:
     return ids
 
 
-@cli.application.command()
+@cli.command("batch systems.ndjson --output answers.ndjson")
 def batch(
     file: Annotated[Path, typer.Argument(help="NDJSON (or .gz), one System per line with a unique id; - for stdin.")],
     output: Annotated[
@@ -278,6 +278,8 @@ def rows_of(summary: batches.Summary) -> list[tuple[str, int]]:
 
 def summary_sentences(summary: batches.Summary, seconds: float) -> list[str]:
     """All counts, the rate, and the first reason why a line has no verdict."""
+    if not summary.labels.total():
+        return ["The input has no lines, so there is nothing to answer."]
     sentences = [", ".join(f"{count} {name}" for name, count in rows_of(summary)) + "."]
     if summary.new:
         lines = "line" if summary.new == 1 else "lines"
@@ -315,7 +317,7 @@ def progress(summary: batches.Summary, total: int | None) -> Iterator[Report]:
         yield lambda line: progress.update(task, completed=line.number)
 
 
-@cli.application.command()
+@cli.command("table answers.ndjson")
 def table(
     file: Annotated[Path, typer.Argument(help="The output of a batch: NDJSON (or .gz); - for standard input.")],
     every: Annotated[bool, typer.Option("--all", help="One row for each answer, not for the first alone.")] = False,

@@ -6,14 +6,17 @@ Each command is in a module of `COMMANDS`, which is loaded when its command is c
 import contextlib
 import gc
 import importlib
+import inspect
 import json
 import logging
 import os
+import re
 import sys
-from collections.abc import Iterator
-from enum import IntEnum
+from collections.abc import Callable, Iterator
+from difflib import get_close_matches
+from enum import IntEnum, StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import typer
 
@@ -27,6 +30,9 @@ COMMANDS = {
     **dict.fromkeys(("simulate", "work-precision"), "inverse_service.cli.simulate_command"),
     **dict.fromkeys(("serve", "mcp", "admin"), "inverse_service.cli.serving"),
 }
+EXAMPLE = "Example: inverse-service solve \"x'' = -x - c*x'\" --format text"
+PURPOSE = "Decide whether q'' = f(t, q, q') comes from a Lagrangian, with a proof that a second program checks."
+Command = TypeVar("Command", bound=Callable[..., Any])
 MAX_BYTES = 10_000_000
 MAX_TIME_LIMIT = 86_400.0
 
@@ -56,19 +62,47 @@ application = typer.Typer(
 )
 
 
+def command(example: str, name: str | None = None, of: typer.Typer = application) -> Callable[[Command], Command]:
+    """Register a command, whose help begins with an example and continues with the docstring."""
+
+    def register(function: Command) -> Command:
+        text = inspect.cleandoc(function.__doc__ or "")
+        first = re.split(r"[.;:]\s|\.$|\n", text)[0]
+        whole = f"\b\nExample: inverse-service {example}\n\n{text}"
+        of.command(name, help=whole, short_help=f"{first}.")(function)
+        return function
+
+    return register
+
+
+def one_of(words: type[StrEnum], what: str) -> dict[str, Any]:
+    """Settings of an option that takes one of some words: it is refused in our words, and completed by the shell."""
+
+    def chosen(text: str) -> StrEnum:
+        try:
+            return words(text.lower())
+        except ValueError:
+            near = get_close_matches(text.lower(), [*words], 1, 0.7)
+            meant = f" Did you mean '{near[0]}'?" if near else ""
+            shown = f"There is no {what} '{text[:40]}': choose one of {', '.join(words)}.{meant}"
+            raise errors.InputError(shown) from None
+
+    return {"parser": chosen, "metavar": "|".join(words), "autocompletion": lambda: [*words]}
+
+
 def _version(wanted: bool) -> None:
     if wanted:
         print(f"inverse-service {__version__}")
         raise typer.Exit
 
 
-@application.callback()
+@application.callback(help=f"\b\n{EXAMPLE}\n\n{PURPOSE}")
 def options(
     version: Annotated[
         bool, typer.Option("--version", "-V", help="Show the version and exit.", callback=_version, is_eager=True)
     ] = False,
 ) -> None:
-    """Decide whether q'' = f(t, q, q') comes from a Lagrangian, with a proof that a second program checks."""
+    """The options before a command."""
 
 
 def _limit(given: float | None) -> float | None:
@@ -150,6 +184,8 @@ def _place(error: errors.InputError) -> str:
 
 def read_bytes(name: str, limit: int = MAX_BYTES) -> bytes:
     """The bytes of a file or of standard input; raises InputError if there is no input or too much."""
+    if not name:
+        raise errors.InputError("The name of the file is empty; name a file, or - for standard input.")
     try:
         if name == "-" and sys.stdin is None:
             raise errors.InputError("Standard input is closed; name a file.")

@@ -44,7 +44,7 @@ admin = typer.Typer(help="For operators: inspect, drain and clear the store of a
 Client = Annotated[str, typer.Argument(help="The name of a key, or an address if no keys are set.")]
 
 
-@cli.application.command()
+@cli.command("serve --port 8000")
 def serve(
     host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port to listen on.", min=0, max=65535)] = 8000,
@@ -163,7 +163,7 @@ def _listen(host: str, port: int) -> socket.socket:
     return listener
 
 
-@cli.application.command()
+@cli.command("mcp")
 def mcp() -> cli.ExitCode:
     """Serve tools for other programs by the Model Context Protocol, on standard input and output (extra `mcp`)."""
     from inverse_service.cli.mcp_command import server
@@ -186,7 +186,7 @@ class Rank(StrEnum):
 RANKS = {Rank.first: -1, Rank.normal: 0, Rank.last: 1}
 
 
-@admin.command()
+@cli.command("admin status", of=admin)
 def status() -> None:
     """Show the version and size of the store, its jobs by status, and whether it is drained."""
     from inverse_service.service.jobs.statements import VERSION
@@ -195,21 +195,21 @@ def status() -> None:
         _say({"version": VERSION, "bytes": store.size(), "jobs": store.counts(), "drained": store.is_drained()})
 
 
-@admin.command()
+@cli.command("admin drain", of=admin)
 def drain() -> None:
     """Stop starting jobs. Running jobs finish, new ones wait, and /readyz returns 503 until `resume`."""
     with _store() as store:
         store.drain(True)
 
 
-@admin.command()
+@cli.command("admin resume", of=admin)
 def resume() -> None:
     """Start jobs again after `drain`."""
     with _store() as store:
         store.drain(False)
 
 
-@admin.command()
+@cli.command("admin clients", of=admin)
 def clients() -> None:
     """List the clients: waiting, running and stored jobs, rank, runs and processor seconds of today (UTC)."""
     with _store() as store:
@@ -217,10 +217,10 @@ def clients() -> None:
             _say(dataclasses.asdict(use))
 
 
-@admin.command()
+@cli.command("admin priority alice last", of=admin)
 def priority(
     name: Annotated[str, typer.Argument(help="A client or, with --batch, the id of a batch.")],
-    rank: Annotated[Rank, typer.Argument(help="first, normal, or last.")],
+    rank: Annotated[Rank, typer.Argument(help="first, normal, or last.", **cli.one_of(Rank, "rank"))],
     batch: Annotated[bool, typer.Option("--batch", help="NAME is a batch.")] = False,
 ) -> None:
     """Set the rank of a client's current and future jobs, or of the open jobs of a batch."""
@@ -235,14 +235,14 @@ def priority(
             _say({"jobs": store.prioritise_batch(name, {-1: -1, 0: BULK, 1: BULK + 1}[RANKS[rank]])})
 
 
-@admin.command()
+@cli.command("admin cancel alice", of=admin)
 def cancel(client: Client) -> None:
     """Cancel all open jobs and batches of a client; work that other clients also wait for continues."""
     with _store() as store:
         _say({"jobs": len(store.dismiss_client(client))})
 
 
-@admin.command()
+@cli.command("admin erase alice", of=admin)
 def erase(client: Client) -> None:
     """Delete a client's jobs, answers and batches, except those that another client also requested."""
     with _store() as store:

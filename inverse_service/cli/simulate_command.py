@@ -3,6 +3,7 @@
 import json
 import sys
 from collections.abc import Mapping
+from enum import StrEnum
 from importlib.util import find_spec
 from pathlib import Path
 from shutil import get_terminal_size
@@ -12,19 +13,28 @@ import typer
 
 from inverse_service import errors, settings
 from inverse_service.cli import command_line as cli
+from inverse_service.cli.solve_command import is_file
 from inverse_service.service.jobs import tasks, workers
 
 DEFAULT_SECONDS, MEASURING_SECONDS = 600.0, 300.0
 COLUMNS = ("method", "order", "step", "tolerance", "error", "seconds", "evaluations", "at_floor", "reason")
 LONG = ("seconds", "energy_error", "energy_drift", "constraint_error", "shape_change")
 NARROWEST = 80
+# How `simulate` prints its summary.
+SummaryFormat = StrEnum("SummaryFormat", "json text")
 
 
-@cli.application.command()
+@cli.command("simulate scene.json --output out")
 def simulate(
     scene: Annotated[str, typer.Argument(help="A Scene document: JSON, YAML (.yaml) or TOML (.toml); - is JSON.")],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Directory for CSV, NPZ, figures and summary.json.")
+    ] = None,
+    form: Annotated[
+        SummaryFormat | None,
+        typer.Option(
+            "--format", "-f", help="Default: json, text with --output.", **cli.one_of(SummaryFormat, "format")
+        ),
     ] = None,
     time_limit: Annotated[float | None, cli.time_limit(f"{DEFAULT_SECONDS:.0f}")] = None,
     figures: Annotated[bool, typer.Option(help="Draw figures into the directory.")] = True,
@@ -33,7 +43,7 @@ def simulate(
     ] = None,
 ) -> cli.ExitCode:
     """Integrate a scene by its methods. Exit 1 only if every method failed; `doubt` flags inaccurate runs."""
-    document = cli.read_document(scene)
+    document = scene_document(scene)
     folder = None if output is None else made_folder(output)
     found = value_in_time(tasks.simulate_task, document, time_limit or DEFAULT_SECONDS)
     summary = without_points(found["result"])
@@ -43,10 +53,24 @@ def simulate(
         animate(moving, summary, found["tables"])
     if folder is not None:
         write_files(folder, document, found, summary, figures)
-    cli.write(cli.in_json(summary) if folder is None else page(summary))
+    is_json = form is SummaryFormat.json or (form is None and folder is None)
+    cli.write(cli.in_json(summary) if is_json else page(summary))
     _say_written(folder, moving)
     completed = any(method["outcome"] in ("completed", "partly") for method in summary["methods"])
     return cli.ExitCode.DONE if completed else cli.ExitCode.OPEN
+
+
+def scene_document(name: str) -> Any:
+    """The scene of a file or of standard input; InputError for equations in its place."""
+    if name != "-" and not is_file(name) and ("=" in name or "''" in name):
+        detail = (
+            "These are equations, and a scene is a file: a system with its initial values, a step, a time, and "
+            "methods. "
+            f'Write {{"system": {{"equations": "{name[:60]}"}}, "initial": {{"positions": {{"x": 1}}, "velocities": '
+            '{"x": 0}}, "step": 0.1, "time": 10, "methods": ["adaptive"]}, with your coordinates, into scene.json.'
+        )
+        raise errors.InputError(detail)
+    return cli.read_document(name)
 
 
 def value_in_time(task: Any, document: Any, limit: float) -> Any:
@@ -187,7 +211,7 @@ def _reasons(summary: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-@cli.application.command("work-precision")
+@cli.command("work-precision scene.json --output out", "work-precision")
 def work_precision(
     scene: Annotated[str, typer.Argument(help="A Scene document; its methods are run at many steps.")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Directory for CSV, JSON and picture.")] = None,
@@ -196,7 +220,7 @@ def work_precision(
     time_limit: Annotated[float | None, cli.time_limit(f"{MEASURING_SECONDS:.0f}")] = None,
 ) -> cli.ExitCode:
     """Measure error against run time for every method of a scene: a table, a picture, all runs."""
-    document = cli.read_document(scene)
+    document = scene_document(scene)
     folder = None if output is None else made_folder(output)
     if long and isinstance(document, dict):
         document = document | {"long": True}

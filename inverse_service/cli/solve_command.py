@@ -37,7 +37,7 @@ Format = StrEnum(
 CatalogueFormat = StrEnum("CatalogueFormat", "json text")
 
 
-@cli.application.command()
+@cli.command("solve \"x'' = -x - c*x'\" --format text")
 def solve(
     file: Annotated[
         str,
@@ -46,7 +46,9 @@ def solve(
             "or the equations themselves: \"x'' = -k*x\"."
         ),
     ],
-    form: Annotated[Format, typer.Option("--format", "-f", help="How to write the result.")] = Format.json,
+    form: Annotated[
+        Format, typer.Option("--format", "-f", help="How to write the result.", **cli.one_of(Format, "format"))
+    ] = Format.json,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="A file for the result.")] = None,
     time_limit: Annotated[float | None, cli.time_limit("from the settings, 60")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the random points and primes.", min=0, max=2**31)] = 1,
@@ -92,7 +94,7 @@ def solve(
     try:
         result = _solve(document, options, asked.memory_limit, progress)
     except errors.InputError as error:
-        detail = error.detail if _is_file(file) else _by_options(error.detail)
+        detail = error.detail if is_file(file) else _by_options(error.detail)
         raise errors.InputError(detail, error.pointer, error.column) from None
     cli.write(_proof(result, form, asked) if form in PROOFS else _written(result, form, explain), output)
     if form == "json" and output is None and sys.stdout.isatty():
@@ -154,7 +156,10 @@ def given_document(name: str, guess: bool | None) -> Any:
     `guess`: whether undeclared names are constants; if None, they are for equations on the command line, and in any
     document that declares no names (see `accepting.prepared`).
     """
-    if name == "-" or _is_file(name):
+    if not name.strip():
+        detail = "No system is given: write its equations, the name of a file or of a system of the catalogue, or -."
+        raise errors.InputError(detail)
+    if name == "-" or is_file(name):
         document = cli.read_document(name)
     elif "=" in name or name.startswith("{") or _CALLED.match(name) or _ACCELERATED.search(normalize("NFD", name)):
         document = plain_data.read_document(name, "") if _MAY_BE_JSON.match(name) else {"equations": name}
@@ -189,7 +194,7 @@ def with_declared(document: Any, named: Mapping[str, Any]) -> Any:
     return found
 
 
-def _is_file(name: str) -> bool:
+def is_file(name: str) -> bool:
     try:
         return Path(name).is_file()
     except (OSError, ValueError):  # too long, or with a character that no name has
@@ -319,13 +324,16 @@ def _names(incomplete: str) -> list[str]:
     return [name for name in catalog.names() if name.startswith(incomplete)]
 
 
-@cli.application.command()
+@cli.command("catalogue sho")
 def catalogue(
     name: Annotated[
         str | None, typer.Argument(help="One system; without it, all names.", autocompletion=_names)
     ] = None,
     form: Annotated[
-        CatalogueFormat | None, typer.Option("--format", help="Default: text for the list, json for one.")
+        CatalogueFormat | None,
+        typer.Option(
+            "--format", help="Default: text for the list, json for one.", **cli.one_of(CatalogueFormat, "format")
+        ),
     ] = None,
 ) -> cli.ExitCode:
     """The named systems.

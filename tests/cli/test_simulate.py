@@ -70,6 +70,9 @@ def test_without_a_directory_the_summary_is_printed(call: Any) -> None:
     code, out, err = call("simulate", "-", given=short("disk", steps=5, methods=["exact"]))
     assert (code, err) == (0, "")
     assert "points" not in json.loads(out)["methods"][0]
+    asked = ("simulate", "-", "--format")
+    assert json.loads(call(*asked, "json", given=short("disk", steps=5, methods=["exact"])).out).keys() >= {"methods"}
+    assert call(*asked, "text", given=short("disk", steps=5, methods=["exact"])).out.startswith("method ")
 
 
 def test_yaml_scenes_are_read(call: Any, tmp_path: Path) -> None:

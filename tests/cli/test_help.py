@@ -1,0 +1,82 @@
+"""The help of each command opens with a call that the command takes; wrong words are refused in our own."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Iterator
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+from inverse_service.cli import check_command, command_line as cli, simulate_command, solve_command
+from inverse_service.errors import InputError
+from inverse_service.service.jobs import batch
+
+cli.load_commands()
+
+
+def commands(group: Any, *before: str) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """(words, command) of all commands, those of `admin` included."""
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from commands(command, *before, name)
+        else:
+            yield (*before, name), command
+
+
+COMMANDS = dict(commands(typer.main.get_command(cli.application)))
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_the_help_of_a_command_opens_with_a_call_that_it_takes(words: tuple[str, ...]) -> None:
+    command = COMMANDS[words]
+    first, _, rest = command.help.removeprefix("\b\n").partition("\n")
+    called = shlex.split(first.removeprefix("Example: "))
+    assert called[: 1 + len(words)] == ["inverse-service", *words]
+    assert rest.strip()
+    with command.make_context(words[-1], called[1 + len(words) :]):
+        pass
+    assert command.short_help.endswith(".")
+    assert "\n" not in command.short_help
+
+
+def test_all_commands_have_a_help() -> None:
+    assert {words[0] for words in COMMANDS} == {*cli.COMMANDS}
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: solve_command.given_document("", None), "No system is given: write its equations"),
+        (lambda: solve_command.given_document("  ", None), "No system is given: write its equations"),
+        (lambda: cli.read_bytes(""), "The name of the file is empty"),
+        (lambda: simulate_command.scene_document(""), "The name of the file is empty"),
+        (lambda: simulate_command.scene_document("x''=-x"), "These are equations, and a scene is a file"),
+        (lambda: cli.one_of(solve_command.Format, "format")["parser"]("pdf"), "There is no format 'pdf': choose one"),
+        (lambda: cli.one_of(solve_command.Format, "format")["parser"]("latx"), "Did you mean 'latex'?"),
+    ],
+)
+def test_a_wrong_call_gets_a_sentence(call: Callable[[], object], words: str) -> None:
+    with pytest.raises(InputError) as refused:
+        call()
+    assert words in refused.value.detail
+
+
+@pytest.mark.parametrize("formats", [solve_command.Format, simulate_command.SummaryFormat])
+def test_each_format_is_taken_by_its_name(formats: type[StrEnum]) -> None:
+    assert [cli.one_of(formats, "format")["parser"](name.upper()) for name in formats] == [*formats]
+
+
+def test_a_batch_without_lines_says_so() -> None:
+    assert check_command.summary_sentences(batch.Summary(), 1.0) == [
+        "The input has no lines, so there is nothing to answer."
+    ]
+
+
+def test_equations_in_a_file_are_not_taken_for_text(tmp_path: Path) -> None:
+    named = tmp_path / "x''=-x.json"
+    named.write_text('{"steps": 3}')
+    assert simulate_command.scene_document(str(named)) == {"steps": 3}
