@@ -16,6 +16,7 @@ MAX_METHODS = 24
 MAX_EFFECTS = 32
 MAX_STEP_SIZES = 40
 MAX_EVENTS = 16
+MAX_CONTACTS = 64
 MAX_MEMBERS = 1_000_000
 
 MethodName = Literal[
@@ -24,7 +25,7 @@ MethodName = Literal[
 ]  # fmt: skip
 Observed = Literal[  # in the order of display
     "trajectory", "velocities", "energy", "constraints", "momenta", "matching_circle", "phase", "error", "cost",
-    "lyapunov", "constraint_forces", "period",
+    "lyapunov", "constraint_forces", "contact_forces", "period",
 ]  # fmt: skip
 Beginning = Literal["momenta", "discrete_constraint"]
 Numbers = Annotated[dict[Name, Value], Field(max_length=base.MAX_PARAMETERS)]
@@ -125,6 +126,19 @@ class SceneEvent(base.Document):
     count: Annotated[int, Field(ge=1, le=100_000), BeforeValidator(_whole)] | None = None
 
 
+class SceneContact(base.Document):
+    """Bodies that touch but do not penetrate: `gap`(t, q) >= 0. `restitution` from 0 to 1: the velocity of the gap
+    after an impact is -restitution times that before. With `friction`, `slides` is the sliding velocity, linear in the
+    velocities. `name`: "contact_1" if left out.
+    """
+
+    name: Name | None = None
+    gap: Formula
+    restitution: Value | None = None
+    friction: Value | None = None
+    slides: Formula | None = None
+
+
 class SceneInitial(base.Document):
     """Initial data. Velocities that the constraints determine may be left out.
 
@@ -223,6 +237,7 @@ class SceneDocument(base.Document):
     methods: Methods = Field(default_factory=list)
     observe: Annotated[list[Observable], Field(max_length=32)] = Field(default_factory=_trajectory)
     events: Annotated[list[SceneEvent], Field(max_length=MAX_EVENTS)] = Field(default_factory=list)
+    contacts: Annotated[list[SceneContact], Field(max_length=MAX_CONTACTS)] = Field(default_factory=list)
     ensemble: SceneEnsemble | None = None
     start: Beginning = "momenta"
     free_lagrangian: Text | None = None
@@ -297,6 +312,22 @@ class SwitchPart(base.Document):
     columns: dict[str, list[Any]]
 
 
+class SpanPart(base.Document):
+    """A span of time."""
+
+    begin: float
+    end: float
+
+
+class ContactPart(base.Document):
+    """What a contact did: the number of its impacts, the spans in which it pressed, its greatest normal force."""
+
+    name: str
+    impacts: int
+    rests: list[SpanPart]
+    greatest_force: float
+
+
 class CirclePart(base.Document):
     """Circles through the first and the last revolution of a path, and how far they are apart."""
 
@@ -347,10 +378,12 @@ class SimulatedMethod(base.Document):
     error_uncertainty: float | None = None
     circle: CirclePart | None = None
     constraint_forces: dict[str, Any] | None = None
+    contact_forces: dict[str, Any] | None = None
     period: NamedNumbers | None = None
     conserved: dict[str, Any] | None = None
     events: list[EventPart] | None = None
     switches: SwitchPart | None = None
+    contacts: list[ContactPart] | None = None
     final: FinalPoint | None = None
     free_lagrangian: str | None = None
     free_lagrangian_source: str | None = None

@@ -16,6 +16,7 @@ WORDS = {
     "no_convergence": "the equation of the step was not solved",
     "not_finite": "a number is too large",
     "off_domain": "a formula ends",
+    "no_one_motion": "no motion follows, or more than one",
     "zeno": "the events come ever faster",
     "cancelled": "the time was over",
 }
@@ -30,10 +31,10 @@ class Outcome:
 
     `kind` is "completed", "singular" (a quantity of the method vanished), "guard" (the implicit equations of a step are
     not safely solvable), "unresolved" (the motion turns too much in a step), "no_convergence" (Newton), "not_finite",
-    "off_domain" (a formula has no value there), "failed" (a fault of ours) or "cancelled". Where a run stopped, `step`
-    says how many steps were done, `time` where the last of them led, `quantity` and `value` what vanished or passed its
-    limit, `remedy` what to do about it. `note` says what was not checked, or why a guard did not count, `doubt` where a
-    run to the end is not the motion.
+    "off_domain" (a formula has no value there), "no_one_motion" (contacts allow none, or several), "failed" (a fault of
+    ours) or "cancelled". Where a run stopped, `step` says how many steps were done, `time` where the last of them led,
+    `quantity` and `value` what vanished or passed its limit, `remedy` what to do about it. `note` says what was not
+    checked, or why a guard did not count, `doubt` where a run to the end is not the motion.
     """
 
     kind: str

@@ -39,8 +39,8 @@ from inverse_service.simulation import (
     schemes,
 )
 from inverse_service.simulation.peaks import moments_between
+from inverse_service.simulation.piecewise import Run, has_pieces, run_motion
 from inverse_service.simulation.sentences import say
-from inverse_service.simulation.switching import Run, has_pieces, run_motion
 
 MOST_STEPS = 1_000_000
 CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE, ROUND_OFF = 0.1, 0.1, 1e-14, 0.01, 1e-15

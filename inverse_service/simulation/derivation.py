@@ -122,8 +122,8 @@ class Derived:
         scene = self.scene
 
         def make() -> exact_motion.ExactMotion:
-            if scene.forces or any(event.acts for event in scene.events):
-                raise Unavailable("Additional forces or events act on the motion.")
+            if scene.forces or scene.contacts or any(event.acts for event in scene.events):
+                raise Unavailable("Additional forces, contacts, or events act on the motion.")
             if self.degenerate:
                 raise Unavailable(_DEGENERATE)
             return exact_motion.motion_by_quadrature(scene, scene.values)

@@ -31,9 +31,9 @@ from inverse_service.simulation import (
     observing,
     scene_data as data,
 )
+from inverse_service.simulation.scene_data import Point
 from inverse_service.simulation.sentences import say
 
-Point = tuple[float, trajectory.Array, trajectory.Array]  # a time, position and velocity (n,)
 State = tuple[trajectory.Array, trajectory.Array, trajectory.Array]  # times (m,), positions and velocities (m, n)
 CONTINUED = data.MethodChoice("adaptive", tolerance=1e-14)
 ITERATIONS = 60
@@ -135,10 +135,16 @@ def _located(run: observing.Observed, event: data.Event, follow: Follow | None) 
 
     def value(state: State) -> trajectory.Array:
         times, positions, speeds = state
+        if event.measure is not None:
+            return event.measure(times, positions, speeds)
         return arrays.array_value(event.formula, nf.table_of(scene.coordinates, positions, speeds, scene.values, times))
 
     try:
-        along, *parts = run.values_of(event.formula, *ex.summands(event.formula))
+        assert run.velocities is not None or event.measure is None
+        if event.measure is not None and run.velocities is not None:
+            along, parts = event.measure(ran.times, ran.positions, run.velocities), []
+        else:
+            along, *parts = run.values_of(event.formula, *ex.summands(event.formula))
         if not along.any() or (len(parts) > 1 and (np.abs(along) <= NOISE * np.abs(parts).sum(axis=0)).all()):
             return replace(nothing, note=say("event_always_zero"))
         if follow is None:

@@ -22,7 +22,7 @@ CHOICE = data.MethodChoice("adaptive", tolerance=1e-10)
 def largest_exponent(derived: derivation.Derived) -> dict[str, Any]:
     """{largest, half, time}: the exponent over the whole run and over its first half, which shows its convergence."""
     scene, motion = derived.scene, derived.motion()
-    if any(event.acts for event in scene.events):
+    if scene.contacts or any(event.acts for event in scene.events):
         return {"largest": None, "note": say("exponent_with_events")}
     # The motion with its variational equations; the tangent of x has a name that no formula uses.
     tangents, given = tuple(f"tangent_of_{name}" for name in scene.coordinates), motion.accelerations or ()

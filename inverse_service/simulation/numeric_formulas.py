@@ -157,12 +157,13 @@ class Formulas:
     @cached_property
     def linear_motion(self) -> tuple[Vector, Vector]:
         """[[g, -w^T], [w, 0]] and (L_q - L_vq v - L_vt + Q, -w' v - c'): the matrix and the right-hand side of the
-        linear equations for (q'', lambda), (n + m, n + m) and (n + m,)."""
+        linear equations for (q'', lambda), (n + m, n + m) and (n + m,); `pulls` of the problem in the place of w^T."""
         n, q, v = self.size, self.symbols("q"), self.symbols("v")
         momenta, rows = [self.lagrangian.diff(x) for x in v], self.forms
         matrix = np.full((n + len(rows), n + len(rows)), se.ZERO)
         matrix[:n, :n] = [[p.diff(x) for x in v] for p in momenta]
-        matrix[n:, :n], matrix[:n, n:] = rows, -rows.T
+        pulls = [self._translated(pull) for pull in self.problem.pulls]
+        matrix[n:, :n], matrix[:n, n:] = rows, -(np.array(pulls, dtype=object) if pulls else rows).T
 
         def drift(formula: se.Formula) -> se.Formula:
             """Its rate along q' = v at fixed v."""

@@ -121,6 +121,8 @@ def why_energy_varies(scene: data.Scene) -> str | None:
         return say("energy_with_drifts")
     if any(event.acts for event in scene.events):
         return say("energy_with_events")
+    if scene.contacts:
+        return say("energy_with_contacts")
     return say("energy_with_forces") if scene.forces else None
 
 
@@ -318,6 +320,15 @@ def _constraint_forces(run: Observed) -> Observations:
     return {"constraint_forces": {"formulas": formulas, "greatest": largest}}, columns
 
 
+def _contact_forces(run: Observed) -> Observations:
+    """The normal force and the friction of each contact at the recorded points, 0 where it does not press."""
+    if not run.scene.contacts:
+        return {"contact_forces": None, "contact_forces_note": "There are no contacts."}, {}
+    names = [f"{kind}_{one.name}" for one in run.scene.contacts for kind in ("normal", "friction")]
+    columns = {name: run.trajectory.series[name] for name in names if name in run.trajectory.series}
+    return {"contact_forces": {"greatest": {name: greatest(column) for name, column in columns.items()}}}, columns
+
+
 def _energy(run: Observed) -> Observations:
     """The energy at the recorded points for every method; that of the discrete Lagrangian, where there is one, under a
     separate name."""
@@ -455,6 +466,7 @@ QUANTITIES: dict[str, Quantity] = {
     "velocities": Quantity(_velocities, ("v_{coordinate}",)),
     "matching_circle": Quantity(_matching_circle),
     "constraint_forces": Quantity(_constraint_forces, ("lambda_{constraint}", "force_{coordinate}")),
+    "contact_forces": Quantity(_contact_forces, ("normal_{contact}", "friction_{contact}")),
     "phase": Quantity(_phase, ("phase_error",)),
     "error": Quantity(_error, ("error",)),
 }
@@ -462,18 +474,20 @@ OWN = Quantity(_own)  # under the names that the scene gives them
 
 
 def names_of_columns(
-    coordinates: Sequence[str], constraints: int, of: Iterable[Quantity] | None = None
+    coordinates: Sequence[str], constraints: int, contacts: Sequence[str] = (), of: Iterable[Quantity] | None = None
 ) -> re.Pattern[str]:
     """The names of the columns that quantities (None: all, and the time) may have in a scene of this size."""
     templates = [name for one in (QUANTITIES.values() if of is None else of) for name in one.columns]
     numbers = "|".join(map(str, range(1, constraints + 1))) or "(?!)"
     places = {"coordinate": f"({'|'.join(map(re.escape, coordinates))})", "constraint": f"({numbers})"}
+    places["contact"] = f"({'|'.join(map(re.escape, contacts)) or '(?!)'})"
     every = [template.format(**places, number="[1-9][0-9]*") for template in templates]
     return re.compile("|".join([*every, *(["t"] if of is None else [])]) or "(?!)")
 
 
 def _is_of(quantity: Quantity, name: str, scene: data.Scene) -> bool:
-    names = names_of_columns(scene.coordinates, len(scene.constraints), [quantity])
+    contacts = [one.name for one in scene.contacts]
+    names = names_of_columns(scene.coordinates, len(scene.constraints), contacts, [quantity])
     return names.fullmatch(name) is not None
 
 

@@ -25,8 +25,8 @@ from inverse_service.simulation import (
     lyapunov,
     observing,
     peaks,
+    piecewise,
     scene_data as data,
-    switching,
 )
 from inverse_service.simulation.sentences import say
 
@@ -51,8 +51,9 @@ class MethodRun:
     free: data.FreeLagrangian | None = None
     events: tuple[happening.Found, ...] = ()
     observed: observing.Observed | None = None
-    switches: tuple[switching.Switch, ...] = ()
-    final: happening.Point | None = None
+    switches: tuple[piecewise.Switch, ...] = ()
+    final: data.Point | None = None
+    contacts: tuple[piecewise.Touched, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +167,7 @@ def observed_run(
     try:
         values, _ = observing.beginning(scene, requested, free)
         if requested.method == data.EXACT:
-            problem, ran = None, switching.Run(accuracy.exact_trajectory(derived, values))
+            problem, ran = None, piecewise.Run(accuracy.exact_trajectory(derived, values))
         else:
             problem = derivation.problem_of(requested, derived)
             ran = accuracy.integrated(watched, requested, problem)
@@ -195,7 +196,7 @@ def observed_run(
                 *others, returns = events
                 numbers, events = numbers | happening.period_of(observed, returns, others), tuple(others)
     run = MethodRun(requested, found.outcome, found, numbers, series, seconds, free, events, observed)
-    return replace(run, switches=ran.switches, final=final)
+    return replace(run, switches=ran.switches, final=final, contacts=ran.contacts)
 
 
 def run_members(derived: derivation.Derived, members: data.Members, requested: data.Requested) -> EnsembleRun:
@@ -215,7 +216,7 @@ def run_members(derived: derivation.Derived, members: data.Members, requested: d
     start = members.positions, members.velocities
     many = execution.run_ensemble(problem, requested.choice, *start, scene.grid, values, momenta, steps, derived.stop)
     ran = time.perf_counter()
-    if switching.has_pieces(scene, problem):
+    if piecewise.has_pieces(scene, problem):
         many = replace(many, remedy=say("alone"))
     velocities, series, numbers = _observed(scene, problem, requested, many, values)
     seconds = {"run": ran - begun, "observed": time.perf_counter() - ran}

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from inverse_service.integrators.trajectory import Array, Row
 
 Stop = Callable[[], bool]
 Progress = Callable[[str], None]
+Point = tuple[float, Array, Array]  # a time, position and velocity (n,)
+Measure = Callable[[Array, Array, Array], Array]  # of times (m,), positions and velocities (m, n): (m,)
 EXACT = "exact"
 
 
@@ -30,7 +33,7 @@ class Problem:
     `free_hamiltonian` its H~(q, p) in Symbol("p_x") for each coordinate x, `free_constants` names among the
     parameters that L~ may choose freely (C2, a_x, ...), `accelerations` all n accelerations of the true motion,
     `forces` Q_i(t, q, q') that act with `lagrangian` or `free_lagrangian`, `domain` what is positive where L~ has the
-    motion.
+    motion. `pulls` are the directions of the forces of the constraints, (n,) each, where these are not their slopes.
     """
 
     coordinates: tuple[str, ...]
@@ -43,11 +46,13 @@ class Problem:
     accelerations: tuple[ex.Expression, ...] | None = None
     forces: tuple[ex.Expression, ...] = ()
     domain: tuple[ex.Expression, ...] = ()
+    pulls: tuple[tuple[ex.Expression, ...], ...] = ()
 
     @property
     def formulas(self) -> tuple[ex.Expression, ...]:
         """All that are known."""
-        known = (self.lagrangian, self.free_lagrangian, self.free_hamiltonian, *(self.accelerations or ()))
+        known: tuple[ex.Expression | None, ...] = (self.lagrangian, self.free_lagrangian, self.free_hamiltonian)
+        known = (*known, *(self.accelerations or ()), *(part for pull in self.pulls for part in pull))
         return tuple(tree for tree in (*known, *self.forces, *self.constraints, *self.domain) if tree is not None)
 
     @property
@@ -179,6 +184,7 @@ class Event:
     """Zeros of `formula`, rising (direction 1), falling (-1) or both (0); `stops`: the run ends there.
 
     `sets`: there each Symbol(x) or Velocity(x) gets the value of its formula. With the `most`-th time the run ends.
+    `measure` gives the values where no formula does.
     """
 
     formula: ex.Expression
@@ -186,11 +192,28 @@ class Event:
     stops: bool
     sets: tuple[tuple[ex.Expression, ex.Expression], ...] = ()
     most: int = 1
+    measure: Measure | None = None
 
     @property
     def acts(self) -> bool:
         """Whether it changes the motion."""
         return bool(self.sets)
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """A gap g(t, q) >= 0 with 0 <= restitution <= 1; with friction, `slides` is the velocity of sliding, linear in the
+    velocities. `weight` is the friction as an exact number."""
+
+    name: str
+    gap: ex.Expression
+    restitution: float = 0.0
+    friction: float = 0.0
+    slides: ex.Expression = ex.ZERO
+
+    @property
+    def weight(self) -> ex.Expression:
+        return ex.number(Fraction(self.friction))
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,6 +266,7 @@ class Scene:
     forces: tuple[ex.Expression, ...] = ()
     own: tuple[Observable, ...] = ()
     events: tuple[Event, ...] = ()
+    contacts: tuple[Contact, ...] = ()
     ensemble: Members | None = None
     found: FreeLagrangian | None = None
     units: Mapping[str, str] = field(default_factory=dict)

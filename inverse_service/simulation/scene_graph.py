@@ -120,6 +120,13 @@ class SceneGraph:
                     found[row, place - 1 - self.size] = node
         return found
 
+    @cached_property
+    def directions(self) -> Entries:
+        """Those of the forces of the constraints: w, where the problem gives no others."""
+        given = {(row, k): self.graph.node(tree)
+                 for row, pull in enumerate(self.problem.pulls) for k, tree in enumerate(pull)}  # fmt: skip
+        return {place: node for place, node in given.items() if not self.graph.is_zero(node)} if given else self.forms
+
     def _at_constant_speed(self, nodes: Sequence[int]) -> Nodes:
         """The changes of nodes along q' = v, t' = 1."""
         along = {1 + k: speed for k, speed in enumerate(self.speeds)}
@@ -133,8 +140,8 @@ class SceneGraph:
         right = [g.subtract(*pair) for pair in zip(self.pulls, rates[:n], strict=True)]
         right += [g.negative(rate) for rate in rates[n:]]
         entries = dict(self.masses)
-        for (row, k), node in self.forms.items():
-            entries[n + row, k], entries[k, n + row] = node, g.negative(node)
+        entries |= {(n + row, k): node for (row, k), node in self.forms.items()}
+        entries |= {(k, n + row): g.negative(node) for (row, k), node in self.directions.items()}
         return right, entries
 
     @cached_property

@@ -43,6 +43,7 @@ ROOMS: dict[str, tuple[str, ...]] = {
     "solving/*.py": ("tests/doors", "tests/inverse_problem", "tests/service"),
     "simulation/accuracy.py": ("tests/simulation", "tests/service"),
     "simulation/switching.py": ("tests/simulation", "tests/service"),
+    "simulation/piecewise.py": ("tests/simulation", "tests/service"),
     "simulation/events.py": ("tests/simulation", "tests/service"),
     "simulation/contacts.py": ("tests/simulation", "tests/service"),
 }

@@ -216,7 +216,7 @@ def conserved(system: scene_reading.MechanicalSystem, derived: derivation.Derive
     except Unavailable:
         return ()
     jumps = switching_functions(accelerations, scene.coordinates)
-    if scene.constraints or jumps or any(event.acts for event in scene.events):
+    if scene.constraints or scene.contacts or jumps or any(event.acts for event in scene.events):
         return ()
     given = scene.accelerations is not None
     question = _of_equations(scene, accelerations, None)

@@ -60,6 +60,7 @@ FILLED = {
 }  # fmt: skip
 Constraints = tuple[ex.Expression, ...]
 POSITIVE = 5e-324  # the smallest positive number
+PENETRATION = 1e-12  # of the size of the positions, by round-off
 DISSIPATION = frozenset({"friction", "drag", "damping", "dissipation"})
 MOST_RECORDED = 100_000
 MOST_WITH_EVENTS = 2_000_000
@@ -327,7 +328,8 @@ def read_observables(schema: schemas.SceneDocument, system: MechanicalSystem) ->
     """The observables that the scene gives by formula, in its order; each name is a separate column."""
     found: dict[str, data.Observable] = {}
     coordinates = system.names.coordinates
-    columns = observing.names_of_columns(coordinates, len(system.constraints))
+    contacts = [one.name or f"contact_{place}" for place, one in enumerate(schema.contacts, 1)]
+    columns = observing.names_of_columns(coordinates, len(system.constraints), contacts)
 
     def add(name: str, text: str, pointer: str) -> None:
         if name in coordinates or name in found or columns.fullmatch(name):
@@ -364,6 +366,40 @@ def read_events(schema: schemas.SceneDocument, system: MechanicalSystem) -> tupl
     return tuple(found)
 
 
+def read_contacts(
+    schema: schemas.SceneDocument, system: MechanicalSystem, values: Mapping[str, float], state: data.Point
+) -> tuple[data.Contact, ...]:
+    """The contacts of a scene; none may be penetrated at the start, and each name is a separate column."""
+    names, found = system.names, dict[str, data.Contact]()
+    if schema.contacts and system.lagrangian is None and len(names.coordinates) > 1:
+        raise refusal("contacts_without_masses", "/contacts")
+    for place, given in enumerate(schema.contacts):
+        pointer, name = f"/contacts/{place}", given.name or f"contact_{place + 1}"
+        if name in found:
+            raise refusal("contact_twice", f"{pointer}/name", name=name)
+        gap = read_expression(given.gap, system, f"{pointer}/gap")
+        if not ex.holds(gap, *map(ex.Symbol, names.coordinates)):
+            raise refusal("gap_of_no_coordinate", f"{pointer}/gap", known=", ".join(names.coordinates))
+        if ex.has(gap, ex.Velocity):
+            raise refusal("gap_of_velocities", f"{pointer}/gap")
+        restitution = number_of(given.restitution or "0", f"{pointer}/restitution", "restitution", 0, 1)
+        friction = number_of(given.friction or "0", f"{pointer}/friction", "friction", 0)
+        slides = ex.ZERO if given.slides is None else read_expression(given.slides, system, f"{pointer}/slides")
+        if friction and not ex.has(slides, ex.Velocity):
+            raise refusal("no_sliding", f"{pointer}/slides", first=names.coordinates[0])
+        slopes = [calculus.differentiate(slides, ex.Velocity(x)) for x in names.coordinates]
+        if any(ex.has(slope, ex.Velocity) for slope in slopes):
+            raise refusal("sliding_not_linear", f"{pointer}/slides")
+        table = numeric_formulas.table_of(
+            names.coordinates, state[1][None], state[2][None], values, np.array([state[0]])
+        )
+        (start,) = arrays.array_value(gap, table)
+        if not start >= -PENETRATION * (1 + np.abs(state[1]).max()):
+            raise refusal("penetrated", f"{pointer}/gap", name=name, value=f"{start:.6g}")
+        found[name] = data.Contact(name, gap, restitution, friction, slides)
+    return tuple(found.values())
+
+
 def beginning(schema: schemas.SceneDocument) -> tuple[float, schemas.SceneInitial]:
     """The start time and initial data of the scene, given directly or taken from the end of the restarted result."""
     if schema.restart is None:
@@ -392,7 +428,7 @@ def read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSys
     }
     system = mechanical_system(schema.system, list(given))
     # Formulas that the scene adds to those of its system may use additional parameters.
-    keys = ("terms", "functions", "free_lagrangian", "forces", "rayleigh", "events", "points")
+    keys = ("terms", "functions", "free_lagrangian", "forces", "rayleigh", "events", "contacts", "points")
     has_formulas = any(getattr(one, key, None) for one in (schema, *schema.methods) for key in keys)
     _refuse_unknown(system, given, has_formulas or any(isinstance(item, dict) for item in schema.observe))
     names = system.names
@@ -426,6 +462,7 @@ def read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSys
         effects=effects, parts=parts, positions=positions, velocities=velocities, grid=grid, notes=notes,
         methods=read_methods(schema), observe=tuple(one for one in get_args(schemas.Observed) if one in schema.observe),
         circle=read_circle(schema, names), own=read_observables(schema, system), events=read_events(schema, system),
+        contacts=read_contacts(schema, system, values, (grid.begin, positions, velocities)),
         bodies={body: (f"{body}_x", f"{body}_y") for body in schema.points},
         units={names.spelling(name): unit for name, unit in schema.units.items()},
     )  # fmt: skip
@@ -513,9 +550,9 @@ def read_grid(schema: schemas.SceneDocument, begin: float = 0.0) -> tuple[data.G
         if abs(steps * step - length) > 1e-9 * length:
             notes = (f"The run takes {steps * step:.10g}, up to the first grid point beyond {length:.10g}.",)
     every = schema.record_every or 1
-    if schema.events and (every > 1 or steps > MOST_WITH_EVENTS):
-        raise refusal("every_step", "/events", most=MOST_WITH_EVENTS)
-    if not schema.events and steps // every > MOST_RECORDED:
+    if (schema.events or schema.contacts) and (every > 1 or steps > MOST_WITH_EVENTS):
+        raise refusal("every_step", "/events" if schema.events else "/contacts", most=MOST_WITH_EVENTS)
+    if not (schema.events or schema.contacts) and steps // every > MOST_RECORDED:
         every = math.ceil(steps / MOST_RECORDED)
         notes += (f"One step in {every} is recorded, so that at most {MOST_RECORDED} points are kept.",)
     return data.Grid(step, steps, min(every, steps), begin), notes
@@ -631,8 +668,9 @@ def read_members(
 ) -> data.Members:
     """Starts times combinations of parameters, the parameters running fastest; each start on the constraints."""
     unseen = [name for name in scene.observe if name not in OF_MEMBERS]
-    if scene.events or unseen:
-        what, pointer = f"'{unseen[0]}' is" if unseen else "events are", "/events" if scene.events else "/observe"
+    if scene.events or scene.contacts or unseen:
+        what = f"'{unseen[0]}' is" if unseen else "contacts are" if scene.contacts else "events are"
+        pointer = "/contacts" if scene.contacts else "/events" if scene.events else "/observe"
         raise refusal("of_members", pointer, what=what, known=", ".join(OF_MEMBERS))
     axes = {}
     for key, texts in given.parameters.items():

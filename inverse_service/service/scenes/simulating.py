@@ -195,6 +195,12 @@ def _method(scene: Scene, run: MethodRun) -> dict[str, Any]:
             | ({"note": one.note} if one.note else {})
             for one in run.events
         ]
+    if run.contacts:
+        document["contacts"] = [
+            {"name": one.name, "impacts": one.impacts, "greatest_force": one.greatest_force}
+            | {"rests": [{"begin": begin, "end": end} for begin, end in one.rests]}
+            for one in run.contacts
+        ]
     if run.observed is not None:
         at, *states = run.final or last_point(run.observed)
         positions, velocities = (None if row is None else columns_of(scene, row) for row in states)
