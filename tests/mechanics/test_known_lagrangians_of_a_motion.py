@@ -1,0 +1,47 @@
+"""What is known from another question is confirmed even when the time is over."""
+
+from __future__ import annotations
+
+from inverse_service.constrained import answering, lagrangian as on_constraints
+from inverse_service.deadline import now
+from inverse_service.decision.solutions import Lagrangian
+from inverse_service.mechanics import euler_lagrange
+from inverse_service.mechanics.constrained_motion import EquationsOfMotion, equations_of_motion, read_nonholonomic
+from inverse_service.reading import document_names, names as nm, reader
+
+NAMES = ("x", "y", "z")
+
+
+def particle(potential: str = "0") -> EquationsOfMotion:
+    declared = document_names.Declared(list(NAMES), (), {})
+    return equations_of_motion(read_nonholonomic(declared, f"(x'^2+y'^2+z'^2)/2-{potential}", ["z'+x*y'"], ""))
+
+
+def known_of(motion: EquationsOfMotion, text: str) -> answering.KnownLagrangian:
+    tree = reader.read_formula(text, nm.Names(NAMES, (), {}))
+    system = on_constraints.own_system(tree, motion, now() + 60)
+    assert system is not None
+    found = Lagrangian(tree, euler_lagrange.hessian(tree, NAMES), (), "known")
+    return answering.KnownLagrangian("first", system, found, False, None)
+
+
+def test_a_known_lagrangian_proves_a_yes_when_the_time_is_over() -> None:
+    motion = particle()
+    known = known_of(motion, "sqrt(1+x^2)*y'^2/(2*x')+x'^2/2+(z'+x*y')^2/2")
+    told: list[answering.MotionAnswer] = []
+    answer = answering.answer_motion(motion, [known], deadline=now() - 1, tell=told.append)
+    assert answer.verdict == answer.verdict_with_time == "variational"
+    assert answer.lagrangian is not None
+    assert answer.lagrangian.kind == "first"
+    assert told[0].certificates == answer.certificates  # it is told before anything else is decided
+
+
+def test_a_lagrangian_of_another_motion_proves_nothing() -> None:
+    """The given L has forces of constraint, and with V = y no associated system is variational."""
+    motion = particle("y")
+    straight = Lagrangian(motion.system.lagrangian, (), (), "known")
+    system = on_constraints.first_system(motion)
+    false = answering.KnownLagrangian("first", system, straight, False, None)
+    answer = answering.answer_motion(motion, [false], deadline=now() - 1)
+    assert answer.verdict != "variational"
+    assert answer.lagrangian is None
