@@ -4,7 +4,7 @@ HOST ?= 127.0.0.1
 SERVICE := .venv/.service
 STAMP := .venv/.installed
 
-.PHONY: help docs notebooks install develop service run test wheel installed nightly lint paper bench bench-service records soundness coverage mutation golden font reference
+.PHONY: help docs notebooks install develop service run test wheel installed nightly lint paper bench bench-service records soundness coverage mutation golden font reference screens
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):[^#]*## /\1: /p' Makefile
@@ -127,6 +127,9 @@ font: install ## the mathematics font of the pages
 # docs/reference/results.md from the program; a test says when it is old.
 reference: install ## docs/reference/results.md from the program
 	.venv/bin/python -m tests.docs.reference
+
+screens: install ## the pictures of twelve pages, docs/records/screens
+	.venv/bin/python -m tests.web.browser.screens
 
 notebooks: install ## execute the notebooks of docs/ in place
 	.venv/bin/python -m tests.docs.notebooks

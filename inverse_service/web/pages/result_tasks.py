@@ -4,7 +4,6 @@ With them: what to try next where an answer stayed open, the texts to take along
 """
 
 import gzip
-import itertools
 import json
 import pprint
 import shlex
@@ -18,13 +17,11 @@ from starlette.responses import HTMLResponse
 
 from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.expressions import printing
-from inverse_service.mechanics import writing
 from inverse_service.reading import document_names, names as nm
 from inverse_service.service.documents import plain_data, printed_pages, sheets, stated
 from inverse_service.service.jobs import model, opening, tasks
 from inverse_service.service.scenes import views
-from inverse_service.web.pages import WORDS, forms, pictures, preview, rendering, simulations, typesetting
+from inverse_service.web.pages import WORDS, forms, preview, rendering, simulations, typesetting
 
 T = TypeVar("T")
 OFFER_TERMS = "Offer terms that L may contain, in \u201cAsk in detail\u201d: for example {}."
@@ -33,7 +30,6 @@ ONE_QUESTION = "Ask one question instead of two, in \u201cAsk in detail\u201d: L
 MUCH_OF = 0.8
 LONG_RUN = "Run the system on your own computer: `inverse-service solve --time-limit 3600 system.json`"
 EXPORTS: dict[str, tuple[str, str]] = WORDS["exports"]
-LONG = 300  # characters of a formula that is written out on demand
 ENTRY = 10.0  # s of processor time for an entry of the atlas
 GLANCE = 3.0  # s of processor time; no one who is still typing waits longer
 
@@ -272,7 +268,6 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         "sheet.html",
         active="",
         sheet=sheet,
-        short=short_of(found, sheet),
         job=job,
         open=is_open,
         waited=int(job.get("waited", 0)),
@@ -280,6 +275,7 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         address_of_result=f"{look.address}/results/{job['id']}",
         motion=preview.motion_of_result(found, _conditions_shown(found)),
         own=judged,
+        specials=bool(found.get("special_cases")),
         can_judge=bool(system) and "verdict" in found and not stated.is_constrained(found) and not is_open,
         advice=advice,
         seconds=_seconds_of(found),
@@ -291,34 +287,6 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Short:
-    """What says in few lines what a long formula says: M and V of L = v^T M v / 2 - V, and H by them."""
-
-    mass: Markup
-    potential: Markup
-    texts: tuple[str, str]
-
-
-def short_of(result: Mapping[str, Any], sheet: sheets.Sheet) -> Short | None:
-    """None where all formulas are short, or L is of another form."""
-    if len(sheet.cases) != 1 or all(len(one.text) <= LONG for one in sheet.cases[0].formulas):
-        return None
-    moving = preview.moving_of(result)
-    natural = None
-    if moving is not None and not moving.constraints:
-        natural = pictures.natural_of(preview.facts_of(result, moving, {}, (), reveals=True))
-    if natural is None or moving is None:
-        return None
-    rows = [[printing.to_text(writing.tidied(entry)) for entry in row] for row in natural[0]]
-    potential = printing.to_text(writing.tidied(natural[1]))
-    mass = typesetting.symmetric_matrix("M", rows, moving.names)
-    if mass is None or max(map(len, itertools.chain(*rows))) > LONG:
-        return None
-    said = f"M = [[{'], ['.join(map(', '.join, rows))}]]"
-    return Short(mass, typesetting.equation("V", potential, moving.names), (said, f"V = {potential}"))
-
-
 def entry_task(entry: Mapping[str, Any]) -> Markup:
     """The answer of an entry of the atlas as a part of its page: its stored result, else the result of now."""
     found = entry.get("result") or tasks.solve_task(entry["document"], SolveOptions(time_limit=ENTRY))
@@ -327,7 +295,6 @@ def entry_task(entry: Mapping[str, Any]) -> Markup:
         "atlas_answer.html",
         name=entry["name"],
         sheet=sheet,
-        short=short_of(found, sheet),
         motion=preview.motion_of_result(found, _conditions_shown(found)),
         more_words=_words_of_more(sheet) if sheet.more or any(case.more for case in sheet.cases) else "",
         question=forms.question_address(entry["document"]),

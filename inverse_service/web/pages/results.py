@@ -118,18 +118,21 @@ async def result_json(request: Request, identifier: str) -> Response:
 
 @router.post("/results/{identifier}/again")
 @router.post("/results/{identifier}/longer")
+@router.post("/results/{identifier}/special")
 async def again(request: Request, identifier: str) -> Response:
-    """The same question asked again: of work that was cancelled or failed, or with all the time the service gives."""
+    """The same question asked again: of work that was cancelled or failed, with all the time the service gives, or with
+    the special values of its parameters."""
     await read_form(request, SMALL_FORM)
-    job = await finished(request, identifier)
-    options = {} if request.url.path.endswith("/longer") else json.loads(job.options)
-    document = json.loads(job.document) | ({"options": options} if options else {})
+    job, what = await finished(request, identifier), request.url.path.rpartition("/")[2]
+    document, options = json.loads(job.document), json.loads(job.options) if what == "again" else {}
+    document |= {"options": options} if options else {}
+    document |= {"special_cases": True} if what == "special" else {}
     try:
         asked = await ask(request, job.kind, document, fresh=bool(options))
     except problems.REFUSED as error:
         refusal = problems.refusal_of(request, error)
         return page("missing.html", refusal.status, active="", title="Not asked again", detail=refusal.detail)
-    return RedirectResponse(f"/results/{asked.id}", 303)
+    return RedirectResponse(f"/results/{asked.id}{'#more' if what == 'special' else ''}", 303)
 
 
 @router.post("/results/{identifier}/cancel")

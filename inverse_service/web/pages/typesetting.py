@@ -220,18 +220,6 @@ def matrix_inner(rows: Sequence[Sequence[str]], names: nm.Names) -> str | None:
     return f"<mrow><mo>(</mo><mtable>{body}</mtable><mo>)</mo></mrow>"
 
 
-def symmetric_matrix(letter: str, rows: Sequence[Sequence[str]], names: nm.Names) -> Markup | None:
-    """M = a symmetric matrix, dots below its diagonal; None if an entry cannot be parsed."""
-    entries = [
-        [inner_mathml(entry, names) if j >= i else "<mo>\u00b7</mo>" for j, entry in enumerate(row)]
-        for i, row in enumerate(rows)
-    ]
-    if any(entry is None for row in entries for entry in row):
-        return None
-    body = "".join(f"<mtr>{''.join(f'<mtd>{entry}</mtd>' for entry in row)}</mtr>" for row in entries)
-    return math(f"<mrow><mi>{letter}</mi><mo>=</mo><mo>(</mo><mtable>{body}</mtable><mo>)</mo></mrow>", display=True)
-
-
 def low_fences(mathml: str) -> str:
     """Brackets around nothing tall do not stretch: stretched ones are set with gaps around them."""
     found: list[tuple[int, int]] = []

@@ -308,6 +308,14 @@ const CLICKS = {
     shown.querySelector("pre").textContent = answer.ok ? await answer.text() : "This program could not be written.";
     for (const other of document.querySelectorAll("[data-code]")) (other === link ? other.setAttribute("aria-current", "true") : other.removeAttribute("aria-current"));
   },
+  // Special values are asked for at once; without scripts the link leads to the form that asks.
+  'a[href*="special_cases=yes"]': (link, event) => {
+    const form = document.getElementById("special");
+    if (!form || !isPlain(event)) return;
+    event.preventDefault();
+    form.submit();
+  },
+  'a[href^="#"]': (link) => { const part = document.querySelector(link.getAttribute("href")); if (part?.tagName === "DETAILS") part.open = true; },
   "[data-forget]": (button) => { localStorage.removeItem(HISTORY); button.closest("[data-history-list]").hidden = true; },
 };
 document.addEventListener("click", (event) => {

@@ -8,10 +8,8 @@ from typing import Any
 import pytest
 
 from inverse_service import catalogue, solve
-from inverse_service.expressions import collecting, tree as ex
-from inverse_service.reading import reader
-from inverse_service.service.documents import printed_pages, sheets, stated
-from inverse_service.web.pages import preview, rendering, result_tasks
+from inverse_service.service.documents import printed_pages
+from inverse_service.web.pages import preview
 
 KEPLER = "r'' = r*phi'^2 - 1/r^2; phi'' = -2*r'*phi'/r"
 COUPLED = "theta1'' = -sin(theta1) + theta2 - theta1; theta2'' = -sin(theta2) + theta1 - theta2"
@@ -120,28 +118,3 @@ def test_an_exercise_shows_nothing_of_its_answer(document: str) -> None:
     assert found.meters == ()
     assert found.data["meters"] == []
     assert not {"potential", "mass", "swept"} & set(found.data["known"])
-
-
-TWO_RODS = (
-    "m0/2*x'^2 + m1/2*(x'^2 + 2*l1*cos(alpha)*x'*alpha' + l1^2*alpha'^2) + m2/2*(x'^2 + l1^2*alpha'^2 + l2^2*beta'^2"
-    " + 2*l1*cos(alpha)*x'*alpha' + 2*l2*cos(beta)*x'*beta' + 2*l1*l2*cos(alpha - beta)*alpha'*beta')"
-    " + (m1 + m2)*g*l1*cos(alpha) + m2*g*l2*cos(beta)"
-)
-
-
-def test_a_long_h_is_told_by_m_and_v_which_give_l() -> None:
-    """L = v^T M v / 2 - V for a cart with two rods, whose H has 839 characters."""
-    result = solved(TWO_RODS)
-    sheet = sheets.sheet_of(result)
-    short = result_tasks.short_of(result, sheet)
-    assert short is not None
-    matrix, potential = (text.partition(" = ")[2] for text in short.texts)
-    rows = [row.strip("[]").split(", ") for row in matrix.split("], [")]
-    v = ["x'", "alpha'", "beta'"]
-    kinetic = " + ".join(f"({rows[i][j]})*{v[i]}*{v[j]}/2" for i in range(3) for j in range(3))
-    names = stated.names_of(result["system"])
-    difference = reader.read_formula(f"{kinetic} - ({potential}) - ({TWO_RODS})", names)
-    assert collecting.collect(difference) == ex.ZERO
-    assert "Written out, 8" in rendering.environment().get_template("sheet_parts.html").module.answer(
-        sheet.cases[0].formulas, (), short
-    )
