@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import quad, solve_ivp
 
+from inverse_service.errors import InputError
 from inverse_service.service.scenes.simulating import simulate
+from tests.values import slow
 
 G = 9.81
 FALL, SPEED = np.sqrt(2 / G), np.sqrt(2 * G)  # of a body from height 1
@@ -201,6 +205,21 @@ SEVERAL: dict[str, Row] = {
         scene(TWO_BLOCKS.replace("a'^2 + b'^2", "(2*a'^2 + 2*b'^2)/2"), AT_REST_2 | {"y": (0, 0)}, WEDGE, 1, **GRAVITY),
         {"a": SLOPE / 2, "b": 0, "x": -SLOPE, "y": -SLOPE * 1.5 * np.tan(0.5)},
     ),
+    "a disk rolls down a rough incline": (
+        scene("(x'^2 + y'^2)/2 + p'^2/4 - g*(y*cos(1/2) - x*sin(1/2))", {"x": (0, 0), "y": (0, 0), "p": (0, 0)},
+              [ROUGH | {"slides": "x' - p'"}], 1, **GRAVITY),
+        {"x": G * np.sin(0.5) / 3, "p": G * np.sin(0.5) / 3},
+    ),
+    "a disk slips down a smoother incline": (
+        scene("(x'^2 + y'^2)/2 + p'^2/4 - g*(y*cos(1/2) - x*sin(1/2))", {"x": (0, 0), "y": (0, 0), "p": (0, 0)},
+              [ROUGH | {"friction": 0.1, "slides": "x' - p'"}], 1, **GRAVITY),
+        {"x": G * (np.sin(0.5) - 0.1 * np.cos(0.5)) / 2, "p": 0.1 * G * np.cos(0.5)},
+    ),
+    "backspin turns a ball back": (
+        scene("(x'^2 + y'^2)/2 + p'^2/4 - g*y", {"x": (0, 1), "y": (0, 0), "p": (0, -5)},
+              [ROUGH | {"slides": "x' - p'"}], 1, **GRAVITY),
+        {"x": (back := 6 / (3 * 0.3 * G)) - 0.15 * G * back**2 - (1 - back)},
+    ),
     "a slider between two stops": (
         scene("x'^2/2", {"x": (0.5, 0)}, [{"gap": "x"}, {"gap": "1 - x"}], 4.2, forces={"x": "4*sin(t) - sign(x')"}),
         {"x": driven(4.2)},
@@ -227,3 +246,242 @@ def test_other_methods_meet_them_too(name: str, method: Any) -> None:
     found = run(document | {"methods": [method]})
     assert found["outcome"] == "completed"
     assert {x: found["final"]["positions"][x] for x in ends} == pytest.approx(ends, abs=1e-7)
+
+
+# Independent: bodies on a line with constant accelerations, one impact after another, rest by complementarity.
+
+
+def presses(masses: np.ndarray, rows: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    """a with M a = F + G^T x, x >= 0, G a >= 0, x G a = 0, by trying all sets."""
+    for count in range(len(rows), -1, -1):
+        for chosen in combinations(range(len(rows)), count):
+            part = rows[list(chosen)]
+            x = np.linalg.lstsq(part @ np.diag(1 / masses) @ part.T, -part @ (forces / masses), rcond=None)[0]
+            a = (forces + part.T @ x) / masses
+            if (x >= -1e-12).all() and (rows @ a >= -1e-9).all():
+                return a
+    raise AssertionError("no set of contacts presses")
+
+
+def by_quadratics(
+    masses: list[float], forces: list[float], places: list[float], speeds: list[float], rows: list[list[float]],
+    offsets: list[float], restitutions: list[float], until: float,
+) -> np.ndarray:  # fmt: skip
+    """The places at the end: gaps G q + c are quadratic between impacts."""
+    m, f, q, v = (np.array(one, dtype=float) for one in (masses, forces, places, speeds))
+    g, c, t = np.array(rows, dtype=float), np.array(offsets, dtype=float), 0.0
+    while True:
+        for _ in range(10_000):
+            closing = np.where(g @ q + c < 1e-11, g @ v, 0.0)
+            k = int(closing.argmin())
+            if closing[k] > -1e-14:
+                break
+            e = restitutions[k] if closing[k] < -3e-6 else 0.0
+            v = v - (1 + e) * closing[k] / (g[k] @ (g[k] / m)) * g[k] / m
+        resting = (g @ q + c < 1e-11) & (np.abs(g @ v) < 3e-6)
+        touching, lift = g[resting], np.linalg.pinv(g[resting] / np.sqrt(m)) / np.sqrt(m)[:, None]
+        q, v = q - lift @ (touching @ q + c[resting]), v - lift @ (touching @ v)
+        a = presses(m, touching, f)
+        ends = [until - t]
+        for row, offset in zip(g, c, strict=True):
+            roots = np.roots([row @ a / 2, row @ v, row @ q + offset])
+            real = roots[np.isreal(roots)].real
+            ends += [s for s in real if s > 1e-9 and row @ (v + a * s) < 0]
+        s = min(ends)
+        q, v, t = q + v * s + a * s * s / 2, v + a * s, t + s
+        if t >= until - 1e-12:
+            return q
+
+
+PILES = {  # masses, forces, heights, speeds, restitutions, length of time
+    "two fall on the floor": ([1, 1], [0.4, 1.5], [0, 0], [0.6, 0.4], 0.9),
+    "two of other masses": ([1, 3], [0.4, 1.5], [0, 0], [0.3, 0.2], 1.2),
+    "a heavy one below": ([5, 1], [1, 1.1], [0, 0], [0.8, 0.8], 1.0),
+    "three thrown at each other": ([1, 2, 1], [1, 2, 3], [2, 0, -2], [0.5, 0.5, 0.5], 0.6),
+    "three come to rest": ([1, 1, 1], [0.3, 0.7, 1.1], [0, 0, 0], [0.2, 0.2, 0.2], 3.0),
+    "three elastic ones": ([1, 2, 3], [0.5, 1.1, 1.7], [0, 0, 0], [1, 1, 1], 1.5),
+}
+
+
+@pytest.mark.parametrize("name", [name if k < 4 else slow(name) for k, name in enumerate(PILES)])
+def test_piles_are_those_of_the_solver_by_quadratics(name: str) -> None:
+    masses, heights, speeds, restitutions, time = PILES[name]
+    names = "abc"[: len(masses)]
+    kinetic = " + ".join(f"{m}*{x}'^2/2 - {m}*9.81*{x}" for m, x in zip(masses, names, strict=True))
+    gaps = [names[0], *(f"{b} - {a} - 1/10" for a, b in pairwise(names))]
+    contacts = [{"gap": gap, "restitution": e} for gap, e in zip(gaps, restitutions, strict=True)]
+    start = {x: (q, v) for x, q, v in zip(names, heights, speeds, strict=True)}
+    found = run(scene(kinetic, start, contacts, time))
+    rows = np.eye(len(names)) - np.eye(len(names), k=-1)
+    expected = by_quadratics(
+        masses, [-m * G for m in masses], heights, speeds, rows.tolist(), [0.0, *[-0.1] * (len(names) - 1)],
+        restitutions, time,
+    )  # fmt: skip
+    assert found["outcome"] == "completed"
+    assert list(found["final"]["positions"].values()) == pytest.approx(expected, abs=1e-8)
+
+
+# Contacts of curved or moving bodies.
+
+
+def test_a_mass_leaves_a_sphere_where_its_height_has_fallen_by_a_third() -> None:
+    """From rest at the angle s: cos = 2/3 cos(s); the time to there is an integral, and then it falls freely."""
+    s, length = 0.1, 2.0
+    ball = {"gap": "sqrt(x^2 + y^2) - 1"}
+    found = run(scene("(x'^2 + y'^2)/2 - y", {"x": (np.sin(s), 0), "y": (np.cos(s), 0)}, [ball], length + 1))
+    leaves = np.arccos(2 / 3 * np.cos(s))
+    time, _ = quad(lambda u: 2 * u / np.sqrt(2 * (np.cos(s) - np.cos(s + u * u))), 0, np.sqrt(leaves - s), epsabs=1e-13)
+    (contact,) = found["contacts"]
+    assert contact["rests"] == [{"begin": 0, "end": pytest.approx(time, abs=1e-8)}]
+    assert contact["greatest_force"] == pytest.approx(np.cos(s), abs=1e-8)
+    speed, rest = np.sqrt(2 * (np.cos(s) - np.cos(leaves))), found["final"]["t"] - time
+    x, y = np.sin(leaves) + speed * np.cos(leaves) * rest, np.cos(leaves) - speed * np.sin(leaves) * rest - rest**2 / 2
+    assert found["final"]["positions"] == pytest.approx({"x": x, "y": y}, abs=1e-8)
+
+
+def test_a_rod_leaves_the_wall_at_two_thirds_of_its_height() -> None:
+    """Half of its length is 1: it slides down a wall and a floor until sin(p) = 2/3 sin(p0), where p is its slope."""
+    first = 1.2
+    lagrangian = "(x'^2 + y'^2)/2 + p'^2/6 - 9.81*y"
+    contacts = [{"name": "wall", "gap": "x - cos(p)"}, {"name": "floor", "gap": "y - sin(p)"}]
+    start = {"x": (np.cos(first), 0), "y": (np.sin(first), 0), "p": (first, 0)}
+    found = run(scene(lagrangian, start, contacts, 1, observe=["trajectory", "contact_forces"]))
+    wall, floor = found["contacts"]
+    assert found["outcome"] == "completed"
+    assert wall["impacts"] == floor["impacts"] == 0
+    (end,) = (span["end"] for span in wall["rests"])
+    last = np.arcsin(2 / 3 * np.sin(first))
+    rate = 1.5 * G  # p'^2 = rate (sin(p0) - sin(p))
+    time, _ = quad(lambda u: 2 * u / np.sqrt(rate * (np.sin(first) - np.sin(first - u * u))), 0, np.sqrt(first - last),
+                   epsabs=1e-13)  # fmt: skip
+    assert end == pytest.approx(time, abs=1e-8)
+    columns = found["points"]["columns"]
+    normal, t = np.array(columns["normal_wall"]), np.array(columns["t"])
+    assert (normal[t < end - 1e-9] > 0).all()
+    assert (normal[t > end + 1e-9] == 0).all()
+    assert columns["normal_floor"][0] == pytest.approx(G * (1 - 0.75 * np.cos(first) ** 2), abs=1e-9)
+
+
+def test_a_rolling_disk_leaves_a_cylinder_at_four_sevenths() -> None:
+    """Disk of radius 1/2 on a cylinder of radius 1/2, without slipping: cos = 4/7 cos(s) from rest at s."""
+    s = 0.1
+    system = {"constraints": ["r*a' - p'/2"]}
+    lagrangian = "(r'^2 + r^2*a'^2)/2 + p'^2/16 - r*cos(a)"
+    start = {"r": (1, 0), "a": (s, 0), "p": (0, 0)}
+    found = run(scene(lagrangian, start, [{"gap": "r - 1"}], 4, system=system, observe=["trajectory", "velocities"]))
+    ((end,),) = ([span["end"] for span in one["rests"]] for one in found["contacts"])
+    t, a = (np.array(found["points"]["columns"][name]) for name in ("t", "a"))
+    assert np.interp(end, t, a) == pytest.approx(np.arccos(4 / 7 * np.cos(s)), abs=2e-4)
+    time, _ = quad(lambda u: 2 * u / np.sqrt(4 / 3 * (np.cos(s) - np.cos(s + u * u))), 0,
+                   np.sqrt(np.arccos(4 / 7 * np.cos(s)) - s), epsabs=1e-13)  # fmt: skip
+    assert end == pytest.approx(time, abs=1e-8)
+
+
+def test_a_ball_on_a_table_that_moves() -> None:
+    contacts = [{"gap": "y - sin(5*t)/10", "restitution": 0.9}]
+    found = run(scene("y'^2/2 - 9.81*y", {"y": (1, 0)}, contacts, 3))
+
+    def hits(t: float, s: np.ndarray) -> float:
+        return float(s[0] - np.sin(5 * t) / 10)
+
+    hits.terminal, hits.direction = True, -1  # type: ignore[attr-defined]
+    begin, y, impacts = 0.0, np.array([1.0, 0.0]), 0
+    while True:
+        done = solve_ivp(lambda t, s: [s[1], -G], (begin, 3), y, "DOP853", events=hits, rtol=3e-14, atol=1e-14)
+        if not len(done.t_events[0]):
+            break
+        begin, impacts = float(done.t_events[0][0]), impacts + 1
+        table = np.cos(5 * begin) / 2
+        y = np.array([np.sin(5 * begin) / 10 + 1e-15, table - 0.9 * (done.y_events[0][0][1] - table)])
+    assert found["contacts"][0]["impacts"] == impacts > 3
+    assert found["final"]["positions"]["y"] == pytest.approx(done.y[0, -1], abs=1e-8)
+
+
+def test_rests_begin_and_end_where_they_do() -> None:
+    """It comes to rest after (1 + e)/(1 - e) times the first fall, and is lifted when 6 t = 9.81."""
+    lifted = scene("y'^2/2 - 9.81*y + 6*t*y", {"y": (0, 0)}, [{"name": "floor", "gap": "y"}], 2)
+    (floor,) = run(lifted)["contacts"]
+    rest = {"begin": 0, "end": pytest.approx(G / 6)}
+    assert floor == {"name": "floor", "impacts": 0, "greatest_force": G, "rests": [rest]}
+    (floor,) = run(ONE["a ball that comes to rest"][0])["contacts"]
+    assert floor["rests"] == [{"begin": pytest.approx(3 * FALL, abs=1e-5), "end": 2}]
+    assert floor["greatest_force"] == pytest.approx(G)
+    assert floor["impacts"] > 15
+
+
+def test_forces_of_a_pile_are_the_weights_above() -> None:
+    found = run(SEVERAL["stack without restitution"][0] | {"observe": ["contact_forces"]})
+    assert [one["greatest_force"] for one in found["contacts"]] == pytest.approx([3 * G, 2 * G, G])
+    assert found["points"]["columns"]["normal_contact_1"][-1] == pytest.approx(3 * G)
+    assert found["contact_forces"]["greatest"]["friction_contact_1"] == 0
+
+
+def test_friction_is_what_holds() -> None:
+    document = ONE["an incline that holds"][0] | {"observe": ["contact_forces"]}
+    columns = run(document)["points"]["columns"]
+    assert columns["friction_floor"] == pytest.approx(np.full(51, G * np.sin(0.5)))
+    assert columns["normal_floor"] == pytest.approx(np.full(51, G * np.cos(0.5)))
+
+
+def test_where_the_laws_allow_no_motion_the_run_ends_by_name() -> None:
+    """A rod that is dragged along a rough floor, mu = 3 (P. Painleve, 1895): its tip would dig in."""
+    slope = 1.1  # of the rod, whose half is 1, against the floor
+    lagrangian = "(x'^2 + y'^2)/2 + p'^2/6 - 9.81*y"
+    tip = {"name": "tip", "gap": "y - sin(p)", "friction": 3, "slides": "x' + sin(p)*p'"}
+    start = {"x": (0, 5), "y": (np.sin(slope), 0), "p": (slope, 0)}
+    found = {way: run(scene(lagrangian, {**start, "x": (0, way * 5)}, [tip], 0.05)) for way in (1, -1)}
+    # Forward it is pushed onto its tip where 1 + 3 cos(p) (cos(p) - 3 sin(p)) < 0, backward it is pulled along.
+    assert 1 + 3 * np.cos(slope) * (np.cos(slope) - 3 * np.sin(slope)) < 0
+    kinds = {found[1]["outcome"], found[-1]["outcome"]}
+    assert kinds == {"no_one_motion", "completed"}
+    stopped = next(one for one in found.values() if one["outcome"] == "no_one_motion")
+    assert "tip" in stopped["stopped"]["quantity"]
+
+
+@pytest.mark.parametrize(
+    ("contact", "pointer", "words"),
+    [
+        ({"gap": "y - 2"}, "/contacts/0/gap", "negative at the start"),
+        ({"gap": "y'"}, "/contacts/0/gap", "coordinate"),
+        ({"gap": "t"}, "/contacts/0/gap", "no coordinate"),
+        ({"gap": "y + y'^2"}, "/contacts/0/gap", "velocities"),
+        ({"gap": "y", "restitution": 1.5}, "/contacts/0/restitution", "from 0 to 1"),
+        ({"gap": "y", "friction": -1}, "/contacts/0/friction", "not negative"),
+        ({"gap": "y", "friction": 1}, "/contacts/0/slides", "slides"),
+        ({"gap": "y", "friction": 1, "slides": "y'^2"}, "/contacts/0/slides", "linear"),
+        ({"gap": "z"}, "/contacts/0/gap", "z"),
+    ],
+)
+def test_what_is_no_contact_is_refused_at_its_place(contact: Scene, pointer: str, words: str) -> None:
+    with pytest.raises(InputError) as refused:
+        simulate(scene("y'^2/2", {"y": (1, 0)}, [contact], 1))
+    assert refused.value.pointer.startswith(pointer)
+    assert words in refused.value.detail
+
+
+def test_several_equations_without_masses_and_names_of_columns_are_refused() -> None:
+    document = scene("", {"x": (1, 0), "y": (1, 0)}, [{"gap": "y"}], 1)
+    document["system"] = {"coordinates": ["x", "y"], "equations": {"x": "0", "y": "-1"}}
+    with pytest.raises(InputError, match="masses"):
+        simulate(document)
+    document = scene("y'^2/2", {"y": (1, 0)}, [{"gap": "y"}], 1, observe=[{"normal_contact_1": "y"}])
+    with pytest.raises(InputError):
+        simulate(document)
+    twice = [{"name": "floor", "gap": "y"}, {"name": "floor", "gap": "y"}]
+    with pytest.raises(InputError, match="two contacts"):
+        simulate(scene("y'^2/2", {"y": (1, 0)}, twice, 1))
+
+
+def test_contacts_that_depend_on_one_another_have_one_motion() -> None:
+    """The same floor three times."""
+    found = run(scene("y'^2/2 - 9.81*y", {"y": (1, 0)}, [{"gap": "y"}, {"gap": "2*y"}, {"gap": "sin(y)"}], 1))
+    assert found["outcome"] == "completed"
+    assert found["final"]["positions"]["y"] == pytest.approx(0, abs=1e-12)
+
+
+def test_events_see_impacts() -> None:
+    """An event counts the passages of a line, and one that stops the ball at its third apex ends the run."""
+    events = [{"when": "y - 1/10"}, {"when": "y'", "direction": -1, "do": "stop", "count": 2}]
+    found = run(scene("y'^2/2 - 9.81*y", {"y": (1, 0)}, [{"gap": "y", "restitution": 0.8}], 5, events=events))
+    assert found["events"][0]["count"] == 4
+    assert found["final"]["t"] == pytest.approx(FALL * (1 + 1.6 + 0.64), abs=1e-9)
