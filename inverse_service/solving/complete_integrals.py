@@ -117,11 +117,13 @@ def _independent(
                 rows.append([float(mpmath.fprod(values[k] for k in chosen)) for chosen in products])
             if len(rows) == 2 * len(products):
                 break
+    if not rows:  # an integral has no value: F(x) with F' = sin(x^2)
+        return [()]
     matrix, kept = np.array(rows, float), list[int]()
     for number in range(len(products)):
         columns = matrix[:, np.array([*kept, number])]
         sizes = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), compute_uv=False)
-        if len(rows) and sizes[-1] > _TINY * sizes[0]:
+        if sizes[-1] > _TINY * sizes[0]:
             kept.append(number)
     return [products[k] for k in kept]
 
