@@ -8,7 +8,7 @@ from typing import Any, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 MAX_COORDINATES = 64
-MAX_SIMULATED = 32  # coordinates of a scene
+MAX_SIMULATED = 256  # coordinates of a scene
 MAX_FORWARD = 256  # coordinates of a Lagrangian whose equations are asked for
 MAX_PARAMETERS = 100
 MAX_FUNCTIONS = 16
@@ -16,6 +16,7 @@ MAX_FUNCTION_ARGUMENTS = 6
 MAX_NAME_CHARACTERS = 40
 MAX_TITLE_CHARACTERS = 500
 MAX_FORMULA_CHARACTERS = 20_000
+LONGER_IN_SCENES = 10  # times as long: a Lagrangian of 60 bodies has 84,000 characters
 MAX_EQUATIONS = 128
 MAX_VALUE_CHARACTERS = 200
 

@@ -9,10 +9,15 @@ from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, StringCo
 
 from api_schemas import base
 from api_schemas.result import AdvicePart
-from api_schemas.system import Formula, Name, Text, Value
+from api_schemas.system import Formula, Name, Text, Value, number_as_text
 
 MAX_STEPS = 100_000_000
 MAX_METHODS = 24
+LongFormula = Annotated[
+    str,
+    StringConstraints(min_length=1, max_length=base.LONGER_IN_SCENES * base.MAX_FORMULA_CHARACTERS),
+    BeforeValidator(number_as_text, json_schema_input_type=str | float),
+]
 MAX_EFFECTS = 32
 MAX_STEP_SIZES = 40
 MAX_EVENTS = 16
@@ -95,7 +100,7 @@ class LagrangianDocument(base.Document):
 
     name: Annotated[str, StringConstraints(max_length=base.MAX_TITLE_CHARACTERS)] = ""
     coordinates: Annotated[list[Name], Field(min_length=1, max_length=base.MAX_SIMULATED)]
-    lagrangian: Formula
+    lagrangian: LongFormula
     constraints: Annotated[list[Formula], Field(max_length=base.MAX_SIMULATED)] | Formula = Field(default_factory=list)
     parameters: (
         Annotated[dict[Name, Value | None], Field(max_length=base.MAX_PARAMETERS)]
@@ -223,7 +228,7 @@ class SceneDocument(base.Document):
     parameters: Numbers = Field(default_factory=dict)
     functions: Annotated[dict[Name, Formula], Field(max_length=base.MAX_FUNCTIONS)] = Field(default_factory=dict)
     effects: Annotated[list[Name], Field(max_length=MAX_EFFECTS)] | None = None
-    terms: Annotated[dict[Name, Formula], Field(max_length=MAX_EFFECTS)] = Field(default_factory=dict)
+    terms: Annotated[dict[Name, LongFormula], Field(max_length=MAX_EFFECTS)] = Field(default_factory=dict)
     as_lagrangian: bool = False
     forces: Annotated[dict[Name, Formula], Field(max_length=base.MAX_SIMULATED)] = Field(default_factory=dict)
     rayleigh: Formula | None = None

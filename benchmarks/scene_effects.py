@@ -107,8 +107,9 @@ def costs(steps: int, repeats: int) -> list[Cost]:
 
 
 def operations(scene: Scene) -> int:
-    """Floating-point instructions and calls in the kernel of the scene's method, each counted once."""
-    return operations_of(*observed_problem(scene, problem_of(METHOD, Derived(scene, _no_free))), METHOD)
+    """The operations of a step of the scene's method."""
+    problem = problem_of(METHOD, Derived(scene, _no_free))
+    return operations_of(*observed_problem(scene, problem, METHOD.choice), METHOD.choice).total
 
 
 def _observing(run: MethodRun) -> float:

@@ -141,8 +141,11 @@ def advice_for_lagrangian(
     ends = _ENDS.format(" or ".join(reached)) if reached else ""
     with_time = ex.holds(lagrangian, ex.TIME)
     why = "; L contains t, so the energy is not constant." if with_time else f", {_ENERGY}"
-    masses = {node for row in hessian(lagrangian, coordinates) for entry in row for node in ex.walk(entry)}
-    separable = is_separable(lagrangian, coordinates)
+    separable, masses = is_separable(lagrangian, coordinates), set[ex.Expression]()
+    if separable:
+        rates = [ex.Velocity(name) for name in coordinates]
+        slopes = (slope for p in momenta(lagrangian, coordinates) for slope in gradient(p, rates).values())
+        masses = {node for slope in slopes for node in ex.walk(collecting.collect(slope))}
     if separable and not moving & masses:
         return advice("stormer-verlet", 8, f"L is separable, so its steps are explicit and symplectic{why}{ends}")
     but = "its masses depend on the time" if moving & masses == {ex.TIME} else "not quadratic in the velocities"
@@ -176,12 +179,11 @@ def advice(method: str, order: int | None, reason: str, alpha: str | None = None
 
 def is_separable(lagrangian: ex.Expression, coordinates: Sequence[str]) -> bool:
     """L = T(t, v) - V(t, q)."""
-    rest = [
-        calculus.differentiate(calculus.differentiate(lagrangian, ex.Velocity(v)), ex.Symbol(q))
-        for v in coordinates
-        for q in coordinates
-    ]
-    return all(collecting.collect(slope) == ex.ZERO for slope in rest)
+    rates, places = [*map(ex.Velocity, coordinates)], [*map(ex.Symbol, coordinates)]
+    mixed = [term for term in ex.summands(lagrangian) if ex.holds(term, *rates) and ex.holds(term, *places)]
+    slopes = gradient(ex.add(*mixed), rates).values()
+    rest = (part for slope in slopes for part in gradient(slope, places).values())
+    return all(collecting.collect(part) == ex.ZERO for part in rest)
 
 
 @dataclass(frozen=True, slots=True)

@@ -335,7 +335,8 @@ def exact_trajectory(derived: derivation.Derived, values: Mapping[str, float]) -
     begun = time.perf_counter()
     q, v = exact_motion.positions_of(exact, scene.positions, scene.velocities, times - scene.grid.begin)
     seconds, table = time.perf_counter() - begun, nf.table_of(scene.coordinates, q, v, values, times)
-    series = {one.name: arrays.array_value(one.expression, table) for one in observing.observables(scene)}
+    observation = observing.observables(scene, data.MethodChoice(data.EXACT))
+    series = {one.name: arrays.array_value(one.expression, table) for one in observation}
     maxima = {name: float(np.abs(column).max()) for name, column in series.items()}
     done = Outcome("completed")
     return Trajectory(times, q, None, np.array(v), done, run_seconds=seconds, series=series, maxima=maxima)

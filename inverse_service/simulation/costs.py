@@ -1,23 +1,22 @@
 """What the parts of a step cost: each effect and each observed quantity as the difference to the scene without it."""
 
-import re
+from __future__ import annotations
+
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from inverse_service.errors import InputError
 from inverse_service.integrators import method_table, trajectory
-from inverse_service.kernels.codegen import compiled
-from inverse_service.simulation import derivation, execution, numeric_formulas, observing, scene_data as data, schemes
+from inverse_service.kernels.codegen import graph as graphs
+from inverse_service.simulation import derivation, execution, looping, observing, scene_data as data
 from inverse_service.simulation.sentences import say
 
 IN_KERNEL = ("energy", "constraints")
 TIMED_STEPS, MORE_STEPS = 20_000, 8  # steps that are timed at most, and how many times as many where they are too few
 REPEATS, LEAST_REPEATS, LONG_ENOUGH = 15, 3, 0.03  # runs for one measurement, and their seconds
-LARGE = 2  # coordinates beyond which the operations of effects are counted where the cost is observed only
-_OPERATION = re.compile(r"= (?:fadd|fsub|fmul|fdiv|fneg|fcmp|(?:tail )?call)\b")
 
 
 def part_costs(derived: derivation.Derived, requested: data.Requested) -> dict[str, Any]:
@@ -40,22 +39,23 @@ def part_costs(derived: derivation.Derived, requested: data.Requested) -> dict[s
         part: dict[str, Any] = {"name": name, "kind": kind, "step_ns": None, "operations": None}
         try:
             found = _price(variant, requested)
-            part["operations"] = whole[1] - found[1]
+            part["operations"] = whole[1].beyond(found[1])
             part |= {"step_ns": whole[0] - found[0]} if whole[0] > found[0] else {"note": "Its time is below noise."}
         except InputError as error:
             part["note"] = f"Without it: {error.detail}"
         parts.append(part)
     note = say("effects_together") if together and scene.parts else ""
     note = say("too_short_to_time") if np.isnan(whole[0]) else note
-    numbers = dict(zip(("step_ns", "operations", "steps"), whole, strict=True))
+    numbers = {"step_ns": whole[0], "operations": whole[1].total, "steps": whole[2]}
     return numbers | ({"note": note} if note else {}) | {"parts": parts}
 
 
-def _price(derived: derivation.Derived, requested: data.Requested) -> tuple[float, int, int]:
+def _price(derived: derivation.Derived, requested: data.Requested) -> tuple[float, Operations, int]:
     """(ns of a step or nan, operations, steps that were timed). A step is timed as a run of many less that of one, each
     the best of several: to call a kernel takes longer than many steps."""
     scene = derived.scene
-    own, observation = observing.observed_problem(scene, derivation.problem_of(requested, derived))
+    problem = derivation.problem_of(requested, derived)
+    own, observation = observing.observed_problem(scene, problem, requested.choice)
     values, start = observing.beginning(scene, requested, derivation.free_of(requested, derived))
     ready = execution.prepared(own, requested.choice, start, scene.grid, values, observation)
     if isinstance(ready, trajectory.Trajectory):
@@ -78,7 +78,7 @@ def _price(derived: derivation.Derived, requested: data.Requested) -> tuple[floa
         whole = fastest(steps)
     is_long = whole[0] > 2 * begun[0] and whole[1] > 1
     step = 1e9 * (whole[0] - begun[0]) / (whole[1] - 1) if is_long else np.nan
-    return step, operations(own, observation, requested), whole[1]
+    return step, operations(own, observation, requested.choice), whole[1]
 
 
 def _belongs_together(scene: data.Scene, requested: data.Requested) -> bool:
@@ -103,24 +103,64 @@ def effects_of(derived: derivation.Derived) -> dict[str, Any]:
     method = next((one for one in scene.methods if method_table.METHODS[one.method].has_kernel
                    and not _belongs_together(scene, one)), None)  # fmt: skip
 
-    def count(known: derivation.Derived) -> int | None:
-        if method is None or (len(scene.coordinates) > LARGE and "cost" not in scene.observe):
+    def counted(known: derivation.Derived) -> Operations | None:
+        if method is None:
             return None
         with suppress(InputError):  # the method may be for other scenes
-            return operations(*observing.observed_problem(known.scene, derivation.problem_of(method, known)), method)
+            problem = derivation.problem_of(method, known)
+            return operations(*observing.observed_problem(known.scene, problem, method.choice), method.choice)
         return None
 
-    whole = count(derived)
+    whole = counted(derived)
     found: dict[bool, list[dict[str, Any]]] = {True: [], False: []}
     for part in scene.parts:
-        other = None if whole is None else count(turned(derived, part))
-        more = None if whole is None or other is None else (whole - other if part.acts else other - whole)
+        other, more = None if whole is None else counted(turned(derived, part)), None
+        if whole is not None and other is not None:
+            more = whole.beyond(other) if part.acts else other.beyond(whole)
         found[part.acts].append({"name": part.name, "operations": more})
     label = None if whole is None or method is None else method.label
-    return {"acting": found[True], "left_out": found[False], "method": label, "operations": whole}
+    total = None if whole is None else whole.total
+    return {"acting": found[True], "left_out": found[False], "method": label, "operations": total}
 
 
-def operations(problem: data.Problem, observation: data.Observation, requested: data.Requested) -> int:
-    """Floating-point instructions and calls in the kernel of a method, each counted once: no load changes them."""
-    text = compiled.kernel_text(schemes.program_of(numeric_formulas.Formulas(problem), requested.choice, observation))
-    return len(_OPERATION.findall(text.partition("next_step:")[2]))
+@dataclass(frozen=True, slots=True)
+class Operations:
+    """What the formulas of a step compute, each value by what it is made of, and how often a step evaluates them."""
+
+    values: frozenset[int]
+    times: int
+
+    @property
+    def total(self) -> int:
+        """Operations of a step."""
+        return len(self.values) * self.times
+
+    def beyond(self, other: Operations) -> int:
+        """Those of a step that the other does not make."""
+        return len(self.values - other.values) * self.times
+
+
+def operations(problem: data.Problem, observation: data.Observation, choice: data.MethodChoice) -> Operations:
+    """The operations of the formulas that a step evaluates: the nodes of their graph, each counted once."""
+    scene, outputs = looping.evaluated(problem, choice, observation)
+    meanings, computed = dict[int, int](), set[int]()
+    names = [
+        "t",
+        *problem.coordinates,
+        *(f"{name}'" for name in problem.coordinates),
+        "h",
+        "a",
+        *scene.problem.parameters,
+    ]
+    for k in scene.graph.below(outputs):
+        operation, first, second = scene.graph.keys[k]
+        parts = sorted(meanings[part] for part in scene.graph.parts(k))
+        own = names[first] if operation == graphs.LEAF and first < len(names) else "" if parts else first
+        meanings[k] = hash((operation, own, second if operation == graphs.FUNCTION else "", *parts))
+        if operation > graphs.LEAF:
+            computed.add(meanings[k])
+    times = len(execution.weights_of(choice))
+    if choice.method in method_table.EXPLICIT:
+        order = method_table.PAIRS[0] if choice.method == "adaptive" else choice.order
+        times = len(method_table.TABLEAUX[order].nodes)
+    return Operations(frozenset(computed), times)

@@ -5,6 +5,7 @@ stages and by eliminations, while loops call the formulas of the scene, which ar
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -18,6 +19,7 @@ from inverse_service.kernels.codegen.kernel import ROUND_OFF_AT_START
 from inverse_service.simulation import numeric_formulas as nf, scene_data as data
 from inverse_service.simulation.scene_graph import (
     MOMENT,
+    PARAMETER,
     PLACE,
     SETTING,
     SPEED,
@@ -29,6 +31,7 @@ from inverse_service.simulation.scene_graph import (
 from inverse_service.simulation.sentences import say
 
 SMALL = 2  # coordinates up to which no step is long
+MOST_CONSTRAINTS, MOST_OPERATIONS = 4, 400_000
 LONG, COUPLED = 4000, 6  # operations of a step; coordinates on one side of the diagonal of its matrix
 MOVING = MOMENT | PLACE | SPEED
 EXPLICIT, OWN = ("adaptive", "runge_kutta"), ("hamiltonian", "raw")
@@ -48,6 +51,8 @@ def is_looped(problem: data.Problem, choice: data.MethodChoice) -> bool:
     if not all(map(program.graph.is_compilable, program.outputs.values())):
         return False
     plan = looped.plan_of(program)
+    if len(problem.constraints) > MOST_CONSTRAINTS:  # the rank of fewer is watched in steps that are written out
+        return True
     below, above, rows = (plan.numbers[name] for name in ("below", "above", "rows"))
     size = len(program.graph.operations(program.outputs["evaluate"])) + rows * below * (below + above)
     return below >= COUPLED or size * plan.numbers.get("stages", 1) > LONG
@@ -66,7 +71,10 @@ def program_of(problem: data.Problem, choice: data.MethodChoice, observation: da
     """The program of a method; raises NotInGraph where a formula is none of numbers."""
     scene = graph_of(problem)
     g, n, watches = scene.graph, scene.size, list[tuple[str, int, str, str]]()
-    observed = [(one.name, g.node(one.expression)) for one in observation]
+    observed = []
+    for one in observation:
+        node = g.node(one.expression)
+        observed.append((one.name, g.add(scene.energy, node) if one.with_energy else node))
     explicit, tableau = choice.method in EXPLICIT, 0
     if explicit:
         orders = method_table.PAIRS if choice.method == "adaptive" else (*method_table.TABLEAUX,)
@@ -84,11 +92,44 @@ def program_of(problem: data.Problem, choice: data.MethodChoice, observation: da
     is_adaptive = choice.method == "adaptive"
     if is_adaptive and problem.depends_on_time:
         parts["noise"] = scene.terms()
+    count = len(g.operations(node for part in parts.values() for node in _nodes(part)))
+    if count > MOST_OPERATIONS:
+        raise data.Unavailable(say("too_many_operations", f"{count:,}", f"{MOST_OPERATIONS:,}"))
     moving = MOVING | (0 if explicit or choice.order <= 2 else STEP | SETTING)
     return looped.LoopProgram(
         g, n, len(problem.parameters), watches=watches, observed=observed, tableau=tableau, adaptive=is_adaptive,
         moving=moving, **parts,
     )  # fmt: skip
+
+
+def _nodes(part: Any) -> Iterator[int]:
+    yield from part.values() if isinstance(part, dict) else part
+
+
+def evaluated(
+    problem: data.Problem, choice: data.MethodChoice, observation: data.Observation
+) -> tuple[SceneGraph, list[int]]:  # fmt: skip
+    """The graph of a problem and the nodes that a step evaluates, whether it runs in loops or is written out."""
+    if _has_loops(problem, choice):
+        outputs = program_of(problem, choice, observation).outputs.values()
+        return graph_of(problem), [node for part in outputs for node in part]
+    names, tree = problem.coordinates, problem.free_hamiltonian
+    if choice.method == "variational" and choice.form != "raw" and tree is not None:
+        momenta = [f"p_{name}" for name in names]
+        problem = replace(problem, parameters=(*problem.parameters, *momenta))
+        scene = graph_of(problem)
+        moving = {scene.graph.read[name] for name in map(ex.Symbol, (*names, *momenta))}
+        slopes = scene.graph.gradient(scene.graph.node(tree), PLACE | PARAMETER)
+        nodes = [node for place, node in slopes.items() if scene.graph.known[graphs.LEAF, place, None] in moving]
+    else:
+        scene = graph_of(problem)
+        sums = scene.accelerations if problem.free_lagrangian is None else [scene.graph.node(problem.free_lagrangian)]
+        nodes = list(sums) if problem.free_lagrangian is None else []
+        if choice.method != "reference":
+            nodes += [slope for node in sums for slope in scene.graph.gradient(node, PLACE | SPEED).values()]
+    energies = [scene.energy for one in observation if one.with_energy]
+    others = [scene.graph.node(one.expression) for one in observation]
+    return scene, [*nodes, *scene.constraints, *scene.forces, *energies, *others]
 
 
 def walls_of(problem: data.Problem) -> Iterator[ex.Expression]:

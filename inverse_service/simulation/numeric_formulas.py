@@ -141,6 +141,11 @@ class Formulas:
         return self.of(self.problem.lagrangian, "a Lagrangian")
 
     @cached_property
+    def energy(self) -> se.Formula:
+        """v L_v - L."""
+        return sum((v * self.lagrangian.diff(v) for v in self.symbols("v")), -self.lagrangian)
+
+    @cached_property
     def free_lagrangian(self) -> se.Formula:
         return self.of(self.problem.free_lagrangian, "a free Lagrangian (that of a variational associated system)")
 

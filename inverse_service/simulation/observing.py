@@ -25,8 +25,8 @@ from typing import Any
 import numpy as np
 
 from inverse_service.expressions import arrays, calculus, collecting, printing, tree as ex
+from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Array, Trajectory
-from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import (
     accelerations as accelerating,
     circles,
@@ -46,11 +46,6 @@ def greatest(values: Array) -> float | None:
     """The greatest absolute value; None where one is not finite, or there is none."""
     largest = float(np.abs(values).max()) if len(values) else np.inf
     return largest if np.isfinite(largest) else None
-
-
-def energy(lagrangian: ex.Expression, coordinates: tuple[str, ...]) -> ex.Expression:
-    """v L_v - L."""
-    return ex.dot(map(ex.Velocity, coordinates), euler_lagrange.momenta(lagrangian, coordinates)) - lagrangian
 
 
 def lagrangian_of_energy(scene: data.Scene) -> ex.Expression | None:
@@ -79,22 +74,30 @@ def without_noise(energies: Array, kinetic: Array) -> Array:
     return np.where(np.abs(energies) <= ROUND_OFF * kinetic, 0.0, energies)
 
 
-def observables(scene: data.Scene) -> data.Observation:
-    """The formulas that the kernel evaluates at every step: only those of the observed quantities."""
-    found = {}
-    if "energy" in scene.observe and scene.lagrangian is not None:
-        found["energy_error"] = energy(scene.lagrangian, scene.coordinates) - ex.Symbol(ENERGY_START)
+def observables(scene: data.Scene, choice: data.MethodChoice) -> data.Observation:
+    """The formulas that the kernel of a method evaluates at every step: only those of the observed quantities."""
+    found = []
+    if "energy" in scene.observe and scene.lagrangian is not None and has_discrete_energy(scene, choice):
+        found.append(data.Observable("energy_error", -ex.Symbol(ENERGY_START), with_energy=True))
     if "constraints" in scene.observe:
-        found |= {f"constraint_{k}": w for k, w in enumerate(scene.constraints, 1)}
-    return tuple(data.Observable(name, formula) for name, formula in found.items())
+        found += [data.Observable(f"constraint_{k}", w) for k, w in enumerate(scene.constraints, 1)]
+    return tuple(found)
 
 
-def observed_problem(scene: data.Scene, problem: data.Problem) -> tuple[data.Problem, data.Observation]:
+def observed_problem(
+    scene: data.Scene, problem: data.Problem, choice: data.MethodChoice
+) -> tuple[data.Problem, data.Observation]:  # fmt: skip
     """The problem with the parameters that the observed formulas need, and the recorded formulas."""
-    observation = observables(scene)
-    if observation and "energy" in scene.observe:
+    observation = observables(scene, choice)
+    formulas = [one.expression for one in observation]
+    if any(one.with_energy for one in observation):
         problem = replace(problem, parameters=(*problem.parameters, ENERGY_START))
-    return problem.with_used_parameters([one.expression for one in observation]), observation
+    return problem.with_used_parameters(formulas), observation
+
+
+def has_discrete_energy(scene: data.Scene, choice: data.MethodChoice) -> bool:
+    """Whether the energy of the discrete Lagrangian is one quantity: of methods of order 2 that have one."""
+    return choice.method in method_table.GEOMETRIC and choice.order <= 2 and scene.found is None
 
 
 def beginning(
@@ -405,7 +408,7 @@ def _conserved(run: Observed) -> Observations:
 def _discrete_energy(run: Observed, start: float) -> Observations:
     """E at the point and velocity of the discrete Lagrangian, the paper's: of methods of order 2 that have one."""
     requested = run.requested
-    if requested.alpha is None or requested.choice.order > 2 or run.scene.found is not None:
+    if not has_discrete_energy(run.scene, requested.choice) or "energy_error" not in run.trajectory.series:
         return {}, {}
     series = {"discrete_energy": run.trajectory.series["energy_error"] + start}
     if why_energy_varies(run.scene):

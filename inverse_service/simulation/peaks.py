@@ -179,6 +179,5 @@ def _rates(scene: SceneGraph, arguments: list[int]) -> dict[int, int]:
 
 
 def _is_square_or_cube(node: ex.Expression) -> bool:
-    """Whether it is one of sums and products, whose peaks are as wide as those of the motion."""
-    is_low = isinstance(node, ex.Power) and node.exponent in (ex.TWO, ex.number(3))
-    return is_low and not any(isinstance(part, ex.Apply | ex.Power) for part in list(ex.walk(node))[1:])
+    """Whether it is one, whose peaks are as wide as those of what it holds, which are looked for themselves."""
+    return isinstance(node, ex.Power) and node.exponent in (ex.TWO, ex.number(3))

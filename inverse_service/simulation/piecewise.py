@@ -191,7 +191,7 @@ def run_motion(
     scene = derived.scene
 
     def integrate(what: data.Problem, by: data.MethodChoice, begin: data.Start, grid: data.Grid) -> Trajectory:
-        own, observation = observing.observed_problem(scene, what)
+        own, observation = observing.observed_problem(scene, what, by)
         return execution.run(own, by, begin, grid, values, observation, derived.stop)
 
     if not has_pieces(scene, problem):

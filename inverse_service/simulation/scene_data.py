@@ -126,10 +126,12 @@ class Grid:
 @dataclass(frozen=True, slots=True)
 class Observable:
     """A quantity of (q, v) evaluated inside the kernel at every step, at the point and velocity of the discrete
-    Lagrangian: q = (1 - alpha) q_k + alpha q_(k+1), v = (q_(k+1) - q_k)/h; at (q, v) for Runge-Kutta methods."""
+    Lagrangian: q = (1 - alpha) q_k + alpha q_(k+1), v = (q_(k+1) - q_k)/h; at (q, v) for Runge-Kutta methods.
+    `with_energy`: the energy v L_v - L of the scene's Lagrangian is added to the formula."""
 
     name: str
     expression: ex.Expression
+    with_energy: bool = False
 
 
 Observation = tuple[Observable, ...]  # recorded in addition to the state; no other quantity is computed

@@ -174,7 +174,7 @@ def _program(
     points = [{}] if by_points else [discrete_point(f, part) for part in parts_of(choice)]
     observed = []
     for item in observation:
-        formula = se.translate(item.expression, f.table)
+        formula = se.translate(item.expression, f.table) + (f.energy if item.with_energy else ZERO)
         observed.append((item.name, sum((formula.subs(point) for point in points), ZERO) / len(points)))
     if f.problem.depends_on_time or any(se.contains(formula, MOMENT) for _, formula in observed):
         carried, changes = [*carried, str(MOMENT)], [*changes, STEP]

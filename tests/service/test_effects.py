@@ -42,7 +42,7 @@ def test_an_effect_that_is_left_out_leaves_no_symbol(left_out: str, method: str)
         derived = Derived(scene, None)
         problem = problem_of(scene.methods[0], derived)
         assert isinstance(problem, Problem)
-        problem, observation = observed_problem(scene, problem)
+        problem, observation = observed_problem(scene, problem, scene.methods[0].choice)
         is_there = name != left_out
         trees = [problem.lagrangian, *(problem.accelerations or ()), *problem.constraints, *problem.forces]
         assert any(Symbol(parameter) in set(walk(tree)) for tree in trees if tree is not None) == is_there, name
@@ -53,7 +53,7 @@ def test_an_effect_that_is_left_out_leaves_no_symbol(left_out: str, method: str)
     # The kernel is identical to that of a system without the effect.
     kernel = kernel_text(program)
     bare, _ = read_scene(scene_schema(without(left_out) | {"methods": [method], "observe": ["energy"]}))
-    own = observed_problem(bare, problem_of(bare.methods[0], Derived(bare, None)))
+    own = observed_problem(bare, problem_of(bare.methods[0], Derived(bare, None)), bare.methods[0].choice)
     assert kernel_text(program_of(Formulas(own[0]), bare.methods[0].choice, own[1])) == kernel
     result = simulate(EFFECTS | {"effects": acting, "methods": [method], "observe": ["trajectory", "constraints"]})
     texts = [result["system"]["lagrangian"], *result["system"]["constraints"]]
@@ -102,7 +102,7 @@ def test_a_quantity_that_is_not_observed_leaves_no_symbol(observed: str) -> None
         document = EFFECTS | {"methods": ["nonholonomic"], "observe": names}
         scene, _ = read_scene(scene_schema(document))
         problem = problem_of(scene.methods[0], Derived(scene, None))
-        own = observed_problem(scene, problem)
+        own = observed_problem(scene, problem, scene.methods[0].choice)
         kernels.append(kernel_text(program_of(Formulas(own[0]), scene.methods[0].choice, own[1])))
         columns.append(set(simulate(document)["methods"][0]["points"]["columns"]))
     gone = columns[0] - columns[1]
@@ -147,3 +147,18 @@ def test_an_omitted_quantity_outside_the_kernel_is_not_in_the_answer() -> None:
         found = keys_of(simulate(observing([name for name in IN_THE_ANSWER if name not in left_out])))
         assert not found & {*left_out, *map(IN_THE_ANSWER.get, left_out)}
     assert simulate(observing([]))["truth"] is None
+
+
+@pytest.mark.parametrize("method", ["adaptive", "nonholonomic", "variational", "stiff"])
+def test_no_effect_has_a_negative_price(method: str) -> None:
+    """Leaving out a potential that others cancel against, or repeat, saves what it alone needs: at least nothing."""
+    system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2 - (x - y)^2/2 + x^2/2"}
+    scene = {
+        "system": system, "terms": {"twin": "-x^2/2", "own": "-sin(x*y)"}, "step": 0.1, "steps": 2, "methods": [method],
+        "initial": {"positions": {"x": 1, "y": 0}, "velocities": {"x": 0, "y": 0}},
+    }  # fmt: skip
+    found = simulate(scene)["effects"]
+    prices = {one["name"]: one["operations"] for one in (*found["acting"], *found["left_out"])}
+    assert all(price >= 0 for price in prices.values() if price is not None)
+    if found["operations"] is not None:
+        assert 0 < prices["own"] < found["operations"]

@@ -111,7 +111,7 @@ def kernel(document: dict[str, Any]) -> str:
     assert isinstance(problem, Problem)
     assert choice is not None
     problem = replace(problem, parameters=(*problem.parameters, ENERGY_START))
-    return kernel_text(program_of(Formulas(problem), choice, observables(found)))
+    return kernel_text(program_of(Formulas(problem), choice, observables(found, choice)))
 
 
 @pytest.mark.slow

@@ -63,6 +63,7 @@ POSITIVE = 5e-324  # the smallest positive number
 PENETRATION = 1e-12  # of the size of the positions, by round-off
 DISSIPATION = frozenset({"friction", "drag", "damping", "dissipation"})
 MOST_RECORDED = 100_000
+MOST_STATES = 20_000_000  # numbers: 160 MB
 MOST_WITH_EVENTS = 2_000_000
 _DECIMAL = re.compile(r"[-+]?[0-9]{1,40}(\.[0-9]{0,40})?([eE][-+]?[0-9]{1,3})?")
 INSIDE = {"runge-kutta": "runge_kutta", "stormer-verlet": "variational"}
@@ -272,7 +273,8 @@ def _parameters(given: Any, extra: Sequence[str]) -> tuple[list[str], dict[str, 
 
 def scene_schema(document: Any) -> schemas.SceneDocument:
     """The scene in its schema; raises DocumentRefused with every fault found."""
-    return accepting.validated(accepting.prepared_scene(document), schemas.SceneDocument, WORDING)
+    with refusals.longer_texts(base.LONGER_IN_SCENES):
+        return accepting.validated(accepting.prepared_scene(document), schemas.SceneDocument, WORDING)
 
 
 def _steps(loc: accepting.Steps) -> accepting.Steps:
@@ -422,6 +424,11 @@ def beginning(schema: schemas.SceneDocument) -> tuple[float, schemas.SceneInitia
 
 def read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSystem]:
     """The scene and its system; InputError with a pointer to the error."""
+    with refusals.longer_texts(base.LONGER_IN_SCENES):
+        return _read_scene(schema)
+
+
+def _read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSystem]:
     given = {
         nm.declared_name(name, f"/parameters/{escape(name)}", "parameter"): text
         for name, text in schema.parameters.items()
@@ -455,7 +462,7 @@ def read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSys
                 raise refusal("first_order", f"/initial/{kind}/{escape(name)}", known=known, name=escape(name))
     what = data.Problem(names.coordinates, (), lagrangian, constraints)
     positions, velocities = read_initial(initial, names, what, values)
-    grid, notes = read_grid(schema, begin)
+    grid, notes = read_grid(schema, begin, len(names.coordinates))
     scene = data.Scene(
         name=schema.name or system.name, coordinates=names.coordinates, values=values,
         lagrangian=lagrangian, constraints=constraints, accelerations=accelerations or None, forces=forces,
@@ -535,8 +542,9 @@ def number_of(text: str, pointer: str, key: str = "", low: float = -math.inf, hi
     return value
 
 
-def read_grid(schema: schemas.SceneDocument, begin: float = 0.0) -> tuple[data.Grid, tuple[str, ...]]:
-    """The step, the number of steps and which are recorded, with a note if not all requested ones are."""
+def read_grid(schema: schemas.SceneDocument, begin: float = 0.0, size: int = 1) -> tuple[data.Grid, tuple[str, ...]]:
+    """The step, the number of steps and which are recorded, with a note if not all requested ones are, which would
+    take too much memory; `size` is the number of coordinates."""
     step = number_of(schema.step, "/step", "backwards", POSITIVE)
     if (schema.steps is None) == (schema.time is None):
         raise refusal("two_lengths", "")
@@ -552,9 +560,10 @@ def read_grid(schema: schemas.SceneDocument, begin: float = 0.0) -> tuple[data.G
     every = schema.record_every or 1
     if (schema.events or schema.contacts) and (every > 1 or steps > MOST_WITH_EVENTS):
         raise refusal("every_step", "/events" if schema.events else "/contacts", most=MOST_WITH_EVENTS)
-    if not (schema.events or schema.contacts) and steps // every > MOST_RECORDED:
-        every = math.ceil(steps / MOST_RECORDED)
-        notes += (f"One step in {every} is recorded, so that at most {MOST_RECORDED} points are kept.",)
+    most = min(MOST_RECORDED, MOST_STATES // (2 * size))
+    if not (schema.events or schema.contacts) and steps // every > most:
+        every = math.ceil(steps / most)
+        notes += (f"One step in {every} is recorded, so that at most {most} points are kept.",)
     return data.Grid(step, steps, min(every, steps), begin), notes
 
 

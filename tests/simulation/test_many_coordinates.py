@@ -1,0 +1,84 @@
+"""Scenes with many coordinates, against programs that know nothing of this one."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from benchmarks.scene_families import bodies, oscillators, pendulum
+from inverse_service.errors import InputError
+from inverse_service.service.scenes.simulating import simulate
+
+Array = Any
+
+
+def pendulum_rates(t: float, y: Array) -> Array:
+    """n links of length and mass 1: M_ij = (n - max(i, j)) cos(q_i - q_j), from a textbook's torque balance."""
+    q, v = np.split(y, 2)
+    count = len(q)
+    weights = count - np.maximum.outer(np.arange(count), np.arange(count)).astype(float)
+    apart = np.subtract.outer(q, q)
+    right = -(weights * np.sin(apart)) @ v**2 - 9.81 * np.diagonal(weights) * np.sin(q)
+    return np.concatenate([v, np.linalg.solve(weights * np.cos(apart), right)])
+
+
+def gravity_rates(t: float, y: Array) -> Array:
+    """Masses 1/n, G = 1."""
+    q, v = (half.reshape(-1, 3) for half in np.split(y, 2))
+    apart = q[None] - q[:, None]
+    cubes = (apart**2).sum(axis=2) ** 1.5 + np.eye(len(q))
+    return np.concatenate([v.ravel(), ((apart / cubes[:, :, None]).sum(axis=1) / len(q)).ravel()])
+
+
+def chain_rates(t: float, y: Array) -> Array:
+    """x_k'' = F(x_(k+1) - x_k) - F(x_k - x_(k-1)) with F(d) = d + d^2/4."""
+    q, v = np.split(y, 2)
+    stretched = np.diff(np.concatenate([[0], q, [0]]))
+    return np.concatenate([v, np.diff(stretched + stretched**2 / 4)])
+
+
+CASES: dict[str, Any] = {
+    "pendulum": (pendulum(10) | {"time": 2}, pendulum_rates),
+    "bodies": (bodies(8) | {"time": 0.5}, gravity_rates),
+    "chain": (oscillators(40) | {"time": 3}, chain_rates),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_motion_is_that_of_an_independent_program(name: str) -> None:
+    scene, rates = CASES[name]
+    (found,) = simulate(scene | {"observe": ["trajectory"]})["methods"]
+    begin = [scene["initial"][part][x] for part in ("positions", "velocities") for x in scene["system"]["coordinates"]]
+    true = solve_ivp(rates, (0, scene["time"]), begin, "DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
+    end = [found["final"][part][x] for part in ("positions", "velocities") for x in scene["system"]["coordinates"]]
+    assert found["outcome"] == "completed"
+    assert np.abs(np.array(end) - true).max() < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", [{"method": "variational", "order": 8}, {"method": "runge-kutta", "order": 8}])
+def test_other_methods_agree_for_a_chain_of_links(method: dict[str, Any]) -> None:
+    scene = pendulum(10) | {"time": 1, "step": 0.005, "observe": ["trajectory"]}
+    first, second = (simulate(scene | {"methods": [one]})["methods"][0] for one in (method, "adaptive"))
+    for x, value in second["final"]["positions"].items():
+        assert abs(first["final"]["positions"][x] - value) < 1e-9
+
+
+@pytest.mark.slow
+def test_a_scene_takes_256_coordinates() -> None:
+    scene = oscillators(256) | {"time": 0.02, "observe": ["trajectory"]}
+    assert simulate(scene)["methods"][0]["outcome"] == "completed"
+
+
+def test_a_formula_of_a_scene_may_have_more_characters_than_one_to_solve() -> None:
+    scene = oscillators(1) | {"time": 0.02, "observe": ["trajectory"]}
+    long = scene["system"]["lagrangian"] + " + 0*x1" * 3_000
+    assert len(long) > 20_000
+    (found,) = simulate(scene | {"system": scene["system"] | {"lagrangian": long}})["methods"]
+    assert found["final"] == simulate(scene)["methods"][0]["final"]
+
+
+def test_more_coordinates_are_refused_in_one_sentence() -> None:
+    with pytest.raises(InputError, match="256"):
+        simulate(oscillators(257))
