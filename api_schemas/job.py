@@ -57,6 +57,23 @@ class Batch(base.Document):
     links: dict[str, str] = Field(default_factory=dict)
 
 
+class BatchList(base.Document):
+    """One page of batches, newest first; `next` is the cursor of the page after it."""
+
+    batches: list[Batch]
+    next: str | None = None
+
+
+class BatchProblem(base.ProblemDocument):
+    """The answer to a line without a result; `error` holds the problem once more."""
+
+    id: str | int | None = None
+    line: int
+    digest: str | None = None
+    duplicate_of: int | None = None
+    error: base.ProblemDocument
+
+
 class StatusEvent(BaseModel):
     """What the job is now; the last event of a job says how it ended."""
 

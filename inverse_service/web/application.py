@@ -30,7 +30,12 @@ SUMMARY = "Decide whether q'' = f(t, q, q') comes from a Lagrangian, with a proo
 # The setting that tells every program with OpenTelemetry where traces go.
 ENDPOINT = "OTEL_EXPORTER_OTLP_ENDPOINT"
 CORS_HEADERS = (
-    "Authorization", "Cache-Control", "Content-Type", "Idempotency-Key", "Last-Event-ID", "Prefer", "X-API-Key",
+    "Authorization", "Cache-Control", "Content-Type", "Idempotency-Key", "If-None-Match", "Last-Event-ID", "Prefer",
+    "traceparent", "X-API-Key", "X-Request-ID",
+)  # fmt: skip
+
+EXPOSED_HEADERS = (
+    "ETag", "Link", "Location", "Preference-Applied", "RateLimit", "RateLimit-Policy", "Retry-After", "X-Request-ID",
 )  # fmt: skip
 
 
@@ -50,7 +55,7 @@ def create_application(settings: Settings) -> FastAPI:
             allow_origins=list(settings.cors_origins),
             allow_methods=["GET", "POST", "DELETE"],
             allow_headers=CORS_HEADERS,
-            expose_headers=["ETag", "Link", "Location", "Preference-Applied", "Retry-After", "X-Request-ID"],
+            expose_headers=EXPOSED_HEADERS,
             max_age=600,
         )
     app.include_router(routes.asked)

@@ -21,6 +21,8 @@ GIVEN = re.compile(r"[A-Za-z0-9._-]{1,64}")
 TRACE = re.compile(r"[0-9a-f]{2}-([0-9a-f]{32})-[0-9a-f]{16}-[0-9a-f]{2}")
 # What asks so often that its requests would be all of the log.
 QUIET = frozenset({"/livez", "/readyz", "/metrics"})
+# A label has few values; anyone can make up a method.
+METHODS = frozenset({"DELETE", "GET", "HEAD", "OPTIONS", "POST"})
 CLIENT_LEFT = 499  # as nginx writes it: nothing was answered, since the client had left
 HEADERS = {
     "Content-Security-Policy": (
@@ -98,8 +100,9 @@ class Entrance:
             raise
         finally:
             route = getattr(scope.get("route"), "path", "none")
-            monitoring.of(monitoring.REQUESTS, route, str(status)).inc()
-            monitoring.of(monitoring.ANSWERED, route).observe(seconds or time.monotonic() - began)
+            method = scope["method"] if scope["method"] in METHODS else "other"
+            monitoring.of(monitoring.REQUESTS, method, route, str(status)).inc()
+            monitoring.of(monitoring.ANSWERED, method, route).observe(seconds or time.monotonic() - began)
             _note(scope, status, time.monotonic() - began)
             monitoring.REQUEST.reset(token)
 

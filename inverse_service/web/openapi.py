@@ -14,7 +14,7 @@ from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
 from api_schemas.base import ParseAnswer, ProblemDocument
-from api_schemas.job import CheckedDocument, JobEvent, JobOptions, JobResult, SolveResult
+from api_schemas.job import BatchProblem, CheckedDocument, JobEvent, JobOptions, JobResult, SolveResult
 from api_schemas.result import (
     ForwardParseAnswer,
     ForwardResult,
@@ -33,7 +33,7 @@ DOCUMENTS = ("SystemDocument", "NonholonomicDocument", "LagrangianDocument")
 ASKED = (SystemDocument, NonholonomicDocument, LagrangianDocument)
 ANSWERED = (ResultDocument, ForwardResult, ParseAnswer, NonholonomicParseAnswer, ForwardParseAnswer)
 UNIONS = (SolveResult, JobResult, JobEvent, CheckedDocument, JobOptions)
-OTHERS = (SceneDocument, SimulationResult, WorkPrecisionResult, ProblemDocument)
+OTHERS = (SceneDocument, SimulationResult, WorkPrecisionResult, ProblemDocument, BatchProblem)
 EXAMPLES = {"SystemDocument": "sho", "NonholonomicDocument": "vertically-rolling-disk"}
 
 

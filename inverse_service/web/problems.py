@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import re
 import sqlite3
 from collections.abc import Callable, Mapping
@@ -92,9 +93,12 @@ def _plain(fault: Mapping[str, Any]) -> str:
 
 
 def rate_limit(quota: float, left: float, seconds: int) -> dict[str, str]:
-    """The processor seconds of a day, and how many are left for so long (draft-ietf-httpapi-ratelimit-headers)."""
+    """The processor seconds of a day, and how many are left for so long (draft-ietf-httpapi-ratelimit-headers).
+
+    None are left only where the next question is refused.
+    """
     policy = f'"day";q={quota:.0f};w=86400'
-    return {"RateLimit-Policy": policy, "RateLimit": f'"day";r={max(0.0, left):.0f};t={seconds}'}
+    return {"RateLimit-Policy": policy, "RateLimit": f'"day";r={max(0, math.ceil(left))};t={seconds}'}
 
 
 def refusal_of(request: Request, error: Exception) -> Refusal:

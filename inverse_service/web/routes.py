@@ -18,7 +18,15 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response, Strea
 from starlette.types import Receive, Scope, Send
 
 from api_schemas import base
-from api_schemas.job import AtlasEntry, AtlasLine, AtlasList, Batch as BatchDocument, Job as JobDocument, JobList
+from api_schemas.job import (
+    AtlasEntry,
+    AtlasLine,
+    AtlasList,
+    Batch as BatchDocument,
+    BatchList,
+    Job as JobDocument,
+    JobList,
+)
 from inverse_service import __version__, catalogue, errors
 from inverse_service.expressions.refusals import LIMITS
 from inverse_service.service.documents import alike
@@ -122,8 +130,7 @@ async def list_jobs(
             engine.store.jobs, status=status, kind=kind, client=client, cursor=cursor, limit=limit
         )
     except ValueError:
-        detail = "The cursor is not one that this list gave, or its job is forgotten; begin without one."
-        raise problems.Refusal(422, "bad-input", detail, (errors.Place(detail, "/cursor"),)) from None
+        raise _bad_cursor("job") from None
     fields = await engine.read(lambda: [job_answers.job_fields(job, engine) for job in found])
     return JSONResponse({"jobs": fields, "next": following})
 
@@ -249,6 +256,24 @@ async def create(request: Request, kind: KindName = "solve") -> Response:
         stored = await engine.ask_batch(body, asking.is_json(request), terms, clients.viewer_of(request), key)
     headers = {"Location": f"/v1/batches/{stored.id}", "Retry-After": job_answers.RETRY_AFTER}
     return JSONResponse(job_answers.batch_fields(stored), 202, headers | await engine.rate_limit(client))
+
+
+@batches.get("/v1/batches", response_model=BatchList, responses={**openapi.refusals(422), **openapi.KEY_AND_RATE})
+async def list_batches(
+    request: Request, cursor: str | None = Query(None, max_length=64), limit: int = Query(20, ge=1, le=100)
+) -> Response:
+    """Batches, newest first, with the number of their lines in each status; `next` is the cursor of the next page."""
+    engine, client = engine_of(request), clients.viewer_of(request).listed
+    try:
+        found, following = await engine.read(engine.store.batches, client, cursor, limit)
+    except ValueError:
+        raise _bad_cursor("batch") from None
+    return JSONResponse({"batches": [job_answers.batch_fields(one) for one in found], "next": following})
+
+
+def _bad_cursor(what: str) -> problems.Refusal:
+    detail = f"The cursor is not one that this list gave, or its {what} is forgotten; begin without one."
+    return problems.Refusal(422, "bad-input", detail, (errors.Place(detail, "/cursor"),))
 
 
 @batches.get("/v1/batches/{id}", response_model=BatchDocument, responses={**openapi.UNKNOWN})
@@ -481,8 +506,11 @@ async def metrics(request: Request) -> Response:
         monitoring.gauge("jobs", "Stored jobs by status.", by_status, ("status",)),
         monitoring.gauge("queue_length", "Jobs that wait for a worker.", counts.get("accepted", 0)),
         monitoring.gauge("queue_age_seconds", "How long the oldest of them waits.", age),
+        monitoring.gauge("queue_limit", "At most so many jobs are open.", engine.settings.queue),
         monitoring.gauge("store_bytes", "Size of the database.", size),
+        monitoring.gauge("store_limit_bytes", "Old answers are deleted from there.", engine.settings.store_size * 2**20),
         monitoring.gauge("connections", "Open connections.", len(engine.connections)),
+        monitoring.gauge("connections_limit", "At most so many are open.", engine.settings.connections),
         monitoring.gauge("quick_waiting", "Requests that are read or wait for that.", len(engine.places)),
         monitoring.gauge("workers", "Worker processes.", engine.settings.workers),
         monitoring.gauge("jobs_taken", "Jobs that this process has taken.", engine.supervisor.running),

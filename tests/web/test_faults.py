@@ -115,4 +115,5 @@ def test_a_fault_is_counted_and_has_an_id(monkeypatch: pytest.MonkeyPatch) -> No
             return await client.post("/v1/solve", json=DOCUMENT)
 
     assert asyncio.run(call()).status_code == 500
-    assert b'inverse_service_http_requests_total{route="/v1/solve",status="500"}' in monitoring.written([])
+    counted = b'inverse_service_http_requests_total{method="POST",route="/v1/solve",status="500"}'
+    assert counted in monitoring.written([])

@@ -212,7 +212,7 @@ def test_metrics_count_jobs_and_requests(client: httpx.Client) -> None:
     assert float(samples['inverse_service_jobs{status="successful"}']) >= 1
     assert float(samples["inverse_service_queue_length"]) >= 0
     assert float(samples['inverse_service_job_cpu_seconds_total{kind="solve"}']) > 0
-    assert float(samples['inverse_service_job_memory_peak_mebibytes{kind="solve"}']) > 10
+    assert float(samples['inverse_service_job_memory_peak_bytes{kind="solve"}']) > 10 * 2**20
     buckets = [k for k in samples if k.startswith('inverse_service_job_wall_seconds_bucket{kind="solve"')]
     counts = [float(samples[k]) for k in buckets]
     assert counts == sorted(counts)

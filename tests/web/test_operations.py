@@ -233,7 +233,7 @@ def test_an_operator_sees_what_holds_up_the_service(client: httpx.Client) -> Non
     assert names >= {
         "inverse_service_loop_lag_seconds_count", "inverse_service_queue_age_seconds", "inverse_service_connections",
         "inverse_service_store_bytes", "inverse_service_store_seconds_count", "inverse_service_quick_waiting",
-        "inverse_service_quick_tasks_total", "inverse_service_process_cpu_seconds_total",
+        "inverse_service_quick_tasks_total", "process_cpu_seconds_total",
         "inverse_service_worker_deaths_total", "inverse_service_http_requests_total",
     }  # fmt: skip
     assert 'inverse_service_quick_tasks_total{outcome="done",task="parse_task"}' in text

@@ -24,9 +24,10 @@ NAME: Final = "inverse_service"
 _counter = functools.partial(prometheus_client.Counter, namespace=NAME, registry=REGISTRY)
 _times = functools.partial(prometheus_client.Histogram, namespace=NAME, registry=REGISTRY, buckets=BUCKETS)
 
-prometheus_client.ProcessCollector(NAME, registry=REGISTRY)
-REQUESTS: Final = _counter("http_requests", "Requests by route and status.", ("route", "status"))
-ANSWERED: Final = _times("http_seconds", "Time until an answer begins.", ("route",))
+# Under the names that every dashboard knows: process_cpu_seconds_total, process_resident_memory_bytes, ...
+prometheus_client.ProcessCollector(registry=REGISTRY)
+REQUESTS: Final = _counter("http_requests", "Requests by method, route and status.", ("method", "route", "status"))
+ANSWERED: Final = _times("http_request_duration_seconds", "Time until an answer begins.", ("method", "route"))
 KNOWN: Final = _counter("answers_from_store", "Questions that were known already.", ("kind",))
 STORE: Final = _times("store_seconds", "Reads and changes.")
 LAG: Final = _times("loop_lag_seconds", "How late the event loop was.")
@@ -65,8 +66,8 @@ def note_run(kind: str, outcome: str, wall: float, processor: float, mebibytes: 
 
 def written(families: Iterable[Metric]) -> bytes:
     """All that was counted since the start, with these, which are read when they are asked for."""
-    by_kind: dict[tuple[str, ...], float] = {(kind,): value for kind, value in _largest.items()}
-    memory = gauge("job_memory_peak_mebibytes", "Largest memory of a run.", by_kind, ("kind",))
+    by_kind: dict[tuple[str, ...], float] = {(kind,): value * 2**20 for kind, value in _largest.items()}
+    memory = gauge("job_memory_peak_bytes", "Largest memory of a run.", by_kind, ("kind",))
     read: Any = SimpleNamespace(collect=lambda: [*REGISTRY.collect(), *families, memory])
     return prometheus_client.generate_latest(read)
 

@@ -474,6 +474,28 @@ def read_batch(session: Session, id: str) -> model.Batch | None:
     return model.Batch(id, row["kind"], row["client"], row["created"], row["total"], by_status)
 
 
+def list_batches(
+    session: Session, client: str | None = None, cursor: str | None = None, limit: int = 20
+) -> tuple[list[model.Batch], str | None]:
+    """One page, the newest first, and the cursor of the next one: the id of its last batch.
+
+    ValueError: a bad cursor.
+    """
+    where, chosen = "1 = 1", list[Any]()
+    if cursor is not None:
+        last = session.first("read_batch", cursor)
+        if last is None or client not in (None, last["client"]):
+            raise ValueError("not a cursor of this list")
+        where += " AND (created < ? OR created = ? AND id < ?)"
+        chosen += [last["created"], last["created"], cursor]
+    if client is not None:
+        where += " AND client = ?"
+        chosen.append(client)
+    ids = [row["id"] for row in session.rows("list_batches", *chosen, limit + 1, where=where)]
+    found = [batch for id in ids[:limit] if (batch := read_batch(session, id)) is not None]
+    return found, ids[limit - 1] if len(ids) > limit else None
+
+
 def answers(
     session: Session, batch: str, after: int = 0, limit: int = 500, largest: int = model.NO_BOUND
 ) -> list[model.BatchAnswer]:

@@ -195,6 +195,10 @@ UPDATE lines SET order_number = ? + place FROM (
 -- name: read_batch
 SELECT * FROM batches WHERE id = ?
 
+-- name: list_batches
+-- Those that are stored in whole, the newest first.
+SELECT id FROM batches WHERE total >= 0 AND {where} ORDER BY created DESC, id DESC LIMIT ?
+
 -- name: count_lines
 SELECT CASE WHEN lines.dismissed = 1 THEN 'dismissed' ELSE coalesce(jobs.status, 'failed') END AS status,
 count(*) AS lines FROM lines LEFT JOIN jobs ON jobs.id = lines.job WHERE batch = ? GROUP BY 1

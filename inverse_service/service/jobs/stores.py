@@ -142,6 +142,7 @@ class JobStore(ABC):
     begin_batch = writing(statements.begin_batch, durable=False)
     add_lines = writing(statements.add_lines, durable=False)
     batch = _reading(statements.read_batch)
+    batches = _reading(statements.list_batches)
     repeated = _reading(statements.repeated)
     batch_answers = _reading(statements.answers)
 
