@@ -508,7 +508,7 @@ async def metrics(request: Request) -> Response:
         monitoring.gauge("queue_age_seconds", "How long the oldest of them waits.", age),
         monitoring.gauge("queue_limit", "At most so many jobs are open.", engine.settings.queue),
         monitoring.gauge("store_bytes", "Size of the database.", size),
-        monitoring.gauge("store_limit_bytes", "Old answers are deleted from there.", engine.settings.store_size * 2**20),
+        monitoring.gauge("store_limit_bytes", "From there old answers go.", engine.settings.store_size * 2**20),
         monitoring.gauge("connections", "Open connections.", len(engine.connections)),
         monitoring.gauge("connections_limit", "At most so many are open.", engine.settings.connections),
         monitoring.gauge("quick_waiting", "Requests that are read or wait for that.", len(engine.places)),

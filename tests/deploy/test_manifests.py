@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
@@ -122,3 +123,20 @@ def test_the_image_has_the_versions_of_the_tests_and_all_that_is_needed() -> Non
         )
         needed = project["optional-dependencies"][extra] if extra else project["dependencies"]
         assert {re.match(r"[\w.-]+", one)[0] for one in needed} <= pinned.keys()  # type: ignore[index]
+
+
+def test_each_alert_says_what_to_do() -> None:
+    (group,) = yaml.safe_load((DEPLOY / "alerts.yaml").read_text())["groups"]
+    names = [rule["alert"] for rule in group["rules"]]
+    assert len({*names}) == len(names) >= 10
+    for rule in group["rules"]:
+        assert rule["labels"]["severity"] in ("warning", "critical")
+        assert all(rule["annotations"][key] for key in ("summary", "action"))
+        assert re.fullmatch(r"\d+[mh]", rule["for"])
+
+
+def test_each_panel_of_the_dashboard_has_its_own_place_and_its_queries() -> None:
+    panels = json.loads((DEPLOY / "dashboard.json").read_text())["panels"]
+    places = [(one["gridPos"]["x"], one["gridPos"]["y"]) for one in panels]
+    assert len({*places}) == len({one["id"] for one in panels}) == len(panels)
+    assert all(target["expr"] and target["legendFormat"] for one in panels for target in one["targets"])

@@ -408,3 +408,19 @@ def test_what_an_operator_asks_and_a_reader_of_parts(store: JobStore) -> None:
     parts = [store.part("a", *place) for place in ((0, 4), (4, 100), (10, 1))]
     assert parts == [(10, b"0123"), (10, b"456789"), (10, b"")]
     assert stored_answer(store.address, "a")[1] == b"0123456789"
+
+
+def test_batches_are_listed_in_pages_the_newest_first(store: JobStore) -> None:
+    assert store.batches() == ([], None)
+    for k in range(5):
+        client = "alice" if k % 2 else "bob"
+        store.create_batch(f"b{k}", "solve", client, [BatchLine(1, "1", request(f"a{k}", client=client))])
+    store.begin_batch("incomplete", "solve", "alice")
+    first, cursor = store.batches(limit=3)
+    assert (ids(first), cursor) == (["b4", "b3", "b2"], "b2")
+    assert [batch.counts for batch in first] == [{"accepted": 1}] * 3
+    assert [ids(store.batches(None, cursor, limit)[0]) for limit in (3, 1)] == [["b1", "b0"], ["b1"]]
+    assert ids(store.batches("alice")[0]) == ["b3", "b1"]
+    for wrong in ("nothing", "b4"):
+        with pytest.raises(ValueError, match="cursor"):
+            store.batches("alice", wrong)

@@ -12,9 +12,9 @@ from inverse_service.errors import NoWorker
 from inverse_service.service.jobs import monitoring
 from inverse_service.service.jobs.tasks import Outcome, Usage, value_of
 from inverse_service.settings import Settings
-from inverse_service.web.application import create_application
+from inverse_service.web.application import EXPOSED_HEADERS, create_application
 from inverse_service.web.engine import Engine
-from inverse_service.web.problems import Refusal
+from inverse_service.web.problems import Refusal, rate_limit
 from tests.web.inline import Inline
 
 DOCUMENT = {"coordinates": ["x"], "equations": {"x": "0"}}
@@ -117,3 +117,22 @@ def test_a_fault_is_counted_and_has_an_id(monkeypatch: pytest.MonkeyPatch) -> No
     assert asyncio.run(call()).status_code == 500
     counted = b'inverse_service_http_requests_total{method="POST",route="/v1/solve",status="500"}'
     assert counted in monitoring.written([])
+
+
+@pytest.mark.parametrize(("left", "shown"), [(6.0, 6), (0.2, 1), (0.0, 0), (-3.0, 0)])
+def test_no_second_is_left_only_where_the_next_run_is_refused(left: float, shown: int) -> None:
+    assert rate_limit(6.0, left, 60)["RateLimit"] == f'"day";r={shown};t=60'
+
+
+def test_other_origins_may_send_and_read_what_the_pages_describe() -> None:
+    application = create_application(Settings(cors_origins=("https://a.example",)))
+
+    async def call() -> httpx.Response:
+        asked = "if-none-match, traceparent, x-request-id, idempotency-key"
+        headers = {"Origin": "https://a.example", "Access-Control-Request-Method": "POST"}
+        transport = httpx.ASGITransport(application)
+        async with httpx.AsyncClient(transport=transport, base_url="http://service") as client:
+            return await client.options("/v1/solve", headers=headers | {"Access-Control-Request-Headers": asked})
+
+    assert asyncio.run(call()).status_code == 200
+    assert {"RateLimit", "RateLimit-Policy", "Retry-After", "X-Request-ID"} <= {*EXPOSED_HEADERS}

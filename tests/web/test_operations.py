@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import socket
 import subprocess
@@ -237,6 +238,13 @@ def test_an_operator_sees_what_holds_up_the_service(client: httpx.Client) -> Non
         "inverse_service_worker_deaths_total", "inverse_service_http_requests_total",
     }  # fmt: skip
     assert 'inverse_service_quick_tasks_total{outcome="done",task="parse_task"}' in text
+    assert 'inverse_service_http_requests_total{method="POST",route="/v1/parse",status="200"}' in text
+    of_families = {name.removesuffix("_count") for name in names} | names
+    asked = re.compile(r"\b(?:inverse_service|process)_[a-z_]+")
+    for file in ("alerts.yaml", "dashboard.json"):
+        used = {*asked.findall((Path(__file__).parents[2] / "deploy" / file).read_text())}
+        assert len(used) >= 10
+        assert {name.removesuffix("_bucket") for name in used} <= of_families, file
     assert float(text.split("\ninverse_service_connections ")[1].split("\n")[0]) >= 1
 
 
