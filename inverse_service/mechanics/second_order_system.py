@@ -6,9 +6,10 @@ equations, f = dh/dt + dh/dq q' + dh/dp F. Hamilton's equations of a regular H q
 """
 
 import re
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import lru_cache
 from itertools import combinations, islice
 from typing import TypeVar
@@ -338,8 +339,33 @@ def _solved(slopes: Mapping[str, ex.Expression], chosen: tuple[str, ...]) -> Pai
         return None
     known = dict(zip(map(ex.Symbol, momenta), values, strict=True))
     rates = [(ex.Symbol(name), ex.Velocity(name) if name in chosen else slope) for name, slope in slopes.items()]
-    found = tuple(ex.substitute(along(slopes[q], rates), known) for q in chosen)
+    moving: list[ex.Expression] = [ex.TIME, *map(ex.Symbol, chosen), *map(ex.Velocity, chosen)]
+    found = tuple(_cancelled(ex.substitute(along(slopes[q], rates), known), moving) for q in chosen)
     return Pairs(chosen, found, tuple(zip(momenta, values, strict=True)))
+
+
+def _cancelled(tree: ex.Expression, moving: Collection[ex.Expression]) -> ex.Expression:
+    """The tree with each base once in a product: c x' for c m x'/m; a pole in what moves stays one."""
+    inner = ex.rebuild(tree, lambda part: _cancelled(part, moving))
+    above, below = dict[ex.Expression, Fraction](), dict[ex.Expression, Fraction]()
+    for base, exponent in _powers(inner):
+        side = below if exponent < 0 else above
+        side[base] = side.get(base, Fraction(0)) + exponent
+    for base in above.keys() & below.keys():
+        total = above[base] + below[base]
+        if total < 0 or not (ex.holds(base, *moving) or ex.has(base, ex.Arbitrary)):
+            above[base], below[base] = max(total, Fraction(0)), min(total, Fraction(0))
+    return ex.multiply(*(base**exponent for side in (above, below) for base, exponent in side.items() if exponent))
+
+
+def _powers(tree: ex.Expression) -> Iterator[tuple[ex.Expression, Fraction]]:
+    """The bases of a product with their integer exponents, those of nested products too."""
+    for factor in ex.factors_of(tree):
+        match factor:
+            case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1:
+                yield from ((part, power * exponent) for part, power in _powers(base))
+            case _:
+                yield factor, Fraction(1)
 
 
 def read_system(

@@ -156,7 +156,7 @@ def _rewritten(line: Line, names: Names) -> Tokens:
             place = _derivative_of(line, place + 1, int(power[1]), found)
         elif token.text == "D" and not names.role("D") and (order := _positions(after)):
             place = _derivative_of(line, place + 2, order, found)
-        elif token.text == "D2" and not names.role("D2") and [each.kind for each in after.inside] == ["name"]:
+        elif token.text == "D2" and _begins(found) and not names.role("D2") and len(after.inside) == 1:
             place = _derivative_of(line, place + 1, 2, found)  # Julia's D2 = Differential(t)^2
         elif called and not (token.text == "D" and _is_factor(after)):
             place = _called(line, place, found, names)
@@ -164,6 +164,12 @@ def _rewritten(line: Line, names: Names) -> Tokens:
             found.append(tk.within(token, lambda inside: _rewritten(inside, names)))
             place += 1
     return found
+
+
+def _begins(found: Line) -> bool:
+    """Whether an equation begins after these tokens."""
+    last = at(found, len(found) - 1)
+    return last.kind == "end" or last.is_operator(",", ";")
 
 
 def _positions(bracket: Token) -> int:

@@ -278,22 +278,19 @@ class FormulaParser(tk.TokenStream):
         if below[-1].is_bracket() and below[0].kind in ("name", "operator", "bracket"):
             return name != "" or ahead.is_bracket()
         moves = role == "coordinate" or name == "t"
-        if moves and self._is_apart(slash):
+        if moves and self._is_apart(start, slash):
             return True
         numbers = all(token.kind in ("number", "bracket") or token.is_operator("*", "^") for token in tk.walk(above))
         return len(below) == 1 and below[0].kind == "number" and (numbers or moves or ahead.is_bracket())
 
-    def _is_apart(self, slash: int) -> bool:
+    def _is_apart(self, start: int, slash: int) -> bool:
         """Whether blanks join k/m, not m x, in k/m x'; the other interpretation is noted."""
         sign, below = self._tokens[slash - 1], self.part(slash)
         glued = not sign.space_before and not below[0].space_before and below[0].kind in ("name", "number")
         if not glued or any(token.space_before for token in below):
             return False
-        over, under, after = (
-            self.source(slash - 2, slash - 1),
-            self.source(slash),
-            self.source(self.position, self.position + 1),
-        )
+        over, under = self.source(start, slash - 1), self.source(slash)
+        after = self.source(self.position, self.position + 1)
         note(f"{over}/{under} {after}", f"({over}/{under})*{after}, not {over}/({under}*{after})")
         return True
 
