@@ -211,6 +211,79 @@ class LeftOutPart(ProvenPart):
     integrals: dict[str, IntegralPart] = Field(default_factory=dict)
 
 
+class LeafEquation(Formula):
+    """An equation of a leaf; `leader` is the constant or derivative that it determines."""
+
+    leader: str
+
+
+class SolvedPart(Formula):
+    """A constant or function of a leaf in closed form, with the names that are new in it."""
+
+    new_constants: list[str] = Field(default_factory=list)
+    new_functions: list[str] = Field(default_factory=list)
+
+
+class LeafProof(base.Document):
+    """The system of the general member of a leaf, and the certificate about it."""
+
+    equations: dict[str, str]
+    parameters: list[str] = Field(default_factory=list)
+    functions: dict[str, list[str]] = Field(default_factory=dict)
+    certificate: dict[str, Any]
+    checked: Checked
+    domain: list[str] = Field(default_factory=list)
+    exceptions: list[str] = Field(default_factory=list)
+
+
+class FamilyLeaf(base.Document):
+    """The members of a family with these `equations`, nothing of `nonzero` being 0, that are in no later leaf.
+
+    `id` is its place in the list, `inside` the leaf around it. The verdicts are about its general
+    member, `verdict` about the question of the result; `solved` is this member in closed form,
+    where its equations are solved, and `proof` its certificate. `exceptions` are the leaves in it
+    that have other verdicts.
+    """
+
+    id: int
+    inside: int | None = None
+    equations: list[LeafEquation] = Field(default_factory=list)
+    nonzero: list[str] = Field(default_factory=list)
+    solved: list[SolvedPart] = Field(default_factory=list)
+    verdict: Verdict
+    verdict_with_time: Verdict | None = None
+    statement: str = ""
+    lagrangian: LagrangianPart | None = None
+    hamiltonian: HamiltonianPart | None = None
+    integrals: dict[str, IntegralPart] = Field(default_factory=dict)
+    proof: LeafProof | None = None
+    proof_without_time: LeafProof | None = None
+    exceptions: list[int] = Field(default_factory=list)
+    near: dict[str, str] = Field(default_factory=dict)
+
+
+class OpenSet(base.Document):
+    """Members inside a leaf that are not decided: the equations they satisfy, if these are known, and why."""
+
+    inside: int = 0
+    equations: list[Formula] = Field(default_factory=list)
+    reason: str
+
+
+class FamilyPart(base.Document):
+    """Which members of the family in these constants and functions have a Lagrangian.
+
+    `leaves`: the general member first, the most special last; a member belongs to the last leaf whose equations and
+    inequations it satisfies. `covered`: the leaves have all members, and none is open.
+    """
+
+    letters: list[str]
+    functions: dict[str, list[str]]
+    leaves: list[FamilyLeaf]
+    open: list[OpenSet] = Field(default_factory=list)
+    covered: bool
+
+
 class OtherAnswer(ProvenPart):
     """The answer to the other question, L(t, q, q'), where it differs from the main one; `domain` as in a result.
 
@@ -380,6 +453,7 @@ class ResultDocument(OtherAnswer):
     branches: list[BranchPart] = Field(default_factory=list)
     not_answered: list[NotAnsweredPart] = Field(default_factory=list)
     left_out: list[LeftOutPart] = Field(default_factory=list)
+    family: FamilyPart | None = None
     special_cases: SpecialCasesPart | None = None
     kinds: dict[str, KindPart] | None = None
     instead: InsteadPart | None = None

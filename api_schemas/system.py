@@ -74,19 +74,29 @@ class NamedDocument(base.Document):
     where: Annotated[dict[Name, Text], Field(max_length=base.MAX_PARAMETERS)] = Field(default_factory=dict)
 
 
+class FamilyNames(base.Document):
+    """The constants and functions that are free in a family; what is left out is fixed, and general."""
+
+    letters: Annotated[list[Name], Field(max_length=base.MAX_PARAMETERS)] = Field(default_factory=list)
+    functions: Annotated[dict[Name, Arguments], Field(max_length=base.MAX_FUNCTIONS)] = Field(default_factory=dict)
+
+
 class QuestionDocument(NamedDocument):
     """What can be asked about a system.
 
     `time_dependent_lagrangian`: false asks for L(q, q'), true for L(t, q, q'), left out: both.
     `ansatz`: terms such as "y'^2/x'" that a Lagrangian is first looked for in.
     `series_order`: the order of the power series given where no closed form is found.
-    `special_cases`: also find the parameters and functions for which the verdict is another.
+    `family`: also find which members of a family have a Lagrangian: true for all constants and functions, or those
+    named, as in {"letters": ["a", "b"], "functions": {"V": ["x", "y"]}}.
+    `special_cases`: true means the same as "family": true.
     `first_integrals`: false leaves out what is constant along the motion.
     """
 
     time_dependent_lagrangian: bool | None = None
     ansatz: Annotated[list[Text], Field(max_length=MAX_ANSATZ_TERMS)] = Field(default_factory=list)
     series_order: Annotated[int, Field(ge=1, le=MAX_SERIES_ORDER, strict=True)] | None = None
+    family: bool | FamilyNames = False
     special_cases: bool = False
     first_integrals: bool = True
 

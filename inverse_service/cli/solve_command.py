@@ -53,9 +53,13 @@ def solve(
     time_limit: Annotated[float | None, cli.time_limit("from the settings, 60")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the random points and primes.", min=0, max=2**31)] = 1,
     explain: Annotated[bool, typer.Option("--explain", help="Print conditions and every step (text, latex).")] = False,
-    special_cases: Annotated[
-        bool, typer.Option("--special-cases", help="Also find the parameter values that change the verdict.")
+    family: Annotated[
+        bool, typer.Option("--family", help="Also find which values and functions leave a Lagrangian.")
     ] = False,
+    letters: Annotated[
+        str | None, typer.Option(help="The constants and functions of the family: a,b; the default is all.")
+    ] = None,
+    special_cases: Annotated[bool, typer.Option("--special-cases", hidden=True)] = False,
     kind: Annotated[
         list[str] | None,
         typer.Option(
@@ -85,7 +89,7 @@ def solve(
 ) -> cli.ExitCode:
     """Solve one system. Exit 0 definite verdict, 1 undetermined, 2 invalid input, 3 internal error."""
     named = {"parameters": parameters, "functions": functions, "coordinates": coordinates, "time": time}
-    asked_too = {"special_cases": special_cases or None, "kinds": kind or None, "clock": clock}
+    asked_too = {"family": letters or family or special_cases or None, "kinds": kind or None, "clock": clock}
     settings = read_settings()
     document, given = model.split_options(with_declared(given_document(file, guess), named | asked_too))
     asked = model.read_options(given, model.JobOptions(time_limit or settings.time_limit, settings.memory_limit, seed))
@@ -191,6 +195,11 @@ def with_declared(document: Any, named: Mapping[str, Any]) -> Any:
         before = [document_names.AND_GUESS] if before == document_names.GUESS else before
         earlier = before if isinstance(before, dict) else dict.fromkeys(before)
         found["parameters"] = {**document_names.parameters_of(given["parameters"]), **earlier}
+    if isinstance(given.get("family"), str):
+        names = [name.strip() for name in given["family"].split(",")]
+        known = found.get("functions") or {}
+        functions = {name: known[name] for name in names if name in known}
+        found["family"] = {"letters": [name for name in names if name not in known], "functions": functions}
     return found
 
 

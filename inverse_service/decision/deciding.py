@@ -116,6 +116,11 @@ def _alone(system: second_order_system.SecondOrderSystem) -> str:
     return f"other pieces of the formula seem to have no real value here; submit this piece alone, {equations}"
 
 
+def verdict_of(exists: bool | None) -> solutions.Verdict:
+    """The verdict on a question; undetermined where it is not known."""
+    return _VERDICTS[exists]
+
+
 def is_irrational(node: ex.Expression) -> bool:
     """Whether the topmost operation of a formula is not rational."""
     if isinstance(node, ex.Power):

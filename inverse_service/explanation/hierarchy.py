@@ -501,13 +501,13 @@ def contradiction(
     slopes = cd.factor_slopes(exact, direction)
     point = tower.draw_point(analysis.tower, seed)
     names = analysis.system.coordinates
-    for formula, note, difference, variables in _integrability_conditions(exact, slopes, with_time, names):
+    for formula, note, difference, variables in integrability_conditions(exact, slopes, with_time, names):
         if not difference.is_zero and _is_nonzero(exact.ring, difference, point):
             return Contradiction(_lines(slopes, with_time, variables, names), formula, note, difference)
     raise exact_field.TooLarge("no integrability condition of the factor fails")
 
 
-def _integrability_conditions(
+def integrability_conditions(
     exact: cd.MotionInRing, slopes: cd.FactorSlopes, with_time: bool, names: tuple[str, ...]
 ) -> Iterator[tuple[notation.Formula, str, exact_field.Quotient, frozenset[ex.Symbol | ex.Velocity]]]:
     """(formula, reason, value, variables): values that vanish if u exists, and the variables by which u is

@@ -56,7 +56,7 @@ def solve(
     `system`: an Eq, an expression that is 0, a list or Matrix of these, {x(t): acceleration}, {x(t).diff(t, 2):
     acceleration}, {X: acceleration} for plain symbols with `velocities={X: vx}`, a Lagrangian (an expression with
     velocities and no acceleration: the forward problem), a LagrangesMethod, a KanesMethod, a System, or what
-    `inverse_service.solve` takes. `questions` are keys of a document such as `ansatz`, `special_cases`,
+    `inverse_service.solve` takes. `questions` are keys of a document such as `ansatz`, `family`,
     `time_dependent_lagrangian`. Raises InputError.
     """
     from inverse_service import solve as solve_document
@@ -585,9 +585,9 @@ class Result(Answer):
         return None if found is None else _bridge().conditions_of_texts(found, self._table)
 
     @property
-    def special_cases(self) -> Mapping[str, Any] | None:
-        """The tree of special cases."""
-        return self.get("special_cases")
+    def family(self) -> Mapping[str, Any] | None:
+        """Which members of the family have a Lagrangian, if the document asks."""
+        return self.get("family")
 
     def check(self, document: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """The independent checker's verdict and reasons."""

@@ -336,7 +336,7 @@ def test_helmholtz_is_a_function_after_its_first_call() -> None:
 
 def test_keys_next_to_a_text_are_used() -> None:
     assert solve("y'' = -x*y", time="x").lagrangian == inverse_service.solve("y'' = -x*y", time="x").lagrangian
-    assert document(["x'' = -x"], special_cases=True) == {"equations": ["x'' = -x"], "special_cases": True}
+    assert document(["x'' = -x"], family=True) == {"equations": ["x'' = -x"], "family": True}
     assert solve(["x'' = -k*x"], parameters=["k"]).is_variational is True
     assert solve("x'' = -x", foo=1)["ignored"] == ["foo"]
     position, speed = sp.symbols("x v_x")

@@ -508,7 +508,7 @@ def to_solvable(schema: SystemDocument, given: second_order_system.GivenEquation
     `given` is `to_given` of the document where it is known.
     """
     given, system = given or to_given(schema), None
-    asks_more = schema.special_cases or schema.kinds or schema.clock or schema.near
+    asks_more = schema.family or schema.special_cases or schema.kinds or schema.clock or schema.near
     is_solved = bool(asks_more) or isinstance(schema.equations, Mapping)
     try:
         system = second_order_system.solved_system(given, schema.name)

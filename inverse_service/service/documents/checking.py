@@ -30,6 +30,7 @@ from inverse_service.service.documents import (
     canonical,
     comparison,
     derived,
+    family_parts,
     growing,
     own_lagrangian,
     stated,
@@ -277,7 +278,7 @@ class Examination:
         self.others(document, own)
         if not moving:
             self.left_out(document)
-            self.cases(document)
+            self.family(document)
         if not main and not (growing.asks_motion_alone(plain) and result.get("any_associated")):
             self.unsettled(_OPEN)
         if moving:
@@ -632,25 +633,66 @@ class Examination:
             else:
                 self.agree(f"{at}/verdict", part["verdict"] == "undetermined", part["verdict"], "It is not decided.")
 
-    def cases(self, document: Any) -> None:
-        """The Lagrangians of special cases that conditions on the parameters give."""
-        names = certify.names_of(system_fields(self.result))
-        waiting = [("/special_cases/tree", as_object(as_object(self.result.get("special_cases")).get("tree")))]
-        while waiting:
-            at, node = waiting.pop()
-            waiting += [(f"{at}/children/{k}", as_object(one)) for k, one in enumerate(node.get("children") or ())]
-            texts = [_text(one) for one in node.get("conditions") or ()]
-            shows = any(node.get(key) for key in ("lagrangian", "hamiltonian", "certificate"))
-            if not shows or any("(" in str(text).split(" = ")[0] for text in texts):
-                continue  # a case of functions is not made again: it is not checked
-            question = as_object(node.get("certificate")).get("question")
-            key = "verdict_with_time" if question == "time_dependent" and node.get("verdict_with_time") else "verdict"
-            if self.agree(f"{at}/{key}", node.get(key) == "variational", node.get(key), "It is variational."):
-                self.about_another(at, node, derived.system_there(document, texts), ("equations",), key)
-                for k, condition in enumerate(node["conditions"]):
-                    sides = [to_latex(reader.read_formula(side, names)) for side in condition["text"].split(" = ")]
-                    same = condition.get("latex") == " = ".join(sides)
-                    self.claim(f"{at}/conditions/{k}/text", *[f"{at}/conditions/{k}/latex"] * same)
+    def family(self, document: Any) -> None:
+        """Each leaf with a proof: its equations are those of its solved member, about which the certificate is."""
+        part = as_object(self.result.get("family"))
+        for k, leaf in enumerate(part.get("leaves") or ()):
+            at, proof = f"/family/leaves/{k}", as_object(leaf.get("proof"))
+            self.agree(f"{at}/id", leaf.get("id") == k, leaf.get("id"), f"It is leaf {k}.")
+            if not proof:
+                for key in ("lagrangian", "hamiltonian"):
+                    if leaf.get(key) is not None:
+                        self.contradict(f"{at}/{key}", _text(leaf[key]), "Nothing is proven here.")
+                self.open_places.append(at)
+                continue
+            system = family_parts.system_of_leaf(document, leaf)
+            good = None if system is None else family_parts.follows(document, leaf)
+            if good is None:
+                self.open_places.append(f"{at}/equations")
+            else:
+                self.agree(f"{at}/equations", good, "", "They are not those of the solved members.")
+            for place in range(len(leaf["equations"])) if good else ():
+                self.claim(f"{at}/equations/{place}/text", f"{at}/solved/{place}/text")
+            own = None if system is None else translate.plain_fields(system)
+            for name in ("proof", "proof_without_time"):
+                if one := as_object(leaf.get(name)):
+                    self.leaf_proof(at, name, leaf, one, own)
+        if part:
+            self.open_places.append("/family/covered")
+
+    def leaf_proof(
+        self, at: str, name: str, leaf: dict[str, Any], proof: dict[str, Any], own: dict[str, Any] | None
+    ) -> None:
+        """A certificate about the general member of a leaf, which proves its verdicts and its Lagrangian."""
+        if own is None or proof.get("equations") != own["equations"]:
+            self.contradict(f"{at}/{name}", "", "It is not about the general member of the leaf.")
+            return
+        self.claim(f"{at}/{name}/equations")
+        certificate = as_object(proof.get("certificate"))
+        timed, claim = certificate.get("question") == "time_dependent", certificate.get("claim")
+        keys = ("lagrangian", "hamiltonian", "integrals", "near") if name == "proof" else ()
+        shown = {key: leaf.get(key) for key in keys} | {
+            "certificate": certificate, "checked": proof.get("checked"), "exceptions": proof.get("exceptions") or [],
+            "domain": proof.get("domain") or [],
+        }  # fmt: skip
+        if name != "proof" and certificate.get("kind") == "lagrangian":
+            shown["lagrangian"] = {"text": certificate.get("lagrangian")}
+        if certificate.get("kind") == "nonexistence":
+            shown = {key: shown[key] for key in ("certificate", "checked", "exceptions", "domain")}
+        question = str(certificate.get("question"))
+        held, place = {*self.claimed}, f"{at}/{name}"
+        if self.answer(Shown(place, shown, question, str(claim), own, key="verdict", follows=True)) is None:
+            self.unsettled(f"{place}: no certificate proves it.")
+            return
+        found = self.proof(certificate).exceptions
+        self.exceptions(place, shown["exceptions"], found)
+        moved = {one for one in self.claimed - held if one.startswith((f"{place}/lagrangian", f"{place}/hamiltonian"))}
+        self.claim(*(one.replace(place, at, 1) for one in moved))
+        main_is_timed = leaf.get("verdict_with_time") is None or _contains_time(own["equations"])
+        for key, asks_time in (("verdict", main_is_timed and timed), ("verdict_with_time", True)):
+            covers = timed is asks_time or (not timed and claim == "variational") or (timed and claim != "variational")
+            if covers and leaf.get(key) is not None:
+                self.agree(f"{at}/{key}", leaf[key] == claim, leaf[key], f"Its certificate proves {claim}.")
 
     def about_another(
         self,

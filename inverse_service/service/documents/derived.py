@@ -1,9 +1,9 @@
 """What a document asks beside its main question: kinds of Lagrangians, and systems that follow from its own.
 
-These are the system with another clock, the system with special values of its parameters (`instead`, `special_cases`,
-and `exceptions`), and what else holds where there is no L(q, q'). The solver's part of each comes first, then that of
-`check`, which makes the derived system again from the document. Clocks, cases, kinds, and friction are loaded when they
-are asked for.
+These are the system with another clock, the system with special values of its parameters (`instead`
+and `left_out`), and what else holds where there is no L(q, q'). The solver's part of each comes
+first, then that of `check`, which makes the derived system again from the document. Clocks,
+families, kinds, and friction are loaded when they are asked for.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from api_schemas import base, result as schemas
 from api_schemas.system import InvariantKind, SystemDocument
-from inverse_service import deadline
+from inverse_service import deadline, errors
 from inverse_service.certificate.exceptions import SPECIAL_FUNCTIONS
 from inverse_service.decision import deciding
 from inverse_service.decision.helmholtz import LagrangianKind, invariant, kind_named
@@ -22,21 +22,18 @@ from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.errors import InputError
 from inverse_service.explanation import explaining
 from inverse_service.expressions import calculus, collecting, printing, tree as ex
-from inverse_service.field import real_branch
+from inverse_service.field import exact_field, real_branch
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import names as nm, reader
-from inverse_service.service.documents import accepting, comparison, growing, translate
+from inverse_service.service.documents import accepting, translate
 from inverse_service.solving import solving
 
 if TYPE_CHECKING:
-    from inverse_service.solving.case_tree import Node
     from inverse_service.solving.kind_answers import KindAnswer
 
 Whole = TypeVar("Whole", bound=schemas.ResultDocument)
 SEARCH = "search"
-SHARE_OF_TREE = 0.7  # of the time for special cases; the remainder is for their Lagrangians
-_MOST_CASES = 6
 _MOST_LEFT_OUT = 8  # special values with an answer of their own
 _SHOWN = ("lagrangian", "hamiltonian", "certificate", "checked", "exceptions")
 OF_REDUCED = (*_SHOWN, "equations", "clock")  # what `instead` repeats of the reduced system
@@ -106,89 +103,6 @@ def clocked_part(factor: ex.Expression, system: SecondOrderSystem, answer: Answe
 # Special values of the parameters.
 
 
-def with_special_cases(
-    result: Whole, system: SecondOrderSystem, asked: SolveOptions, grow: growing.Growing, end: float
-) -> Whole:
-    """The result with the tree of special cases, and a Lagrangian for each *yes* as far as time goes."""
-    from inverse_service.solving import case_tree
-
-    grow.begin("special_cases")
-    end = deadline.now() + comparison.SHARE_OF_SOLVER * (end - deadline.now())
-    limit = deadline.now() + SHARE_OF_TREE * (end - deadline.now())
-    found = case_tree.special_cases(system, asked.time_dependent, limit, grow.stage, asked.seed)
-    both = found.root.case.autonomous is not None and found.root.case.with_time is not None
-    timed = list(_variational(found.root, True, False)) if both else None
-    part = translate.part_of(
-        schemas.SpecialCasesPart,
-        found,
-        tree=_node(found.root, asked.seed, end),
-        variational_when=list(_variational(found.root, found.root.case.autonomous is None, False)),
-        variational_when_with_time=timed,
-        examined=len(found.examined),
-        complete_with_time=found.complete_with_time if both else None,
-    )
-    return result.model_copy(update={"special_cases": part})
-
-
-def _node(node: Node, seed: int, end: float) -> schemas.CaseNode:
-    case = node.case
-    verdict = case.autonomous or case.with_time
-    assert verdict is not None, "each case answers a question"
-    return schemas.CaseNode(
-        conditions=_conditions_of(node),
-        verdict=verdict,
-        verdict_with_time=case.with_time,
-        dimension=case.stratum.dimension,
-        statement=case.statement,
-        reason=case.reason,
-        **(_lagrangian_there(node, seed, end) or {}),
-        children=[_node(child, seed, end) for child in node.children],
-    )
-
-
-def _lagrangian_there(node: Node, seed: int, end: float) -> dict[str, Any] | None:
-    """Equations and a Lagrangian that was checked, of a special case that has one; None where there is no time."""
-    from inverse_service.solving import case_tree
-
-    pairs = case_tree.conditions(node.case)
-    if "variational" not in node.case.verdicts or not pairs or deadline.now() > end:
-        return None
-    values = dict(pairs)
-    parameters = all(isinstance(name, ex.Symbol) for name in values)
-    system = second_order_system.with_values(node.case.question.system, values) if parameters else node.case.system
-    system, answer = _solved(system, node.case.autonomous != "variational", seed, end)
-    if answer is None or answer.lagrangian is None or answer.checked != "valid":
-        return None
-    fields = answered(schemas.CaseNode, system, answer)
-    return {key: fields[key] for key in ("equations", *_SHOWN)}
-
-
-def _variational(node: Node, timed: bool, inside: bool) -> Iterator[schemas.VariationalCase]:
-    """The largest cases with a Lagrangian, in the order of the tree."""
-
-    def has_one(each: Node) -> bool:
-        return (each.case.with_time if timed else each.case.autonomous) == "variational"
-
-    here = has_one(node)
-    if here and not inside:
-        yield schemas.VariationalCase(
-            conditions=_conditions_of(node),
-            dimension=node.case.stratum.dimension,
-            exceptions=[_conditions_of(child) for child in node.children if not has_one(child)],
-        )
-    for child in node.children:
-        yield from _variational(child, timed, here)
-
-
-def _conditions_of(node: Node) -> list[schemas.Formula]:
-    from inverse_service.solving import case_tree
-
-    writers = {"text": printing.to_text, "latex": printing.to_latex}
-    pairs = case_tree.conditions(node.case)
-    texts = [{key: case_tree.equation_text(pair, write) for key, write in writers.items()} for pair in pairs]
-    return [schemas.Formula(**text) for text in texts]
-
-
 def left_out(result: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any] | None]]:
     """Each exception with the document of the system there; None where it cannot be solved for a parameter."""
     other = result.get("with_time") or {}
@@ -240,9 +154,9 @@ def with_left_out(
         where = schemas.Formula(text=text, latex=" = ".join(map(printing.to_latex, sides)))
         parts.append(schemas.LeftOutPart(where=where, decided=bool(fields), **fields))
     if any(text.startswith(SPECIAL_FUNCTIONS) for text in listed) and result.verdict == "not_variational":
-        from inverse_service.solving import side_conditions
+        from inverse_service.solving import members
 
-        for trees in side_conditions.on_functions(deciding.analyze(system), asked.seed, end):
+        for trees in members.first_equations(system, asked, end):
             texts = [[f"{write(tree)} = 0" for tree in trees] for write in (printing.to_text, printing.to_latex)]
             where = schemas.Formula(text=" and ".join(texts[0]), latex=", \\; ".join(texts[1]))
             parts.append(schemas.LeftOutPart(where=where, decided=False))
@@ -303,18 +217,23 @@ def _with_friction(solution: Solution, asked: SolveOptions, end: float) -> schem
 
 
 def _with_parameters(system: SecondOrderSystem, seed: int, end: float) -> schemas.InsteadPart | None:
-    """The first of the special cases, parameters given by others, where a Lagrangian is found."""
+    """The first leaf of the family in the parameters, each parameter solved for, where a Lagrangian is found."""
     if not system.parameters or system.functions or deadline.now() > end:
         return None
-    from inverse_service.solving import case_tree
+    from inverse_service.solving import leaves, members
 
-    waiting = [case_tree.special_cases(system, False, end, None, seed, _MOST_CASES).root]
-    while waiting:
-        node = waiting.pop(0)
-        if found := _lagrangian_there(node, seed, end):
-            texts = [one.text for one in _conditions_of(node)]
-            return schemas.InsteadPart(kind="parameters", conditions=texts, **found)
-        waiting = [*node.children, *waiting]
+    try:
+        asked = SolveOptions(time_dependent=False, seed=seed)
+        found = members.explore(system, system.parameters, (), asked, end)
+    except (leaves.NotSplit, exact_field.TooLarge, errors.IrreducibleAtoms, ZeroDivisionError):
+        return None
+    for one in found.leaves:
+        answer = one.answer
+        if one.inside is not None and answer is not None and answer.lagrangian is not None and one.system is not None:
+            texts = [f"{printing.to_text(each.left)} = {printing.to_text(each.right)}" for each in one.solved]
+            fields = answered(schemas.InsteadPart, one.system, answer)
+            kept = {key: fields[key] for key in ("equations", *_SHOWN)}
+            return schemas.InsteadPart(kind="parameters", conditions=texts, **kept)
     return None
 
 

@@ -23,7 +23,16 @@ from inverse_service.decision.solutions import SolveOptions
 from inverse_service.expressions import printing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
-from inverse_service.service.documents import accepting, answers, comparison, derived, growing, stated, translate
+from inverse_service.service.documents import (
+    accepting,
+    answers,
+    comparison,
+    derived,
+    family_parts,
+    growing,
+    stated,
+    translate,
+)
 from inverse_service.solving import solving
 
 if TYPE_CHECKING:
@@ -36,7 +45,7 @@ REASONS = {
     "this is an error in the program.",
 }
 Progress = Callable[[Any], None]
-# What the solver may take where special cases or kinds are wanted too.
+# What the solver may take where a family or kinds are wanted too.
 SHARE_BESIDE_CASES = 0.4
 # What a system without a Lagrangian has instead is looked for so long, in s of processor time.
 QUICKLY = 2.0
@@ -164,7 +173,10 @@ def solve_system(document: Any, options: SolveOptions, grow: growing.Growing | N
     schema = accepting.to_schema(document)
     given = accepting.to_given(schema)
     system = accepting.to_solvable(schema, given)
-    share = SHARE_BESIDE_CASES if schema.special_cases or schema.kinds or schema.clock else comparison.SHARE_OF_SOLVER
+    asks_family = bool(schema.family) or schema.special_cases
+    if asks_family:
+        family_parts.names_of(schema, system)
+    share = SHARE_BESIDE_CASES if asks_family or schema.kinds or schema.clock else comparison.SHARE_OF_SOLVER
     asked = dataclasses.replace(
         options,
         time_dependent=schema.time_dependent_lagrangian,
@@ -205,8 +217,8 @@ def solve_system(document: Any, options: SolveOptions, grow: growing.Growing | N
         part = derived.clock_part(system, factor, asked, comparison.SHARE_OF_SOLVER * (end - now()))
         result = result.model_copy(update={"with_clock": part})
         grow.hand_over(("explanation", "clock"), partial(comparison.checked, result, 1.0))
-    if schema.special_cases:
-        result = derived.with_special_cases(result, system, asked, grow, end)
+    if asks_family:
+        result = family_parts.with_family(result, system, schema, asked, grow, end)
     grow.begin("certificate")
     return comparison.with_one_verdict(comparison.ordered(grow.end(comparison.checked(result, end - now()))))
 

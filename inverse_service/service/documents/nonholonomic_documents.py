@@ -29,7 +29,7 @@ from inverse_service.mechanics import (
 from inverse_service.mechanics.first_integrals import FirstIntegral, first_integrals
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import names as nm, reader
-from inverse_service.service.documents import accepting, comparison, derived, own_lagrangian, translate
+from inverse_service.service.documents import accepting, comparison, derived, family_parts, own_lagrangian, translate
 from inverse_service.service.documents.growing import Growing
 
 # What looking at a document again may take for an associated system that is only shown, s.
@@ -369,9 +369,10 @@ def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) 
     """The result, all of it in `any_associated`; raises InputError."""
     end = now() + comparison.SHARE_OF_SOLVER * options.time_limit
     schema = accepting.validated(document, MotionDocument)
-    if schema.special_cases:
+    if schema.family or schema.special_cases:
+        key = "family" if schema.family else "special_cases"
         raise errors.InputError(
-            "special cases are not available where the motion itself is given. Leave this key out.", "/special_cases"
+            f'"{key}" is not available where the motion itself is given. Leave this key out.', f"/{key}"
         )
     motion = read_given_motion(schema)
     question = schema.time_dependent_lagrangian
@@ -456,7 +457,7 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
     asked = dataclasses.replace(
         options,
         time_dependent=schema.time_dependent_lagrangian,
-        time_limit=SHARE_OF_SYSTEMS / (2 if schema.special_cases else 1) * (end - now()),
+        time_limit=SHARE_OF_SYSTEMS / (2 if schema.family or schema.special_cases else 1) * (end - now()),
         ansatz=accepting.to_ansatz(schema, defined.system),
         series_order=schema.series_order,
     )
@@ -471,9 +472,9 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
     made.tell((*decided, "explanation"), studies)
     made.ask_about_the_motion(studies, asked, SHARE_OF_ANY)
     whole = made.whole(studies)
-    if schema.special_cases:
+    if schema.family or schema.special_cases:
         assert main.associated.system is not None
-        whole = derived.with_special_cases(whole, main.associated.system, asked, grow, end)
+        whole = family_parts.with_family(whole, main.associated.system, schema, asked, grow, end)
     if whole.verdict == "not_variational" and not whole.branches and made.answers[0].verdict != "variational":
         whole = whole.model_copy(update={"instead": derived.of_reduced(whole.reduced)})
     grow.begin("certificate")

@@ -123,7 +123,7 @@ def _inside(row: sheets.Row, explain: bool) -> Iterator[Line]:
     if row.domain and row.formulas:
         yield Line(3, ("where ", *row.domain))
     yield from _numbered(row.steps, 2) if explain else ()
-    waiting = [(1, case) for case in row.tree]
+    waiting = [(1, case) for case in reversed(row.tree)]
     while waiting:
         depth, case = waiting.pop()
         yield Line(depth, case.said)

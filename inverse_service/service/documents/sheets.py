@@ -39,6 +39,7 @@ LONGEST_TYPED = 4_000  # characters of equations that are shown as they were typ
 BY_MASS_MATRIX, BY_MASS_MATRIX_LATEX = "p^T M^(-1) p/2 + V", "\\tfrac{1}{2} p^{T} M^{-1} p + V"
 MAX_STEPS = 200  # of a proof; the whole is in the JSON
 LONGEST_CONDITION, MOST_CONDITIONS = 120, 3  # characters, and number, of the conditions on functions that are shown
+MOST_OPEN = 4  # open sets of a family that are shown
 LONGEST_MATRICES = 6_000  # characters of all matrices together: typeset they weigh 25 times that
 TENSORS = (("Phi", "Phi"), ("nabla Phi", "nabla_Phi"))
 CHECKED = "An independent checker verified that"
@@ -632,13 +633,8 @@ def _more(told: _Told) -> Iterable[Row]:
         yield Row(KIND_NAMES.get(name, capitalized(name)), hint, verdict, ANSWERS[verdict], found)
     if part := result.get("with_clock"):
         yield _clock_row(part, told)
-    if special := result.get("special_cases"):
-        count = special["examined"]
-        ended = "The list is complete: no other parameter values change the verdict."
-        if not special["complete"]:
-            ended = " ".join(["Other parameter values may change the verdict.", *special["reasons"]])
-        hint = (f"{count} case{'s' * (count != 1)} examined. {ended}",)
-        yield Row("Special cases", hint, tree=(_special(special["tree"], names),))
+    if family := result.get("family"):
+        yield _row_of_family(family, told)
 
 
 def _row_of_left_out(part: Mapping[str, Any], told: _Told) -> Row:
@@ -649,16 +645,72 @@ def _row_of_left_out(part: Mapping[str, Any], told: _Told) -> Row:
     return Row(f"If {part['where']['text']}", hint, verdict, ANSWERS[verdict], tuple(_formulas(part, told)))
 
 
-def _special(node: Mapping[str, Any], names: Names) -> SpecialCase:
-    """A case of the tree of decisions with those inside it."""
-    verdict = VERDICTS.get(node["verdict"], OPEN)
-    if node.get("verdict_with_time") == "variational":
-        verdict = YES
-    shown = node.get("lagrangian")  # of results that an older engine stored there is none
-    where = listed((one["text"] for one in node["conditions"]), names) or ("in general",)
-    found: Sentence = (", ", formula_of("L", shown, names)) if shown else ()
-    inner = tuple(_special(child, names) for child in node["children"])
-    return SpecialCase((*where, ": ", Word(BADGES[verdict], verdict), *found), inner)
+def _row_of_family(family: Mapping[str, Any], told: _Told) -> Row:
+    """The leaves of a family, each below the one around it, and the open sets."""
+    found, names = family["leaves"], told.names
+    verdicts = [_common((leaf["verdict"], leaf.get("verdict_with_time"))) for leaf in found]
+    with_one, count = verdicts.count(YES), "set" if verdicts.count(YES) == 1 else "sets"
+    if not found:
+        said = "The leaves could not be computed."
+    elif verdicts[0] == YES:
+        said = "The general member has a Lagrangian." if NO in verdicts else "Every member found has a Lagrangian."
+        said = "Yes, every member has a Lagrangian." if family["covered"] and NO not in verdicts else said
+    elif not with_one:
+        said = "No member has a Lagrangian." if family["covered"] else "No member with a Lagrangian was found."
+    else:
+        rest = ", and no others" if family["covered"] else ""
+        has = "has" if with_one == 1 else "have"
+        said = f"The general member has none; {with_one} {count} of members {has} one{rest}."
+    cases = {leaf["id"]: _leaf_said(leaf, verdict, told) for leaf, verdict in zip(found, verdicts, strict=True)}
+    tree = tuple(_nested(0, found, cases)) if found else ()
+    opened = family["open"]
+    notes = [
+        SpecialCase(("not decided", *_where_of_set(one, found, names), f": {one['reason']}"))
+        for one in opened[:MOST_OPEN]
+    ]
+    notes += [SpecialCase((f"and {len(opened) - MOST_OPEN} more sets are not decided",))] * (len(opened) > MOST_OPEN)
+    return Row("Family", (said,), tree=(*tree, *notes))
+
+
+def _leaf_said(leaf: Mapping[str, Any], verdict: str, told: _Told) -> Sentence:
+    names = told.names
+    solved = {part["text"] for part in leaf["solved"] if not part["new_functions"]}
+    texts = [one["text"] for one in leaf["equations"]]
+    shown = texts if sum(map(len, texts)) <= LONGEST_CONDITION or not solved else [min(texts, key=len)]
+    where: Sentence = listed(shown, names) if leaf["equations"] else ("in general",)
+    if functions := [text for text in solved if "(" in text.partition(" = ")[0] and text not in texts]:
+        new = [name for part in leaf["solved"] for name in part["new_constants"]]
+        where += (", so ", *listed(functions, replace(names, parameters=(*names.parameters, *new))))
+    if leaf["nonzero"]:
+        where += (", ", *listed((f"{text} != 0" for text in leaf["nonzero"]), names))
+    words = {YES: "has a Lagrangian", NO: "no Lagrangian"}.get(verdict, "undetermined")
+    if verdict == YES and leaf["verdict"] != "variational":
+        words += " with the time"
+    lagrangian = leaf.get("lagrangian")
+    found: Sentence = ()
+    if lagrangian and len(lagrangian["text"]) <= LONGEST_CONDITION:
+        new = [name for part in leaf["solved"] for name in part["new_constants"]]
+        whole = told.result["system"]
+        own_functions = {**whole["functions"], **((leaf.get("proof") or {}).get("functions") or {})}
+        own = names_of({**whole, "functions": own_functions}, leaf.get("integrals") or {})
+        found = (", ", formula_of("L", lagrangian, replace(own, parameters=(*own.parameters, *new))))
+    return (*where, ": ", Word(words, verdict), *found)
+
+
+def _where_of_set(one: Mapping[str, Any], found: Sequence[Mapping[str, Any]], names: Names) -> Sentence:
+    """Where an open set is: by its own equations, or else by those of the leaf around it."""
+    around = found[one["inside"]]["equations"] if found else ()
+    texts = [each["text"] for each in one["equations"] or around]
+    shown = [text for text in texts if len(text) <= LONGEST_CONDITION]
+    if not texts:
+        return (" for single members",)
+    rest: Sentence = (", ...",) if len(shown) < len(texts) else ()
+    return (" where ", *listed(shown, names), *rest) if shown else (" where a longer condition holds",)
+
+
+def _nested(place: int, found: Sequence[Mapping[str, Any]], cases: Mapping[int, Sentence]) -> Iterator[SpecialCase]:
+    inner = [one for leaf in found if leaf["inside"] == place for one in _nested(leaf["id"], found, cases)]
+    yield SpecialCase(cases[place], tuple(inner))
 
 
 def _clock_row(clock: Mapping[str, Any], told: _Told) -> Row:
@@ -708,8 +760,8 @@ def _general(exceptions: Sequence[str], told: _Told, is_said: bool = False) -> S
     """
     system, names = told.result["system"], told.names
     general = () if is_said else _in_general(exceptions, told)
-    if (told.result.get("special_cases") or {}).get("complete"):
-        return (*general, *("; ",) * (not is_said), Word("special values", target="#more"), " are decided, too.")
+    if (told.result.get("family") or {}).get("covered"):
+        return (*general, *("; ",) * (not is_said), Word("all members", target="#more"), " are decided below.")
     left, decided = [one for one in exceptions if "=" in one], list[str]()
     if exceptions in (told.result.get("exceptions"), (told.result.get("with_time") or {}).get("exceptions")):
         parts = [(one["where"]["text"], one["decided"]) for one in told.result.get("left_out") or ()]
@@ -721,8 +773,8 @@ def _general(exceptions: Sequence[str], told: _Told, is_said: bool = False) -> S
     said: Sentence = ("; ", *listed(decided, names), " below") if decided else ()
     open_ones: Sentence = ("Not decided here: ", *pieces) if is_said else (" (not decided here: ", *pieces, ")")
     given = system.get("given")
-    asked = {**given, "special_cases": True} if isinstance(given, dict) else ""
-    link = (Word("Decide special values", target=asked),) if left or not decided else ()
+    asked = {**given, "family": True} if isinstance(given, dict) else ""
+    link = (Word("Decide all members", target=asked),) if left or not decided else ()
     words = (*general, *said, *(open_ones if left else ()))
     return (*words, *(".",) * bool(words), *link)
 

@@ -172,12 +172,11 @@ def _asked_besides(result: Mapping[str, Any], asked: bool) -> Iterator[Stated]:
         if part["decided"]:
             question = Question(about, _is_timed(part, asked), case=(part["where"]["text"],))
             yield Stated(question, part, f"/left_out/{place}")
-    waiting = [("/special_cases/tree", (result.get("special_cases") or {}).get("tree") or {})]
-    while waiting:
-        at, node = waiting.pop(0)
-        waiting += [(f"{at}/children/{place}", one) for place, one in enumerate(node.get("children") or ())]
-        if node.get("conditions"):
-            yield from _both(about, node, at, 0, asked, tuple(one["text"] for one in node["conditions"]))
+    for place, leaf in enumerate((result.get("family") or {}).get("leaves") or ()):
+        if leaf["inside"] is not None:
+            part = {**leaf, "certificate": (leaf.get("proof") or {}).get("certificate")}
+            where = (*(one["text"] for one in leaf["equations"]), *(f"{one} != 0" for one in leaf["nonzero"]))
+            yield from _both(about, part, f"/family/leaves/{place}", 0, asked, where)
 
 
 def _both(

@@ -41,8 +41,8 @@ from inverse_service.simulation.initial import System, check_constraints, initia
 LAGRANGIAN_KEYS = "name, coordinates, lagrangian, constraints, parameters, functions, where, time"
 # Keys of a nonholonomic document that are options of `solve` and do not affect the motion.
 SOLVE_ONLY = frozenset({
-    "multiples", "search", "special_cases", "first_integrals", "time_dependent_lagrangian", "ansatz", "series_order",
-    "question", "id",
+    "multiples", "search", "special_cases", "family", "first_integrals", "time_dependent_lagrangian", "ansatz",
+    "series_order", "question", "id",
 })  # fmt: skip
 SYSTEM_WORDING = accepting.Wording(
     "The system",

@@ -22,13 +22,13 @@ MAX_FIELDS = 120
 KINDS = ("equations", "nonholonomic")
 ASSOCIATED = ("first", "second", "third", "any")
 FIELDS = ("kind", "name", "equations", "lagrangian", "constraints", "coordinates", "parameters", "functions",
-          "associated", "time", "special_cases", "ansatz", "kinds", "clock", "time_limit")  # fmt: skip
+          "associated", "time", "family", "ansatz", "kinds", "clock", "time_limit")  # fmt: skip
 # What a link may say; `kind` is the form's own.
 LINKED = FIELDS[1:]
 LAGRANGIANS = ("natural", "riemannian", "finsler", "positive_definite", "rayleigh")
 # What can only be chosen on the form, not typed.
 CHOSEN: dict[str, tuple[str, ...]] = {
-    "associated": ASSOCIATED, "time": ("no", "yes"), "special_cases": ("yes",), "kinds": LAGRANGIANS,
+    "associated": ASSOCIATED, "time": ("no", "yes"), "family": ("yes",), "kinds": LAGRANGIANS,
 }  # fmt: skip
 LONGEST_LINK = 6_000
 TIME = {"no": False, "yes": True}
@@ -203,8 +203,8 @@ def _questions(fields: Mapping[str, str]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     if fields["time"] in TIME:
         found["time_dependent_lagrangian"] = TIME[fields["time"]]
-    if fields["special_cases"]:
-        found["special_cases"] = True
+    if fields["family"]:
+        found["family"] = True
     if terms := [term.strip() for _, term in notation.split_outside(fields["ansatz"], "[,;\n]") if term.strip()]:
         found["ansatz"] = terms
     if fields["time_limit"]:
@@ -233,7 +233,7 @@ def fields_from(document: Mapping[str, Any]) -> dict[str, str]:
     functions = document.get("functions") or {}
     fields["functions"] = ", ".join(f"{name}({', '.join(arguments)})" for name, arguments in functions.items())
     fields["time"] = {False: "no", True: "yes"}.get(document.get("time_dependent_lagrangian"), "")  # type: ignore[arg-type]
-    fields["special_cases"] = "yes" if document.get("special_cases") else ""
+    fields["family"] = "yes" if document.get("family") else ""
     fields["ansatz"] = ", ".join(document.get("ansatz") or ())
     fields["kinds"] = " ".join(kind for kind in document.get("kinds") or () if kind in LAGRANGIANS)
     fields["clock"] = str(document.get("clock") or "")

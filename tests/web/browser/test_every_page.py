@@ -82,7 +82,7 @@ def test_the_policy_forbids_scripts_and_styles_inside_the_page(visit: Visit) -> 
 
 NAMES = [f"x{k}" for k in range(8)]
 PATIENCE = 90.0
-LINEAR = {"coordinates": ["x", "y"], "parameters": ["a", "b", "c", "d"], "special_cases": True,
+LINEAR = {"coordinates": ["x", "y"], "parameters": ["a", "b", "c", "d"], "family": True,
           "equations": {"x": "-a*x + b*y", "y": "-c*y + d*x"}}  # fmt: skip
 SCENE: dict[str, Any] = {
     "system": {"catalogue": "vertically-rolling-disk"}, "parameters": {"M": 1, "R": 1, "I": "1/2", "J": "1/4"},
@@ -111,7 +111,7 @@ def documents() -> dict[str, tuple[str, dict[str, Any]]]:
         "proof": ("solve", catalogue.document("vertically-rolling-disk-first")),
         "lagrangian": ("solve", catalogue.document("vertically-rolling-disk-second")),
         "functions": ("solve", catalogue.document("generic-class-one-second")),
-        "special cases": ("solve", LINEAR),
+        "family": ("solve", LINEAR),
         "constrained": ("solve", {**particle, "associated": "second"}),
         "search": ("solve", {**particle, "associated": "search"}),
         "undetermined": ("solve", hard("sin", 1)),

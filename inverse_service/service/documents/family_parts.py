@@ -1,0 +1,322 @@
+"""The key `family`: which members of a family have a Lagrangian. First the part of a result, then its check."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from flint import fmpq_mpoly
+
+from api_schemas import result as schemas
+from api_schemas.system import FamilyNames, QuestionDocument
+from inverse_service import deadline, errors
+from inverse_service.decision import certify, deciding
+from inverse_service.decision.solutions import Answer, SolveOptions
+from inverse_service.expressions import calculus, collecting, printing, tree as ex
+from inverse_service.field import exact_field
+from inverse_service.mechanics import second_order_system
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading import names as nm, reader
+from inverse_service.service.documents import accepting, comparison, growing, translate
+
+if TYPE_CHECKING:
+    from inverse_service.solving.leaves import Rule, Unknowns
+    from inverse_service.solving.members import Family, Found
+
+Whole = TypeVar("Whole", bound=schemas.ResultDocument)
+_SAYS = {
+    (True, True): "the general member has a Lagrangian L(q, q')",
+    (False, True): "the general member has a Lagrangian L(t, q, q'), and none without t",
+    (False, False): "the general member has no regular Lagrangian",
+}
+
+
+def names_of(schema: QuestionDocument, system: SecondOrderSystem) -> tuple[list[str], dict[str, list[str]]]:
+    """The constants and functions of the family that a document asks about; InputError for names it
+    does not declare.
+    """
+    own = {name: list(of) for name, of in system.functions}
+    if not isinstance(schema.family, FamilyNames):
+        return list(system.parameters), own
+    for kind, named, known in (
+        ("letters", schema.family.letters, system.parameters), ("functions", schema.family.functions, own)
+    ):  # fmt: skip
+        for name in named:
+            if name not in known:
+                what = "constant" if kind == "letters" else "function"
+                raise errors.InputError(f"`{name}` is no {what} of the equations.", f"/family/{kind}")
+    for name, of in schema.family.functions.items():
+        if of != own[name]:
+            raise errors.InputError(f"`{name}` depends on {', '.join(own[name])}.", f"/family/functions/{name}")
+    return list(schema.family.letters), dict(schema.family.functions)
+
+
+def with_family(
+    result: Whole,
+    system: SecondOrderSystem,
+    schema: QuestionDocument,
+    asked: SolveOptions,
+    grow: growing.Growing,
+    end: float,
+) -> Whole:
+    """The result with the leaves of the family of its system."""
+    from inverse_service.solving import leaves, members
+
+    letters, functions = names_of(schema, system)
+    grow.begin("family")
+    limit = deadline.now() + comparison.SHARE_OF_SOLVER * (end - deadline.now())
+    try:
+        found = members.explore(system, letters, list(functions), asked, limit, grow.stage)
+        part = family_part(found, letters, functions)
+    except (leaves.NotSplit, exact_field.TooLarge, errors.IrreducibleAtoms, ZeroDivisionError) as problem:
+        opened = schemas.OpenSet(reason=f"the conditions could not be computed: {problem}")
+        part = schemas.FamilyPart(letters=letters, functions=functions, leaves=[], open=[opened], covered=False)
+    return result.model_copy(update={"family": part})
+
+
+def family_part(family: Family, letters: Sequence[str], functions: Mapping[str, Sequence[str]]) -> schemas.FamilyPart:
+    opened = [
+        schemas.OpenSet(inside=one.inside, equations=[_equation(tree) for tree in one.equations], reason=one.reason)
+        for one in family.open
+    ]
+    return schemas.FamilyPart(
+        letters=list(letters),
+        functions={name: list(of) for name, of in functions.items()},
+        leaves=[_leaf(family, number) for number in range(len(family.leaves))],
+        open=opened,
+        covered=family.covered,
+    )
+
+
+def _leaf(family: Family, number: int) -> schemas.FamilyLeaf:
+    found, unknowns = family.leaves[number], family.unknowns
+    verdict = found.verdict or found.with_time
+    assert verdict is not None, "each leaf answers a question"
+    answers = tuple(one == "variational" for one in (verdict, found.with_time or verdict))
+    answer = found.answer
+    fields = translate.answer_fields(answer) if answer is not None else {}
+    kept = {key: fields[key] for key in ("lagrangian", "hamiltonian", "integrals", "near") if key in fields}
+    return schemas.FamilyLeaf(
+        id=number,
+        inside=found.inside,
+        equations=[leaf_equation(unknowns, rule) for rule in found.leaf.rules],
+        nonzero=[printing.to_text(collecting.collect(unknowns.tree(one))) for one in found.leaf.nonzero],
+        solved=[
+            schemas.SolvedPart(
+                text=f"{printing.to_text(one.left)} = {printing.to_text(one.right)}",
+                latex=f"{printing.to_latex(one.left)} = {printing.to_latex(one.right)}",
+                new_constants=list(one.new_constants),
+                new_functions=list(one.new_functions),
+            )
+            for one in found.solved
+        ],
+        verdict=verdict,
+        verdict_with_time=found.with_time,
+        statement=_SAYS[answers],  # type: ignore[index]
+        proof=_proof(found, answer),
+        proof_without_time=_proof(found, found.without_time),
+        exceptions=[k for k, one in enumerate(family.leaves) if one.inside == number],
+        **kept,
+    )
+
+
+def _proof(found: Found, answer: Answer | None) -> schemas.LeafProof | None:
+    system = found.system
+    if answer is None or system is None or answer.certificate is None or answer.checked != "valid":
+        return None
+    fields = translate.plain_fields(second_order_system.branches_of(system)[0])
+    return schemas.LeafProof(
+        equations=fields["equations"],
+        parameters=fields.get("parameters") or [],
+        functions=fields.get("functions") or {},
+        certificate=translate.plain(answer.certificate),
+        checked="valid",
+        domain=certify.shortest(answer.positive, answer.nonzero),
+        exceptions=list(answer.exceptions),
+    )
+
+
+def leaf_equation(unknowns: Unknowns, rule: Rule) -> schemas.LeafEquation:
+    """leader = value if that is short, else both sides with positive coefficients, else p = 0."""
+    leader, degree = unknowns.ring.trees[rule.leader], rule.degree
+    text = None
+    if degree == 1 and not unknowns.unknowns_in(rule.initial) and rule.initial.is_constant():
+        value = collecting.collect(
+            unknowns.tree(
+                -(rule.equation - rule.initial * rule.equation.context().gen(rule.leader))
+                / rule.initial.leading_coefficient()
+            )
+        )
+        text = leader, value
+    elif all(k in unknowns.letters for k in unknowns.unknowns_in(rule.equation)) and not unknowns.inner:
+        text = _sides(unknowns, rule)
+    left, right = text if text is not None else (collecting.collect(unknowns.tree(_integral(rule.equation))), ex.ZERO)
+    return schemas.LeafEquation(
+        text=f"{printing.to_text(left)} = {printing.to_text(right)}",
+        latex=f"{printing.to_latex(left)} = {printing.to_latex(right)}",
+        leader=printing.to_text(leader),
+    )
+
+
+def _integral(polynomial: fmpq_mpoly) -> fmpq_mpoly:
+    """The multiple with integer coefficients without a common factor."""
+    content = exact_field.factor_polynomial(polynomial)[0]
+    denominators = [exact_field.as_fraction(value) for _, value in polynomial.terms()]
+    scale = 1
+    for value in denominators:
+        scale = scale * value.denominator // _gcd(scale, value.denominator)
+    return polynomial * scale if content else polynomial
+
+
+def _gcd(a: int, b: int) -> int:
+    return a if not b else _gcd(b, a % b)
+
+
+def _sides(unknowns: Unknowns, rule: Rule) -> tuple[ex.Expression, ex.Expression]:
+    whole = _integral(rule.equation)
+    owner = whole.context()
+    left = owner.from_dict({e: v for e, v in whole.terms() if v > 0})
+    right = owner.from_dict({e: -v for e, v in whole.terms() if v < 0})
+    if left.is_zero():
+        left, right = right, left
+    return unknowns.tree(left), unknowns.tree(right)
+
+
+def _equation(tree: ex.Expression) -> schemas.Formula:
+    return schemas.Formula(text=f"{printing.to_text(tree)} = 0", latex=f"{printing.to_latex(tree)} = 0")
+
+
+# What `check` makes again from the document: the system of the general member of a leaf.
+
+
+def system_of_leaf(document: Any, leaf: Mapping[str, Any]) -> SecondOrderSystem | None:
+    """The document's system with the solved constants and functions of a leaf put in; None if they cannot be read."""
+    try:
+        system = accepting.to_system(accepting.to_schema(accepting.prepared(document).document))
+        system = second_order_system.branches_of(system)[0]
+        for part in leaf.get("solved") or ():
+            system = _put_in(system, part)
+    except (errors.InputError, KeyError, ValueError, TypeError, AttributeError, ZeroDivisionError):
+        return None
+    return second_order_system.branches_of(system)[0]
+
+
+def _put_in(system: SecondOrderSystem, part: Mapping[str, Any]) -> SecondOrderSystem:
+    from inverse_service.solving import closed_members
+
+    solved = _read_solved(system, part)
+    if isinstance(solved.left, ex.Symbol):
+        return second_order_system.with_values(system, {solved.left: solved.right})
+    return closed_members.with_function(system, solved)
+
+
+def _read_solved(system: SecondOrderSystem, part: Mapping[str, Any]) -> Any:
+    """One line of `solved` as trees: a = ..., or F(x, y) = ..."""
+    from inverse_service.solving.closed_members import Solved
+
+    left, right = part["text"].split(" = ")
+    fresh, functions = tuple(part.get("new_constants") or ()), dict(system.functions)
+    names = nm.Names(system.coordinates, (*system.parameters, *fresh), functions)
+    whole = reader.read_formula(left, names)
+    if isinstance(whole, ex.Symbol):
+        if whole.name not in system.parameters:
+            raise ValueError
+        return Solved(whole, reader.read_formula(right, names))
+    if not isinstance(whole, ex.Arbitrary) or any(whole.orders):
+        raise ValueError
+    if tuple(map(printing.to_text, whole.arguments)) != tuple(functions[whole.name]):
+        raise ValueError
+    new = tuple(part.get("new_functions") or ())
+    if new:  # F(x, y) = F(x)
+        arguments = tuple(
+            one for one in whole.arguments if printing.to_text(one) in right.partition("(")[2].rstrip(")").split(", ")
+        )
+        value: ex.Expression = ex.Arbitrary(whole.name, arguments, (0,) * len(arguments))
+        if printing.to_text(value) != right or new != (whole.name,):
+            raise ValueError
+        return Solved(whole, value, fresh, new)
+    return Solved(whole, reader.read_formula(right, names), fresh)
+
+
+def follows(document: Any, leaf: Mapping[str, Any]) -> bool | None:
+    """Whether the solved members of a leaf are just those with its equations; None if this is not decided.
+
+    Every equation is zero with the solved constants and functions put in. Conversely there is one equation for each of
+    them, which determines it: linear in a constant or function, or F_y = 0 for F(x, y) = F(x).
+    """
+    from inverse_service.solving import closed_members
+
+    system = accepting.to_system(accepting.to_schema(accepting.prepared(document).document))
+    names = system.names
+    trees = [
+        reader.read_formula("-".join(f"({side})" for side in one["text"].split(" = ")), names)
+        for one in leaf["equations"]
+    ]
+    solved, moving = list[Any](), system
+    for part in leaf["solved"]:
+        solved.append(_read_solved(moving, part))
+        last = solved[-1]
+        moving = (
+            second_order_system.with_values(moving, {last.left: last.right})
+            if isinstance(last.left, ex.Symbol)
+            else closed_members.with_function(moving, last)
+        )
+    for tree in trees:
+        left = _with_all(tree, solved)
+        if left != ex.ZERO and not _is_zero(left):
+            return False
+    if len(trees) != len(solved):
+        return False
+    determined = 0
+    for one in solved:
+        others = [other for other in solved if other is not one]
+        determined += any(_determines(_with_all(tree, others), one) for tree in trees)
+    return True if determined == len(solved) else None
+
+
+def _with_all(tree: ex.Expression, solved: Sequence[Any]) -> ex.Expression:
+    from inverse_service.solving import closed_members
+
+    for one in solved:
+        if isinstance(one.left, ex.Symbol):
+            tree = ex.substitute(tree, {one.left: one.right})
+        else:
+            tree = closed_members.put(tree, one)
+    return collecting.collect(tree)
+
+
+def _is_zero(tree: ex.Expression) -> bool:
+    """Whether the tree is zero as a rational function of its atoms."""
+    try:
+        names = [node for node in ex.walk(tree) if isinstance(node, ex.Symbol | ex.Velocity) and node != ex.PI]
+        ring = exact_field.exact_ring([tree], list(dict.fromkeys(names)), 0, exact_field.Budget.long(), slopes=False)
+        return bool(ring.value(tree).is_zero)
+    except (exact_field.TooLarge, ZeroDivisionError, KeyError):
+        return False
+
+
+def _determines(tree: ex.Expression, solved: Any) -> bool:
+    """Whether an equation determines this constant or function, the others being put in."""
+    left = solved.left
+    if isinstance(left, ex.Symbol):
+        slope = collecting.collect(calculus.differentiate(tree, left))
+        return slope != ex.ZERO and not ex.holds(slope, left)
+    nodes = {node for node in ex.walk(tree) if isinstance(node, ex.Arbitrary) and node.name == left.name}
+    if solved.new_functions:
+        (node,) = nodes if len(nodes) == 1 else (None,)
+        dropped = [one for one in left.arguments if one not in solved.right.arguments]
+        wanted = tuple(int(one in dropped) for one in left.arguments)
+        return node is not None and node.orders == wanted and sum(wanted) == 1 and tree in (node, -node)
+    orders = max((sum(node.orders) for node in nodes), default=0)
+    tops = [node for node in nodes if sum(node.orders) == orders]
+    if len(tops) != 1 or len(solved.new_constants) != orders or (orders and len(left.arguments) > 1):
+        return False
+    letter = ex.Symbol("the_leader")
+    slope = collecting.collect(calculus.differentiate(ex.substitute(tree, {tops[0]: letter}), letter))
+    return slope != ex.ZERO and not ex.holds(slope, letter)
+
+
+def question_of(leaf: Mapping[str, Any], system: SecondOrderSystem) -> Sequence[str]:
+    """The questions that the certificate of a leaf may answer."""
+    plain, timed = deciding.questions(None, system)
+    return (*("autonomous",) * plain, *("time_dependent",) * timed)

@@ -1,0 +1,239 @@
+"""The general member of a leaf in closed form, where its equations can be solved.
+
+Constants are solved for where an equation is linear or quadratic in its leader. A function F with
+F_y = 0 depends on its other arguments alone, one with F' = 0 is a new constant, F = ... is put in,
+and F^(m) = a(x) F^(m-1) for a function of one coordinate is integrated m times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+from flint import fmpq_mpoly
+
+from inverse_service import deadline, errors
+from inverse_service.expressions import calculus, collecting, printing, tree as ex
+from inverse_service.field import exact_field
+from inverse_service.mechanics import second_order_system
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.solving.leaves import Leaf
+
+
+@dataclass(frozen=True)
+class Solved:
+    """left = right, with the names that are new in it."""
+
+    left: ex.Expression
+    right: ex.Expression
+    new_constants: tuple[str, ...] = ()
+    new_functions: tuple[str, ...] = ()
+    # A new constant that is 0 exactly if this derivative of the function is.
+    scale: tuple[str, ex.Arbitrary] | None = None
+
+
+@dataclass(frozen=True)
+class Member:
+    """The system of the general member, and what was put in."""
+
+    system: SecondOrderSystem
+    solved: tuple[Solved, ...]
+
+
+def member_of(system: SecondOrderSystem, leaf: Leaf) -> Member | None:
+    """The general member; None where an equation is not solved."""
+    unknowns = leaf.unknowns
+    constants = dict[ex.Expression, ex.Expression]()
+    functions = [rule for rule in leaf.rules if rule.leader in unknowns.jets]
+    for rule in leaf.rules:
+        if rule.leader in unknowns.letters:
+            value = _root(leaf, rule.equation, rule.leader)
+            if value is None:
+                return None
+            constants[ex.Symbol(unknowns.letters[rule.leader])] = value
+    constants = _put_in_each_other(constants)
+    found = tuple(Solved(left, right) for left, right in constants.items())
+    try:
+        if constants:
+            system = second_order_system.with_values(system, constants)
+    except (ZeroDivisionError, errors.InputError):
+        return None
+    left = [ex.substitute(unknowns.tree(rule.equation), constants) for rule in functions]
+    while left:
+        solved, used = next(_solutions(system, left), (None, ex.ZERO))
+        if solved is None:
+            return None
+        system, found = with_function(system, solved), (*found, solved)
+        others = [collecting.collect(put(one, solved)) for one in left if one is not used]
+        left = [_numerator(one) for one in others if one != ex.ZERO]
+        if any(isinstance(one, ex.Number) for one in left):
+            return None
+    return Member(system, found)
+
+
+def _solutions(system: SecondOrderSystem, equations: Sequence[ex.Expression]) -> Iterator[tuple[Solved, ex.Expression]]:
+    """Each equation that is solved for a function, with the solution."""
+    for equation in sorted(equations, key=ex.node_count):
+        nodes = dict.fromkeys(node for node in ex.walk(equation) if isinstance(node, ex.Arbitrary))
+        for node in sorted(nodes, key=lambda one: -sum(one.orders)):
+            solved = _function(system, node.name, node.orders, equation, node.arguments)
+            if solved is not None:
+                yield solved, equation
+
+
+def _numerator(tree: ex.Expression) -> ex.Expression:
+    """What has to vanish for the tree to vanish, without factors that are numbers or powers."""
+    parts = tree.factors if isinstance(tree, ex.Product) else (tree,)
+    kept = [one.base if isinstance(one, ex.Power) else one for one in parts
+            if not isinstance(one, ex.Number) and ex.has(one, ex.Arbitrary | ex.Symbol)]  # fmt: skip
+    functional = [one for one in kept if ex.has(one, ex.Arbitrary)]
+    return functional[0] if len(functional) == 1 else tree
+
+
+def _root(leaf: Leaf, equation: fmpq_mpoly, leader: int) -> ex.Expression | None:
+    """The leader of an equation that is linear or quadratic in it; the other root is the conjugate."""
+    unknowns, degree = leaf.unknowns, int(equation.degrees()[leader])
+    parts = [unknowns.tree(exact_field.coefficient(equation, leader, k)) for k in range(degree + 1)]
+    if degree == 1:
+        return collecting.collect(-parts[0] / parts[1])
+    if degree == 2:
+        low, middle, high = parts
+        return collecting.collect(
+            (ex.square_root(collecting.collect(middle**2 - 4 * low * high)) - middle) / (2 * high)
+        )
+    return None
+
+
+def _put_in_each_other(values: Mapping[ex.Expression, ex.Expression]) -> dict[ex.Expression, ex.Expression]:
+    found = dict(values)
+    for _ in range(len(found)):
+        found = {left: collecting.collect(ex.substitute(right, found)) for left, right in found.items()}
+    return found
+
+
+def _function(
+    system: SecondOrderSystem,
+    name: str,
+    orders: tuple[int, ...],
+    equation: ex.Expression,
+    arguments: tuple[ex.Expression, ...],
+) -> Solved | None:
+    """F = ..., from one equation with the leader F[orders]."""
+    whole = ex.Arbitrary(name, arguments, (0,) * len(arguments))
+    leader = ex.Arbitrary(name, arguments, orders)
+    taken = {*system.coordinates, *system.parameters, *(one for one, _ in system.functions), "t"}
+    if equation == leader and sum(orders) == 1:  # F_y = 0
+        left = tuple(one for one, order in zip(arguments, orders, strict=True) if not order)
+        if not left:
+            constant = _new(f"{name}_0", taken)
+            return Solved(whole, ex.Symbol(constant), (constant,))
+        return Solved(whole, ex.Arbitrary(name, left, (0,) * len(left)), (), (name,))
+    letter = ex.Symbol(_new("leader", taken))
+    linear = collecting.collect(ex.substitute(equation, {leader: letter}))
+    slope = collecting.collect(calculus.differentiate(linear, letter))
+    if ex.holds(slope, letter) or slope == ex.ZERO:
+        return None
+    rest = collecting.collect(-ex.substitute(linear, {letter: ex.ZERO}) / slope)
+    own = [node for node in ex.walk(rest) if isinstance(node, ex.Arbitrary) and node.name == name]
+    if not any(orders):
+        return None if own else Solved(whole, rest)
+    if len(arguments) != 1:
+        return None
+    return _integrated(system, whole, rest, orders[0], taken)
+
+
+def _integrated(
+    system: SecondOrderSystem, whole: ex.Arbitrary, rest: ex.Expression, order: int, taken: set[str]
+) -> Solved | None:
+    """F with F^(order) = a(x) F^(order - 1), or = a(x)."""
+    (argument,) = whole.arguments
+    assert isinstance(argument, ex.Symbol | ex.Velocity)
+    below = ex.Arbitrary(whole.name, whole.arguments, (order - 1,))
+    if any(isinstance(node, ex.Arbitrary) and node.name == whole.name and node != below for node in ex.walk(rest)):
+        return None
+    constants, scale = list[str](), None
+
+    def constant() -> ex.Symbol:
+        constants.append(_new(f"{whole.name}_{len(constants)}", {*taken, *constants}))
+        return ex.Symbol(constants[-1])
+
+    if ex.holds(rest, below):
+        factor = collecting.collect(rest / below)
+        if ex.holds(factor, below):
+            return None
+        power = _antiderivative(system, factor, argument)
+        if power is None:
+            return None
+        value = constant() * _exponential(power)
+        scale = constants[0], below
+    else:
+        known = _antiderivative(system, rest, argument)
+        if known is None:
+            return None
+        value = known + constant()
+    for _ in range(order - 1):
+        known = _antiderivative(system, collecting.collect(value), argument)
+        if known is None:
+            return None
+        value = known + constant()
+    return Solved(whole, collecting.collect(value), tuple(constants), (), scale)
+
+
+def _exponential(power: ex.Expression) -> ex.Expression:
+    """e^u, a product of powers where u is a sum of logarithms."""
+    terms = power.terms if isinstance(power, ex.Sum) else (power,)
+    factors = list[ex.Expression]()
+    for term in terms:
+        parts = term.factors if isinstance(term, ex.Product) else (term,)
+        logs = [one for one in parts if isinstance(one, ex.Apply) and one.function == "log"]
+        rest = ex.multiply(*(one for one in parts if one not in logs))
+        factors.append(
+            logs[0].argument ** rest if len(logs) == 1 and isinstance(rest, ex.Number) else ex.Apply("exp", term)
+        )
+    return ex.multiply(*factors)
+
+
+def _antiderivative(
+    system: SecondOrderSystem, tree: ex.Expression, by: ex.Symbol | ex.Velocity
+) -> ex.Expression | None:
+    """One without an integral sign; None if none is found."""
+    from inverse_service.search import antiderivatives
+
+    with suppress(errors.IrreducibleAtoms, ZeroDivisionError, exact_field.TooLarge, deadline.OutOfTime):
+        found = antiderivatives.antiderivative(system, tree, by, None)
+        if found is not None and not ex.has(found, ex.Integral):
+            return found
+    return None
+
+
+def _new(name: str, taken: set[str]) -> str:
+    while name in taken:
+        name += "0"
+    return name
+
+
+def put(tree: ex.Expression, solved: Solved) -> ex.Expression:
+    """The tree with the function put in."""
+    whole = solved.left
+    assert isinstance(whole, ex.Arbitrary)
+    if isinstance(tree, ex.Arbitrary) and tree.name == whole.name:
+        value = solved.right
+        for argument, times in zip(whole.arguments, tree.orders, strict=True):
+            for _ in range(times):
+                value = calculus.differentiate(value, argument)
+        return value
+    return ex.rebuild(tree, lambda part: put(part, solved))
+
+
+def with_function(system: SecondOrderSystem, solved: Solved) -> SecondOrderSystem:
+    """The system with the function put in."""
+    whole = solved.left
+    assert isinstance(whole, ex.Arbitrary)
+    kept = [(name, of) for name, of in system.functions if name != whole.name]
+    if solved.new_functions and isinstance(solved.right, ex.Arbitrary):
+        own = tuple(map(printing.to_text, solved.right.arguments))
+        kept.append((whole.name, own))
+    parameters = (*system.parameters, *solved.new_constants)
+    forces = tuple(collecting.collect(put(f, solved)) for f in system.accelerations)
+    return replace(system, accelerations=forces, parameters=parameters, functions=tuple(kept), branch=None)

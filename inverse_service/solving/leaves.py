@@ -1,0 +1,581 @@
+"""Sets of members of a family, given by equations for its constants and unknown functions, and points on them.
+
+A *leaf* is a chain of equations between constants a, b, ... and derivatives ("jets") of functions
+F(x, y), ..., each with a leader: the highest constant or derivative in it. Its members satisfy all
+equations of the chain and none of its `nonzero` ones. `split` turns equations into leaves whose
+union has the same members (Rosenfeld and Groebner's algorithm as in Boulier et al. 1995, with
+factors split first): an equation that is linear in a constant is solved for it, an equation I u^d +
+... for its leader u where I and dp/du are not zero, and I = 0, dp/du = 0 are separate cases;
+derivatives of leaders are reduced, and cross derivatives have to agree. Constants are real, so a
+sum of squares is zero only if each is.
+
+`PointOnLeaf` is a random point modulo a prime whose constants and jets satisfy the chain: parametric ones are random,
+the others are computed. So it is the generic member of the leaf, and every question about a system can be asked there.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+from flint import fmpq_mpoly, nmod_poly
+
+from inverse_service import bounds, deadline
+from inverse_service.expressions import calculus, tree as ex
+from inverse_service.field import exact_field, modular, tower
+
+Orders = tuple[int, ...]
+Jet = tuple[str, Orders]  # a derivative of an unknown function
+MOST_TERMS = 400  # of an equation that is split
+MOST_STEPS = 2000
+MOST_ROOTS_TRIED = 24  # points modulo primes, until one has all roots
+
+
+class NotSplit(Exception):
+    """Equations that were not split within the limits; the text says why."""
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """The constants and functions of a family as generators of an exact ring.
+
+    `letters` maps generators to names of constants, `jets` to derivatives. `inner` are the
+    generators with coordinates on which an unknown function depends, `outer` all others: an element
+    vanishes for all values of these exactly if its coefficients in them do. `places` are the ring's
+    variables on which functions depend.
+    """
+
+    ring: exact_field.ExactRing
+    letters: Mapping[int, str]
+    jets: Mapping[int, Jet]
+    arguments: Mapping[str, tuple[ex.Symbol | ex.Velocity, ...]]
+    inner: frozenset[int]
+    outer: tuple[int, ...]
+    derivatives: dict[tuple[str, int], fmpq_mpoly] = field(default_factory=dict, compare=False, repr=False)
+
+    @classmethod
+    def of(
+        cls, ring: exact_field.ExactRing, letters: Sequence[str], functions: Mapping[str, Sequence[str]]
+    ) -> Unknowns:
+        """Those of these names; NotSplit if a function has composed or different arguments."""
+        constants, jets, arguments = dict[int, str](), dict[int, Jet](), dict[str, tuple[Any, ...]]()
+        for index, tree in ring.trees.items():
+            if isinstance(tree, ex.Symbol) and tree.name in letters:
+                constants[index] = tree.name
+            if isinstance(tree, ex.Arbitrary) and tree.name in functions:
+                plain = all(
+                    isinstance(one, ex.Symbol | ex.Velocity) and one in ring.variables for one in tree.arguments
+                )
+                if not plain or arguments.setdefault(tree.name, tree.arguments) != tree.arguments:
+                    raise NotSplit(f"{tree.name} has other arguments than coordinates")
+                jets[index] = (tree.name, tree.orders)
+        moving = {one for of in arguments.values() for one in of}
+        fixed = {
+            index
+            for index, tree in ring.trees.items()
+            if isinstance(tree, ex.Symbol) and tree not in ring.variables and tree != ex.PI and index not in constants
+        }
+        inner = fixed | {
+            index for index, tree in ring.trees.items() if index not in jets and not moving.isdisjoint(ex.walk(tree))
+        }
+        outer = [index for index in ring.trees if index not in constants and index not in jets and index not in inner]
+        return cls(ring, constants, jets, arguments, frozenset(inner), tuple(outer))
+
+    @property
+    def context(self) -> Any:
+        return self.ring.field.context
+
+    @cached_property
+    def variables(self) -> dict[int, ex.Symbol | ex.Velocity]:
+        """The ring's variables on which functions depend, by number."""
+        moving = {one for of in self.arguments.values() for one in of}
+        return {k: one for k, one in enumerate(self.ring.variables) if one in moving}  # type: ignore[misc]
+
+    @cached_property
+    def generators(self) -> dict[Jet, int]:
+        return {jet: index for index, jet in self.jets.items()}
+
+    def is_unknown(self, index: int) -> bool:
+        return index in self.letters or index in self.jets
+
+    def rank(self, index: int) -> tuple[Any, ...]:
+        """Constants first, then derivatives by their order (an orderly ranking)."""
+        if index in self.letters:
+            return (0, -index)
+        name, orders = self.jets[index]
+        return (1, sum(orders), sorted(self.arguments).index(name), orders)
+
+    def unknowns_in(self, polynomial: fmpq_mpoly) -> list[int]:
+        """The constants and jets in it, the highest first."""
+        found = [k for k, degree in enumerate(polynomial.degrees()) if degree and self.is_unknown(k)]
+        return sorted(found, key=self.rank, reverse=True)
+
+    def coefficients(self, polynomial: fmpq_mpoly) -> list[fmpq_mpoly]:
+        """What has to vanish for it to vanish at all values of the outer generators."""
+        return list(exact_field.coefficients_of(polynomial, self.outer).values())
+
+    def factors(self, polynomial: fmpq_mpoly) -> list[fmpq_mpoly]:
+        """The distinct irreducible factors that hold unknowns; [] if it vanishes nowhere."""
+        if len(polynomial) > MOST_TERMS:
+            raise NotSplit(f"an equation has {len(polynomial)} terms")
+        found = [factor for factor, _ in exact_field.factor_polynomial(polynomial)[1] if self.unknowns_in(factor)]
+        return [factor / factor.leading_coefficient() for factor in found]
+
+    def derivative(self, polynomial: fmpq_mpoly, variable: int) -> fmpq_mpoly:
+        """The numerator of its derivative by a variable of the ring."""
+        key = (str(polynomial), variable)
+        if key not in self.derivatives:
+            try:
+                found = self.ring.partial(variable).of_polynomial(self.ring.field, polynomial)
+            except exact_field.TooLarge as problem:
+                raise NotSplit("an equation needs derivatives of too high an order") from problem
+            self.derivatives[key] = found.numerator
+        return self.derivatives[key]
+
+    def tree(self, polynomial: fmpq_mpoly) -> ex.Expression:
+        return exact_field.polynomial_tree(self.ring, polynomial)
+
+
+@dataclass(frozen=True)
+class Rule:
+    """An irreducible equation p = 0 and the generator that is its leader."""
+
+    equation: fmpq_mpoly
+    leader: int
+
+    @property
+    def degree(self) -> int:
+        return int(self.equation.degrees()[self.leader])
+
+    @property
+    def initial(self) -> fmpq_mpoly:
+        return exact_field.coefficient(self.equation, self.leader, self.degree)
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """The members that satisfy the rules, and for which no `nonzero` element vanishes."""
+
+    unknowns: Unknowns
+    rules: tuple[Rule, ...] = ()
+    nonzero: tuple[fmpq_mpoly, ...] = ()
+
+    @property
+    def equations(self) -> list[fmpq_mpoly]:
+        return [rule.equation for rule in self.rules]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(number of rules, their terms): larger sets come first in this order."""
+        return len(self.rules), sum(len(rule.equation) for rule in self.rules)
+
+    def reduced(self, polynomial: fmpq_mpoly) -> fmpq_mpoly:
+        """The polynomial on the leaf, times elements that vanish nowhere on it."""
+        changed = True
+        while changed and not polynomial.is_zero():
+            changed = False
+            for index in self.unknowns.unknowns_in(polynomial):
+                divisor = self.divisor(index)
+                if divisor is None or polynomial.degrees()[index] < divisor.degrees()[index]:
+                    continue
+                polynomial = exact_field.pseudo_division(polynomial, divisor, index)[2]
+                polynomial = self.unknowns.ring.field.reduce(polynomial)
+                if len(polynomial) > 10 * MOST_TERMS:
+                    raise NotSplit(f"an equation has {len(polynomial)} terms")
+                changed = True
+                break
+        return polynomial
+
+    def divisor(self, index: int) -> fmpq_mpoly | None:
+        """The rule for a constant or jet, or the derivative of one with that leader."""
+        for rule in self.rules:
+            if rule.leader == index:
+                return rule.equation
+        if index in self.unknowns.letters:
+            return None
+        name, orders = self.unknowns.jets[index]
+        for rule in self.rules:
+            own = self.unknowns.jets.get(rule.leader)
+            if own is not None and own[0] == name and all(a >= b for a, b in zip(orders, own[1], strict=True)):
+                equation = rule.equation
+                for variable, times in self.steps(name, orders, own[1]):
+                    for _ in range(times):
+                        equation = self.unknowns.derivative(equation, variable)
+                return equation
+        return None
+
+    def steps(self, name: str, orders: Orders, below: Orders) -> list[tuple[int, int]]:
+        """(variable, how often) from one derivative of a function to a higher one."""
+        places = {one: k for k, one in self.unknowns.variables.items()}
+        arguments = self.unknowns.arguments[name]
+        return [(places[one], a - b) for one, a, b in zip(arguments, orders, below, strict=True) if a > b]
+
+
+# Splitting.
+
+
+@dataclass(frozen=True)
+class _Open:
+    """Equations that are still to be solved on a leaf."""
+
+    todo: tuple[fmpq_mpoly, ...]
+    leaf: Leaf
+
+
+def split(leaf: Leaf, equations: Iterable[fmpq_mpoly], end: float) -> list[Leaf]:
+    """Leaves with the members of the leaf that satisfy the equations; NotSplit if a limit is reached."""
+    waiting, found = [_Open(tuple(equations), leaf)], list[Leaf]()
+    for _ in range(MOST_STEPS):
+        if not waiting:
+            return found
+        if deadline.now() > end:
+            raise NotSplit("the time for splitting was over")
+        try:
+            found += _step(waiting.pop(), waiting)
+        except exact_field.TooLarge as problem:
+            raise NotSplit(str(problem)) from problem
+    raise NotSplit("the equations have too many cases")
+
+
+def _step(item: _Open, waiting: list[_Open]) -> list[Leaf]:
+    """Solve one equation, or split it; a leaf that is done is returned."""
+    leaf, unknowns = item.leaf, item.leaf.unknowns
+    table = dict[frozenset[str], list[fmpq_mpoly]]()
+    for equation in item.todo:
+        left = leaf.reduced(equation)
+        if left.is_zero():
+            continue
+        parts = [part for part in unknowns.factors(left) if part not in leaf.nonzero]
+        if not parts:
+            return []
+        table[frozenset(map(str, parts))] = parts
+    least = [parts for key, parts in table.items() if not any(other < key for other in table)]
+    if any(leaf.reduced(one).is_zero() for one in leaf.nonzero):
+        return []
+    if not least:
+        further = _cross_derivatives(leaf)
+        if not further:
+            return [leaf]
+        waiting.append(_Open(tuple(further), leaf))
+        return []
+    least.sort(key=lambda parts: _cost(unknowns, parts))
+    parts, *others = least
+    rest = [math.prod(more[1:], start=more[0]) for more in others]
+    if len(parts) > 1:
+        known = list(leaf.nonzero)
+        for part in sorted(parts, key=len):
+            waiting.append(_Open((part, *rest), replace(leaf, nonzero=tuple(known))))
+            known.append(part)
+        return []
+    _solve(parts[0], rest, leaf, waiting)
+    return []
+
+
+def _cost(unknowns: Unknowns, parts: Sequence[fmpq_mpoly]) -> tuple[Any, ...]:
+    """Single equations that are solved without a case first, then short ones of low order."""
+    (first, *more) = parts
+    easy = not more and _letter_of(unknowns, first, 0) is not None
+    high = max((unknowns.rank(k)[:2] for part in parts for k in unknowns.unknowns_in(part)[:1]), default=(0,))
+    return (not easy, len(more), high, sum(map(len, parts)))
+
+
+def _letter_of(unknowns: Unknowns, equation: fmpq_mpoly, most: float) -> int | None:
+    """A constant in which the equation is linear, the coefficient having the fewest terms, at most this many."""
+    if any(k in unknowns.jets for k in unknowns.unknowns_in(equation)):
+        return None
+    degrees, found = equation.degrees(), list[tuple[int, int, int]]()
+    for index in unknowns.letters:
+        if degrees[index] == 1:
+            high = exact_field.coefficient(equation, index, 1)
+            weight = len(high) if unknowns.unknowns_in(high) else 0
+            found.append((weight, len(equation), index))
+    best = min(found, default=None)
+    return best[2] if best is not None and best[0] <= most else None
+
+
+def _solve(equation: fmpq_mpoly, rest: Sequence[fmpq_mpoly], leaf: Leaf, waiting: list[_Open]) -> None:
+    """Add the rule of an irreducible equation, and the cases where it has another leader."""
+    unknowns = leaf.unknowns
+    letter = _letter_of(unknowns, equation, math.inf)
+    leader = letter if letter is not None else _leader(leaf, equation)
+    if all(unknowns.is_unknown(k) for k, degree in enumerate(equation.degrees()) if degree):
+        squares = _real_zeros(unknowns, equation, leader)
+        if squares is not None:
+            if squares:
+                waiting.append(_Open((*squares, *rest), leaf))
+            return
+    rule = Rule(equation, leader)
+    initial, degree = rule.initial, rule.degree
+    separant = equation.derivative(leader)
+    nonzero = [*leaf.nonzero]
+    cases = list[_Open]()
+    for part in unknowns.factors(initial) if unknowns.unknowns_in(initial) else ():
+        if part not in nonzero:
+            cases.append(_Open((part, equation, *rest), replace(leaf, nonzero=tuple(nonzero))))
+            nonzero.append(part)
+    if degree > 1:
+        for part in unknowns.factors(separant):
+            if part not in nonzero:
+                cases.append(_Open((part, equation, *rest), replace(leaf, nonzero=tuple(nonzero))))
+                nonzero.append(part)
+    kept, again = list[Rule](), list[fmpq_mpoly]()
+    for old in leaf.rules:
+        touched = old.equation.degrees()[leader] > 0 if leader in unknowns.letters else _is_above(unknowns, old, leader)
+        (again if touched else kept).append(old.equation if touched else old)  # type: ignore[arg-type]
+    waiting.extend(cases)
+    waiting.append(_Open((*again, *rest), Leaf(unknowns, (*kept, rule), tuple(nonzero))))
+
+
+def _leader(leaf: Leaf, equation: fmpq_mpoly) -> int:
+    """The highest jet; of constants one that no rule has as its leader, of the lowest degree."""
+    unknowns, taken = leaf.unknowns, {rule.leader for rule in leaf.rules}
+    found = unknowns.unknowns_in(equation)
+    if found[0] in unknowns.jets:
+        return found[0]
+    degrees = equation.degrees()
+    return min(found, key=lambda k: (k in taken, degrees[k], len(exact_field.coefficient(equation, k, degrees[k]))))
+
+
+def _is_above(unknowns: Unknowns, rule: Rule, leader: int) -> bool:
+    """Whether the leader of a rule is a derivative of another one, or the same."""
+    if rule.leader not in unknowns.jets:
+        return False
+    (name, orders), (own, below) = unknowns.jets[rule.leader], unknowns.jets[leader]
+    return name == own and all(a >= b for a, b in zip(orders, below, strict=True))
+
+
+def _real_zeros(unknowns: Unknowns, equation: fmpq_mpoly, leader: int) -> list[fmpq_mpoly] | None:
+    """What is 0 where a definite form is; None if the equation may have other real zeros.
+
+    [] if there are none. A form is definite if all its terms are even and of one sign; so is A a^2 + B a + C with a
+    discriminant that is minus such a form.
+    """
+    form = equation
+    if equation.degrees()[leader] == 2:
+        low, middle, high = (exact_field.coefficient(equation, leader, k) for k in range(3))
+        discriminant = middle * middle - high * low * 4
+        if not discriminant.is_zero() and _is_definite(-discriminant):
+            roots = [equation.context().from_dict({e: 1}) for e, _ in discriminant.terms()]
+            return (
+                []
+                if any(root.is_constant() for root in roots)
+                else [*roots, high * equation.context().gen(leader) * 2 + middle]
+            )
+    if _is_definite(form) or _is_definite(-form):
+        monomials = [form.context().from_dict({e: 1}) for e, _ in form.terms()]
+        return [] if any(one.is_constant() for one in monomials) else monomials
+    return None
+
+
+def _is_definite(polynomial: fmpq_mpoly) -> bool:
+    return all(value > 0 and not any(int(e) % 2 for e in exponents) for exponents, value in polynomial.terms())
+
+
+def _cross_derivatives(leaf: Leaf) -> list[fmpq_mpoly]:
+    """What must vanish, too: differences of equal derivatives of leaders, and derivatives of rules without leaders."""
+    unknowns, found = leaf.unknowns, list[fmpq_mpoly]()
+    of_functions = [rule for rule in leaf.rules if rule.leader in unknowns.jets]
+    for rule in of_functions:
+        name, _ = unknowns.jets[rule.leader]
+        for variable, argument in unknowns.variables.items():
+            if argument not in unknowns.arguments[name]:
+                found.append(unknowns.derivative(rule.equation, variable))
+    for one, other in itertools.combinations(of_functions, 2):
+        (name, orders), (own, below) = unknowns.jets[one.leader], unknowns.jets[other.leader]
+        if name != own:
+            continue
+        top = tuple(map(max, orders, below))
+        if (name, top) not in unknowns.generators:
+            raise NotSplit("an equation needs derivatives of too high an order")
+        index, pair = unknowns.generators[name, top], list[fmpq_mpoly]()
+        for rule, start in ((one, orders), (other, below)):
+            equation = rule.equation
+            for variable, times in leaf.steps(name, top, start):
+                for _ in range(times):
+                    equation = unknowns.derivative(equation, variable)
+            pair.append(equation)
+        if any(equation.degrees()[index] > 1 for equation in pair):
+            high, low = sorted(pair, key=lambda p, index=index: -p.degrees()[index])  # type: ignore[misc]
+            found.append(exact_field.pseudo_division(high, low, index)[2])
+            continue
+        slopes = [exact_field.coefficient(equation, index, 1) for equation in pair]
+        found.append(slopes[1] * pair[0] - slopes[0] * pair[1])
+    reduced = [leaf.reduced(unknowns.ring.field.reduce(one)) for one in found if not one.is_zero()]
+    return [one for one in reduced if not one.is_zero()]
+
+
+# Points.
+
+
+@dataclass(slots=True)
+class PointOnLeaf(modular.Point):
+    """A point modulo a prime at which the constants and jets satisfy the rules of a leaf."""
+
+    leaf: Leaf | None = None
+    solving: set[Any] = field(default_factory=set)
+    known: dict[Any, Any] = field(default_factory=dict)
+
+    def variable(self, name: modular.Variable) -> int:
+        leaf = self.leaf
+        if isinstance(name, ex.Symbol) and name not in self.variables and leaf is not None:
+            rule = next((one for one in leaf.rules if leaf.unknowns.letters.get(one.leader) == name.name), None)
+            if rule is not None:
+                self.variables[name] = self.root(rule.equation, rule.leader)
+        return modular.Point.variable(self, name)
+
+    def jet(self, name: str, arguments: tuple[int, ...], orders: Orders) -> int:
+        leaf = self.leaf
+        if leaf is None or name not in leaf.unknowns.arguments:
+            return modular.Point.jet(self, name, arguments, orders)
+        key = (name, orders)
+        if key not in self.known:
+            self.known[key] = self.solved(name, orders)
+            if self.known[key] is None:
+                self.known[key] = modular.Point.jet(self, name, arguments, orders)
+        return int(self.known[key])
+
+    def solved(self, name: str, orders: Orders) -> int | None:
+        """The derivative by the rule that determines it; None for a parametric one."""
+        leaf = self.leaf
+        assert leaf is not None
+        jets, best = leaf.unknowns.jets, None
+        for rule in leaf.rules:
+            own, below = jets.get(rule.leader, ("", ()))
+            if own == name and all(a >= b for a, b in zip(orders, below, strict=True)):
+                extra = tuple(a - b for a, b in zip(orders, below, strict=True))
+                if best is None or sum(extra) < sum(best[1]):
+                    best = rule, extra
+        if best is None:
+            return None
+        rule, extra = best
+        if not any(extra):
+            return self.root(rule.equation, rule.leader)
+        # D^extra p = S u_(leader + extra) + terms of lower rank; the unknown derivative counts as 0 first.
+        arguments = leaf.unknowns.arguments[name]
+        self.known[name, orders] = 0
+        rest = self.coefficient(rule.equation, extra, arguments)
+        del self.known[name, orders]
+        slope = self.value(rule.equation.derivative(rule.leader))
+        if not slope:
+            raise modular.SingularPoint("a separant vanishes")
+        return -rest * math.prod(map(math.factorial, extra)) * pow(slope, -1, self.prime) % self.prime
+
+    def value(self, polynomial: fmpq_mpoly) -> int:
+        """The polynomial at the point."""
+        assert self.leaf is not None
+        trees, total = self.leaf.unknowns.ring.trees, 0
+        for exponents, coefficient in polynomial.terms():
+            term = modular.number_value(exact_field.as_fraction(coefficient), self.prime)
+            for index, exponent in enumerate(exponents):
+                if exponent:
+                    term = term * pow(self.generator(trees[index]), int(exponent), self.prime) % self.prime
+            total += term
+        return total % self.prime
+
+    def generator(self, tree: ex.Expression) -> int:
+        if isinstance(tree, ex.Symbol | ex.Velocity):
+            return self.variable(tree)
+        if isinstance(tree, ex.Arbitrary):
+            return modular.evaluate(tree, self)
+        if tree not in self.known:
+            self.known[tree] = modular.evaluate(tower.to_kernels(tree), self)
+        return int(self.known[tree])
+
+    def root(self, equation: fmpq_mpoly, leader: int) -> int:
+        """A root of the equation in its leader; SingularPoint if there is none modulo the prime."""
+        degree = int(equation.degrees()[leader])
+        values = [self.value(exact_field.coefficient(equation, leader, k)) for k in range(degree + 1)]
+        if not values[-1]:
+            raise modular.SingularPoint("an initial vanishes")
+        if degree == 1:
+            return -values[0] * pow(values[1], -1, self.prime) % self.prime
+        roots = [-int(part[0]) * pow(int(part[1]), -1, self.prime) % self.prime
+                 for part, _ in nmod_poly(values, self.prime).factor()[1] if part.degree() == 1]  # fmt: skip
+        if not roots:
+            raise modular.SingularPoint("an equation of the leaf has no root modulo the prime")
+        return sorted(roots)[self.seed % len(roots)]
+
+    def coefficient(self, polynomial: fmpq_mpoly, order: Orders, arguments: Sequence[ex.Expression]) -> int:
+        """The Taylor coefficient of the polynomial at the multi-index, in displacements of these arguments."""
+        assert self.leaf is not None
+        below = list(itertools.product(*(range(k + 1) for k in order)))
+        trees, total, zero = self.leaf.unknowns.ring.trees, 0, (0,) * len(order)
+        for exponents, coefficient in polynomial.terms():
+            number = modular.number_value(exact_field.as_fraction(coefficient), self.prime)
+            product: dict[Orders, int] = {zero: number}
+            for index, exponent in enumerate(exponents):
+                for _ in range(int(exponent)):
+                    other = self.series(trees[index], below, arguments)
+                    sums = dict[Orders, int]()
+                    for a, left in product.items():
+                        for b, right in other.items():
+                            c = tuple(x + y for x, y in zip(a, b, strict=True))
+                            if all(x <= y for x, y in zip(c, order, strict=True)):
+                                sums[c] = (sums.get(c, 0) + left * right) % self.prime
+                    product = sums
+            total += product.get(order, 0)
+        return total % self.prime
+
+    def series(
+        self, tree: ex.Expression, below: Sequence[Orders], arguments: Sequence[ex.Expression]
+    ) -> dict[Orders, int]:
+        """The Taylor coefficients of a generator at these multi-indices."""
+        zero, prime = below[0], self.prime
+        if isinstance(tree, ex.Symbol | ex.Velocity):
+            found = {zero: self.variable(tree)}
+            if tree in arguments:
+                found[tuple(int(one == tree) for one in arguments)] = 1
+            return found
+        result = dict[Orders, int]()
+        for order in below:
+            if isinstance(tree, ex.Arbitrary):
+                steps = dict(zip(arguments, order, strict=True))
+                if any(k and one not in tree.arguments for one, k in steps.items()):
+                    continue
+                orders = tuple(a + steps.get(one, 0) for one, a in zip(tree.arguments, tree.orders, strict=True))
+                value = modular.evaluate(ex.Arbitrary(tree.name, tree.arguments, orders), self)
+            else:
+                key = (tree, order, tuple(arguments))
+                if key not in self.known:
+                    slope: ex.Expression = tree
+                    for one, k in zip(arguments, order, strict=True):
+                        for _ in range(k):
+                            slope = calculus.differentiate(slope, one)
+                    self.known[key] = modular.evaluate(tower.to_kernels(slope), self)
+                value = int(self.known[key])
+            if value:
+                result[order] = value * pow(math.prod(map(math.factorial, order)), -1, prime) % prime
+        return result
+
+
+def on_leaf(leaf: Leaf, draw: Callable[[int], modular.Point], seed: int) -> PointOnLeaf:
+    """A random point of the leaf; SingularPoint if its equations have no root at this seed."""
+    base = draw(seed)
+    return PointOnLeaf(base.prime, base.seed, base.signs, base.salts, base.flipped, atoms=dict(base.atoms), leaf=leaf)
+
+
+def points(leaf: Leaf, draw: Callable[[int], modular.Point], seed: int, count: int) -> Iterator[PointOnLeaf]:
+    """Points of the leaf at which all rules hold and no nonzero element vanishes; NotSplit if none is found."""
+    found = 0
+    for attempt in range(MOST_ROOTS_TRIED * count):
+        point = on_leaf(leaf, draw, seed * bounds.ATTEMPTS + attempt)
+        try:
+            good = not any(point.value(rule.equation) for rule in leaf.rules)
+            if not (good and all(map(point.value, leaf.nonzero))):
+                continue
+        except (modular.SingularPoint, ValueError):
+            continue
+        yield point
+        found += 1
+        if found == count:
+            return
+    raise NotSplit("no point of the set was found modulo primes")
+
+
+def holds(large: Leaf, small: Leaf, draw: Callable[[int], modular.Point]) -> bool:
+    """Whether the equations of the large leaf hold at random points of the small one."""
+    return not large.rules or all(not any(map(one.value, large.equations)) for one in points(small, draw, 7, 2))

@@ -1,0 +1,533 @@
+"""Which members of a family have a Lagrangian: a family is a system with constants and unknown functions.
+
+At a fixed point of phase space the algebraic conditions (g T symmetric for T = Phi, nabla Phi, ...,
+and those of the curvature for n >= 3) are linear in the entries of g, with coefficients in the
+constants, functions, and velocities. Sets of members are *leaves* (`leaves`). The general member of
+a leaf is decided as any system is, at random points of the leaf.
+
+- If the conditions of rank r leave only singular g there, no member of the leaf has an L unless all minors of size r
+  vanish. These minors, for all values of velocities and coordinates, are the equations of the next leaves.
+- If one g remains, up to a factor e^u, and u does not exist, the mixed derivatives of u differ; their differences are
+  the equations of the next leaves.
+- If there is an L, the members where the rank falls, and those where the one g that remains is singular, are the next
+  leaves: elsewhere the same proof holds. If a Lagrangian in closed form is known, its members are those where it is
+  regular and defined.
+
+So the leaves cover the family, except for the `open` sets, whose equations were not split or whose members were not
+decided. Douglas (1941) has the conditions for n = 2; the stratification is that of his cases.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+
+from flint import fmpq_mpoly, nmod_mat
+
+from inverse_service import bounds, deadline, errors
+from inverse_service.decision import deciding
+from inverse_service.decision.solutions import Answer, SolveOptions, Verdict
+from inverse_service.explanation import hierarchy
+from inverse_service.expressions import collecting, tree as ex
+from inverse_service.field import exact_field, matrices, modular, tower
+from inverse_service.linear_pde import involution
+from inverse_service.mechanics import conditions as cd
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.solving import closed_members, leaves, regularity, solving
+from inverse_service.solving.leaves import Leaf, NotSplit, Unknowns
+
+# How many tensors nabla^k Phi are needed: the rows are stable at the latest for k = n (n + 1)/2 - 1.
+DEPTHS = {1: 0, 2: 2, 3: 3}
+FURTHER_ORDERS = 5  # derivatives of functions for splitting, beyond those in the conditions
+MOST_LEAVES = 60
+MOST_EQUATIONS = 60  # that are split together
+MOST_MINORS = 24  # of one size; a part of them gives a larger set, which is sound
+SPLITTING_SECONDS, DECIDING_SECONDS, SEARCH_SECONDS = 8.0, 15.0, 10.0
+NOT_EXAMINED = "special members of this set were not examined: several g satisfy the algebraic conditions"
+DIFFERENTIAL = "several g satisfy the algebraic conditions, and the differential conditions on them were not split"
+
+
+@dataclass(frozen=True)
+class Found:
+    """A leaf with its verdicts for L(q, q') and L(t, q, q') (None where not asked), and the place of the one it is in.
+
+    `system` is the general member in closed form, None if the equations are not solved; `answer` is its checked answer.
+    """
+
+    leaf: Leaf
+    inside: int | None
+    verdict: Verdict | None
+    with_time: Verdict | None
+    statement: str = ""
+    system: SecondOrderSystem | None = None
+    solved: tuple[closed_members.Solved, ...] = ()
+    answer: Answer | None = None
+    without_time: Answer | None = None  # if the answer that is shown has an L with t, and there is one without t
+
+    @property
+    def verdicts(self) -> tuple[Verdict | None, Verdict | None]:
+        return self.verdict, self.with_time
+
+
+@dataclass(frozen=True)
+class Open:
+    """A set that is not decided: the equations that define it inside a leaf, if they are known, and why."""
+
+    inside: int
+    equations: tuple[ex.Expression, ...]
+    reason: str
+
+
+@dataclass(frozen=True)
+class Family:
+    """The leaves, each after the one it is in, and the sets that are not decided; `covered`: there are
+    none of these.
+    """
+
+    unknowns: Unknowns
+    leaves: tuple[Found, ...]
+    open: tuple[Open, ...]
+
+    @property
+    def covered(self) -> bool:
+        return not self.open
+
+
+@dataclass
+class _Work:
+    """What all leaves of one exploration share."""
+
+    system: SecondOrderSystem
+    analysis: deciding.Analysis
+    exact: cd.MotionInRing
+    unknowns: Unknowns
+    rows: list[list[fmpq_mpoly]]
+    time_dependent: bool | None
+    seed: int
+    end: float
+    is_movable: bool
+    found: list[Found] = field(default_factory=list)
+    open: list[Open] = field(default_factory=list)
+
+    def draw(self, seed: int) -> modular.Point:
+        return tower.draw_point(self.analysis.tower, seed)
+
+    @property
+    def size(self) -> int:
+        return len(self.system.coordinates)
+
+
+def explore(
+    system: SecondOrderSystem,
+    letters: Sequence[str],
+    functions: Sequence[str],
+    options: SolveOptions,
+    end: float,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Family:
+    """The leaves of the family of a system in these constants and functions, until the time `end`.
+
+    Raises NotSplit if a function has other arguments than coordinates, TooLarge or IrreducibleAtoms if the conditions
+    cannot be computed.
+    """
+    work = _prepared(system, letters, functions, options, end)
+    waiting: list[tuple[Leaf, int | None]] = [(Leaf(work.unknowns), None)]
+    for special in _special_arguments(work):
+        with suppress(NotSplit):
+            waiting += [(one, 0) for one in leaves.split(Leaf(work.unknowns), special, _until(work))]
+    while waiting:
+        leaf, inside = waiting.pop(0)
+        if deadline.now() > end or len(work.found) >= MOST_LEAVES:
+            reason = "the time was over" if deadline.now() > end else f"more than {MOST_LEAVES} leaves"
+            work.open += [Open(around or 0, _trees(one), reason) for one, around in [(leaf, inside), *waiting]]
+            break
+        progress(f"family, leaf {len(work.found) + 1}")
+        if _is_known(work, leaf):
+            continue
+        try:
+            found = _decided(work, leaf, inside)
+        except NotSplit as problem:
+            work.open.append(Open(inside or 0, _trees(leaf), str(problem)))
+            continue
+        place = len(work.found)
+        work.found.append(found)
+        waiting += [(one, place) for one in _next_leaves(work, found, place)]
+    return _summary(work)
+
+
+def first_equations(system: SecondOrderSystem, options: SolveOptions, end: float) -> list[tuple[ex.Expression, ...]]:
+    """The equations between functions of the leaves next to the general member; () where they are not split in time."""
+    try:
+        work = _prepared(system, system.parameters, [name for name, _ in system.functions], options, end)
+        root = Found(Leaf(work.unknowns), None, None, "not_variational")
+        work.found.append(root)
+        next_ones = list(_next_leaves(work, root, 0))
+    except (NotSplit, exact_field.TooLarge, errors.IrreducibleAtoms, ZeroDivisionError):
+        return []
+    found = dict.fromkeys(tuple(map(collecting.collect, _trees(one))) for one in next_ones)
+    functional = [trees for trees in found if any(ex.has(tree, ex.Arbitrary) for tree in trees)]
+    return sorted(functional, key=lambda trees: sum(map(ex.node_count, trees)))
+
+
+def _prepared(
+    system: SecondOrderSystem, letters: Sequence[str], functions: Sequence[str], options: SolveOptions, end: float
+) -> _Work:
+    analysis = deciding.analyze(system)
+    system = analysis.system
+    n = len(system.coordinates)
+    depth = DEPTHS.get(n, 1)
+    budget = exact_field.Budget(20 * bounds.TERMS, end)
+    names = [] if n == 1 else _row_names(analysis, depth, options.seed)
+    exact = hierarchy.exact_rows(analysis, names, options.seed, budget, FURTHER_ORDERS) if names else None
+    motion = exact.exact if exact is not None else cd.motion_in_ring(system, 2 + FURTHER_ORDERS, budget)
+    ring = motion.ring
+    known = {name: of for name, of in system.functions if name in functions}
+    unknowns = Unknowns.of(ring, letters, known)
+    places, rows = hierarchy.unknowns(n), list[list[fmpq_mpoly]]()
+    zero = ring.constant(0)
+    for equation in exact.equations.values() if exact is not None else ():
+        whole = matrices.numerators(ring, [equation.get(place, zero) for place in places])
+        common = exact_field.common_divisor([one for one in whole if not one.is_zero()])
+        moving = [f for f, _ in exact_field.factor_polynomial(common)[1] if not unknowns.unknowns_in(f)]
+        scale = math.prod(moving, start=common * 0 + 1)
+        rows.append([one / scale for one in whole])
+    rows.sort(key=lambda row: sum(map(len, row)))
+    atoms = [tree for tree in ring.trees.values() if isinstance(tree, ex.Apply | ex.Power)]
+    wanted = {ex.Symbol(name) for name in letters}
+    is_movable = not any(
+        node in wanted or (isinstance(node, ex.Arbitrary) and node.name in known)
+        for tree in atoms
+        for node in ex.walk(tree)
+    )
+    return _Work(system, analysis, motion, unknowns, rows, options.time_dependent, options.seed, end, is_movable)
+
+
+def _row_names(analysis: deciding.Analysis, depth: int, seed: int) -> list[hierarchy.EquationName]:
+    table = hierarchy.equations_at(analysis, seed, depth)
+    return [name for name, row in table.rows.items() if any(row)]
+
+
+def _until(work: _Work) -> float:
+    return min(work.end, deadline.now() + SPLITTING_SECONDS)
+
+
+def _trees(leaf: Leaf) -> tuple[ex.Expression, ...]:
+    return tuple(map(leaf.unknowns.tree, leaf.equations))
+
+
+def _special_arguments(work: _Work) -> Iterator[list[fmpq_mpoly]]:
+    """Where functions of constants may become dependent: arguments that are 0 or constant, small integer exponents."""
+    ring, unknowns = work.exact.ring, work.unknowns
+    names = {ex.Symbol(name) for name in unknowns.letters.values()}
+    for tree in ring.trees.values():
+        if not isinstance(tree, ex.Apply | ex.Power) or names.isdisjoint(ex.walk(tree)):
+            continue
+        for part in ex.children(tree):
+            if isinstance(part, ex.Number):
+                continue
+            with suppress(KeyError, ZeroDivisionError, exact_field.TooLarge):
+                value = ring.value(part)
+                shifts = range(-3, 3) if isinstance(tree, ex.Power) and part == ex.children(tree)[1] else (0,)
+                for shift in shifts:
+                    whole = unknowns.coefficients((value + ring.constant(shift)).numerator)
+                    if not any(one.is_constant() for one in whole):
+                        yield whole
+                moving = {
+                    e: c for e, c in exact_field.coefficients_of(value.numerator, unknowns.outer).items() if any(e)
+                }
+                if moving and not any(one.is_constant() for one in moving.values()):
+                    yield list(moving.values())
+
+
+def _is_known(work: _Work, leaf: Leaf) -> bool:
+    """Whether a leaf that was decided has the same equations; it then gets the members of both."""
+    for place, known in enumerate(work.found):
+        same = {*map(str, known.leaf.equations)} == {*map(str, leaf.equations)}
+        with suppress(NotSplit, errors.IrreducibleAtoms):
+            if not same and len(known.leaf.rules) == len(leaf.rules):
+                there, back = (leaves.holds(*pair, work.draw) for pair in ((known.leaf, leaf), (leaf, known.leaf)))
+                same = there and back
+        if same:
+            kept = tuple(one for one in known.leaf.nonzero if one in leaf.nonzero)
+            work.found[place] = replace(known, leaf=replace(known.leaf, nonzero=kept))
+            return True
+    return False
+
+
+# The general member of a leaf.
+
+
+def _decided(work: _Work, leaf: Leaf, inside: int | None) -> Found:
+    """The leaf with the verdicts on its general member; NotSplit if it has none that can be decided."""
+    member = closed_members.member_of(work.system, leaf) if leaf.rules else closed_members.Member(work.system, ())
+    wants_plain, wants_time = deciding.questions(work.time_dependent, work.system)
+    limits = involution.Limits(deadline=min(work.end, deadline.now() + DECIDING_SECONDS))
+    analysis, draw = work.analysis, None
+    if member is not None:
+        try:
+            analysis = deciding.analyze(member.system) if leaf.rules else work.analysis
+        except (errors.IrreducibleAtoms, ZeroDivisionError) as problem:
+            raise NotSplit(f"the equations have no value there: {problem}") from problem
+    elif not work.is_movable:
+        raise NotSplit("functions hold constants that are not solved for")
+    else:
+        next(leaves.points(leaf, work.draw, work.seed, 1))
+        draw = lambda seed: next(leaves.points(leaf, work.draw, seed, 1))  # noqa: E731
+    verdicts = dict[bool, Verdict]()
+    statement = ""
+    for timed in [False] * wants_plain + [True] * wants_time:
+        if False in verdicts and verdicts[False] == "variational":
+            verdicts[True] = "variational"
+            continue
+        card = deciding.HelmholtzAt(analysis, timed, (), draw)
+        found = involution.settle(card, work.seed, limits, lambda _: None)
+        verdicts[timed] = deciding.verdict_of(found.exists)
+        if found.exists is None:
+            raise NotSplit(f"the general member is undetermined: {found.reason}")
+    system, solved = (None, ()) if member is None else (member.system, member.solved)
+    plain = verdicts[False] if wants_plain else None
+    return Found(leaf, inside, plain, verdicts.get(True) if wants_time else None, statement, system, solved)
+
+
+# The next leaves.
+
+
+def _next_leaves(work: _Work, found: Found, place: int) -> Iterator[Leaf]:
+    """The leaves inside this one where the verdicts may differ; what cannot be split is noted as open."""
+    asked = [one for one in found.verdicts if one is not None]
+    if set(asked) == {"variational"}:
+        exact = _by_lagrangian(work, found)
+        if exact is not None:
+            for equations in exact:
+                yield from _split(work, found.leaf, equations, place)
+            return
+    if work.size == 1 and "not_variational" not in asked:
+        return  # each equation of one coordinate has a Lagrangian
+    rank, chosen, kernel = _rank(work, found.leaf)
+    total = len(hierarchy.unknowns(work.size))
+    for smaller in range(rank, 0, -1):
+        known = len(work.open)
+        yield from _split(work, found.leaf, _minors(work, chosen[:smaller], smaller), place)
+        if len(work.open) == known:
+            break  # the sets of lower rank are among the leaves
+    if kernel == "singular":
+        return
+    if total - rank > 1:
+        reason = DIFFERENTIAL if "not_variational" in asked else NOT_EXAMINED
+        system = found.system or work.system
+        isotropic = work.size == 2 and rank == 0 and found.verdict is None  # Douglas' case I
+        if reason is not NOT_EXAMINED or not (isotropic or regularity.has_one_everywhere(system)):
+            work.open.append(Open(place, (), reason))
+        return
+    try:
+        direction = _direction(work, [work.rows[k] for k in chosen])
+        yield from _split(work, found.leaf, work.unknowns.coefficients(_determinant(direction)), place)
+        if "not_variational" in asked:
+            yield from _differential(work, found, direction, place)
+    except (exact_field.TooLarge, ZeroDivisionError, NotSplit) as problem:
+        work.open.append(Open(place, (), f"the conditions on the factor of g were not computed: {problem}"))
+
+
+def _split(work: _Work, leaf: Leaf, equations: Iterable[fmpq_mpoly], place: int) -> list[Leaf]:
+    listed = list(equations)
+    try:
+        reduced = {str(one): one for one in map(leaf.reduced, listed) if not one.is_zero()}
+        if not reduced:
+            return []
+        # A part of the equations gives a larger set, which is sound.
+        short = [one for one in sorted(reduced.values(), key=len) if len(one) <= leaves.MOST_TERMS][:MOST_EQUATIONS]
+        if not short:
+            raise NotSplit(f"each equation has more than {leaves.MOST_TERMS} terms")
+        return leaves.split(leaf, short, _until(work))
+    except NotSplit as problem:
+        shown = min(listed, key=len, default=None)
+        trees = () if shown is None or len(shown) > 40 else (collecting.collect(work.unknowns.tree(shown)),)
+        work.open.append(Open(place, trees, str(problem)))
+        return []
+
+
+def _rank(work: _Work, leaf: Leaf) -> tuple[int, list[int], str]:
+    """The rank of the conditions on the leaf, independent rows of them, and whether a regular g satisfies them."""
+    point = next(leaves.points(leaf, work.draw, work.seed + 1, 1))
+    values = [[point.value(entry) for entry in row] for row in work.rows]
+    chosen, width = list[int](), len(hierarchy.unknowns(work.size))
+    for k in range(len(values)):
+        picked = [values[j] for j in (*chosen, k)]
+        if nmod_mat(len(picked), width, [x for row in picked for x in row], point.prime).rank() == len(picked):
+            chosen.append(k)
+    kernel = matrices.null_rows([values[k] for k in chosen], width, point.prime)
+    singular = not kernel or hierarchy.all_singular(kernel, work.size, point.prime)
+    return len(chosen), chosen, "singular" if singular else "regular"
+
+
+def _minors(work: _Work, chosen: Sequence[int], rank: int) -> Iterator[fmpq_mpoly]:
+    """The coefficients of minors of this size, those of the chosen rows first."""
+    width, others = len(work.rows[0]), range(len(work.rows))
+    sets = [tuple(chosen), *(one for one in itertools.combinations(others, rank) if one != tuple(chosen))]
+    pairs = itertools.product(sets[: 1 + MOST_MINORS], itertools.combinations(range(width), rank))
+    for rows, columns in itertools.islice(pairs, MOST_MINORS * 3):
+        minor = _polynomial_determinant(work, [[work.rows[r][c] for c in columns] for r in rows])
+        if not minor.is_zero():
+            yield from work.unknowns.coefficients(minor)
+
+
+def _polynomial_determinant(work: _Work, matrix: Sequence[Sequence[fmpq_mpoly]]) -> fmpq_mpoly:
+    """By expansion along the first row; conditions have few rows."""
+    owner = work.unknowns.ring.field
+    if len(matrix) == 1:
+        return matrix[0][0]
+    total = matrix[0][0] * 0
+    for k, entry in enumerate(matrix[0]):
+        if not entry.is_zero():
+            minor = _polynomial_determinant(work, [[*row[:k], *row[k + 1 :]] for row in matrix[1:]])
+            term = owner.product(entry, minor)
+            total = total + term if k % 2 == 0 else total - term
+        if len(total) > 50 * leaves.MOST_TERMS:
+            raise NotSplit(f"a minor has {len(total)} terms")
+    return total
+
+
+def _direction(work: _Work, rows: Sequence[Sequence[fmpq_mpoly]]) -> list[list[exact_field.Quotient]]:
+    """The one g that satisfies as many rows as entries but one, by minors."""
+    owner, n = work.unknowns.ring.field, work.size
+    entries = dict[tuple[int, int], exact_field.Quotient]()
+    for column, pair in enumerate(hierarchy.unknowns(n)):
+        minor = _polynomial_determinant(work, [[*row[:column], *row[column + 1 :]] for row in rows]) if rows else None
+        value = owner.constant(1) if minor is None else exact_field.Quotient(owner, minor, ())
+        entries[pair] = value if column % 2 == 0 else -value
+    return [[entries[min(i, j), max(i, j)] for j in range(n)] for i in range(n)]
+
+
+def _determinant(matrix: Sequence[Sequence[exact_field.Quotient]]) -> fmpq_mpoly:
+    return matrices.determinant(matrix, matrix[0][0].field.constant(1)).numerator
+
+
+def _differential(work: _Work, found: Found, direction: list[list[exact_field.Quotient]], place: int) -> Iterator[Leaf]:
+    """Where the factor e^u of the one g exists: all mixed derivatives of u agree, and u_t = 0 if L
+    must not contain t.
+    """
+    slopes = cd.factor_slopes(work.exact, tuple(map(tuple, direction)))
+    asked = {True: found.with_time, False: found.verdict}
+    for timed in (True, False):
+        if asked[timed] != "not_variational" or (timed is False and asked[True] == "not_variational"):
+            continue
+        names = work.system.coordinates
+        listed = hierarchy.integrability_conditions(work.exact, slopes, timed, names)
+        values = [value for _, _, value, _ in listed if not value.is_zero]
+        equations = [one for value in values for one in work.unknowns.coefficients(value.numerator)]
+        yield from _split(work, found.leaf, equations, place)
+
+
+def _by_lagrangian(work: _Work, found: Found) -> list[list[fmpq_mpoly]] | None:
+    """Where a Lagrangian of the general member is singular or not defined; None if no Lagrangian in
+    closed form is known.
+    """
+    if found.system is None:
+        return None
+    place = work.found.index(found)
+    work.found[place] = solved = _with_answer(work, found)
+    answer = solved.answer
+    if answer is None or answer.lagrangian is None or answer.checked != "valid":
+        return None
+    try:
+        tree = answer.lagrangian.expression
+        return regularity.where_it_fails(work.unknowns, found.system, tree, found.solved, work.end)
+    except (exact_field.TooLarge, ZeroDivisionError, KeyError, NotSplit):
+        return None
+
+
+# What is told.
+
+
+def _summary(work: _Work) -> Family:
+    """The leaves whose verdicts differ from those of the smallest told leaf around them, the general one first."""
+    places = list[list[leaves.PointOnLeaf]]()
+    for one in work.found:
+        try:
+            places.append(list(leaves.points(one.leaf, work.draw, 7, 2)) if work.is_movable else [])
+        except (NotSplit, errors.IrreducibleAtoms):
+            places.append([])
+    _drop_inequations(work, places)
+    told, numbers = list[Found](), dict[int, int]()
+    for number, one in sorted(enumerate(work.found), key=lambda item: item[1].leaf.size):
+        around = [k for k, other in enumerate(told) if _is_in(other.leaf, places[number])]
+        told_places = {place: number for number, place in numbers.items()}
+        smallest = [k for k in around if not any(
+            k != m and _is_in(told[k].leaf, places[told_places[m]]) and not _is_in(told[m].leaf, places[told_places[k]])
+            for m in around)]  # fmt: skip
+        differs = [k for k in smallest if told[k].verdicts != one.verdicts]
+        if not told or differs or not around:
+            numbers[number] = len(told)
+            told.append(replace(one, inside=differs[0] if told and differs else None if not told else 0))
+    final = [_with_answer(work, one) for one in told]
+    opened = [_told_as_open(work, one, told, numbers, places) for one in work.open]
+    return Family(work.unknowns, tuple(final), tuple(dict.fromkeys(opened)))
+
+
+def _is_in(large: Leaf, places: Sequence[leaves.PointOnLeaf]) -> bool:
+    """Whether these points of another leaf belong to this one."""
+    if not large.rules and not large.nonzero:
+        return True
+    equations = large.equations
+    return bool(places) and all(
+        not any(map(one.value, equations)) and all(map(one.value, large.nonzero)) for one in places
+    )
+
+
+def _drop_inequations(work: _Work, places: Sequence[Sequence[leaves.PointOnLeaf]]) -> None:
+    """Keep only inequations that part a leaf from members with other verdicts; all where an open set is beside it."""
+    beside = {one.inside for one in work.open}
+    for number, one in enumerate(work.found):
+        if not one.leaf.nonzero or one.inside in beside or not work.is_movable:
+            continue
+        kept = list[fmpq_mpoly]()
+        for other, points in zip(work.found, places, strict=True):
+            if (
+                not points
+                or other.verdicts == one.verdicts
+                or any(any(map(p.value, one.leaf.equations)) for p in points)
+            ):
+                continue
+            kept += [g for g in one.leaf.nonzero if not any(map(lambda p, g=g: p.value(g), points)) and g not in kept]  # type: ignore[misc]
+        work.found[number] = replace(one, leaf=replace(one.leaf, nonzero=tuple(kept)))
+
+
+def _told_as_open(
+    work: _Work,
+    one: Open,
+    told: Sequence[Found],
+    numbers: dict[int, int],
+    places: Sequence[Sequence[leaves.PointOnLeaf]],
+) -> Open:
+    """The open set inside the smallest told leaf around it, with the equations of its own leaf if that is not told."""
+    if one.inside in numbers:
+        return replace(one, inside=numbers[one.inside])
+    around = [k for k, other in enumerate(told) if _is_in(other.leaf, places[one.inside])]
+    own = _trees(work.found[one.inside].leaf)
+    return replace(one, inside=max(around, default=0), equations=(*own, *one.equations))
+
+
+def _with_answer(work: _Work, found: Found) -> Found:
+    """The leaf with checked answers about its general member, one with a Lagrangian first."""
+    if found.answer is not None or found.system is None or deadline.now() > work.end:
+        return found
+    asked = SolveOptions(
+        time_dependent=work.time_dependent,
+        seed=work.seed,
+        time_limit=min(SEARCH_SECONDS, deadline.left(work.end)),
+        conditions=False,
+        reasons=False,
+    )
+    with suppress(errors.IrreducibleAtoms, ZeroDivisionError, exact_field.TooLarge):
+        solution = solving.solve(found.system, asked)
+        answers = [one for one in (solution.autonomous, solution.with_time) if one is not None and one.certificate]
+        if not answers:
+            return found
+        shown = min(answers, key=lambda one: (one.verdict != "variational", one.lagrangian is None))
+        timed = shown is not solution.autonomous and shown.verdict == "variational"
+        plain = solution.autonomous if timed and found.verdict == "variational" else None
+        return replace(found, answer=shown, without_time=plain)
+    return found

@@ -1,0 +1,278 @@
+"""Families: which members have a Lagrangian. Members on and off each leaf, each solved alone, agree with the leaves.
+
+The conditions of FAMILIES of constants were derived by hand; those of functions are from separation of variables, from
+Douglas (1941), and from the force k(r) across the velocity, r (k r)' = k r (1 + k r)(2 + k r).
+"""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import json
+import random
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+from typing import Any
+
+import pytest
+import sympy
+
+import inverse_service
+from inverse_service.service.documents.printed_pages import text_page
+from tests.doors.formulas import Point
+from tests.values import slow
+
+Values = dict[str, int]
+FAMILIES: dict[str, tuple[dict[str, str], bool, Callable[[Values], bool]]] = {
+    "damped coupled oscillators": (
+        {"x": "-a*x' + b*y", "y": "-c*y' + d*x"}, True,
+        lambda p: p["a"] in (p["c"], -p["c"]) or p["b"] == p["d"] == 0,
+    ),
+    "potentials of degree three (Henon, Heiles)": (
+        {"x": "-x - 2*a*x*y", "y": "-y - b*x^2 + c*y^2"}, False,
+        lambda p: p["a"] * p["b"] != 0 or (p["a"] == 0 and p["b"] * p["c"] == 0) or (p["b"] == 0 and p["a"] == -p["c"]),
+    ),
+    "coupled van der Pol oscillators": (
+        {"x": "-x + m*(1 - x^2)*x' + a*y", "y": "-y + m*(1 - y^2)*y' + b*x"}, False,
+        lambda p: p["m"] == 0 or p["a"] == p["b"] == 0,
+    ),
+    "gyroscopic forces and a potential": (
+        {"x": "w*y' - k*x", "y": "-u*x' - m*y"}, True,
+        lambda p: p["w"] * p["u"] != 0 or p["k"] == p["m"] or p["w"] == p["u"] == 0,
+    ),
+    "a force quadratic in one velocity": (
+        {"x": "-a*y", "y": "-b*x'^2"}, False, lambda p: p["a"] * p["b"] == 0,
+    ),
+    "springs": ({"x": "-a*x + b*y", "y": "c*x - d*y"}, True, lambda p: True),
+}  # fmt: skip
+
+
+def asked(equations: dict[str, str], timed: bool | None = None, **more: Any) -> dict[str, Any]:
+    found: dict[str, Any] = {"equations": equations, "parameters": "guess", "family": True, **more}
+    return found if timed is None else found | {"time_dependent_lagrangian": timed}
+
+
+def solved(document: dict[str, Any]) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(inverse_service.solve(document, time_limit=120).to_json())
+    return found
+
+
+def leaf_of(family: Mapping[str, Any], values: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The last leaf whose equations and inequations these values of the constants satisfy."""
+    point = Point(dict(values))
+    fitting = [
+        leaf
+        for leaf in family["leaves"]
+        if all(point.holds(one["text"].replace(" = ", " == ")) for one in leaf["equations"])
+        and not any(point.holds(f"{text} == 0") for text in leaf["nonzero"])
+    ]
+    return fitting[-1]
+
+
+@pytest.mark.parametrize("name", [slow(name) if k else name for k, name in enumerate(FAMILIES)])
+def test_the_leaves_are_the_conditions_derived_by_hand(name: str) -> None:
+    equations, timed, exists = FAMILIES[name]
+    result = solved(asked(equations, timed))
+    family, names = result["family"], result["system"]["parameters"]
+    assert family["covered"], family["open"]
+    for numbers in itertools.product((-1, 0, 1, 2), repeat=len(names)):
+        values = dict(zip(names, numbers, strict=True))
+        leaf = leaf_of(family, {name: Fraction(value) for name, value in values.items()})
+        assert (leaf["verdict_with_time" if timed else "verdict"] == "variational") == exists(values), values
+
+
+# Equations, constants; members on each leaf and members off all are drawn.
+DRAWN = [
+    ({"x": "-a*x' + b*y", "y": "c*x - d*y'"}, "abcd"),
+    slow({"x": "-a*x'^2 - b*x'*y' - c*y'^2", "y": "-k*y'^2"}, "abck"),
+    slow({"x": "-x - a*y' + b*y", "y": "-c*y + d*x'"}, "abcd"),
+    slow({"x": "a*x*y", "y": "b*x^2 + c*y^2"}, "abc"),
+    slow({"x": "-a*x' - b*y' - p*x", "y": "-c*x' - d*y' - m*y"}, "abcdpm"),
+]
+
+
+def members(result: Mapping[str, Any], source: random.Random, count: int) -> list[dict[str, Fraction]]:
+    """Random values of the constants, some on each leaf by its solved constants, some anywhere."""
+    names, found = result["system"]["parameters"], list[dict[str, Fraction]]()
+    symbols = {name: sympy.Symbol(name) for name in names}
+    for leaf in result["family"]["leaves"]:
+        lines = [part["text"].split(" = ") for part in leaf["solved"]]
+        for _ in range(count):
+            values = {name: sympy.Rational(source.randint(-6, 6), source.choice((1, 1, 2))) for name in names}
+            for left, right in lines:
+                value = sympy.sympify(right.replace("^", "**"), locals=symbols).subs(values)
+                values[left] = value
+            if all(value.is_Rational for value in values.values()):
+                found.append({name: Fraction(int(value.p), int(value.q)) for name, value in values.items()})
+    return found
+
+
+@pytest.mark.parametrize(("equations", "names"), DRAWN)
+def test_members_solved_alone_agree_with_their_leaf(equations: dict[str, str], names: str, request: Any) -> None:
+    result = solved(asked(equations, parameters=[*names]))
+    count = 30 if request.node.get_closest_marker("slow") else 1
+    for values in members(result, random.Random(5), count):
+        leaf = leaf_of(result["family"], values)
+        plain = {name: str(value) for name, value in values.items()}
+        alone = inverse_service.solve({"equations": equations, "parameters": plain, "first_integrals": False})
+        assert (alone["verdict"], alone["verdict_with_time"]) == (leaf["verdict"], leaf["verdict_with_time"]), values
+
+
+OF_FUNCTIONS: list[tuple[dict[str, str], dict[str, list[str]], list[dict[str, str]], list[dict[str, str]]]] = [
+    (
+        {"x": "F(x, y)", "y": "-y"}, {"F": ["x", "y"]},
+        [{"F": "x^3"}, {"F": "-x + (x + 2*y)^2"}, {"F": "-x + sin(y)"}, {"F": "-x"}, {"F": "3*x + 2*y"}],
+        [{"F": "x*y"}, {"F": "x + y^2"}, {"F": "x^2 + y"}],
+    ),
+    (
+        {"x": "-V'(x)", "y": "-x*x'*y'/(1 + x^2)"}, {"V": ["x"]},
+        [{"V": "0"}, {"V": "3*sqrt(1 + x^2)"}, {"V": "5 - sqrt(1 + x^2)"}],
+        [{"V": "x"}, {"V": "x^2"}, {"V": "1/(1 + x^2)"}],
+    ),
+    (
+        {"r": "r*phi'^2 + k(r)*r^2*phi'^2", "phi": "-(2/r + k(r))*r'*phi'"}, {"k": ["r"]},
+        [{"k": "0"}, {"k": "-1/r"}, {"k": "-2/r"}, {"k": "(1/sqrt(1 - r^2) - 1)/r"}],
+        [{"k": "1/r"}, {"k": "2"}, {"k": "r"}],
+    ),
+    (
+        {"x": "a(x)*y'", "y": "b(x)*x'"}, {"a": ["x"], "b": ["x"]},
+        [{"a": "0", "b": "x"}, {"a": "x^2", "b": "3*x^2"}], [{"a": "x", "b": "x^2"}, {"a": "1", "b": "x"}],
+    ),
+]  # fmt: skip
+
+
+def put_in(equations: dict[str, str], functions: dict[str, list[str]], member: dict[str, str]) -> dict[str, str]:
+    """The equations with formulas in the place of functions, and with their derivatives."""
+    found = dict(equations)
+    for name, text in member.items():
+        (argument, *_) = functions[name]
+        slope = sympy.diff(sympy.sympify(text.replace("^", "**")), sympy.Symbol(argument))
+        whole = f"{name}({', '.join(functions[name])})"
+        for key, formula in found.items():
+            formula = formula.replace(f"{name}'({argument})", f"({str(slope).replace('**', '^')})")
+            found[key] = formula.replace(whole, f"({text})")
+    return found
+
+
+@pytest.mark.parametrize(
+    ("equations", "functions", "on", "off"),
+    [slow(*row) if k not in (1,) else row for k, row in enumerate(OF_FUNCTIONS)],
+)
+def test_functions_on_a_leaf_have_a_lagrangian_and_others_have_none(
+    equations: dict[str, str], functions: dict[str, list[str]], on: list[dict[str, str]], off: list[dict[str, str]]
+) -> None:
+    family = solved({"equations": equations, "functions": functions, "family": True})["family"]
+    leaves = [leaf for leaf in family["leaves"] if leaf["verdict_with_time"] == "variational"]
+    for member, exists in [*((one, True) for one in on), *((one, False) for one in off)]:
+        fitting = [
+            leaf for leaf in leaves if all(satisfied(one["text"], functions, member) for one in leaf["equations"])
+        ]
+        assert bool(fitting) is exists, member
+        alone = inverse_service.solve({"equations": put_in(equations, functions, member), "first_integrals": False})
+        assert (alone["verdict_with_time"] == "variational") is exists, member
+
+
+def satisfied(text: str, functions: dict[str, list[str]], member: dict[str, str]) -> bool:
+    """Whether an equation between functions holds for these formulas, by SymPy."""
+    table = {name: sympy.sympify(formula.replace("^", "**")) for name, formula in member.items()}
+    left, right = text.replace("^", "**").split(" = ")
+    for name, arguments in functions.items():
+        (argument, *_) = arguments
+        for order in (4, 3, 2, 1):
+            left = left.replace(
+                f"{name}{chr(39) * order}({argument})", f"diff({name}({argument}), {', '.join([argument] * order)})"
+            )
+    places = {name: sympy.Symbol(name) for of in functions.values() for name in of}
+
+    def function_of(name: str) -> Callable[..., sympy.Expr]:
+        return lambda *_: table[name]
+
+    scope = places | {name: function_of(name) for name in functions} | {"diff": sympy.diff}
+    value = sympy.sympify(f"({left}) - ({right})", locals=scope)
+    return bool(sympy.simplify(value) == 0)
+
+
+@pytest.fixture(scope="module")
+def oscillators() -> dict[str, Any]:
+    return solved(asked({"x": "-a*x' + b*y", "y": "c*x - d*y'"}, parameters=["a", "b", "c", "d"]))
+
+
+def test_a_family_is_checked_and_printed(oscillators: dict[str, Any]) -> None:
+    report = inverse_service.check(oscillators)
+    assert report["verdict"] == "valid", report["contradictions"]
+    for place, leaf in enumerate(oscillators["family"]["leaves"]):
+        for key in ("equations/0/text", "verdict", "lagrangian/text") if leaf["lagrangian"] else ():
+            assert f"/family/leaves/{place}/{key}" not in report["not_checked"]
+    text = text_page(oscillators, False)
+    assert "Family: The general member has none; 3 sets of members have one, and no others." in text
+    assert "d = -a: has a Lagrangian, L = " in text
+
+
+def forgeries(result: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
+    """Results with one false statement about a leaf."""
+    found = list[tuple[str, dict[str, Any]]]()
+
+    def forged(name: str, change: Callable[[list[dict[str, Any]]], object]) -> None:
+        twin = copy.deepcopy(result)
+        change(twin["family"]["leaves"])
+        found.append((name, twin))
+
+    for k, leaf in enumerate(result["family"]["leaves"]):
+        forged(f"{k} other verdict", lambda one, k=k: one[k].update(verdict_with_time={
+            "variational": "not_variational"}.get(one[k]["verdict_with_time"], "variational")))  # fmt: skip
+        if not leaf["equations"]:
+            continue
+        forged(f"{k} too large", lambda one, k=k: one[k]["equations"].pop())
+        forged(f"{k} other equation", lambda one, k=k: one[k]["equations"][0].update(text="a = 2*d"))
+        forged(f"{k} product", lambda one, k=k: one[k]["equations"][0].update(text="(a - d)*(a + d)*b = 0"))
+        forged(f"{k} other values", lambda one, k=k: one[k]["solved"][0].update(text="d = 3*a"))
+        forged(f"{k} other exceptions", lambda one, k=k: one[k]["proof"].update(exceptions=["a = 7"]))
+        if leaf["lagrangian"]:
+            forged(f"{k} other L", lambda one, k=k: one[k]["lagrangian"].update(text="x'^2/2 + y'^2/2"))
+            forged(f"{k} L of another", lambda one, k=k: one[k].update(proof=one[k % 3 + 1]["proof"]))
+            forged(f"{k} no proof", lambda one, k=k: one[k].update(proof=None))
+    return found
+
+
+def test_no_false_statement_about_a_leaf_is_valid(oscillators: dict[str, Any]) -> None:
+    assert len(forgeries(oscillators)) > 20
+    refuse([one for one in forgeries(oscillators) if one[0].startswith("2 ")][:4])
+
+
+@pytest.mark.slow
+def test_none_of_the_other_false_statements_is_valid(oscillators: dict[str, Any]) -> None:
+    refuse(forgeries(oscillators))
+
+
+def refuse(kept: list[tuple[str, dict[str, Any]]]) -> None:
+    for name, twin in kept:
+        report = inverse_service.check(twin)
+        product = "product" in name  # a larger set is not called the leaf
+        unchecked = any(one.endswith("/equations") for one in report["not_checked"])
+        assert report["verdict"] != "valid" or (product and unchecked), name
+
+
+@pytest.mark.parametrize(
+    ("family", "pointer"),
+    [({"letters": ["q"]}, "/family/letters"), ({"functions": {"F": ["x"]}}, "/family/functions"), ("yes", "/family")],
+)
+def test_a_family_in_names_that_are_not_declared_is_refused(family: Any, pointer: str) -> None:
+    from inverse_service.errors import InputError
+
+    document = {"equations": {"x": "-a*x"}, "parameters": ["a"], "family": family}
+    with pytest.raises(InputError) as refusal:
+        inverse_service.solve(document)
+    assert refusal.value.places[0].pointer.startswith(pointer)
+
+
+def test_only_the_constants_that_are_named_are_free() -> None:
+    named = {"letters": ["a"]}
+    found = solved(asked({"x": "-a*x' + b*y", "y": "c*x - d*y'"}, parameters=["a", "b", "c", "d"], family=named))
+    texts = [[one["text"] for one in leaf["equations"]] for leaf in found["family"]["leaves"]]
+    assert texts == [[], ["a = d"], ["a = -d"]]
+
+
+def test_special_cases_means_a_family() -> None:
+    document = asked({"x": "-a*x + b*y", "y": "c*x - d*y"}) | {"special_cases": True}
+    del document["family"]
+    assert solved(document)["family"]["covered"]
