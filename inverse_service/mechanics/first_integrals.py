@@ -37,6 +37,9 @@ _MOST_COORDINATES = 12
 _LONGEST_UNIT = 40
 # A symmetry that is longer says nothing to a reader.
 _LONGEST_SYMMETRY = 160
+_WORDS = {1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic"}
+# The highest total degree of the coefficients of cubic and quartic integrals, and the most terms.
+_HIGHEST, _MOST_HIGHER = 8, 420
 _NO_RING = (exact_field.TooLarge, ZeroDivisionError, KeyError, errors.IrreducibleAtoms)
 
 
@@ -86,6 +89,29 @@ def first_integrals(
     with suppress(*_NO_RING, OutOfTime, ValueError):
         work.find(proposed)
     return tuple(work.kept)
+
+
+def higher_integrals(
+    motion: second_order_system.ConstrainedMotion,
+    known: Sequence[FirstIntegral],
+    degree: int,
+    seed: int = 1,
+    time_limit: float = 2.0,
+) -> tuple[FirstIntegral, ...]:
+    """The known integrals and those of this degree in the velocities that are independent of them.
+
+    The coefficients are products of letters of f, of growing total degree until one more integral is found. For systems
+    of which it is known that there is one: others are searched in vain.
+    """
+    work = _Integrals(motion, None, seed, now() + time_limit)
+    with suppress(*_NO_RING, OutOfTime, ValueError):
+        for one in known:
+            work._keep(one, one.expression)
+        for terms in work.units.of_degree(work.velocities, degree):
+            work._search(terms, degree, False)
+            if len(work.kept) > len(known):
+                break
+    return (*known, *work.kept[len(known) :])
 
 
 class _Integrals:
@@ -443,7 +469,7 @@ class _Integrals:
             tree, vector = ex.negated(tree), [(ex.negate(c), place) for c, place in vector]
         canonical = bool(self.momenta) and ansatz.forms[: len(self.momenta)] == self.momenta
         in_what = "momenta" if canonical else "velocities"
-        name, symmetry = ("linear" if degree == 1 else "quadratic") + f" in the {in_what}", ""
+        name, symmetry = f"{_WORDS[degree]} in the {in_what}", ""
         if not any(ansatz.terms[place][0] for _, place in vector):
             name = "function of position"
         elif canonical and not self.constraints:
@@ -516,6 +542,32 @@ def _cleared(
 
 def _are_independent(rows: Sequence[flow.Numbers]) -> bool:
     return len(matrices.pivots(np.array(rows).T, flow.PRIME)) == len(rows)
+
+
+def _walk_outside(tree: Expression) -> Iterator[Expression]:
+    """The nodes that are in no function, root or denominator that is a sum."""
+    yield tree
+    match tree:
+        case ex.Sum() | ex.Product():
+            for part in ex.children(tree):
+                yield from _walk_outside(part)
+        case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1:
+            if exponent > 0 or not isinstance(base, ex.Sum):
+                yield from _walk_outside(base)
+
+
+def _products_of(letters: Sequence[tuple[Expression, bool]], total: int) -> Iterator[list[Expression]]:
+    """The products of powers of letters, negative ones where allowed, whose exponents have this total size."""
+    if not letters:
+        if not total:
+            yield []
+        return
+    (first, inverted), *others = letters
+    for size in range(total + 1):
+        for rest in _products_of(others, total - size):
+            yield [first**size, *rest]
+            if inverted and size:
+                yield [first**-size, *rest]
 
 
 def _is_negative(tree: Expression) -> bool:
@@ -685,6 +737,45 @@ class _Units:
                     factors.append(ex.TIME)
                 return _Ansatz(forms, tuple(factors), tuple(order))
         return _Ansatz(forms, (), ())
+
+    def of_degree(self, velocities: tuple[Expression, ...], degree: int) -> Iterator[_Ansatz]:
+        """Products of velocities, to a degree, times products of letters of growing total degree."""
+        letters = self._letters()
+        steps = 2 if self._is_even else 1
+        keys = [
+            key
+            for d in range(degree % steps, degree + 1, steps)
+            for key in itertools.combinations_with_replacement(range(len(velocities)), d)
+        ]
+        factors: list[Expression] = [ex.ONE]
+        for total in range(1, _HIGHEST + 1):
+            factors += [ex.multiply(*chosen) for chosen in _products_of(letters, total)]
+            if len(factors) * len(keys) > _MOST_HIGHER:
+                return
+            if total > 1:
+                terms = tuple((key, k) for k in range(len(factors)) for key in keys if key or k)
+                yield _Ansatz(velocities, tuple(factors), terms)
+
+    def _letters(self) -> list[tuple[Expression, bool]]:
+        """Coordinates and functions in f, each with whether its inverse is a letter, too."""
+        forces = self.work.motion.free_accelerations
+        roots, inverted, functions = dict[Expression, int](), set[Expression](), dict[Expression, None]()
+        for node in ex.distinct_nodes(forces):
+            match node:
+                case ex.Power(base, ex.Number(exponent)) if not ex.has(node, ex.Velocity):
+                    if exponent.denominator > 1:
+                        roots[base] = math.lcm(roots.get(base, 1), exponent.denominator)
+                    if exponent < 0:
+                        inverted.add(base)
+                case ex.Apply("exp" | "sin" | "cos") if not ex.has(node, ex.Velocity):
+                    functions[node] = None
+                    if node.function == "exp":
+                        inverted.add(node)
+        outside = {node for f in forces for node in _walk_outside(f)}
+        plain = [q for q in self.positions if q in outside and q not in roots]
+        sums = [base for base in inverted if isinstance(base, ex.Sum) and base not in roots]
+        found = [*plain, *functions, *sums, *(base ** Fraction(1, k) for base, k in roots.items())]
+        return [(p, (p.base if isinstance(p, ex.Power) else p) in inverted) for p in found]
 
     def _polynomials(self) -> list[Expression]:
         """Monomials in the coordinates to the degree of a polynomial potential and one, where they are few."""

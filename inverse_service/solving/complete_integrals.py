@@ -1,5 +1,6 @@
 """Whether the first integrals found are all that are polynomials in the velocities up to a degree, with a certificate.
 
+Where there is room for more, cubic and quartic ones are sought at the lowest degree that has it.
 Products of the known ones are counted, and the checker (`certificate.conserved`) proves that there is no room for more:
 the number of solutions of Gamma F = 0, prolonged at one point, is that of the products.
 """
@@ -22,12 +23,33 @@ from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import AllIntegrals
 from inverse_service.expressions import calculus, tree as ex
 from inverse_service.expressions.printing import to_text
-from inverse_service.mechanics.first_integrals import FirstIntegral
+from inverse_service.mechanics.first_integrals import FirstIntegral, higher_integrals, motion_of
 
 # Orders beyond the degree, unknowns, and products of integrals that a proof may take.
-_MORE_ORDERS, _MOST_UNKNOWNS, _MOST_PRODUCTS = (1, 2, 3, 4), 900, 60
+_MORE_ORDERS, _MOST_UNKNOWNS, _MOST_PRODUCTS = (1, 2, 3, 4), 450, 60
 # A singular value of this relative size counts as zero when products are chosen, which the checker proves.
 _TINY = 1e-9
+
+
+def with_higher(
+    analysis: deciding.Analysis, found: Sequence[FirstIntegral], seed: int, limit: float
+) -> tuple[tuple[FirstIntegral, ...], AllIntegrals | None]:
+    """The integrals, with those of the lowest degree at which there are more, and the proof that there are no others.
+
+    Fewer than 2 n - 1 independent ones without t leave room for more. Each proof takes at most `limit` seconds, the
+    search four times as long.
+    """
+    system = analysis.system
+    complete = all_integrals(analysis, found, system.depends_on_time, limit)
+    degree = 1 if complete is None else complete.degree + 1
+    still = [one for one in found if not ex.holds(one.expression, ex.TIME)]
+    room = len(still) < 2 * len(system.coordinates) - 1 and not system.depends_on_time
+    if not (room and 2 <= degree <= conserved.MAX_DEGREE):
+        return tuple(found), complete
+    more = higher_integrals(motion_of(system), found, degree, seed, 4 * limit)
+    if len(more) == len(found):
+        return tuple(found), complete
+    return more, all_integrals(analysis, more, False, limit) or complete
 
 
 def all_integrals(

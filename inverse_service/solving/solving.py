@@ -289,8 +289,7 @@ def _solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress 
     }
     if work.refused:
         provenance["refused_lagrangians"] = len(work.refused)
-    kept = _first_integrals(work, autonomous, with_time)
-    complete = _all_integrals(work, kept)
+    kept, complete = _all_integrals(work, _first_integrals(work, autonomous, with_time))
     provenance["seconds"] = {stage: round(value, 3) for stage, value in work.seconds.items()}
     return Solution(system, autonomous, with_time, work.printed, provenance, work.cut, kept, complete)
 
@@ -324,18 +323,20 @@ def _first_integrals(work: Work, *answers: Answer | None) -> tuple[FirstIntegral
     return found
 
 
-def _all_integrals(work: Work, found: Sequence[FirstIntegral]) -> AllIntegrals | None:
-    """Whether these are all that are polynomials in the velocities, up to the highest degree that is proven."""
+def _all_integrals(
+    work: Work, found: tuple[FirstIntegral, ...]
+) -> tuple[tuple[FirstIntegral, ...], AllIntegrals | None]:
+    """These and higher ones, and whether they are all that are polynomials in the velocities, to a proven degree."""
     system = work.analysis.system
     if not work.options.first_integrals or system.is_unsolved or len(system.coordinates) > bounds.FEW:
-        return None
-    from inverse_service.solving.complete_integrals import all_integrals
+        return found, None
+    from inverse_service.solving.complete_integrals import with_higher
 
     began = deadline.now()
     limit = min(_FOR_ALL_INTEGRALS, _SHARE_FOR_INTEGRALS * work.options.time_limit, work.left())
-    complete = all_integrals(work.analysis, found, system.depends_on_time, limit)
+    every = with_higher(work.analysis, found, work.options.seed, limit)
     work.add_seconds("first integrals", began)
-    return complete
+    return every
 
 
 def _unreduced(system: SecondOrderSystem, options: SolveOptions, found: Conditions | None, reason: str) -> Solution:

@@ -39,6 +39,10 @@ def test_first_integrals_are_found_and_are_constant(row: Row) -> None:
     found = [one["name"] for one in result["first_integrals"]]
     assert len(found) >= len(row["integrals"])
     assert all(one.startswith(name) for one, name in zip(found, row["integrals"], strict=False)), found
+    if "complete" in row:
+        assert len(found) == len(row["integrals"])
+        complete = result["first_integrals_complete"]
+        assert [complete["degree"], complete["number"]] == row["complete"]
     accelerations, first = result["system"]["equations"], {}
     if result.get("nonholonomic"):
         motion = result["nonholonomic"]["equations_of_motion"]
