@@ -13,13 +13,15 @@ A force that acts within a step, unnoticed by both runs, is searched for in the 
 is one, the run is compared with `adaptive`, whose steps end there.
 """
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from enum import Enum, auto
 from fractions import Fraction
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,63 +137,128 @@ def _again(derived: derivation.Derived, requested: data.Requested, problem: data
     return integrated(derived, unguarded, problem).trajectory
 
 
-def estimated(run: observing.Observed, derived: derivation.Derived) -> dict[str, Any]:
-    """{estimated_error, estimated_error_share, estimated_until, doubt}: the greatest error of a position, and the
-    greatest share of the range of a coordinate; the end of the comparison if it is earlier; warnings if they are large.
-    `lost` is the outcome of a run that one step leads elsewhere, and else None.
-    """
-    at, turns, scene, doubts = run.trajectory, initial.angles(run.scene), run.scene, [""]
-    numbers: dict[str, Any] = {"lost": None}
+class Comparison(Enum):
+    """What a run was compared with."""
+
+    ENERGY = auto()
+    HALF_STEP = auto()
+    PEAKS = auto()
+    TRUE_MOTION = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """A comparison in which a run is far off, and the sentence that says so."""
+
+    by: Comparison
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """How far a run is from the true motion: the greatest error of a position, and the greatest share of the range of a
+    coordinate, up to the time `until` if the comparison ended there (None: the end). `lost`: the outcome of a run that
+    one step leads elsewhere. `is_known`: whether another run was compared; its numbers may still not be finite."""
+
+    is_known: bool = False
+    error: float | None = None
+    share: float | None = None
+    until: float | None = None
+    lost: Outcome | None = None
+    doubts: tuple[Doubt, ...] = ()
+
+    def has_doubts(self, *but: Comparison) -> bool:
+        """Whether there are any, but for those by these comparisons."""
+        return any(doubt.by not in but for doubt in self.doubts)
+
+    def with_doubt(self, by: Comparison, sentence: str) -> Estimate:
+        """The estimate with a doubt more, if the sentence says anything."""
+        return replace(self, doubts=(*self.doubts, Doubt(by, sentence))) if sentence else self
+
+    @property
+    def doubt(self) -> str:
+        """All of them."""
+        return " ".join(doubt.sentence for doubt in self.doubts)
+
+    @property
+    def numbers(self) -> dict[str, float | None]:
+        """Those that a result shows."""
+        known = {"estimated_error": self.error, "estimated_error_share": self.share} if self.is_known else {}
+        return known | ({} if self.until is None else {"estimated_until": self.until})
+
+
+def estimated(run: observing.Observed, derived: derivation.Derived) -> Estimate:
+    """The error of a run by its energy, a run with half the step, one that stops at peaks of forces, and the true
+    motion, as far as each is known."""
+    found = _by_energy(run, derived)
+    if found.lost is not None:
+        return found
+    found, whole = _by_another_run(run, derived, finer(run.requested, run.scene.grid), found, run.trajectory.positions)
+    if found.lost is None and not found.has_doubts():
+        for again in _at_peaks(run, derived):
+            found, whole = _by_another_run(run, derived, again, found, whole)
+    if run.true is not None and not found.has_doubts(Comparison.ENERGY):
+        errors = errors_of(run.trajectory.positions, run.true, initial.angles(run.scene), whole=whole)
+        found = found.with_doubt(Comparison.TRUE_MOTION, _elsewhere(run, *errors, TRUE))
+    return found
+
+
+def _by_energy(run: observing.Observed, derived: derivation.Derived) -> Estimate:
+    """The estimate by an energy that should be constant: one step may lead elsewhere, and the whole change be large.
+
+    The mean kinetic energy is changed by no constant in L; a tenth of CHANGED of it suffices where the change is
+    CHANGED of E_0, which is what `max_energy_error` shows."""
+    scene = run.scene
     varies = observing.lagrangian_of_energy(scene) is None or observing.why_energy_varies(scene)
-    if not varies and run.velocities is not None and not observing.end_of_energy(run):
-        energies, kinetic = observing.energies(scene, run.table)
-        numbers["lost"] = _with_made_energy(run, energies, kinetic)
-        if numbers["lost"] is not None:
-            return numbers | {"doubt": ""}
-        # The mean kinetic energy is changed by no constant in L; a tenth of CHANGED of it suffices where the change is
-        # CHANGED of E_0, which is what `max_energy_error` shows.
-        change, start = float(np.abs(energies - energies[0]).max()), abs(float(energies[0]))
-        mean = max(float(kinetic.mean()), schemes.SMALLEST)
-        if (every := scene.grid.record_every) > 1 and change > CHANGED * mean:  # at rest wherever it is recorded
-            short = replace(scene, grid=replace(scene.grid, steps=min(every, scene.grid.steps), record_every=1))
-            ran = _again(replace(derived, scene=short), run.requested, run.problem) if run.problem else None
-            seen = run if ran is None else replace(run, scene=short, trajectory=ran)
-            if seen.velocities is not None:
-                mean = max(mean, float(observing.energies(scene, seen.table)[1].mean()))
-        if change > CHANGED * min(mean, max(start, CHANGED * mean)):
-            doubts = [say("energy_changes", change, change / mean, start)]
-    whole = at.positions
-    for again in (finer(run.requested, scene.grid), *_at_peaks(run, derived)):
-        what = again.problem or run.problem
-        assert what is not None
-        is_sparse = scene.grid.record_every > 1 and again.grid.steps * len(turns) <= MOST_VALUES
-        every = 1 if is_sparse else again.grid.record_every
-        fine = replace(again.grid, record_every=every)
-        own = derived.but(grid=fine)
-        if again.how == PEAKS and (numbers["lost"] or any(doubts)):
-            break
-        ran = _stopping(own, what, again.stops) if again.stops else _again(own, again.requested, what)
-        if (found := ran) is None:
-            continue
-        whole, found = found.positions, found.thinned(fine.steps, again.grid.record_every // every)
-        count, end, kind = min(len(found.times), len(at.times)), float(found.times[-1]), found.outcome.kind
-        early = count < len(at.times) and kind not in GOES_ON
-        if early and again.how == HALF:
-            quantity = say("end_with_half", kind.replace("_", " "))
-            return numbers | {"lost": _unresolved(run, count - 1, quantity), "doubt": ""}
-        errors, shares = errors_of(at.positions[:count], found.positions[:count], turns, again.part, whole)
-        greatest, expected = observing.greatest(errors), numbers.get("estimated_error") or 0.0
-        is_own = run.requested.method in method_table.OWN_STEPS
-        missed = again.how == PEAKS and (is_own or (greatest or 0.0) > BEYOND * expected)
-        numbers |= {"estimated_error": greatest, "estimated_error_share": observing.greatest(shares)}
-        numbers["lost"] = _lost(run, shares.max(axis=1)) if again.how == HALF else None
-        numbers |= {"estimated_until": float(at.times[count - 1])} if count < len(at.times) else {}
-        doubts.append(_elsewhere(run, errors, shares, AGAIN.format(again.how), MISSED if missed else 1.0))
-        if early and not doubts[-1]:
-            doubts.append(say("ends_early", again.how, end, kind.replace("_", " ")))
-    if run.true is not None and not any(doubts[1:]):
-        doubts.append(_elsewhere(run, *errors_of(at.positions, run.true, turns, whole=whole), TRUE))
-    return numbers | {"doubt": " ".join(filter(None, doubts))}
+    if varies or run.velocities is None or observing.end_of_energy(run):
+        return Estimate()
+    energies, kinetic = observing.energies(scene, run.table)
+    if (lost := _with_made_energy(run, energies, kinetic)) is not None:
+        return Estimate(lost=lost)
+    change, start = float(np.abs(energies - energies[0]).max()), abs(float(energies[0]))
+    mean = max(float(kinetic.mean()), schemes.SMALLEST)
+    if (every := scene.grid.record_every) > 1 and change > CHANGED * mean:  # at rest wherever it is recorded
+        short = replace(scene, grid=replace(scene.grid, steps=min(every, scene.grid.steps), record_every=1))
+        ran = _again(replace(derived, scene=short), run.requested, run.problem) if run.problem else None
+        seen = run if ran is None else replace(run, scene=short, trajectory=ran)
+        if seen.velocities is not None:
+            mean = max(mean, float(observing.energies(scene, seen.table)[1].mean()))
+    is_large = change > CHANGED * min(mean, max(start, CHANGED * mean))
+    sentence = say("energy_changes", change, change / mean, start) if is_large else ""
+    return Estimate().with_doubt(Comparison.ENERGY, sentence)
+
+
+def _by_another_run(
+    run: observing.Observed, derived: derivation.Derived, again: Finer, before: Estimate, whole: Array
+) -> tuple[Estimate, Array]:  # fmt: skip
+    """The estimate with a finer run too, and the positions of that; what was known where it does not begin."""
+    at, turns, scene, what = run.trajectory, initial.angles(run.scene), run.scene, again.problem or run.problem
+    assert what is not None
+    is_sparse = scene.grid.record_every > 1 and again.grid.steps * len(turns) <= MOST_VALUES
+    every = 1 if is_sparse else again.grid.record_every
+    own = derived.but(grid=replace(again.grid, record_every=every))
+    ran = _stopping(own, what, again.stops) if again.stops else _again(own, again.requested, what)
+    if ran is None:
+        return before, whole
+    whole, found = ran.positions, ran.thinned(again.grid.steps, again.grid.record_every // every)
+    count, end, kind = min(len(found.times), len(at.times)), float(found.times[-1]), found.outcome.kind
+    early = count < len(at.times) and kind not in GOES_ON
+    if early and again.how == HALF:
+        quantity = say("end_with_half", kind.replace("_", " "))
+        return replace(before, lost=_unresolved(run, count - 1, quantity)), whole
+    errors, shares = errors_of(at.positions[:count], found.positions[:count], turns, again.part, whole)
+    is_at_peaks, error = again.how == PEAKS, observing.greatest(errors)
+    is_own = run.requested.method in method_table.OWN_STEPS
+    missed = is_at_peaks and (is_own or (error or 0.0) > BEYOND * (before.error or 0.0))
+    estimate = replace(
+        before, is_known=True, error=error, share=observing.greatest(shares),
+        until=float(at.times[count - 1]) if count < len(at.times) else before.until,
+        lost=_lost(run, shares.max(axis=1)) if again.how == HALF else None,
+    )  # fmt: skip
+    sentence = _elsewhere(run, errors, shares, AGAIN.format(again.how), MISSED if missed else 1.0)
+    if early and not sentence:
+        sentence = say("ends_early", again.how, end, kind.replace("_", " "))
+    return estimate.with_doubt(Comparison.PEAKS if is_at_peaks else Comparison.HALF_STEP, sentence), whole
 
 
 def _at_peaks(run: observing.Observed, derived: derivation.Derived) -> Iterator[Finer]:

@@ -137,9 +137,8 @@ def run_method(
     outcome, numbers, seconds = run.outcome, dict(run.numbers), dict(run.seconds)
     if outcome.completed:
         with derivation.timed(seconds, "half the step"):
-            numbers |= accuracy.estimated(run.observed, derived)
-            lost = numbers.pop("lost")
-        if lost is not None:  # the run up to there, with the quantities observed so far
+            estimate = accuracy.estimated(run.observed, derived)
+        if (lost := estimate.lost) is not None:  # the run up to there, with the quantities observed so far
             end, at = lost.time or 0.0, run.observed.trajectory
             shorter = replace(run.observed, trajectory=at.ended(at.times <= end, lost))
             numbers, series = observing.observed_quantities(shorter, seconds)
@@ -147,7 +146,8 @@ def run_method(
                 run, outcome=lost, trajectory=shorter.trajectory, numbers=numbers, series=series, seconds=seconds,
                 events=tuple(one.part(one.times <= end) for one in run.events), observed=shorter, final=None,
             )  # fmt: skip
-        outcome = replace(outcome, doubt=numbers.pop("doubt"))
+        numbers |= estimate.numbers
+        outcome = replace(outcome, doubt=estimate.doubt)
     if "cost" in derived.scene.observe:
         with derivation.timed(seconds, "cost"):
             numbers["cost"] = costs.part_costs(derived, requested)
@@ -260,10 +260,12 @@ def _missed(
         alone = replace(derived.scene, positions=start[0], velocities=start[1], values=own, ensemble=None)
         ran = Trajectory(many.grid.times, many.positions[row], None, run.velocities[row], many.outcome(row))
         seen = observing.Observed(alone, run.requested, ran, problem, own, None, in_pieces=True)
-        found = accuracy.estimated(seen, derived) if len(peaks.moments_between(seen)) else {"doubt": ""}
-        if found["doubt"]:
-            estimates[row] = found.get("estimated_error", np.nan)
-            return say("member", row, found["doubt"])
+        if not len(peaks.moments_between(seen)):
+            continue
+        estimate = accuracy.estimated(seen, derived)
+        if estimate.doubt:
+            estimates[row] = np.nan if estimate.error is None else estimate.error
+            return say("member", row, estimate.doubt)
     return ""
 
 
