@@ -165,7 +165,10 @@ def test_command_and_page_show_it_next_to_the_outcome() -> None:
     assert f"stormer-verlet: {rough['doubt']}" in page(result)
     job = {"id": "1", "kind": "simulate", "status": "successful", "result": result}
     html = bytes(simulation_result("http://here", job, "{}").body).decode()
-    assert '<b class="open">completed</b><br><span class="note">With half the step' in html
+    row, reason = html.split('<b class="open">completed</b>')[1].split('<tr class="reason">')[:2]
+    assert "</tr>" in row
+    assert "half the step" not in row
+    assert 'class="note">With half the step' in reason.partition("</tr>")[0]
     assert html.count('<b class="yes">completed</b>') == 1
     assert "doubt" not in good
 
