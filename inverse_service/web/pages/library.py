@@ -198,7 +198,7 @@ async def _answer_of(request: Request, entry: dict[str, Any], patience: float) -
     engine, client = request.app.state.engine, clients.client_of(request)
 
     async def make() -> Markup | None:
-        task, most = result_tasks.entry_task, 2 * result_tasks.ENTRY
+        task, most = result_tasks.entry_task, 4 * result_tasks.ENTRY
         outcome = await engine.run_quick(client, task, entry, seconds=most, among_jobs=True)
         return outcome.value if outcome.status == "done" else None
 

@@ -391,10 +391,13 @@ def _are_apart(facts: Facts, rows: Matrix) -> bool:
         ex.Symbol(facts.time),
     ]
     point: Point = {leaf: mpmath.mpf(k) / 7 + mpmath.mpf(1) / 3 for k, leaf in enumerate(leaves)}
-    found = mpmath.matrix([[facts.value(part, point) for part in row] for row in rows])
-    sizes = [mpmath.norm(found[k, :]) for k in range(3)]
-    size = sizes[0] * sizes[1] * sizes[2]
-    return bool(size > 0 and abs(mpmath.det(found)) > LEAST * size)
+    a, b, c = ([facts.value(part, point) for part in row] for row in rows)
+    crossed = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]]
+    determinant = abs(sum((left * right for left, right in zip(a, crossed, strict=True)), mpmath.mpf(0)))
+    size = mpmath.mpf(1)
+    for row in (a, b, c):
+        size *= mpmath.sqrt(sum((value**2 for value in row), mpmath.mpf(0)))
+    return bool(size > 0 and determinant > LEAST * size)  # neither holds of nan
 
 
 def _point(facts: Facts) -> Iterator[str | sheets.Formula]:
@@ -491,12 +494,16 @@ def _of_heading(facts: Facts, name: str, rest: Sequence[str], u: ex.Expression, 
                 " without slipping: the marks on the ground are one turn apart.",
             )
             return Picture("disk", said, {"heading": heading, "rolled": facts.coordinates.index(one)})
-    if len(rest) >= 2:
-        return Picture(
-            "carriage",
-            ("Seen from above. No wheel moves sideways: the path has the direction ", angle, "."),
-            {"heading": heading, "rolled": facts.coordinates.index(rest[0])},
+    if len(rest) >= 2 and len(facts.constraints) >= 3:
+        said = ("Seen from above. No wheel moves sideways: the path has the direction ", angle, ".")
+        return Picture("carriage", said, {"heading": heading, "rolled": facts.coordinates.index(rest[0])})
+    if rest:
+        said = (
+            "Seen from above. The point moves along the direction ",
+            angle,
+            " alone; other coordinates are not drawn.",
         )
+        return Picture("heading", said, {"heading": heading})
     return Picture(
         "knife-edge",
         ("Seen from above. The blade has the direction ", angle, " and moves along itself alone."),

@@ -30,7 +30,7 @@ ONE_QUESTION = "Ask one question instead of two, in \u201cAsk in detail\u201d: L
 MUCH_OF = 0.8
 LONG_RUN = "Run the system on your own computer: `inverse-service solve --time-limit 3600 system.json`"
 EXPORTS: dict[str, tuple[str, str]] = WORDS["exports"]
-ENTRY = 10.0  # s of processor time for an entry of the atlas
+ENTRY = 6.0  # s of processor time for an entry of the atlas
 GLANCE = 3.0  # s of processor time; no one who is still typing waits longer
 
 

@@ -10,6 +10,7 @@ const STEP = 0.02; // of the drawn curve, classical Runge-Kutta in two parts
 const STEPS = 1500; // of a phase portrait; a path has half of them
 const FAR = 60; // of a coordinate: the path beyond is not drawn
 const SPEED = 1.4; // of the motion's time in s
+const ZEROS = [0, 1, 0.5, -1]; // times at which a motion may begin
 const RATES = [0.3, 5]; // in 1/s: of a motion that is as fast as that STEP is taken
 const DIALS = 3; // in a row
 const MOST_DIALS = 6;
@@ -120,11 +121,15 @@ export class Motion {
     const round = this.round();
     const candidates = round ? [round] : this.told.start ? [[this.told.start.positions, this.told.start.velocities]] : STARTS.map(([q, v]) => [this.told.coordinates.map((_, k) => q[Math.min(k, q.length - 1)]),
       this.told.coordinates.map((name) => { const k = free.indexOf(name); return k < 0 ? NaN : v[Math.min(k, v.length - 1)]; })]);
-    [this.q, this.v] = candidates[0];
     let best = -1;
-    for (const [q, v] of candidates) {
-      const lasted = this.lasts(q, v);
-      if (lasted > best + 20) [best, this.q, this.v] = [lasted, q, v];
+    // Where nothing moves from t = 0 on, the picture begins later.
+    for (this.zero of ZEROS) {
+      for (const [q, v] of candidates) {
+        if (best < 0) [best, this.q, this.v] = [0, q, v];
+        const lasted = this.lasts(q, v);
+        if (lasted > best + 20) [best, this.q, this.v] = [lasted, q, v];
+      }
+      if (best > 0) break;
     }
     this.q = [...this.q];
     this.v = [...this.v];
@@ -143,7 +148,7 @@ export class Motion {
   get step() {
     if (this.told.span) return STEP;
     const { system } = this;
-    const state = system.state(this.q, system.completed(this.q, this.v, this.values), this.values);
+    const state = this.from(this.q, this.v);
     let rate = 0;
     for (let k = 0; k < 2 * this.n; k += 1) {
       const [before, d] = [system.f.map((f) => f(state)), 1e-4 * Math.max(1, Math.abs(state[k]))];
@@ -155,9 +160,16 @@ export class Motion {
     return rate > RATES[1] ? (STEP * RATES[1]) / rate : rate > 0 && rate < RATES[0] ? (STEP * RATES[0]) / rate : STEP;
   }
 
+  // The state at the start: velocities that are left open follow from the constraints.
+  from(q, v) {
+    const state = this.system.state(q, this.system.completed(q, v, this.values), this.values);
+    state[2 * this.n] = this.zero;
+    return state;
+  }
+
   // For how many steps a motion stays near and on its side of what the answer needs.
   lasts(q, v) {
-    const start = this.system.state(q, this.system.completed(q, v, this.values), this.values);
+    const start = this.from(q, v);
     const sides = this.system.sides.map((side) => side(start));
     if (this.told.signs?.some((sign, k) => (sign ? !(sides[k] > 0) : !sides[k]))) return 0;
     let lasted = 0;
@@ -168,7 +180,7 @@ export class Motion {
   }
 
   track(q, v, steps = Math.round(Math.min(4000, this.told.span ? this.told.span / STEP : this.isPhase ? STEPS : STEPS / 2))) {
-    const start = this.system.state(q, this.system.completed(q, v, this.values), this.values);
+    const start = this.from(q, v);
     const found = run(this.system, start, this.step, steps, 2);
     let end = found.t.length;
     const isFar = (k) => found.q.some((column) => Math.abs(column[k]) > FAR);
@@ -194,6 +206,7 @@ export class Motion {
     this.height = this.svg.clientHeight || this.width * SHAPE;
     this.svg.setAttribute("viewBox", `0 0 ${this.width} ${this.height}`);
     this.main = this.told.tracks?.[0] ?? this.track(this.q, this.v);
+    this.svg.classList.toggle("blank", this.main.t.length < 2);
     if (this.main.t.length < 2) { this.say("There is no motion from this start."); return; }
     const stopped = this.main.stopped !== undefined;
     this.say(stopped ? `no value from t = ${short(this.main.stopped)} on` : this.told.tracks ? "" : "by Runge\u2013Kutta");

@@ -407,6 +407,7 @@ function space(m) {
 const bodies = {
   disk: (rolled) => `<ellipse class="fill" rx="26" ry="8"/>${[0, 1, 2].map((k) => { const a = rolled + (2 * Math.PI * k) / 3; return path(`M0 0L${fixed(26 * Math.cos(a))} ${fixed(8 * Math.sin(a))}`, k ? "thin" : "mark"); }).join("")}`,
   carriage: (rolled) => `<rect class="fill" x="-12" y="-12" width="28" height="24" rx="3"/><g transform="translate(0 -18)scale(.5)">${bodies.disk(rolled)}</g><g transform="translate(0 18)scale(.5)">${bodies.disk(rolled)}</g>`,
+  heading: () => '<circle class="body" r="6"/><path class="mark" d="M6 0H24M17 -5L24 0L17 5"/>',
   "knife-edge": () => '<path class="fill" d="M-20 0Q0 -8 22 0Q0 8 -20 0Z"/><path class="mark" d="M0 0H22"/>',
 };
 const fromAbove = (name) => (m) => {
@@ -476,6 +477,7 @@ export const PICTURES = {
   pendulum: { label: "pendulum", fits: (c, angles) => one(c) && angles.length === 1, make: pendulum },
   spring: { label: "mass on a spring", make: spring },
   disk: { label: "rolling disk", make: fromAbove("disk") },
+  heading: { label: "point with its direction", make: fromAbove("heading") },
   carriage: { label: "carriage", make: fromAbove("carriage") },
   "knife-edge": { label: "knife edge or sleigh", make: fromAbove("knife-edge") },
   "double-pendulum": { label: "double pendulum", make: doublePendulum },

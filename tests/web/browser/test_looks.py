@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, ViewportSize, expect
 
+from inverse_service import catalogue
+
 from .conftest import Visit, visited
 from .test_people import ask
 
@@ -57,6 +59,8 @@ MORE: dict[str, dict[str, Any]] = {
     "space": {"equations": "x'' = y'; y'' = -x'; z'' = -1"},
     "blade": {"lagrangian": "(x'^2+y'^2+p'^2)/2", "constraints": ["x'*sin(p)-y'*cos(p)"]},
     "particle": {"lagrangian": "(x'^2+y'^2+z'^2)/2", "constraints": ["z' - y*x'"]},
+    "no value at t = 0": {"equations": "x'' = -x - x'/t"},
+    "tilting disk": catalogue.atlas()["tilting-disk"]["document"],
     "large": {"equations": "x'' = -1000000*x"},
     "small": {"equations": "x'' = -x/1000000"},
 }
@@ -65,6 +69,7 @@ MORE: dict[str, dict[str, Any]] = {
 def look_at(visit: Visit, document: dict[str, Any]) -> None:
     page = visit.page
     ask(visit, document)
+    expect(page.locator(".motion svg.blank")).to_have_count(0)
     for width in WIDTHS:
         page.set_viewport_size({"width": width, "height": 900})
         expect(page.locator(".motion svg")).to_have_attribute(

@@ -8,8 +8,10 @@ from typing import Any
 import pytest
 
 from inverse_service import catalogue, solve
+from inverse_service.reading import reader
+from inverse_service.reading.names import Names
 from inverse_service.service.documents import printed_pages
-from inverse_service.web.pages import preview
+from inverse_service.web.pages import pictures, preview
 
 KEPLER = "r'' = r*phi'^2 - 1/r^2; phi'' = -2*r'*phi'/r"
 COUPLED = "theta1'' = -sin(theta1) + theta2 - theta1; theta2'' = -sin(theta2) + theta1 - theta2"
@@ -68,6 +70,10 @@ def test_the_picture_is_that_of_what_is_known(document: Any, expected: str) -> N
         (KNIFE, "knife-edge"),
         (catalogue.document("vertically-rolling-disk"), "disk"),
         (catalogue.document("nonholonomic-particle"), "path"),
+        (
+            catalogue.atlas()["tilting-disk"]["document"],
+            "heading",
+        ),  # that it is a disk is in no formula of its constraints
         ("x'' = F(x)*x'", ""),
     ],
 )
@@ -118,3 +124,12 @@ def test_an_exercise_shows_nothing_of_its_answer(document: str) -> None:
     assert found.meters == ()
     assert found.data["meters"] == []
     assert not {"potential", "mass", "swept"} & set(found.data["known"])
+
+
+def test_conditions_without_a_value_are_not_drawn() -> None:
+    """x'' = log(-1 - x^2) y' has no real value anywhere, so nothing is said of three lines."""
+    names = Names(("x", "y"))
+    nowhere = reader.read_formula("log(-1 - x^2)*y'", names)
+    tensor = ((nowhere, nowhere), (nowhere, nowhere))
+    facts = pictures.Facts(names, (nowhere, nowhere), tensors=(tensor, tensor))
+    assert pictures.picture_of(facts).kind == "path"
