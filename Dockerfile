@@ -14,7 +14,7 @@ ARG EXTRAS=""
 RUN for extra in $(echo "$EXTRAS" | tr , ' '); do chosen="$chosen -r deploy/image/requirements-$extra.txt"; done; \
     /build/bin/pip --python /opt/inverse-service/bin/python install --no-cache-dir --require-hashes --no-compile \
       -r deploy/image/requirements.txt $chosen
-COPY pyproject.toml hatch_build.py README.md LICENSE ./
+COPY pyproject.toml publication.toml hatch_build.py README.md LICENSE ./
 COPY docs/*.md docs/
 COPY api_schemas api_schemas
 COPY inverse_service inverse_service

@@ -4,20 +4,26 @@ On Linux a wheel without them is refused, since it would install another 200 MB 
 first answer. INVERSE_SERVICE_WHEEL=pure asks for it; INVERSE_SERVICE_WHEEL=aarch64 makes the wheel of that machine on
 another one. Elsewhere the wheel is pure. A pure wheel depends on numba, which compiles the kernels at their first use;
 so does an editable installation.
+
+Names and addresses of the package come from publication.toml, and the links of README.md are made absolute, since an
+index shows that page without the files around it.
 """
 
 from __future__ import annotations
 
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
+import tomllib
 from pathlib import Path
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+from hatchling.metadata.plugin.interface import MetadataHookInterface
 
 COMPILER = ["llvmlite>=0.45", "numba>=0.62"]
 FOLDER = "inverse_service/kernels/machine_code/compiled"
@@ -68,3 +74,28 @@ class Kernels(BuildHookInterface):
                 "INVERSE_SERVICE_WHEEL=pure builds a wheel without kernels."
             )
         return sorted(Path(self.folder.name).iterdir())
+
+
+class Publication(MetadataHookInterface):
+    """Authors, addresses, and the page of the package."""
+
+    def update(self, metadata: dict[str, Any]) -> None:
+        about = tomllib.loads((Path(self.root) / "publication.toml").read_text(encoding="utf-8"))
+        place = about["repository"].rstrip("/")
+        metadata["authors"] = [{"name": one["name"]} for one in about["authors"]]
+        metadata["urls"] = {
+            "Repository": place, "Issues": f"{place}/issues", "Changelog": f"{place}/blob/main/CHANGELOG.md",
+            "Documentation": f"{place}/blob/main/docs/index.md",
+        }  # fmt: skip
+        text = (Path(self.root) / "README.md").read_text(encoding="utf-8")
+        metadata["readme"] = {"content-type": "text/markdown", "text": with_absolute_links(text, place)}
+
+
+def with_absolute_links(text: str, repository: str) -> str:
+    """Markdown whose links to files of the repository are addresses there; those of pictures lead to the raw file."""
+
+    def absolute(found: re.Match[str]) -> str:
+        kind = "raw" if found["mark"] else "blob"
+        return f"{found['mark']}[{found['text']}]({repository}/{kind}/main/{found['path']})"
+
+    return re.sub(r"(?P<mark>!?)\[(?P<text>[^]]*)\]\((?P<path>(?!https?:|#|mailto:)[^)\s]+)\)", absolute, text)

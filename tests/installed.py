@@ -48,8 +48,11 @@ def main(wheel: Path, place: Path) -> None:
         install = [python, "-m", "pip", "install", "--quiet", "-c", ROOT / "constraints.txt", wheel]
         subprocess.run(install, env=empty(Path(folder)), check=True)
         command = place / "bin" / "inverse-service"
-        assert subprocess.run([python, "-c", "import numba"], capture_output=True, check=False).returncode
         environment = empty(barrier / "home", XDG_CACHE_HOME=f"{barrier}/cache")
+        if wheel.name.endswith("-none-any.whl"):  # which compiles its kernels once
+            environment["INVERSE_SERVICE_CACHE"] = f"{folder}/kernels"
+        else:
+            assert subprocess.run([python, "-c", "import numba"], capture_output=True, check=False).returncode
 
         def run(*words: str) -> subprocess.CompletedProcess[str]:
             return subprocess.run([command, *words], capture_output=True, text=True, env=environment, check=False)

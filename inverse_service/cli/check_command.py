@@ -166,6 +166,7 @@ def is_batch(name: str) -> bool:
 
 def check_batch(name: str) -> cli.ExitCode:
     """Check every line of a batch's output and print the invalid lines and the totals. 0: every claim is valid."""
+    cli.refuse_without_pools("The check of many answers")
     settings = read_settings()
     options = model.JobOptions(settings.time_limit, settings.memory_limit)
     summary, others = batches.Summary(), Counter[str]()
@@ -226,6 +227,7 @@ def batch(
     Exit 0 all answered (and as expected), 1 some error lines or other answers than expected, 2 bad files or nothing
     but errors, 3 a fault of the program, 130 interrupted.
     """
+    cli.refuse_without_pools("'batch'")
     if (expect or junit) and str(output) == "-":
         raise errors.InputError("--expect and --junit read the output again: give a file with --output.")
     # A wrong file is refused before a batch that may run for hours.

@@ -116,6 +116,18 @@ def time_limit(default: str) -> Any:
     return typer.Option("--time-limit", help=f"Seconds; default {default}.", callback=_limit)
 
 
+def refuse_without_pools(what: str) -> None:
+    """InputError on systems without file locks and forked processes, on which pools of workers rest (Windows)."""
+    try:
+        import fcntl  # noqa: F401
+    except ImportError:
+        detail = (
+            f"{what} needs file locks and forked processes, which this system lacks: run it on Linux or macOS, or in "
+            "WSL on Windows. 'solve', 'check', 'simulate' and the Python interface work here."
+        )
+        raise errors.InputError(detail) from None
+
+
 def load_commands(wanted: str | None = None) -> None:
     """Load the module of a command, or of all commands if there is no command of this name."""
     for module in dict.fromkeys([COMMANDS[wanted]] if wanted in COMMANDS else COMMANDS.values()):

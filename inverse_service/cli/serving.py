@@ -50,6 +50,7 @@ def serve(
     port: Annotated[int, typer.Option(help="Port to listen on.", min=0, max=65535)] = 8000,
 ) -> cli.ExitCode:
     """Run the HTTP service and its web pages."""
+    cli.refuse_without_pools("'serve'")
     settings = read_settings()
     # Documents of clients are in the database and in temporary folders: no other user of this machine may read them.
     os.umask(0o077)

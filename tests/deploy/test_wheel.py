@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -12,8 +13,12 @@ from typing import Any
 import pytest
 
 from tests.deploy.bare import ROOT
+from tests.publication import FILES, publication
 
-INTERFACE = "hatchling.builders.hooks.plugin.interface"
+INTERFACES = {
+    "BuildHookInterface": "hatchling.builders.hooks.plugin.interface",
+    "MetadataHookInterface": "hatchling.metadata.plugin.interface",
+}
 
 
 @pytest.fixture
@@ -21,9 +26,10 @@ def hook(monkeypatch: pytest.MonkeyPatch) -> Any:
     """The module, with the part of hatchling that it uses."""
     monkeypatch.delenv("INVERSE_SERVICE_WHEEL", raising=False)
     monkeypatch.setattr(sys, "platform", "linux")
-    interface = ModuleType(INTERFACE)
-    interface.__dict__["BuildHookInterface"] = type("BuildHookInterface", (), {"root": str(ROOT)})
-    monkeypatch.setitem(sys.modules, INTERFACE, interface)
+    for name, place in INTERFACES.items():
+        interface = ModuleType(place)
+        interface.__dict__[name] = type(name, (), {"root": str(ROOT)})
+        monkeypatch.setitem(sys.modules, place, interface)
     specification = importlib.util.spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
     assert specification is not None
     assert specification.loader is not None
@@ -85,3 +91,45 @@ def test_a_wheel_without_kernels_is_asked_for_and_says_so(hook: Any, monkeypatch
 
 def test_an_editable_installation_compiles_at_its_first_question(hook: Any) -> None:
     assert built(hook, "editable")[1]["dependencies"] == hook.COMPILER
+
+
+def test_the_page_of_the_package_has_no_link_to_a_file_that_is_not_there(hook: Any) -> None:
+    metadata = dict[str, Any]()
+    hook.Publication().update(metadata)
+    text, place = metadata["readme"]["text"], publication()["repository"]
+    links = re.findall(r"\]\(([^)\s]+)\)", text)
+    assert len(links) > 20
+    assert all(link.startswith(("https://", "#")) for link in links)
+    for link in links:
+        if link.startswith(place):
+            kind, _, path = link.removeprefix(f"{place}/").partition("/main/")
+            assert kind in ("blob", "raw")
+            assert (ROOT / path.partition("#")[0]).exists(), link
+    assert f"]({place}/raw/main/docs/answer.png)" in text
+    assert {*metadata["urls"]} >= {"Repository", "Issues", "Documentation", "Changelog"}
+    assert metadata["authors"] == [{"name": one["name"]} for one in publication()["authors"]]
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_names_and_addresses_are_those_of_one_file(name: str) -> None:
+    text = (ROOT / name).read_text(encoding="utf-8")
+    assert FILES[name](text, publication()) == text
+    other = {"repository": "https://x.example/y", "authors": [
+        {"name": "A B", "orcid": "0000-0000-0000-0001", "affiliation": "C"},
+        {"name": "D E", "orcid": "0000-0000-0000-0002", "affiliation": "C"},
+    ]}  # fmt: skip
+    changed = FILES[name](text, other)
+    assert "https://x.example/y" in changed
+    assert "A B" in changed
+    assert "D E" in changed
+    assert publication()["repository"] not in changed
+    assert FILES[name](changed, publication()) == text
+
+
+def test_the_manuscript_is_short_and_has_its_parts() -> None:
+    text = (ROOT / "paper" / "paper.md").read_text(encoding="utf-8")
+    body = text.split("---", 2)[2]
+    assert len(body.split()) < 1_000
+    assert {"# Summary", "# Statement of need", "# State of the field", "# References"} <= {*body.splitlines()}
+    entries = {*re.findall(r"@\w+\{(\w+),", (ROOT / "paper" / "paper.bib").read_text(encoding="utf-8"))}
+    assert {*re.findall(r"@(\w+)", body)} == entries

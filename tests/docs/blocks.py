@@ -17,7 +17,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *ROOT.glob("docs/**/*.md"),
-                *ROOT.glob("inverse_service/certificate/*.md")])  # fmt: skip
+                ROOT / "paper/paper.md", *ROOT.glob("inverse_service/certificate/*.md")])  # fmt: skip
 PROGRAMS = ("sh", "bash", "python", "javascript", "julia")
 DOCUMENTS = ("json", "yaml")
 # Languages that begin with a brace are only for the site (`make docs`).
