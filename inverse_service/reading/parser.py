@@ -38,6 +38,8 @@ _OPERAND, _PIECE = "a number, a name or '('", "a piece such as (x^2, x > 0)"
 _KINETIC = re.compile(r"p\w*\^\(?2\)?/2(?!\d)")  # of p^2/2m and p_phi^2/2ml^2, which are divided by m
 _SQUARE = re.compile(r"1|.+\^\(?2\)?")  # under a root, of which nothing would be left
 _OF_ANGLES = frozenset(("sin", "cos", "tan", "cot"))
+# sin x^2 is sin(x^2), and its other meaning is noted.
+_RAISED_APART = _OF_ANGLES | {"sinh", "cosh", "tanh", "log", "ln"}
 
 
 def _checked(value: Fraction, column: int) -> Fraction:
@@ -269,6 +271,9 @@ class FormulaParser(tk.TokenStream):
         name = self._names.spelling(ahead.text) if ahead.kind == "name" else ""
         role = self._names.role(name)
         if self._names.energy and self._is_half(start, slash, role):
+            if role == "parameter" and not ahead.space_before:
+                over, under = self.source(start, slash - 1), self.source(slash)
+                note(f"{over}/{under}{ahead.text}", f"({over}/{under})*{ahead.text}, not {over}/({under}*{ahead.text})")
             return True
         if not ahead.space_before:
             return False
@@ -512,6 +517,9 @@ class FormulaParser(tk.TokenStream):
         start = self.position
         with self._nested():
             argument = self._factor()
+            if self._tokens[start + 1].is_operator("^") and token.text in _RAISED_APART:
+                inner = _plainly(self.source(start))
+                note(f"{token.text} {inner}", f"{token.text}({inner}), not a power of {token.text}({ahead.text})")
             following, whole = self.ahead, self._bare_product(start)
             if whole and not (ahead.kind == "number" and token.text in ("sqrt", "cbrt")):
                 argument = product([argument, *(self._factor() for _ in range(whole))], ahead.column)
@@ -660,7 +668,12 @@ class FormulaParser(tk.TokenStream):
             raise fault("prime of a constant", token.primed, (token.column, token.primed + token.order), name=name)
         if ahead.is_bracket() and not ahead.space_before and self._are_its_names(node):
             self.take()
-        elif ahead.is_bracket() and not ahead.space_before and not self._is_factor(token):
+        elif ahead.is_bracket() and not ahead.space_before and self._is_factor(token):
+            moves = any(map(self._moves, tk.walk(ahead.inside))) and not tk.moves(ahead.inside)
+            if self._names.guesses and self._is_constant(token) and moves:
+                inside = _plainly(tk.source([ahead]))
+                note(f"{name}{inside}", f"{name}*{inside}, not a function {name}")
+        elif ahead.is_bracket() and not ahead.space_before:
             if len(tk.split_at(",", ahead.inside)) > 1:
                 raise fault("arguments of a constant", token.column, name=name)
             key = "constant before a bracket" if self._is_constant(token) and node != ex.PI else "name before a bracket"
@@ -826,6 +839,11 @@ def _is_frequency(bracket: Token) -> bool:
     """Whether the bracket of cos(2 omega + epsilon) t contains a frequency rather than the time or a moving angle."""
     words = {token.text.partition("_")[0] for token in tk.walk([bracket]) if token.kind == "name"}
     return bool(words & {"omega", "Omega", "nu"}) and "t" not in words
+
+
+def _plainly(text: str) -> str:
+    """x^2 for the x^(2) of LaTeX."""
+    return re.sub(r"\^\((\w+)\)", r"^\1", text)
 
 
 def _starts_factor(token: Token) -> bool:
