@@ -247,9 +247,9 @@ class SceneDocument(base.Document):
     start: Beginning = "momenta"
     free_lagrangian: Text | None = None
     constants: Numbers = Field(default_factory=dict)
-    points: Annotated[dict[Name, Annotated[list[Formula], Field(min_length=2, max_length=2)]], Field(max_length=16)] = (
-        Field(default_factory=dict)
-    )
+    points: Annotated[
+        dict[Name, Annotated[list[Formula], Field(min_length=2, max_length=2)]], Field(max_length=base.MAX_SIMULATED)
+    ] = Field(default_factory=dict)
     circle: Annotated[list[Name], Field(min_length=2, max_length=2)] | None = None
     units: Annotated[dict[Name, Name], Field(max_length=64)] = Field(default_factory=dict)
     step_sizes: Annotated[list[Value], Field(min_length=1, max_length=MAX_STEP_SIZES)] | None = None

@@ -133,6 +133,10 @@ if __name__ == "__main__":
         from benchmarks import simulation_peers
 
         simulation_peers.main(sys.argv[2:])
+    elif sys.argv[1:2] == ["size"]:
+        from benchmarks import scene_sizes
+
+        scene_sizes.main(sys.argv[2:])
     elif sys.argv[1:2] == ["hard-cases"]:
         from benchmarks import simulation
 
