@@ -97,5 +97,5 @@ def test_bodies_are_columns_and_a_moving_picture(tmp_path: Path) -> None:
     assert columns["bob_y"] == pytest.approx(-2 * np.cos(columns["a"]))
     path = tmp_path / "scene.json"
     path.write_text(json.dumps(scene))
-    assert simulate_command.simulate(str(path), tmp_path, None, False, tmp_path / "bob.gif") == 0
+    assert simulate_command.simulate(str(path), tmp_path, figures=False, moving=tmp_path / "bob.gif") == 0
     assert (tmp_path / "bob.gif").read_bytes().startswith(b"GIF8")
