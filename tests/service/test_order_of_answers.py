@@ -7,7 +7,7 @@ import random
 
 import pytest
 
-from inverse_service import solve
+from inverse_service import check, solve
 from inverse_service.statements.order import Standing, in_order
 from inverse_service.statements.questions import About, Question
 
@@ -70,3 +70,13 @@ def test_the_damped_oscillator_is_shown_with_its_exponential() -> None:
     first, second = solve({"equations": {"x": "-x - x'/10"}})["answers"]
     assert (first["with_time"], first["lagrangian"]["text"]) == (True, "exp(t/10)*(x'^2 - x^2)/2")
     assert (second["with_time"], "atan" in second["lagrangian"]["text"]) == (False, True)
+
+
+def test_the_checker_states_first_what_people_are_shown() -> None:
+    """Both answers are proven and stated: L(t, q, q') first, then the L without t."""
+    statement = check(dict(solve({"equations": {"x": "-x - x'/10"}})))["statement"]
+    assert statement["lagrangian"] == "exp(t/10)*(x'^2 - x^2)/2"
+    first, second = statement["text"].split("\n")
+    assert "L(t, q, q')" in first
+    assert "L(q, q')" in second
+    assert "atan" in second

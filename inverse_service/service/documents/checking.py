@@ -187,6 +187,7 @@ class Examination:
     proofs: dict[str, checker.CheckResult] = field(default_factory=dict)
     compared: dict[str, checker.CheckResult] = field(default_factory=dict)
     cells: list[dict[str, Any]] = field(default_factory=list)
+    timed_cells: list[dict[str, Any]] = field(default_factory=list)  # of answers on L(t, q, q') beside the main ones
     statement: dict[str, Any] | None = None
     further: list[dict[str, Any]] = field(default_factory=list)  # about the motion on constraints
     has_document: bool = False
@@ -288,7 +289,10 @@ class Examination:
         self.named(plain, own)
         self.answers()
         if not self.contradictions:
-            self.statement = canonical.joined([canonical.of_cells(own, self.cells), *self.further])
+            both = [canonical.of_cells(own, each) for each in (self.cells, self.timed_cells)]
+            if both[1] and stated.statements_of(result)[0].at.endswith("/with_time"):  # what people are shown first
+                both.reverse()
+            self.statement = canonical.joined([*both, *self.further])
 
     def answers(self) -> None:
         """The list of answers says what the fields say from which it is made."""
@@ -372,6 +376,11 @@ class Examination:
             energy = part.get("hamiltonian") if f"{at}/hamiltonian/text" in self.claimed else None
             whole = f"{at}/hamiltonian/domain" in self.claimed
             self.cells.append(canonical.cell(own, str(verdict), certificates[0], proof, energy, whole))
+        if other is not None and later != "undetermined" and (certificate := certificates[1]) is not None:
+            energy = other.get("hamiltonian") if f"{at}/with_time/hamiltonian/text" in self.claimed else None
+            whole = f"{at}/with_time/hamiltonian/domain" in self.claimed
+            proof = self.proof(certificate)
+            self.timed_cells.append(canonical.cell(own, str(later), certificate, proof, energy, whole))
         return good and None not in certificates and "undetermined" not in (verdict, later)
 
     def proof(self, certificate: dict[str, Any]) -> checker.CheckResult:
