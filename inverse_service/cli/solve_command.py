@@ -21,6 +21,7 @@ from inverse_service.service import compiling
 from inverse_service.service.documents import growing, plain_data
 from inverse_service.service.jobs import model, tasks, workers
 from inverse_service.settings import read_settings
+from inverse_service.statements.stages import Stage
 
 STAGE_WIDTH, LINE_WIDTH = 78, 118
 LINES_AFTER = 1.0  # seconds
@@ -243,9 +244,9 @@ class _Shown:
 
     def report(self, value: Any) -> None:
         """A stage, or parts that are finished."""
-        if isinstance(value, str):
+        if isinstance(value, Stage):
             if self._stages:
-                show_stage(value)
+                show_stage(value.text)
             self._say()
             return
         self.so_far = growing.grown(self.so_far or {}, value)

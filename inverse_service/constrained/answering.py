@@ -32,6 +32,8 @@ from inverse_service.field import modular
 from inverse_service.linear_pde.involution import Finding, Unknown, halved_squares, prolonged, solution_of
 from inverse_service.mechanics import constrained_motion, second_order_system
 from inverse_service.mechanics.legendre import legendre
+from inverse_service.statements.questions import About
+from inverse_service.statements.stages import Progress, Stage
 
 # The shares of the time that the decisions may use; the remaining time is for a closed form, H, and the checks.
 _SHARE_OF_DECISION, _SHARE_OF_REDUCED, _SHARE_OF_ANSATZ = 0.4, 0.3, 0.5
@@ -41,6 +43,7 @@ _LEAST_FOR_ANSATZ = 6.0
 # The least seconds for the check of a known Lagrangian, and those for the number of functions on which it depends,
 # which no proof needs.
 _FOR_KNOWN, _FOR_FREEDOM = 2.0, 1.0
+ANY = About.ANY.value
 OUT_OF_TIME = "The time for this question was over."
 _NOT_CONFIRMED = "the independent check could not confirm it"
 _FREE_MOTION = (
@@ -103,7 +106,7 @@ class _Work:
     reduced: Answer | None
     seed: int
     deadline: float
-    progress: Callable[[str], None]
+    progress: Progress
     tell: Callable[[MotionAnswer], None]
     # The answer for L(q, q') while L(t, q, q') is decided, and the last reported answer.
     first: MotionAnswer | None = None
@@ -119,7 +122,7 @@ def answer_motion(
     time_dependent: bool | None = None,
     seed: int = 1,
     deadline: float = float("inf"),
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda _: None,
     positive: Sequence[Expression] = (),
     reduced: Answer | None = None,
     tell: Callable[[MotionAnswer], None] = lambda _: None,
@@ -202,7 +205,7 @@ def _of_reduced(work: _Work) -> MotionAnswer | None:
 
 def _decide_in_share(work: _Work, analyzed: existence.AnalyzedMotion, with_time: bool) -> Finding:
     limit = share(_SHARE_OF_DECISION, work.deadline)
-    return existence.decide_motion(analyzed, with_time, work.seed, limit, lambda stage: work.progress(f"any: {stage}"))
+    return existence.decide_motion(analyzed, with_time, work.seed, limit, lambda stage: work.progress(stage.of(ANY)))
 
 
 def _with_freedom(
@@ -210,7 +213,7 @@ def _with_freedom(
 ) -> MotionAnswer:
     """The answer with the size of the set of Lagrangians, if the decision, which is not needed, takes little time."""
     limit = min(share(_SHARE_OF_DECISION, work.deadline), now() + _FOR_FREEDOM)
-    found = existence.decide_motion(analyzed, with_time, work.seed, limit, lambda stage: work.progress(f"any: {stage}"))
+    found = existence.decide_motion(analyzed, with_time, work.seed, limit, lambda stage: work.progress(stage.of(ANY)))
     return replace(answer, freedom=freedom(found, len(work.motion.coordinates), with_time) if found.exists else "")
 
 
@@ -328,11 +331,11 @@ def _propose_in_short(work: _Work, with_time: bool) -> Iterator[_Proposal]:
     if work.left() < _LEAST_FOR_ANSATZ:
         return
     if with_time or work.reduced is None:
-        work.progress("any: reduced system")
+        work.progress(Stage("reduced system", about=ANY))
         reduced = _find_for_closed(work, on_constraints.closed_coordinates(work.motion), with_time)
         if reduced is not None:
             yield _Proposal(reduced)
-    work.progress("any: ansatz along the constraints")
+    work.progress(Stage("ansatz along the constraints", about=ANY))
     found = on_constraints.find_lagrangians(work.motion, with_time, work.seed, now() + _SHARE_OF_ANSATZ * work.left())
     yield from map(_Proposal, found[:1])
 
@@ -341,7 +344,7 @@ def _propose_at_length(work: _Work, with_time: bool) -> Iterator[_Proposal]:
     """Lagrangians of other closed functions of position."""
     if work.left() < _LEAST_FOR_ANSATZ:
         return
-    work.progress("any: functions of position with equations of their own")
+    work.progress(Stage("functions of position with equations of their own", about=ANY))
     others = on_constraints.closed_functions(work.motion, now() + _SHARE_OF_REDUCED * work.left())
     reduced = _find_for_closed(work, others, with_time)
     if reduced is not None:

@@ -35,6 +35,7 @@ from inverse_service.field.real_branch import (
 )
 from inverse_service.linear_pde import equations, involution
 from inverse_service.mechanics.second_order_system import ConstrainedMotion
+from inverse_service.statements.stages import Progress, Stage
 
 Integers = npt.NDArray[np.int64]
 _HIGHEST_ORDER, _MOST_UNKNOWNS = 16, 120_000
@@ -115,7 +116,7 @@ class ConstrainedAt:
 
 
 def decide_motion(
-    analyzed: AnalyzedMotion, with_time: bool, seed: int, deadline: float, progress: Callable[[str], None]
+    analyzed: AnalyzedMotion, with_time: bool, seed: int, deadline: float, progress: Progress
 ) -> involution.Finding:
     """Decide whether a regular L(q, v), or L(t, q, v), has the motion on the constraints; two points must agree."""
     limits = involution.Limits(_HIGHEST_ORDER, deadline, _MOST_UNKNOWNS)
@@ -129,7 +130,7 @@ def decide_motion(
 
 
 def refused_along_a_solution(
-    analyzed: AnalyzedMotion, with_time: bool, seed: int, deadline: float, progress: Callable[[str], None]
+    analyzed: AnalyzedMotion, with_time: bool, seed: int, deadline: float, progress: Progress
 ) -> involution.Finding | None:
     """A no from the brackets along one solution, by power series in t only; None if a yes remains possible.
 
@@ -142,7 +143,7 @@ def refused_along_a_solution(
     free, size = len(analyzed.motion.free), len(analyzed.names) + len(analyzed.motion.free)
     if free < 2 or size < _ALONG_FROM:
         return None
-    progress("brackets along one solution")
+    progress(Stage("brackets along one solution"))
     seeds = (2 * seed, 2 * seed + 1)
     try:
         points = [towers.draw_point(analyzed.tower, drawn) for drawn in seeds]

@@ -26,7 +26,7 @@ from inverse_service.mechanics import (
 )
 from inverse_service.mechanics.legendre import LegendreTransform
 from inverse_service.solving import solving
-from inverse_service.solving.solving import Progress
+from inverse_service.statements.stages import Progress
 
 # The share of the time for the associated systems; the remaining time is for the Hamiltonization report.
 _SHARE_OF_SOLVING = 0.85
@@ -371,4 +371,4 @@ def _motion_on_branch(report: MotionReport, one: paper_class.AssociatedSystem) -
 
 
 def _name_progress(progress: Progress | None, kind: str) -> Progress | None:
-    return None if progress is None else lambda stage: progress(f"{kind}: {stage}")
+    return None if progress is None else lambda stage: progress(stage.of(kind))

@@ -31,6 +31,7 @@ from inverse_service.field.real_branch import RealTable, find_real_point, first_
 from inverse_service.field.tower import Tower, draw_point, to_kernels
 from inverse_service.linear_pde import equations as pde, involution
 from inverse_service.mechanics import conditions, second_order_system
+from inverse_service.statements.stages import Progress
 
 if TYPE_CHECKING:
     from inverse_service.certificate.checker import CheckResult
@@ -44,7 +45,6 @@ _VERDICTS: Mapping[bool | None, solutions.Verdict] = {
     False: "not_variational",
     None: "undetermined",
 }
-Progress = Callable[[str], None]
 
 _MOST_PRIMES = 12
 

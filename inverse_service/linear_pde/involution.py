@@ -24,6 +24,7 @@ from inverse_service.field.echelon import Echelon, Flags, Indices, SparseRows, W
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.modular import GOLDEN, Field, Point, SingularPoint, compiled, mixed, multiply
 from inverse_service.linear_pde import equations as pde
+from inverse_service.statements.stages import PROLONGATION, Progress, Stage
 
 Rows = list[dict[int, int]]
 
@@ -251,7 +252,7 @@ class Run:
     card: Card
     seed: int
     limits: Limits
-    progress: Callable[[str], None]
+    progress: Progress
     expected: int = _FIRST_ORDER
     lasted: float = 0.0  # seconds of the last order
     history: list[tuple[int, ...]] = field(default_factory=list)
@@ -260,7 +261,7 @@ class Run:
     dependent_rows: Mapping[tuple[str, int], Flags] = field(default_factory=dict)
 
 
-def settle(card: Card, seed: int, limits: Limits, progress: Callable[[str], None]) -> Finding:
+def settle(card: Card, seed: int, limits: Limits, progress: Progress) -> Finding:
     """Decide if two points over two primes agree and no limit is reached; otherwise stay undetermined."""
     try:
         run = Run(card, 2 * seed, limits, progress)
@@ -312,7 +313,7 @@ def prolong(run: Run, seed: int) -> Finding:
             except TooLarge:
                 stop = f"order {order} of prolongation would need too large series"
                 return _stopped(run, prolongation, stop)
-        run.progress(f"prolongation to order {order}")
+        run.progress(Stage(PROLONGATION, order=order))
         began = now()
         pde.advance(prolongation)
         run.lasted = now() - began

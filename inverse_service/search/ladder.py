@@ -36,6 +36,7 @@ from inverse_service.search import (
     terms as tm,
     tidy,
 )
+from inverse_service.statements.stages import ANSATZ, METHOD, Progress, Stage
 
 # The least and the greatest number of coordinates; kernels of matrices at points are cheap for a few.
 ANY, ONE, SEVERAL, FEW = (1, math.inf), (1, 1), (2, math.inf), (2, 8)
@@ -247,7 +248,7 @@ class _Search:
 
     material: tm.Material
     seed: int
-    progress: Callable[[str], None]
+    progress: Progress
     tried: list[tuple[str, int]]
     terms_tried: set[tm.Monomial] = field(default_factory=set)
     factors: families.Factors | None = None
@@ -257,7 +258,7 @@ def search(
     analysis: deciding.Analysis,
     with_time: bool,
     seed: int,
-    progress: Callable[[str], None],
+    progress: Progress,
     own_terms: Sequence[ex.Expression] = (),
     holds: Callable[[ex.Expression], bool] = lambda _: True,
     highest: float = math.inf,
@@ -304,7 +305,7 @@ def attempt(state: _Search, rung: Rung) -> tidy.Found | None:
         return _by_ansatz(state, rung)
     if not rung.fits(state.material):
         return None
-    state.progress(f"method: {rung.name}")
+    state.progress(Stage(METHOD, rung.name))
     known = state.material.analysis.proposals if rung.for_both else {}
     try:
         if rung.name not in known:
@@ -331,7 +332,7 @@ def _first_verified(state: _Search, trees: Iterable[ex.Expression]) -> list[ex.E
 
 
 def _by_ansatz(state: _Search, family: families.Family) -> tidy.Found | None:
-    state.progress(f"ansatz: {family.name}")
+    state.progress(Stage(ANSATZ, family.name))
     if state.factors is None and not family.given:
         state.factors = families.find_factors(state.material)
     for terms in families.kinetic_terms(state.material, family, state.factors or families.NO_FACTORS, state.seed):

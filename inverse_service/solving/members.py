@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -38,6 +38,7 @@ from inverse_service.mechanics import conditions as cd
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.solving import closed_members, leaves, regularity, solving
 from inverse_service.solving.leaves import Leaf, NotSplit, Unknowns
+from inverse_service.statements.stages import Progress, Stage
 
 # How many tensors nabla^k Phi are needed: the rows are stable at the latest for k = n (n + 1)/2 - 1.
 DEPTHS = {1: 0, 2: 2, 3: 3}
@@ -126,7 +127,7 @@ def explore(
     functions: Sequence[str],
     options: SolveOptions,
     end: float,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda _: None,
 ) -> Family:
     """The leaves of the family of a system in these constants and functions, until the time `end`.
 
@@ -144,7 +145,7 @@ def explore(
             reason = "the time was over" if deadline.now() > end else f"more than {MOST_LEAVES} leaves"
             work.open += [Open(around or 0, _trees(one), reason) for one, around in [(leaf, inside), *waiting]]
             break
-        progress(f"family, leaf {len(work.found) + 1}")
+        progress(Stage("family", f"leaf {len(work.found) + 1}"))
         if _is_known(work, leaf):
             continue
         try:

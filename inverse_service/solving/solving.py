@@ -34,6 +34,7 @@ from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import antiderivatives, row_factors, terms, tidy
 from inverse_service.search.tidy import Found, SearchOutcome, describe, is_multiple, why_shown
+from inverse_service.statements.stages import DECISION, Progress, Stage
 
 if TYPE_CHECKING:
     from inverse_service.decision.solutions import SoFar
@@ -58,7 +59,6 @@ _RATIONAL = 2
 # The costs up to which the search looks for a simpler answer if a complete one is known, and if one without H in closed
 # form is known.
 _QUICK, _FAIR = 1.9, 3.65
-Progress = Callable[[str], None]
 # The seconds after which a search reports the results confirmed so far; before that, the Lagrangian itself is expected.
 AT_ONCE = 1.0
 OPEN = Answer("undetermined", reason=deadline.NOT_YET)  # for a question that is not yet decided
@@ -302,7 +302,7 @@ def _conditions(system: SecondOrderSystem, options: SolveOptions, report: Progre
         return None, f"a system of more than {explaining.MOST_COORDINATES} coordinates has them by the thousand"
     if not options.conditions:
         return None, ""
-    report("conditions")
+    report(Stage("conditions"))
     return explaining.printed_conditions(system)
 
 
@@ -314,7 +314,7 @@ def _first_integrals(work: Work, *answers: Answer | None) -> tuple[FirstIntegral
     from inverse_service.mechanics.first_integrals import first_integrals, motion_of
 
     began = deadline.now()
-    work.progress("first integrals")
+    work.progress(Stage("first integrals"))
     known = next((one.lagrangian for one in answers if one is not None and one.lagrangian is not None), None)
     limit = min(_FOR_INTEGRALS, _SHARE_FOR_INTEGRALS * work.options.time_limit, work.left())
     tree = None if known is None else second_order_system.on_branch(known.expression, system)
@@ -385,7 +385,7 @@ def _as_given(work: Work) -> Answer | None:
     """The answer from factors of the equations as written, by preference without t; requires no decision."""
     system, table = work.analysis.system, work.analysis.real_point
     began = deadline.now()
-    work.progress("the equations as given")
+    work.progress(Stage("the equations as given"))
     written = tuple(second_order_system.on_branch(equation, system) for equation in work.options.given)
     wants_time = deciding.questions(work.options.time_dependent, system)[1]
     best: ex.Expression | None = None
@@ -505,7 +505,7 @@ def _decide(
         return deciding.Decision("undetermined", with_time, 0, _UNSOLVED)
     if with_time in work.decided:
         return work.decided[with_time]
-    stage = "decision with time" if with_time else "decision"
+    stage = Stage(DECISION, timed=with_time)
     work.progress(stage)
     is_first = not with_time and work.options.time_dependent is None  # the other question needs time, too
     limit = deadline.share(part or (_SHARE_OF_FIRST if is_first else 1.0), work.end)
@@ -513,7 +513,7 @@ def _decide(
     decision = deciding.decide(
         work.analysis.system, with_time, work.options.seed, limits, work.progress, analysis=work.analysis
     )
-    work.seconds[stage] = decision.seconds
+    work.seconds[stage.kind] = decision.seconds
     work.points.extend(decision.points)
     if decision.verdict != "undetermined":
         work.decided[with_time] = decision
@@ -532,7 +532,7 @@ def _negative(work: Work, decision: deciding.Decision) -> Answer:
 
 def _with_its_reasons(work: Work, answer: Answer, with_time: bool) -> Answer:
     began = deadline.now()
-    work.progress("explanation")
+    work.progress(Stage("explanation"))
     try:
         steps = _reasons(work, with_time)
     except errors.IrreducibleAtoms as problem:
@@ -680,7 +680,7 @@ def telling(work: Work, decision: deciding.Decision) -> Progress:
     """The progress callback of a search; a longer search reports that a Lagrangian exists once the checker agrees."""
     began = deadline.now()
 
-    def report(stage: str) -> None:
+    def report(stage: Stage) -> None:
         is_known = decision.with_time in work.answers
         if work.options.hand_over is not None and not is_known and deadline.now() - began > AT_ONCE:
             work.answers[decision.with_time] = OPEN  # only once, even if the checker does not agree
@@ -750,7 +750,7 @@ def completed(work: Work, answer: Answer, others: Found | None, with_time: bool)
     assert answer.lagrangian is not None
     tell(work, answer, with_time)
     began = deadline.now()
-    work.progress("Hamiltonian")
+    work.progress(Stage("Hamiltonian"))
     names = work.analysis.system.coordinates
     hamiltonian = explaining.hamiltonian_of(answer.lagrangian.expression, names, answer.lagrangian.positive)
     verified = explaining.verification_steps(work.analysis.system, answer.lagrangian.multiplier)
@@ -772,7 +772,7 @@ def completed(work: Work, answer: Answer, others: Found | None, with_time: bool)
 
 def check(work: Work, certificate: Mapping[str, Any]) -> checker.CheckResult:
     began = deadline.now()
-    work.progress("check")
+    work.progress(Stage("check"))
     _, found = certify.proved(work.analysis, dict(certificate), deadline.left(work.end, 1.0))
     work.add_seconds("check", began)
     return found

@@ -22,6 +22,7 @@ from inverse_service.expressions.tree import (
 )
 from inverse_service.linear_pde.involution import Limits, settle
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
+from inverse_service.statements.stages import Stage
 
 
 def system(
@@ -126,9 +127,9 @@ def test_a_deadline_in_the_future_has_no_effect() -> None:
 
 
 def test_progress_is_reported_order_by_order() -> None:
-    told: list[str] = []
+    told: list[Stage] = []
     decide(system({"x": "y", "y": "x"}), False, progress=told.append)
-    assert told[:4] == [f"prolongation to order {order}" for order in range(4)]
+    assert [stage.text for stage in told[:4]] == [f"prolongation to order {order}" for order in range(4)]
 
 
 def test_two_points_of_two_primes_confirm_the_verdict() -> None:

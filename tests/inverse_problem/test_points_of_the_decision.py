@@ -16,6 +16,7 @@ from inverse_service.linear_pde import involution as settling
 from inverse_service.linear_pde.equations import LocalEquations
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics.second_order_system import read_system
+from inverse_service.statements.stages import Stage
 
 OSCILLATORS = read_system(["x", "y"], {"x": "-x", "y": "-2*y"})
 
@@ -83,9 +84,9 @@ def test_no_order_is_begun_whose_monomials_have_no_keys(
 
 def test_a_limit_of_order_lets_that_order_be_done() -> None:
     for most in (1, 2, 3):
-        told: list[str] = []
+        told: list[Stage] = []
         found = decide(OSCILLATORS, False, limits=Limits(order=most), progress=told.append)
-        assert told[: most + 1] == [f"prolongation to order {order}" for order in range(most + 1)]
+        assert [stage.order for stage in told[: most + 1]] == [*range(most + 1)]
         assert (found.verdict == "variational") == (most == 3)
 
 

@@ -12,6 +12,7 @@ from inverse_service.decision.deciding import HelmholtzAt, analyze, decide
 from inverse_service.linear_pde import involution, involution as settling
 from inverse_service.linear_pde.involution import Finding, Limits
 from inverse_service.mechanics.second_order_system import read_system
+from inverse_service.statements.stages import Stage
 
 OSCILLATORS = read_system(["x", "y"], {"x": "-x", "y": "-2*y"})
 ROTATION = read_system(["x", "y"], {"x": "x*y'", "y": "y*x'^2"})
@@ -65,9 +66,9 @@ def test_the_second_point_expands_to_the_order_at_which_the_first_ended(monkeypa
 
 
 def test_what_the_first_point_leaves_open_is_not_asked_at_a_second() -> None:
-    told: list[str] = []
+    told: list[Stage] = []
     assert decide(OSCILLATORS, False, limits=Limits(order=1), progress=told.append).verdict == "undetermined"
-    assert told == ["prolongation to order 0", "prolongation to order 1"]
+    assert [(stage.step, stage.order) for stage in told] == [("prolongation", 0), ("prolongation", 1)]
 
 
 @pytest.mark.parametrize(("most", "order"), [(2, 0), (3, 1), (12, 1), (13, 2), (34, 2), (35, 3)])

@@ -1,6 +1,6 @@
 """A result grows: each part is delivered when it is finished and checked, the most wanted first.
 
-A `Growing` is informed which part of the work begins and which are finished. Out of it come stages, as texts,
+A `Growing` is informed which part of the work begins and which are finished. Out of it come stages
 and parts, as {"parts": names, "value": fields of the result that are new, "seconds": by part}. Merged in their order
 the values are a whole result document, whose `incomplete` lists what is still to come; `cut_off` makes of it the result
 of a run that a limit, a crash or a cancellation ended.
@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from inverse_service import deadline
 from inverse_service.service.documents import stated
+from inverse_service.statements.stages import Stage
 
 Tell = Callable[[Any], None]
 # The parts of a result in the order of wanting: its fields, where the first message brings all others; the stages whose
@@ -42,13 +43,11 @@ class Growing:
         self.finished: list[str] = []
         self.cut: dict[str, str] = {}
 
-    def stage(self, text: str) -> None:
+    def stage(self, stage: Stage) -> None:
         """A stage begins."""
-        head, _, rest = text.partition(": ")
-        part = _STAGES.get(head) or _STAGES.get(rest.partition(": ")[0])
-        self.begin(part or self._part)
+        self.begin(_STAGES.get(stage.about) or _STAGES.get(stage.kind) or self._part)
         if self._tell is not None:
-            self._tell(text)
+            self._tell(stage)
 
     def begin(self, part: str) -> None:
         """The time from now on is that of this part."""

@@ -9,7 +9,6 @@ import contextlib
 import functools
 import json
 import logging
-import re
 import sqlite3
 import threading
 import time
@@ -24,14 +23,13 @@ from inverse_service import errors
 from inverse_service.service.documents import answers, growing
 from inverse_service.service.jobs import model, monitoring, stores, tasks, workers
 from inverse_service.service.jobs.tasks import LIMITS, Call, Outcome, Usage
+from inverse_service.statements.stages import ANSATZ, DECISION, METHOD, Stage
 
 log = logging.getLogger(__name__)
 # Progress of running jobs: the latest for whoever asks, all of it for the store, a few times a second.
 PART = "part"
-ORDER = re.compile(r"^prolongation to order (\d+)$")
-FAMILY = re.compile(r"^(ansatz|method): (.+)$")
 KEPT = ("question", "so_far", "seconds")
-DECISION = {"decision": "L(q, q')", "decision with time": "L(t, q, q')"}
+QUESTIONS = {False: "L(q, q')", True: "L(t, q, q')"}
 # Numbers of a later attempt are greater than those of any earlier one.
 NUMBERS_PER_ATTEMPT = 10_000
 MOST_EVENTS = 1_000
@@ -62,15 +60,18 @@ def described(report: Any, before: Mapping[str, Any]) -> dict[str, Any]:
         return {**before, **growing.grown(before, report)}
     if isinstance(report, Mapping):
         return {**before, **{str(key): value for key, value in report.items()}}
-    text = str(report)
     kept = {key: before[key] for key in KEPT if key in before}
-    if order := ORDER.match(text):
-        return {**kept, "stage": "prolongation", "order": int(order[1])}
-    if family := FAMILY.match(text):
-        return {**kept, "stage": family[1], "family": family[2]}
-    if text in DECISION:
-        return {**kept, "stage": "decision", "question": DECISION[text]}
-    return {**kept, "stage": text}
+    if not isinstance(report, Stage):
+        return {**kept, "stage": str(report)}
+    if report.about:
+        return {**kept, "stage": report.text}
+    if report.step == DECISION:
+        return {**kept, "stage": report.step, "question": QUESTIONS[report.timed]}
+    if report.step in (ANSATZ, METHOD):
+        return {**kept, "stage": report.step, "family": report.name}
+    if report.order is not None:
+        return {**kept, "stage": report.step, "order": report.order}
+    return {**kept, "stage": report.text}
 
 
 def last_events(store: stores.JobStore, job: model.Job) -> list[model.Event]:

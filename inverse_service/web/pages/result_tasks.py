@@ -21,6 +21,7 @@ from inverse_service.reading import document_names, names as nm
 from inverse_service.service.documents import plain_data, printed_pages, sheets, stated
 from inverse_service.service.jobs import model, opening, tasks
 from inverse_service.service.scenes import views
+from inverse_service.statements.stages import Stage
 from inverse_service.web.pages import WORDS, forms, preview, rendering, simulations, typesetting
 
 T = TypeVar("T")
@@ -383,7 +384,7 @@ def glance_of(document: Mapping[str, Any]) -> dict[str, Any] | None:
     so_far: dict[str, Any] = {}
 
     def look(report: Any) -> None:
-        if isinstance(report, str):  # a stage
+        if isinstance(report, Stage):
             return
         so_far.update(report["value"])
         # With a domain there are other branches to come.

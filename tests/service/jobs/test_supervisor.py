@@ -20,6 +20,7 @@ from inverse_service.service.jobs import model, tasks, workers
 from inverse_service.service.jobs.stores import SqliteStore
 from inverse_service.service.jobs.supervisor import HEARTBEAT, TICK, Supervisor, described
 from inverse_service.service.jobs.tasks import Call, Outcome, Usage
+from inverse_service.statements.stages import Stage
 from tests.serving import until
 from tests.values import present
 
@@ -294,12 +295,18 @@ def test_the_options_of_a_job_reach_its_worker(store: SqliteStore) -> None:
 
 
 def test_reports_become_progress() -> None:
-    progress: dict[str, Any] = {}
-    for report in ("decision with time", "prolongation to order 2", "ansatz: quadratic", "ansatz: linear", "check"):
+    asked = {"question": "L(t, q, q')"}
+    progress = described(Stage("decision", timed=True), {})
+    assert progress == asked | {"stage": "decision"}
+    for report, told in (
+        (Stage("prolongation", order=0), {"stage": "prolongation", "order": 0}),
+        (Stage("ansatz", "linear"), {"stage": "ansatz", "family": "linear"}),
+        (Stage("check"), {"stage": "check"}),
+        (Stage("prolongation", order=2, about="any"), {"stage": "any: prolongation to order 2"}),
+        (Stage("decision", timed=True, about="first"), {"stage": "first: decision with time"}),
+    ):
         progress = described(report, progress)
-        if report.startswith("prolongation"):
-            assert progress == {"question": "L(t, q, q')", "stage": "prolongation", "order": 2}
-    assert progress == {"question": "L(t, q, q')", "stage": "check"}
+        assert progress == asked | told
     assert described({"stage": "steps", "done": 3}, {}) == {"stage": "steps", "done": 3}
 
 
