@@ -1,32 +1,36 @@
 """The atlas: every named system of the catalogue and of the lists of the tests, with its computed answers.
 
 `python -m benchmarks.atlas` solves all of them and writes inverse_service/catalogue/entries/atlas.ndjson;
-`--only NAME` solves one and prints its line, `--check N` compares N lines of the file with what is computed now, and
-`--resume` keeps the lines whose documents are unchanged. A system that stays undecided at `--time-limit` is omitted.
+`--only NAME` solves one and prints its line, `--check DAY` compares the lines of a day with what is computed now, and
+`--resume` keeps the lines of the file, and of an interrupted run, whose documents are unchanged. A system that stays
+undecided at `--time-limit` is omitted.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import random
+import multiprocessing
 import re
 import signal
 import sys
+import time
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from inverse_service import catalogue, solve
+from inverse_service import __version__, catalogue, solve
 from inverse_service.errors import InputError
-from inverse_service.service.documents import printed_pages, sheets, stated
+from inverse_service.service.documents import printed_pages, sheets, short_results, stated
 from inverse_service.service.documents.alike import form_of
 
 ROOT = Path(__file__).parents[1]
 FILE = ROOT / "inverse_service" / "catalogue" / "entries" / "atlas.ndjson"
+UNFINISHED = FILE.with_suffix(".part")
+EACH_DAY = 40  # entries that are solved again
 TIME_LIMIT = 20.0  # seconds of processor time for a system
 HARD = 2  # times that: a system is always stopped
-LONGEST = 1_500  # characters of a formula that the atlas keeps
 # Test lists whose documents are systems from users' questions, and the tag of each.
 LISTS = {"literature": "literature", "kamke": "Kamke", "textbook": "textbook", "constrained": "constraints"}
 # Parts of a source that are our own notes, not a citation.
@@ -146,9 +150,10 @@ def citation(source: str) -> str:
 
 
 def entry_of(row: Mapping[str, Any], time_limit: float = TIME_LIMIT) -> dict[str, Any]:
-    """The line of the atlas for a system: its answers to both questions as computed now."""
+    """The line of the atlas for a system: its result in short, as computed now."""
     signal.signal(signal.SIGVTALRM, _overrun)
     signal.setitimer(signal.ITIMER_VIRTUAL, HARD * time_limit)
+    began = time.process_time()
     try:
         result = solve(dict(row["document"]), time_limit=time_limit)
     except (InputError, TimeoutError) as error:
@@ -160,8 +165,6 @@ def entry_of(row: Mapping[str, Any], time_limit: float = TIME_LIMIT) -> dict[str
     if sheets.verdict_of(result) == sheets.OPEN and time_limit < TIME_LIMIT:
         return {**row, "refused": "It was not decided within the time limit."}
     sheet, system = sheets.sheet_of(result, brief=True), result["system"] or {}
-    formulas = {f.letter: f.text for case in sheet.cases[:1] for f in case.formulas}
-    constrained = stated.is_constrained(result)
     return {
         "name": row["name"],
         "title": row["title"],
@@ -171,31 +174,15 @@ def entry_of(row: Mapping[str, Any], time_limit: float = TIME_LIMIT) -> dict[str
         "equations": [formula.whole for formula in sheet.asked],
         "verdict": sheet.verdict,
         "badge": sheet.badge,
-        "without_time": None if constrained else result["verdict"] if result["question"] == "L(q, q')" else None,
-        "with_time": None if constrained else result["verdict_with_time"] or result["verdict"],
-        "lagrangian": _short(formulas.get("L")),
-        "hamiltonian": _short(formulas.get("H")),
-        "domain": list((_shown(result).get("lagrangian") or {}).get("domain") or ()),
-        "checked": result.get("checked"),
-        "form": form_of(system) if system and not constrained else "",
-        "version": result["provenance"]["version"],
+        "form": form_of(system) if system and not stated.is_constrained(result) else "",
+        "seconds": round(time.process_time() - began, 2),
+        "result": short_results.shortened(result),
     }
 
 
 def _overrun(*_: Any) -> None:
     """Stop a system whose stages do not check the clock."""
     raise TimeoutError
-
-
-def _shown(result: Mapping[str, Any]) -> Mapping[str, Any]:
-    if stated.is_constrained(result):
-        return result.get("any_associated") or {}
-    return stated.main_statements(result)[0].part
-
-
-def _short(text: str | None) -> str | None:
-    """The formula, or None if it is too long for a list."""
-    return None if text is None or len(text) > LONGEST else text
 
 
 def tags_of(row: Mapping[str, Any], result: Mapping[str, Any], sheet: sheets.Sheet) -> list[str]:
@@ -215,55 +202,96 @@ def main() -> int:
     """Write the atlas, print one line of it, or compare some."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="")
-    parser.add_argument("--check", type=int, default=0)
+    parser.add_argument("--check", type=int, metavar="DAY")
     parser.add_argument("--time-limit", type=float, default=TIME_LIMIT)
     parser.add_argument("--resume", action="store_true")
+    parser.add_argument("--processes", type=int, default=1)
     options = parser.parse_args()
     rows = list(documents())
     if options.only:
         print(json.dumps(entry_of(next(row for row in rows if row["name"] == options.only)), ensure_ascii=False))
         return 0
-    if options.check:
+    if options.check is not None:
         return _compared(rows, options.check)
-    return _written(rows, options.time_limit, options.resume)
+    return _written(rows, options.time_limit, options.resume, options.processes)
 
 
-def _written(rows: list[dict[str, Any]], time_limit: float, resume: bool) -> int:
-    known = {entry["name"]: entry for entry in _lines()} if resume else {}
-    count, forms = 0, set[str]()
-    with FILE.with_suffix(".part").open("w", encoding="utf-8") as part:
-        for k, row in enumerate(rows, 1):
-            entry = known.get(row["name"])
-            if entry is None or entry["document"] != row["document"]:
-                entry = entry_of(row, time_limit)
-            if row["tags"] and not row["source"] and entry.get("form") and entry["form"] in forms:
-                continue  # a known system with other numbers
+def _written(rows: list[dict[str, Any]], time_limit: float, resume: bool, processes: int) -> int:
+    known = {entry["name"]: entry for file in (FILE, UNFINISHED) for entry in _lines(file)} if resume else {}
+    solved = {row["name"]: known[row["name"]] for row in rows if is_current(row, known.get(row["name"]))}
+    waiting = [row for row in rows if row["name"] not in solved]
+    with UNFINISHED.open("w", encoding="utf-8") as part, multiprocessing.Pool(processes) as pool:
+        part.writelines(_line(entry) for entry in solved.values())
+        for k, entry in enumerate(pool.imap(partial(entry_of, time_limit=time_limit), waiting), 1):
+            solved[entry["name"]] = entry
             if "refused" in entry:
-                print(f"{row['name']}: {entry['refused']}", file=sys.stderr)
+                print(f"{entry['name']}: {entry['refused']}", file=sys.stderr)
                 continue
-            count += 1
-            forms.add(entry["form"])
-            entry |= {key: row[key] for key in ("title", "source")}
-            part.write(json.dumps(entry, ensure_ascii=False, separators=(",", ":")) + "\n")
+            part.write(_line(entry))
             part.flush()
             if k % 50 == 0:
-                print(f"{k} of {len(rows)}", file=sys.stderr)
-    FILE.with_suffix(".part").replace(FILE)
-    print(f"{count} systems", file=sys.stderr)
+                print(f"{k} of {len(waiting)}", file=sys.stderr)
+    entries, forms = list[dict[str, Any]](), set[str]()
+    for row in rows:
+        entry = solved[row["name"]]
+        # A known system with other numbers is left out.
+        if "refused" not in entry and not (row["tags"] and not row["source"] and entry["form"] in forms - {""}):
+            forms.add(entry["form"])
+            entries.append(entry | {key: row[key] for key in ("title", "source")})
+    FILE.write_text("".join(map(_line, entries)), encoding="utf-8")
+    UNFINISHED.unlink()
+    print(f"{len(entries)} systems", file=sys.stderr)
     return 0
 
 
-def _lines() -> list[dict[str, Any]]:
-    return [json.loads(line) for line in FILE.read_text(encoding="utf-8").splitlines()] if FILE.exists() else []
+def is_current(row: Mapping[str, Any], entry: Mapping[str, Any] | None) -> bool:
+    """Whether an entry is a result of this version about the row's document."""
+    made = (entry or {}).get("result", {}).get("provenance", {}).get("version")
+    return entry is not None and entry["document"] == row["document"] and made == __version__
 
 
-def _compared(rows: list[dict[str, Any]], count: int) -> int:
-    """Return 1 if a verdict in the file differs from the computed one."""
-    known = {entry["name"]: entry for entry in _lines()}
-    chosen = random.Random(0).sample([row for row in rows if row["name"] in known], count)
-    differ = [row["name"] for row in chosen if entry_of(row).get("verdict") != known[row["name"]]["verdict"]]
-    print("\n".join(differ) or "as in the file")
-    return bool(differ)
+def _line(entry: Mapping[str, Any]) -> str:
+    return json.dumps(entry, ensure_ascii=False, separators=(",", ":")) + "\n"
+
+
+def _lines(file: Path = FILE) -> list[dict[str, Any]]:
+    """The entries of a file; an interrupted last line is left out."""
+    if not file.exists():
+        return []
+    lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+    return [json.loads(line) for line in lines if line.endswith("\n")]
+
+
+def differences(entry: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """What an entry says less or otherwise than the program says now."""
+    if "refused" in now:
+        return [now["refused"]]
+    found = [f"{key}: {entry[key]} / {now[key]}" for key in ("equations", "verdict", "badge") if entry[key] != now[key]]
+    both = [short_results.for_programs(one["result"])["answers"] for one in (entry, now)]
+    stored, computed = ({(stated.question_of(one), one["cell"]): one for one in each} for each in both)
+    for key in dict.fromkeys([*stored, *computed]):
+        one, other = stored.get(key, {}), computed.get(key, {})
+        names = [name for name in dict.fromkeys([*one, *other]) if one.get(name) != other.get(name)]
+        found += [f"{key[0]}, {name}: {one.get(name)} / {other.get(name)}"[:300] for name in names]
+    return found
+
+
+def of_day(day: int) -> list[dict[str, Any]]:
+    """Some forty entries of the file, other ones each day of half a month."""
+    entries = _lines()
+    step = max(1, len(entries) // EACH_DAY)
+    return entries[day % step :: step]
+
+
+def _compared(rows: list[dict[str, Any]], day: int) -> int:
+    """Return 1 if an entry of the day says less or other than what is computed now."""
+    known = {row["name"]: row for row in rows}
+    failed = False
+    for entry in of_day(day):
+        for difference in differences(entry, entry_of(known[entry["name"]])):
+            failed = True
+            print(f"{entry['name']}: {difference}")
+    return int(failed)
 
 
 if __name__ == "__main__":
