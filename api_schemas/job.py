@@ -175,14 +175,12 @@ class AtlasList(BaseModel):
 
 
 class AtlasEntry(AtlasLine):
-    """One system with its document and its computed answers to both questions."""
+    """One system with its document and its result.
+
+    The result has the system and the `answers`, without proofs: solving the document makes these again.
+    """
 
     document: dict[str, Any] = told("the document that was solved")
-    without_time: str | None = told("the verdict for L(q, q')")
-    with_time: str | None = told("the verdict for L(t, q, q')")
-    lagrangian: str | None = told("a Lagrangian; null where there is none or it is too long for a list")
-    hamiltonian: str | None = told("its Hamiltonian")
-    domain: list[str] = told("the conditions under which the formulas hold")
-    checked: str | None = told("the verdict of the independent checker on the proof")
     form: str = told("a key that systems of the same form share")
-    version: str = told("the version of the program that computed the answers")
+    seconds: float = told("the processor time of solving it")
+    result: dict[str, Any] = told("`system`, `question`, verdicts, and `answers` as in a result")

@@ -222,7 +222,7 @@ def _written(rows: list[dict[str, Any]], time_limit: float, resume: bool, proces
     waiting = [row for row in rows if row["name"] not in solved]
     with UNFINISHED.open("w", encoding="utf-8") as part, multiprocessing.Pool(processes) as pool:
         part.writelines(_line(entry) for entry in solved.values())
-        for k, entry in enumerate(pool.imap(partial(entry_of, time_limit=time_limit), waiting), 1):
+        for k, entry in enumerate(pool.imap(partial(_entry_or_fault, time_limit=time_limit), waiting), 1):
             solved[entry["name"]] = entry
             if "refused" in entry:
                 print(f"{entry['name']}: {entry['refused']}", file=sys.stderr)
@@ -242,6 +242,14 @@ def _written(rows: list[dict[str, Any]], time_limit: float, resume: bool, proces
     UNFINISHED.unlink()
     print(f"{len(entries)} systems", file=sys.stderr)
     return 0
+
+
+def _entry_or_fault(row: Mapping[str, Any], time_limit: float) -> dict[str, Any]:
+    """The line of the atlas; one system at which the program fails does not end the run."""
+    try:
+        return entry_of(row, time_limit)
+    except Exception as error:
+        return {**row, "refused": f"FAULT {type(error).__name__}: {error}"}
 
 
 def is_current(row: Mapping[str, Any], entry: Mapping[str, Any] | None) -> bool:

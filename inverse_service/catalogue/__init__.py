@@ -7,7 +7,6 @@ system in `associated_with`, a system of the literature keeps its original `id`.
 """
 
 import copy
-import hashlib
 import json
 from functools import lru_cache
 from pathlib import Path
@@ -106,10 +105,3 @@ def _text_of(name: str) -> str:
     entry = atlas()[name]
     parts = (name, entry["title"], entry["source"], *entry["tags"], *entry["equations"])
     return " ".join(map(str, parts)).lower()
-
-
-@lru_cache(maxsize=1)
-def whole_atlas() -> tuple[bytes, str]:
-    """All entries as NDJSON, and a digest of that."""
-    data = "".join(f"{json.dumps(entry, ensure_ascii=False)}\n" for entry in atlas().values()).encode()
-    return data, hashlib.sha256(data).hexdigest()[:16]

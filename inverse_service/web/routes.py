@@ -4,9 +4,11 @@ catalogue and the atlas (by name, tag and equations); what operators ask: does i
 import asyncio
 import copy
 import dataclasses
+import hashlib
 import json
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from functools import lru_cache
 from importlib import resources
 from types import SimpleNamespace
 from typing import Annotated, Any, Literal
@@ -29,7 +31,7 @@ from api_schemas.job import (
 )
 from inverse_service import __version__, catalogue, errors
 from inverse_service.expressions.refusals import LIMITS
-from inverse_service.service.documents import alike
+from inverse_service.service.documents import alike, short_results
 from inverse_service.service.jobs import model, monitoring, supervisor, tasks, workers
 from inverse_service.service.jobs.batch import MAX_LINE_BYTES
 from inverse_service.web import asking, clients, job_answers, middleware, openapi, problems
@@ -426,7 +428,7 @@ async def search(
 @named.get("/v1/atlas.ndjson", response_class=Response, responses={200: {"content": {"application/x-ndjson": {}}}})
 async def whole(request: Request) -> Response:
     """The whole atlas, one system per line."""
-    data, mark = catalogue.whole_atlas()
+    data, mark = await engine_of(request).in_thread(whole_atlas)
     headers = {
         "ETag": f'"{mark}"',
         "Cache-Control": "public, no-cache",
@@ -440,10 +442,22 @@ async def whole(request: Request) -> Response:
 
 @named.get("/v1/atlas/{name}", responses={200: {"model": AtlasEntry}, **openapi.refusals(404)})
 async def entry(name: str) -> Response:
-    """One system: its document, its answers, L, H and where they hold."""
-    return JSONResponse(
-        problems.known(catalogue.atlas().get(name), "system of this name; GET /v1/atlas searches the atlas.")
-    )
+    """One system: its document and its answers, without their proofs."""
+    found = problems.known(catalogue.atlas().get(name), "system of this name; GET /v1/atlas searches the atlas.")
+    return JSONResponse(atlas_entry(found))
+
+
+def atlas_entry(found: Mapping[str, Any]) -> dict[str, Any]:
+    """An entry of the atlas as programs get it."""
+    return {**found, "result": short_results.for_programs(found["result"])}
+
+
+@lru_cache(maxsize=1)
+def whole_atlas() -> tuple[bytes, str]:
+    """All entries as NDJSON, and a digest of that."""
+    lines = (json.dumps(atlas_entry(found), ensure_ascii=False) for found in catalogue.atlas().values())
+    data = "".join(f"{line}\n" for line in lines).encode()
+    return data, hashlib.sha256(data).hexdigest()[:16]
 
 
 @plain.get("/v1/limits", response_model=base.LimitsAnswer)

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import copy
 import html
 import json
+import re
+from datetime import UTC, datetime
+from typing import Any
 
 import httpx
 import pytest
 
+from api_schemas import result as schemas
 from benchmarks import atlas as builder
 from inverse_service import catalogue
+from inverse_service.service.documents import sheets, short_results
 
 LEAST = 600
+QUICK = 12  # entries that the default tests solve again
 NOTES = ("own test", "random search", "(test only)", "regression")
 
 
@@ -25,11 +32,64 @@ def test_the_atlas_is_large_and_says_nothing_of_the_test_bench() -> None:
     assert {entry["verdict"] for entry in found.values()} <= {"yes", "no", "open", "differs"}
 
 
-@pytest.mark.nightly
-def test_some_lines_are_as_computed_now() -> None:
-    rows = [row for row in builder.documents() if row["name"] in catalogue.atlas()]
-    for row in rows[:: len(rows) // 12]:
-        assert builder.entry_of(row)["verdict"] == catalogue.atlas()[row["name"]]["verdict"], row["name"]
+def entries_of_today(quick: bool) -> list[dict[str, Any]]:
+    """The entries of this day that are solved quickly, or the others."""
+    today = builder.of_day(datetime.now(tz=UTC).day)
+    first = sorted(today, key=lambda entry: entry["seconds"])[:QUICK]
+    return [entry for entry in today if (entry in first) is quick]
+
+
+def assert_as_computed_now(entries: list[dict[str, Any]]) -> None:
+    rows = {row["name"]: row for row in builder.documents()}
+    found = {entry["name"]: builder.differences(entry, builder.entry_of(rows[entry["name"]])) for entry in entries}
+    assert {name: differences for name, differences in found.items() if differences} == {}
+
+
+def test_the_quick_entries_of_the_day_say_what_the_program_says() -> None:
+    assert_as_computed_now(entries_of_today(quick=True))
+
+
+@pytest.mark.slow
+def test_the_entries_of_the_day_say_what_the_program_says() -> None:
+    assert_as_computed_now(entries_of_today(quick=False))
+
+
+def test_an_entry_that_says_less_or_other_is_found() -> None:
+    row = next(row for row in builder.documents() if row["name"] == "sho")
+    now = builder.entry_of(row)
+    assert builder.differences(now, builder.entry_of(row)) == []
+    for key, value in (
+        ("lagrangian", None),
+        ("verdict", "not_variational"),
+        ("domain", ["x > 0"]),
+        ("exceptions", ["k = 0"]),
+    ):
+        other = copy.deepcopy(now)
+        other["result"][key] = value
+        assert builder.differences(other, now)
+
+
+def test_every_formula_of_the_atlas_has_what_it_needs() -> None:
+    """No H without its momenta, no energy in velocities as H, no F without its derivatives, another clock is said."""
+    for entry in catalogue.atlas().values():
+        result = short_results.unfolded(entry["result"], entry["document"])
+        answers = short_results.for_programs(entry["result"])["answers"]
+        for one in answers:
+            schemas.AnswerPart.model_validate(one)
+            lagrangian, energy = one["lagrangian"], one["hamiltonian"]
+            if lagrangian:
+                known = {*lagrangian["auxiliary"], *result["system"]["functions"]}
+                assert set(re.findall(r"\b([A-Z]\w*)\(", lagrangian["text"])) <= known, entry["name"]
+            if energy:
+                assert energy["momenta"], entry["name"]
+                assert energy["implicit"] is ("'" in energy["text"]), entry["name"]
+        sheet = sheets.sheet_of(result, brief=True)
+        said = (sheet.verdict, sheet.badge, [formula.whole for formula in sheet.asked])
+        assert said == (entry["verdict"], entry["badge"], entry["equations"]), entry["name"]
+        first = answers[0]
+        if "clock" not in first and first["about"] != "reduced" and sheet.first:
+            shown = {formula.letter: formula.text for formula in sheet.first.formulas}
+            assert shown.get("L") == (first["lagrangian"] or {}).get("text"), entry["name"]
 
 
 @pytest.mark.parametrize(
