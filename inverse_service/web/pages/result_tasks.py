@@ -18,7 +18,7 @@ from starlette.responses import HTMLResponse
 from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.reading import document_names, names as nm
-from inverse_service.service.documents import plain_data, printed_pages, sheets, stated
+from inverse_service.service.documents import plain_data, printed_pages, sheets, short_results, stated
 from inverse_service.service.jobs import model, opening, tasks
 from inverse_service.service.scenes import views
 from inverse_service.statements.stages import Stage
@@ -289,9 +289,13 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
 
 
 def entry_task(entry: Mapping[str, Any]) -> Markup:
-    """The answer of an entry of the atlas as a part of its page: its stored result, else the result of now."""
-    found = entry.get("result") or tasks.solve_task(entry["document"], SolveOptions(time_limit=ENTRY))
-    sheet = sheets.sheet_of(found)
+    """The answer of an entry of the atlas as a part of its page; with its proof, if making that again is quick."""
+    is_long = entry["seconds"] > ENTRY / 2
+    if is_long:
+        found = short_results.unfolded(entry["result"], entry["document"])
+    else:
+        found = tasks.solve_task(entry["document"], SolveOptions(time_limit=ENTRY))
+    sheet = sheets.sheet_of(found, brief=is_long)
     html = rendering.render(
         "atlas_answer.html",
         name=entry["name"],
