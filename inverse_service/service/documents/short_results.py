@@ -11,10 +11,12 @@ from inverse_service.service.documents import stated
 
 _LEFT_OUT = frozenset((
     "answers", "given", "explanation", "details", "steps", "multiplier", "solution_space", "advice",
-    "first_integrals", "special_cases", "equations_of_motion", "integrable", "measure_density", "paper_class",
+    "first_integrals",
+    "first_integrals_complete", "special_cases", "equations_of_motion", "integrable", "measure_density", "paper_class",
     "hamiltonisation", "parts", "statement", "without_clock", "ignored", "readings",
 ))  # fmt: skip
-_OF_DOCUMENT = ("id", "document_id", "metadata", "conditions")  # and the tensors
+# Of the document, and what is as large as its proof.
+_OF_DOCUMENT = ("id", "document_id", "metadata", "conditions", "family", "nearest")
 _CERTIFICATES = ("certificate", "certificate_with_time")
 _HEAD = ("format", "question", "claim", "kind", "among", "near")
 _POINTERS = ("certificate", "explanation")
@@ -35,6 +37,8 @@ def shortened(result: Mapping[str, Any]) -> dict[str, Any]:
 def _short(key: str, value: Any) -> Any:
     if key in _CERTIFICATES and isinstance(value, dict):
         return {name: value[name] for name in _HEAD if name in value}
+    if key == "system" and value:
+        return {name: one for name, one in value.items() if name != "given"}
     if isinstance(value, list):
         return [_short("", one) for one in value]
     if isinstance(value, dict):
