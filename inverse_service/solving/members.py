@@ -24,6 +24,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from flint import fmpq_mpoly, nmod_mat
 
@@ -448,10 +449,10 @@ def _summary(work: _Work) -> Family:
     places = list[list[leaves.PointOnLeaf]]()
     for one in work.found:
         try:
-            places.append(list(leaves.points(one.leaf, work.draw, 7, 2)) if work.is_movable else [])
-        except (NotSplit, errors.IrreducibleAtoms):
+            places.append(list(leaves.points(one.leaf, work.draw, 7, 2)))
+        except (NotSplit, errors.IrreducibleAtoms, KeyError):
             places.append([])
-    _drop_inequations(work, places)
+    _drop_inequations(work)
     told, numbers = list[Found](), dict[int, int]()
     for number, one in sorted(enumerate(work.found), key=lambda item: item[1].leaf.size):
         around = [k for k, other in enumerate(told) if _is_in(other.leaf, places[number])]
@@ -478,22 +479,30 @@ def _is_in(large: Leaf, places: Sequence[leaves.PointOnLeaf]) -> bool:
     )
 
 
-def _drop_inequations(work: _Work, places: Sequence[Sequence[leaves.PointOnLeaf]]) -> None:
+def _drop_inequations(work: _Work) -> None:
     """Keep only inequations that part a leaf from members with other verdicts; all where an open set is beside it."""
-    beside = {one.inside for one in work.open}
-    for number, one in enumerate(work.found):
-        if not one.leaf.nonzero or one.inside in beside or not work.is_movable:
-            continue
-        kept = list[fmpq_mpoly]()
-        for other, points in zip(work.found, places, strict=True):
-            if (
-                not points
-                or other.verdicts == one.verdicts
-                or any(any(map(p.value, one.leaf.equations)) for p in points)
-            ):
-                continue
-            kept += [g for g in one.leaf.nonzero if not any(map(lambda p, g=g: p.value(g), points)) and g not in kept]  # type: ignore[misc]
-        work.found[number] = replace(one, leaf=replace(one.leaf, nonzero=tuple(kept)))
+    beside, before = {one.inside for one in work.open}, tuple(work.found)
+    for number, one in enumerate(before):
+        if one.leaf.nonzero and one.inside not in beside:
+            whole = Leaf(work.unknowns, one.leaf.rules)
+            kept = tuple(g for g in one.leaf.nonzero if not _has_verdicts(work, before, whole, g, one.verdicts))
+            work.found[number] = replace(one, leaf=replace(one.leaf, nonzero=kept))
+
+
+def _has_verdicts(
+    work: _Work, known: Sequence[Found], whole: Leaf, vanishing: fmpq_mpoly, verdicts: tuple[Any, Any]
+) -> bool:
+    """Whether the members of a set at which an element vanishes are known to have these verdicts."""
+    try:
+        for piece in leaves.split(whole, [vanishing], _until(work)):
+            points = list(leaves.points(piece, work.draw, 7, 2))
+            around = [one for one in known if _is_in(one.leaf, points)]
+            most = max(len(one.leaf.rules) for one in around)
+            if any(one.verdicts != verdicts for one in around if len(one.leaf.rules) == most):
+                return False
+    except (NotSplit, errors.IrreducibleAtoms, KeyError, ValueError):
+        return False
+    return True
 
 
 def _told_as_open(
