@@ -37,7 +37,7 @@ _EXPONENTIAL = ex.Apply("exp", ex.ONE)
 # The denominator from which a decimal number can be much shorter than a fraction, and how many digits shorter.
 _LEAST_DECIMAL, _MUCH, _EXACT = 1000, 2, Context(prec=1000, traps=[Inexact])
 # A typed decimal number is recognized over these divisors and times these factors.
-_DIVISORS, _FACTORS = (1, 2, 3, 4, 6, 8, 12), (2, 3, 4)
+_DIVISORS, _FACTORS = (1, 2, 3, 4, 6), (2, 3, 4)
 _DECIMALS: ContextVar[frozenset[Fraction]] = ContextVar("decimals", default=frozenset())
 _Factors = tuple[ex.Expression, ...]
 _Side = tuple[str, _Factors]  # the number and the factors above or below a fraction line
@@ -78,7 +78,8 @@ class Ratio:
         value = Fraction(self.over, self.under)
         if value.denominator > 1:
             for divisor in _DIVISORS if decimals else ():
-                if value * divisor in decimals:
+                typed = value * divisor  # 0.5 is 1/2, not the third of a typed 1.5
+                if typed in decimals and typed.numerator == value.numerator:
                     return decimal_digits(value * divisor), str(divisor)
             if any(value / factor in decimals for factor in _FACTORS):
                 return decimal_digits(value), "1"

@@ -225,13 +225,14 @@ def test_the_order_of_a_set_of_trees_is_the_same_in_all_processes() -> None:
         ("9.81*x", "9.81*x", "9.81 x"),
         ("9.81*x^2/2", "9.81*x^2/2", r"\frac{9.81 x^{2}}{2}"),
         ("2*9.81*x", "19.62*x", "19.62 x"),
-        ("x/2 + 9.81/(3*y)", "x/2 + 9.81/(3*y)", r"\frac{x}{2} + \frac{9.81}{3 y}"),
+        ("x/2 + 9.81/(2*y)", "x/2 + 9.81/(2*y)", r"\frac{x}{2} + \frac{9.81}{2 y}"),
+        ("x/2 + 1.5*y", "x/2 + 1.5*y", r"\frac{x}{2} + 1.5 y"),
         ("981*x/1000", "981*x/1000", r"\frac{981 x}{1000}"),
     ],
 )
 def test_a_decimal_number_is_printed_as_it_was_typed(value: str, text: str, latex: str) -> None:
     tree = reader.read_formula(value, Names(("x", "y")))
-    with printing.with_decimals(frozenset([Fraction("9.81")])):
+    with printing.with_decimals(frozenset([Fraction("9.81"), Fraction("1.5")])):
         assert (printing.to_text(tree), printing.to_latex(tree)) == (text, latex)
         assert reader.read_formula(printing.to_text(tree), Names(("x", "y"))) == tree
     assert "." not in printing.to_text(tree)

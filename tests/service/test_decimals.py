@@ -16,6 +16,7 @@ from inverse_service import check, solve
         ({"equations": "x'' = -9.81*x"}, "-9.81*x", "x'^2/2 - 9.81*x^2/2", "p_x^2/2 + 9.81*x^2/2"),
         ({"equations": {"x": "-g"}, "parameters": {"g": "9.81"}}, "-9.81", "x'^2/2 - 9.81*x", "p_x^2/2 + 9.81*x"),
         ({"equations": "x'' = -0.5*x"}, "-x/2", "x'^2/2 - x^2/4", "p_x^2/2 + x^2/4"),
+        ({"equations": "x'' = -2.0*x - 1.5"}, "-2*x - 1.5", "x'^2/2 - 1.5*x - x^2", "p_x^2/2 + 1.5*x + x^2"),
     ],
 )
 def test_a_decimal_number_is_the_same_in_the_equations_l_and_h(

@@ -152,14 +152,14 @@ class Prepared:
 
 
 def typed_decimals(document: Any) -> frozenset[Fraction]:
-    """The decimal numbers in the formulas and values of a document, but for 0.5, 0.25, and 0.75."""
+    """The decimal numbers in the formulas and values of a document, but for 2.0 and for 0.5, 0.25, and 0.75."""
     if not isinstance(document, Mapping):
         return frozenset()
     values = document.get("parameters")
     numbers = [str(value) for value in values.values()] if isinstance(values, Mapping) else []
     texts = [*_texts([document[key] for key in FORMULAS if key in document]), *numbers]
     found = (Fraction(number) for text in texts[:MOST_TEXTS] for number in _DECIMAL.findall(text))
-    return frozenset(number for number in found if number > 1 or number.denominator > 4)
+    return frozenset(one for one in found if one.denominator > (1 if one > 1 else 4))
 
 
 def prepared(document: Any) -> Prepared:
