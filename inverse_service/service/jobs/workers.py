@@ -528,7 +528,7 @@ class Workers:
     def _prove(self, pinged: Future[Outcome]) -> None:
         outcome = pinged.result()
         self.first.set_result(outcome)
-        if outcome.status != "done":
+        if outcome.status != "done" and not self._stopping.is_set():  # who stops at once has no fault
             log.error("the first task of a worker ended with %s: %s", outcome.status, outcome.detail)
 
     def _serve(self, number: int) -> None:
