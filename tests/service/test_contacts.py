@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
+from inverse_service.cli.simulate_command import page
 from inverse_service.errors import InputError
 from inverse_service.service.scenes.simulating import simulate
 from tests.values import slow
@@ -564,3 +565,15 @@ def test_events_see_impacts() -> None:
     found = run(scene("y'^2/2 - 9.81*y", {"y": (1, 0)}, [{"gap": "y", "restitution": 0.8}], 5, events=events))
     assert found["events"][0]["count"] == 4
     assert found["final"]["t"] == pytest.approx(FALL * (1 + 1.6 + 0.64), abs=1e-9)
+
+
+def test_a_terminal_shows_what_contacts_did() -> None:
+    shown = page(simulate(ONE["lifted by a growing force"][0]))
+    assert f"floor: 0 impacts, pressed from t = 0 to {G / 20:.6g}; greatest force 9.81." in shown
+
+
+def test_contacts_of_an_ensemble_are_refused() -> None:
+    document = ONE["a ball at rest"][0] | {"ensemble": {"initial": {"positions": {"y": ["0", "1"]}}}}
+    with pytest.raises(InputError, match="contacts are") as refused:
+        simulate(document)
+    assert refused.value.pointer == "/contacts"

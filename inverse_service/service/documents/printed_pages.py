@@ -302,7 +302,20 @@ def why(method: Mapping[str, Any]) -> str:
 
 
 def notes_of_formulas(method: Mapping[str, Any]) -> list[str]:
-    """What a run says about its events and the observables by formula, each after its formula or name."""
+    """What a run says about its events and the observables by formula, each after its formula or name, and what its
+    contacts did."""
     parts = [(one["when"], one) for one in method.get("events") or ()]
     parts += (method.get("observables") or {}).items()
-    return [f"{name}: {one['note']}" for name, one in parts if one.get("note")]
+    noted = [f"{name}: {one['note']}" for name, one in parts if one.get("note")]
+    return noted + [f"{one['name']}: {what_a_contact_did(one)}" for one in method.get("contacts") or ()]
+
+
+def what_a_contact_did(contact: Mapping[str, Any]) -> str:
+    """Its impacts, when it pressed, and its greatest force."""
+    impacts, rests = contact["impacts"], contact["rests"]
+    said = "1 impact" if impacts == 1 else f"{impacts} impacts"
+    if not rests:
+        return f"{said}."
+    first = f"pressed from t = {rests[0]['begin']:.6g} to {rests[0]['end']:.6g}"
+    more = f" and {len(rests) - 1} more times" if len(rests) > 2 else " and once more" if len(rests) == 2 else ""
+    return f"{said}, {first}{more}; greatest force {contact['greatest_force']:.6g}."
