@@ -62,7 +62,9 @@ def all_integrals(
     end, system = now() + limit, analysis.system
     trees = [one.expression for one in found if with_time or not ex.holds(one.expression, ex.TIME)]
     degrees = [(tree, d) for tree in trees if (d := degree_of(tree)) is not None and d > 0]
-    if system.functions or system.positive or any(degree_of(f) is None for f in system.accelerations):
+    # A result shows f as it was given, not as it is on one of its branches.
+    is_given = tuple(system.given) == tuple(system.accelerations)
+    if system.functions or system.positive or not is_given or any(degree_of(f) is None for f in system.accelerations):
         return None
     complete = None
     for degree in range(1, conserved.MAX_DEGREE + 1):  # complete to a degree only if it is to all lower ones
