@@ -338,12 +338,12 @@ def equations_text(equations: Any) -> str:
 class Understood:
     """Groups of formulas under headings, each with the text that a screen reader says, and the meaning of the names.
 
-    `readings` are what was read otherwise than it was typed: the text, its meaning, and what a button for a name sends.
+    `readings` are what was read otherwise than it was typed: the text, its meaning, and words and value of a button.
     """
 
     groups: list[tuple[str, list[tuple[str, Markup]]]]
     names: list[Markup]
-    readings: list[tuple[str, str, str]]
+    readings: list[tuple[str, str, str, str]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -369,8 +369,8 @@ class ShownPlace:
 Problem = list[ShownPlace]
 
 
-def understood(answer: Mapping[str, Any], time: str = "t") -> Understood:
-    """The answer of /v1/parse about a document with this time, typeset, with the guessed names."""
+def understood(answer: Mapping[str, Any], fields: Mapping[str, str], time: str = "t") -> Understood:
+    """The answer of /v1/parse about the document of a form with this time, typeset, with the guessed names."""
     names = stated.names_of({**answer, "time": time})
     lagrangian, equations = answer.get("lagrangian"), (answer.get("equations") or {}).items()
     groups = (
@@ -382,8 +382,18 @@ def understood(answer: Mapping[str, Any], time: str = "t") -> Understood:
     return Understood(
         [(words, [(one, typesetting.formula(one, names)) for one in lines]) for words, lines in groups if lines],
         [*map(typesetting.said, sheets.meanings(answer)), *timed],
-        [(one["text"], one["as"], _as_a_name(one["text"], one["as"])) for one in answer.get("readings", ())],
+        [(one["text"], *_offered(one["text"], one["as"], fields)) for one in answer.get("readings", ())],
     )
+
+
+def _offered(text: str, meant: str, fields: Mapping[str, str]) -> tuple[str, str, str]:
+    """What a text was taken to mean, and a button for the other meaning: its words and what it sends, empty without."""
+    meaning, _, other = meant.partition(", not ")
+    for name in ("equations", "lagrangian", "constraints") if other else ():
+        for number, line in enumerate(fields.get(name, "").split("\n"), 1):
+            if (place := line.find(text)) >= 0:
+                return meaning, f"{text} is {other}", f"{name}:{number}:{place + 1}+{len(text)}:{other}"
+    return meant, f"{text} is one name", _as_a_name(text, meant)
 
 
 def _as_a_name(text: str, meant: str) -> str:
@@ -534,4 +544,4 @@ def _understood(sent: Sent) -> dict[str, Any]:
         answer = parse_document(model.split_options(sent.document)[0])
     except errors.InputError as error:
         return {"problem": problem_of(error, sent.fields)} if typed else {}
-    return {"understood": understood(answer, sent.document.get("time", "t"))}
+    return {"understood": understood(answer, sent.fields, sent.document.get("time", "t"))}

@@ -1,0 +1,27 @@
+"""What was read otherwise than it may be meant comes with a button for the other meaning."""
+
+from __future__ import annotations
+
+import pytest
+
+from inverse_service.web.pages import forms
+
+
+@pytest.mark.parametrize(
+    ("typed", "words", "then"),
+    [
+        ("x'' = -x\ny'' = -k/m y", "k/m y is k/(m*y)", "x'' = -x\ny'' = -k/(m*y)"),
+        ("x'' = -kx", "kx is one name", "x'' = -kx"),
+    ],
+)
+def test_a_button_puts_the_other_meaning_in_its_place(typed: str, words: str, then: str) -> None:
+    fields = forms.fields_from({"equations": typed})
+    understood = forms.echo_task(fields)["understood"]
+    ((_, meant, label, sends),) = understood.readings
+    assert label == words
+    assert " not " not in meant
+    sent = {name: (value,) for name, value in fields.items()} | {"instead": (sends,)}
+    chosen = forms.fields_of(forms.Form(sent))
+    assert chosen["equations"] == then
+    after = forms.echo_task(chosen)["understood"]
+    assert label not in [one[2] for one in after.readings]
