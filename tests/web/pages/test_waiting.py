@@ -40,5 +40,5 @@ def test_the_page_of_work_tells_since_when_it_waits() -> None:
 def test_the_echo_of_a_constrained_system_is_said_to_be_the_motion() -> None:
     """The equations of d'Alembert are the same for every associated system."""
     document = {"lagrangian": "(x'^2 + y'^2 + z'^2)/2", "constraints": ["z' - y*x'"], "associated": "third"}
-    headings = [heading for heading, _ in understood(documents.parse_document(document)).groups]
+    headings = [heading for heading, _ in understood(documents.parse_document(document), {}).groups]
     assert headings == ["Lagrangian", "Constraints", "Motion"]
