@@ -209,6 +209,17 @@ class Contacts:
         gaps = np.abs(terms.slopes[0]) @ np.abs(accelerations) + np.abs(terms.bends[0])
         return float(gaps.max(initial=0.0)), float(np.abs(terms.forces).max(initial=0.0))
 
+    def before_overlap(self, state: data.Point, active: Active, scale: Scale) -> data.Point:
+        """The state at the moment at which the gaps that are overlapped by less than NEAR, and close, were zero."""
+        terms = self._of(state)
+        gaps, rates = terms.gaps[0], terms.rates[0]
+        closing = (gaps < 0) & (gaps >= -NEAR * scale.size) & (rates < -scale.least)
+        late = float((gaps[closing] / rates[closing]).max(initial=0.0))
+        if late > NEAR * scale.step:  # so slow that it comes to rest there
+            return state
+        accelerations = self.pressed(terms, active).accelerations[0]
+        return state[0] - late, state[1] - late * state[2], state[2] - late * accelerations
+
     def stopped(self, state: data.Point, which: Sequence[int]) -> data.Point:
         """The state where these contacts do not slide, nor open or close."""
         terms = self._of(state)

@@ -362,6 +362,8 @@ class _Pieces:
     def act(self, position: Position, piece: Piece, state: Point, kinds: list[Kind]) -> Position | Ended:
         """The position after all events at the first moment of a piece at which there is one."""
         grid, ran = self.scene.grid, piece.ran
+        if any(isinstance(one, Contacting) and one.change == Change.CLOSES for one in kinds):
+            state = self._contacts_of(position).before_overlap(state, position.active, self.scale)
         row = max(1, int((ran.times < state[0] - AT_ONCE * abs(grid.step)).sum()))
         self._keep(position, piece, row)
         place, count = position.place + row - 1, max(FIRST // 2, 2 * row)

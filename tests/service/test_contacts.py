@@ -577,3 +577,14 @@ def test_contacts_of_an_ensemble_are_refused() -> None:
     with pytest.raises(InputError, match="contacts are") as refused:
         simulate(document)
     assert refused.value.pointer == "/contacts"
+
+
+def test_impacts_are_where_the_gap_is_zero() -> None:
+    """Not where it is overlapped enough to be seen: the error is within the uncertainty that is shown."""
+    document = ONE["a ball in the air after five impacts"][0] | {"observe": ["trajectory", "error"]}
+    found = run(document)
+    columns = found["points"]["columns"]
+    error = max(abs(y - bounced(t, 0.8)) for t, y in zip(columns["t"], columns["y"], strict=True))
+    assert error <= found["max_error"] + found["error_uncertainty"]
+    cradle = run(SEVERAL["cradle of three"][0])["final"]["positions"]
+    assert cradle == pytest.approx({"a": 0, "b": 0, "c": 2}, abs=4e-16)
