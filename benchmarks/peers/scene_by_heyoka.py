@@ -7,7 +7,7 @@ from typing import Any
 
 import heyoka
 
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import refusals, tree as ex
 from inverse_service.reading import names as nm, reader
 
 
@@ -33,7 +33,8 @@ if __name__ == "__main__":
     document = json.load(sys.stdin)
     names, start = document["system"]["coordinates"], document["initial"]
     spelled = nm.Names(tuple(names), tuple(document["parameters"]))
-    lagrangian = reader.read_formula(document["system"]["lagrangian"], spelled)
+    with refusals.longer_texts(10):
+        lagrangian = reader.read_formula(document["system"]["lagrangian"], spelled)
     q, v = (heyoka.make_vars(*(f"{letter}{k}" for k in range(len(names)))) for letter in "qv")
     q, v = ([one] if len(names) == 1 else list(one) for one in (q, v))
     table: dict[ex.Expression, Any] = dict(zip(map(ex.Symbol, names), q, strict=True))

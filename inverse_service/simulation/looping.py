@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from inverse_service.expressions import printing, tree as ex
+from inverse_service.expressions.graphs import components
 from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Outcome
 from inverse_service.kernels.codegen import graph as graphs, looped
@@ -32,7 +33,7 @@ from inverse_service.simulation.sentences import say
 
 SMALL = 2  # coordinates up to which no step is long
 MOST_CONSTRAINTS, MOST_OPERATIONS = 4, 400_000
-LONG, COUPLED = 4000, 6  # operations of a step; coordinates on one side of the diagonal of its matrix
+LONG, COUPLED = 4000, 6  # operations of a step; unknowns of one block, whose elimination is written out
 MOVING = MOMENT | PLACE | SPEED
 EXPLICIT, OWN = ("adaptive", "runge_kutta"), ("hamiltonian", "raw")
 
@@ -53,9 +54,14 @@ def is_looped(problem: data.Problem, choice: data.MethodChoice) -> bool:
     plan = looped.plan_of(program)
     if len(problem.constraints) > MOST_CONSTRAINTS:  # the rank of fewer is watched in steps that are written out
         return True
-    below, above, rows = (plan.numbers[name] for name in ("below", "above", "rows"))
-    size = len(program.graph.operations(program.outputs["evaluate"])) + rows * below * (below + above)
-    return below >= COUPLED or size * plan.numbers.get("stages", 1) > LONG
+    span = range(len(program.right))
+    coupled: dict[int, set[int]] = {k: set() for k in span}
+    for i, j in program.entries:
+        coupled[i].add(j)
+        coupled[j].add(i)
+    sizes = [len(block) for block in components({k: sorted(coupled[k]) for k in span})]
+    size = len(program.graph.operations(program.outputs["evaluate"])) + sum(count**3 for count in sizes)
+    return max(sizes) > COUPLED or size * plan.numbers.get("stages", 1) > LONG
 
 
 def _has_loops(problem: data.Problem, choice: data.MethodChoice) -> bool:
