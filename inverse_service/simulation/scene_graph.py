@@ -224,11 +224,12 @@ class SceneGraph:
         for _ in range(MOST_NEWTON if turns else 1):
             inputs = self.inputs(positions, v, values, times)
             left = (target - self.values(nodes, inputs, count)).T
-            matrix = (
-                self.saddle(self.inputs(positions[:1], v[:1], values, 0.0), 1) if is_one else self.saddle(inputs, count)
-            )
             try:
-                change = np.linalg.solve(matrix, left[:, :, None])[:, :n, 0]
+                if is_one:
+                    matrix = self.saddle(self.inputs(positions[:1], v[:1], values, 0.0), 1)[0]
+                    change: Array = np.linalg.solve(matrix, left.T).T[:, :n]
+                else:
+                    change = np.linalg.solve(self.saddle(inputs, count), left[:, :, None])[:, :n, 0]
             except np.linalg.LinAlgError:
                 return None
             v = v + change
