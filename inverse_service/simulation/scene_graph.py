@@ -224,18 +224,20 @@ class SceneGraph:
         for _ in range(MOST_NEWTON if turns else 1):
             inputs = self.inputs(positions, v, values, times)
             left = (target - self.values(nodes, inputs, count)).T
+            change: Any  # numpy's types of the two are different
             try:
                 if is_one:
                     matrix = self.saddle(self.inputs(positions[:1], v[:1], values, 0.0), 1)[0]
-                    change: Array = np.linalg.solve(matrix, left.T).T[:, :n]
+                    change = np.linalg.solve(matrix, left.T).T[:, :n]
                 else:
                     change = np.linalg.solve(self.saddle(inputs, count), left[:, :, None])[:, :n, 0]
             except np.linalg.LinAlgError:
                 return None
-            v = v + change
+            v = np.asarray(v + change, dtype=np.float64)
             if (np.abs(change) <= SETTLED * (1 + np.abs(v))).all():
                 return v
-        return np.where((np.abs(change) <= NEARLY * (1 + np.abs(v))).all(axis=1)[:, None], v, np.nan) if turns else v
+        near = np.abs(change) <= NEARLY * (1 + np.abs(v))
+        return np.where(np.all(near, axis=1, keepdims=True), v, np.nan) if turns else v
 
     def saddle(self, inputs: Mapping[int, Any], count: int) -> Array:
         """[[g, w^T], [w, 0]] at `count` points, (count, n + m, n + m)."""
