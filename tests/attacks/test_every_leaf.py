@@ -71,10 +71,10 @@ def test_a_changed_leaf_is_seen_or_listed(row: rows.Row, most: int, monkeypatch:
     known: dict[str, checker.CheckResult] = {}
     plain = checker.check_certificate
 
-    def remembered(certificate: Any, **options: Any) -> checker.CheckResult:
+    def remembered(certificate: Any, *times: float, **options: Any) -> checker.CheckResult:
         key = json.dumps(certificate, sort_keys=True)
         if key not in known:
-            known[key] = plain(certificate, **options)
+            known[key] = plain(certificate, *times, **options)
         return known[key]
 
     monkeypatch.setattr(checking.checker, "check_certificate", remembered)
