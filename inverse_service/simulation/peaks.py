@@ -179,5 +179,12 @@ def _rates(scene: SceneGraph, arguments: list[int]) -> dict[int, int]:
 
 
 def _is_square_or_cube(node: ex.Expression) -> bool:
-    """Whether it is one, whose peaks are as wide as those of what it holds, which are looked for themselves."""
-    return isinstance(node, ex.Power) and node.exponent in (ex.TWO, ex.number(3))
+    """Whether it is one of sums, products, and waves, whose peaks are as wide as those of what it holds.
+
+    The square of tanh(u/0.001) is 1 but for a narrow dip, where tanh itself has no peak.
+    """
+    is_low = isinstance(node, ex.Power) and node.exponent in (ex.TWO, ex.number(3))
+    inside = list(ex.walk(node))[1:] if is_low else []
+    return is_low and not any(
+        isinstance(part, ex.Power) or (isinstance(part, ex.Apply) and part.function not in WAVES) for part in inside
+    )
