@@ -236,7 +236,7 @@ def _by_another_run(
     assert what is not None
     is_sparse = scene.grid.record_every > 1 and again.grid.steps * len(turns) <= MOST_VALUES
     every = 1 if is_sparse else again.grid.record_every
-    own = derived.but(grid=replace(again.grid, record_every=every))
+    own = replace(derived, scene=replace(scene, grid=replace(again.grid, record_every=every)))
     ran = _stopping(own, what, again.stops) if again.stops else _again(own, again.requested, what)
     if ran is None:
         return before, whole
