@@ -20,7 +20,8 @@ from inverse_service.constrained.existence import analyze_motion, decide_motion
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.linear_pde.involution import Finding
 from inverse_service.mechanics.constrained_motion import equations_of_motion
-from inverse_service.service.documents.nonholonomic_documents import nonholonomic_of, solve_nonholonomic
+from inverse_service.service.documents.motion_documents import nonholonomic_of
+from inverse_service.service.documents.nonholonomic_documents import solve_nonholonomic
 
 QUESTIONS, PAGE = Path("docs/questions/motions.ndjson"), Path("docs/records/motions.md")
 HEAD = (

@@ -7,7 +7,7 @@ from typing import Any
 from inverse_service.constrained.existence import AnalyzedMotion, analyze_motion
 from inverse_service.mechanics.constrained_motion import equations_of_motion
 from inverse_service.mechanics.second_order_system import ConstrainedMotion, read_system
-from inverse_service.service.documents.nonholonomic_documents import nonholonomic_of
+from inverse_service.service.documents.motion_documents import nonholonomic_of
 
 SLEIGH = "((x'-a*sin(phi)*phi')^2+(y'+a*cos(phi)*phi')^2)/2"
 BLADE = ["y'*cos(phi)-sin(phi)*x'"]

@@ -735,9 +735,9 @@ class Examination:
             self.about_another("/with_clock", clock, derived.system_with_clock(document, clock))
         reduced = as_object(self.result.get("reduced"))
         if reduced and document is not own:
-            from inverse_service.service.documents import nonholonomic_documents
+            from inverse_service.service.documents import motion_documents
 
-            found, clocked = nonholonomic_documents.systems_of_reduced(document, reduced)
+            found, clocked = motion_documents.systems_of_reduced(document, reduced)
             self.about_another("/reduced", reduced, found)
             if clock := as_object(reduced.get("with_clock")):
                 self.about_another("/reduced/with_clock", clock, clocked)
@@ -799,10 +799,10 @@ class Examination:
 
     def associated(self, plain: Any, own: dict[str, Any]) -> None:
         """The associated system of the main fields is the one that the document names; the image of D is that of D."""
-        from inverse_service.service.documents import nonholonomic_documents
+        from inverse_service.service.documents import motion_documents
 
         result, alone = self.result, growing.asks_motion_alone(plain)
-        made = nonholonomic_documents.asked_fields(plain) if self.has_document else None
+        made = motion_documents.asked_fields(plain) if self.has_document else None
         if made is not None:
             for name in ("coordinates", "parameters", "functions") if alone else ():
                 good = own[name] == made[name]

@@ -161,9 +161,9 @@ def _claimed(system: Mapping[str, Any]) -> ConstrainedMotion:
 
 def _of_motions() -> ModuleType:
     """The module of motions on constraints: it takes 0.05 s, which a single call for another system notices."""
-    from inverse_service.service.documents import nonholonomic_documents
+    from inverse_service.service.documents import motion_documents
 
-    return nonholonomic_documents
+    return motion_documents
 
 
 def _texts(schema: SystemDocument, names: nm.Names) -> list[GivenText | None]:

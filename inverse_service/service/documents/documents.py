@@ -128,19 +128,19 @@ class UseCases:
 def use_cases(document: Any) -> UseCases:
     """Those of the kind that a prepared document is of, imported now."""
     if accepting.is_motion(document):
-        from inverse_service.service.documents import nonholonomic_documents as held
+        from inverse_service.service.documents import motion_documents as read, nonholonomic_documents as solved
 
         look: Callable[[Any], Any] = partial(accepting.validated, schema=MotionDocument)
-        return UseCases(look, held.parse_motion, held.system_of_motion, held.solve_motion)
+        return UseCases(look, read.parse_motion, read.system_of_motion, solved.solve_motion)
     if accepting.is_forward(document):
         from inverse_service.service.documents import own_lagrangian as alone
 
         look = partial(accepting.validated, schema=LagrangianDocument)
         return UseCases(look, alone.parse, alone.system_of, alone.solve_forward)
     if accepting.is_nonholonomic(document):
-        from inverse_service.service.documents import nonholonomic_documents as held
+        from inverse_service.service.documents import motion_documents as read, nonholonomic_documents as solved
 
-        return UseCases(held.to_nonholonomic_schema, held.parse, held.system_of, held.solve_nonholonomic)
+        return UseCases(read.to_nonholonomic_schema, read.parse, read.system_of, solved.solve_nonholonomic)
     return UseCases(accepting.to_schema, parse_system, accepting.to_system, solve_system)
 
 

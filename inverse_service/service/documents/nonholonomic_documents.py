@@ -1,4 +1,4 @@
-"""Documents of motions on constraints: schema, system, what is understood, use cases, and the parts of a result.
+"""Answers about motions on constraints: use cases, and the parts of a result.
 
 Of a Lagrangian with constraints, and of a motion that is given as it is; the key `reduced` of either.
 """
@@ -9,11 +9,11 @@ from fractions import Fraction
 from functools import partial
 from typing import Any
 
-from api_schemas import base, result as schemas
+from api_schemas import result as schemas
 from api_schemas.result import AdvicePart, HamiltonianPart
 from api_schemas.system import MotionDocument, NonholonomicDocument
 from inverse_service import errors
-from inverse_service.constrained import answering, hamiltonise, nonholonomic_study, reduced, reduced as deciding
+from inverse_service.constrained import answering, hamiltonise, nonholonomic_study, reduced as deciding
 from inverse_service.constrained.lagrangian import first_system
 from inverse_service.deadline import NOT_YET, now, share
 from inverse_service.decision import solutions
@@ -24,16 +24,19 @@ from inverse_service.mechanics import (
     euler_lagrange,
     nonholonomic_integrals,
     paper_class,
-    second_order_system,
 )
 from inverse_service.mechanics.first_integrals import FirstIntegral, first_integrals
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import names as nm, reader
-from inverse_service.service.documents import accepting, comparison, derived, family_parts, own_lagrangian, translate
+from inverse_service.service.documents import (
+    accepting,
+    comparison,
+    derived,
+    family_parts,
+    motion_documents,
+    translate,
+)
 from inverse_service.service.documents.growing import Growing
 
-# What looking at a document again may take for an associated system that is only shown, s.
-SHOWN_AT_ONCE = 0.3
 _MEASURE = {
     "found": "N times the volume of phase space is invariant; its momenta are those of the free velocities.",
     "does_not_exist": "No density `N(q)` makes a volume invariant: the equations for log N contradict each other.",
@@ -56,130 +59,6 @@ OPEN = answering.MotionAnswer("undetermined", "undetermined", NOT_YET)
 FOR_INTEGRALS, SHARE_OF_INTEGRALS = 5.0, 0.1
 # And what is left for checking all answers at the end.
 SHARE_LEFT = 0.1
-
-
-def to_nonholonomic_schema(document: Any) -> NonholonomicDocument:
-    """The document in its schema; raises DocumentRefused with every fault found."""
-    if isinstance(document, dict) and "equations" in document:
-        sentence = "'equations' and a Lagrangian or constraints are both given: keep only one of the two."
-        raise errors.DocumentRefused((errors.Place(sentence, "/equations"),))
-    return accepting.validated(document, NonholonomicDocument)
-
-
-def nonholonomic_of(document: Any) -> constrained_motion.NonholonomicSystem:
-    """The system of a prepared document; raises InputError."""
-    return to_nonholonomic(to_nonholonomic_schema(document))
-
-
-def to_nonholonomic(schema: NonholonomicDocument) -> constrained_motion.NonholonomicSystem:
-    """The system that a document describes; raises InputError with pointer and column."""
-    declared = accepting.declared(schema, constrained_motion.MOST_CONSTRAINED)
-    found = constrained_motion.read_nonholonomic(declared, schema.lagrangian, schema.constraints, schema.name)
-    names = nm.Names(found.coordinates, found.parameters, dict(found.functions))
-    short = own_lagrangian.in_few_terms(found.lagrangian, names, (schema.lagrangian, *schema.where.values()))
-    return dataclasses.replace(found, lagrangian=short)
-
-
-def to_families(
-    schema: NonholonomicDocument, system: constrained_motion.NonholonomicSystem
-) -> list[tuple[ex.Expression, ...]]:
-    """The families of multiples, each one tree for each coordinate; raises InputError."""
-    given = [] if schema.multiples is None else schema.multiples
-    families = {"": given} if isinstance(given, dict) else {f"/{place}": one for place, one in enumerate(given)}
-    names = nm.Names(system.coordinates, system.parameters, dict(system.functions))
-    found = []
-    for at, family in families.items():
-        multiples: dict[str, ex.Expression] = dict.fromkeys(system.coordinates, ex.ZERO)
-        for key, text in family.items():
-            name, place = names.spelling(key), f"/multiples{at}/{nm.escaped(key)}"
-            if name not in multiples:
-                listed = ", ".join(system.coordinates)
-                detail = f"there is a multiple for a name that is not a coordinate: the coordinates are {listed}."
-                raise errors.InputError(detail, place)
-            tree = accepting.formula_about(text, names, schema, place)
-            multiples[name] = reader.without_accelerations(tree, f"the multiple for {name}", place)
-        found.append(tuple(multiples.values()))
-    return found
-
-
-def motion_of(document: Any) -> second_order_system.ConstrainedMotion:
-    """The motion that a prepared document gives; raises InputError."""
-    return read_given_motion(accepting.validated(document, MotionDocument))
-
-
-def read_given_motion(schema: MotionDocument) -> second_order_system.ConstrainedMotion:
-    """The motion that a document describes; raises InputError."""
-    declared = accepting.declared(schema, constrained_motion.MOST_CONSTRAINED)
-    return constrained_motion.read_motion(declared, schema.motion, schema.constraints)
-
-
-def parse(schema: NonholonomicDocument) -> schemas.NonholonomicParseAnswer:
-    """Lagrangian, constraints, and the accelerations that follow; raises InputError."""
-    system = to_nonholonomic(schema)
-    to_families(schema, system)
-    forces = constrained_motion.accelerations(system)
-    motion = SecondOrderSystem(system.coordinates, forces, system.parameters, system.functions, system.name)
-    return schemas.NonholonomicParseAnswer(
-        **dict(translate.to_parse_answer(motion, schema)),
-        lagrangian=translate.parsed(system.lagrangian),
-        constraints=[translate.parsed(tree) for tree in system.constraints],
-    )
-
-
-def system_of(schema: NonholonomicDocument) -> SecondOrderSystem:
-    """The first associated system; raises InputError."""
-    first, *_ = nonholonomic_study.associated_systems(
-        nonholonomic_study.motion_report(to_nonholonomic(schema)), "first"
-    )
-    assert first.system is not None
-    return first.system
-
-
-def parse_motion(schema: MotionDocument) -> base.ParseAnswer:
-    """The interpretation of the document; raises InputError."""
-    return translate.to_parse_answer(system_of_motion(schema), schema)
-
-
-def system_of_motion(schema: MotionDocument) -> SecondOrderSystem:
-    """The accelerations on the constraints, by the free velocities, as a system; raises InputError."""
-    return first_system(read_given_motion(schema))
-
-
-def systems_of_reduced(
-    document: Any, part: dict[str, Any]
-) -> tuple[SecondOrderSystem | None, SecondOrderSystem | None]:
-    """The reduced system of the document, and this in the clock of `with_clock`; None where there is none."""
-    clock = part.get("with_clock")
-    try:
-        document = accepting.prepared(document).document
-        if accepting.is_motion(document):
-            system = reduced.reduced_system(motion_of(document))
-        else:
-            report = nonholonomic_study.motion_report(nonholonomic_of(document))
-            system = reduced.reduced_system(report.motion) or reduced.closed_subsystem(report.exact, report.motion)
-        if system is None or not isinstance(clock, dict):
-            return system, None
-        factor = derived.read_clock(system, str(clock.get("factor")))
-    except errors.InputError:
-        return None, None
-    return system, derived.in_clock(clock, system, factor)
-
-
-def asked_fields(document: Any) -> dict[str, Any] | None:
-    """The fields of the system that a prepared document names: the associated one, or that of the motion alone.
-
-    Without equations where it is not defined; None where the document names none. Raises InputError.
-    """
-    if accepting.is_motion(document):
-        return translate.plain_fields(system_of_motion(accepting.validated(document, MotionDocument)))
-    schema = to_nonholonomic_schema(document)
-    if schema.associated == "any":
-        return translate.plain_fields(system_of(schema))
-    if schema.multiples is not None or schema.associated not in paper_class.KINDS:
-        return None
-    report = nonholonomic_study.motion_report(to_nonholonomic(schema), SHOWN_AT_ONCE)
-    system = nonholonomic_study.associated_systems(report, schema.associated)[0].system
-    return {"equations": {}} if system is None else translate.plain_fields(system)
 
 
 def to_nonholonomic_part(study: nonholonomic_study.Study, kept: Sequence[FirstIntegral]) -> schemas.NonholonomicPart:
@@ -374,7 +253,7 @@ def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) 
         raise errors.InputError(
             f'"{key}" is not available where the motion itself is given. Leave this key out.', f"/{key}"
         )
-    motion = read_given_motion(schema)
+    motion = motion_documents.read_given_motion(schema)
     question = schema.time_dependent_lagrangian
     grow.wanted = ("any_associated", "reduced")
     grow.begin("reduced")
@@ -432,9 +311,9 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
     finds our own certificate invalid.
     """
     grow, end = grow or Growing(None), now() + options.time_limit
-    schema = to_nonholonomic_schema(document)
-    system = to_nonholonomic(schema)
-    families = to_families(schema, system)
+    schema = motion_documents.to_nonholonomic_schema(document)
+    system = motion_documents.to_nonholonomic(schema)
+    families = motion_documents.to_families(schema, system)
     grow.begin("motion")
     report = nonholonomic_study.motion_report(
         system, min(constrained_motion.TIME_LIMIT, SHARE_OF_MOTION * options.time_limit)
