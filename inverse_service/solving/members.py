@@ -46,7 +46,7 @@ DEPTHS = {1: 0, 2: 2, 3: 3}
 FURTHER_ORDERS = 5  # derivatives of functions for splitting, beyond those in the conditions
 MOST_LEAVES = 60
 MOST_EQUATIONS = 60  # that are split together
-MOST_MINORS = 24  # of one size; a part of them gives a larger set, which is sound
+MOST_MINORS, MOST_TRIED = 24, 4000  # of one size: computed, and tried at a point for one that is not zero
 SPLITTING_SECONDS, DECIDING_SECONDS, SEARCH_SECONDS = 8.0, 15.0, 10.0
 NOT_EXAMINED = "special members of this set were not examined: several g satisfy the algebraic conditions"
 DIFFERENTIAL = "several g satisfy the algebraic conditions, and the differential conditions on them were not split"
@@ -312,7 +312,7 @@ def _next_leaves(work: _Work, found: Found, place: int) -> Iterator[Leaf]:
     total = len(hierarchy.unknowns(work.size))
     for smaller in range(rank, 0, -1):
         known = len(work.open)
-        yield from _split(work, found.leaf, _minors(work, chosen[:smaller], smaller), place)
+        yield from _split(work, found.leaf, _minors(work, found.leaf, chosen[:smaller]), place)
         if len(work.open) == known:
             break  # the sets of lower rank are among the leaves
     if kernel == "singular":
@@ -334,11 +334,12 @@ def _next_leaves(work: _Work, found: Found, place: int) -> Iterator[Leaf]:
 
 
 def _split(work: _Work, leaf: Leaf, equations: Iterable[fmpq_mpoly], place: int) -> list[Leaf]:
-    listed = list(equations)
+    listed = list[fmpq_mpoly]()
     try:
+        listed.extend(equations)
         reduced = {str(one): one for one in map(leaf.reduced, listed) if not one.is_zero()}
         if not reduced:
-            return []
+            raise NotSplit("no equation was found that parts it")
         # A part of the equations gives a larger set, which is sound.
         short = [one for one in sorted(reduced.values(), key=len) if len(one) <= leaves.MOST_TERMS][:MOST_EQUATIONS]
         if not short:
@@ -351,45 +352,68 @@ def _split(work: _Work, leaf: Leaf, equations: Iterable[fmpq_mpoly], place: int)
         return []
 
 
+def _values(work: _Work, leaf: Leaf) -> tuple[list[list[int]], int]:
+    """The rows of the conditions at a random point of the leaf, modulo the prime that is returned, too."""
+    point = next(leaves.points(leaf, work.draw, work.seed + 1, 1))
+    return [[point.value(entry) for entry in row] for row in work.rows], point.prime
+
+
 def _rank(work: _Work, leaf: Leaf) -> tuple[int, list[int], str]:
     """The rank of the conditions on the leaf, independent rows of them, and whether a regular g satisfies them."""
-    point = next(leaves.points(leaf, work.draw, work.seed + 1, 1))
-    values = [[point.value(entry) for entry in row] for row in work.rows]
+    values, prime = _values(work, leaf)
     chosen, width = list[int](), len(hierarchy.unknowns(work.size))
     for k in range(len(values)):
         picked = [values[j] for j in (*chosen, k)]
-        if nmod_mat(len(picked), width, [x for row in picked for x in row], point.prime).rank() == len(picked):
+        if nmod_mat(picked, prime).rank() == len(picked):
             chosen.append(k)
-    kernel = matrices.null_rows([values[k] for k in chosen], width, point.prime)
-    singular = not kernel or hierarchy.all_singular(kernel, work.size, point.prime)
+    kernel = matrices.null_rows([values[k] for k in chosen], width, prime)
+    singular = not kernel or hierarchy.all_singular(kernel, work.size, prime)
     return len(chosen), chosen, "singular" if singular else "regular"
 
 
-def _minors(work: _Work, chosen: Sequence[int], rank: int) -> Iterator[fmpq_mpoly]:
-    """The coefficients of minors of this size, those of the chosen rows first."""
-    width, others = len(work.rows[0]), range(len(work.rows))
-    sets = [tuple(chosen), *(one for one in itertools.combinations(others, rank) if one != tuple(chosen))]
-    pairs = itertools.product(sets[: 1 + MOST_MINORS], itertools.combinations(range(width), rank))
-    for rows, columns in itertools.islice(pairs, MOST_MINORS * 3):
+def _minors(work: _Work, leaf: Leaf, chosen: Sequence[int]) -> Iterator[fmpq_mpoly]:
+    """The coefficients of minors with as many rows as are chosen, those of these independent rows first.
+
+    Only minors that are not zero at a point of the leaf part it; most are zero if the conditions are sparse. A part of
+    them gives a larger set, which is sound.
+    """
+    values, prime = _values(work, leaf)
+    width, rank, until = len(work.rows[0]), len(chosen), _until(work)
+    echelon, _ = nmod_mat([values[k] for k in chosen], prime).rref()
+    pivots = tuple(next(j for j in range(width) if echelon[i, j]) for i in range(rank))
+    row_sets = itertools.islice(itertools.combinations(range(len(work.rows)), rank), MOST_MINORS)
+    pairs = ((rows, columns) for rows in dict.fromkeys((tuple(chosen), *row_sets))
+             for columns in itertools.chain((pivots,), itertools.combinations(range(width), rank)))  # fmt: skip
+    wanted = (pair for pair in itertools.islice(pairs, MOST_TRIED)
+              if nmod_mat([[values[r][c] for c in pair[1]] for r in pair[0]], prime).det())  # fmt: skip
+    for rows, columns in itertools.islice(wanted, MOST_MINORS):
         minor = _polynomial_determinant(work, [[work.rows[r][c] for c in columns] for r in rows])
-        if not minor.is_zero():
-            yield from work.unknowns.coefficients(minor)
+        yield from work.unknowns.coefficients(minor)
+        if deadline.now() > until:
+            return
 
 
 def _polynomial_determinant(work: _Work, matrix: Sequence[Sequence[fmpq_mpoly]]) -> fmpq_mpoly:
-    """By expansion along the first row; conditions have few rows."""
-    owner = work.unknowns.ring.field
-    if len(matrix) == 1:
-        return matrix[0][0]
-    total = matrix[0][0] * 0
-    for k, entry in enumerate(matrix[0]):
-        if not entry.is_zero():
-            minor = _polynomial_determinant(work, [[*row[:k], *row[k + 1 :]] for row in matrix[1:]])
-            term = owner.product(entry, minor)
-            total = total + term if k % 2 == 0 else total - term
-        if len(total) > 50 * leaves.MOST_TERMS:
-            raise NotSplit(f"a minor has {len(total)} terms")
-    return total
+    """By expansion along the rows, each minor of the last rows once."""
+    owner, size = work.unknowns.ring.field, len(matrix)
+    known = dict[tuple[int, ...], fmpq_mpoly]()
+
+    def minor(columns: tuple[int, ...]) -> fmpq_mpoly:
+        row = matrix[size - len(columns)]
+        if len(columns) == 1:
+            return row[columns[0]]
+        if columns not in known:
+            total = row[0] * 0
+            for k, column in enumerate(columns):
+                if not row[column].is_zero():
+                    term = owner.product(row[column], minor((*columns[:k], *columns[k + 1 :])))
+                    total = total + term if k % 2 == 0 else total - term
+                if len(total) > 50 * leaves.MOST_TERMS:
+                    raise NotSplit(f"a minor has {len(total)} terms")
+            known[columns] = total
+        return known[columns]
+
+    return minor(tuple(range(size)))
 
 
 def _direction(work: _Work, rows: Sequence[Sequence[fmpq_mpoly]]) -> list[list[exact_field.Quotient]]:

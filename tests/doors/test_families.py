@@ -291,3 +291,14 @@ def test_members_at_which_an_inequation_fails_belong_to_another_leaf() -> None:
         assert leaf_of(family, values)["verdict_with_time"] == verdict
         alone = inverse_service.solve({"equations": equations, "parameters": {"a": "-2", "b": "2", "c": str(c)}})
         assert alone["verdict_with_time"] == verdict
+
+
+def test_sparse_conditions_of_four_coordinates_have_their_leaf() -> None:
+    """The first associated system of a two-wheeled carriage (Bloch, Fernandez, Mestdag 2009): free for R = 0 alone."""
+    carriage = {"p": "0", "s": "0", "x": "R/2*sin(p)*p'*s'", "y": "-R/2*cos(p)*p'*s'"}
+    result = solved(asked(carriage, False, first_integrals=False))
+    for value, verdict in ((0, "variational"), (1, "not_variational")):
+        assert leaf_of(result["family"], {"R": Fraction(value)})["verdict"] == verdict
+    assert result["family"]["covered"]
+    assert result["instead"]["conditions"] == ["R = 0"]
+    assert result["instead"]["checked"] == "valid"
