@@ -43,6 +43,8 @@ TRUE: dict[str, tuple[dict[str, str], list[str], int, int, list[list[int]]]] = {
     "cubic friction": ({"x": "-x-x'^3"}, [], 4, 6, [[]]),
 }  # fmt: skip
 
+SEPARABLE, FREE = TRUE["Henon-Heiles, separable"], TRUE["free particle"]
+
 
 def document(
     equations: dict[str, str], integrals: Sequence[str], degree: int, order: int, products: list[list[int]], **more: Any
@@ -83,6 +85,12 @@ def test_one_more_or_one_less_is_refused(name: str) -> None:
         document({"x": "-x"}, ["x'^2+x^2"], 2, 4, [[], [0]], question="time_dependent"),  # sin(t) x' - ... are others
         document({"x": "-x", "y": "-y"}, ["x'^2+x^2", "y'^2+y^2", "x*y'-y*x'"], 2, 4, [[], [0], [1], [2]]),
         document({"x": "V(x)"}, [], 1, 3, [[]]),
+        # As many as there are, but not those: the dimension alone proves nothing.
+        document(KEPLER, OF_KEPLER, 1, 3, [[], [0]]),
+        document(*SEPARABLE[:1], [SEPARABLE[1][0], f"2*({SEPARABLE[1][0]})"], *SEPARABLE[2:4], [[], [0], [1]]),
+        # To first order the square of x y' - y x', the tenth, cannot be told from the other nine.
+        document(*FREE[:2], 2, 1, [[], [0], [1], [2], [0, 0], [0, 1], [1, 1], [0, 2], [1, 2]]),
+        document(HENON, [ENERGY], 2, 4, [[], [0]], conditions=["x' > 0"]),
     ],
 )
 def test_false_claims_are_refused(false: dict[str, Any]) -> None:
@@ -96,6 +104,28 @@ def test_a_function_is_not_taken_for_another_one() -> None:
     found = checker.check_certificate(document(equations, integrals, 1, 3, [[], [1]]), seed=1)
     assert found.verdict == "valid"
     assert checker.check_certificate(document(equations, integrals, 1, 3, [[]]), seed=1).verdict != "valid"
+
+
+@pytest.mark.parametrize(
+    "zero",
+    [
+        # Ramanujan, J. Indian Math. Soc.: Question 525.
+        "(2^(1/3)-1)^(1/3)-(1/9)^(1/3)+(2/9)^(1/3)-(4/9)^(1/3)",
+        "sqrt(2+sqrt(3))-(sqrt(6)+sqrt(2))/2",
+        "sin(pi/5)-sqrt((5-sqrt(5))/8)",
+    ],
+)
+def test_a_constant_that_is_zero_leaves_the_energy(zero: str) -> None:
+    """x'' = -x + 0 x y has x'^2 + x^2; modulo a prime other roots may be taken, and only y' and its square are left."""
+    claim = document({"x": f"-x+({zero})*x*y", "y": "0"}, ["y'"], 2, 4, [[], [0], [0, 0]])
+    assert checker.check_certificate(claim, seed=3).verdict != "valid"
+
+
+def test_an_order_that_leaves_room_for_more_refutes_nothing() -> None:
+    assert checker.check_certificate(document(HENON, [ENERGY], 2, 2, [[], [0]]), seed=1).verdict == "incomplete"
+    # Five of the six of Kepler's problem: one more is possible, as it is there.
+    few = document(KEPLER, OF_KEPLER, 2, 4, [[], [0], [1], [1, 1], [2]])
+    assert checker.check_certificate(few, seed=1).verdict == "incomplete"
 
 
 @pytest.fixture(scope="module")

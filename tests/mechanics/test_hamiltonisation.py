@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import mpmath
@@ -14,6 +14,7 @@ from inverse_service.constrained import hamiltonise as hm, lagrangian as on_cons
 from inverse_service.deadline import now
 from inverse_service.expressions import calculus, tree as ex
 from inverse_service.mechanics.constrained_motion import EquationsOfMotion, equations_of_motion, read_nonholonomic
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import document_names, names as nm, reader
 
 NEAR = mpmath.mpf(10) ** -15
@@ -77,12 +78,17 @@ def motion_of(case: Case) -> EquationsOfMotion:
     return equations_of_motion(read_nonholonomic(declared, case.given, list(case.constraints), ""))
 
 
-def hamiltonised(case: Case, images: Sequence[ex.Expression] = ()) -> tuple[EquationsOfMotion, hm.Hamiltonisation]:
-    motion = motion_of(case)
+def system_of(case: Case) -> SecondOrderSystem:
+    """The equations of the Lagrangian of a case."""
     tree = reader.read_formula(case.lagrangian, nm.Names(case.names, (), {}))
-    system = on_constraints.own_system(tree, motion, now() + 60)
+    system = on_constraints.own_system(tree, motion_of(case), now() + 60)
     assert system is not None
-    return motion, hm.hamiltonise(motion, system, tree, known_images=images)
+    return system
+
+
+def hamiltonised(case: Case, images: Sequence[ex.Expression] = ()) -> tuple[EquationsOfMotion, hm.Hamiltonisation]:
+    motion, tree = motion_of(case), reader.read_formula(case.lagrangian, nm.Names(case.names, (), {}))
+    return motion, hm.hamiltonise(motion, system_of(case), tree, known_images=images)
 
 
 @EACH
@@ -137,6 +143,16 @@ def test_constraints_in_phase_space_that_depend_on_each_other_are_not_the_image(
 
 def test_a_constraint_that_the_flow_leaves_is_refused() -> None:
     _, found = hamiltonised(CASES[2], tuple(map(ex.Symbol, ("p_x", "p_phi"))))
+    assert not found.holds
+
+
+def test_equations_of_another_motion_are_refused() -> None:
+    """x'' = y'' = z'' = 0 with half the squares: L and H belong together, but the particle moves otherwise."""
+    case = CASES[0]
+    motion, names = motion_of(case), nm.Names(case.names, (), {})
+    free = replace(system_of(case), accelerations=(ex.ZERO,) * 3)
+    found = hm.hamiltonise(motion, free, reader.read_formula(case.given, names))
+    assert {s.verdict for s in found.statements if "accelerations of the motion" in s.text} == {"fails"}
     assert not found.holds
 
 
