@@ -14,7 +14,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import sympy
 from jinja2 import Template
@@ -29,11 +29,7 @@ from sympy.printing.str import StrPrinter
 
 from inverse_service.errors import InputError
 from inverse_service.service.documents import stated
-from inverse_service.sympy.from_sympy import expression, put
-
-if TYPE_CHECKING:
-    from inverse_service.sympy.objects import Answer
-
+from inverse_service.sympy.from_sympy import Solved, expression, put
 
 QUANTITIES = ("accelerations", "lagrangian", "momenta", "hamiltonian", "multiplier")
 _TABLES = tomllib.loads((Path(__file__).parent / "languages.toml").read_text(encoding="utf-8"))
@@ -149,7 +145,7 @@ LANGUAGES = {
 }
 
 
-def program(answer: Answer, language: str) -> str:
+def program(answer: Solved, language: str) -> str:
     """The whole text; InputError for a language that is not there, and for arbitrary functions in compiled code.
 
     A quantity with an integral that has no formula is left out, and a comment says so.
@@ -167,7 +163,7 @@ def program(answer: Answer, language: str) -> str:
     return chosen.start + "\n\n".join(parts) + "\n"
 
 
-def known_quantities(answer: Answer, wanted: Sequence[str] = QUANTITIES) -> Iterator[tuple[str, str]]:
+def known_quantities(answer: Solved, wanted: Sequence[str] = QUANTITIES) -> Iterator[tuple[str, str]]:
     """What the answer has of these, each with why it is left out of a program, which is empty where it is not.
 
     That is an integral in it, for which only SymPy's program has a class.
@@ -182,7 +178,7 @@ def known_quantities(answer: Answer, wanted: Sequence[str] = QUANTITIES) -> Iter
             yield what, f"{what} is left out: {without}" if without else ""
 
 
-def quantity_of(answer: Answer, what: str) -> Any:
+def quantity_of(answer: Solved, what: str) -> Any:
     """An expression, a list of them, a matrix, or None where the answer has no such thing."""
     hamiltonian = answer.hamiltonian if what in ("momenta", "hamiltonian") else None
     match what:
@@ -199,7 +195,7 @@ def quantity_of(answer: Answer, what: str) -> Any:
     raise InputError(f"There is no '{what[:20]}' in an answer: choose one of {', '.join(QUANTITIES)}.")
 
 
-def arguments_of(answer: Answer, what: str) -> list[Any]:
+def arguments_of(answer: Solved, what: str) -> list[Any]:
     """t, the coordinates, the velocities (the momenta, for H over them), the parameters."""
     table, hamiltonian = answer._table, answer.hamiltonian if what == "hamiltonian" else None
     speeds = [table.velocity(name) for name in table.coordinates]
@@ -208,13 +204,13 @@ def arguments_of(answer: Answer, what: str) -> list[Any]:
     return [table.time, *table.coordinates.values(), *speeds, *table.parameters.values()]
 
 
-def conditions_of(answer: Answer, what: str) -> tuple[str, ...]:
+def conditions_of(answer: Solved, what: str) -> tuple[str, ...]:
     """Where this quantity is what its name says; the accelerations are everywhere."""
     further = (answer._shown.get("hamiltonian") or {}).get("domain", ()) if what == "hamiltonian" else ()
     return () if what == "accelerations" else tuple(dict.fromkeys((*answer._where, *further)))
 
 
-def lambdified(answer: Answer, what: str, modules: Any) -> Callable[..., Any]:
+def lambdified(answer: Solved, what: str, modules: Any) -> Callable[..., Any]:
     """A numerical function of t, x, x_dot (p_x for H), k, each also by this name; InputError where there is none."""
     quantity = quantity_of(answer, what)
     if quantity is None:
@@ -227,7 +223,7 @@ def lambdified(answer: Answer, what: str, modules: Any) -> Callable[..., Any]:
     return found
 
 
-def _function(answer: Answer, what: str, language: Language) -> str:
+def _function(answer: Solved, what: str, language: Language) -> str:
     """One quantity as a function of plain numbers."""
     given = arguments_of(answer, what)
     plain = plain_symbols(given, answer, language)
@@ -273,7 +269,7 @@ def _returned(texts: list[str], language: Language) -> list[str]:
 
 
 def plain_symbols(
-    given: Sequence[Any], answer: Answer, language: Language, defined: frozenset[str] = frozenset()
+    given: Sequence[Any], answer: Solved, language: Language, defined: frozenset[str] = frozenset()
 ) -> dict[Any, Any]:
     """x, x_dot, p_x as symbols whose names every language takes and the program does not have `defined`."""
     table = answer._table
@@ -309,7 +305,7 @@ class _ExactPrinter(StrPrinter):  # type: ignore[misc]
         return "Rational(1, 2)"
 
 
-def _sympy_program(answer: Answer) -> str:
+def _sympy_program(answer: Solved) -> str:
     """Symbols, the motion, L with its Euler-Lagrange residuals, and H, as a program that imports SymPy alone."""
     table, words = answer._table, _python_words(answer)
     renamed = {each: sympy.Symbol(word) for each, word in words.items() if not isinstance(each, AppliedUndef)}
@@ -351,7 +347,7 @@ def _filled(program: str, **values: Any) -> str:
     return str(Template(text, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True).render(values))
 
 
-def _python_words(answer: Answer) -> dict[Any, str]:
+def _python_words(answer: Solved) -> dict[Any, str]:
     """A Python name for each symbol and coordinate that no name of SymPy hides."""
     table = answer._table
     taken = {*dir(sympy), "motion", "L", "H", "q", "x_", "residual", "time", "each", "print"}
@@ -359,7 +355,7 @@ def _python_words(answer: Answer) -> dict[Any, str]:
     return {each: f"{name}_" if name in taken or keyword.iskeyword(name) else name for name, each in named}
 
 
-def jax_program(answer: Answer) -> str:
+def jax_program(answer: Solved) -> str:
     """With `diffrax.ODETerm(vector_field)` the motion of y = (q, v); args are the parameters in their order.
 
     H over the momenta has y = (q, p).
@@ -373,7 +369,7 @@ def jax_program(answer: Answer) -> str:
     return _filled("jax", functions=[(*each, *[""] * (6 - len(each))) for each in found])
 
 
-def _jax_function(answer: Answer, what: str, value: Any) -> tuple[list[str], list[str], str]:
+def _jax_function(answer: Solved, what: str, value: Any) -> tuple[list[str], list[str], str]:
     """The names of the state and of the parameters, and what is given back."""
     given = arguments_of(answer, what)
     plain = plain_symbols(given, answer, LANGUAGES["python"])
@@ -384,7 +380,7 @@ def _jax_function(answer: Answer, what: str, value: Any) -> tuple[list[str], lis
     return names[:size], names[size:], f"jnp.array([{', '.join(texts)}])" if isinstance(value, list) else texts[0]
 
 
-def modelingtoolkit_program(answer: Answer) -> str:
+def modelingtoolkit_program(answer: Solved) -> str:
     """`mtkcompile(motion)` reduces it to first order; momenta are the variables p_x."""
     table = answer._table
     given = arguments_of(answer, "accelerations")
@@ -415,7 +411,7 @@ def modelingtoolkit_program(answer: Answer) -> str:
 
 
 # Programs that are more than one function for each quantity.
-WHOLE: dict[str, Callable[[Answer], str]] = {
+WHOLE: dict[str, Callable[[Solved], str]] = {
     "sympy": _sympy_program,
     "jax": jax_program,
     "modelingtoolkit": modelingtoolkit_program,

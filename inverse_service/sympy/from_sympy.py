@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import sympy
 from sympy.concrete.expr_with_limits import ExprWithLimits
@@ -26,11 +26,7 @@ from inverse_service.mechanics.conditions import conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import names as nm, parser, reader
 from inverse_service.service.documents import accepting, translate
-from inverse_service.sympy.objects import asked
-
-if TYPE_CHECKING:
-    from inverse_service.sympy.objects import Answer, Verification
-
+from inverse_service.sympy.shown import Hamiltonian, Verification, aligned
 
 _GOOD = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
 LONGER = 50  # times as long as what people type may be what programs print
@@ -664,15 +660,12 @@ class Conditions:
     reason: str = ""
 
     def _repr_latex_(self) -> str:
-        from inverse_service.sympy.objects import aligned
-
         named = (("N", self.N), (r"\Phi", self.Phi), (r"\nabla\Phi", self.nabla_Phi), ("R", self.R))
         return aligned((name, part) for name, part in named if part is not None)
 
 
-def conditions_of(system: Any, coordinates: Sequence[Any] | None, keys: Mapping[str, Any]) -> Conditions:
-    """The tensors of a system, given in any form that `solve` accepts."""
-    document, table = asked(system, coordinates, **keys)
+def conditions_of(document: Mapping[str, Any], table: Table | None) -> Conditions:
+    """The tensors of the system of a document, in the SymPy objects of its names."""
     ready, motion = _system_of(document)
     nodes = ex.distinct_nodes(motion.accelerations)
     steps = [node for node in nodes if isinstance(node, ex.Apply) and node.function == functions.STEP]
@@ -697,10 +690,29 @@ def conditions_of_texts(parts: Mapping[str, Any], table: Table, reason: str = ""
     return Conditions(Phi, nabla_Phi, R, N, reason)
 
 
-def verification(answer: Answer) -> Verification:
-    """The residuals of an answer, simplified; ValueError where it has no Lagrangian."""
-    from inverse_service.sympy.objects import Verification
+class Solved(Protocol):
+    """An answer whose formulas are SymPy expressions, with the objects of its names and its document."""
 
+    @property
+    def equations(self) -> Mapping[Any, Any]: ...
+    @property
+    def accelerations(self) -> tuple[Any, ...]: ...
+    @property
+    def lagrangian(self) -> Any: ...
+    @property
+    def hamiltonian(self) -> Hamiltonian | None: ...
+    @property
+    def multiplier(self) -> Any: ...
+    @property
+    def _table(self) -> Table: ...
+    @property
+    def _shown(self) -> Mapping[str, Any]: ...
+    @property
+    def _where(self) -> tuple[str, ...]: ...
+
+
+def verification(answer: Solved) -> Verification:
+    """The residuals of an answer, simplified; ValueError where it has no Lagrangian."""
     lagrangian = answer.lagrangian
     if lagrangian is None:
         raise ValueError("there is no Lagrangian to verify")
@@ -732,18 +744,10 @@ def put(expression: Any, plain: Mapping[Any, Any]) -> Any:
     return expression
 
 
-def _of_hamiltonian(answer: Answer, velocities: list[Any]) -> Any:
+def _of_hamiltonian(answer: Solved, velocities: list[Any]) -> Any:
     found = answer.hamiltonian
     if found is None or answer.lagrangian is None:
         return None
     energy = sum((p * v for p, v in zip(found.momenta.values(), velocities, strict=True)), -answer.lagrangian)
     written = found.expr if found.implicit else found.expr.subs(dict(found.momenta))
     return sympy.simplify(written - energy)
-
-
-def is_zero(expression: Any) -> bool | None:
-    """True, False, or None if SymPy cannot decide."""
-    if expression == 0:
-        return True
-    found: bool | None = expression.equals(0)
-    return found

@@ -14,19 +14,19 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from inverse_service import catalogue, errors
 from inverse_service.reading import reader
 from inverse_service.service.documents import accepting, answer_rows, plain_data, printed_pages, sheets, stated
 from inverse_service.service.documents.answers import of_input_error
+from inverse_service.sympy.shown import FirstIntegral, Hamiltonian, Listed, Motion, Step, Verification
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from sympy import Eq, Expr, ImmutableMatrix, Symbol
+    from sympy import Expr, ImmutableMatrix
     from sympy.logic.boolalg import Boolean
 
     from inverse_service.sympy.from_sympy import Conditions, Table
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 
 VARIATIONAL = {"variational": True, "not_variational": False}
 
-_Part = TypeVar("_Part")
 STEPS = 1000
 START = 0.6  # of the first position; each next one is a third larger, velocities are 0
 LONGEST = 10.0  # s
@@ -151,9 +150,10 @@ def nonholonomic(
 
 def helmholtz(system: Any, coordinates: Sequence[Any] | None = None, **keys: Any) -> Conditions:
     """N, Phi, nabla Phi and R of a system, without a decision."""
+    document, table = asked(system, coordinates, **keys)
     from inverse_service.sympy.from_sympy import conditions_of
 
-    return conditions_of(system, coordinates, keys)
+    return conditions_of(document, table)
 
 
 def solve_many(
@@ -180,110 +180,11 @@ def from_result(result: Mapping[str, Any], names: Mapping[str, Any] | Table | No
     return Result(data, _bridge().table_of_result(data, names))
 
 
-@dataclass(frozen=True)
-class Step:
-    """One step of a proof: a sentence as text, and with its formulas in LaTeX between dollar signs."""
-
-    text: str
-    latex: str
-
-    def _repr_html_(self) -> str:
-        return html.escape(self.latex)
-
-
-@dataclass(frozen=True)
-class FirstIntegral:
-    """A function of t, q, v that the motion keeps, its symmetry ("t -> t + s"), and where it is defined."""
-
-    name: str
-    expr: Expr
-    symmetry: str
-    domain: tuple[Any, ...]
-
-    def _repr_latex_(self) -> str:
-        import sympy
-
-        return f"$\\displaystyle {sympy.latex(self.expr)}$"
-
-    def _repr_html_(self) -> str:
-        return html.escape(f"{self.name} {self._repr_latex_()}")
-
-
-class Listed(tuple[_Part, ...]):
-    """A tuple that a notebook shows as a numbered list, formulas in LaTeX."""
-
-    def _repr_html_(self) -> str:
-        return f"<ol>{''.join(f'<li>{_in_html(part)}</li>' for part in self)}</ol>"
-
-
-def _in_html(part: Any) -> str:
-    return str(part._repr_html_() if hasattr(part, "_repr_html_") else html.escape(part._repr_latex_()))
-
-
-class Motion(dict[Any, Any]):
-    """The acceleration of each coordinate; a notebook shows them one below the other."""
-
-    def _repr_latex_(self) -> str:
-        return aligned(self.items())
-
-
-def aligned(rows: Iterable[tuple[Any, Any]]) -> str:
-    """Left = right, LaTeX or expressions, one below the other, for a notebook."""
-    import sympy
-
-    sides = [[side if isinstance(side, str) else sympy.latex(side) for side in row] for row in rows]
-    return "$\\displaystyle\\begin{aligned}" + r" \\ ".join(f"{a} &= {b}" for a, b in sides) + "\\end{aligned}$"
-
-
 def _bridge() -> Any:
     """The conversions to SymPy objects; SymPy takes 0.4 s to load."""
     from inverse_service.sympy import from_sympy
 
     return from_sympy
-
-
-@dataclass(frozen=True)
-class Hamiltonian:
-    """H over (t, q, p), or over (t, q, v) where `implicit`; `momenta` are p_i(t, q, v) by their symbols."""
-
-    expr: Expr
-    momenta: Mapping[Symbol, Expr]
-    implicit: bool
-    coordinates: Sequence[Expr] = ()
-    time: Any = None
-
-    def _repr_latex_(self) -> str:
-        return aligned([("H", self.expr), *self.momenta.items()])
-
-    def equations(self) -> Listed[Eq]:
-        """Hamilton's equations q' = dH/dp, p' = -dH/dq; ValueError where H is over the velocities."""
-        import sympy
-
-        if self.implicit:
-            raise ValueError("this Hamiltonian is not written in the momenta")
-        pairs = list(zip(self.coordinates, self.momenta, strict=True))
-        functions = {p: sympy.Function(str(p))(self.time) for _, p in pairs}
-        rates = [sympy.Eq(q.diff(self.time), self.expr.diff(p).xreplace(functions)) for q, p in pairs]
-        forces = [sympy.Eq(functions[p].diff(self.time), -self.expr.diff(q).xreplace(functions)) for q, p in pairs]
-        return Listed(rates + forces)
-
-
-@dataclass(frozen=True)
-class Verification:
-    """SymPy's opinion: the Euler-Lagrange residuals along the motion, and H - (p v - L); all are 0 where they hold."""
-
-    euler_lagrange: tuple[Expr, ...]
-    hamiltonian: Expr | None = None
-
-    def _repr_latex_(self) -> str:
-        rows = [(f"E_{{{place}}}", each) for place, each in enumerate(self.euler_lagrange, 1)]
-        return aligned(rows + ([] if self.hamiltonian is None else [("H - (p v - L)", self.hamiltonian)]))
-
-    @property
-    def holds(self) -> bool | None:
-        """True where SymPy reduces all of them to 0, False where one differs from 0 in numbers, None where unsure."""
-        verdicts = [_bridge().is_zero(each) for each in (*self.euler_lagrange, self.hamiltonian) if each is not None]
-        return False if False in verdicts else (None if None in verdicts else True)
 
 
 class Answer(dict[str, Any]):
