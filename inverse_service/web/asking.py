@@ -8,16 +8,13 @@ from collections import defaultdict
 from collections.abc import AsyncIterator, Container, Iterable, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from starlette.requests import Request
 
 from inverse_service.service.jobs import model
 from inverse_service.web import clients, middleware
 from inverse_service.web.problems import Refusal
-
-if TYPE_CHECKING:
-    from inverse_service.web.engine import Engine
 
 # How many times MAX_BODY each may have: a scene may hold a result, a result many certificates, a batch many systems.
 FACTORS = {"solve": 1, "simulate": 5, "work-precision": 5, "check": 10, "batch": 16}
@@ -47,8 +44,8 @@ async def body_of(request: Request, limit: int, types: Container[str] | None = (
         refuse_longer(int(declared[:16]), limit)
     if middleware.said(request.scope, b"content-encoding").lower() not in ("", "identity"):
         raise Refusal(415, "content-type", "Compressed bodies are not accepted; send it without 'Content-Encoding'.")
-    engine: Engine = request.app.state.engine
-    with engine.bytes.hold(clients.client_of(request)) as take:
+    under_way: clients.Shares = request.app.state.engine.bytes
+    with under_way.hold(clients.client_of(request)) as take:
         parts, is_more = list[bytes](), True
         while is_more:
             message = await request.receive()
