@@ -1,8 +1,9 @@
 """The layers of docs/explanation/architecture.md are enforced: imports point down only."""
 
 import ast
+from collections.abc import Mapping
 from functools import cache
-from graphlib import TopologicalSorter
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -61,16 +62,56 @@ def test_imports_point_down_only() -> None:
     assert [fault for path in MODULES for fault in faults(path, (ROOT / path).read_text(encoding="utf-8"))] == []
 
 
-def test_no_file_imports_another_in_a_circle() -> None:
-    """At the head of a file: a function imports when all files are loaded. `prepare` raises CycleError."""
-    names = {".".join(path.with_suffix("").parts): path for path in MODULES}
-    imports: dict[str, set[str]] = {}
+def without_types(source: str) -> str:
+    """The source without what only a type checker reads."""
+    tree = ast.parse(source)
+    tree.body = [
+        node for node in tree.body if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")
+    ]
+    return ast.unparse(tree)
+
+
+def imports_of_each(sources: Mapping[Path, str]) -> dict[str, set[str]]:
+    """For each module those of the others that it imports, at its head, in a function, or for its types.
+
+    Without the root, a facade that imports what is called: what is below may import it lazily. Without the types of the
+    checker: a `Question` is read by rings that it makes itself.
+    """
+    names = {".".join(path.with_suffix("").parts).removesuffix(".__init__"): path for path in sources}
+    del names["inverse_service"]
+    found: dict[str, set[str]] = {}
     for name, path in names.items():
-        body = ast.parse((ROOT / path).read_text(encoding="utf-8")).body
-        head = "\n".join(ast.unparse(node) for node in body if isinstance(node, ast.Import | ast.ImportFrom))
-        found = imported(head, name.rpartition(".")[0])
-        imports[name] = names.keys() & {*found, *(each.rpartition(".")[0] for each in found)}
-    TopologicalSorter(imports).prepare()
+        source = without_types(sources[path]) if path.is_relative_to("inverse_service/certificate") else sources[path]
+        each = imported(source, ".".join(path.parts[:-1]))
+        found[name] = names.keys() & {one if one in names else one.rpartition(".")[0] for one in each} - {name}
+    return found
+
+
+def test_no_file_imports_another_in_a_circle() -> None:
+    """`prepare` raises CycleError."""
+    sources = {path: (ROOT / path).read_text(encoding="utf-8") for path in (*MODULES, *SCHEMAS)}
+    TopologicalSorter(imports_of_each(sources)).prepare()
+
+
+@pytest.mark.parametrize(
+    "back",
+    [
+        "from inverse_service.web import engine",
+        "def f():\n    from inverse_service.web.engine import Engine",
+        "if TYPE_CHECKING:\n    from .engine import Engine",
+        "from inverse_service.web.other import f",
+    ],
+)
+def test_a_circle_is_found(back: str) -> None:
+    sources = {
+        "__init__": "",
+        "web/asking": back,
+        "web/engine": "from . import asking",
+        "web/other": "from .engine import Engine",
+    }
+    graph = imports_of_each({Path(f"inverse_service/{name}.py"): source for name, source in sources.items()})
+    with pytest.raises(CycleError):
+        TopologicalSorter(graph).prepare()
 
 
 def test_schemas_know_nothing_of_the_engine() -> None:
