@@ -518,6 +518,34 @@ def test_where_the_laws_allow_no_motion_the_run_ends_by_name() -> None:
     assert "tip" in stopped["stopped"]["quantity"]
 
 
+def test_where_a_tip_may_press_or_leave_the_run_ends_by_name() -> None:
+    """The same rod while it rotates so fast that its tip would leave: A < 0 in g'' = A L + sin(p) p'^2 - g, and
+    sin(p) p'^2 > g, so L = 0 and L > 0 both go on."""
+    slope, turn = 1.1, 5.0
+    assert np.sin(slope) * turn**2 > G
+    lagrangian = "(x'^2 + y'^2)/2 + p'^2/6 - 9.81*y"
+    tip = {"name": "tip", "gap": "y - sin(p)", "friction": 3, "slides": "x' + sin(p)*p'"}
+    start = {"y": (np.sin(slope), np.cos(slope) * turn), "p": (slope, turn)}
+    ways = [run(scene(lagrangian, {"x": (0, x), **start}, [tip], 0.02)) for x in (20, -20)]
+    assert {one["outcome"] for one in ways} == {"no_one_motion", "completed"}
+
+
+@pytest.mark.parametrize(("speed", "way"), [(5, 1), (-5, -1), (0, -1)])
+def test_the_tip_of_a_rod_that_slips_in_an_impact(speed: float, way: int) -> None:
+    """Without gravity, e = 1/2, mu = 3/10: S = -mu sign(u) L, u after it where it was 0 before; g' from -1 to 1/2."""
+    slope, mu = 0.7, 0.3
+    sine, cosine = np.sin(slope), np.cos(slope)
+    tip = {"name": "tip", "gap": "y - sin(p)", "friction": mu, "restitution": 0.5, "slides": "x' + sin(p)*p'"}
+    start = {"x": (0, speed), "y": (sine + 0.1, -1), "p": (slope, 0)}
+    found = run(scene("(x'^2 + y'^2)/2 + p'^2/6", start, [tip], 0.16))["final"]["velocities"]
+    normal = 1.5 / (1 + 3 * cosine**2 + way * mu * 3 * sine * cosine)
+    turn = -3 * (cosine + way * mu * sine) * normal
+    after = {"x": speed - way * mu * normal, "y": normal - 1, "p": turn}
+    assert after["y"] - cosine * turn == pytest.approx(0.5)
+    assert way * (after["x"] + sine * turn) > 0  # it slips on
+    assert found == pytest.approx(after, abs=1e-9)
+
+
 @pytest.mark.parametrize(
     ("contact", "pointer", "words"),
     [
