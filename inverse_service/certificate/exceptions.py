@@ -50,6 +50,17 @@ LEAST_TIME = 3.0  # s
 SPECIAL_FUNCTIONS = "special functions "
 EXPONENTS = (*map(Fraction, range(-3, 4)), Fraction(1, 2))  # tried for a parameter in an exponent
 Values = dict[str, str]  # formulas in the place of parameters
+# The ways in which a computation ends without a value: by a limit, or at its point.
+NO_VALUE = (
+    Ended,
+    Undefined,
+    Unsettled,
+    StopIteration,
+    ArithmeticError,
+    ValueError,
+    RecursionError,
+    MemoryError,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,13 +145,16 @@ def of_functions(functions: Mapping[str, Sequence[str]]) -> str:
 
 
 def depends_on_functions(question: Question, generic: Generic) -> bool:
-    """Whether a divisor of the proof changes with the values of the arbitrary functions, at the same point."""
+    """Whether a divisor of the proof changes with the values of the arbitrary functions, at the same point.
+
+    True, too, if the time is over before it is known: then the proof is of general functions.
+    """
     if not question.functions:
         return False
-    prime = question.prime(narrow=True)
     for _ in range(32):
         seed, found = question.generator.getrandbits(64), list[list[int]]()
         try:
+            prime = question.prime(narrow=True)
             for salt in (0, question.generator.randrange(1, prime)):
                 arithmetic = Special(question, prime, seed, {})
                 arithmetic.salt = salt
@@ -149,7 +163,7 @@ def depends_on_functions(question: Question, generic: Generic) -> bool:
                 generic.work(ring)
                 found.append(arithmetic.divisors)
             return found[0] != found[1]
-        except (Ended, Undefined, Unsettled, StopIteration, ArithmeticError, ValueError):
+        except NO_VALUE:
             if time.thread_time() > question.deadline:
                 break
     return True
@@ -183,9 +197,7 @@ def exceptions_of(
             if text not in found and fails_at(values, spent + LEAST_TIME):
                 found.append(text)
         return tuple(found)
-    except (Ended, Undefined, Unsettled, StopIteration, ArithmeticError, ValueError):
-        return (*found, unknown)
-    except (RecursionError, MemoryError):
+    except NO_VALUE:
         return (*found, unknown)
     finally:
         question.deadline = deadline

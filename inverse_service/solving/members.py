@@ -132,8 +132,8 @@ def explore(
 ) -> Family:
     """The leaves of the family of a system in these constants and functions, until the time `end`.
 
-    Raises NotSplit if a function has other arguments than coordinates, TooLarge or IrreducibleAtoms if the conditions
-    cannot be computed.
+    Raises NotSplit if a function has other arguments than coordinates or the general member is not
+    decided, TooLarge or IrreducibleAtoms if the conditions cannot be computed.
     """
     work = _prepared(system, letters, functions, options, end)
     waiting: list[tuple[Leaf, int | None]] = [(Leaf(work.unknowns), None)]
@@ -143,7 +143,9 @@ def explore(
     while waiting:
         leaf, inside = waiting.pop(0)
         if deadline.now() > end or len(work.found) >= MOST_LEAVES:
-            reason = "the time was over" if deadline.now() > end else f"more than {MOST_LEAVES} leaves"
+            reason = f"more than {MOST_LEAVES} leaves" if len(work.found) >= MOST_LEAVES else "the time was over"
+            if inside is None:
+                raise NotSplit(reason)
             work.open += [Open(around or 0, _trees(one), reason) for one, around in [(leaf, inside), *waiting]]
             break
         progress(Stage("family", f"leaf {len(work.found) + 1}"))
@@ -152,7 +154,9 @@ def explore(
         try:
             found = _decided(work, leaf, inside)
         except NotSplit as problem:
-            work.open.append(Open(inside or 0, _trees(leaf), str(problem)))
+            if inside is None:
+                raise
+            work.open.append(Open(inside, _trees(leaf), str(problem)))
             continue
         place = len(work.found)
         work.found.append(found)

@@ -16,6 +16,7 @@ import mpmath
 from api_schemas.base import CHECK_FORMAT
 from inverse_service.certificate import checker, conserved, formulas
 from inverse_service.certificate.cell import Cell
+from inverse_service.certificate.exceptions import SPECIAL_FUNCTIONS
 from inverse_service.certificate.kinds import KINDS, named
 from inverse_service.deadline import now
 from inverse_service.decision import certify
@@ -121,6 +122,8 @@ def check_plain(result: object, document: object = None) -> dict[str, Any]:
             examination.examine()
     except LimitError as error:  # what we print may be longer than what we read
         examination.unsettled(f"A formula is too long to be read again: {error.detail}")
+    except formulas.Incomplete as error:
+        examination.unsettled(error.reasons[0][:200])
     except formulas.Ended as error:
         examination.contradict("", error.reasons[0][:200], "")
     except (InputError, LookupError, TypeError, ValueError, AttributeError, RecursionError):
@@ -504,8 +507,9 @@ class Examination:
     def exceptions(self, at: str, stated: Sequence[str], found: Sequence[str]) -> None:
         """The stated list has all values of parameters for which the proof is none, each of which is proven one."""
         place = f"{at}/exceptions"
-        if any(one.startswith("single values") for one in (*found, *stated)):
-            self.open_places.append(place)  # for one of both the time was over
+        is_cut = any(one.startswith("single values") for one in (*found, *stated)) or now() > self.end
+        if is_cut or {one for one in stated if not one.startswith(SPECIAL_FUNCTIONS)} == {*found} != {*stated}:
+            self.open_places.append(place)  # for one of both the time was over, before it was known of functions
             return
         proven = f"It is proven for general parameters, without {', '.join(found) or 'exceptions'}."
         good = isinstance(stated, list) and {*stated} == {*found}
