@@ -18,7 +18,7 @@ from inverse_service.decision.solutions import SolveOptions
 from inverse_service.kernels.machine_code import code_store
 from inverse_service.reading import document_names, reader
 from inverse_service.service import compiling
-from inverse_service.service.documents import growing, plain_data
+from inverse_service.service.documents import growing, plain_data, stated
 from inverse_service.service.jobs import model, tasks, workers
 from inverse_service.settings import read_settings
 from inverse_service.statements.stages import Stage
@@ -146,7 +146,7 @@ def _is_open(result: dict[str, Any]) -> bool:
     given = (result.get("system") or {"given": {}})["given"]
     named = given.get("associated") not in (None, "any") or given.get("multiples")
     answers = ([] if named else growing.motions_of(result)) or [result, *result.get("branches", ())]
-    return bool(result.get("not_answered")) or any(answer.get("verdict") == "undetermined" for answer in answers)
+    return bool(stated.open_cells_of(result)) or any(answer.get("verdict") == "undetermined" for answer in answers)
 
 
 def warm_alone(memory_limit: int) -> None:

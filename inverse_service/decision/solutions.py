@@ -16,6 +16,10 @@ if TYPE_CHECKING:
 
 Verdict = Literal["variational", "not_variational", "undetermined"]
 Matrix = tuple[tuple[ex.Expression, ...], ...]
+# Why a set beyond the domain of an answer is listed on which the equations are defined.
+BEYOND_DOMAIN = "not answered; the same equations hold there"
+BEYOND_ODD_ROOTS = "not answered; with real odd roots of negative values the same equations hold there"
+BEYOND = (BEYOND_DOMAIN, BEYOND_ODD_ROOTS)
 # The solutions on the answered cells, and the remaining cells.
 SoFar: TypeAlias = "tuple[tuple[Solution, ...], tuple[Left, ...]]"
 
@@ -180,3 +184,12 @@ class Solution:
     def main(self) -> Answer | None:
         """The answer for L(q, q'), or for L(t, q, q') if f contains t."""
         return self.with_time if self.system.depends_on_time else self.autonomous
+
+    def answers_time(self, time_dependent: bool | None) -> bool:
+        """Whether L(t, q, q') is answered first: asked for, or the only question where f contains t."""
+        wants_time = time_dependent is True or self.system.depends_on_time
+        return self.autonomous is None or (wants_time and self.with_time is not None)
+
+    def first(self, time_dependent: bool | None) -> Answer | None:
+        """The answer that is shown first."""
+        return self.with_time if self.answers_time(time_dependent) else self.autonomous

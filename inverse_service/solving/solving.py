@@ -34,6 +34,7 @@ from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import antiderivatives, row_factors, terms, tidy
 from inverse_service.search.tidy import Found, SearchOutcome, describe, is_multiple, why_shown
+from inverse_service.solving import beyond
 from inverse_service.statements.stages import DECISION, Progress, Stage
 
 if TYPE_CHECKING:
@@ -119,6 +120,12 @@ def solve_branches(
                 if other is not None:
                     open_cells.append(Left(sides_of(found), other[0], _UNCONNECTED))
                     break
+    is_alone = len(solutions) == 1 and not open_cells
+    for found in solutions:
+        main = found.first(options.time_dependent)
+        if main is not None:
+            sides = () if is_alone else sides_of(found)
+            open_cells += beyond.left_out(found.system, main, sides, options.given)
     return tuple(solutions), tuple(open_cells)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 import inverse_service
-from inverse_service.service.documents import checking
+from inverse_service.service.documents import checking, sheets
 from inverse_service.service.documents.printed_pages import text_page
 from tests.doors.formulas import Point
 from tests.values import slow
@@ -160,6 +160,51 @@ def test_a_part_beyond_a_pole_of_an_arctangent_has_no_answer_of_its_own() -> Non
     assert result["domain"] == left["domain"] == ["cos(x) > -1"]
     assert abs(float(left["near"]["x"])) > 3.2
     assert "radian" not in left["near"]
+
+
+LINE = ["(x - y)*x'' = 1", "(x - y)*y'' = -1"]
+ODD = "with real odd roots of negative values the same equations hold there"
+SAME = "the same equations hold there"
+
+
+@pytest.mark.parametrize(
+    ("lines", "branches", "beyond"),
+    [
+        ({"x": "cbrt(x)*y'", "y": "-cbrt(x)*x'"}, 0, [(["x < 0"], ODD)]),
+        (LINE, 0, [(["x > y"], SAME)]),
+        ("x'' = -x'; y'' = -y'", 0, [(["x' < 0"], SAME), (["x' > 0", "y' < 0"], SAME)]),
+        ("x'' = cbrt(x)^2*x' + log(t)", 0, [(["t > 0", "x < 0"], ODD)]),
+        ({"x": "sqrt(x*y)*y'", "y": "-sqrt(x*y)*x'"}, 0, [(["y < 0", "x < 0"], SAME)]),
+        ("x'' = -abs(x)*cbrt(x)", 0, [(["x < 0"], ODD)]),
+        ("x'' = sqrt(1 + cbrt(x))", 0, [(["(-x)^(1/3) < 1", "x < 0"], ODD)]),
+        ("x'' = sqrt(x)*x'", 0, []),
+        ("x'' = log(x)", 0, []),
+        ("x'' = sqrt(x)^2*cbrt(x)", 0, []),  # f is real where x > 0 only
+        ("log(x)*x'' = log(x)*cbrt(x)", 0, []),  # and so are these lines
+        ("sqrt(x)*x'' = 0", 0, []),
+        ("x'' = -x*abs(x)", 2, []),
+    ],
+)
+def test_a_set_beyond_the_domain_where_the_equations_are_real_is_listed(
+    lines: Any, branches: int, beyond: list[tuple[list[str], str]]
+) -> None:
+    result = json.loads(inverse_service.solve({"equations": lines}).to_json())
+    left = result["not_answered"]
+    assert (result["verdict"], len(result["branches"])) == ("variational", branches)
+    assert [(one["domain"], one["reason"]) for one in left] == [
+        (where, f"not answered; {why}") for where, why in beyond
+    ]
+    names = ("x", "y", "x'", "y'", "t")
+    for one in left:
+        point = Point({name: float(one["near"].get(name, 0)) for name in names})
+        assert all(map(point.holds, one["domain"]))
+        assert not all(map(point.holds, result["domain"]))
+    assert inverse_service.check(result)["verdict"] == "valid"
+    sheet = sheets.sheet_of(result)
+    assert sheet.verdict == sheets.YES
+    page = text_page(result, explain=False)
+    assert all(f"Not answered where {', '.join(where)}: {why}." in page for where, why in beyond)
+    assert beyond or "Not answered" not in page
 
 
 @pytest.mark.slow

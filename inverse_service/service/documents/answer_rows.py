@@ -33,7 +33,7 @@ def rows(result: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     if "verdict" not in result:  # L was given
         yield _row(of_line | _formulas(result))
         return
-    cells = len(stated.branches_of(result)) + len(result.get("not_answered") or ())
+    cells = len(stated.branches_of(result)) + len(stated.open_cells_of(result))
     answers = result.get("answers") or stated.answers_of(result)
     for one in answers:
         whole = stated.with_shared(one, answers)

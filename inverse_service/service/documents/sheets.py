@@ -177,7 +177,7 @@ class _Told:
 def verdict_of(result: Mapping[str, Any]) -> str:
     """One of yes, no, open, differs. A yes with t is a yes; a motion on constraints is asked for a Hamiltonian."""
     found = {_verdict_on_cell(cell, result) for cell in range(len(branches_of(result)))}
-    found |= {OPEN} if result.get("not_answered") else set()
+    found |= {OPEN} if stated.open_cells_of(result) else set()
     return found.pop() if len(found) == 1 else DIFFERS
 
 
@@ -365,13 +365,14 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
     if is_constrained(result):
         return _constrained(told, verdict)
     cases = tuple(_case(cell, told) for cell in range(len(branches_of(result))))
-    sentence, notes = cases[0].sentence, cases[0].notes
+    sentence, notes = cases[0].sentence, cases[0].notes if len(cases) == 1 else ()
+    notes += tuple(
+        ("Not answered where ", *listed(one["domain"], told.names), f": {_why_not(one)}.")
+        for one in result.get("not_answered") or ()
+    )
     if len(cases) > 1:
-        unanswered = result.get("not_answered") or ()
-        sentence = _sentence_of_cases(cases, [listed(one["domain"], told.names) for one in unanswered])
-        notes = tuple(
-            ("Not answered where ", *listed(one["domain"], told.names), f": {one['reason']}") for one in unanswered
-        )
+        unanswered = [listed(one["domain"], told.names) for one in stated.open_cells_of(result)]
+        sentence = _sentence_of_cases(cases, unanswered)
     return Sheet(
         title_of(result, pending),
         verdict,
@@ -386,6 +387,10 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
         missing=_missing(result, grows),
         sought=tuple(letter for letter, part in FORMULAS if part in pending) if verdict == YES else (),
     )
+
+
+def _why_not(unanswered: Mapping[str, Any]) -> str:
+    return str(unanswered["reason"]).removeprefix("not answered; ")
 
 
 def _sentence_of_cases(cases: Sequence[Case], unanswered: Sequence[Sentence]) -> Sentence:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from inverse_service import errors
+from inverse_service.decision.solutions import BEYOND
 from inverse_service.expressions import tree as ex
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
@@ -54,6 +55,11 @@ class Stated:
 def branches_of(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """The answers on each branch; the result itself where there is one."""
     return result.get("branches") or [result]
+
+
+def open_cells_of(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The cells without an answer; not the sets that only the domain of an answer leaves out."""
+    return [one for one in result.get("not_answered") or () if one["reason"] not in BEYOND]
 
 
 def asks_for_time(result: Mapping[str, Any]) -> bool:

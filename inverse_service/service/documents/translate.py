@@ -92,7 +92,7 @@ def to_result(
     found = {key: value for key, value in plain(solution.provenance).items() if value != ""}
     return schemas.ResultDocument(
         system=to_understood(solution.system, schema),
-        question="L(t, q, q')" if answers_time(solution, schema.time_dependent_lagrangian) else "L(q, q')",
+        question="L(t, q, q')" if solution.answers_time(schema.time_dependent_lagrangian) else "L(q, q')",
         **_both_answers(solution, schema, bool(others or left)),
         conditions=_conditions(solution.conditions),
         branches=[schemas.BranchPart(**_both_answers(branch, schema, True)) for branch in branches],
@@ -164,7 +164,7 @@ def main_and_other(
     solution: solutions.Solution, time_dependent: bool | None
 ) -> tuple[solutions.Answer, solutions.Answer | None]:
     """The answer of the main fields, and the one with time where it says more than that."""
-    main = solution.with_time if answers_time(solution, time_dependent) else solution.autonomous
+    main = solution.first(time_dependent)
     if main is None:
         raise ValueError("the solver answered neither question")
     time = solution.with_time
@@ -173,12 +173,6 @@ def main_and_other(
     # The solver gives a separate Lagrangian with time only where it is better.
     own, shown = (None if one.lagrangian is None else one.lagrangian.expression for one in (time, main))
     return main, time if time.verdict != main.verdict or own not in (None, shown) else None
-
-
-def answers_time(solution: solutions.Solution, time_dependent: bool | None) -> bool:
-    """Whether the main fields answer L(t, q, q'): asked for, or the only question where f contains t."""
-    wants_time = time_dependent is True or solution.system.depends_on_time
-    return solution.autonomous is None or (wants_time and solution.with_time is not None)
 
 
 def answer_fields(answer: solutions.Answer) -> dict[str, Any]:

@@ -1,0 +1,101 @@
+"""Sets beyond the domain of an answer on which the equations are defined and real all the same."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import product
+from typing import TypeGuard
+
+from inverse_service.decision import deciding
+from inverse_service.decision.solutions import BEYOND_DOMAIN, BEYOND_ODD_ROOTS, Answer, Left
+from inverse_service.expressions import collecting, tree as ex
+from inverse_service.field import real_branch, tower
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+
+_SEED = 1
+_MOST_BASES = 3  # odd roots of more expressions than these are taken of positive values alone
+_MOST_SETS = 8
+Signs = dict[ex.Expression, int]
+
+
+def left_out(
+    system: SecondOrderSystem, answer: Answer, sides: Sequence[ex.Expression], residuals: Sequence[ex.Expression]
+) -> list[Left]:
+    """The sets of a cell that the domain of its answer leaves out and on which the equations are real.
+
+    All of `sides` are positive on the cell. Of the trees u_1, u_2, … that are positive on the domain alone, the first
+    ones are positive and the next one is negative. Each set has a point at which f as given and the `residuals`, which
+    are the lines as written, are real, where odd roots of negative values are real.
+    """
+    if system.is_unsolved or answer.certificate is None:
+        return []
+    lines = (ex.substitute(line, _accelerations(system)) for line in residuals)
+    formulas, known = (*system.given, *lines), {*_variables(system), ex.PI, tower.RADIAN}
+    leaves = ex.Symbol | ex.Velocity | ex.Acceleration
+    if any(isinstance(node, leaves) and node not in known for node in ex.distinct_nodes(formulas)):
+        return []
+    trees = [tree for tree in map(collecting.collect, answer.positive) if tree not in sides]
+    trees.sort(key=lambda tree: any(map(_is_odd_root, ex.walk(tree))))
+    found = list[Left | None]()
+    for k, tree in enumerate(trees[:_MOST_SETS]):
+        wanted = [*sides, *trees[:k], collecting.collect(-tree)]
+        sets = (_with_point(system, written, signs, wanted) for written, signs in _written(formulas))
+        found.append(next((one for one in sets if one is not None), None))
+    return [one for one in found if one is not None]
+
+
+def _accelerations(system: SecondOrderSystem) -> dict[ex.Acceleration, ex.Symbol]:
+    """Symbols for the accelerations: the lines are linear in these, and real for all their values or for none."""
+    return {ex.Acceleration(name): ex.Symbol(f"{name}''") for name in system.coordinates}
+
+
+def _variables(system: SecondOrderSystem) -> list[ex.Symbol | ex.Velocity]:
+    return [*deciding.variables_of(system), *_accelerations(system).values()]
+
+
+def _written(formulas: Sequence[ex.Expression]) -> Iterator[tuple[tuple[ex.Expression, ...], Signs]]:
+    """The formulas for all signs of the bases b of odd roots, and these signs: b^(p/q) is (-1)^p (-b)^(p/q)."""
+    number = len({node.base for node in ex.distinct_nodes(formulas) if _is_odd_root(node)})
+    for chosen in product((1, -1), repeat=min(number, _MOST_BASES)):
+        signs, left = Signs(), iter(chosen)
+        yield tuple(_with_signs(f, signs, left) for f in formulas), signs
+
+
+def _with_signs(node: ex.Expression, signs: Signs, left: Iterator[int]) -> ex.Expression:
+    inner = ex.rebuild(node, lambda part: _with_signs(part, signs, left))
+    if not _is_odd_root(inner) or not isinstance(inner.exponent, ex.Number):
+        return inner
+    if inner.base not in signs:
+        signs[inner.base] = next(left, 1)
+    sign = signs[inner.base]
+    root = ex.power(sign * inner.base, inner.exponent)
+    return sign * root if inner.exponent.value.numerator % 2 else root
+
+
+def _is_odd_root(node: ex.Expression) -> TypeGuard[ex.Power]:
+    match node:
+        case ex.Power(base, ex.Number(exponent)) if exponent.denominator > 1:
+            return exponent.denominator % 2 == 1 and real_branch.varies(base)
+    return False
+
+
+def _with_point(
+    system: SecondOrderSystem, formulas: Sequence[ex.Expression], signs: Signs, wanted: Sequence[ex.Expression]
+) -> Left | None:
+    """The set where the wanted trees are positive and the formulas real, with a point; None if none was found.
+
+    The signs of the bases of odd roots are no conditions, unless another condition is written for these signs.
+    """
+    bases = [collecting.collect(sign * base) for base, sign in signs.items()]
+    needs = [tree for tree in map(collecting.collect, real_branch.own_requirements(formulas)) if tree not in bases]
+    if any(_is_odd_root(node) for node in ex.distinct_nodes(needs)):
+        needs += bases
+    whole = tuple(dict.fromkeys((*needs, *wanted)))
+    if real_branch.is_empty([*whole, *bases]):
+        return None
+    kernels = tuple(map(tower.to_kernels, formulas))
+    point = real_branch.find_real_point(kernels, _variables(system), _SEED, [*whole, *bases])
+    if point is None:
+        return None
+    near = {name: value for name, value in point.items() if name not in _accelerations(system).values()}
+    return Left(whole, near, BEYOND_ODD_ROOTS if -1 in signs.values() else BEYOND_DOMAIN)
