@@ -18,7 +18,7 @@ import pytest
 import sympy
 
 import inverse_service
-from inverse_service.service.documents.printed_pages import text_page
+from inverse_service.service.documents.printed_pages import latex_page, text_page
 from tests.values import slow
 
 Values = dict[str, int]
@@ -302,3 +302,25 @@ def test_sparse_conditions_of_four_coordinates_have_their_leaf() -> None:
     assert result["family"]["covered"]
     assert result["instead"]["conditions"] == ["R = 0"]
     assert result["instead"]["checked"] == "valid"
+
+
+@pytest.mark.parametrize(
+    ("force", "functions", "family"),
+    [
+        ({"x": "F(x)", "y": "a*x - y"}, {"F": ["x"]}, {"letters": ["a"]}),
+        slow({"x": "F(x, y)", "y": "-y"}, {"F": ["x", "y"]}, True),
+    ],
+)
+def test_a_function_in_the_lagrangian_of_a_leaf_is_defined(
+    force: dict[str, str], functions: dict[str, list[str]], family: Any
+) -> None:
+    """L = T - V with V_x = -F(x), V_y = y where a = 0 or F_y = 0: text and LaTeX say what V is, as JSON."""
+    document = asked(force, False, functions=functions, first_integrals=False)
+    result = solved(document | {"family": family})
+    leaf = next(one for one in result["family"]["leaves"] if one.get("lagrangian"))
+    (name,) = leaf["lagrangian"]["auxiliary"]
+    assert leaf["lagrangian"]["auxiliary"][name]["derivatives"] == {"x": "-F(x)", "y": "y"}
+    said = f"has a Lagrangian, L = {leaf['lagrangian']['text']} with "
+    assert f"{said}d{name}(x, y)/dx = -F(x), d{name}(x, y)/dy = y" in text_page(result, False)
+    row = latex_page(result, False).partition("has a Lagrangian")[2].partition("\n")[0]
+    assert row.count(f"\\partial {name}") == 2 or row.count(f"d{name}") == 2

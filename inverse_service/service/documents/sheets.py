@@ -697,8 +697,11 @@ def _leaf_said(leaf: Mapping[str, Any], verdict: str, told: _Told) -> Sentence:
         new = [name for part in leaf["solved"] for name in part["new_constants"]]
         whole = told.result["system"]
         own_functions = {**whole["functions"], **((leaf.get("proof") or {}).get("functions") or {})}
-        own = names_of({**whole, "functions": own_functions}, leaf.get("integrals") or {})
-        found = (", ", formula_of("L", lagrangian, replace(own, parameters=(*own.parameters, *new))))
+        integrals = auxiliary_of(leaf)
+        own = names_of({**whole, "functions": own_functions}, integrals)
+        own = replace(own, parameters=(*own.parameters, *new))
+        defined = [piece for one in integrals_of(integrals, own) for piece in (", ", one)][1:]
+        found = (", ", formula_of("L", lagrangian, own), *((" with ", *defined) if defined else ()))
     return (*where, ": ", Word(words, verdict), *found)
 
 
