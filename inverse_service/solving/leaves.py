@@ -360,11 +360,11 @@ def _real_zeros(unknowns: Unknowns, equation: fmpq_mpoly, leader: int) -> list[f
         discriminant = middle * middle - high * low * 4
         if not discriminant.is_zero() and _is_definite(-discriminant):
             roots = [equation.context().from_dict({e: 1}) for e, _ in discriminant.terms()]
-            return (
-                []
-                if any(root.is_constant() for root in roots)
-                else [*roots, high * equation.context().gen(leader) * 2 + middle]
-            )
+            if any(root.is_constant() for root in roots):
+                return []
+            # 2 p = a (2 A a + B) + (B a + 2 C), where A may be 0, too.
+            gen = equation.context().gen(leader)
+            return [*roots, high * gen * 2 + middle, middle * gen + low * 2]
     if _is_definite(form) or _is_definite(-form):
         monomials = [form.context().from_dict({e: 1}) for e, _ in form.terms()]
         return [] if any(one.is_constant() for one in monomials) else monomials
