@@ -7,10 +7,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import flint
 import httpx
 import pytest
 
 import inverse_service
+from inverse_service.certificate.exceptions import has_real_zeros
 from inverse_service.service.documents.derived import left_out
 from inverse_service.service.documents.printed_pages import latex_page, text_page
 from tests.values import slow
@@ -155,3 +157,14 @@ def test_over_http_a_result_its_page_and_its_check_have_the_exceptions(service: 
     assert "/exceptions" in [one["field"] for one in checked["contradictions"]]
     page = httpx.get(service + found.links["canonical"]["url"], timeout=60)
     assert "ot decided here" in page.text
+
+
+@pytest.mark.parametrize(
+    ("powers", "real"), [((1, 0, 1), False), ((-2, 0, 0, 1), True), ((-1, 1, -1, 1), True), ((3, 2, 1), False)]
+)
+def test_only_a_factor_without_real_zeros_excludes_nothing(powers: tuple[int, ...], real: bool) -> None:
+    """c^2 + 1, c^3 - 2, (c - 1) (c^2 + 1), and c^2 + 2 c + 3, alone and with another letter."""
+    context = flint.fmpq_mpoly_ctx.get(["c", "k"], flint.Ordering.degrevlex)
+    polynomial = context.from_dict({(k, 0): value for k, value in enumerate(powers) if value})
+    assert has_real_zeros(polynomial) is real
+    assert has_real_zeros(polynomial + context.gens()[1])

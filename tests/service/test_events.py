@@ -128,3 +128,26 @@ def test_an_event_that_is_narrower_than_a_step_is_found(when: str, step: float) 
 def test_what_comes_near_zero_or_has_a_pole_is_no_event(when: str) -> None:
     found = events(when, system={"coordinates": ["x"], "lagrangian": "x'^2/2"}, step=1, time=10)
     assert found["count"] == 0
+
+
+@pytest.mark.parametrize(
+    ("when", "direction", "times"),
+    [
+        ("(t - 1)^2", 0, []), ("-(t - 1)^4", 0, []), ("t - 1", 1, [1]), ("t - 1", -1, []), ("(1 - t)^3", -1, [1]),
+        ("t - 2", 1, [2]), ("t - 2", -1, []), ("2 - t", 1, []), ("2 - t", -1, [2]),
+    ],
+)  # fmt: skip
+def test_zeros_at_points_of_the_grid_and_at_the_end_have_their_direction(
+    when: str, direction: int, times: list[float]
+) -> None:
+    found = events(when, step=0.25, time=2, events=[{"when": when, "direction": direction}])
+    assert found["columns"]["t"] == pytest.approx(times)
+
+
+def test_the_first_of_two_events_ends_the_run_and_is_listed() -> None:
+    """x = sin t reaches 1/2 at pi/6, before 9/10; both would end it."""
+    ends = [{"when": "x - 0.9", "do": "stop"}, {"when": "x - 0.5", "do": "stop"}]
+    found = events("", step=2, time=4, events=ends)
+    later, first = (one["columns"]["t"] for one in found["events"])
+    assert (later, first) == ([], pytest.approx([np.pi / 6]))
+    assert found["final"]["positions"]["x"] == pytest.approx(0.5)
