@@ -64,7 +64,7 @@ def open_cells_of(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 def asks_for_time(result: Mapping[str, Any]) -> bool:
     """Whether the main fields answer L(t, q, q')."""
-    return bool(result["question"] == QUESTION_WITH_TIME)
+    return bool(result.get("question") == QUESTION_WITH_TIME)
 
 
 def is_constrained(result: Mapping[str, Any]) -> bool:

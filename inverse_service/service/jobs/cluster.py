@@ -22,7 +22,7 @@ import threading
 import time
 import uuid
 from collections.abc import Coroutine
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from typing import Any
 
@@ -32,6 +32,7 @@ from distributed.scheduler import KilledWorker
 
 from inverse_service.errors import InputError
 from inverse_service.service.jobs import model, tasks, workers
+from inverse_service.statements.stages import Stage
 
 log = logging.getLogger(__name__)
 LOOK = 0.5
@@ -247,7 +248,7 @@ class Cluster:
         if task is not None:
             task.heard = task.heard or time.monotonic()
         if task is not None and task.report is not None:
-            task.report(event[1]["value"])
+            task.report(Stage(**event[1]["stage"]) if "stage" in event[1] else event[1]["value"])
 
     async def _refuse_strangers(self, client: Any) -> None:
         """Raises InputError where a worker that is there now has another program, or none of ours."""
@@ -285,7 +286,9 @@ def perform(key: str, call: tasks.Call, terms: Terms) -> tasks.Outcome | str:
     worker = distributed.get_worker()
 
     def report(value: Any) -> None:
-        worker.log_event(terms.topic, {"key": key, "value": value})
+        # Events are plain data: a message with an object of ours would end the connection.
+        told = {"stage": asdict(value)} if isinstance(value, Stage) else {"value": value}
+        worker.log_event(terms.topic, {"key": key, **told})
 
     pool = _pool(worker.state.nthreads, terms.memory_limit)
     running = _under_way[key] = pool.submit(call, report)
