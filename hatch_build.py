@@ -28,7 +28,9 @@ from hatchling.metadata.plugin.interface import MetadataHookInterface
 COMPILER = ["llvmlite>=0.45", "numba>=0.62"]
 FOLDER = "inverse_service/kernels/machine_code/compiled"
 PURE = "pure"
-MACHINE = os.environ.get("INVERSE_SERVICE_WHEEL") or (platform.machine() if sys.platform == "linux" else PURE)
+MACHINE = os.environ.get("INVERSE_SERVICE_WHEEL") or (
+    platform.machine() if sys.platform == "linux" else PURE
+)
 LINKER = shutil.which("ld" if platform.machine() == MACHINE else f"{MACHINE}-linux-gnu-ld")
 
 
@@ -61,7 +63,13 @@ class Kernels(BuildHookInterface):
     def compiled(self) -> list[Path]:
         """The index and the libraries; the build fails where they cannot be made."""
         self.folder = tempfile.TemporaryDirectory()
-        command = [sys.executable, "-m", "inverse_service.service.compiling", self.folder.name, MACHINE]
+        command = [
+            sys.executable,
+            "-m",
+            "inverse_service.service.compiling",
+            self.folder.name,
+            MACHINE,
+        ]
         # The modules of the build environment are where this process finds them, however its tool arranged that.
         paths = os.pathsep.join([self.root, *filter(None, sys.path)])
         environment = {**os.environ, "PYTHONPATH": paths, "SYMPY_GROUND_TYPES": "python"}
@@ -88,7 +96,10 @@ class Publication(MetadataHookInterface):
             "Documentation": f"{place}/blob/main/docs/index.md",
         }  # fmt: skip
         text = (Path(self.root) / "README.md").read_text(encoding="utf-8")
-        metadata["readme"] = {"content-type": "text/markdown", "text": with_absolute_links(text, place)}
+        metadata["readme"] = {
+            "content-type": "text/markdown",
+            "text": with_absolute_links(text, place),
+        }
 
 
 def with_absolute_links(text: str, repository: str) -> str:
@@ -98,4 +109,6 @@ def with_absolute_links(text: str, repository: str) -> str:
         kind = "raw" if found["mark"] else "blob"
         return f"{found['mark']}[{found['text']}]({repository}/{kind}/main/{found['path']})"
 
-    return re.sub(r"(?P<mark>!?)\[(?P<text>[^]]*)\]\((?P<path>(?!https?:|#|mailto:)[^)\s]+)\)", absolute, text)
+    return re.sub(
+        r"(?P<mark>!?)\[(?P<text>[^]]*)\]\((?P<path>(?!https?:|#|mailto:)[^)\s]+)\)", absolute, text
+    )

@@ -113,7 +113,11 @@ class SolveResult(RootModel[Annotated[Solved, ByFormat]]):
     """What came of a system, by `format`."""
 
 
-class JobResult(RootModel[Annotated[Solved | SimulationResult | WorkPrecisionResult | base.CheckAnswer, ByFormat]]):
+class JobResult(
+    RootModel[
+        Annotated[Solved | SimulationResult | WorkPrecisionResult | base.CheckAnswer, ByFormat]
+    ]
+):
     """What came of a job, by `format`."""
 
 
@@ -144,7 +148,9 @@ class Identities(BaseModel):
     theorems: list[Any] = Field(description="The output of `solve --format identities`.")
 
 
-class CheckedDocument(RootModel[ResultDocument | ResultOfDocument | OwnLagrangian | Certificate | Identities]):
+class CheckedDocument(
+    RootModel[ResultDocument | ResultOfDocument | OwnLagrangian | Certificate | Identities]
+):
     """What the checker reads; of anything else it says itself what is missing."""
 
 

@@ -35,7 +35,8 @@ Observed = Literal[  # in the order of display
 Beginning = Literal["momenta", "discrete_constraint"]
 Numbers = Annotated[dict[Name, Value], Field(max_length=base.MAX_PARAMETERS)]
 Observable = Annotated[
-    Annotated[Observed, Tag("quantity")] | Annotated[dict[Name, Formula], Field(max_length=16), Tag("formulas")],
+    Annotated[Observed, Tag("quantity")]
+    | Annotated[dict[Name, Formula], Field(max_length=16), Tag("formulas")],
     Discriminator(lambda value: "formulas" if isinstance(value, dict) else "quantity"),
 ]
 SYSTEM_TAGS = ("catalogue", "document", "result", "inline")
@@ -101,13 +102,19 @@ class LagrangianDocument(base.Document):
     name: Annotated[str, StringConstraints(max_length=base.MAX_TITLE_CHARACTERS)] = ""
     coordinates: Annotated[list[Name], Field(min_length=1, max_length=base.MAX_SIMULATED)]
     lagrangian: LongFormula
-    constraints: Annotated[list[Formula], Field(max_length=base.MAX_SIMULATED)] | Formula = Field(default_factory=list)
+    constraints: Annotated[list[Formula], Field(max_length=base.MAX_SIMULATED)] | Formula = Field(
+        default_factory=list
+    )
     parameters: (
         Annotated[dict[Name, Value | None], Field(max_length=base.MAX_PARAMETERS)]
         | Annotated[list[Name], Field(max_length=base.MAX_PARAMETERS)]
     ) = Field(default_factory=list)
-    functions: Annotated[dict[Name, list[Name]], Field(max_length=base.MAX_FUNCTIONS)] = Field(default_factory=dict)
-    where: Annotated[dict[Name, Formula], Field(max_length=base.MAX_PARAMETERS)] = Field(default_factory=dict)
+    functions: Annotated[dict[Name, list[Name]], Field(max_length=base.MAX_FUNCTIONS)] = Field(
+        default_factory=dict
+    )
+    where: Annotated[dict[Name, Formula], Field(max_length=base.MAX_PARAMETERS)] = Field(
+        default_factory=dict
+    )
     associated: Any = None
     time_dependent_lagrangian: bool | None = None
 
@@ -162,8 +169,12 @@ Column = Annotated[list[Value], Field(min_length=1, max_length=MAX_MEMBERS)]
 class MemberColumns(base.Document):
     """Starts of an ensemble as columns of one length; what is left out is as in the scene."""
 
-    positions: Annotated[dict[Name, Column], Field(max_length=base.MAX_SIMULATED)] = Field(default_factory=dict)
-    velocities: Annotated[dict[Name, Column], Field(max_length=base.MAX_SIMULATED)] = Field(default_factory=dict)
+    positions: Annotated[dict[Name, Column], Field(max_length=base.MAX_SIMULATED)] = Field(
+        default_factory=dict
+    )
+    velocities: Annotated[dict[Name, Column], Field(max_length=base.MAX_SIMULATED)] = Field(
+        default_factory=dict
+    )
 
 
 Starts = Annotated[
@@ -177,7 +188,9 @@ class SceneEnsemble(base.Document):
     """Many runs at once: starts, and lists of values of parameters, of which all combinations are run."""
 
     initial: Starts | None = None
-    parameters: Annotated[dict[Name, Column], Field(max_length=base.MAX_PARAMETERS)] = Field(default_factory=dict)
+    parameters: Annotated[dict[Name, Column], Field(max_length=base.MAX_PARAMETERS)] = Field(
+        default_factory=dict
+    )
 
 
 class SceneMethod(base.Document):
@@ -202,7 +215,12 @@ class SceneMethod(base.Document):
 
 
 Methods = Annotated[
-    list[Annotated[SceneMethod, BeforeValidator(_method_entry, json_schema_input_type=MethodName | SceneMethod)]],
+    list[
+        Annotated[
+            SceneMethod,
+            BeforeValidator(_method_entry, json_schema_input_type=MethodName | SceneMethod),
+        ]
+    ],
     Field(min_length=1, max_length=MAX_METHODS),
 ]
 
@@ -226,11 +244,17 @@ class SceneDocument(base.Document):
     name: Annotated[str, StringConstraints(max_length=base.MAX_TITLE_CHARACTERS)] = ""
     system: SceneSystem
     parameters: Numbers = Field(default_factory=dict)
-    functions: Annotated[dict[Name, Formula], Field(max_length=base.MAX_FUNCTIONS)] = Field(default_factory=dict)
+    functions: Annotated[dict[Name, Formula], Field(max_length=base.MAX_FUNCTIONS)] = Field(
+        default_factory=dict
+    )
     effects: Annotated[list[Name], Field(max_length=MAX_EFFECTS)] | None = None
-    terms: Annotated[dict[Name, LongFormula], Field(max_length=MAX_EFFECTS)] = Field(default_factory=dict)
+    terms: Annotated[dict[Name, LongFormula], Field(max_length=MAX_EFFECTS)] = Field(
+        default_factory=dict
+    )
     as_lagrangian: bool = False
-    forces: Annotated[dict[Name, Formula], Field(max_length=base.MAX_SIMULATED)] = Field(default_factory=dict)
+    forces: Annotated[dict[Name, Formula], Field(max_length=base.MAX_SIMULATED)] = Field(
+        default_factory=dict
+    )
     rayleigh: Formula | None = None
     initial: SceneInitial | None = None
     restart: dict[str, Any] | None = None
@@ -242,13 +266,16 @@ class SceneDocument(base.Document):
     methods: Methods = Field(default_factory=list)
     observe: Annotated[list[Observable], Field(max_length=32)] = Field(default_factory=_trajectory)
     events: Annotated[list[SceneEvent], Field(max_length=MAX_EVENTS)] = Field(default_factory=list)
-    contacts: Annotated[list[SceneContact], Field(max_length=MAX_CONTACTS)] = Field(default_factory=list)
+    contacts: Annotated[list[SceneContact], Field(max_length=MAX_CONTACTS)] = Field(
+        default_factory=list
+    )
     ensemble: SceneEnsemble | None = None
     start: Beginning = "momenta"
     free_lagrangian: Text | None = None
     constants: Numbers = Field(default_factory=dict)
     points: Annotated[
-        dict[Name, Annotated[list[Formula], Field(min_length=2, max_length=2)]], Field(max_length=base.MAX_SIMULATED)
+        dict[Name, Annotated[list[Formula], Field(min_length=2, max_length=2)]],
+        Field(max_length=base.MAX_SIMULATED),
     ] = Field(default_factory=dict)
     circle: Annotated[list[Name], Field(min_length=2, max_length=2)] | None = None
     units: Annotated[dict[Name, Name], Field(max_length=64)] = Field(default_factory=dict)

@@ -68,17 +68,27 @@ class NamedDocument(base.Document):
     """
 
     name: Annotated[str, StringConstraints(max_length=base.MAX_TITLE_CHARACTERS)] = ""
-    coordinates: Annotated[list[Name], Field(min_length=1, max_length=base.MAX_COORDINATES)] | None = None
+    coordinates: (
+        Annotated[list[Name], Field(min_length=1, max_length=base.MAX_COORDINATES)] | None
+    ) = None
     parameters: Parameters = Field(default_factory=list)
-    functions: Annotated[dict[Name, Arguments], Field(max_length=base.MAX_FUNCTIONS)] = Field(default_factory=dict)
-    where: Annotated[dict[Name, Text], Field(max_length=base.MAX_PARAMETERS)] = Field(default_factory=dict)
+    functions: Annotated[dict[Name, Arguments], Field(max_length=base.MAX_FUNCTIONS)] = Field(
+        default_factory=dict
+    )
+    where: Annotated[dict[Name, Text], Field(max_length=base.MAX_PARAMETERS)] = Field(
+        default_factory=dict
+    )
 
 
 class FamilyNames(base.Document):
     """The constants and functions that are free in a family; what is left out is fixed, and general."""
 
-    letters: Annotated[list[Name], Field(max_length=base.MAX_PARAMETERS)] = Field(default_factory=list)
-    functions: Annotated[dict[Name, Arguments], Field(max_length=base.MAX_FUNCTIONS)] = Field(default_factory=dict)
+    letters: Annotated[list[Name], Field(max_length=base.MAX_PARAMETERS)] = Field(
+        default_factory=list
+    )
+    functions: Annotated[dict[Name, Arguments], Field(max_length=base.MAX_FUNCTIONS)] = Field(
+        default_factory=dict
+    )
 
 
 class QuestionDocument(NamedDocument):
@@ -105,7 +115,9 @@ KindName = Literal["natural", "riemannian", "finsler", "positive_definite", "ray
 
 
 VectorField = Annotated[
-    Annotated[dict[Name, Formula], Field(min_length=1, max_length=base.MAX_COORDINATES), Tag("<mapping>")]
+    Annotated[
+        dict[Name, Formula], Field(min_length=1, max_length=base.MAX_COORDINATES), Tag("<mapping>")
+    ]
     | Annotated[Name, Tag("<text>")],
     Discriminator(shape),
 ]
@@ -117,7 +129,10 @@ class InvariantKind(base.Document):
     invariant: Annotated[list[VectorField], Field(min_length=1, max_length=MAX_KINDS)]
 
 
-Kind = Annotated[Annotated[InvariantKind, Tag("<mapping>")] | Annotated[KindName, Tag("<text>")], Discriminator(shape)]
+Kind = Annotated[
+    Annotated[InvariantKind, Tag("<mapping>")] | Annotated[KindName, Tag("<text>")],
+    Discriminator(shape),
+]
 
 
 class SystemDocument(QuestionDocument):
@@ -135,7 +150,9 @@ class SystemDocument(QuestionDocument):
     equations: Equations
     clock: Text | None = None
     kinds: Annotated[list[Kind], Field(max_length=MAX_KINDS)] = Field(default_factory=list)
-    near: Annotated[dict[Name, Value], Field(max_length=base.MAX_PARAMETERS)] = Field(default_factory=dict)
+    near: Annotated[dict[Name, Value], Field(max_length=base.MAX_PARAMETERS)] = Field(
+        default_factory=dict
+    )
 
 
 Associated = Literal["first", "second", "third", "search", "any"]
@@ -185,5 +202,7 @@ class MotionDocument(QuestionDocument):
 class LagrangianDocument(NamedDocument):
     """A Lagrangian L(t, q, q') alone: its equations of motion, momenta and Hamiltonian are asked for."""
 
-    coordinates: Annotated[list[Name], Field(min_length=1, max_length=base.MAX_FORWARD)] | None = None
+    coordinates: Annotated[list[Name], Field(min_length=1, max_length=base.MAX_FORWARD)] | None = (
+        None
+    )
     lagrangian: Text

@@ -1,4 +1,5 @@
-"""Measurements: the decision next to a plain SymPy pipeline, growth with n and with the order, cold starts.
+"""Measurements: the decision next to a plain SymPy pipeline, growth with n and with the order, cold
+starts.
 
 python -m benchmarks --help
 """

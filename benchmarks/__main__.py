@@ -1,9 +1,10 @@
 """Run a benchmark and print its tables; --output also writes them as Markdown and JSON files.
 
-Without a first word it measures the decision. The first word selects another benchmark: `lagrangians` the search for
-closed forms, `collection` the same on a list of documents, `ablation` the parts of the search, `moves` how formulas are
-shortened, `bounds` its bounds, `service` the service under load, `simulation` the integrators, `peers` the cost of an
-error in other programs, `hard-cases` the hard cases.
+Without a first word it measures the decision. The first word selects another benchmark:
+`lagrangians` the search for closed forms, `collection` the same on a list of documents, `ablation`
+the parts of the search, `moves` how formulas are shortened, `bounds` its bounds, `service` the
+service under load, `simulation` the integrators, `peers` the cost of an error in other programs,
+`hard-cases` the hard cases.
 """
 
 from __future__ import annotations
@@ -19,7 +20,16 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks import ablation, bounds, collection, families, lagrangians, measured, move_counts, tables
+from benchmarks import (
+    ablation,
+    bounds,
+    collection,
+    families,
+    lagrangians,
+    measured,
+    move_counts,
+    tables,
+)
 from benchmarks.cold_start import cold_starts
 from benchmarks.decision_benchmark import comparisons, medians
 from benchmarks.growth import against_order, against_size
@@ -39,7 +49,10 @@ def decision_section(options: argparse.Namespace) -> Section:
     found = comparisons(options.random, options.limit, report)
     rows = medians(found)
     head = "## The decision next to a plain SymPy pipeline"
-    return f"{head}\n\n{tables.medians_table(rows)}\n{tables.comparison_table(found)}", [*rows, *found]
+    return f"{head}\n\n{tables.medians_table(rows)}\n{tables.comparison_table(found)}", [
+        *rows,
+        *found,
+    ]
 
 
 def peers_section(options: argparse.Namespace) -> Section:
@@ -62,13 +75,20 @@ def order_section(options: argparse.Namespace) -> Section:
 
 
 def cold_section(options: argparse.Namespace) -> Section:
-    names = [name for name in catalogue.names() if options.all or catalogue.entry(name)["group"] == "paper"]
+    names = [
+        name
+        for name in catalogue.names()
+        if options.all or catalogue.entry(name)["group"] == "paper"
+    ]
     rows = cold_starts(names, options.limit, report)
     seconds = [row.processor for row in rows if row.processor is not None]
     middle = ""
     if seconds:
         middle = f"median {statistics.median(seconds):.2f} s, slowest {max(seconds):.2f} s of processor time\n\n"
-    return f"## `inverse-service solve` from a cold start\n\n{middle}{tables.cold_table(rows)}", list(rows)
+    return (
+        f"## `inverse-service solve` from a cold start\n\n{middle}{tables.cold_table(rows)}",
+        list(rows),
+    )
 
 
 SECTIONS: dict[str, Callable[[argparse.Namespace], Section]] = {
@@ -83,11 +103,19 @@ SECTIONS: dict[str, Callable[[argparse.Namespace], Section]] = {
 def options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("--part", choices=PARTS, action="append", help="only this part (may be repeated)")
-    parser.add_argument("--random", type=int, default=5, help="random systems of each kind for each n (default 5)")
-    parser.add_argument("--limit", type=float, default=60.0, help="seconds for one measurement (default 60)")
+    parser.add_argument(
+        "--part", choices=PARTS, action="append", help="only this part (may be repeated)"
+    )
+    parser.add_argument(
+        "--random", type=int, default=5, help="random systems of each kind for each n (default 5)"
+    )
+    parser.add_argument(
+        "--limit", type=float, default=60.0, help="seconds for one measurement (default 60)"
+    )
     parser.add_argument("--largest", type=int, default=8, help="largest n (default 8)")
-    parser.add_argument("--order", type=int, default=5, help="highest order of prolongation (default 5)")
+    parser.add_argument(
+        "--order", type=int, default=5, help="highest order of prolongation (default 5)"
+    )
     parser.add_argument("--all", action="store_true", help="cold starts for the whole catalogue")
     parser.add_argument("--output", type=Path, help="folder for benchmark.md and benchmark.json")
     return parser.parse_args(arguments)
@@ -101,11 +129,15 @@ def machine() -> str:
 def main(arguments: Sequence[str] | None = None) -> None:
     chosen = options(arguments)
     sections = {part: SECTIONS[part](chosen) for part in chosen.part or PARTS}
-    text = "\n".join([f"# Benchmark\n\n{machine()}\n", *(markdown for markdown, _ in sections.values())])
+    text = "\n".join(
+        [f"# Benchmark\n\n{machine()}\n", *(markdown for markdown, _ in sections.values())]
+    )
     print(text)
     if chosen.output:
         chosen.output.mkdir(parents=True, exist_ok=True)
-        data = {part: [dataclasses.asdict(row) for row in rows] for part, (_, rows) in sections.items()}
+        data = {
+            part: [dataclasses.asdict(row) for row in rows] for part, (_, rows) in sections.items()
+        }
         (chosen.output / "benchmark.md").write_text(text, encoding="utf-8")
         (chosen.output / "benchmark.json").write_text(json.dumps(data, indent=1), encoding="utf-8")
 

@@ -2,8 +2,9 @@
 
 python -m benchmarks ablation --generated 300 --disguised 34 --catalogue --systems FILE.ndjson …
 
-Every system is solved once with all rungs. The run records which of them found something, also in nested searches, and
-solves up to --most systems of each such rung again without it. Seconds are processor time of the whole solution.
+Every system is solved once with all rungs. The run records which of them found something, also in
+nested searches, and solves up to --most systems of each such rung again without it. Seconds are
+processor time of the whole solution.
 """
 
 from __future__ import annotations
@@ -35,7 +36,9 @@ Given = tuple[str, SecondOrderSystem, tuple[Any, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One solution: `finders` are the rungs that found something for it, `text` is L as text or empty."""
+    """One solution: `finders` are the rungs that found something for it, `text` is L as text or
+    empty.
+    """
 
     name: str
     text: str
@@ -52,10 +55,14 @@ class Run:
 def from_entries(entries: Iterable[Mapping[str, Any]]) -> Iterator[Given]:
     """The variational systems among the entries of a list."""
     for entry in entries:
-        if "variational" not in {entry.get(key) for key in ("expected", "verdict", "verdict_with_time")}:
+        if "variational" not in {
+            entry.get(key) for key in ("expected", "verdict", "verdict_with_time")
+        }:
             continue
         keys = ("coordinates", "equations", "parameters", "functions")
-        schema = to_schema(entry.get("document") or {key: entry[key] for key in keys if key in entry})
+        schema = to_schema(
+            entry.get("document") or {key: entry[key] for key in keys if key in entry}
+        )
         yield entry["id"], to_system(schema), to_given(schema).residuals
 
 
@@ -76,7 +83,11 @@ def record(given: Given, limit: float) -> Run:
 
 
 def best(solution: Solution) -> Answer | None:
-    answers = [one for one in (solution.autonomous, solution.with_time) if one is not None and one.lagrangian]
+    answers = [
+        one
+        for one in (solution.autonomous, solution.with_time)
+        if one is not None and one.lagrangian
+    ]
     return answers[0] if answers else None
 
 
@@ -127,18 +138,30 @@ class Row:
 def options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks ablation", description=__doc__)
     add_collections(parser)
-    parser.add_argument("--most", type=int, default=20, help="systems solved again without a rung (default 20)")
+    parser.add_argument(
+        "--most", type=int, default=20, help="systems solved again without a rung (default 20)"
+    )
     return parser.parse_args(arguments)
 
 
 def add_collections(parser: argparse.ArgumentParser) -> None:
     """Add the options that select the systems and their time limit."""
     parser.add_argument("--catalogue", action="store_true", help="the systems of the catalogue")
-    parser.add_argument("--systems", nargs="*", default=[], help="lists with one JSON object per line")
-    parser.add_argument("--generated", type=int, default=0, help="number of systems of the test generator")
-    parser.add_argument("--disguised", type=int, default=0, help="number in other coordinates, for three seeds")
-    parser.add_argument("--shapes", type=int, default=0, help="number of systems of its less usual shapes")
-    parser.add_argument("--limit", type=float, default=30.0, help="seconds for one system (default 30)")
+    parser.add_argument(
+        "--systems", nargs="*", default=[], help="lists with one JSON object per line"
+    )
+    parser.add_argument(
+        "--generated", type=int, default=0, help="number of systems of the test generator"
+    )
+    parser.add_argument(
+        "--disguised", type=int, default=0, help="number in other coordinates, for three seeds"
+    )
+    parser.add_argument(
+        "--shapes", type=int, default=0, help="number of systems of its less usual shapes"
+    )
+    parser.add_argument(
+        "--limit", type=float, default=30.0, help="seconds for one system (default 30)"
+    )
 
 
 def given_systems(chosen: argparse.Namespace) -> Iterator[tuple[str, Given]]:
@@ -146,7 +169,8 @@ def given_systems(chosen: argparse.Namespace) -> Iterator[tuple[str, Given]]:
     if chosen.catalogue:
         names = catalogue.names()
         entries = [
-            {"id": one, **catalogue.entry(one)["expected"], "document": catalogue.document(one)} for one in names
+            {"id": one, **catalogue.entry(one)["expected"], "document": catalogue.document(one)}
+            for one in names
         ]
         yield from (("catalogue", given) for given in from_entries(entries))
     for name in chosen.systems:
@@ -155,7 +179,9 @@ def given_systems(chosen: argparse.Namespace) -> Iterator[tuple[str, Given]]:
     if chosen.generated:
         yield from (("generated", plain(one)) for one in generated(chosen.generated, 7, False))
     if chosen.shapes:
-        yield from (("shapes", plain(one)) for one in generated(chosen.shapes, 90210, False, shapes=True))
+        yield from (
+            ("shapes", plain(one)) for one in generated(chosen.shapes, 90210, False, shapes=True)
+        )
     for seed in (34, 7, 1) if chosen.disguised else ():
         yield from (("disguised", plain(one)) for one in generated(chosen.disguised, seed, True))
 
@@ -167,7 +193,9 @@ def plain(given: Any) -> Given:
 def main(arguments: Sequence[str] | None = None, report: Callable[[str], None] = print) -> None:
     chosen = options(arguments)
     runs: dict[str, list[Run]] = {}
-    rows: dict[str, Row] = {rung.name: Row() for rung in sorted(ladder.RUNGS, key=lambda rung: rung.cost)}
+    rows: dict[str, Row] = {
+        rung.name: Row() for rung in sorted(ladder.RUNGS, key=lambda rung: rung.cost)
+    }
     for collection, given in given_systems(chosen):
         before = record(given, chosen.limit)
         runs.setdefault(collection, []).append(before)
@@ -186,21 +214,51 @@ def main(arguments: Sequence[str] | None = None, report: Callable[[str], None] =
 def by_collection(runs: dict[str, list[Run]]) -> str:
     cells = []
     for name, found in runs.items():
-        seconds, vain = sorted(one.seconds for one in found), sorted(one.seconds for one in found if not one.found)
+        seconds, vain = (
+            sorted(one.seconds for one in found),
+            sorted(one.seconds for one in found if not one.found),
+        )
         counts = [len(found), sum(one.found for one in found), sum(one.closed for one in found)]
-        times = [statistics.median(seconds), percentile(seconds, 0.95), percentile(vain, 0.95) if vain else 0.0]
+        times = [
+            statistics.median(seconds),
+            percentile(seconds, 0.95),
+            percentile(vain, 0.95) if vain else 0.0,
+        ]
         cells.append([name, *map(str, counts), *(f"{one:.2f}" for one in times)])
-    head = ["collection", "systems", "with L", "with H", "median, s", "95th percentile, s", "without L, 95th, s"]
+    head = [
+        "collection",
+        "systems",
+        "with L",
+        "with H",
+        "median, s",
+        "95th percentile, s",
+        "without L, 95th, s",
+    ]
     missing = [one.name for found in runs.values() for one in found if not one.found]
-    implicit = [one.name for found in runs.values() for one in found if one.found and not one.closed]
-    return table(head, cells) + f"\nWithout L: {', '.join(missing)}\n\nWithout H: {', '.join(implicit)}\n"
+    implicit = [
+        one.name for found in runs.values() for one in found if one.found and not one.closed
+    ]
+    return (
+        table(head, cells)
+        + f"\nWithout L: {', '.join(missing)}\n\nWithout H: {', '.join(implicit)}\n"
+    )
 
 
 def by_rung(rows: dict[str, Row]) -> str:
-    head = ["left out", "finds", "tried without", "no L then", "H lost", "seconds, with and without", "length of L"]
+    head = [
+        "left out",
+        "finds",
+        "tried without",
+        "no L then",
+        "H lost",
+        "seconds, with and without",
+        "length of L",
+    ]
     cells = []
     for name, row in rows.items():
-        seconds, lengths = (f"{pair[0]:.4g} to {pair[1]:.4g}" for pair in (row.seconds, row.lengths))
+        seconds, lengths = (
+            f"{pair[0]:.4g} to {pair[1]:.4g}" for pair in (row.seconds, row.lengths)
+        )
         counts = [row.found, row.tried, len(row.lost), row.closed_lost]
         cells.append([name, *map(str, counts), seconds, lengths])
     lost = [f"- {name}: {', '.join(row.lost)}" for name, row in rows.items() if row.lost]

@@ -1,9 +1,11 @@
-"""The atlas: every named system of the catalogue and of the lists of the tests, with its computed answers.
+"""The atlas: every named system of the catalogue and of the lists of the tests, with its computed
+answers.
 
-`python -m benchmarks.atlas` solves all of them and writes inverse_service/catalogue/entries/atlas.ndjson;
-`--only NAME` solves one and prints its line, `--check DAY` compares the lines of a day with what is computed now, and
-`--resume` keeps the lines of the file, and of an interrupted run, whose documents are unchanged. A system that stays
-undecided at `--time-limit` is omitted.
+`python -m benchmarks.atlas` solves all of them and writes
+inverse_service/catalogue/entries/atlas.ndjson; `--only NAME` solves one and prints its line,
+`--check DAY` compares the lines of a day with what is computed now, and `--resume` keeps the lines
+of the file, and of an interrupted run, whose documents are unchanged. A system that stays undecided
+at `--time-limit` is omitted.
 """
 
 from __future__ import annotations
@@ -32,14 +34,31 @@ EACH_DAY = 40  # entries that are solved again
 TIME_LIMIT = 20.0  # seconds of processor time for a system
 HARD = 2  # times that: a system is always stopped
 # Test lists whose documents are systems from users' questions, and the tag of each.
-LISTS = {"literature": "literature", "kamke": "Kamke", "textbook": "textbook", "constrained": "constraints"}
+LISTS = {
+    "literature": "literature",
+    "kamke": "Kamke",
+    "textbook": "textbook",
+    "constrained": "constraints",
+}
 # Parts of a source that are our own notes, not a citation.
 OWN = re.compile(
     r"\bown\b|regression|attacks|by hand|worked out|random search|verdict|\btests?\b|identity checked|^6-dim$|^n=1$"
     r"|always works"
 )
 NAMES = (
-    *("Pol", "Kepler", "Lienard", "Painleve", "Emden", "Fowler", "Fermi", "Henon", "Heiles", "Plesset", "Langmuir"),
+    *(
+        "Pol",
+        "Kepler",
+        "Lienard",
+        "Painleve",
+        "Emden",
+        "Fowler",
+        "Fermi",
+        "Henon",
+        "Heiles",
+        "Plesset",
+        "Langmuir",
+    ),
     *(
         "Boltzmann",
         "Poisson",
@@ -53,12 +72,48 @@ NAMES = (
         "Caldirola",
         "Douglas",
     ),
-    *("Moser", "Lakshmanan", "Pinney", "Coulomb", "Toda", "Landau", "RLC", "GL2", "SL2", "SO3", "SE3", "FPUT"),
+    *(
+        "Moser",
+        "Lakshmanan",
+        "Pinney",
+        "Coulomb",
+        "Toda",
+        "Landau",
+        "RLC",
+        "GL2",
+        "SL2",
+        "SO3",
+        "SE3",
+        "FPUT",
+    ),
 )
 SPELLING = {name.lower(): name for name in NAMES}
 WORDS = (
-    *("damped", "kepler", "pendulum", "oscillator", "drag", "magnetic", "geodesic", "painleve", "disk", "sleigh"),
-    *("lienard", "knife", "sphere", "spring", "henon", "toda", "top", "robot", "orbit", "friction", "relativ"),
+    *(
+        "damped",
+        "kepler",
+        "pendulum",
+        "oscillator",
+        "drag",
+        "magnetic",
+        "geodesic",
+        "painleve",
+        "disk",
+        "sleigh",
+    ),
+    *(
+        "lienard",
+        "knife",
+        "sphere",
+        "spring",
+        "henon",
+        "toda",
+        "top",
+        "robot",
+        "orbit",
+        "friction",
+        "relativ",
+    ),
 )
 TILTED = (
     "m/2*((x' - R*(theta'*cos(theta)*sin(psi) + psi'*sin(theta)*cos(psi)))^2"
@@ -85,7 +140,11 @@ def documents() -> Iterator[dict[str, Any]]:
     """{name, title, source, document, tags} of every system, each question once."""
     seen: set[str] = set()
     for row in _rows():
-        document = {key: value for key, value in row["document"].items() if key not in ("options", "kinds", "id")}
+        document = {
+            key: value
+            for key, value in row["document"].items()
+            if key not in ("options", "kinds", "id")
+        }
         key = json.dumps(document, sort_keys=True)
         if key not in seen:
             seen.add(key)
@@ -98,7 +157,11 @@ def _rows() -> Iterator[dict[str, Any]]:
             entry = catalogue.entry(name)
             yield _row(name, entry["title"], entry.get("source", ""), entry["document"], [])
     for list_name, tag in LISTS.items():
-        lines = (ROOT / "tests" / "corpus" / f"{list_name}.ndjson").read_text(encoding="utf-8").splitlines()
+        lines = (
+            (ROOT / "tests" / "corpus" / f"{list_name}.ndjson")
+            .read_text(encoding="utf-8")
+            .splitlines()
+        )
         for line in map(json.loads, lines):
             if isinstance(line.get("document"), dict) and "clock" not in line:
                 yield _row(line["id"], "", line.get("source", ""), line["document"], [tag])
@@ -108,10 +171,17 @@ def _rows() -> Iterator[dict[str, Any]]:
 
 def _row(name: Any, title: Any, source: Any, document: Any, tags: Any) -> dict[str, Any]:
     slug = _slug(str(name).replace("kamke_", "kamke-"))
-    words = re.sub(r"^(textbook|asked|clock|any|constrained|reduced|motion|nonholonomic) ", "", slug.replace("-", " "))
+    words = re.sub(
+        r"^(textbook|asked|clock|any|constrained|reduced|motion|nonholonomic) ",
+        "",
+        slug.replace("-", " "),
+    )
     if kamke := re.fullmatch(r"kamke (\d) (\d+)", words):
         number = ".".join(kamke.groups())
-        title, source = f"Kamke {number}", f"E. Kamke, Differentialgleichungen I (1942), equation {number}"
+        title, source = (
+            f"Kamke {number}",
+            f"E. Kamke, Differentialgleichungen I (1942), equation {number}",
+        )
     else:
         source = citation(str(source))
     return {
@@ -128,19 +198,27 @@ def _slug(text: str) -> str:
 
 
 def _title(words: str, source: str) -> str:
-    """The title for a name: the source if it says the same, else the words of the name with proper capitals."""
+    """The title for a name: the source if it says the same, else the words of the name with proper
+    capitals.
+    """
     same = source.partition(" (")[0]
     if _slug(same) == _slug(words):
         words = same
     spelled = SPELLING | {word.lower(): word for word in re.findall(r"[A-Z][a-z]{2,}", source)}
     words = re.sub(r"[A-Za-z]+\d?", lambda word: spelled.get(word[0].lower(), word[0]), words)
-    words = re.sub(r"^[Ll]ie ([a-z]\d) (\d+)", lambda found: f"Lie group {found[1].upper()},{found[2]}", words)
-    words = re.sub(r"^((?:case|Case|Painleve) )([iv]+)", lambda found: found[1] + found[2].upper(), words)
+    words = re.sub(
+        r"^[Ll]ie ([a-z]\d) (\d+)", lambda found: f"Lie group {found[1].upper()},{found[2]}", words
+    )
+    words = re.sub(
+        r"^((?:case|Case|Painleve) )([iv]+)", lambda found: found[1] + found[2].upper(), words
+    )
     return words[:1].upper() + words[1:]
 
 
 def citation(source: str) -> str:
-    """A source in the words of a citation: the parts between semicolons that are not our own notes."""
+    """A source in the words of a citation: the parts between semicolons that are not our own
+    notes.
+    """
     source = re.sub(r"\s*\((?:Jacobi identity checked|three classes are obstructed)\)", "", source)
     source = re.sub(r"\s*exceptional parameter found.*", "", source)
     if source.startswith("own"):
@@ -192,7 +270,11 @@ def tags_of(row: Mapping[str, Any], result: Mapping[str, Any], sheet: sheets.She
     text = f"{row['name']} {row['title']}".lower()
     found = [*row["tags"], f"{count} coordinate{'s' if count != 1 else ''}", sheet.badge]
     found += ["constraints"] if stated.is_constrained(result) else []
-    found += ["with time only"] if printed_pages.plain(sheet.sentence).endswith("with the time in L.") else []
+    found += (
+        ["with time only"]
+        if printed_pages.plain(sheet.sentence).endswith("with the time in L.")
+        else []
+    )
     found += ["arbitrary functions"] if system.get("functions") else []
     found += [word for word in WORDS if word in text]
     return list(dict.fromkeys(found))
@@ -209,7 +291,12 @@ def main() -> int:
     options = parser.parse_args()
     rows = list(documents())
     if options.only:
-        print(json.dumps(entry_of(next(row for row in rows if row["name"] == options.only)), ensure_ascii=False))
+        print(
+            json.dumps(
+                entry_of(next(row for row in rows if row["name"] == options.only)),
+                ensure_ascii=False,
+            )
+        )
         return 0
     if options.check is not None:
         return _compared(rows, options.check)
@@ -217,12 +304,20 @@ def main() -> int:
 
 
 def _written(rows: list[dict[str, Any]], time_limit: float, resume: bool, processes: int) -> int:
-    known = {entry["name"]: entry for file in (FILE, UNFINISHED) for entry in _lines(file)} if resume else {}
-    solved = {row["name"]: known[row["name"]] for row in rows if is_current(row, known.get(row["name"]))}
+    known = (
+        {entry["name"]: entry for file in (FILE, UNFINISHED) for entry in _lines(file)}
+        if resume
+        else {}
+    )
+    solved = {
+        row["name"]: known[row["name"]] for row in rows if is_current(row, known.get(row["name"]))
+    }
     waiting = [row for row in rows if row["name"] not in solved]
     with UNFINISHED.open("w", encoding="utf-8") as part, multiprocessing.Pool(processes) as pool:
         part.writelines(_line(entry) for entry in solved.values())
-        for k, entry in enumerate(pool.imap(partial(_entry_or_fault, time_limit=time_limit), waiting), 1):
+        for k, entry in enumerate(
+            pool.imap(partial(_entry_or_fault, time_limit=time_limit), waiting), 1
+        ):
             solved[entry["name"]] = entry
             if "refused" in entry:
                 print(f"{entry['name']}: {entry['refused']}", file=sys.stderr)
@@ -235,7 +330,9 @@ def _written(rows: list[dict[str, Any]], time_limit: float, resume: bool, proces
     for row in rows:
         entry = solved[row["name"]]
         # A known system with other numbers is left out.
-        if "refused" not in entry and not (row["tags"] and not row["source"] and entry["form"] in forms - {""}):
+        if "refused" not in entry and not (
+            row["tags"] and not row["source"] and entry["form"] in forms - {""}
+        ):
             forms.add(entry["form"])
             entries.append(entry | {key: row[key] for key in ("title", "source")})
     FILE.write_text("".join(map(_line, entries)), encoding="utf-8")
@@ -274,9 +371,15 @@ def differences(entry: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     """What an entry says less or otherwise than the program says now."""
     if "refused" in now:
         return [now["refused"]]
-    found = [f"{key}: {entry[key]} / {now[key]}" for key in ("equations", "verdict", "badge") if entry[key] != now[key]]
+    found = [
+        f"{key}: {entry[key]} / {now[key]}"
+        for key in ("equations", "verdict", "badge")
+        if entry[key] != now[key]
+    ]
     both = [short_results.for_programs(one["result"])["answers"] for one in (entry, now)]
-    stored, computed = ({(stated.question_of(one), one["cell"]): one for one in each} for each in both)
+    stored, computed = (
+        {(stated.question_of(one), one["cell"]): one for one in each} for each in both
+    )
     for key in dict.fromkeys([*stored, *computed]):
         one, other = stored.get(key, {}), computed.get(key, {})
         names = [name for name in dict.fromkeys([*one, *other]) if one.get(name) != other.get(name)]

@@ -1,9 +1,11 @@
-"""Measure what each bound is worth: L found, other forms of L, and time with half of it and with twice as much.
+"""Measure what each bound is worth: L found, other forms of L, and time with half of it and with
+twice as much.
 
 python -m benchmarks bounds --generated 24 --systems FILE.ndjson … [--only NAME …]
 
-The bounds are those of `inverse_service.bounds`, each changed wherever it occurs. Seconds are processor time of all
-systems together. If neither half nor twice a bound changes a result, no measurement fixes that bound.
+The bounds are those of `inverse_service.bounds`, each changed wherever it occurs. Seconds are
+processor time of all systems together. If neither half nor twice a bound changes a result, no
+measurement fixes that bound.
 """
 
 from __future__ import annotations
@@ -24,12 +26,23 @@ from inverse_service.search.ladder import Rung
 
 VALUES: dict[str, int] = {name: value for name, value in vars(amounts).items() if name.isupper()}
 # These packages keep results that they computed with other bounds.
-KEEP = ("decision", "search", "solving", "constrained", "explanation", "mechanics", "expressions", "field")
+KEEP = (
+    "decision",
+    "search",
+    "solving",
+    "constrained",
+    "explanation",
+    "mechanics",
+    "expressions",
+    "field",
+)
 
 
 @contextmanager
 def changed(name: str, value: int) -> Iterator[None]:
-    """Give a bound another value within the block, also in the rows of the ansatz, and keep no cached results."""
+    """Give a bound another value within the block, also in the rows of the ansatz, and keep no
+    cached results.
+    """
     rows = tuple(_changed(rung, VALUES[name], value) for rung in ladder.RUNGS)
     with mock.patch.object(amounts, name, value), mock.patch.object(ladder, "RUNGS", rows):
         forget()
@@ -55,7 +68,11 @@ def told(before: Sequence[Run], after: Sequence[Run]) -> str:
     lost = [a.name for a, b in pairs if a.found and not b.found]
     found = [a.name for a, b in pairs if b.found and not a.found]
     other = sum(a.found and b.found and a.text != b.text for a, b in pairs)
-    parts = [f"-{len(lost)}"] * bool(lost) + [f"+{len(found)}"] * bool(found) + [f"{other} otherwise"] * bool(other)
+    parts = (
+        [f"-{len(lost)}"] * bool(lost)
+        + [f"+{len(found)}"] * bool(found)
+        + [f"{other} otherwise"] * bool(other)
+    )
     seconds = sum(one.seconds for one in after) / sum(one.seconds for one in before)
     return f"{', '.join(parts) or 'same'}; {seconds:.2f}"
 
@@ -65,7 +82,11 @@ def main(arguments: Sequence[str] | None = None, report: Callable[[str], None] =
     parser = argparse.ArgumentParser(prog="python -m benchmarks bounds", description=__doc__)
     add_collections(parser)
     parser.add_argument("--only", nargs="*", default=[], help="these bounds alone")
-    parser.add_argument("--part", default="0/1", help="k/n: the k-th of n parts of the bounds, for several processes")
+    parser.add_argument(
+        "--part",
+        default="0/1",
+        help="k/n: the k-th of n parts of the bounds, for several processes",
+    )
     chosen = parser.parse_args(arguments)
     systems: list[Given] = [given for _, given in given_systems(chosen)]
     for given in systems:

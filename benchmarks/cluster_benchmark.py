@@ -1,10 +1,11 @@
-"""Measure a batch on the local pool, a Dask cluster on loopback, and front ends over PostgreSQL: lines per second.
+"""Measure a batch on the local pool, a Dask cluster on loopback, and front ends over PostgreSQL:
+lines per second.
 
     python -m benchmarks cluster [--lines N] [--rounds N] [--workers N] [--output DIR]
                                 [--page docs/records/reliability.md] [--postgres postgresql://...]
 
-They take turns, so that other load on the machine affects all of them. A front end is a service with one
-worker; all share the store at the address of --postgres, whose server is not counted.
+They take turns, so that other load on the machine affects all of them. A front end is a service
+with one worker; all share the store at the address of --postgres, whose server is not counted.
 """
 
 from __future__ import annotations
@@ -44,9 +45,10 @@ LOADS = {"n = 2": (2, 1.0), "n = 4": (4, 0.4)}
 class ClusterRow:
     """Lines per second once everything is warm, the medians of all rounds.
 
-    `efficiency`: relative to the pool of one process times the number of workers; the pool's own row shows what the
-    machine itself gives. `processor`: milliseconds of processor time per line, of all processes together (Linux only);
-    unlike the rate it does not depend on other load on the machine.
+    `efficiency`: relative to the pool of one process times the number of workers; the pool's own
+    row shows what the machine itself gives. `processor`: milliseconds of processor time per line,
+    of all processes together (Linux only); unlike the rate it does not depend on other load on the
+    machine.
     """
 
     load: str
@@ -67,7 +69,9 @@ class Sample:
 
 
 def measure(lines: int, rounds: int, most: int, postgres: str | None) -> list[ClusterRow]:
-    """Run each load on the pool, the cluster, and the front ends over `postgres`, with 1 to `most` workers."""
+    """Run each load on the pool, the cluster, and the front ends over `postgres`, with 1 to `most`
+    workers.
+    """
     rows = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -79,53 +83,93 @@ def measure(lines: int, rounds: int, most: int, postgres: str | None) -> list[Cl
     return rows
 
 
-def _rows(load: str, source: Path, count: int, rounds: int, most: int, postgres: str | None) -> list[ClusterRow]:
+def _rows(
+    load: str, source: Path, count: int, rounds: int, most: int, postgres: str | None
+) -> list[ClusterRow]:
     places = ("pool", "cluster", *(["front ends"] if postgres else []))
     cases = [(where, workers) for workers in range(1, most + 1) for where in places]
     samples: dict[tuple[str, int], list[Sample]] = {case: [] for case in cases}
     for turn in range(rounds):
         for where, workers in cases:
             is_front = where == "front ends"
-            sample = _fronts(source, count, workers, str(postgres)) if is_front else _run(source, count, where, workers)
+            sample = (
+                _fronts(source, count, workers, str(postgres))
+                if is_front
+                else _run(source, count, where, workers)
+            )
             samples[where, workers].append(sample)
-            told = f"{sample.rate:.3g} lines/s, {sample.processor:.3g} ms of processor time per line"
-            print(f"{load}, round {turn + 1}: {where} of {workers}: {told}", file=sys.stderr, flush=True)
-    rates = {case: statistics.median(sample.rate for sample in found) for case, found in samples.items()}
-    spent = {case: statistics.median(sample.processor for sample in found) for case, found in samples.items()}
+            told = (
+                f"{sample.rate:.3g} lines/s, {sample.processor:.3g} ms of processor time per line"
+            )
+            print(
+                f"{load}, round {turn + 1}: {where} of {workers}: {told}",
+                file=sys.stderr,
+                flush=True,
+            )
+    rates = {
+        case: statistics.median(sample.rate for sample in found) for case, found in samples.items()
+    }
+    spent = {
+        case: statistics.median(sample.processor for sample in found)
+        for case, found in samples.items()
+    }
     one = rates["pool", 1]
-    return [ClusterRow(load, *case, count, rates[case], rates[case] / (one * case[1]), spent[case]) for case in cases]
+    return [
+        ClusterRow(load, *case, count, rates[case], rates[case] / (one * case[1]), spent[case])
+        for case in cases
+    ]
 
 
 def _write(path: Path, n: int, count: int) -> None:
     documents = ({"id": k, **families.random_natural(n, k)} for k in range(count))
-    path.write_text("".join(json.dumps(document) + "\n" for document in documents), encoding="utf-8")
+    path.write_text(
+        "".join(json.dumps(document) + "\n" for document in documents), encoding="utf-8"
+    )
 
 
 def _run(source: Path, count: int, where: str, workers: int) -> Sample:
     """Measure from the end of the first WARM answers to the last one."""
     output = source.with_suffix(f".{time.monotonic_ns()}.out")
-    command = [sys.executable, "-m", "inverse_service", "batch", str(source), "--output", str(output)]
+    command = [
+        sys.executable,
+        "-m",
+        "inverse_service",
+        "batch",
+        str(source),
+        "--output",
+        str(output),
+    ]
     alone: Machines = contextlib.nullcontext(("", []))
     machines: Machines = _cluster(source.parent, workers) if where == "cluster" else alone
     with machines as found:
         address, sessions = found
         more = ["--cluster", address] if address else ["--workers", str(workers)]
-        with subprocess.Popen([*command, *more], stderr=subprocess.DEVNULL, start_new_session=True) as process:
+        with subprocess.Popen(
+            [*command, *more], stderr=subprocess.DEVNULL, start_new_session=True
+        ) as process:
             try:
                 answered = functools.partial(_lines_of, output)
-                return _sample(answered, count, functools.partial(_processor_time, {process.pid, *sessions}))
+                return _sample(
+                    answered, count, functools.partial(_processor_time, {process.pid, *sessions})
+                )
             finally:
                 process.terminate()
 
 
 def _fronts(source: Path, count: int, workers: int, postgres: str) -> Sample:
-    """Give a batch to the first of several services with one worker each; its lines are new to the store."""
+    """Give a batch to the first of several services with one worker each; its lines are new to the
+    store.
+    """
     with contextlib.ExitStack() as stack:
         settings = {"DATABASE": postgres, "WORKERS": "1", "LOG_LEVEL": "error"}
         fronts = [stack.enter_context(service.service(**settings)) for _ in range(workers)]
-        client = stack.enter_context(httpx.Client(base_url=fronts[0][0], timeout=60, trust_env=False))
+        client = stack.enter_context(
+            httpx.Client(base_url=fronts[0][0], timeout=60, trust_env=False)
+        )
         headers = {"Content-Type": "application/x-ndjson", "Cache-Control": "no-cache"}
-        place = client.post("/v1/batches", content=source.read_bytes(), headers=headers).headers["location"]
+        place = client.post("/v1/batches", content=source.read_bytes(), headers=headers).headers[
+            "location"
+        ]
         return _sample(
             lambda: int(client.get(place).json()["counts"].get("successful", 0)), count,
             lambda: sum(service.cpu_below(pid) for _, pid in fronts),
@@ -151,7 +195,9 @@ def _lines_of(output: Path) -> int:
 
 
 def _processor_time(sessions: set[int]) -> float:
-    """Processor seconds of all processes of these sessions and of their ended children; nan if there is no /proc."""
+    """Processor seconds of all processes of these sessions and of their ended children; nan if
+    there is no /proc.
+    """
     ticks, seen = 0, False
     for folder in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError, IndexError):
@@ -163,7 +209,9 @@ def _processor_time(sessions: set[int]) -> float:
 
 @contextlib.contextmanager
 def _cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[int]]]:
-    """A scheduler and single-threaded workers on loopback: the address, and the sessions of the processes."""
+    """A scheduler and single-threaded workers on loopback: the address, and the sessions of the
+    processes.
+    """
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     address = f"tcp://127.0.0.1:{port}"
@@ -175,7 +223,10 @@ def _cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[int]]]:
     try:
         for command in commands:
             quiet_process = subprocess.Popen(
-                command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+                command,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
             )
             started.append(quiet_process)
         yield address, [process.pid for process in started]
@@ -188,7 +239,15 @@ def _cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[int]]]:
 
 def markdown(rows: Sequence[ClusterRow]) -> str:
     """The table of docs/records/reliability.md."""
-    head = ["load", "where", "workers", "lines", "lines a second", "efficiency", "processor ms a line"]
+    head = [
+        "load",
+        "where",
+        "workers",
+        "lines",
+        "lines a second",
+        "efficiency",
+        "processor ms a line",
+    ]
     return table(head, [_cells(row) for row in rows])
 
 
@@ -199,9 +258,15 @@ def _cells(row: ClusterRow) -> list[str]:
 
 def main(arguments: Sequence[str]) -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks cluster", description=__doc__)
-    parser.add_argument("--lines", type=int, default=500, help="lines of the small load (default 500)")
-    parser.add_argument("--rounds", type=int, default=3, help="turns; the median counts (default 3)")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="most workers (default: cores)")
+    parser.add_argument(
+        "--lines", type=int, default=500, help="lines of the small load (default 500)"
+    )
+    parser.add_argument(
+        "--rounds", type=int, default=3, help="turns; the median counts (default 3)"
+    )
+    parser.add_argument(
+        "--workers", type=int, default=os.cpu_count() or 1, help="most workers (default: cores)"
+    )
     parser.add_argument("--postgres", help="address of a database for front ends")
     parser.add_argument("--page", type=Path, help="page whose place `cluster` gets the table")
     parser.add_argument("--output", type=Path, help="folder for cluster.md and cluster.json")

@@ -20,7 +20,8 @@ Report = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class ColdStart:
-    """Seconds of one command by the clock and of processor time, its exit code (0: a definite verdict).
+    """Seconds of one command by the clock and of processor time, its exit code (0: a definite
+    verdict).
 
     None past the limit. If other programs use the machine, the processor time is the fairer number.
     """
@@ -47,7 +48,9 @@ def _cold_start(name: str, path: Path, limit: float) -> ColdStart:
     command = [sys.executable, "-m", "inverse_service", "solve", str(path)]
     began, used = time.perf_counter(), _used_by_children()
     try:
-        done = subprocess.run(command, capture_output=True, timeout=limit, check=False, env=dict(os.environ))
+        done = subprocess.run(
+            command, capture_output=True, timeout=limit, check=False, env=dict(os.environ)
+        )
     except subprocess.TimeoutExpired:
         return ColdStart(name, None, None, None)
     return ColdStart(name, time.perf_counter() - began, _used_by_children() - used, done.returncode)

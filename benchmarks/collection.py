@@ -2,9 +2,10 @@
 
 python -m benchmarks collection FILE.ndjson … [--limit 30] [--only NAME …]
 
-A line is an entry with "id" and "expected", and a document under "document" or in its own keys; those that are not
-expected to be variational are omitted. Both questions are solved, and the result that is shown first counts. Seconds
-are processor time from the document to the result, so other programs do not count.
+A line is an entry with "id" and "expected", and a document under "document" or in its own keys;
+those that are not expected to be variational are omitted. Both questions are solved, and the result
+that is shown first counts. Seconds are processor time from the document to the result, so other
+programs do not count.
 """
 
 from __future__ import annotations
@@ -30,7 +31,9 @@ _KEYS = ("coordinates", "equations", "parameters", "functions")
 
 @dataclass(frozen=True, slots=True)
 class Answered:
-    """One document: the first L that is shown (empty if there is none), whether it contains integral signs, and H."""
+    """One document: the first L that is shown (empty if there is none), whether it contains
+    integral signs, and H.
+    """
 
     name: str
     verdicts: str
@@ -81,7 +84,9 @@ def markdown(measured: Sequence[Answered]) -> str:
         "95th percentile, s",
         "largest, s",
     ]
-    implicit = [f"- {one.name}: H is implicit, L = {one.lagrangian}" for one in found if not one.hamiltonian]
+    implicit = [
+        f"- {one.name}: H is implicit, L = {one.lagrangian}" for one in found if not one.hamiltonian
+    ]
     without = [f"- {one.name}: no L, {one.verdicts}, {one.seconds:.1f} s" for one in vain]
     return "\n".join([table(head, cells), *implicit, *without])
 
@@ -97,8 +102,12 @@ def options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks collection", description=__doc__)
     parser.add_argument("files", type=Path, nargs="+", help="lists of documents, one per line")
-    parser.add_argument("--limit", type=float, default=60.0, help="seconds for one document (default 60)")
-    parser.add_argument("--only", nargs="*", default=[], help="names of the entries that are measured")
+    parser.add_argument(
+        "--limit", type=float, default=60.0, help="seconds for one document (default 60)"
+    )
+    parser.add_argument(
+        "--only", nargs="*", default=[], help="names of the entries that are measured"
+    )
     return parser.parse_args(arguments)
 
 
@@ -110,5 +119,9 @@ def main(arguments: Sequence[str] | None = None, report: Callable[[str], None] =
             answered(entry, chosen.limit)  # loads the compiled kernels
         measured.append(answered(entry, chosen.limit))
         last = measured[-1]
-        print(f"{last.name}: {last.lagrangian or 'no L'}, {last.seconds:.2f} s", file=sys.stderr, flush=True)
+        print(
+            f"{last.name}: {last.lagrangian or 'no L'}, {last.seconds:.2f} s",
+            file=sys.stderr,
+            flush=True,
+        )
     report(markdown(measured))

@@ -1,4 +1,6 @@
-"""Compare our decision with the plain pipeline, alternately, on the paper's systems and on random ones."""
+"""Compare our decision with the plain pipeline, alternately, on the paper's systems and on random
+ones.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,8 @@ REPEATS = 5
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """One system: our median of processor seconds over fresh seeds, and the plain ones by simplification.
+    """One system: our median of processor seconds over fresh seeds, and the plain ones by
+    simplification.
 
     A plain run past the limit is None.
     """
@@ -44,7 +47,8 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class Medians:
-    """All systems of one n: medians of our seconds and, per simplification, of the ratios that exist.
+    """All systems of one n: medians of our seconds and, per simplification, of the ratios that
+    exist.
 
     `right`, `wrong` and `stopped` count the plain runs by their end.
     """
@@ -67,7 +71,8 @@ def paper_systems() -> list[tuple[str, Document, str]]:
 
 
 def random_ones(each: int) -> list[tuple[str, Document, str]]:
-    """For n = 2, 3, 4, `each` natural systems and as many random quadratic ones, with known verdicts.
+    """For n = 2, 3, 4, `each` natural systems and as many random quadratic ones, with known
+    verdicts.
 
     A quadratic draw that has a Lagrangian after all would make the decision disagree; none has one.
     """
@@ -83,12 +88,17 @@ def random_ones(each: int) -> list[tuple[str, Document, str]]:
 def read(document: Document) -> SecondOrderSystem:
     """The system of a document, as the service parses it."""
     return read_system(
-        document["coordinates"], document["equations"], document.get("parameters", ()), document.get("functions")
+        document["coordinates"],
+        document["equations"],
+        document.get("parameters", ()),
+        document.get("functions"),
     )
 
 
 def compare(name: str, document: Document, expected: str, limit: float) -> Comparison:
-    """Run our decision for L(q, v) at both points, with a new seed for each repeat; then the plain pipelines."""
+    """Run our decision for L(q, v) at both points, with a new seed for each repeat; then the plain
+    pipelines.
+    """
     system = read(document)
     runs, seconds = [], []
     for seed in range(1, REPEATS + 1):
@@ -109,8 +119,12 @@ def compare(name: str, document: Document, expected: str, limit: float) -> Compa
 
 
 def comparisons(each: int, limit: float, report: Report) -> list[Comparison]:
-    """Compare all systems, alternating ours and the plain pipelines, so that both meet the same load of the machine."""
-    decide(read(random_natural(2)), False)  # compiled kernels are loaded once: a warm worker has them
+    """Compare all systems, alternating ours and the plain pipelines, so that both meet the same
+    load of the machine.
+    """
+    decide(
+        read(random_natural(2)), False
+    )  # compiled kernels are loaded once: a warm worker has them
     found = []
     for name, document, expected in paper_systems() + random_ones(each):
         report(name)
@@ -134,7 +148,9 @@ def _medians_of(n: int, group: Sequence[Comparison]) -> Medians:
         systems=len(group),
         seconds=statistics.median(seconds),
         slowest=max(seconds),
-        ratios={kind: statistics.median(found) if found else None for kind, found in ratios.items()},
+        ratios={
+            kind: statistics.median(found) if found else None for kind, found in ratios.items()
+        },
         right=right,
         wrong={kind: len(group) - right[kind] - stopped[kind] for kind in kinds},
         stopped=stopped,

@@ -1,4 +1,6 @@
-"""Systems of any size, as documents: families that show how cost grows, and random systems for medians."""
+"""Systems of any size, as documents: families that show how cost grows, and random systems for
+medians.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,11 @@ Document = dict[str, Any]
 
 def _document(name: str, equations: list[str]) -> Document:
     coordinates = [f"x{i}" for i in range(1, len(equations) + 1)]
-    return {"name": name, "coordinates": coordinates, "equations": dict(zip(coordinates, equations, strict=True))}
+    return {
+        "name": name,
+        "coordinates": coordinates,
+        "equations": dict(zip(coordinates, equations, strict=True)),
+    }
 
 
 def oscillator_chain(n: int) -> Document:
@@ -25,13 +31,18 @@ def oscillator_chain(n: int) -> Document:
 
 
 def cubic_chain(n: int) -> Document:
-    """Springs with a cubic force between neighbors and walls (Fermi, Pasta, Ulam, Tsingou): variational."""
+    """Springs with a cubic force between neighbors and walls (Fermi, Pasta, Ulam, Tsingou):
+    variational.
+    """
 
     def stretch(i: int) -> str:
         left, right = (f"x{k}" if 1 <= k <= n else "0" for k in (i, i + 1))
         return f"({right} - {left})"
 
-    equations = [f"{stretch(i)} - {stretch(i - 1)} + {stretch(i)}^3 - {stretch(i - 1)}^3" for i in range(1, n + 1)]
+    equations = [
+        f"{stretch(i)} - {stretch(i - 1)} + {stretch(i)}^3 - {stretch(i - 1)}^3"
+        for i in range(1, n + 1)
+    ]
     return _document(f"cubic chain, n = {n}", equations)
 
 

@@ -29,7 +29,9 @@ class SizeRow:
 
 @dataclass(frozen=True, slots=True)
 class OrderRow:
-    """One order at one point: unknown coefficients, and the seconds from the start up to this order."""
+    """One order at one point: unknown coefficients, and the seconds from the start up to this
+    order.
+    """
 
     name: str
     n: int
@@ -39,7 +41,9 @@ class OrderRow:
 
 
 def against_size(largest: int, limit: float, report: Report) -> list[SizeRow]:
-    """Measure each family for n = 1 to `largest`, each n in its own process; a family ends at its first timeout."""
+    """Measure each family for n = 1 to `largest`, each n in its own process; a family ends at its
+    first timeout.
+    """
     rows = []
     for family, make in GROWING.items():
         for n in range(1, largest + 1):
@@ -55,7 +59,9 @@ def _size_row(family: str, n: int, document: Document, limit: float) -> SizeRow:
     found = measure("benchmarks.ours", [], document, limit)
     if found is None:
         return SizeRow(family, n, None, 0, None, None)
-    return SizeRow(family, n, found["verdict"], found["order"], found["seconds"], found["megabytes"])
+    return SizeRow(
+        family, n, found["verdict"], found["order"], found["seconds"], found["megabytes"]
+    )
 
 
 def against_order(document: Document, highest: int, limit: float, report: Report) -> list[OrderRow]:

@@ -1,4 +1,6 @@
-"""Compare order-8 Stormer-Verlet steps with a hand-written C program and with heyoka, in one run."""
+"""Compare order-8 Stormer-Verlet steps with a hand-written C program and with heyoka, in one
+run.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ STEPS, STEP = 20_000, 0.05
 
 @dataclass(frozen=True, slots=True)
 class HandwrittenRow:
-    """Nanoseconds per step: ours with and without monitoring, and C (None without gcc); `apart` compares their ends."""
+    """Nanoseconds per step: ours with and without monitoring, and C (None without gcc); `apart`
+    compares their ends.
+    """
 
     ours: float
     unwatched: float
@@ -61,6 +65,11 @@ def _compiled() -> Callable[..., None] | None:
         return None
     library = Path(tempfile.mkdtemp()) / "verlet.so"
     source = Path(__file__).with_name("verlet.c")
-    subprocess.run([compiler, "-O3", "-march=native", "-shared", "-fPIC", str(source), "-o", str(library)], check=True)
-    kind = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int, ctypes.c_double, ctypes.c_long)
+    subprocess.run(
+        [compiler, "-O3", "-march=native", "-shared", "-fPIC", str(source), "-o", str(library)],
+        check=True,
+    )
+    kind = ctypes.CFUNCTYPE(
+        None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int, ctypes.c_double, ctypes.c_long
+    )
     return kind(("steps", ctypes.CDLL(str(library))))

@@ -1,4 +1,6 @@
-"""Cases in which integrators fail silently: each must end in a right result or in a named outcome."""
+"""Cases in which integrators fail silently: each must end in a right result or in a named
+outcome.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,9 @@ STEPS = (0.2, 0.1, 0.03)
 
 @dataclass(frozen=True, slots=True)
 class HardCase:
-    """`allowed` are the correct outcomes; a completed run must be closer than `bound` to the true motion."""
+    """`allowed` are the correct outcomes; a completed run must be closer than `bound` to the true
+    motion.
+    """
 
     group: str
     name: str
@@ -63,7 +67,12 @@ class Judged:
             return False
         if outcome.kind == "completed":
             return self.error is not None and self.error <= self.case.bound
-        return bool(outcome.step is not None and outcome.time is not None and outcome.quantity and outcome.remedy)
+        return bool(
+            outcome.step is not None
+            and outcome.time is not None
+            and outcome.quantity
+            and outcome.remedy
+        )
 
 
 def disk_start(phi: float = 0.3, rate: float = 1.0, roll: float = 0.5) -> Start:
@@ -79,20 +88,33 @@ def particle_start(x: float = -0.7) -> Start:
 
 
 def error_bound(choice: MethodChoice, step: float, span: float) -> float:
-    """h^p (1 + T) with p = 2 at alpha = 1/2 and 1 else: far below the size of the motion for small steps."""
+    """h^p (1 + T) with p = 2 at alpha = 1/2 and 1 else: far below the size of the motion for small
+    steps.
+    """
     order = choice.order if choice.alpha == 0.5 else 1
     return abs(step) ** order * (1.0 + span)
 
 
 def _case(
-    group: str, name: str, problem: Problem, choice: MethodChoice, start: Start, grid: Grid, **more: object
+    group: str,
+    name: str,
+    problem: Problem,
+    choice: MethodChoice,
+    start: Start,
+    grid: Grid,
+    **more: object,
 ) -> HardCase:
-    settings = {"values": {"c": 1e-3}, "bound": error_bound(choice, grid.step, grid.step * grid.steps)} | more
+    settings = {
+        "values": {"c": 1e-3},
+        "bound": error_bound(choice, grid.step, grid.step * grid.steps),
+    } | more
     return HardCase(group, name, problem, choice, start, grid, **settings)  # type: ignore[arg-type]
 
 
 def crossings() -> Iterator[HardCase]:
-    """36 runs of disk and knife edge over cos phi = 0 and sin phi = 0, 18 of the particle over x = 0."""
+    """36 runs of disk and knife edge over cos phi = 0 and sin phi = 0, 18 of the particle over x =
+    0.
+    """
     systems = (
         ("disk", DISK, disk_start()),
         ("knife edge", KNIFE, knife_start()),
@@ -107,28 +129,62 @@ def crossings() -> Iterator[HardCase]:
                 choice = MethodChoice("variational", alpha)
                 yield _case(f"crossing {where}", label, problem, choice, start, grid)
                 raw = MethodChoice("variational", alpha, form="raw")
-                yield _case(f"crossing {where}, raw form", label, problem, raw, start, grid, allowed=("singular",))
+                yield _case(
+                    f"crossing {where}, raw form",
+                    label,
+                    problem,
+                    raw,
+                    start,
+                    grid,
+                    allowed=("singular",),
+                )
 
 
 def crossings_of_others() -> Iterator[HardCase]:
-    """The third system and the nonholonomic method pass; the modified method fails where factors do not cancel."""
+    """The third system and the nonholonomic method pass; the modified method fails where factors do
+    not cancel.
+    """
     for step in STEPS:
         grid = Grid(step, math.ceil(10.0 / step))
         for alpha in ALPHAS:
             choice, label = MethodChoice("variational", alpha), f"h = {step:g}, alpha = {alpha:.3g}"
-            yield _case("crossing, third type", f"disk, {label}", DISK_THIRD, choice, disk_start(), grid)
-            yield _case("crossing, third type", f"particle, {label}", PARTICLE_THIRD, choice, particle_start(), grid)
-        for name, problem, start in (("disk", DISK, disk_start()), ("particle", PARTICLE, particle_start())):
+            yield _case(
+                "crossing, third type", f"disk, {label}", DISK_THIRD, choice, disk_start(), grid
+            )
+            yield _case(
+                "crossing, third type",
+                f"particle, {label}",
+                PARTICLE_THIRD,
+                choice,
+                particle_start(),
+                grid,
+            )
+        for name, problem, start in (
+            ("disk", DISK, disk_start()),
+            ("particle", PARTICLE, particle_start()),
+        ):
             for method in ("nonholonomic", "modified"):
-                choice, label = MethodChoice(method, 0.5), f"{name}, {method}, h = {step:g}, alpha = 0.5"
-                # The modified method is implicit in L~ itself: its error is that of C = 1 for every C.
+                choice, label = (
+                    MethodChoice(method, 0.5),
+                    f"{name}, {method}, h = {step:g}, alpha = 0.5",
+                )
+                # The modified method is implicit in L~ itself: its error is that of C = 1 for every
+                # C.
                 yield _case("crossing, other methods", label, problem, choice, start, grid)
     for alpha in (0.0, 1 / 3, 0.5, 1.0):
         for phi in (0.0, 0.3):
             label = f"knife edge from phi = {phi:g}, alpha = {alpha:.3g}"
             choice, grid = MethodChoice("modified", alpha), Grid(0.05, 200)
-            yield _case("crossing, other methods", f"{label}, modified", KNIFE, choice, knife_start(phi), grid)
-            # The mean over alpha and 1 - alpha divides by cos phi at two places, which are on both sides of its zero.
+            yield _case(
+                "crossing, other methods",
+                f"{label}, modified",
+                KNIFE,
+                choice,
+                knife_start(phi),
+                grid,
+            )
+            # The mean over alpha and 1 - alpha divides by cos phi at two places, which are on both
+            # sides of its zero.
             choice = replace(choice, method="variational", symmetrised=True)
             allowed = ("completed",) if alpha == 0.5 else ("singular",)
             yield _case("crossing, other methods", f"{label}, variational, symmetrised", KNIFE, choice,
@@ -148,7 +204,9 @@ def starts() -> Iterator[HardCase]:
                 continue
             for alpha in (0.0, 0.5, 1.0):
                 label = f"{name}, {method}, alpha = {alpha:g}"
-                yield _case("start on A = 0", label, problem, MethodChoice(method, alpha), start, grid)
+                yield _case(
+                    "start on A = 0", label, problem, MethodChoice(method, alpha), start, grid
+                )
     raw = MethodChoice("variational", 0.0, form="raw")
     yield _case("start on A = 0", "disk, sin phi = 0, raw form, alpha = 0", DISK, raw, disk_start(0.0), grid,
                 allowed=("singular", "off_domain"))  # fmt: skip
@@ -163,7 +221,15 @@ def slow_rates() -> Iterator[HardCase]:
         yield _case("small phi'", f"phi' = {rate:g}, C = 1", DISK, choice, start, grid, values={"c": 1.0},
                     allowed=allowed, bound=0.05)  # fmt: skip
         small = 1e-3 * min(1.0, (rate / 0.5) ** 2)
-        yield _case("small phi'", f"phi' = {rate:g}, C = {small:.3g}", DISK, choice, start, grid, values={"c": small})
+        yield _case(
+            "small phi'",
+            f"phi' = {rate:g}, C = {small:.3g}",
+            DISK,
+            choice,
+            start,
+            grid,
+            values={"c": small},
+        )
     for method, form, allowed in (
         ("variational", "hamiltonian", ("off_domain",)), ("variational", "raw", ("off_domain",)),
         ("modified", "hamiltonian", ("off_domain",)), ("nonholonomic", "hamiltonian", ("completed",)),
@@ -174,7 +240,9 @@ def slow_rates() -> Iterator[HardCase]:
 
 
 def large_steps() -> Iterator[HardCase]:
-    """h far too large: the run must be rejected, or bounded as the scheme itself for methods that are explicit here."""
+    """h far too large: the run must be rejected, or bounded as the scheme itself for methods that
+    are explicit here.
+    """
     for step in (8.0, 20.0, 100.0):
         for alpha in (0.0, 1 / 3, 0.5, 1.0):
             label = f"disk, C = 1, h = {step:g}, alpha = {alpha:.3g}"
@@ -209,7 +277,9 @@ def stiff() -> Iterator[HardCase]:
 
 
 def near_singular() -> Iterator[HardCase]:
-    """The modified method at alpha = 0 reaches 1 + (theta'^2/phi'^3)(cos phi + sin phi) = 0 by itself."""
+    """The modified method at alpha = 0 reaches 1 + (theta'^2/phi'^3)(cos phi + sin phi) = 0 by
+    itself.
+    """
     start = disk_start()
     discrete = Start(start.positions, start.velocities, convention="discrete_constraint")
     yield _case("near-singular Newton", "disk, modified, alpha = 0, h = 0.2", DISK, MethodChoice("modified", 0.0),
@@ -230,7 +300,9 @@ def _contract_scene() -> HardCase:
 
 
 def non_reversible() -> Iterator[HardCase]:
-    """A contact oscillator with a magnetic term and an asymmetric driver: no reflection reverses time."""
+    """A contact oscillator with a magnetic term and an asymmetric driver: no reflection reverses
+    time.
+    """
     for order, bound in ((2, 0.06), (4, 1e-3), (8, 1e-7)):
         yield _case("not reversible", f"contact oscillator, nonholonomic, order {order}", CONTACT,
                     MethodChoice("nonholonomic", 0.5, order=order), contact_start(), Grid(0.05, 2000, 10),
@@ -250,7 +322,16 @@ def long_runs() -> Iterator[HardCase]:
 
 def all_cases() -> list[HardCase]:
     """Every case; `long` ones take seconds."""
-    groups = (crossings, crossings_of_others, starts, slow_rates, large_steps, stiff, near_singular, non_reversible)
+    groups = (
+        crossings,
+        crossings_of_others,
+        starts,
+        slow_rates,
+        large_steps,
+        stiff,
+        near_singular,
+        non_reversible,
+    )
     return [case for group in (*groups, long_runs) for case in group()]
 
 
@@ -261,7 +342,9 @@ def judge(case: HardCase) -> Judged:
 
 
 def greatest_error(case: HardCase, found: Trajectory) -> float:
-    """The greatest difference of a coordinate from the true motion, relative where the coordinate exceeds 1."""
+    """The greatest difference of a coordinate from the true motion, relative where the coordinate
+    exceeds 1.
+    """
     true = true_positions(case, found)
     return float((np.abs(found.positions - true) / np.maximum(1.0, np.abs(true).max(axis=0))).max())
 
@@ -272,12 +355,16 @@ def true_positions(case: HardCase, found: Trajectory) -> NDArray[np.float64]:
     if case.problem in (DISK, DISK_THIRD):
         return _disk_motion(q, v, t)
     # The reference takes substeps until its own series of stages is resolved.
-    parts = max(1, math.ceil(abs(case.grid.step) * math.sqrt(1.0 + abs(case.values.get("k", 0.0))) / 0.05))
+    parts = max(
+        1, math.ceil(abs(case.grid.step) * math.sqrt(1.0 + abs(case.values.get("k", 0.0))) / 0.05)
+    )
     grid = Grid(case.grid.step / parts, case.grid.steps * parts, parts * case.grid.record_every)
     return run(case.problem, MethodChoice("reference"), case.start, grid, case.values).positions
 
 
-def _disk_motion(q: NDArray[np.float64], v: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float64]:
+def _disk_motion(
+    q: NDArray[np.float64], v: NDArray[np.float64], t: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Circles of radius theta'/phi'; straight lines where phi' = 0."""
     phi, theta = q[0] + v[0] * t, q[1] + v[1] * t
     if v[0] == 0:
@@ -285,4 +372,6 @@ def _disk_motion(q: NDArray[np.float64], v: NDArray[np.float64], t: NDArray[np.f
     # sin a - sin b = 2 cos((a + b)/2) sin((a - b)/2) loses no digits where phi' t is small.
     half, middle = v[0] * t / 2, q[0] + v[0] * t / 2
     chord = 2 * v[1] / v[0] * np.sin(half)
-    return np.stack([phi, theta, q[2] + chord * np.cos(middle), q[3] + chord * np.sin(middle)], axis=1)
+    return np.stack(
+        [phi, theta, q[2] + chord * np.cos(middle), q[3] + chord * np.sin(middle)], axis=1
+    )

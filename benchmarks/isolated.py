@@ -1,6 +1,7 @@
 """Run one measurement in its own process, with a limit on its processor time.
 
-The limit is on processor time, not on the clock, so that other load on the machine does not stop a run.
+The limit is on processor time, not on the clock, so that other load on the machine does not stop a
+run.
 """
 
 from __future__ import annotations
@@ -19,9 +20,11 @@ from typing import Any
 _ENVIRONMENT = {"SYMPY_GROUND_TYPES": "python"}
 
 
-def measure(module: str, arguments: Sequence[str], document: Mapping[str, Any], limit: float) -> dict[str, Any] | None:
-    """The JSON object that `python -m module arguments < document` prints, None past `limit` seconds of processor time.
-    Raises CalledProcessError with its standard error if it fails.
+def measure(
+    module: str, arguments: Sequence[str], document: Mapping[str, Any], limit: float
+) -> dict[str, Any] | None:
+    """The JSON object that `python -m module arguments < document` prints, None past `limit`
+    seconds of processor time. Raises CalledProcessError with its standard error if it fails.
     """
     bound = math.ceil(limit)
     done = subprocess.run(

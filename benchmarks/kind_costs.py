@@ -1,7 +1,9 @@
-"""Measure what a kind of Lagrangian costs next to the plain decision: the table in docs/records/kinds.md.
+"""Measure what a kind of Lagrangian costs next to the plain decision: the table in
+docs/records/kinds.md.
 
-`python -m benchmarks.kind_costs [--write]`: the systems of the catalogue with at most four coordinates, processor
-time of one thread, one run each; no Lagrangian is passed, so each kind is decided by itself.
+`python -m benchmarks.kind_costs [--write]`: the systems of the catalogue with at most four
+coordinates, processor time of one thread, one run each; no Lagrangian is passed, so each kind is
+decided by itself.
 """
 
 from __future__ import annotations
@@ -55,11 +57,20 @@ def plain(system: SecondOrderSystem, seed: int) -> None:
 
 
 def asked(name: str, system: SecondOrderSystem, seed: int) -> bool:
-    """Decide a kind as if nothing else were known about the system; return whether the answer is definite."""
+    """Decide a kind as if nothing else were known about the system; return whether the answer is
+    definite.
+    """
     names, end = system.coordinates, now() + MOST_SECONDS
     solution = Solution(system, Answer("undetermined"), Answer("undetermined"), None)
-    kind = invariant([{names[0]: ("1", number(1))}], names) if name == "invariant" else kind_named(name, names)
-    return kind_answers.answer_kind(solution, kind, {}, SolveOptions(seed=seed), end).certificate is not None
+    kind = (
+        invariant([{names[0]: ("1", number(1))}], names)
+        if name == "invariant"
+        else kind_named(name, names)
+    )
+    return (
+        kind_answers.answer_kind(solution, kind, {}, SolveOptions(seed=seed), end).certificate
+        is not None
+    )
 
 
 def seconds(work: Callable[[], object], checks: Checks) -> tuple[object, float, float]:
@@ -76,7 +87,11 @@ def systems() -> dict[str, SecondOrderSystem]:
         one = catalogue.document(name)
         if "equations" in one and len(one["coordinates"]) <= MOST:
             found[name] = read_system(
-                one["coordinates"], one["equations"], one.get("parameters", ()), one.get("functions"), name
+                one["coordinates"],
+                one["equations"],
+                one.get("parameters", ()),
+                one.get("functions"),
+                name,
             )
     return found
 
@@ -98,11 +113,12 @@ def measured() -> str:
             listed.append((own[0] / beside[0], own[1] / beside[1]))
             print(f"{name} {kind}: {listed[-1][0]:.2f} {listed[-1][1]:.2f}", flush=True)
     head = ["kind", "answers", "median", "without the checks", "nine of ten below"]
-    rows = [[kind, str(len(listed)), *(f"{x:.1f}" for x in _columns(listed))] for kind, listed in ratios.items()]
+    rows = [
+        [kind, str(len(listed)), *(f"{x:.1f}" for x in _columns(listed))]
+        for kind, listed in ratios.items()
+    ]
     whole, alone = (1000 * statistics.median(column) for column in zip(*plains, strict=True))
-    told = (
-        f"{len(plains)} systems; the plain decision takes {alone:.0f} ms at the median, with its check {whole:.0f} ms"
-    )
+    told = f"{len(plains)} systems; the plain decision takes {alone:.0f} ms at the median, with its check {whole:.0f} ms"
     return f"{table(head, rows)}\n{told} ({conditions()}).\n"
 
 
@@ -113,7 +129,9 @@ def _columns(listed: list[tuple[float, float]]) -> tuple[float, float, float]:
 
 if __name__ == "__main__":
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--write", action="store_true", help="put the table in docs/records/kinds.md")
+    options.add_argument(
+        "--write", action="store_true", help="put the table in docs/records/kinds.md"
+    )
     text = measured()
     print(text)
     if options.parse_args().write:

@@ -2,9 +2,9 @@
 
 python -m benchmarks lagrangians --count 200 --seed 1 [--disguised] [--shapes] [--start 100]
 
-The systems are those of the test generator, so this runs from a checkout only. The time is that of the whole solution
-in seconds of processor time, so other programs do not count: decision, search, check by the independent checker,
-Legendre transform, explanation.
+The systems are those of the test generator, so this runs from a checkout only. The time is that of
+the whole solution in seconds of processor time, so other programs do not count: decision, search,
+check by the independent checker, Legendre transform, explanation.
 """
 
 from __future__ import annotations
@@ -51,7 +51,9 @@ class FamilyRow:
     closed_hamiltonians: float | None
 
 
-def generated(count: int, seed: int, disguised: bool, shapes: bool = False, start: int = 0) -> list[Any]:
+def generated(
+    count: int, seed: int, disguised: bool, shapes: bool = False, start: int = 0
+) -> list[Any]:
     """Systems of the test generator, with its less usual shapes or its usual ones.
 
     Raises ModuleNotFoundError outside a checkout.
@@ -60,7 +62,9 @@ def generated(count: int, seed: int, disguised: bool, shapes: bool = False, star
     rooms = {True: ("shapes", "SHAPES"), False: ("families", "FAMILIES")}
     room, name = rooms[shapes]
     families = tuple(getattr(importlib.import_module(f"tests.generator.{room}"), name))
-    systems = [generator.random_system(index, seed, families) for index in range(start, start + count)]
+    systems = [
+        generator.random_system(index, seed, families) for index in range(start, start + count)
+    ]
     return [generator.disguised(system, seed) for system in systems] if disguised else list(systems)
 
 
@@ -70,10 +74,18 @@ def measure(given: Any, limit: float) -> Measured:
     began = time.process_time()
     solution = solve(system, SolveOptions(time_dependent=given.time_dependent, time_limit=limit))
     seconds = time.process_time() - began
-    answer = solution.with_time if given.time_dependent else solution.autonomous or solution.with_time
+    answer = (
+        solution.with_time if given.time_dependent else solution.autonomous or solution.with_time
+    )
     assert answer is not None
     return Measured(
-        given.id, given.family, given.n, answer.verdict, _ansatz(answer), _has_closed_hamiltonian(answer), seconds
+        given.id,
+        given.family,
+        given.n,
+        answer.verdict,
+        _ansatz(answer),
+        _has_closed_hamiltonian(answer),
+        seconds,
     )
 
 
@@ -132,9 +144,18 @@ def markdown(measured: Sequence[Measured]) -> str:
          _number(row.percentile, ".2f"), _number(row.closed_hamiltonians, ".1%")]
         for row in by_family(measured)
     ]  # fmt: skip
-    ansatz = table(["ansatz", "Lagrangians"], ([name, str(count)] for name, count in by_ansatz(measured).items()))
-    missing = [f"- {one.name} (n = {one.n}): {one.verdict}, {one.seconds:.1f} s" for one in measured if not one.ansatz]
-    return "\n".join([table(head, cells), ansatz, "Without a closed form:\n", *(missing or ["- none"])])
+    ansatz = table(
+        ["ansatz", "Lagrangians"],
+        ([name, str(count)] for name, count in by_ansatz(measured).items()),
+    )
+    missing = [
+        f"- {one.name} (n = {one.n}): {one.verdict}, {one.seconds:.1f} s"
+        for one in measured
+        if not one.ansatz
+    ]
+    return "\n".join(
+        [table(head, cells), ansatz, "Without a closed form:\n", *(missing or ["- none"])]
+    )
 
 
 def options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
@@ -142,10 +163,16 @@ def options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks lagrangians", description=__doc__)
     parser.add_argument("--count", type=int, default=200, help="number of systems (default 200)")
     parser.add_argument("--seed", type=int, default=1, help="seed of the generator (default 1)")
-    parser.add_argument("--limit", type=float, default=60.0, help="seconds for one system (default 60)")
-    parser.add_argument("--start", type=int, default=0, help="number of the first system (default 0)")
     parser.add_argument(
-        "--shapes", action="store_true", help="Finsler functions, logarithms, powers, products and so on"
+        "--limit", type=float, default=60.0, help="seconds for one system (default 60)"
+    )
+    parser.add_argument(
+        "--start", type=int, default=0, help="number of the first system (default 0)"
+    )
+    parser.add_argument(
+        "--shapes",
+        action="store_true",
+        help="Finsler functions, logarithms, powers, products and so on",
     )
     parser.add_argument("--disguised", action="store_true", help="the systems in other coordinates")
     return parser.parse_args(arguments)

@@ -1,8 +1,10 @@
-"""Compare one elimination of the decision with LinBox: the same rows in SMS format, both ranks, both processor times.
+"""Compare one elimination of the decision with LinBox: the same rows in SMS format, both ranks,
+both processor times.
 
     python -m benchmarks.linbox [--order 5] [--keep FILE.sms]
 
-Needs g++, pkg-config and Debian's liblinbox-dev, libntl-dev, libflint-dev, libiml-dev and libfplll-dev.
+Needs g++, pkg-config and Debian's liblinbox-dev, libntl-dev, libflint-dev, libiml-dev and
+libfplll-dev.
 """
 
 from __future__ import annotations
@@ -17,7 +19,13 @@ import numpy as np
 
 from benchmarks.families import cubic_chain
 from inverse_service.decision.deciding import HelmholtzAt, analyze
-from inverse_service.linear_pde.equations import LocalEquations, advance, rows_of_degree, start, width_below
+from inverse_service.linear_pde.equations import (
+    LocalEquations,
+    advance,
+    rows_of_degree,
+    start,
+    width_below,
+)
 from inverse_service.mechanics.second_order_system import read_system
 
 SOURCE = Path(__file__).with_name("linbox_rank.cpp")
@@ -32,7 +40,9 @@ def local_equations(n: int, order: int) -> LocalEquations:
 
 
 def ours(local: LocalEquations, order: int) -> tuple[int, float]:
-    """The rank of all rows up to the order and the processor time of writing and eliminating them."""
+    """The rank of all rows up to the order and the processor time of writing and eliminating
+    them.
+    """
     began, prolongation = time.process_time(), start(local)
     for _ in range(order + 1):
         advance(prolongation)
@@ -40,7 +50,9 @@ def ours(local: LocalEquations, order: int) -> tuple[int, float]:
 
 
 def write_sms(local: LocalEquations, order: int, path: Path) -> tuple[int, int, int]:
-    """All rows up to the order, low orders first; rows, columns, entries. Numbers are all times one unit (2^64)."""
+    """All rows up to the order, low orders first; rows, columns, entries. Numbers are all times one
+    unit (2^64).
+    """
     width, number, entries = width_below(local.unknowns, order + 1), 0, 0
     body = []
     for step in range(order + 1):
@@ -48,11 +60,15 @@ def write_sms(local: LocalEquations, order: int, path: Path) -> tuple[int, int, 
             if step < block.order or not block.indices:
                 continue
             rows = rows_of_degree(block.table, step - block.order, local.prime).struct
-            for first, last in zip(rows.starts[:-1].tolist(), rows.starts[1:].tolist(), strict=True):
+            for first, last in zip(
+                rows.starts[:-1].tolist(), rows.starts[1:].tolist(), strict=True
+            ):
                 number += 1
                 columns, places = np.unique(rows.columns[first:last], return_inverse=True)
                 values = [0] * len(columns)
-                for place, value in zip(places.tolist(), rows.values[first:last].tolist(), strict=True):
+                for place, value in zip(
+                    places.tolist(), rows.values[first:last].tolist(), strict=True
+                ):
                     values[place] = (values[place] + value) % local.prime
                 kept = [(c, v) for c, v in zip(columns.tolist(), values, strict=True) if v]
                 entries += len(kept)
@@ -67,8 +83,12 @@ def theirs(path: Path, prime: int, folder: Path) -> tuple[int, float]:
     libraries = subprocess.run(
         ["pkg-config", "--cflags", "--libs", "linbox"], check=True, capture_output=True, text=True
     )
-    subprocess.run(["g++", str(SOURCE), "-o", str(program), *FLAGS, *libraries.stdout.split()], check=True)
-    answer = subprocess.run([str(program), str(path), str(prime)], check=True, capture_output=True, text=True).stdout
+    subprocess.run(
+        ["g++", str(SOURCE), "-o", str(program), *FLAGS, *libraries.stdout.split()], check=True
+    )
+    answer = subprocess.run(
+        [str(program), str(path), str(prime)], check=True, capture_output=True, text=True
+    ).stdout
     rank, seconds = answer.split()[-2:]
     return int(rank), float(seconds)
 
@@ -85,7 +105,9 @@ def main() -> None:
         path = asked.keep or Path(folder) / "rows.sms"
         sizes = write_sms(local, asked.order, path)
         mine, other = ours(local, asked.order), theirs(path, local.prime, Path(folder))
-    print(f"n = {asked.n}, order {asked.order}: {sizes[0]} rows, {sizes[1]} columns, {sizes[2]} entries")
+    print(
+        f"n = {asked.n}, order {asked.order}: {sizes[0]} rows, {sizes[1]} columns, {sizes[2]} entries"
+    )
     print(f"ours: rank {mine[0]}, {mine[1]:.2f} s; LinBox: rank {other[0]}, {other[1]:.2f} s")
     print(f"ratio ours/LinBox: {mine[1] / other[1]:.2f}")
 

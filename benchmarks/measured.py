@@ -1,4 +1,5 @@
-"""Write measurements into their places on the pages: between `<!-- NAME -->` and `<!-- end of NAME -->`.
+"""Write measurements into their places on the pages: between `<!-- NAME -->` and `<!-- end of NAME
+-->`.
 
 Each names the conditions under which it was measured and the commit that was measured.
 """
@@ -15,14 +16,18 @@ ROOT = Path(__file__).parents[1]
 
 
 def commit() -> str:
-    """The commit of the program that is measured, "commit 1a2b3c4"; with changes, if files of it differ."""
+    """The commit of the program that is measured, "commit 1a2b3c4"; with changes, if files of it
+    differ.
+    """
     command = ["git", "describe", "--always", "--exclude=*", "--abbrev=8", "--dirty= with changes"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     return f"commit {done.stdout.strip()}" if done.returncode == 0 else "no commit"
 
 
 def conditions() -> str:
-    """The conditions of a measurement; the load shows how much of the machine other programs used."""
+    """The conditions of a measurement; the load shows how much of the machine other programs
+    used.
+    """
     load = f", load average {os.getloadavg()[1]:.1f}" if hasattr(os, "getloadavg") else ""
     return f"{commit()}, Python {platform.python_version()}, {os.cpu_count()} cores{load}"
 

@@ -1,7 +1,8 @@
-"""Decide which motions of docs/questions/motions.ndjson can be given a Hamiltonian, for docs/records/motions.md.
+"""Decide which motions of docs/questions/motions.ndjson can be given a Hamiltonian, for
+docs/records/motions.md.
 
-For each motion, the question about L(q, q') is decided by itself, for its order and dimensions. Then `solve` solves it
-in full.
+For each motion, the question about L(q, q') is decided by itself, for its order and dimensions.
+Then `solve` solves it in full.
 """
 
 from __future__ import annotations
@@ -40,7 +41,9 @@ _WORDS = {"variational": "**yes**", "not_variational": "no", "undetermined": "op
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """The decision about L(q, q') and the result of `solve` for the motion, each with its processor seconds."""
+    """The decision about L(q, q') and the result of `solve` for the motion, each with its processor
+    seconds.
+    """
 
     name: str
     found: Finding
@@ -59,7 +62,9 @@ def measure(document: Mapping[str, Any], limit: float) -> Row:
     """Measure both, one after the other, each with a limit in processor seconds."""
     began = time.process_time()
     motion = equations_of_motion(nonholonomic_of(document))
-    found = decide_motion(analyze_motion(motion), False, 1, time.thread_time() + limit, lambda _: None)
+    found = decide_motion(
+        analyze_motion(motion), False, 1, time.thread_time() + limit, lambda _: None
+    )
     decided = time.process_time()
     options = SolveOptions(time_limit=limit)
     answer = solve_nonholonomic({**document, "associated": "any"}, options)["any_associated"]
@@ -67,7 +72,9 @@ def measure(document: Mapping[str, Any], limit: float) -> Row:
 
 
 def cells(row: Row) -> tuple[str, ...]:
-    """The cells of the table. The proof is a Lagrangian, a list of rows, or the data of an existence proof."""
+    """The cells of the table. The proof is a Lagrangian, a list of rows, or the data of an
+    existence proof.
+    """
     last = row.found.history[-1] if row.found.history else ()
     return (
         row.name,
@@ -88,7 +95,9 @@ def said(answer: Mapping[str, Any]) -> str:
 
 
 def proof(answer: Mapping[str, Any]) -> str:
-    """The type of the certificate. `solve` returns only certificates that the checker finds valid."""
+    """The type of the certificate. `solve` returns only certificates that the checker finds
+    valid.
+    """
     certificate = answer["certificate"] or {}
     if certificate.get("along"):
         return f"brackets to t^{certificate['along']}"

@@ -1,6 +1,8 @@
-"""How often each move of `mechanics.moves` changes a formula: `python -m benchmarks moves [--documents N]`.
+"""How often each move of `mechanics.moves` changes a formula: `python -m benchmarks moves
+[--documents N]`.
 
-The documents are those of the corpus that are not slow, evenly from each file. `--off NAME` leaves a move out.
+The documents are those of the corpus that are not slow, evenly from each file. `--off NAME` leaves
+a move out.
 """
 
 from __future__ import annotations
@@ -22,7 +24,18 @@ TABLES: dict[str, Listed] = {
     "L, style": tidy.STYLE,
     "H": legendre.ENERGY,
 }
-FILES = ("textbook", "books", "search", "pairs", "literature", "kamke", "generated", "tables", "branches", "identities")
+FILES = (
+    "textbook",
+    "books",
+    "search",
+    "pairs",
+    "literature",
+    "kamke",
+    "generated",
+    "tables",
+    "branches",
+    "identities",
+)
 LIMIT = 10.0  # s of processor time for one document
 
 
@@ -32,14 +45,20 @@ def documents(number: int) -> list[Any]:
 
     found: list[Any] = []
     for name in FILES:
-        quick = [row["document"] for row in rows(name) if "document" in row and not {"slow", "nightly"} & set(row)]
+        quick = [
+            row["document"]
+            for row in rows(name)
+            if "document" in row and not {"slow", "nightly"} & set(row)
+        ]
         wanted = max(1, number // len(FILES))
         found += quick[:: max(1, len(quick) // wanted)][:wanted]
     return found
 
 
 def table(asked: Sequence[Mapping[str, Any]], off: Sequence[str]) -> str:
-    """A Markdown table: move, in what it keeps the formula, how many trees it changed or was chosen for."""
+    """A Markdown table: move, in what it keeps the formula, how many trees it changed or was chosen
+    for.
+    """
     with ExitStack() as stack:
         stack.enter_context(moves.without(*off))
         counts = stack.enter_context(moves.counted())
@@ -48,7 +67,10 @@ def table(asked: Sequence[Mapping[str, Any]], off: Sequence[str]) -> str:
                 inverse_service.solve(document, time_limit=LIMIT)
             except errors.InputError:
                 continue
-    lines = [f"| of | move | holds | changes in {len(asked)} documents |", "| --- | --- | --- | ---: |"]
+    lines = [
+        f"| of | move | holds | changes in {len(asked)} documents |",
+        "| --- | --- | --- | ---: |",
+    ]
     for of, listed in TABLES.items():
         lines += [f"| {of} | {one.name} | {one.holds} | {counts[one]} |" for one in listed]
     return "\n".join(lines)
@@ -57,6 +79,8 @@ def table(asked: Sequence[Mapping[str, Any]], off: Sequence[str]) -> str:
 def main(arguments: Sequence[str]) -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks moves", description=__doc__)
     parser.add_argument("--documents", type=int, default=200)
-    parser.add_argument("--off", action="append", default=[], help="the name of a move (may be repeated)")
+    parser.add_argument(
+        "--off", action="append", default=[], help="the name of a move (may be repeated)"
+    )
     options = parser.parse_args(arguments)
     print(table(documents(options.documents), options.off))

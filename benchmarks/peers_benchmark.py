@@ -1,4 +1,6 @@
-"""Compare our decision with tools that complete linear PDE systems, on the same systems in one run."""
+"""Compare our decision with tools that complete linear PDE systems, on the same systems in one
+run.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,10 @@ class PeerRow:
     def fastest_complete(self) -> float | None:
         """The shortest time of a peer that completes the system and is right, in seconds."""
         complete = [self.peers[name] for name in PEERS[:2]]
-        return min((a.seconds for a in complete if a.seconds is not None and a.verdict == self.expected), default=None)
+        return min(
+            (a.seconds for a in complete if a.seconds is not None and a.verdict == self.expected),
+            default=None,
+        )
 
 
 def ours(document: Document) -> Answer:
@@ -58,7 +63,9 @@ def ours(document: Document) -> Answer:
 
 
 def peer(name: str, document: Document, limit: float) -> Answer:
-    """Run one peer in its own process; its start and our preparation of its input are not counted."""
+    """Run one peer in its own process; its start and our preparation of its input are not
+    counted.
+    """
     found = measure(f"benchmarks.peers.{name}", [], document, limit)
     if found is None or found.get("stopped"):
         return Answer(None, None, "past the limit")
@@ -73,12 +80,18 @@ def against_peers(limit: float, report: Report) -> list[PeerRow]:
     for document, expected in peer_systems():
         report(document["name"])
         answers = {name: peer(name, document, limit) for name in PEERS}
-        rows.append(PeerRow(document["name"], len(document["coordinates"]), expected, ours(document), answers))
+        rows.append(
+            PeerRow(
+                document["name"], len(document["coordinates"]), expected, ours(document), answers
+            )
+        )
     return rows
 
 
 def summary(rows: Sequence[PeerRow]) -> str:
-    """On how many systems we are right, and our time relative to the fastest peer that completes the system."""
+    """On how many systems we are right, and our time relative to the fastest peer that completes
+    the system.
+    """
     right = sum(row.ours.verdict == row.expected for row in rows)
     ratios = [
         (row.ours.seconds / fastest, row.name)

@@ -55,19 +55,29 @@ def field_of(system: SecondOrderSystem, simplify: Simplification) -> Field:
 
 
 def endomorphism(field: Field) -> tuple[SympyExpression, SympyExpression]:
-    """Return (N, Phi): N = -1/2 df/dv, Phi = Gamma(df/dv) - 2 df/dq - 1/2 (df/dv)(df/dv), each (n, n)."""
+    """Return (N, Phi): N = -1/2 df/dv, Phi = Gamma(df/dv) - 2 df/dq - 1/2 (df/dv)(df/dv), each (n,
+    n).
+    """
     slope = field.forces.jacobian(field.velocities)
-    Phi = slope.applyfunc(field.along) - 2 * field.forces.jacobian(field.coordinates) - slope * slope / 2
+    Phi = (
+        slope.applyfunc(field.along)
+        - 2 * field.forces.jacobian(field.coordinates)
+        - slope * slope / 2
+    )
     return -slope / 2, Phi.applyfunc(field.simplify)
 
 
 def conditions(field: Field) -> list[SympyExpression]:
-    """The expressions that must vanish: g Phi and g nabla_Phi minus their transposes, and the cyclic sum of g R."""
+    """The expressions that must vanish: g Phi and g nabla_Phi minus their transposes, and the
+    cyclic sum of g R.
+    """
     n = len(field.coordinates)
     N, Phi = endomorphism(field)
     nabla = (Phi.applyfunc(field.along) + N * Phi - Phi * N).applyfunc(field.simplify)
     g = multiplier(n)
-    found = [(g * A - (g * A).T)[i, j] for A in (Phi, nabla) for i in range(n) for j in range(i + 1, n)]
+    found = [
+        (g * A - (g * A).T)[i, j] for A in (Phi, nabla) for i in range(n) for j in range(i + 1, n)
+    ]
     simplified = map(field.simplify, found + _cyclic(field, Phi, g))
     return [entry for entry in simplified if entry != 0]
 
@@ -81,7 +91,13 @@ def _cyclic(field: Field, Phi: SympyExpression, g: SympyExpression) -> list[Symp
     """g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li for all i, k, l, from the whole array R[j][k][l]."""
     size, v = range(len(field.coordinates)), field.velocities
     R = [
-        [[field.simplify(sympy.diff(Phi[j, k], v[m]) - sympy.diff(Phi[j, m], v[k])) for m in size] for k in size]
+        [
+            [
+                field.simplify(sympy.diff(Phi[j, k], v[m]) - sympy.diff(Phi[j, m], v[k]))
+                for m in size
+            ]
+            for k in size
+        ]
         for j in size
     ]
     return [
@@ -104,7 +120,10 @@ def plain_verdict(system: SecondOrderSystem, simplify: Simplification) -> str:
 def measured(document: dict[str, Any], simplification: str) -> dict[str, Any]:
     """Verdict, processor seconds without imports and parsing, peak memory of this process in MB."""
     system = read_system(
-        document["coordinates"], document["equations"], document.get("parameters", ()), document.get("functions")
+        document["coordinates"],
+        document["equations"],
+        document.get("parameters", ()),
+        document.get("functions"),
     )
     began = time.process_time()
     verdict = plain_verdict(system, SIMPLIFICATIONS[simplification])

@@ -1,7 +1,8 @@
 """The motions on which the integrators are measured and tested, written by hand.
 
-Systems and free Lagrangians: T. Mestdag, A. M. Bloch, O. E. Fernandez, Hamiltonization and geometric integration of
-nonholonomic mechanical systems (2009); those of the third type are our own. `c` are the free constants.
+Systems and free Lagrangians: T. Mestdag, A. M. Bloch, O. E. Fernandez, Hamiltonization and
+geometric integration of nonholonomic mechanical systems (2009); those of the third type are our
+own. `c` are the free constants.
 """
 
 from __future__ import annotations
@@ -52,8 +53,12 @@ DISK = problem(
     accelerations=("0", "0", "-sin(phi)*phi'*theta'", "cos(phi)*phi'*theta'"),
     parameters="c",
 )
-DISK_ENERGY = Observable("energy", read("1/2*(x'^2 + y'^2) + 1/4*theta'^2 + 1/8*phi'^2", DISK.coordinates))
-DISK_CONSTRAINTS = tuple(Observable(f"constraint {k}", tree) for k, tree in enumerate(DISK.constraints))
+DISK_ENERGY = Observable(
+    "energy", read("1/2*(x'^2 + y'^2) + 1/4*theta'^2 + 1/8*phi'^2", DISK.coordinates)
+)
+DISK_CONSTRAINTS = tuple(
+    Observable(f"constraint {k}", tree) for k, tree in enumerate(DISK.constraints)
+)
 # With the third associated system: regular everywhere, the constraint is a conserved momentum.
 DISK_THIRD = problem(
     "phi theta x y",
@@ -110,11 +115,13 @@ ROBOT = problem(
     ),
     parameters="k",
 )
-# Contact oscillators x' = -y z' in an asymmetric potential. K. Modin, O. Verdier, What makes nonholonomic integrators
-# work?, Numer. Math. 145 (2020) 405: long-time behavior is good because motions are reversible, so an irreversible one
-# must be tested too. The systems are our own. Without terms linear in the velocities, (q, v) -> (q, -v) reverses time
-# for any potential: the first is reversible. The magnetic term k z y' of the second changes its sign then; of the
-# reflections that keep the constraint, (x, z) -> -(x, z) and (x, y) -> -(x, y) would undo that, but x^3 breaks them.
+# Contact oscillators x' = -y z' in an asymmetric potential. K. Modin, O. Verdier, What makes
+# nonholonomic integrators work?, Numer. Math. 145 (2020) 405: long-time behavior is good because
+# motions are reversible, so an irreversible one must be tested too. The systems are our own.
+# Without terms linear in the velocities, (q, v) -> (q, -v) reverses time for any potential: the
+# first is reversible. The magnetic term k z y' of the second changes its sign then; of the
+# reflections that keep the constraint, (x, z) -> -(x, z) and (x, y) -> -(x, y) would undo that, but
+# x^3 breaks them.
 _CONTACT_POTENTIAL = "1/2*(x^2 + y^2 + z^2) + k*x^3/3"
 _CONTACT_KINETIC = "1/2*(x'^2 + y'^2 + z'^2)"
 _PUSH = "(x + k*x^2 - y'*z' + y*z)/(1 + y^2)"
@@ -130,11 +137,17 @@ CONTACT = problem(
     "x y z",
     lagrangian=f"{_CONTACT_KINETIC} - ({_CONTACT_POTENTIAL}) + k*z*y'",
     constraints=("x' + y*z'",),
-    accelerations=(f"-x - k*x^2 + {_PUSH_MAGNETIC}", "-y - k*z'", f"-z + k*y' + y*{_PUSH_MAGNETIC}"),
+    accelerations=(
+        f"-x - k*x^2 + {_PUSH_MAGNETIC}",
+        "-y - k*z'",
+        f"-z + k*y' + y*{_PUSH_MAGNETIC}",
+    ),
     parameters="k",
 )
 # The magnetic term does no work: both conserve the same energy.
-CONTACT_ENERGY = Observable("energy", read(f"{_CONTACT_KINETIC} + {_CONTACT_POTENTIAL}", CONTACT.coordinates, ("k",)))
+CONTACT_ENERGY = Observable(
+    "energy", read(f"{_CONTACT_KINETIC} + {_CONTACT_POTENTIAL}", CONTACT.coordinates, ("k",))
+)
 HENON_HEILES = problem(
     "x y",
     lagrangian="(x'^2 + y'^2)/2 - (x^2 + y^2)/2 - x^2*y + y^3/3",
@@ -142,7 +155,8 @@ HENON_HEILES = problem(
     hamiltonian="(p_x^2 + p_y^2)/2 + (x^2 + y^2)/2 + x^2*y - y^3/3",
     accelerations=("-x - 2*x*y", "-y - x^2 + y^2"),
 )
-# A system whose mass matrix depends on the place, and a chain of four with cubic forces: L has no constraints.
+# A system whose mass matrix depends on the place, and a chain of four with cubic forces: L has no
+# constraints.
 DOUBLE_PENDULUM = problem(
     "a b",
     lagrangian="a'^2 + b'^2/2 + a'*b'*cos(a - b) + 2*cos(a) + cos(b)",
@@ -150,7 +164,9 @@ DOUBLE_PENDULUM = problem(
     hamiltonian="(p_a^2 - 2*p_a*p_b*cos(a - b) + 2*p_b^2)/(2*(2 - cos(a - b)^2)) - 2*cos(a) - cos(b)",
 )
 _SPRINGS = " + ".join(f"(x{k + 1} - x{k})^2/2 + (x{k + 1} - x{k})^4/4" for k in (1, 2, 3))
-_KINETIC, _MOMENTA = (" + ".join(f"{text.format(k)}^2/2" for k in (1, 2, 3, 4)) for text in ("x{}'", "p_x{}"))
+_KINETIC, _MOMENTA = (
+    " + ".join(f"{text.format(k)}^2/2" for k in (1, 2, 3, 4)) for text in ("x{}'", "p_x{}")
+)
 CHAIN = problem(
     "x1 x2 x3 x4",
     lagrangian=f"{_KINETIC} - ({_SPRINGS})",

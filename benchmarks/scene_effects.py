@@ -1,9 +1,10 @@
 """What each effect and each observed quantity of a scene costs: derive, compile, time a step.
 
 `python -m benchmarks.scene_effects [--steps N] [--repeats N]`. The system is a rolling disk with a
-spring, a field and a term of its own; each row adds one thing to the row it names. The times per step are the best of
-several alternating measurements of all rows; compile times are those of an empty cache. Operations are the
-floating-point instructions and calls in the text of the kernel: they do not depend on the machine or its load.
+spring, a field and a term of its own; each row adds one thing to the row it names. The times per
+step are the best of several alternating measurements of all rows; compile times are those of an
+empty cache. Operations are the floating-point instructions and calls in the text of the kernel:
+they do not depend on the machine or its load.
 """
 
 from __future__ import annotations
@@ -40,8 +41,8 @@ TERMS = {"bumps": "-a*cos(x)*cos(y)"}
 VALUES = {"B": 0.1, "k": 0.2, "a": 0.05}
 METHOD = Requested("nonholonomic", MethodChoice("nonholonomic"), "0.5")
 Named = tuple[str, ...]
-# Row, effects, observed quantities. Each row adds one thing to the first row, or to the previous row with the same
-# beginning.
+# Row, effects, observed quantities. Each row adds one thing to the first row, or to the previous
+# row with the same beginning.
 ROWS: tuple[tuple[str, Named, Named], ...] = (
     ("kinetic energy alone", (), ()),
     ("+ constraints", ("constraints",), ()),
@@ -57,7 +58,9 @@ ROWS: tuple[tuple[str, Named, Named], ...] = (
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Seconds to derive and to compile, operations in the kernel, nanoseconds per step (best), seconds of observing."""
+    """Seconds to derive and to compile, operations in the kernel, nanoseconds per step (best),
+    seconds of observing.
+    """
 
     row: str
     derive: float
@@ -73,7 +76,9 @@ def scene_of(effects: Named, observe: Named, steps: int) -> Scene:
     parts = lagrangian_parts(read_formula(LAGRANGIAN, names), COORDINATES)
     parts |= {name: read_formula(text, names) for name, text in TERMS.items()}
     lagrangian = add(*(tree for name, tree in parts.items() if name in ("kinetic", *effects)))
-    constraints = tuple(read_formula(text, names) for text in CONSTRAINTS) if "constraints" in effects else ()
+    constraints = (
+        tuple(read_formula(text, names) for text in CONSTRAINTS) if "constraints" in effects else ()
+    )
     return Scene(
         name="", coordinates=COORDINATES, values=VALUES, lagrangian=lagrangian,
         constraints=constraints, accelerations=None, effects=effects, positions=np.array([0.3, 0.0, 1.0, 0.0]),
@@ -101,7 +106,14 @@ def costs(steps: int, repeats: int) -> list[Cost]:
             best[k] = min(best[k], last[k].seconds["run"])
     rows = zip(ROWS, derived_in, firsts, best, last, strict=True)
     return [
-        Cost(row[0], seconds, first.seconds["compile"], operations(scene), 1e9 * least / steps, _observing(run))
+        Cost(
+            row[0],
+            seconds,
+            first.seconds["compile"],
+            operations(scene),
+            1e9 * least / steps,
+            _observing(run),
+        )
         for scene, (row, seconds, first, least, run) in zip(scenes, rows, strict=True)
     ]
 

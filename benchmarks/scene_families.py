@@ -26,7 +26,9 @@ def pendulum(links: int) -> Scene:
 
 
 def bodies(count: int) -> Scene:
-    """Masses 1/count that attract each other, G = 1, in a cube of edge 2, with velocities about 0.3."""
+    """Masses 1/count that attract each other, G = 1, in a cube of edge 2, with velocities about
+    0.3.
+    """
     names = [f"{letter}{k}" for k in range(1, count + 1) for letter in "xyz"]
     draw = random.Random(SEED)
     kinetic = " + ".join(f"m*{name}'^2/2" for name in names)
@@ -37,7 +39,9 @@ def bodies(count: int) -> Scene:
     start = {name: round(draw.uniform(-1, 1), 3) for name in names}
     rates = {name: round(draw.gauss(0, 0.3), 3) for name in names}
     values = {"m": 1 / count}
-    return _scene(f"{count} bodies", names, f"{kinetic} + {' + '.join(pairs)}", values, start, rates)
+    return _scene(
+        f"{count} bodies", names, f"{kinetic} + {' + '.join(pairs)}", values, start, rates
+    )
 
 
 def oscillators(count: int) -> Scene:
@@ -62,4 +66,8 @@ def _scene(
     }  # fmt: skip
 
 
-FAMILIES: dict[str, Callable[[int], Scene]] = {"pendulum": pendulum, "bodies": bodies, "FPUT": oscillators}
+FAMILIES: dict[str, Callable[[int], Scene]] = {
+    "pendulum": pendulum,
+    "bodies": bodies,
+    "FPUT": oscillators,
+}

@@ -3,9 +3,10 @@
     python -m benchmarks service [--clients 1 20 100] [--seconds 8] [--lines 1000] [--output DIR]
                                 [--page docs/records/reliability.md]
 
-Starts a service of its own on loopback with an empty store in a temporary folder. The bare endpoint is FastAPI with a
-pool of processes that run the same task, and a dictionary of answers: nothing durable, no limits, no deadlines. The two
-are measured alternately, so that other work on the machine slows both.
+Starts a service of its own on loopback with an empty store in a temporary folder. The bare endpoint
+is FastAPI with a pool of processes that run the same task, and a dictionary of answers: nothing
+durable, no limits, no deadlines. The two are measured alternately, so that other work on the
+machine slows both.
 """
 
 from __future__ import annotations
@@ -41,7 +42,9 @@ KNOWN = b'{"equations": "x\'\' = -x"}'
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """Answers per second, median and 99th percentile in ms, and ms of processor time of the web process per answer."""
+    """Answers per second, median and 99th percentile in ms, and ms of processor time of the web
+    process per answer.
+    """
 
     where: str
     question: str
@@ -98,11 +101,15 @@ def service(**settings: str) -> Iterator[tuple[str, int]]:
     """Start a service; yield its address and its process."""
     with tempfile.TemporaryDirectory() as folder:
         environment = {"DATABASE": f"{folder}/jobs.sqlite", "LOG_LEVEL": "info", **settings}
-        whole = os.environ | {f"INVERSE_SERVICE_{name}": value for name, value in environment.items()}
+        whole = os.environ | {
+            f"INVERSE_SERVICE_{name}": value for name, value in environment.items()
+        }
         command = [sys.executable, "-m", "inverse_service", "serve", "--port", "0"]
         with (
             open(f"{folder}/log", "wb") as log,
-            subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True, env=whole) as process,
+            subprocess.Popen(
+                command, stdout=subprocess.PIPE, stderr=log, text=True, env=whole
+            ) as process,
         ):
             assert process.stdout is not None
             address = process.stdout.readline().strip()
@@ -118,11 +125,23 @@ def bare_service() -> Iterator[tuple[str, int]]:
     """Start the bare endpoint; yield its address and its process."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
-    command = [sys.executable, "-m", "uvicorn", "benchmarks.service:bare", "--factory", "--port", str(port)]
+    command = [
+        sys.executable,
+        "-m",
+        "uvicorn",
+        "benchmarks.service:bare",
+        "--factory",
+        "--port",
+        str(port),
+    ]
     with subprocess.Popen([*command, "--log-level", "error"], process_group=0) as process:
         try:
             address = f"http://127.0.0.1:{port}"
-            _wait_until(lambda: httpx.post(f"{address}/v1/solve", content=KNOWN, timeout=60).status_code == 200)
+            _wait_until(
+                lambda: (
+                    httpx.post(f"{address}/v1/solve", content=KNOWN, timeout=60).status_code == 200
+                )
+            )
             yield address, process.pid
         finally:
             os.killpg(process.pid, signal.SIGKILL)  # the processes of its pool too
@@ -139,7 +158,9 @@ def _wait_until(is_ready: Callable[[], bool]) -> None:
 
 
 def compared(clients: Sequence[int], seconds: float) -> list[Loaded]:
-    """Send known and new questions from that many clients, alternately to the bare endpoint and to the service."""
+    """Send known and new questions from that many clients, alternately to the bare endpoint and to
+    the service.
+    """
     dice, found = random.Random(), list[Loaded]()
 
     def new() -> bytes:
@@ -149,19 +170,35 @@ def compared(clients: Sequence[int], seconds: float) -> list[Loaded]:
         for question, body in (("known", lambda: KNOWN), ("new", new)):
             for count in clients:
                 for where, (address, pid) in (("bare", one), ("service", two)):
-                    asyncio.run(load(address, body, count, min(1.0, seconds)))  # loads what is loaded once
+                    asyncio.run(
+                        load(address, body, count, min(1.0, seconds))
+                    )  # loads what is loaded once
                     spent = _thread_time(pid)
                     times = asyncio.run(load(address, body, count, seconds))
                     spent, ordered = _thread_time(pid) - spent, sorted(times)
-                    figures = (statistics.median(ordered), ordered[int(0.99 * (len(ordered) - 1))], spent / len(times))
-                    row = Loaded(where, question, count, len(times) / seconds, *(1e3 * figure for figure in figures))
+                    figures = (
+                        statistics.median(ordered),
+                        ordered[int(0.99 * (len(ordered) - 1))],
+                        spent / len(times),
+                    )
+                    row = Loaded(
+                        where,
+                        question,
+                        count,
+                        len(times) / seconds,
+                        *(1e3 * figure for figure in figures),
+                    )
                     print(row, file=sys.stderr, flush=True)
                     found.append(row)
     return found
 
 
-async def load(address: str, body: Callable[[], bytes], clients: int, seconds: float) -> list[float]:
-    """Seconds per answer to clients that send the next request immediately, each on one connection."""
+async def load(
+    address: str, body: Callable[[], bytes], clients: int, seconds: float
+) -> list[float]:
+    """Seconds per answer to clients that send the next request immediately, each on one
+    connection.
+    """
     host, port = address.removeprefix("http://").split(":")
     head = "POST /v1/solve HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nPrefer: wait=20\r\n"
     end, found = time.monotonic() + seconds, list[float]()
@@ -174,7 +211,9 @@ async def load(address: str, body: Callable[[], bytes], clients: int, seconds: f
             answer = (await reader.readuntil(b"\r\n\r\n")).lower()
             if not answer.startswith(b"http/1.1 200"):
                 raise ValueError(answer.decode())
-            await reader.readexactly(int(answer.partition(b"content-length: ")[2].partition(b"\r\n")[0]))
+            await reader.readexactly(
+                int(answer.partition(b"content-length: ")[2].partition(b"\r\n")[0])
+            )
             found.append(time.perf_counter() - begin)
         writer.close()
 
@@ -196,12 +235,17 @@ def busy(address: str, pid: int, lines: int, workers: int) -> Busy:
     dice = random.Random(11)
     body = "".join(json.dumps(fresh_system(dice)) + "\n" for _ in range(lines))
     with httpx.Client(base_url=address, timeout=None, trust_env=False) as client:
-        response = client.post("/v1/batches", content=body, headers={"Content-Type": "application/x-ndjson"})
+        response = client.post(
+            "/v1/batches", content=body, headers={"Content-Type": "application/x-ndjson"}
+        )
         before, idle, begin = cpu_below(pid), _machine(), time.monotonic()
         text = client.get(response.headers["location"] + "/results").text
     seconds = time.monotonic() - begin
     assert sum(map(bool, text.splitlines())) == lines
-    used, (total, free) = cpu_below(pid) - before, (b - a for a, b in zip(idle, _machine(), strict=True))
+    used, (total, free) = (
+        cpu_below(pid) - before,
+        (b - a for a, b in zip(idle, _machine(), strict=True)),
+    )
     cores = len(os.sched_getaffinity(0))
     shares = (round(used / seconds / cores, 3), round(1 - free / total, 3))
     return Busy(workers, lines, round(seconds, 2), round(lines / seconds, 1), *shares)
@@ -266,13 +310,31 @@ def markdown(found: dict[str, Any], seconds: float) -> str:
     """The tables of docs/records/reliability.md."""
     rows = []
     for one, two in zip(found["load"][::2], found["load"][1::2], strict=True):
-        cells = [number(row[key]) for row in (two, one) for key in ("rate", "p50", "p99", "processor")]
-        rows.append([two["question"], str(two["clients"]), *cells, f"{two['rate'] / one['rate']:.2f}"])
-    head = ["question", "clients", "service, 1/s", "p50, ms", "p99, ms", "web process, ms", "bare, 1/s", "p50, ms"]
+        cells = [
+            number(row[key]) for row in (two, one) for key in ("rate", "p50", "p99", "processor")
+        ]
+        rows.append(
+            [two["question"], str(two["clients"]), *cells, f"{two['rate'] / one['rate']:.2f}"]
+        )
+    head = [
+        "question",
+        "clients",
+        "service, 1/s",
+        "p50, ms",
+        "p99, ms",
+        "web process, ms",
+        "bare, 1/s",
+        "p50, ms",
+    ]
     text = f"{found['conditions']}; {seconds:g} s for each row, measured alternately:\n\n"
     text += table([*head, "p99, ms", "web process, ms", "ratio of rates"], rows)
     batches = [
-        [str(row["workers"]), str(row["lines"]), f"{row['lines_per_second']:.3g}", f"{row['busy_by_service']:.0%}"]
+        [
+            str(row["workers"]),
+            str(row["lines"]),
+            f"{row['lines_per_second']:.3g}",
+            f"{row['busy_by_service']:.0%}",
+        ]
         for row in found["batch"]
     ]
     head = ["workers", "lines of a batch", "lines a second", "of all cores' time, the service"]

@@ -37,7 +37,11 @@ def routes_section(rounds: int) -> str:
          *(_ratio(row, n) for n in names if n != "ours")]
         for row in rows
     ]  # fmt: skip
-    head = ["run", *(f"{name}, ns" for name in names), *(f"ours : {name}" for name in names if name != "ours")]
+    head = [
+        "run",
+        *(f"{name}, ns" for name in names),
+        *(f"ours : {name}" for name in names if name != "ours"),
+    ]
     return f"## A step, in nanoseconds (best / median)\n\n{table(head, cells)}"
 
 
@@ -62,7 +66,10 @@ def latency_section(rounds: int) -> str:
 
 def ensembles_section(rounds: int) -> str:
     rows = speed.ensemble_rows(report, min(rounds, 9))
-    cells = [[r.case, str(r.members), f"{r.core[0]:.1f}", f"{r.core[1]:.1f}", f"{r.wall:.1f}"] for r in rows]
+    cells = [
+        [r.case, str(r.members), f"{r.core[0]:.1f}", f"{r.core[1]:.1f}", f"{r.wall:.1f}"]
+        for r in rows
+    ]
     head = ["ensemble", "members", "processor time, best", "median", "by the clock, best"]
     return f"## Ensembles of 100 steps, nanoseconds per trajectory-step\n\n{table(head, cells)}"
 
@@ -74,7 +81,13 @@ def effects_section(rounds: int) -> str:
 
 def long_section(rounds: int) -> str:
     cells = [
-        [f"disk, {r.case}", f"{r.steps:,}", f"{r.seconds:.2f}", f"{r.growth:.1f}", *(f"{x:.1e}" for x in r.worst)]
+        [
+            f"disk, {r.case}",
+            f"{r.steps:,}",
+            f"{r.seconds:.2f}",
+            f"{r.growth:.1f}",
+            *(f"{x:.1e}" for x in r.worst),
+        ]
         for r in speed.long_rows(report)
     ]
     head = ["run", "steps", "s", "memory added, MB", "max energy error", "max constraint"]
@@ -90,7 +103,9 @@ def handwritten_section(rounds: int) -> str:
             f"{row.ours / row.by_hand:.2f} times as long; after 20,000 steps they are {row.apart:.1e} apart"
         )
     text = f"{row.ours:.0f} ns for a step of 17 stages ({row.unwatched:.0f} ns with guard = false), {other}."
-    return f"## Stormer-Verlet of order 8 next to a hand-written program\n\nHenon and Heiles: {text}\n"
+    return (
+        f"## Stormer-Verlet of order 8 next to a hand-written program\n\nHenon and Heiles: {text}\n"
+    )
 
 
 SECTIONS: dict[str, Callable[[int], str]] = {
@@ -108,12 +123,21 @@ def machine() -> str:
 
 def main(arguments: Sequence[str]) -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks simulation", description=__doc__)
-    parser.add_argument("--part", choices=PARTS, action="append", help="only this part (may be repeated)")
-    parser.add_argument("--rounds", type=int, default=speed.ROUNDS, help=f"alternating rounds (default {speed.ROUNDS})")
+    parser.add_argument(
+        "--part", choices=PARTS, action="append", help="only this part (may be repeated)"
+    )
+    parser.add_argument(
+        "--rounds",
+        type=int,
+        default=speed.ROUNDS,
+        help=f"alternating rounds (default {speed.ROUNDS})",
+    )
     parser.add_argument("--output", type=Path, help="a Markdown file to write")
     options = parser.parse_args(arguments)
     sections = [SECTIONS[part](options.rounds) for part in options.part or PARTS]
-    _hand_out("\n".join([f"# Simulation: speed\n\n{machine()}\n\n{HOW}\n", *sections]), options.output)
+    _hand_out(
+        "\n".join([f"# Simulation: speed\n\n{machine()}\n\n{HOW}\n", *sections]), options.output
+    )
 
 
 def hard_cases_main(arguments: Sequence[str]) -> None:

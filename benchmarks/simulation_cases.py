@@ -32,7 +32,10 @@ class SpeedCase:
 
 CASES = [
     SpeedCase(name, problem, MethodChoice(method, alpha), start)
-    for name, problem, start in (("disk", DISK, disk_start()), ("particle", PARTICLE, particle_start()))
+    for name, problem, start in (
+        ("disk", DISK, disk_start()),
+        ("particle", PARTICLE, particle_start()),
+    )
     for method, alpha in (("variational", 0.0), ("variational", 0.5), ("nonholonomic", 0.5))
 ]
 

@@ -1,8 +1,9 @@
-"""Measure what an error costs with our methods, heyoka, and SciPy, as `work-precision` does, and the time to a first
-result.
+"""Measure what an error costs with our methods, heyoka, and SciPy, as `work-precision` does, and
+the time to a first result.
 
-`python -m benchmarks peers` writes one table. All integrate the equations of the same scene in the same process; "cold"
-is a new process with an empty store of machine code, from its start to the last point of the motion, processor time.
+`python -m benchmarks peers` writes one table. All integrate the equations of the same scene in the
+same process; "cold" is a new process with an empty store of machine code, from its start to the
+last point of the motion, processor time.
 """
 
 from __future__ import annotations
@@ -25,7 +26,10 @@ from inverse_service.service.scenes.views import duration
 from inverse_service.service.scenes.work_precision import machine, work_precision
 from inverse_service.simulation import precision
 
-REPEATS, SECONDS = 50, 0.5  # the limit for a method grows with both, so that SciPy reaches its finer tolerances
+REPEATS, SECONDS = (
+    50,
+    0.5,
+)  # the limit for a method grows with both, so that SciPy reaches its finer tolerances
 KEPLER = "(x'^2 + y'^2)/2 + 1/sqrt(x^2 + y^2)"
 PENDULUM = "a'^2 + b'^2/2 + a'*b'*cos(a - b) + 2*cos(a) + cos(b)"
 HENON_HEILES = "(x'^2 + y'^2 - x^2 - y^2)/2 - x^2*y + y^3/3"
@@ -36,8 +40,20 @@ OSCILLATOR = "x'' = 1000*(1 - x^2)*x' - x"
 def _scene(system: dict[str, Any], positions: dict[str, Any], velocities: dict[str, Any], step: float, time: float,
            further: Sequence[dict[str, Any]] = (), **others: Any) -> dict[str, Any]:  # fmt: skip
     start = {"positions": positions, "velocities": velocities}
-    methods = [{"method": "adaptive"}, {"method": "reference"}, {"method": "runge-kutta", "order": 8}, *further]
-    scene = {"system": system, "initial": start, "step": step, "time": time, "methods": methods, "repeats": REPEATS}
+    methods = [
+        {"method": "adaptive"},
+        {"method": "reference"},
+        {"method": "runge-kutta", "order": 8},
+        *further,
+    ]
+    scene = {
+        "system": system,
+        "initial": start,
+        "step": step,
+        "time": time,
+        "methods": methods,
+        "repeats": REPEATS,
+    }
     return scene | others
 
 
@@ -79,23 +95,39 @@ COLD = "import json, sys, inverse_service; inverse_service.simulate(json.load(sy
 
 
 def rows_of(name: str, scene: dict[str, Any]) -> list[list[str]]:
-    """One row per error: our best and our default method, heyoka, SciPy's best, our time over the best peer's."""
+    """One row per error: our best and our default method, heyoka, SciPy's best, our time over the
+    best peer's.
+    """
     plain = {key: value for key, value in scene.items() if key != "methods"}
-    found, cold = work_precision(scene, None, LIMIT), [_cold(plain), _cold(plain | {"methods": ["heyoka"]})]
+    found, cold = (
+        work_precision(scene, None, LIMIT),
+        [_cold(plain), _cold(plain | {"methods": ["heyoka"]})],
+    )
     own, rows = simulate(plain)["methods"][0]["label"], []
     for target in found["targets"]:
         if target["error"] not in TARGETS:
             continue
         reached = [row for row in target["rows"] if row["seconds"] is not None]
-        peers = [row for row in reached if row["method"] == "heyoka" or row["method"].startswith("SciPy")]
+        peers = [
+            row for row in reached if row["method"] == "heyoka" or row["method"].startswith("SciPy")
+        ]
         ours, scipy = (
             [row for row in reached if row not in peers],
             [row for row in peers if row["method"] != "heyoka"],
         )
-        heyoka, alone = ([row for row in reached if row["method"] == name] for name in ("heyoka", own))
+        heyoka, alone = (
+            [row for row in reached if row["method"] == name] for name in ("heyoka", own)
+        )
         ratios = [f"{rows[0]['seconds'] / peers[0]['seconds']:.2g}" if rows and peers else MISSING
                   for rows in (ours, alone)]  # fmt: skip
-        cells = [_cell(ours, True), _cell(alone, True), _cell(heyoka, False), _cell(scipy, True), *ratios, *cold]
+        cells = [
+            _cell(ours, True),
+            _cell(alone, True),
+            _cell(heyoka, False),
+            _cell(scipy, True),
+            *ratios,
+            *cold,
+        ]
         rows.append([name, f"{target['error']:.0e}".replace("e-0", "e-"), *cells])
     return rows
 
@@ -103,7 +135,9 @@ def rows_of(name: str, scene: dict[str, Any]) -> list[list[str]]:
 def _cell(rows: Sequence[dict[str, Any]], named: bool) -> str:
     if not rows:
         return MISSING
-    best = ("\N{LESS-THAN OR EQUAL TO} " if rows[0]["at_most"] else "") + duration(rows[0]["seconds"])
+    best = ("\N{LESS-THAN OR EQUAL TO} " if rows[0]["at_most"] else "") + duration(
+        rows[0]["seconds"]
+    )
     return f"{best}, {rows[0]['method'].removeprefix('SciPy ')}" if named else best
 
 

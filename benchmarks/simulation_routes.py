@@ -12,7 +12,13 @@ import numpy as np
 import symengine
 
 from benchmarks.simulation_cases import SpeedCase, lane, program
-from inverse_service.kernels.codegen.compiled import Compiled, card_of, kernel_text, load, object_code
+from inverse_service.kernels.codegen.compiled import (
+    Compiled,
+    card_of,
+    kernel_text,
+    load,
+    object_code,
+)
 from inverse_service.kernels.codegen.program import Assign, Program, Solve, changing
 from inverse_service.simulation.execution import Prepared
 from inverse_service.simulation.numeric_formulas import Formulas
@@ -29,7 +35,9 @@ def ours(case: SpeedCase) -> Runner:
 
 def _kernel_runner(case: SpeedCase, kernel: Compiled) -> Runner:
     def go(steps: int) -> float:
-        found = Prepared(Formulas(case.problem), case.choice, kernel, lane(case)).go(Grid(0.01, steps, steps))
+        found = Prepared(Formulas(case.problem), case.choice, kernel, lane(case)).go(
+            Grid(0.01, steps, steps)
+        )
         assert found.completed.all()
         return found.seconds
 
@@ -48,7 +56,9 @@ def with_numba(case: SpeedCase, folder: Path) -> Runner:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     numbers = lane(case)
-    values = [numbers.get(name, 0.0) for name in (*made.state, *(f"{u}_rate" for u in made.unknowns))]
+    values = [
+        numbers.get(name, 0.0) for name in (*made.state, *(f"{u}_rate" for u in made.unknowns))
+    ]
     given = [numbers[name] for name in made.arguments]
 
     def go(steps: int) -> float:
@@ -61,7 +71,9 @@ def with_numba(case: SpeedCase, folder: Path) -> Runner:
 
 
 def python_text(made: Program) -> str:
-    """A function run(steps, state, rates, arguments) with Newton by Cramer's rule and compensated sums."""
+    """A function run(steps, state, rates, arguments) with Newton by Cramer's rule and compensated
+    sums.
+    """
     rates = [f"{name}_rate" for name in made.unknowns]
     names = changing(made)
     lines = ["from math import *", "import numba", "", "@numba.njit(fastmath=False)"]
@@ -100,17 +112,24 @@ def _solve_text(block: Solve) -> list[str]:
         lines += ["            D0 = F0 / J0"]
     elif size == 2:
         lines += ["            det = J0 * J3 - J1 * J2"]
-        lines += ["            D0 = (F0 * J3 - J1 * F1) / det", "            D1 = (J0 * F1 - F0 * J2) / det"]
+        lines += [
+            "            D0 = (F0 * J3 - J1 * F1) / det",
+            "            D1 = (J0 * F1 - F0 * J2) / det",
+        ]
     else:
         raise NotImplementedError("blocks of more than two unknowns")
     lines += [f"            {name} -= D{k}" for k, name in enumerate(block.unknowns)]
-    small = " and ".join(f"abs(D{k}) <= 1e-9 * abs({name})" for k, name in enumerate(block.unknowns))
+    small = " and ".join(
+        f"abs(D{k}) <= 1e-9 * abs({name})" for k, name in enumerate(block.unknowns)
+    )
     lines += [f"            if {small}:", "                break"]
     return [*lines, *(f"        {name}_rate = {name} / h" for name in block.unknowns)]
 
 
 def lambdify_and_fsolve(case: SpeedCase) -> Runner:
-    """Integrate as a user would: residuals of all unknowns by SymPy's lambdify, SciPy's fsolve at each step."""
+    """Integrate as a user would: residuals of all unknowns by SymPy's lambdify, SciPy's fsolve at
+    each step.
+    """
     import numpy as np
     import sympy
     from scipy.optimize import fsolve
@@ -134,7 +153,9 @@ def lambdify_and_fsolve(case: SpeedCase) -> Runner:
     return go
 
 
-def _sympy_equations(case: SpeedCase, sympy: Any) -> tuple[list[Any], list[Any], list[Any], list[Any]]:
+def _sympy_equations(
+    case: SpeedCase, sympy: Any
+) -> tuple[list[Any], list[Any], list[Any], list[Any]]:
     """(residuals, unknowns, state, increments) of the whole step before anything is eliminated."""
     from inverse_service.integrators.variational import hamiltonian_step, lagrange_dalembert_step
     from inverse_service.kernels.codegen.symengine_trees import STEP
@@ -150,7 +171,9 @@ def _sympy_equations(case: SpeedCase, sympy: Any) -> tuple[list[Any], list[Any],
         m = np.array([symengine.Symbol(f"m{k}") for k in range(len(f.forms))])
         by_q, by_v = (f.gradient(f.lagrangian, letter) for letter in "qv")
         parts = parts_of(case.choice)
-        equations, pushes = lagrange_dalembert_step(q, p, d, m, STEP, parts, by_q, by_v, f.forms_at, f.drifts_at)
+        equations, pushes = lagrange_dalembert_step(
+            q, p, d, m, STEP, parts, by_q, by_v, f.forms_at, f.drifts_at
+        )
         unknowns = [*d, *m]
     groups = (equations, unknowns, [*q, *p], [*d, *pushes])
     return tuple([sympy.sympify(item) for item in group] for group in groups)  # type: ignore[return-value]

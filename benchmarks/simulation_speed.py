@@ -56,15 +56,19 @@ def _route_row(case: SpeedCase, folder: Path, report: Report, rounds: int) -> Ro
     for _ in range(rounds):
         for name, runner in found.items():
             times[name].append(1e9 * runner(_STEPS[name]) / _STEPS[name])
-    return RouteRow(case.label, {name: (min(values), statistics.median(values)) for name, values in times.items()})
+    return RouteRow(
+        case.label,
+        {name: (min(values), statistics.median(values)) for name, values in times.items()},
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class LatencyRow:
-    """Milliseconds by stage (best of each) from a Lagrangian never seen before to its first 1,000 steps.
+    """Milliseconds by stage (best of each) from a Lagrangian never seen before to its first 1,000
+    steps.
 
-    `best` and `median` totals by the clock; `processor` the best total of processor time, which other work on the
-    machine affects less.
+    `best` and `median` totals by the clock; `processor` the best total of processor time, which
+    other work on the machine affects less.
     """
 
     case: str
@@ -121,7 +125,9 @@ def _latency(name: str, alpha: float, factor: int) -> dict[str, float]:
     made = problem(coordinates, free=text.format(factor), parameters="c")
     clock.append(time.perf_counter())
     assert made.free_lagrangian is not None
-    made = replace(made, free_hamiltonian=legendre(made.free_lagrangian, made.coordinates).hamiltonian)
+    made = replace(
+        made, free_hamiltonian=legendre(made.free_lagrangian, made.coordinates).hamiltonian
+    )
     clock.append(time.perf_counter())
     choice = MethodChoice("variational", alpha)
     kernel = kernel_of(Formulas(made), choice, BARE)
@@ -137,7 +143,8 @@ def _latency(name: str, alpha: float, factor: int) -> dict[str, float]:
 
 @dataclass(frozen=True, slots=True)
 class EnsembleRow:
-    """Nanoseconds per trajectory-step: processor time (best, median), and by the clock on all cores.
+    """Nanoseconds per trajectory-step: processor time (best, median), and by the clock on all
+    cores.
 
     Two idle cores that share the work evenly need half of the processor time by the clock.
     """
@@ -148,22 +155,36 @@ class EnsembleRow:
     wall: float
 
 
-def ensemble_rows(report: Report, rounds: int = 9, members: int = 100_000, steps: int = 100) -> list[EnsembleRow]:
+def ensemble_rows(
+    report: Report, rounds: int = 9, members: int = 100_000, steps: int = 100
+) -> list[EnsembleRow]:
     rows = []
     for case in CASES:
         report(f"ensemble, {case.label}")
         factors = np.linspace(0.9, 1.1, members)[:, None]
-        positions, velocities = np.tile(case.start.positions, (members, 1)), factors * np.array(case.start.velocities)
+        positions, velocities = (
+            np.tile(case.start.positions, (members, 1)),
+            factors * np.array(case.start.velocities),
+        )
         used, walls = [], []
         for _ in range(rounds + 1):
             begin, busy = time.perf_counter(), time.process_time()
             found = run_ensemble(
-                case.problem, case.choice, positions, velocities, Grid(0.01, steps, steps), {"c": 1e-2}
+                case.problem,
+                case.choice,
+                positions,
+                velocities,
+                Grid(0.01, steps, steps),
+                {"c": 1e-2},
             )
             walls.append(1e9 * (time.perf_counter() - begin) / members / steps)
             used.append(1e9 * (time.process_time() - busy) / members / steps)
             assert found.completed.all()
-        rows.append(EnsembleRow(case.label, members, (min(used[1:]), statistics.median(used[1:])), min(walls[1:])))
+        rows.append(
+            EnsembleRow(
+                case.label, members, (min(used[1:]), statistics.median(used[1:])), min(walls[1:])
+            )
+        )
     return rows
 
 
@@ -186,19 +207,30 @@ def long_rows(report: Report, steps: int = 10**7) -> list[LongRow]:
         choice = MethodChoice(method, 0.5)
         run(DISK, choice, disk_start(), Grid(0.05, 1000, 10), {"c": 1e-2}, observed)
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        found = run(DISK, choice, disk_start(), Grid(0.05, steps, max(1, steps // 1000)), {"c": 1e-2}, observed)
+        found = run(
+            DISK,
+            choice,
+            disk_start(),
+            Grid(0.05, steps, max(1, steps // 1000)),
+            {"c": 1e-2},
+            observed,
+        )
         after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         assert found.outcome.completed
         energy = found.series["energy"]
         worst = max(found.maxima["constraint 0"], found.maxima["constraint 1"])
         drift = float(abs(energy / energy[0] - 1).max())
-        rows.append(LongRow(method, steps, found.run_seconds, (after - before) / 1024, (drift, worst)))
+        rows.append(
+            LongRow(method, steps, found.run_seconds, (after - before) / 1024, (drift, worst))
+        )
     return rows
 
 
 @dataclass(frozen=True, slots=True)
 class EffectRow:
-    """The nanoseconds that each observed quantity or potential adds to a step (best of alternating rounds)."""
+    """The nanoseconds that each observed quantity or potential adds to a step (best of alternating
+    rounds).
+    """
 
     case: str
     nanoseconds: float
@@ -224,7 +256,14 @@ def effect_rows(report: Report, rounds: int = ROUNDS, steps: int = 10_000) -> li
     best = dict.fromkeys(variants, float("inf"))
     for _ in range(rounds):
         for name, (what, begin, values, observation) in variants.items():
-            found = run(what, MethodChoice("nonholonomic", 0.5), begin, Grid(0.01, steps, steps), values, observation)
+            found = run(
+                what,
+                MethodChoice("nonholonomic", 0.5),
+                begin,
+                Grid(0.01, steps, steps),
+                values,
+                observation,
+            )
             assert found.outcome.completed
             best[name] = min(best[name], 1e9 * found.run_seconds / steps)
     return [EffectRow(name, value) for name, value in best.items()]

@@ -24,7 +24,9 @@ _NAMES = _Names(sympy.Symbol("t"))
 
 
 def to_sympy(expression: Expression) -> SympyExpression:
-    """The same formula; the velocity of x is the symbol named x'. Raises KeyError for an acceleration."""
+    """The same formula; the velocity of x is the symbol named x'. Raises KeyError for an
+    acceleration.
+    """
     return from_sympy.to_sympy(expression, _NAMES.leaf)
 
 

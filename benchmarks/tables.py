@@ -30,12 +30,16 @@ def times(ratio: float | None) -> str:
 def comparison_table(found: Sequence[Comparison]) -> str:
     """One row per system: our time, then that of each plain pipeline and its ratio to ours."""
     plain = [cell for kind in SIMPLIFICATIONS for cell in (f"plain ({kind}), ms", "ratio")]
-    return table(["system", "n", "verdict", "order", "ours, ms", *plain], map(_comparison_cells, found))
+    return table(
+        ["system", "n", "verdict", "order", "ours, ms", *plain], map(_comparison_cells, found)
+    )
 
 
 def _comparison_cells(c: Comparison) -> list[str]:
     verdict = c.verdict if c.verdict == c.expected else f"{c.verdict} (WRONG)"
-    plain = [cell for kind in SIMPLIFICATIONS for cell in (_plain_cell(c, kind), times(c.ratio(kind)))]
+    plain = [
+        cell for kind in SIMPLIFICATIONS for cell in (_plain_cell(c, kind), times(c.ratio(kind)))
+    ]
     return [c.name, str(c.n), verdict, str(c.order), milliseconds(c.seconds), *plain]
 
 
@@ -48,14 +52,28 @@ def _plain_cell(c: Comparison, kind: str) -> str:
 
 def medians_table(rows: Sequence[Medians]) -> str:
     """Medians for each n; plain runs as right / wrong / past the limit."""
-    plain = [cell for kind in SIMPLIFICATIONS for cell in (f"plain ({kind}): right/wrong/stopped", "median ratio")]
-    return table(["n", "systems", "ours: median, ms", "ours: slowest, ms", *plain], map(_medians_cells, rows))
+    plain = [
+        cell
+        for kind in SIMPLIFICATIONS
+        for cell in (f"plain ({kind}): right/wrong/stopped", "median ratio")
+    ]
+    return table(
+        ["n", "systems", "ours: median, ms", "ours: slowest, ms", *plain], map(_medians_cells, rows)
+    )
 
 
 def _medians_cells(row: Medians) -> list[str]:
-    ends = {kind: f"{row.right[kind]}/{row.wrong[kind]}/{row.stopped[kind]}" for kind in SIMPLIFICATIONS}
+    ends = {
+        kind: f"{row.right[kind]}/{row.wrong[kind]}/{row.stopped[kind]}" for kind in SIMPLIFICATIONS
+    }
     plain = [cell for kind in SIMPLIFICATIONS for cell in (ends[kind], times(row.ratios[kind]))]
-    return [str(row.n), str(row.systems), milliseconds(row.seconds), milliseconds(row.slowest), *plain]
+    return [
+        str(row.n),
+        str(row.systems),
+        milliseconds(row.seconds),
+        milliseconds(row.slowest),
+        *plain,
+    ]
 
 
 def size_table(rows: Sequence[SizeRow]) -> str:
@@ -73,12 +91,17 @@ def _size_cells(row: SizeRow) -> list[str]:
 def order_table(rows: Sequence[OrderRow]) -> str:
     """Time against the order of prolongation."""
     head = ["system", "n", "order", "unknowns", "ms"]
-    return table(head, ([r.name, str(r.n), str(r.order), str(r.unknowns), milliseconds(r.seconds)] for r in rows))
+    return table(
+        head,
+        ([r.name, str(r.n), str(r.order), str(r.unknowns), milliseconds(r.seconds)] for r in rows),
+    )
 
 
 def cold_table(rows: Sequence[ColdStart]) -> str:
     """Cold starts, the most work first."""
-    ordered = sorted(rows, key=lambda r: float("inf") if r.processor is None else r.processor, reverse=True)
+    ordered = sorted(
+        rows, key=lambda r: float("inf") if r.processor is None else r.processor, reverse=True
+    )
     return table(["entry", "processor, s", "clock, s", "exit code"], map(_cold_cells, ordered))
 
 
@@ -90,7 +113,13 @@ def _cold_cells(row: ColdStart) -> list[str]:
 
 def peers_table(rows: Sequence[PeerRow]) -> str:
     """One row per system: our time and that of each peer in ms; a wrong verdict is marked."""
-    head = ["system", "n", "verdict", "ours, ms", *(f"{name.replace('_', ' ')}, ms" for name in PEERS)]
+    head = [
+        "system",
+        "n",
+        "verdict",
+        "ours, ms",
+        *(f"{name.replace('_', ' ')}, ms" for name in PEERS),
+    ]
     return table(head, (_peer_cells(row) for row in rows))
 
 

@@ -71,10 +71,14 @@ def solve(
     warm_first(logging.getLogger(__name__).warning, warm_up)
     if progress is None:
         return from_result(solve_document(alone, options), names)
-    return from_result(_told_by_part(lambda tell: solve_document(alone, options, tell), progress), names)
+    return from_result(
+        _told_by_part(lambda tell: solve_document(alone, options, tell), progress), names
+    )
 
 
-def check(result: Mapping[str, Any] | str, document: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def check(
+    result: Mapping[str, Any] | str, document: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
     """Run the independent checker on a result or a certificate, given as a dictionary or as JSON text.
 
     `verdict` is `valid`, `invalid` or `incomplete`; `reasons` are sentences. The system of the certificate
@@ -112,7 +116,9 @@ def simulate(scene: Mapping[str, Any], *, time_limit: float = 600.0) -> Run:
     return Run(run(_plain(scene), time_limit=time_limit))
 
 
-def _with_its_options(document: dict[str, Any], options: SolveOptions) -> tuple[dict[str, Any], SolveOptions]:
+def _with_its_options(
+    document: dict[str, Any], options: SolveOptions
+) -> tuple[dict[str, Any], SolveOptions]:
     """The document without its key `options`, and what that key asks for."""
     from inverse_service.decision.solutions import SolveOptions
     from inverse_service.service.jobs.model import JobOptions, read_options, split_options
@@ -123,7 +129,8 @@ def _with_its_options(document: dict[str, Any], options: SolveOptions) -> tuple[
 
 
 def _told_by_part(
-    solved: Callable[[Callable[[Any], None]], dict[str, Any]], progress: Callable[[str, Mapping[str, Any]], None]
+    solved: Callable[[Callable[[Any], None]], dict[str, Any]],
+    progress: Callable[[str, Mapping[str, Any]], None],
 ) -> dict[str, Any]:
     from inverse_service.service.documents import growing
 
@@ -173,4 +180,6 @@ def _written(document: Mapping[str, Any]) -> str:
     try:
         return json.dumps(document, default=_as_dictionary)
     except (TypeError, ValueError, RecursionError) as error:
-        raise InputError(f"A document may hold strings, numbers, lists and objects, as in JSON: {error}.") from None
+        raise InputError(
+            f"A document may hold strings, numbers, lists and objects, as in JSON: {error}."
+        ) from None

@@ -17,7 +17,15 @@ import json
 import random
 import threading
 import time
-from collections.abc import AsyncGenerator, AsyncIterator, Callable, Coroutine, Iterable, Iterator, Mapping
+from collections.abc import (
+    AsyncGenerator,
+    AsyncIterator,
+    Callable,
+    Coroutine,
+    Iterable,
+    Iterator,
+    Mapping,
+)
 from typing import Any, Concatenate, Final, ParamSpec, TypeVar
 from urllib.parse import quote, urlencode
 
@@ -100,7 +108,9 @@ class UnexpectedAnswer(ClientError):
     code = "unexpected-answer"
 
     def __init__(self, what: str) -> None:
-        super().__init__(f"The answer {what}; is the address that of this service, and its version that of this?")
+        super().__init__(
+            f"The answer {what}; is the address that of this service, and its version that of this?"
+        )
 
 
 class JobDismissed(ClientError):
@@ -123,14 +133,24 @@ class AsyncClient(contextlib.AbstractAsyncContextManager["AsyncClient"]):
     """
 
     def __init__(
-        self, address: str = ADDRESS, *, api_key: str | None = None, patience: float = PATIENCE, **options: Any
+        self,
+        address: str = ADDRESS,
+        *,
+        api_key: str | None = None,
+        patience: float = PATIENCE,
+        **options: Any,
     ) -> None:
         if not address.startswith(("http://", "https://")):
             raise ClientError("The address of the service must begin with http:// or https://.")
-        headers = {"User-Agent": f"inverse-service-client/{__version__}", "Accept": "application/json, */*;q=0.5"}
+        headers = {
+            "User-Agent": f"inverse-service-client/{__version__}",
+            "Accept": "application/json, */*;q=0.5",
+        }
         if api_key is not None:
             headers["Authorization"] = f"Bearer {api_key}"
-        self._http = httpx.AsyncClient(base_url=address, headers=headers, **{"timeout": TIMEOUT} | options)
+        self._http = httpx.AsyncClient(
+            base_url=address, headers=headers, **{"timeout": TIMEOUT} | options
+        )
         self._patience = patience
 
     async def __aexit__(self, *_: object) -> None:
@@ -140,15 +160,22 @@ class AsyncClient(contextlib.AbstractAsyncContextManager["AsyncClient"]):
         """Close the connections."""
         await self._http.aclose()
 
-    async def solve(self, /, document: Any, kind: str = "solve", *, timeout: Seconds = None, **options: Any) -> Answer:
+    async def solve(
+        self, /, document: Any, kind: str = "solve", *, timeout: Seconds = None, **options: Any
+    ) -> Answer:
         """The result of a document; `kind` and options are those of `submit`. A quick one comes with the first answer.
 
         Raises JobFailed, JobDismissed, or WaitedTooLong after `timeout` s.
         """
-        began, seconds = time.monotonic(), LONGEST_WAIT if timeout is None else min(LONGEST_WAIT, timeout)
+        began, seconds = (
+            time.monotonic(),
+            LONGEST_WAIT if timeout is None else min(LONGEST_WAIT, timeout),
+        )
         job = await self._asked(document, kind, f"wait={int(seconds)}", timeout, **options)
         left = None if timeout is None else max(0.0, timeout - (time.monotonic() - began))
-        return Answer(job.result) if job.status == "successful" else await self.wait(job, timeout=left)
+        return (
+            Answer(job.result) if job.status == "successful" else await self.wait(job, timeout=left)
+        )
 
     async def check(self, result: Any, *, timeout: Seconds = None) -> Answer:
         """The independent checker's verdict on a result."""
@@ -167,7 +194,13 @@ class AsyncClient(contextlib.AbstractAsyncContextManager["AsyncClient"]):
         return await self._asked(document, kind, "respond-async", None, **options)
 
     async def _asked(
-        self, document: Any, kind: str, prefer: str, patience: Seconds, time_limit: Seconds = None, fresh: bool = False
+        self,
+        document: Any,
+        kind: str,
+        prefer: str,
+        patience: Seconds,
+        time_limit: Seconds = None,
+        fresh: bool = False,
     ) -> Answer:
         headers = JSON | {"Prefer": prefer} | ({"Cache-Control": "no-cache"} if fresh else {})
         path, body = f"/v1/{kind}?{_query(time_limit)}", _encoded(document)
@@ -193,26 +226,35 @@ class AsyncClient(contextlib.AbstractAsyncContextManager["AsyncClient"]):
                 return Answer(found.result)
             seconds = min(pause, _retry_after(response) or LONGEST_LOOK)
             if timeout is not None and time.monotonic() - began + seconds > timeout:
-                raise WaitedTooLong(f"Job {found.id} is still open after {timeout:g} s; wait again, or cancel it.")
+                raise WaitedTooLong(
+                    f"Job {found.id} is still open after {timeout:g} s; wait again, or cancel it."
+                )
             await asyncio.sleep(seconds)
             pause = min(2 * pause, LONGEST_LOOK)
 
     async def cancel(self, work: Answer | str) -> None:
         """Stop a job or all open jobs of a batch; final results are kept."""
-        await self._sent("DELETE", _path("batches" if isinstance(work, Answer) and "total" in work else "jobs", work))
+        await self._sent(
+            "DELETE",
+            _path("batches" if isinstance(work, Answer) and "total" in work else "jobs", work),
+        )
 
     async def call(self, path: str, document: Any = None) -> Answer:
         """The answer at any other address, such as /v1/limits; a document is sent with POST."""
         body = None if document is None else _encoded(document)
         return _value(await self._sent("POST" if body else "GET", path, content=body, headers=JSON))
 
-    async def submit_batch(self, documents: Documents, kind: str = "solve", *, time_limit: Seconds = None) -> Answer:
+    async def submit_batch(
+        self, documents: Documents, kind: str = "solve", *, time_limit: Seconds = None
+    ) -> Answer:
         """Submit documents and return their stored batch at once."""
         lines = b"".join(json.dumps(document).encode() + b"\n" for document in documents)
         path, headers = f"/v1/batches?{_query(time_limit, kind=kind)}", {"Content-Type": NDJSON}
         return _value(await self._sent("POST", path, content=lines, headers=headers), "id", "total")
 
-    async def batch(self, /, documents: Documents, kind: str = "solve", **options: Any) -> AsyncIterator[Answer]:
+    async def batch(
+        self, /, documents: Documents, kind: str = "solve", **options: Any
+    ) -> AsyncIterator[Answer]:
         """One answer for each document, in order of completion: id, line, and result or problem."""
         async for answer in self.batch_results(await self.submit_batch(documents, kind, **options)):
             yield answer
@@ -236,20 +278,26 @@ class AsyncClient(contextlib.AbstractAsyncContextManager["AsyncClient"]):
                 yield answer
                 if len(seen) >= batch.total:
                     return
-        raise UnexpectedAnswer(f"lacks {batch.total - len(seen)} of {batch.total} results of a finished batch")
+        raise UnexpectedAnswer(
+            f"lacks {batch.total - len(seen)} of {batch.total} results of a finished batch"
+        )
 
     async def stream(self, job: Answer | str) -> AsyncIterator[Answer]:
         """The events of a job as they happen: kind, data, id; the last one reports how the job ended."""
         repetition, headers = Repetition(self._patience), {"Accept": "text/event-stream"}
         fields: dict[str, str] = {}
-        async with contextlib.aclosing(self._lines(_path("jobs", job), "events", headers, repetition)) as lines:
+        async with contextlib.aclosing(
+            self._lines(_path("jobs", job), "events", headers, repetition)
+        ) as lines:
             async for line in lines:
                 if line is None:  # the stream restarts: drop an incomplete event
                     fields = {"id": headers.get("Last-Event-ID", "")}
                 elif line:
                     name, _, text = line.partition(":")
                     text = text.removeprefix(" ")
-                    fields[name] = f"{fields['data']}\n{text}" if name == "data" and "data" in fields else text
+                    fields[name] = (
+                        f"{fields['data']}\n{text}" if name == "data" and "data" in fields else text
+                    )
                 else:
                     headers |= {"Last-Event-ID": fields["id"]} if fields["id"] else {}
                     found, fields = fields, {"id": fields["id"]}
@@ -260,9 +308,13 @@ class AsyncClient(contextlib.AbstractAsyncContextManager["AsyncClient"]):
                         if data.get("status") in FINAL:
                             return
 
-    async def _sent(self, method: str, path: str, patience: Seconds = None, **request: Any) -> httpx.Response:
+    async def _sent(
+        self, method: str, path: str, patience: Seconds = None, **request: Any
+    ) -> httpx.Response:
         """The answer to a call, which is repeated with pauses while the service is busy or unreachable."""
-        repetition = Repetition(self._patience if patience is None else min(self._patience, patience))
+        repetition = Repetition(
+            self._patience if patience is None else min(self._patience, patience)
+        )
         timeout = self._http.timeout if patience is None else httpx.Timeout(patience + GRACE)
         while True:
             try:
@@ -302,7 +354,9 @@ class AsyncClient(contextlib.AbstractAsyncContextManager["AsyncClient"]):
 Call = Callable[Concatenate[AsyncClient, P], Value]
 
 
-def _blocking(method: Call[P, Coroutine[Any, Any, Value]]) -> Callable[Concatenate[Client, P], Value]:
+def _blocking(
+    method: Call[P, Coroutine[Any, Any, Value]],
+) -> Callable[Concatenate[Client, P], Value]:
     @functools.wraps(method)
     def blocking(self: Client, /, *arguments: P.args, **options: P.kwargs) -> Value:
         return self._run(method(self._client, *arguments, **options))
@@ -310,7 +364,9 @@ def _blocking(method: Call[P, Coroutine[Any, Any, Value]]) -> Callable[Concatena
     return blocking
 
 
-def _iterating(method: Call[P, AsyncIterator[Value]]) -> Callable[Concatenate[Client, P], Iterator[Value]]:
+def _iterating(
+    method: Call[P, AsyncIterator[Value]],
+) -> Callable[Concatenate[Client, P], Iterator[Value]]:
     @functools.wraps(method)
     def iterating(self: Client, /, *arguments: P.args, **options: P.kwargs) -> Iterator[Value]:
         items: Any = method(self._client, *arguments, **options)
@@ -376,14 +432,18 @@ class Repetition:
 
     async def pause(self, failure: ServiceBusy | httpx.RequestError) -> None:
         """Wait for the next attempt; raises ServiceBusy or ServiceUnreachable when `patience` has expired."""
-        seconds = max(self._pause, getattr(failure, "retry_after", 0.0)) * random.uniform(1.0, JITTER)
+        seconds = max(self._pause, getattr(failure, "retry_after", 0.0)) * random.uniform(
+            1.0, JITTER
+        )
         self._pause = min(2 * self._pause, LONGEST_PAUSE)
         if time.monotonic() + seconds < self._end:
             return await asyncio.sleep(seconds)
         if isinstance(failure, ServiceBusy):
             raise failure
         reason = f"{failure.request.url} ({type(failure).__name__})"
-        raise ServiceUnreachable(f"There is no service at {reason}, or it does not answer.") from None
+        raise ServiceUnreachable(
+            f"There is no service at {reason}, or it does not answer."
+        ) from None
 
 
 def _retry_after(response: httpx.Response) -> float:
@@ -415,7 +475,9 @@ def _problem(value: Mapping[str, Any]) -> Answer:
 
 
 def _id_in_location(response: httpx.Response) -> str:
-    return str(response.headers.get("location", "").partition("?")[0].rstrip("/").rpartition("/")[2])
+    return str(
+        response.headers.get("location", "").partition("?")[0].rstrip("/").rpartition("/")[2]
+    )
 
 
 def _encoded(document: Any) -> str | bytes:
@@ -436,7 +498,9 @@ def _query(time_limit: float | None, **more: str) -> str:
 def _value(answer: httpx.Response | str, *keys: str) -> Answer:
     """The object in an answer, which must have these keys."""
     try:
-        value = json.loads(answer if isinstance(answer, str) else answer.content, object_hook=Answer)
+        value = json.loads(
+            answer if isinstance(answer, str) else answer.content, object_hook=Answer
+        )
     except (ValueError, RecursionError):
         raise UnexpectedAnswer("is not JSON") from None
     if not isinstance(value, Answer) or not value.keys() >= set(keys):
@@ -448,4 +512,6 @@ def _batch_answer(text: str) -> Answer:
     value = _value(text, "id")
     identifier, line, problem = value.pop("id"), value.pop("line", None), value.get("error", value)
     result = value if "format" in value or "verdict" in value else None
-    return Answer(id=identifier, line=line, result=result, problem=None if result else _problem(problem))
+    return Answer(
+        id=identifier, line=line, result=result, problem=None if result else _problem(problem)
+    )

@@ -82,7 +82,11 @@ class InputError(InverseServiceError):
     def places(self) -> tuple[Place, ...]:
         """Every fault that is reported."""
         parts = self.plain, self.declare
-        return (Place(self.detail, self.pointer, self.column, self.code, self.instead, self.span, *parts),)
+        return (
+            Place(
+                self.detail, self.pointer, self.column, self.code, self.instead, self.span, *parts
+            ),
+        )
 
     def at(self, pointer: str) -> InputError:
         """The same error at a place deeper in the document."""
@@ -127,7 +131,9 @@ def missing_extra(error: ImportError) -> MissingExtra | None:
     extra = EXTRA_OF.get((error.name or "").partition(".")[0])
     if extra is None:
         return None
-    return MissingExtra(f"This needs the extra `{extra}`: run `pip install 'inverse-service[{extra}]'`.")
+    return MissingExtra(
+        f"This needs the extra `{extra}`: run `pip install 'inverse-service[{extra}]'`."
+    )
 
 
 class IrreducibleAtoms(InverseServiceError):

@@ -27,13 +27,17 @@ def read_key(text: str) -> tuple[str, str]:
     name, _, digest = text.lower().rpartition(":")
     name = name or digest[:8]
     if not _KEY_NAME.fullmatch(name) or not _DIGEST.fullmatch(digest):
-        raise errors.InputError(f"The setting {PREFIX}API_KEYS has an entry that is not a key; {_KEYS}.")
+        raise errors.InputError(
+            f"The setting {PREFIX}API_KEYS has an entry that is not a key; {_KEYS}."
+        )
     return name, digest
 
 
 def _whole(low: int, high: int, name: str, text: str) -> int:
     if not (text.isascii() and text.isdigit() and len(text) < 12 and low <= int(text) <= high):
-        raise errors.InputError(f"The setting {PREFIX}{name} must be an integer from {low} to {high}.")
+        raise errors.InputError(
+            f"The setting {PREFIX}{name} must be an integer from {low} to {high}."
+        )
     return int(text)
 
 
@@ -48,7 +52,9 @@ def _number(low: float, high: float, unit: str, name: str, text: str) -> float:
     except ValueError:
         value = float("nan")
     if not low <= value <= high:
-        raise errors.InputError(f"The setting {PREFIX}{name} must be a number of {unit} from {low:g} to {high:g}.")
+        raise errors.InputError(
+            f"The setting {PREFIX}{name} must be a number of {unit} from {low:g} to {high:g}."
+        )
     return value
 
 
@@ -83,13 +89,17 @@ def _api_keys(name: str, text: str) -> tuple[tuple[str, str], ...]:
     """`name:HASH, ...`; HASH is the SHA-256 of the key in hexadecimal digits; without a name it names the client."""
     found = tuple(map(read_key, _list(name, text)))
     if not found:
-        raise errors.InputError(f"The setting {PREFIX}{name} has no key; {_KEYS}. Unset it to require none.")
+        raise errors.InputError(
+            f"The setting {PREFIX}{name} has no key; {_KEYS}. Unset it to require none."
+        )
     return found
 
 
 def _log_level(name: str, text: str) -> str:
     if text.lower() not in LOG_LEVELS:
-        raise errors.InputError(f"The setting {PREFIX}{name} must be one of {', '.join(LOG_LEVELS)}.")
+        raise errors.InputError(
+            f"The setting {PREFIX}{name} must be one of {', '.join(LOG_LEVELS)}."
+        )
     return text.lower()
 
 
@@ -174,5 +184,9 @@ def _refuse_unknown(environment: Mapping[str, str]) -> None:
     for name in environment:
         if name.startswith(PREFIX) and name.removeprefix(PREFIX) not in known:
             near = difflib.get_close_matches(name.removeprefix(PREFIX), known, 1)
-            hint = f"did you mean {PREFIX}{near[0]}?" if near else "docs/reference/settings.md lists all."
+            hint = (
+                f"did you mean {PREFIX}{near[0]}?"
+                if near
+                else "docs/reference/settings.md lists all."
+            )
             raise errors.InputError(f"There is no setting {name[:80]}; {hint}")

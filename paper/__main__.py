@@ -28,13 +28,19 @@ def write_paper(output: Path) -> ExitCode:
     (output / "paper.html").write_text(page(found, FIGURES, machine), encoding="utf-8")
     number = counts(found)
     print(", ".join(f"{count} {name}" for name, count in sorted(number.items())))
-    print(f"Written to {output}: paper.md, records/paper.md, paper.html and {FIGURES}/", file=sys.stderr)
+    print(
+        f"Written to {output}: paper.md, records/paper.md, paper.html and {FIGURES}/",
+        file=sys.stderr,
+    )
     return ExitCode.OPEN if number["differs"] else ExitCode.DONE
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(prog="python -m paper", description=__doc__)
     parser.add_argument(
-        "--output", type=Path, default=Path("build/paper"), help="directory for the report and its figures"
+        "--output",
+        type=Path,
+        default=Path("build/paper"),
+        help="directory for the report and its figures",
     )
     sys.exit(write_paper(parser.parse_args().output))

@@ -29,9 +29,15 @@ def _free_constants() -> Statement:
     rows = []
     for value in CONSTANTS:
         method = {"method": "variational", "alpha": "0", "constants": {"C_x": value, "C_y": value}}
-        found = run(scene(WITHOUT_START, "C", 0.2, 100, [method], ("trajectory", "matching_circle", "energy")))
+        found = run(
+            scene(
+                WITHOUT_START, "C", 0.2, 100, [method], ("trajectory", "matching_circle", "energy")
+            )
+        )
         circle = found.result["methods"][0]["circle"]
-        rows.append((value, circle["shape_misfit"], found.result["methods"][0]["max_discrete_energy_error"]))
+        rows.append(
+            (value, circle["shape_misfit"], found.result["methods"][0]["max_discrete_energy_error"])
+        )
     ratios = [rows[k][1] / rows[k + 1][1] for k in range(1, 3)]
     return Statement(
         "free-constants", "Proposition 1, the constants C",
@@ -68,8 +74,14 @@ def _center() -> Statement:
 
 def _third(folder: Path) -> Statement:
     """The particle through x = 0 with the Lagrangian of the third system, beside the nonholonomic method."""
-    base = {**PARTICLE, "initial": {"positions": {"x": -5, "y": 0, "z": 0}, "velocities": {"x": 1, "y": 1}}}
-    kinds = {name: {"method": "variational", "alpha": "1/2", "free_lagrangian": name} for name in ("second", "third")}
+    base = {
+        **PARTICLE,
+        "initial": {"positions": {"x": -5, "y": 0, "z": 0}, "velocities": {"x": 1, "y": 1}},
+    }
+    kinds = {
+        name: {"method": "variational", "alpha": "1/2", "free_lagrangian": name}
+        for name in ("second", "third")
+    }
     found = {name: run(scene(base, f"{name} Lagrangian", 0.05, 10, [method, {"method": "nonholonomic", "alpha": "1/2"}],
                              ("trajectory", "error", "constraints"))) for name, method in kinds.items()}  # fmt: skip
     rows, good = [], True
@@ -78,8 +90,17 @@ def _third(folder: Path) -> Statement:
             if method["method"] == "nonholonomic" and name == "third":
                 continue
             good &= method["outcome"] == "completed"
-            label = f"variational, {name} L~" if method["method"] == "variational" else method["method"]
-            rows.append((label, method["outcome"], shown(method["max_error"]), shown(method["max_constraint"])))
+            label = (
+                f"variational, {name} L~" if method["method"] == "variational" else method["method"]
+            )
+            rows.append(
+                (
+                    label,
+                    method["outcome"],
+                    shown(method["max_error"]),
+                    shown(method["max_constraint"]),
+                )
+            )
     figure = pictures.series(
         found["third"], "constraints", folder, "third-lagrangian",
         "The particle through x = 0 with the Lagrangian of the third associated system: its momentum p_z = 0 is a "

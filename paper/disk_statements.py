@@ -74,7 +74,13 @@ def _spiral(found: Run, folder: Path) -> Statement:
         ),
     )  # fmt: skip
     rows = tuple(
-        (label, shown(c["radius_first"]), shown(c["radius_last"]), shown(c["misfit"]), shown(c["max_radial_distance"]))
+        (
+            label,
+            shown(c["radius_first"]),
+            shown(c["radius_last"]),
+            shown(c["misfit"]),
+            shown(c["max_radial_distance"]),
+        )
         for label, c in (("variational-0", variational), ("nonholonomic-0", nonholonomic))
     )
     return Statement(
@@ -91,7 +97,10 @@ def _spiral(found: Run, folder: Path) -> Statement:
 
 
 def _energy(found: Run, folder: Path) -> Statement:
-    errors = {label: found.method(label)["max_discrete_energy_error"] for label in ("variational-0", "nonholonomic-0")}
+    errors = {
+        label: found.method(label)["max_discrete_energy_error"]
+        for label in ("variational-0", "nonholonomic-0")
+    }
     good = errors["variational-0"] < errors["nonholonomic-0"] / 5
     caption = (
         f"Figure 4: the energy error of the disk at alpha = 0 stays below {shown(errors['variational-0'])} for the "
@@ -109,7 +118,9 @@ def _energy(found: Run, folder: Path) -> Statement:
 
 def _modified(short: Run, long: Run, folder: Path) -> Statement:
     change = abs(short.circle("modified-0")["radius_change"])
-    spiral, circle = (abs(short.circle(label)["radius_change"]) for label in ("nonholonomic-0", "variational-0"))
+    spiral, circle = (
+        abs(short.circle(label)["radius_change"]) for label in ("nonholonomic-0", "variational-0")
+    )
     method = long.method("modified-0")
     defect, later = method["max_constraint"], abs(long.circle("modified-0")["radius_change"])
     stopped = method.get("stopped")
@@ -137,9 +148,14 @@ def _modified(short: Run, long: Run, folder: Path) -> Statement:
 
 def _constraints(found: Run, folder: Path) -> Statement:
     defect = found.tables["variational-0"]["constraint_1"]
-    largest, crossings = float(np.max(np.abs(defect))), int(np.count_nonzero(np.diff(np.sign(defect))))
+    largest, crossings = (
+        float(np.max(np.abs(defect))),
+        int(np.count_nonzero(np.diff(np.sign(defect)))),
+    )
     halves = [float(np.max(np.abs(part))) for part in np.array_split(defect, 2)]
-    others = max(found.method(label)["max_constraint"] for label in ("nonholonomic-0", "modified-0"))
+    others = max(
+        found.method(label)["max_constraint"] for label in ("nonholonomic-0", "modified-0")
+    )
     good = crossings >= 4 and halves[1] < 1.5 * halves[0] and largest > 1e-3 and others < 1e-12
     caption = (
         "Figure 6: the defect of the discrete constraints. Nonholonomic and modified methods keep them to "
@@ -178,7 +194,16 @@ def _number(text: str) -> float:
     return float(top) / float(bottom or 1)
 
 
-HEAD = ("method", "alpha", "off the circle / R", "R_last/R_first - 1", "energy", "constraint", "phase", "center drift")
+HEAD = (
+    "method",
+    "alpha",
+    "off the circle / R",
+    "R_last/R_first - 1",
+    "energy",
+    "constraint",
+    "phase",
+    "center drift",
+)
 
 
 def _alphas(found: Run, folder: Path) -> Statement:
@@ -210,7 +235,11 @@ def _nearest(alpha: float) -> float:
 
 
 def _unchanged(found: Run) -> Statement:
-    sizes = {alpha: m["circle"]["max_radial_distance"] for kind, alpha, m in _labelled(found) if kind == "variational"}
+    sizes = {
+        alpha: m["circle"]["max_radial_distance"]
+        for kind, alpha, m in _labelled(found)
+        if kind == "variational"
+    }
     ratio = max(sizes.values()) / min(sizes.values())
     return Statement(
         "disk-unchanged", "section 3.2",

@@ -8,7 +8,15 @@ from collections.abc import Callable
 from inverse_service import catalogue
 from inverse_service.decision.deciding import analyze, decide
 from inverse_service.explanation.hierarchy import smallest_sufficient_set
-from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, multiply, number, subtract
+from inverse_service.expressions.tree import (
+    Expression,
+    Symbol,
+    Velocity,
+    add,
+    multiply,
+    number,
+    subtract,
+)
 from inverse_service.field.real_branch import vanish
 from inverse_service.mechanics.conditions import Matrix, conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
@@ -28,18 +36,25 @@ def section_errata(progress: Progress) -> Section:
 def _system(name: str) -> SecondOrderSystem:
     document = catalogue.document(name)
     return read_system(
-        document["coordinates"], document["equations"], document.get("parameters", ()), document.get("functions")
+        document["coordinates"],
+        document["equations"],
+        document.get("parameters", ()),
+        document.get("functions"),
     )
 
 
 def _vanish(system: SecondOrderSystem, *trees: Expression) -> bool:
-    variables: list[Symbol | Velocity] = [Symbol(name) for name in (*system.coordinates, *system.parameters)]
+    variables: list[Symbol | Velocity] = [
+        Symbol(name) for name in (*system.coordinates, *system.parameters)
+    ]
     return vanish(trees, [*variables, *map(Velocity, system.coordinates)]) is True
 
 
 def _product(left: Matrix, right: Matrix) -> Matrix:
     size = range(len(left))
-    return tuple(tuple(add(*(multiply(left[i][k], right[k][j]) for k in size)) for j in size) for i in size)
+    return tuple(
+        tuple(add(*(multiply(left[i][k], right[k][j]) for k in size)) for j in size) for i in size
+    )
 
 
 def covariant_derivative() -> Statement:
@@ -78,7 +93,13 @@ def curvature_indices() -> Statement:
     R = conditions(system).R
     assert R is not None
     sums = [
-        add(*(multiply(metric[a][j], R[j][b][c]) for j in range(3) for a, b, c in ((0, 1, 2), (2, 0, 1), (1, 2, 0))))
+        add(
+            *(
+                multiply(metric[a][j], R[j][b][c])
+                for j in range(3)
+                for a, b, c in ((0, 1, 2), (2, 0, 1), (1, 2, 0))
+            )
+        )
     ]
     nonzero = any(not _vanish(system, entry) for block in R for row in block for entry in row)
     return Statement(
@@ -96,7 +117,11 @@ def curvature_indices() -> Statement:
 def singular_matrices() -> Statement:
     """A word in the proof of Proposition 1."""
     good = True
-    for name in ("nonholonomic-particle-first", "knife-edge-first", "vertically-rolling-disk-first"):
+    for name in (
+        "nonholonomic-particle-first",
+        "knife-edge-first",
+        "vertically-rolling-disk-first",
+    ):
         chosen = smallest_sufficient_set(analyze(_system(name)))
         good &= chosen is not None
     return Statement(

@@ -13,7 +13,11 @@ from paper.statement import Progress, Section, Statement, Table, finding
 
 CODE = "paper/further_systems.py"
 TIME_LIMIT = 60.0
-WITH_POTENTIAL = ("mobile-robot-with-potential", "inclined-knife-edge", "generic-class-with-potential")
+WITH_POTENTIAL = (
+    "mobile-robot-with-potential",
+    "inclined-knife-edge",
+    "generic-class-with-potential",
+)
 TWO_CONSTRAINTS: Mapping[str, Any] = {
     "name": "generic class, two constraints, potential V(r2)",
     "coordinates": ["r1", "r2", "s1", "s2"],
@@ -35,7 +39,10 @@ def systems_with_potential() -> Statement:
     rows, good = [], True
     for document in [catalogue.document(name) for name in WITH_POTENTIAL]:
         found = _verdicts(document, ("first", "second"))
-        good &= found["second"] == ("not_variational", "valid") and found["first"] == ("not_variational", "valid")
+        good &= found["second"] == ("not_variational", "valid") and found["first"] == (
+            "not_variational",
+            "valid",
+        )
         rows.append((document["name"], *(_words(found[kind]) for kind in ("first", "second"))))
     return Statement(
         "potential",
@@ -54,7 +61,9 @@ def _verdicts(document: Mapping[str, Any], kinds: Sequence[str]) -> dict[str, tu
     found = {}
     for kind in kinds:
         plain = {key: value for key, value in document.items() if key != "associated"}
-        result = solve_nonholonomic({**plain, "associated": kind}, SolveOptions(time_limit=TIME_LIMIT))
+        result = solve_nonholonomic(
+            {**plain, "associated": kind}, SolveOptions(time_limit=TIME_LIMIT)
+        )
         found[kind] = (result["verdict"], result["checked"] or "")
     return found
 
@@ -66,7 +75,10 @@ def _words(found: tuple[str, str]) -> str:
 def proposition_three() -> Statement:
     """Proposition 3 for generic functions, and where it fails."""
     names = ("extension", "extension-without-potential", "extension-counterexample")
-    results = {name: solve_system(catalogue.document(name), SolveOptions(time_limit=TIME_LIMIT)) for name in names}
+    results = {
+        name: solve_system(catalogue.document(name), SolveOptions(time_limit=TIME_LIMIT))
+        for name in names
+    }
     generic = results["extension"]["verdict"] == "not_variational"
     special = results["extension-counterexample"]["verdict"] == "variational"
     rows = tuple((result["system"].get("name") or name, _words((result["verdict"], result["checked"])),
@@ -88,7 +100,9 @@ def two_constraints() -> Statement:
     """The question left open for more than one constraint."""
     generic = _verdicts(TWO_CONSTRAINTS, ("first", "second"))
     robot = _verdicts(catalogue.document("mobile-robot-with-potential"), ("second",))
-    good = all(found == ("not_variational", "valid") for found in (*generic.values(), *robot.values()))
+    good = all(
+        found == ("not_variational", "valid") for found in (*generic.values(), *robot.values())
+    )
     rows = [("generic, A, B, V arbitrary", *map(_words, generic.values()))]
     rows.append(("mobile robot, V = 10 sin(psi)", "see above", _words(robot["second"])))
     return Statement(
@@ -104,4 +118,8 @@ def two_constraints() -> Statement:
     )
 
 
-STATEMENTS: tuple[Callable[[], Statement], ...] = (systems_with_potential, proposition_three, two_constraints)
+STATEMENTS: tuple[Callable[[], Statement], ...] = (
+    systems_with_potential,
+    proposition_three,
+    two_constraints,
+)

@@ -47,13 +47,22 @@ ALPHAS = ("0", "1/2", "1")
 def inclined_edge(folder: Path, progress: Progress) -> tuple[Statement, ...]:
     """The statement with its figures."""
     progress("knife edge on an inclined plane")
-    kinds: list[dict[str, Any]] = [{"method": "variational", "form": "raw"}, {"method": "nonholonomic"}]
+    kinds: list[dict[str, Any]] = [
+        {"method": "variational", "form": "raw"},
+        {"method": "nonholonomic"},
+    ]
     methods = [{**kind, "alpha": alpha} for alpha in ALPHAS for kind in kinds]
     fourth = [{**kind, "order": 4} for kind in kinds]
-    found = run(scene(EDGE, "Knife edge on an inclined plane", STEP, TIME, [*methods, *fourth], OBSERVED))
+    found = run(
+        scene(EDGE, "Knife edge on an inclined plane", STEP, TIME, [*methods, *fourth], OBSERVED)
+    )
     off = greatest_distance(found)
     rows = tuple(
-        (m["label"], m["outcome"], *(shown(m[key]) for key in ("max_error", "max_energy_error", "max_constraint")))
+        (
+            m["label"],
+            m["outcome"],
+            *(shown(m[key]) for key in ("max_error", "max_energy_error", "max_constraint")),
+        )
         for m in found.result["methods"]
     )
     outcomes = {m["outcome"] for m in found.result["methods"]}
@@ -96,8 +105,12 @@ def greatest_distance(found: Run) -> float:
     assert found.truth is not None
     phi = found.truth["phi"]
     start, slope = phi[0], 0.5  # G = g sin(pi/6)
-    constant = 0.5 / np.cos(start) - slope * np.sin(start)  # s = G sin(phi) + constant, because w = 1
-    x = slope * (np.sin(phi) ** 2 - np.sin(start) ** 2) / 2 + constant * (np.sin(phi) - np.sin(start))
+    constant = 0.5 / np.cos(start) - slope * np.sin(
+        start
+    )  # s = G sin(phi) + constant, because w = 1
+    x = slope * (np.sin(phi) ** 2 - np.sin(start) ** 2) / 2 + constant * (
+        np.sin(phi) - np.sin(start)
+    )
     turned = (phi - start) / 2 - (np.sin(2 * phi) - np.sin(2 * start)) / 4
     y = slope * turned - constant * (np.cos(phi) - np.cos(start))
     return float(max(np.abs(found.truth["x"] - x).max(), np.abs(found.truth["y"] - y).max()))

@@ -25,7 +25,9 @@ def other_statements(folder: Path, progress: Progress) -> tuple[Statement, ...]:
     progress("nonholonomic particle")
     seen = ("trajectory", "error")
     starts = {
-        start: [run(scene(PARTICLE, "Particle", STEP, 10, both(a), seen, start=start)) for a in ALPHAS]
+        start: [
+            run(scene(PARTICLE, "Particle", STEP, 10, both(a), seen, start=start)) for a in ALPHAS
+        ]
         for start in ("discrete_constraint", "momenta")
     }
     return (
@@ -38,13 +40,18 @@ def other_statements(folder: Path, progress: Progress) -> tuple[Statement, ...]:
 
 def _knife_edge(found: Run, folder: Path) -> Statement:
     circles = {m["label"]: m["circle"] for m in found.result["methods"]}
-    spiral, holds = circles["nonholonomic-0"]["radius_change"], circles["variational-0"]["radius_change"]
+    spiral, holds = (
+        circles["nonholonomic-0"]["radius_change"],
+        circles["variational-0"]["radius_change"],
+    )
     caption = (
         f"Figure 8: knife edge, h = {found.result['step']}, T = 40. At alpha = 0 the nonholonomic path loses "
         f"{shown(-100 * spiral)} % of its radius, the variational one changes it by {shown(100 * abs(holds))} %."
     )
     figure = pictures.paths(found, folder, "figure-8-knife-edge", caption)
-    rows = tuple((label, shown(c["radius_change"]), shown(c["misfit"])) for label, c in circles.items())
+    rows = tuple(
+        (label, shown(c["radius_change"]), shown(c["misfit"])) for label, c in circles.items()
+    )
     return Statement(
         "knife-edge", "section 3.3, figure 8",
         "The nonholonomic integrator spirals at alpha = 0 while the variational one follows a circular path.",
@@ -55,7 +62,10 @@ def _knife_edge(found: Run, folder: Path) -> Statement:
 
 def _errors(runs: list[Run], method: str) -> dict[str, float]:
     """The greatest error in z for each alpha."""
-    return {alpha: _method(found, method)["error_each"]["z"] for alpha, found in zip(ALPHAS, runs, strict=True)}
+    return {
+        alpha: _method(found, method)["error_each"]["z"]
+        for alpha, found in zip(ALPHAS, runs, strict=True)
+    }
 
 
 def _method(found: Run, kind: str) -> Mapping[str, Any]:
@@ -111,7 +121,9 @@ def _best_alpha(starts: Mapping[str, list[Run]]) -> Statement:
 
 def _conclusion(edge: Run, particle: list[Run]) -> Statement:
     middle = particle[ALPHAS.index("1/2")]
-    errors = {kind: _method(middle, kind)["error_each"]["z"] for kind in ("variational", "nonholonomic")}
+    errors = {
+        kind: _method(middle, kind)["error_each"]["z"] for kind in ("variational", "nonholonomic")
+    }
     radius = {m["label"]: abs(m["circle"]["radius_change"]) for m in edge.result["methods"]}
     return Statement(
         "conclusion", "section 3.5",

@@ -29,7 +29,10 @@ def sections(folder: Path, progress: Progress) -> tuple[Section, ...]:
     exact, spiral, *disk = disk_statements(folder, progress)
     integrators = (exact, spiral, symbolic["circle"], *disk, *other_statements(folder, progress))
     return (
-        Section("Section 2: a class of nonholonomic systems", tuple(symbolic[key] for key in SECTION_TWO)),
+        Section(
+            "Section 2: a class of nonholonomic systems",
+            tuple(symbolic[key] for key in SECTION_TWO),
+        ),
         Section("Section 3: geometric integrators", integrators),
         section_four(progress),
         Section("Beyond the paper", beyond(folder, progress)),

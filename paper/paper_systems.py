@@ -60,14 +60,18 @@ class Member:
 
     @property
     def density(self) -> Expression:
-        squares = [multiply(self.masses[s], power(A, 2)) for s, A in zip(self.s, self.slopes, strict=True)]
+        squares = [
+            multiply(self.masses[s], power(A, 2)) for s, A in zip(self.s, self.slopes, strict=True)
+        ]
         return power(add(self.masses[self.r2], *squares), -HALF.value)
 
     @property
     def coupling(self) -> Expression:
         """K = sum I_s A_s A_s'."""
         parts = zip(self.s, self.slopes, strict=True)
-        return add(*(multiply(self.masses[s], A, differentiate(A, Symbol(self.r1))) for s, A in parts))
+        return add(
+            *(multiply(self.masses[s], A, differentiate(A, Symbol(self.r1))) for s, A in parts)
+        )
 
     def tree(self, text: str) -> Expression:
         """A formula of the result as a tree."""
@@ -82,7 +86,9 @@ class Member:
 
     def associated(self, kind: str) -> Mapping[str, Any]:
         """The answer about one associated system."""
-        found: Mapping[str, Any] = next(one for one in self.result["associated"] if one["kind"] == kind)
+        found: Mapping[str, Any] = next(
+            one for one in self.result["associated"] if one["kind"] == kind
+        )
         return found
 
     def accelerations(self, kind: str) -> dict[str, Expression]:
@@ -92,17 +98,27 @@ class Member:
 
 def member(name: str) -> Member:
     """A catalogue entry with bare Lagrangian and constraints, solved without naming an associated system."""
-    document = {key: value for key, value in catalogue.document(name).items() if key != "associated"}
+    document = {
+        key: value for key, value in catalogue.document(name).items() if key != "associated"
+    }
     result = solve_nonholonomic(document, SolveOptions(time_limit=TIME_LIMIT))["nonholonomic"]
     roles = result["paper_class"]
     names = Names(
-        tuple(document["coordinates"]), tuple(document.get("parameters", ())), functions_of(document), time=False
+        tuple(document["coordinates"]),
+        tuple(document.get("parameters", ())),
+        functions_of(document),
+        time=False,
     )
     lagrangian = read_formula(document["lagrangian"], names)
-    masses = {q: differentiate(differentiate(lagrangian, Velocity(q)), Velocity(q)) for q in names.coordinates}
+    masses = {
+        q: differentiate(differentiate(lagrangian, Velocity(q)), Velocity(q))
+        for q in names.coordinates
+    }
     slopes = tuple(read_formula(roles["A"][s]["text"], names) for s in roles["s"])
     title = catalogue.entry(name).get("title") or document.get("name") or name
-    return Member(title, document, result, names, roles["r1"], roles["r2"], tuple(roles["s"]), slopes, masses)
+    return Member(
+        title, document, result, names, roles["r1"], roles["r2"], tuple(roles["s"]), slopes, masses
+    )
 
 
 def functions_of(document: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
@@ -113,8 +129,13 @@ def functions_of(document: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
 def motion(system: Member) -> dict[str, Expression]:
     """Equation (3) of the paper: r1'' = 0, r2'' = -N^2 K r1' r2', and s' = -A r2' under the names of s."""
     v1, v2 = Velocity(system.r1), Velocity(system.r2)
-    table: dict[str, Expression] = {system.r1: ZERO, system.r2: negate(multiply(_drift(system), v1, v2))}
-    return table | {s: negate(multiply(A, v2)) for s, A in zip(system.s, system.slopes, strict=True)}
+    table: dict[str, Expression] = {
+        system.r1: ZERO,
+        system.r2: negate(multiply(_drift(system), v1, v2)),
+    }
+    return table | {
+        s: negate(multiply(A, v2)) for s, A in zip(system.s, system.slopes, strict=True)
+    }
 
 
 def _drift(system: Member) -> Expression:
@@ -161,19 +182,30 @@ def hamiltonian(system: Member, form: int) -> Expression:
         parts.append(divide(second, Symbol("C_2")))
     bracket = add(Symbol(f"p_{system.r1}"), multiply(HALF, system.density, add(*parts)))
     main = multiply(HALF, power(system.masses[system.r1], -1), power(bracket, 2))
-    return main if form == 1 else add(main, multiply(HALF, power(system.masses[system.r2], -1), second))
+    return (
+        main
+        if form == 1
+        else add(main, multiply(HALF, power(system.masses[system.r2], -1), second))
+    )
 
 
 def images(system: Member, form: int) -> tuple[Expression, ...]:
     """The constraints in phase space: C_2 p_s + C_s p_2, or I_2 N r1' p_s + a_s p_2 with r1' from H~2."""
     p2 = Symbol(f"p_{system.r2}")
     if form == 1:
-        return tuple(add(multiply(Symbol("C_2"), Symbol(f"p_{s}")), multiply(Symbol(f"C_{s}"), p2)) for s in system.s)
+        return tuple(
+            add(multiply(Symbol("C_2"), Symbol(f"p_{s}")), multiply(Symbol(f"C_{s}"), p2))
+            for s in system.s
+        )
     speed = differentiate(hamiltonian(system, 2), Symbol(f"p_{system.r1}"))
     factor = multiply(system.masses[system.r2], system.density, speed)
-    return tuple(add(multiply(factor, Symbol(f"p_{s}")), multiply(Symbol(f"a_{s}"), p2)) for s in system.s)
+    return tuple(
+        add(multiply(factor, Symbol(f"p_{s}")), multiply(Symbol(f"a_{s}"), p2)) for s in system.s
+    )
 
 
 def constants(system: Member, form: int) -> tuple[str, ...]:
     """The names of the free constants."""
-    return ("C_2", *(f"C_{s}" for s in system.s)) if form == 1 else tuple(f"a_{s}" for s in system.s)
+    return (
+        ("C_2", *(f"C_{s}" for s in system.s)) if form == 1 else tuple(f"a_{s}" for s in system.s)
+    )

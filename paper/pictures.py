@@ -42,27 +42,43 @@ def series(run: Run, quantity: str, folder: Path, name: str, caption: str) -> Fi
     return Figure(name, caption, finding)
 
 
-def planes(runs: Sequence[Run], pairs: Sequence[tuple[str, str]], folder: Path, name: str, caption: str) -> Figure:
+def planes(
+    runs: Sequence[Run], pairs: Sequence[tuple[str, str]], folder: Path, name: str, caption: str
+) -> Figure:
     """Curves in planes of two coordinates: one column a pair and one row a run, exact curve in black."""
     with matplotlib.rc_context(SETTINGS):
         wide = len(pairs) if len(runs) == 1 else min(3, len(runs))
         panels = [(run, pair) for run in runs for pair in pairs]
         rows = -(-len(panels) // wide)
-        figure = matplotlib.figure.Figure(figsize=(3.1 * wide + 0.4, 2.7 * rows + 0.9), layout="constrained")
+        figure = matplotlib.figure.Figure(
+            figsize=(3.1 * wide + 0.4, 2.7 * rows + 0.9), layout="constrained"
+        )
         grid = figure.subplots(rows, wide, squeeze=False).ravel()
         for axes, (run, (a, b)) in zip(grid, panels, strict=False):
             if run.truth is not None:
-                axes.plot(run.truth[a], run.truth[b], color=TRUE_COLOR, linewidth=1.2, label="exact")
-            drawn = [m for m in run.result["methods"] if m["label"] in run.tables and m["method"] != "exact"]
+                axes.plot(
+                    run.truth[a], run.truth[b], color=TRUE_COLOR, linewidth=1.2, label="exact"
+                )
+            drawn = [
+                m
+                for m in run.result["methods"]
+                if m["label"] in run.tables and m["method"] != "exact"
+            ]
             for place, method in enumerate(drawn):
                 table = run.tables[method["label"]]
                 axes.plot(
                     table[a], table[b], color=views.color_of(place), marker=MARKERS[place % 4], markersize=4,
                     markevery=(5 * place, max(1, len(table[a]) // 12)), fillstyle="none", label=method["method"],
                 )  # fmt: skip
-            axes.set(xlabel=a, ylabel=b, title=f"{ALPHA} = {drawn[0]['alpha']}" if len(runs) > 1 else f"{a}{b}")
+            axes.set(
+                xlabel=a,
+                ylabel=b,
+                title=f"{ALPHA} = {drawn[0]['alpha']}" if len(runs) > 1 else f"{a}{b}",
+            )
         handles, labels = grid[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside right upper", fontsize=8.5)
     save(figure, folder, name, caption)
     shown = ", ".join(f"{a} against {b}" for a, b in pairs)
-    return Figure(name, caption, f"{shown} for {len(runs)} values of alpha, each beside the exact curve.")
+    return Figure(
+        name, caption, f"{shown} for {len(runs)} values of alpha, each beside the exact curve."
+    )

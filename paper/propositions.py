@@ -47,7 +47,9 @@ def section_two(progress: Progress) -> Section:
         progress(f"solving {name}")
         systems.append(member(name))
     progress("comparing with the paper")
-    return Section("Section 2: a class of nonholonomic systems", tuple(make(systems) for make in STATEMENTS))
+    return Section(
+        "Section 2: a class of nonholonomic systems", tuple(make(systems) for make in STATEMENTS)
+    )
 
 
 def equations_of_motion(systems: Sequence[Member]) -> Statement:
@@ -59,11 +61,22 @@ def equations_of_motion(systems: Sequence[Member]) -> Statement:
         first = {name: system.tree(entry["text"]) for name, entry in table["first_order"].items()}
         expected = motion(system)
         same = system.vanish(
-            [subtract(found[name], expected[name]) for name in (system.r1, system.r2) if name in found]
+            [
+                subtract(found[name], expected[name])
+                for name in (system.r1, system.r2)
+                if name in found
+            ]
             + [subtract(first[s], expected[s]) for s in system.s if s in first]
         )
         good &= same and set(first) == set(system.s)
-        rows.append((system.title, f"{system.r1}, {system.r2}", ", ".join(map(to_text, system.slopes)), _yes(same)))
+        rows.append(
+            (
+                system.title,
+                f"{system.r1}, {system.r2}",
+                ", ".join(map(to_text, system.slopes)),
+                _yes(same),
+            )
+        )
     return Statement(
         "motion",
         "equation (3)",
@@ -84,7 +97,9 @@ def associated_systems(systems: Sequence[Member]) -> Statement:
         cells = [system.title]
         for kind in ("first", "second"):
             expected, found = second_order(system, kind), system.accelerations(kind)
-            same = system.vanish([subtract(found[name], expected[name]) for name in system.coordinates])
+            same = system.vanish(
+                [subtract(found[name], expected[name]) for name in system.coordinates]
+            )
             good &= same
             cells.append(_yes(same))
         rows.append(tuple(cells))
@@ -143,7 +158,9 @@ def second_has_lagrangians(systems: Sequence[Member]) -> Statement:
 
 def _checked(system: Member, form: int) -> str:
     """What the checker says of the paper's Lagrangian for the derived second system."""
-    return check_lagrangian(second_system(system, constants(system, form)), lagrangian(system, form))
+    return check_lagrangian(
+        second_system(system, constants(system, form)), lagrangian(system, form)
+    )
 
 
 def check_lagrangian(system: SecondOrderSystem, tree: Expression) -> str:
@@ -156,7 +173,9 @@ def second_system(system: Member, further: Sequence[str] = ()) -> SecondOrderSys
     """The second associated system as derived; `further` parameters may stand in a Lagrangian."""
     equations = dict(system.associated("second")["equations"])
     functions = {name: list(arguments) for name, arguments in system.names.functions.items()}
-    return read_system(system.coordinates, equations, (*system.names.parameters, *further), functions)
+    return read_system(
+        system.coordinates, equations, (*system.names.parameters, *further), functions
+    )
 
 
 def hamiltonians(systems: Sequence[Member]) -> Statement:
@@ -187,7 +206,9 @@ def _same_hamiltonian(system: Member, form: int) -> bool:
     L = lagrangian(system, form)
     speeds = [Velocity(name) for name in system.coordinates]
     p = _momenta(system, L)
-    energy = subtract(add(*(multiply(v, value) for v, value in zip(speeds, p.values(), strict=True))), L)
+    energy = subtract(
+        add(*(multiply(v, value) for v, value in zip(speeds, p.values(), strict=True))), L
+    )
     ours = substitute(hamiltonian(system, form), p)
     also = substitute(legendre(L, system.coordinates).hamiltonian, p)
     return system.vanish([subtract(ours, energy), subtract(also, energy)], constants(system, form))
@@ -198,7 +219,8 @@ def _kept(system: Member, form: int) -> bool:
     L = lagrangian(system, form)
     p = _momenta(system, L)
     speeds: dict[Expression, Expression] = {
-        Velocity(s): negate(multiply(A, Velocity(system.r2))) for s, A in zip(system.s, system.slopes, strict=True)
+        Velocity(s): negate(multiply(A, Velocity(system.r2)))
+        for s, A in zip(system.s, system.slopes, strict=True)
     }
     trees = [substitute(substitute(image, p), speeds) for image in images(system, form)]
     return system.vanish(trees, constants(system, form))

@@ -31,7 +31,11 @@ class Run:
     def only(self, *labels: str) -> Run:
         """The run with these methods alone."""
         kept = [m for m in self.result["methods"] if m["label"] in labels]
-        return Run({**self.result, "methods": kept}, {label: self.tables[label] for label in labels}, self.truth)
+        return Run(
+            {**self.result, "methods": kept},
+            {label: self.tables[label] for label in labels},
+            self.truth,
+        )
 
     def circle(self, label: str) -> Mapping[str, float]:
         """What is known of the circle that a method follows."""
@@ -48,7 +52,10 @@ def run(scene: Mapping[str, Any]) -> Run:
 DISK: Mapping[str, Any] = {
     "system": {"catalogue": "vertically-rolling-disk"},
     "parameters": {"M": 1, "R": 1, "I": "1/2", "J": "1/4"},
-    "initial": {"positions": {"phi": 0.3, "theta": 0, "x": 0, "y": 0}, "velocities": {"phi": 1, "theta": 0.5}},
+    "initial": {
+        "positions": {"phi": 0.3, "theta": 0, "x": 0, "y": 0},
+        "velocities": {"phi": 1, "theta": 0.5},
+    },
     "start": "discrete_constraint",
 }
 KNIFE_EDGE: Mapping[str, Any] = {

@@ -18,18 +18,28 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 @pytest.fixture(scope="session")
 def patient(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """A service with a realistic time limit: the double pendulum takes 3 s of processor time on a busy machine."""
+    """A service with a realistic time limit: the double pendulum takes 3 s of processor time on a
+    busy machine.
+    """
     yield from running_service(tmp_path_factory.mktemp("patient"), 60)
 
 
 def running_service(folder: Path, time_limit: int = 10, frame_origins: str = "") -> Iterator[str]:
-    """A service with its store in a folder; `time_limit` is in s by the clock, so a busy machine needs more."""
-    more = {"database": str(folder / "jobs.sqlite"), "log_level": "warning", "frame_origins": frame_origins}
+    """A service with its store in a folder; `time_limit` is in s by the clock, so a busy machine
+    needs more.
+    """
+    more = {
+        "database": str(folder / "jobs.sqlite"),
+        "log_level": "warning",
+        "frame_origins": frame_origins,
+    }
     with serving(time_limit=str(time_limit), **more) as (_, address):
         yield address
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Run browser tests last: their driver keeps an event loop in the thread, and other tests start their own."""
+    """Run browser tests last: their driver keeps an event loop in the thread, and other tests start
+    their own.
+    """
     items.sort(key=lambda item: item.get_closest_marker("browser") is not None)

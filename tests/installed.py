@@ -1,7 +1,8 @@
-"""Test an installation with ten questions: `python tests/installed.py WHEEL FOLDER` installs the wheel there.
+"""Test an installation with ten questions: `python tests/installed.py WHEEL FOLDER` installs the
+wheel there.
 
-Run by `make installed`. The environment is empty, and the home directory is not writable, so that an answer that
-needs a compiler or a compiled file of somebody else's fails.
+Run by `make installed`. The environment is empty, and the home directory is not writable, so that
+an answer that needs a compiler or a compiled file of somebody else's fails.
 """
 
 from __future__ import annotations
@@ -37,7 +38,11 @@ SCENE = {
 
 def size(folder: Path) -> int:
     """Bytes of all files."""
-    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file() and not path.is_symlink())
+    return sum(
+        path.stat().st_size
+        for path in folder.rglob("*")
+        if path.is_file() and not path.is_symlink()
+    )
 
 
 def main(wheel: Path, place: Path) -> None:
@@ -52,10 +57,14 @@ def main(wheel: Path, place: Path) -> None:
         if wheel.name.endswith("-none-any.whl"):  # which compiles its kernels once
             environment["INVERSE_SERVICE_CACHE"] = f"{folder}/kernels"
         else:
-            assert subprocess.run([python, "-c", "import numba"], capture_output=True, check=False).returncode
+            assert subprocess.run(
+                [python, "-c", "import numba"], capture_output=True, check=False
+            ).returncode
 
         def run(*words: str) -> subprocess.CompletedProcess[str]:
-            return subprocess.run([command, *words], capture_output=True, text=True, env=environment, check=False)
+            return subprocess.run(
+                [command, *words], capture_output=True, text=True, env=environment, check=False
+            )
 
         began = time.monotonic()
         run("solve", "x'' = -x")
@@ -65,13 +74,17 @@ def main(wheel: Path, place: Path) -> None:
             assert found.returncode == 0, (equations, found.stderr[-800:])
             answer = json.loads(found.stdout)
             assert (answer["verdict_with_time"] or answer["verdict"]) == verdict, (equations, found)
-            assert answer["checked"] == "valid" or answer["with_time"]["checked"] == "valid", equations
+            assert answer["checked"] == "valid" or answer["with_time"]["checked"] == "valid", (
+                equations
+            )
         scene = Path(folder) / "scene.json"
         scene.write_text(json.dumps(SCENE))
         refused = run("simulate", str(scene))
         assert refused.returncode == 2, refused
         assert "inverse-service[simulation]" in refused.stderr, refused.stderr
-    print(f"{len(QUESTIONS) + 1} passed, 0 failed; {size(place) / 2**20:.0f} MB, first answer after {seconds:.1f} s")
+    print(
+        f"{len(QUESTIONS) + 1} passed, 0 failed; {size(place) / 2**20:.0f} MB, first answer after {seconds:.1f} s"
+    )
 
 
 if __name__ == "__main__":

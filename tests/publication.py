@@ -1,4 +1,6 @@
-"""Write the names and addresses of publication.toml where others read them: `python -m tests.publication`."""
+"""Write the names and addresses of publication.toml where others read them: `python -m
+tests.publication`.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ def manuscript(text: str, about: dict[str, Any]) -> str:
         f"  - name: {one['name']}\n    orcid: {one['orcid']}\n    affiliation: {1 + places.index(one['affiliation'])}\n"
         for one in about["authors"]
     )
-    named = "".join(f"  - name: {place}\n    index: {number}\n" for number, place in enumerate(places, 1))
+    named = "".join(
+        f"  - name: {place}\n    index: {number}\n" for number, place in enumerate(places, 1)
+    )
     head = f"authors:\n{authors}affiliations:\n{named}"
     text = re.sub(r"(?ms)^authors:\n.*?(?=^date:)", head, text, count=1)
     return re.sub(r"<https://[^>]*>(?=, version)", f"<{about['repository']}>", text)

@@ -1,9 +1,11 @@
-"""A second checker of `nonexistence` certificates whose equations are rational, written from FORMAT.md alone.
+"""A second checker of `nonexistence` certificates whose equations are rational, written from
+FORMAT.md alone.
 
-It needs the standard library only and shares no line with the solver or with `certificate/`. Formulas are evaluated in
-any type of number with `+ - * /`: Taylor series about a random point modulo a random prime, which decide; exact
-fractions, for the conditions at the point `near`; and degrees, which bound the probability of error. Claims that are
-not rational, or about constraints, kinds of Lagrangians, or arbitrary functions, are `incomplete`.
+It needs the standard library only and shares no line with the solver or with `certificate/`.
+Formulas are evaluated in any type of number with `+ - * /`: Taylor series about a random point
+modulo a random prime, which decide; exact fractions, for the conditions at the point `near`; and
+degrees, which bound the probability of error. Claims that are not rational, or about constraints,
+kinds of Lagrangians, or arbitrary functions, are `incomplete`.
 
     python tests/second_checker.py CERTIFICATE.json
 """
@@ -22,7 +24,10 @@ from fractions import Fraction
 from typing import Any
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,99}", re.ASCII)
-TOKEN = re.compile(r"\s*(\d+(?:\.\d+)?|[A-Za-z]\w*'*|\^\s*(?:-?\d+|\(-?\d+\))(?![\d.]|\s*\^)|[-+*/^()]|\Z)", re.ASCII)
+TOKEN = re.compile(
+    r"\s*(\d+(?:\.\d+)?|[A-Za-z]\w*'*|\^\s*(?:-?\d+|\(-?\d+\))(?![\d.]|\s*\^)|[-+*/^()]|\Z)",
+    re.ASCII,
+)
 FORMAT, MAX_DEGREE, MAX_POWER, MAX_TEXT = "inverse-service/certificate/2", 1 << 20, 4096, 60_000
 Index = tuple[int, ...]
 Row = dict[Index, int]
@@ -38,14 +43,18 @@ def require(condition: object, sentence: str, verdict: str = "invalid") -> None:
 
 
 class Degrees:
-    """A bound of the degrees of numerator and denominator, and of the bits of their coefficients."""
+    """A bound of the degrees of numerator and denominator, and of the bits of their
+    coefficients.
+    """
 
     def __init__(self, above: int, below: int) -> None:
         require(max(above, below) <= MAX_DEGREE, "A degree may be too high.", "incomplete")
         self.above, self.below = above, below
 
     def __add__(self, other: Degrees) -> Degrees:
-        return Degrees(max(self.above + other.below, other.above + self.below) + 1, self.below + other.below)
+        return Degrees(
+            max(self.above + other.below, other.above + self.below) + 1, self.below + other.below
+        )
 
     __sub__ = __add__
 
@@ -57,7 +66,9 @@ class Degrees:
 
 
 class Taylor:
-    """A power series {multi-index: residue} in `variables` variables, truncated beyond a total degree."""
+    """A power series {multi-index: residue} in `variables` variables, truncated beyond a total
+    degree.
+    """
 
     def __init__(self, terms: Row, ring: tuple[int, int, int]) -> None:
         self.terms, self.ring = {key: value for key, value in terms.items() if value}, ring
@@ -67,7 +78,10 @@ class Taylor:
 
     def combined(self, other: Taylor, sign: int) -> Taylor:
         a, b = self.terms, other.terms
-        return Taylor({key: (a.get(key, 0) + sign * b.get(key, 0)) % self.ring[0] for key in {**a, **b}}, self.ring)
+        return Taylor(
+            {key: (a.get(key, 0) + sign * b.get(key, 0)) % self.ring[0] for key in {**a, **b}},
+            self.ring,
+        )
 
     def __add__(self, other: Taylor) -> Taylor:
         return self.combined(other, 1)
@@ -96,7 +110,10 @@ class Taylor:
 
     def by(self, k: int) -> Taylor:
         """The derivative by variable k."""
-        return Taylor({up(a, k, -1): x * a[k] % self.ring[0] for a, x in self.terms.items() if a[k]}, self.ring)
+        return Taylor(
+            {up(a, k, -1): x * a[k] % self.ring[0] for a, x in self.terms.items() if a[k]},
+            self.ring,
+        )
 
 
 def up(index: Index, k: int, by: int = 1) -> Index:
@@ -105,7 +122,10 @@ def up(index: Index, k: int, by: int = 1) -> Index:
 
 def read(text: str, names: dict[str, Any], number: Callable[[Fraction], Any]) -> Any:
     """Evaluate a formula; `^` binds tightest and -x^2 is -(x^2)."""
-    require(isinstance(text, str) and len(text) <= MAX_TEXT, "A formula has to be a text of moderate length.")
+    require(
+        isinstance(text, str) and len(text) <= MAX_TEXT,
+        "A formula has to be a text of moderate length.",
+    )
     tokens, at = list[str](), 0
     while at < len(text):
         found = TOKEN.match(text, at)
@@ -135,8 +155,15 @@ def read(text: str, names: dict[str, Any], number: Callable[[Fraction], Any]) ->
         value = operand()
         while tokens and tokens[-1][:1] == "^":
             word = tokens.pop()[1:].strip("() \t\r\n")
-            require(word and abs(int(word)) <= MAX_POWER, "A power is not a moderate integral one.", "incomplete")
-            base, value = value if int(word) >= 0 else number(Fraction(1)) / value, number(Fraction(1))
+            require(
+                word and abs(int(word)) <= MAX_POWER,
+                "A power is not a moderate integral one.",
+                "incomplete",
+            )
+            base, value = (
+                value if int(word) >= 0 else number(Fraction(1)) / value,
+                number(Fraction(1)),
+            )
             for digit in f"{abs(int(word)):b}":
                 value = value * value * base if digit == "1" else value * value
         return value
@@ -157,12 +184,19 @@ def read(text: str, names: dict[str, Any], number: Callable[[Fraction], Any]) ->
     return value
 
 
-def conditions(system: dict[str, Any], timed: bool, order: int, prime: int) -> Callable[[list[Any]], Row]:
-    """The row of a name ["H2" | "H3", i, j, alpha] about a random point, in the coefficients of L."""
+def conditions(
+    system: dict[str, Any], timed: bool, order: int, prime: int
+) -> Callable[[list[Any]], Row]:
+    """The row of a name ["H2" | "H3", i, j, alpha] about a random point, in the coefficients of
+    L.
+    """
     names, n = system["coordinates"], len(system["coordinates"])
     variables = ["t"] * timed + names + [name + "'" for name in names]
     unit = Taylor({}, (prime, len(variables), order + 2)).constant(1)
-    values = {x: unit.constant(random.randrange(prime)) for x in [*variables, *(system.get("parameters") or [])]}
+    values = {
+        x: unit.constant(random.randrange(prime))
+        for x in [*variables, *(system.get("parameters") or [])]
+    }
     for k, name in enumerate(variables):
         values[name] += Taylor({up((0,) * len(variables), k): 1}, unit.ring)
 
@@ -207,7 +241,10 @@ def eliminated(rows: Iterable[Row], prime: int) -> dict[Index, Row]:
                 echelon[pivot] = {key: value * inverse % prime for key, value in row.items()}
                 break
             factor, known = row[pivot], echelon[pivot]
-            row = {key: (row.get(key, 0) - factor * known.get(key, 0)) % prime for key in {**row, **known}}
+            row = {
+                key: (row.get(key, 0) - factor * known.get(key, 0)) % prime
+                for key in {**row, **known}
+            }
             row = {key: value for key, value in row.items() if value}
     return echelon
 
@@ -217,9 +254,14 @@ def determinant(echelon: dict[Index, Row], n: int, m: int, prime: int) -> int:
     solution: Row = {}
     for pivot in sorted(echelon, key=lambda index: (sum(index), index)):
         others = {key: value for key, value in echelon[pivot].items() if key != pivot}
-        solution[pivot] = -sum(x * solution.setdefault(key, random.randrange(prime)) for key, x in others.items())
+        solution[pivot] = -sum(
+            x * solution.setdefault(key, random.randrange(prime)) for key, x in others.items()
+        )
     places = [[up(up((0,) * m, m - n + i), m - n + j) for j in range(n)] for i in range(n)]
-    g = [[solution.setdefault(key, random.randrange(prime)) * max(key) % prime for key in line] for line in places]
+    g = [
+        [solution.setdefault(key, random.randrange(prime)) * max(key) % prime for key in line]
+        for line in places
+    ]
     det = 1
     for column in range(n):
         pivot = next((k for k in range(column, n) if g[k][column]), n)
@@ -248,23 +290,46 @@ def random_prime() -> int:
 
 def check_shape(c: Any) -> None:
     """A certificate of the documented form that this checker can judge."""
-    require(isinstance(c, dict) and c.get("format") == FORMAT, "This is not a certificate of version 2.")
-    require(c.get("kind") == "nonexistence" and not c.get("among"), "Of another kind.", "incomplete")
-    require(c.get("claim") == "not_variational", "A certificate of kind nonexistence claims not_variational.")
+    require(
+        isinstance(c, dict) and c.get("format") == FORMAT, "This is not a certificate of version 2."
+    )
+    require(
+        c.get("kind") == "nonexistence" and not c.get("among"), "Of another kind.", "incomplete"
+    )
+    require(
+        c.get("claim") == "not_variational",
+        "A certificate of kind nonexistence claims not_variational.",
+    )
     require(c.get("question") in ("autonomous", "time_dependent"), "The question is not known.")
     system, order, rows = c["system"], c["order"], c["rows"]
     strange = system.get("functions") or system.get("velocities") or c.get("roots")
-    require(not strange, "Arbitrary functions, constraints and roots are not checked here.", "incomplete")
-    names, listed = system["coordinates"], [*system["coordinates"], *(system.get("parameters") or [])]
+    require(
+        not strange,
+        "Arbitrary functions, constraints and roots are not checked here.",
+        "incomplete",
+    )
+    names, listed = (
+        system["coordinates"],
+        [*system["coordinates"], *(system.get("parameters") or [])],
+    )
     require(names and {*system["equations"]} == {*names}, "Each coordinate needs its equation.")
-    require(all(isinstance(name, str) and NAME.fullmatch(name) for name in listed), "A name is malformed.")
+    require(
+        all(isinstance(name, str) and NAME.fullmatch(name) for name in listed),
+        "A name is malformed.",
+    )
     require(len({*listed, "t", "pi"}) == len(listed) + 2, "Names have to be distinct.")
-    require(type(order) is int and 0 <= order <= 20 and isinstance(rows, list), "order or rows are malformed.")
+    require(
+        type(order) is int and 0 <= order <= 20 and isinstance(rows, list),
+        "order or rows are malformed.",
+    )
     n, m = len(names), 2 * len(names) + (c["question"] == "time_dependent")
     for kind, i, j, alpha in rows:
         require(type(i) is type(j) is int and 0 <= i <= j < n, "A row names no entry of g.")
         require(kind == "H2" or (kind == "H3" and i < j), "A row is not one of H2 or H3.")
-        require(len(alpha) == m and all(type(a) is int and a >= 0 for a in alpha), "A multi-index is malformed.")
+        require(
+            len(alpha) == m and all(type(a) is int and a >= 0 for a in alpha),
+            "A multi-index is malformed.",
+        )
         require(sum(alpha) <= order - (kind == "H2"), "A row is of a higher order.")
     require(len({json.dumps(row) for row in rows}) == len(rows), "A row is named twice.")
     require(math.comb(m + order + 2, m) <= 100_000, "The series would be too long.", "incomplete")
@@ -279,26 +344,46 @@ def compare(c: Any) -> None:
         c.get("near") or {},
         len(c["system"]["coordinates"]),
     )
-    known = ["t", *system["coordinates"], *(x + "'" for x in system["coordinates"]), *(system.get("parameters") or [])]
+    known = [
+        "t",
+        *system["coordinates"],
+        *(x + "'" for x in system["coordinates"]),
+        *(system.get("parameters") or []),
+    ]
     require({*near} <= {*known}, "near contains a name that the system does not declare.")
     for text in system["equations"].values():
         unknown = dict.fromkeys(known[1 - timed :], Degrees(1, 0))
         read(text, unknown, lambda x: Degrees(x.numerator.bit_length(), x.denominator.bit_length()))
     if near or c.get("conditions"):
-        point = {x: Fraction(near[x]) if x in near else Fraction(random.getrandbits(30), 1 << 30) for x in known}
+        point = {
+            x: Fraction(near[x]) if x in near else Fraction(random.getrandbits(30), 1 << 30)
+            for x in known
+        }
         for text in c.get("conditions") or []:
-            more, less = (read(side, point, Fraction) for side in re.split("[<>]", text)[:: 1 if ">" in text else -1])
-            require(more > less, "A condition does not hold.", "invalid" if {*near} == {*known} else "incomplete")
+            more, less = (
+                read(side, point, Fraction)
+                for side in re.split("[<>]", text)[:: 1 if ">" in text else -1]
+            )
+            require(
+                more > less,
+                "A condition does not hold.",
+                "invalid" if {*near} == {*known} else "incomplete",
+            )
         for text in system["equations"].values():
             read(text, point, Fraction)
     pivots = list[set[Index]]()
     while len(pivots) < 2:  # random points modulo random primes
         prime = random_prime()
         try:
-            echelon = eliminated(map(conditions(system, timed, c["order"], prime), c["rows"]), prime)
+            echelon = eliminated(
+                map(conditions(system, timed, c["order"], prime), c["rows"]), prime
+            )
         except ZeroDivisionError:
             continue
-        require(not determinant(echelon, n, 2 * n + timed, prime), "The rows leave a regular multiplier g(p).")
+        require(
+            not determinant(echelon, n, 2 * n + timed, prime),
+            "The rows leave a regular multiplier g(p).",
+        )
         pivots.append({*echelon})
     require(pivots[0] == pivots[1], "The pivots differ from point to point.", "incomplete")
 

@@ -13,7 +13,10 @@ from typing import IO
 COMMAND = [sys.executable, "-m", "inverse_service", "serve", "--port", "0"]
 NAMES = [f"x{k}" for k in range(8)]
 TERMS = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in NAMES for b in NAMES)
-HARD = {"coordinates": NAMES, "equations": dict.fromkeys(NAMES, TERMS)}  # longer than the wait of any test
+HARD = {
+    "coordinates": NAMES,
+    "equations": dict.fromkeys(NAMES, TERMS),
+}  # longer than the wait of any test
 
 
 def until(holds: Callable[[], object], seconds: float = 60.0, pause: float = 0.02) -> None:
@@ -36,7 +39,9 @@ def serving(
 ) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """The process and the address of a service, which is stopped at the end."""
     environment = environment_of(settings)
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=stderr, text=True, env=environment) as process:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=stderr, text=True, env=environment
+    ) as process:
         assert process.stdout is not None
         try:
             yield process, process.stdout.readline().strip()

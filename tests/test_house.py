@@ -14,8 +14,16 @@ from tests.test_layering import imported
 
 ROOT = Path(__file__).parent.parent
 ARCHITECTURE = (ROOT / "docs" / "explanation" / "architecture.md").read_text(encoding="utf-8")
-SOURCES = [path for part in ("inverse_service", "api_schemas") for path in sorted((ROOT / part).rglob("*.py"))]
-ENTRIES = {"inverse_service.__main__", "inverse_service.cli.__main__", "inverse_service.service.compiling"}
+SOURCES = [
+    path
+    for part in ("inverse_service", "api_schemas")
+    for path in sorted((ROOT / part).rglob("*.py"))
+]
+ENTRIES = {
+    "inverse_service.__main__",
+    "inverse_service.cli.__main__",
+    "inverse_service.service.compiling",
+}
 BY_NAME = re.compile(r"\"(inverse_service(?:\.\w+)+)\"")
 AGREEMENT = re.compile(r"^\| `([a-z_.]+)\.(\w+)(?:\(|`)", re.MULTILINE)
 
@@ -31,7 +39,9 @@ def module_of(path: Path) -> str:
 
 
 def mentioned(path: Path) -> set[str]:
-    """The modules that a file imports, lazily or not, or names in a string to run them in separate processes."""
+    """The modules that a file imports, lazily or not, or names in a string to run them in separate
+    processes.
+    """
     source = path.read_text(encoding="utf-8")
     package = module_of(path) if path.name == "__init__.py" else module_of(path).rpartition(".")[0]
     found = {*BY_NAME.findall(source), *imported(source, package)}
@@ -51,7 +61,11 @@ def exists(module: str, name: str) -> bool:
 
 def test_every_file_that_the_architecture_page_names_exists() -> None:
     places = sorted(set(re.findall(r"`((?:\w+/)+\w+\.py)`", ARCHITECTURE)))
-    missing = [place for place in places if not (ROOT / place).is_file() and not any(p.match(place) for p in SOURCES)]
+    missing = [
+        place
+        for place in places
+        if not (ROOT / place).is_file() and not any(p.match(place) for p in SOURCES)
+    ]
     assert missing == []
 
 
@@ -62,10 +76,16 @@ def test_no_two_modules_have_the_same_name() -> None:
 
 
 def test_every_sentence_of_a_run_exists_and_is_said() -> None:
-    nodes = [node for path in SOURCES for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))]
+    nodes = [
+        node for path in SOURCES for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+    ]
     calls = [node for node in nodes if isinstance(node, ast.Call)]
     keys = [ast.walk(call.args[0]) for call in calls if ast.unparse(call.func) == "say"]
     said = {node.value for key in keys for node in key if isinstance(node, ast.Constant)}
     assert {key for key in said if isinstance(key, str)} == set(sentences.SENTENCES)
-    refused = [call.args[0] for call in calls if ast.unparse(call.func) in ("fault", "refusals.fault")]
-    assert {key.value for key in refused if isinstance(key, ast.Constant)} <= set(refusals.SENTENCES)
+    refused = [
+        call.args[0] for call in calls if ast.unparse(call.func) in ("fault", "refusals.fault")
+    ]
+    assert {key.value for key in refused if isinstance(key, ast.Constant)} <= set(
+        refusals.SENTENCES
+    )

@@ -29,16 +29,24 @@ def imported(source: str, package: str) -> list[str]:
         if isinstance(node, ast.Import):
             found += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            base = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            base = (
+                package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            )
             module = ".".join([*base, *([node.module] if node.module else [])])
             found += [f"{module}.{alias.name}" for alias in node.names]
     return found
 
 
 def room(module: str) -> str | None:
-    """The package or module directly below inverse_service, or None for other modules and for the root itself."""
+    """The package or module directly below inverse_service, or None for other modules and for the
+    root itself.
+    """
     parts = module.split(".")
-    return parts[1] if parts[0] == "inverse_service" and len(parts) > 1 and parts[1] in FLOORS else None
+    return (
+        parts[1]
+        if parts[0] == "inverse_service" and len(parts) > 1 and parts[1] in FLOORS
+        else None
+    )
 
 
 def faults(path: Path, source: str) -> list[str]:
@@ -59,31 +67,46 @@ def faults(path: Path, source: str) -> list[str]:
 
 
 def test_imports_point_down_only() -> None:
-    assert [fault for path in MODULES for fault in faults(path, (ROOT / path).read_text(encoding="utf-8"))] == []
+    assert [
+        fault
+        for path in MODULES
+        for fault in faults(path, (ROOT / path).read_text(encoding="utf-8"))
+    ] == []
 
 
 def without_types(source: str) -> str:
     """The source without what only a type checker reads."""
     tree = ast.parse(source)
     tree.body = [
-        node for node in tree.body if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")
+        node
+        for node in tree.body
+        if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")
     ]
     return ast.unparse(tree)
 
 
 def imports_of_each(sources: Mapping[Path, str]) -> dict[str, set[str]]:
-    """For each module those of the others that it imports, at its head, in a function, or for its types.
+    """For each module those of the others that it imports, at its head, in a function, or for its
+    types.
 
-    Without the root, a facade that imports what is called: what is below may import it lazily. Without the types of the
-    checker: a `Question` is read by rings that it makes itself.
+    Without the root, a facade that imports what is called: what is below may import it lazily.
+    Without the types of the checker: a `Question` is read by rings that it makes itself.
     """
-    names = {".".join(path.with_suffix("").parts).removesuffix(".__init__"): path for path in sources}
+    names = {
+        ".".join(path.with_suffix("").parts).removesuffix(".__init__"): path for path in sources
+    }
     del names["inverse_service"]
     found: dict[str, set[str]] = {}
     for name, path in names.items():
-        source = without_types(sources[path]) if path.is_relative_to("inverse_service/certificate") else sources[path]
+        source = (
+            without_types(sources[path])
+            if path.is_relative_to("inverse_service/certificate")
+            else sources[path]
+        )
         each = imported(source, ".".join(path.parts[:-1]))
-        found[name] = names.keys() & {one if one in names else one.rpartition(".")[0] for one in each} - {name}
+        found[name] = names.keys() & {
+            one if one in names else one.rpartition(".")[0] for one in each
+        } - {name}
     return found
 
 
@@ -109,13 +132,19 @@ def test_a_circle_is_found(back: str) -> None:
         "web/engine": "from . import asking",
         "web/other": "from .engine import Engine",
     }
-    graph = imports_of_each({Path(f"inverse_service/{name}.py"): source for name, source in sources.items()})
+    graph = imports_of_each(
+        {Path(f"inverse_service/{name}.py"): source for name, source in sources.items()}
+    )
     with pytest.raises(CycleError):
         TopologicalSorter(graph).prepare()
 
 
 def test_schemas_know_nothing_of_the_engine() -> None:
-    names = [name for path in SCHEMAS for name in imported((ROOT / path).read_text(encoding="utf-8"), "api_schemas")]
+    names = [
+        name
+        for path in SCHEMAS
+        for name in imported((ROOT / path).read_text(encoding="utf-8"), "api_schemas")
+    ]
     assert [name for name in names if name.startswith("inverse_service")] == []
 
 
@@ -123,7 +152,11 @@ def test_checker_imports_nothing_of_the_project() -> None:
     """It imports only its own folder, relatively, so a copy runs anywhere."""
     for path in sorted((ROOT / "inverse_service/certificate").glob("*.py")):
         source = path.read_text(encoding="utf-8")
-        found = [name for name in imported(source, "certificate") if room(name) or "inverse_service" in name]
+        found = [
+            name
+            for name in imported(source, "certificate")
+            if room(name) or "inverse_service" in name
+        ]
         assert found == []
 
 
@@ -148,8 +181,16 @@ def test_an_import_that_points_up_is_found(source: str) -> None:
 
 
 def test_what_a_worker_loads_first_is_there() -> None:
-    """A list names these modules, so a moved module can be missed; without them a service never becomes ready."""
+    """A list names these modules, so a moved module can be missed; without them a service never
+    becomes ready.
+    """
     from inverse_service.service.jobs.tasks import ENGINE
 
-    missing = [name for name in ENGINE if not (ROOT / "inverse_service" / f"{name.replace('.', '/')}.py").exists()]
-    assert [name for name in missing if not (ROOT / "inverse_service" / name.replace(".", "/")).is_dir()] == []
+    missing = [
+        name
+        for name in ENGINE
+        if not (ROOT / "inverse_service" / f"{name.replace('.', '/')}.py").exists()
+    ]
+    assert [
+        name for name in missing if not (ROOT / "inverse_service" / name.replace(".", "/")).is_dir()
+    ] == []

@@ -1,4 +1,6 @@
-"""The three functions of the package take documents and return the same results as the command line."""
+"""The three functions of the package take documents and return the same results as the command
+line.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,10 @@ def test_python_values_are_those_of_json() -> None:
 
 def test_a_lagrangian_of_ones_own_is_checked_as_over_http() -> None:
     system = {"equations": "x'' = -x"}
-    assert inverse_service.check({"system": system, "lagrangian": "x'^2/2 - x^2/2"})["verdict"] == "valid"
+    assert (
+        inverse_service.check({"system": system, "lagrangian": "x'^2/2 - x^2/2"})["verdict"]
+        == "valid"
+    )
     wrong = inverse_service.check({"system": system, "lagrangian": "x'^2/2 - x"})
     assert (wrong["verdict"], wrong["residual"]["x"]["text"]) == ("invalid", "1 - x")
     with pytest.raises(InputError, match="as in JSON"):
@@ -89,7 +94,9 @@ def test_a_bad_scene_is_refused() -> None:
 
 def test_importing_the_package_loads_no_engine() -> None:
     program = "import sys, inverse_service; print(sorted({'numpy', 'flint', 'pydantic'} & set(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
     assert done.stdout == "[]\n"
 
 
@@ -99,7 +106,9 @@ def test_what_workers_load_for_pages_leaves_out_the_web_framework() -> None:
         "import importlib, sys; from inverse_service.web.pages import TASKS; "
         "[importlib.import_module(name) for name in TASKS]; print(sorted({'fastapi', 'uvicorn'} & set(sys.modules)))"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
     assert done.stdout == "[]\n"
 
 
@@ -124,13 +133,17 @@ tasks.load_engine()
 
 
 def test_solver_server_and_command_line_load_without_any_extra() -> None:
-    done = subprocess.run([sys.executable, "-c", WITHOUT_EXTRAS], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_EXTRAS], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr[-800:]
 
 
 def test_every_phony_target_of_the_makefile_has_a_rule() -> None:
     """Without a rule, make prints "nothing to be done" and succeeds."""
     text = (Path(__file__).parents[1] / "Makefile").read_text(encoding="utf-8")
-    targets = [name for line in re.findall(r"^\.PHONY: (.*)$", text, re.MULTILINE) for name in line.split()]
+    targets = [
+        name for line in re.findall(r"^\.PHONY: (.*)$", text, re.MULTILINE) for name in line.split()
+    ]
     assert "installed" in targets
     assert [name for name in targets if not re.search(rf"^{name}:", text, re.MULTILINE)] == []

@@ -1,7 +1,9 @@
-"""The Helmholtz conditions as a linear PDE system for g_ij(q, v), as an expert would hand it to a peer.
+"""The Helmholtz conditions as a linear PDE system for g_ij(q, v), as an expert would hand it to a
+peer.
 
-Each equation is {(i, j, axis): coefficient} for the sum of coefficient * d_axis g_ij, where axis -1 means g_ij itself
-and 0 … 2n - 1 mean (q, v). The coefficients are polynomials: each equation is multiplied by its denominators.
+Each equation is {(i, j, axis): coefficient} for the sum of coefficient * d_axis g_ij, where axis -1
+means g_ij itself and 0 … 2n - 1 mean (q, v). The coefficients are polynomials: each equation is
+multiplied by its denominators.
 """
 
 from __future__ import annotations
@@ -38,7 +40,9 @@ def linear_system(system: SecondOrderSystem) -> LinearSystem:
     x = tuple(sympy.Symbol(f"x{k + 1}") for k in range(2 * n))
     names = {sympy.Symbol(name): x[k] for k, name in enumerate(system.coordinates)}
     names |= {sympy.Symbol(f"{name}'"): x[n + k] for k, name in enumerate(system.coordinates)}
-    forces = sympy.Matrix([to_sympy(f) for f in system.accelerations]).subs(names, simultaneous=True)
+    forces = sympy.Matrix([to_sympy(f) for f in system.accelerations]).subs(
+        names, simultaneous=True
+    )
     if not all(f.is_rational_function(*x) for f in forces) or forces.free_symbols - set(x):
         raise ValueError("only rational systems without parameters are given to the peers")
     found = [*_closed(n), *_along(forces, x), *_symmetric(forces, x)]
@@ -87,7 +91,10 @@ def _symmetric(forces: Any, x: tuple[Any, ...]) -> list[Equation]:
     n = len(forces)
     slope = forces.jacobian(x[n:])
     drift = slope.applyfunc(
-        lambda entry: sum(speed * sympy.diff(entry, name) for speed, name in zip((*x[n:], *forces), x, strict=True))
+        lambda entry: sum(
+            speed * sympy.diff(entry, name)
+            for speed, name in zip((*x[n:], *forces), x, strict=True)
+        )
     )
     Phi = drift - 2 * forces.jacobian(x[:n]) - slope * slope / 2
     found = []

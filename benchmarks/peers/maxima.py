@@ -1,4 +1,5 @@
-"""Maxima for the algebraic part: Phi, nabla Phi, R, the linear conditions on g, and det of the remaining g.
+"""Maxima for the algebraic part: Phi, nabla Phi, R, the linear conditions on g, and det of the
+remaining g.
 
 It stops at algebraic conditions, so its "variational" only says "not excluded".
 
@@ -72,10 +73,20 @@ def measured(document: dict[str, Any]) -> dict[str, Any]:
 def _script(system: SecondOrderSystem) -> str:
     n = len(system.coordinates)
     positions, velocities = [f"q{k + 1}" for k in range(n)], [f"v{k + 1}" for k in range(n)]
-    names = {sympy.Symbol(name): sympy.Symbol(positions[k]) for k, name in enumerate(system.coordinates)}
-    names |= {sympy.Symbol(f"{name}'"): sympy.Symbol(velocities[k]) for k, name in enumerate(system.coordinates)}
-    forces = [str(to_sympy(f).subs(names, simultaneous=True)).replace("**", "^") for f in system.accelerations]
-    return _SCRIPT.format(n=n, positions=",".join(positions), velocities=",".join(velocities), forces=",".join(forces))
+    names = {
+        sympy.Symbol(name): sympy.Symbol(positions[k]) for k, name in enumerate(system.coordinates)
+    }
+    names |= {
+        sympy.Symbol(f"{name}'"): sympy.Symbol(velocities[k])
+        for k, name in enumerate(system.coordinates)
+    }
+    forces = [
+        str(to_sympy(f).subs(names, simultaneous=True)).replace("**", "^")
+        for f in system.accelerations
+    ]
+    return _SCRIPT.format(
+        n=n, positions=",".join(positions), velocities=",".join(velocities), forces=",".join(forces)
+    )
 
 
 if __name__ == "__main__":

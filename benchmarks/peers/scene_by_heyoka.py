@@ -1,4 +1,6 @@
-"""One scene (standard input) by heyoka: its Taylor method with the equations that it derives from the Lagrangian."""
+"""One scene (standard input) by heyoka: its Taylor method with the equations that it derives from
+the Lagrangian.
+"""
 
 import json
 import sys
@@ -39,7 +41,10 @@ if __name__ == "__main__":
     q, v = ([one] if len(names) == 1 else list(one) for one in (q, v))
     table: dict[ex.Expression, Any] = dict(zip(map(ex.Symbol, names), q, strict=True))
     table |= zip(map(ex.Velocity, names), v, strict=True)
-    table |= {ex.Symbol(key): heyoka.expression(float(value)) for key, value in document["parameters"].items()}
+    table |= {
+        ex.Symbol(key): heyoka.expression(float(value))
+        for key, value in document["parameters"].items()
+    }
     equations = heyoka.lagrangian(translated(lagrangian, table), q, v)
     begin = [float(start[part][name]) for part in ("positions", "velocities") for name in names]
     system = heyoka.taylor_adaptive(equations, begin, compact_mode=True)

@@ -1,4 +1,6 @@
-"""One scene (standard input) by SymPy and SciPy: derived, lambdified, its mass matrix solved at each step of DOP853."""
+"""One scene (standard input) by SymPy and SciPy: derived, lambdified, its mass matrix solved at
+each step of DOP853.
+"""
 
 import json
 import sys
@@ -15,7 +17,9 @@ if __name__ == "__main__":
     text = document["system"]["lagrangian"].replace("^", "**")
     for name in sorted(names, key=len, reverse=True):
         text = text.replace(f"{name}'", f"v_{name}")
-    lagrangian = sympy.sympify(text, locals={str(x): x for x in (*q, *v)}).subs(document["parameters"])
+    lagrangian = sympy.sympify(text, locals={str(x): x for x in (*q, *v)}).subs(
+        document["parameters"]
+    )
     momenta = [lagrangian.diff(x) for x in v]
     right = [
         lagrangian.diff(x) - sum(p.diff(y) * speed for y, speed in zip(q, v, strict=True))
@@ -25,7 +29,9 @@ if __name__ == "__main__":
 
     def rates(t: float, y: np.ndarray) -> np.ndarray:
         masses, forces = function(*np.split(y, 2))
-        return np.concatenate([y[len(q) :], np.linalg.solve(np.array(masses, float), np.array(forces, float))])
+        return np.concatenate(
+            [y[len(q) :], np.linalg.solve(np.array(masses, float), np.array(forces, float))]
+        )
 
     begin = [float(start[part][name]) for part in ("positions", "velocities") for name in names]
     begun = time.process_time()

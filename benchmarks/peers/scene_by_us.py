@@ -1,4 +1,6 @@
-"""One scene (standard input) by this package: seconds of the process and of the run, the estimated error, the end."""
+"""One scene (standard input) by this package: seconds of the process and of the run, the estimated
+error, the end.
+"""
 
 import json
 import sys

@@ -1,7 +1,8 @@
 """Singular's slimgb of the Helmholtz system as a left module over the Weyl algebra.
 
-The order of derivation comes first in the ordering, so the elements of order zero in the basis generate all
-consequences on the values of g; a random point shows whether they leave a nonsingular matrix.
+The order of derivation comes first in the ordering, so the elements of order zero in the basis
+generate all consequences on the values of g; a random point shows whether they leave a nonsingular
+matrix.
 
     apt-get install singular-ui
     python -m benchmarks.peers.singular < system.json
@@ -50,14 +51,19 @@ def measured(document: dict[str, Any]) -> dict[str, Any]:
     if shutil.which("Singular") is None:
         return {"missing": True}
     problem = linear_system(read(document))
-    done = subprocess.run(["Singular", "-q", "--no-rc"], input=_script(problem), capture_output=True, text=True)
+    done = subprocess.run(
+        ["Singular", "-q", "--no-rc"], input=_script(problem), capture_output=True, text=True
+    )
     if done.returncode < 0:  # stopped by the limit on processor time
         return {"stopped": True}
     spent = re.search(r"MILLISECONDS=(\d+)/(\d+)", done.stdout)
     if spent is None:
         raise RuntimeError(f"Singular said {done.stdout[-500:]}")
     rows = re.findall(r"ROW=(.*)", done.stdout)
-    return {"verdict": _verdict(problem, rows), "seconds": max(int(spent[1]), TICK) / 1000 / int(spent[2])}
+    return {
+        "verdict": _verdict(problem, rows),
+        "seconds": max(int(spent[1]), TICK) / 1000 / int(spent[2]),
+    }
 
 
 def _pairs(problem: LinearSystem) -> list[tuple[int, int]]:
@@ -83,10 +89,16 @@ def _script(problem: LinearSystem) -> str:
 
 
 def _verdict(problem: LinearSystem, rows: list[str]) -> str:
-    """Whether the rows without derivations leave a nonsingular matrix at a random rational point."""
+    """Whether the rows without derivations leave a nonsingular matrix at a random rational
+    point.
+    """
     source = random.Random("point")
-    point = {name: Fraction(source.randint(2, 99), source.randint(2, 99)) for name in problem.variables}
-    values = {name: sympy.Rational(value.numerator, value.denominator) for name, value in point.items()}
+    point = {
+        name: Fraction(source.randint(2, 99), source.randint(2, 99)) for name in problem.variables
+    }
+    values = {
+        name: sympy.Rational(value.numerator, value.denominator) for name, value in point.items()
+    }
     pairs = _pairs(problem)
     matrix = [_row(row, len(pairs), values) for row in rows if not re.search(r"d\d", row)]
     basis = sympy.Matrix(matrix).nullspace() if matrix else sympy.eye(len(pairs)).columnspace()
@@ -98,7 +110,9 @@ def _verdict(problem: LinearSystem, rows: list[str]) -> str:
 
 
 def _row(text: str, width: int, values: dict[Any, Any]) -> list[Any]:
-    """Singular's "x1*gen(2)-gen(1)" at the point; the output is Singular's own, made of our symbols."""
+    """Singular's "x1*gen(2)-gen(1)" at the point; the output is Singular's own, made of our
+    symbols.
+    """
     row = [sympy.Integer(0)] * width
     for sign, term in re.findall(r"([+-]?)([^+-]+)", text):
         column, value = 0, sympy.Integer(-1 if sign == "-" else 1)

@@ -15,7 +15,8 @@ def _document(name: str, equations: dict[str, str]) -> Document:
 
 
 def _geodesics_of_a_full_metric() -> Document:
-    """Geodesics of (1 + y^2) dx^2 + dy^2 + dz^2 + 2 y dx dz: no coordinate is orthogonal to all others.
+    """Geodesics of (1 + y^2) dx^2 + dy^2 + dz^2 + 2 y dx dz: no coordinate is orthogonal to all
+    others.
 
     g = [[1 + y^2, 0, y], [0, 1, 0], [y, 0, 1]], det g = 1: Christoffel symbols are polynomials.
     """
@@ -26,7 +27,9 @@ def _geodesics_of_a_full_metric() -> Document:
 
 
 def _potential_and_gyroscope() -> Document:
-    """L = |q'|^2/2 + 3 (x1 x2' - x2 x1')/2 + (x3 x4' - x4 x3')/2 - V, V = x1^2 x3 + x2 x4 + x4^2 x1."""
+    """L = |q'|^2/2 + 3 (x1 x2' - x2 x1')/2 + (x3 x4' - x4 x3')/2 - V, V = x1^2 x3 + x2 x4 + x4^2
+    x1.
+    """
     return _document(
         "potential and gyroscopic force, n = 4",
         {
@@ -52,5 +55,7 @@ def peer_systems() -> list[Task]:
         (_potential_and_gyroscope(), YES),
     ]
     named = ("iiia-differential-obstruction-3", "nonholonomic-particle-first")
-    known = [(catalogue.document(name), catalogue.entry(name)["expected"]["verdict"]) for name in named]
+    known = [
+        (catalogue.document(name), catalogue.entry(name)["expected"]["verdict"]) for name in named
+    ]
     return sorted(own + known, key=lambda task: len(task[0]["coordinates"]))

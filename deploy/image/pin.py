@@ -30,27 +30,55 @@ def wheels(needed: list[str]) -> Wheels:
     """`name==version` and the hashes of the wheels that pip would install."""
     found: Wheels = {}
     for processor in PROCESSORS:
-        places = [word for glibc in (17, 28, 34) for word in ("--platform", f"manylinux_2_{glibc}_{processor}")]
+        places = [
+            word
+            for glibc in (17, 28, 34)
+            for word in ("--platform", f"manylinux_2_{glibc}_{processor}")
+        ]
         with tempfile.TemporaryDirectory() as folder:
-            command = [sys.executable, "-m", "pip", "install", "--quiet", "--dry-run", "--report", "-"]
-            command += ["--target", folder, "--python-version", PYTHON, "--only-binary", ":all:", *places]
+            command = [
+                sys.executable,
+                "-m",
+                "pip",
+                "install",
+                "--quiet",
+                "--dry-run",
+                "--report",
+                "-",
+            ]
+            command += [
+                "--target",
+                folder,
+                "--python-version",
+                PYTHON,
+                "--only-binary",
+                ":all:",
+                *places,
+            ]
             command += ["-c", str(ROOT / "constraints.txt"), *needed]
             environment = os.environ | {"PIP_CONFIG_FILE": os.devnull, "PIP_FIND_LINKS": ""}
             done = subprocess.run(command, check=True, stdout=subprocess.PIPE, env=environment)
         for one in json.loads(done.stdout)["install"]:
-            name = f"{one['metadata']['name'].lower().replace('_', '-')}=={one['metadata']['version']}"
-            found.setdefault(name, set()).add(one["download_info"]["archive_info"]["hashes"]["sha256"])
+            name = (
+                f"{one['metadata']['name'].lower().replace('_', '-')}=={one['metadata']['version']}"
+            )
+            found.setdefault(name, set()).add(
+                one["download_info"]["archive_info"]["hashes"]["sha256"]
+            )
     return found
 
 
 def write(name: str, found: Wheels, there: Wheels) -> None:
     """The requirements that another file has not."""
     lines = [
-        " \\\n    ".join([requirement, *(f"--hash=sha256:{hash}" for hash in sorted(hashes))]) + "\n"
+        " \\\n    ".join([requirement, *(f"--hash=sha256:{hash}" for hash in sorted(hashes))])
+        + "\n"
         for requirement, hashes in sorted(found.items())
         if requirement not in there
     ]
-    (HERE / f"requirements{name}.txt").write_text("# Made by pin.py.\n" + "".join(lines), encoding="utf-8")
+    (HERE / f"requirements{name}.txt").write_text(
+        "# Made by pin.py.\n" + "".join(lines), encoding="utf-8"
+    )
 
 
 def main() -> None:

@@ -1,9 +1,10 @@
 """The named systems, as data: documents, expected verdicts, known Lagrangians, sources.
 
-Tests, benchmarks, the command line and the web form draw from it; the solver never does. An entry is a JSON object:
-`name` (a slug), `kind` ("system" or "nonholonomic"), `title`, `group`, `document` (what a user would send), `expected`
-(`verdict`, `verdict_with_time`, `sure`, `lagrangians`), `source`, `note`; an associated system names its nonholonomic
-system in `associated_with`, a system of the literature keeps its original `id`.
+Tests, benchmarks, the command line and the web form draw from it; the solver never does. An entry
+is a JSON object: `name` (a slug), `kind` ("system" or "nonholonomic"), `title`, `group`, `document`
+(what a user would send), `expected` (`verdict`, `verdict_with_time`, `sure`, `lagrangians`),
+`source`, `note`; an associated system names its nonholonomic system in `associated_with`, a system
+of the literature keeps its original `id`.
 """
 
 import copy
@@ -32,7 +33,9 @@ def names(kind: Kind = "system") -> tuple[str, ...]:
 
 
 def entry(name: str) -> dict[str, Any]:
-    """A copy of the whole entry; UnknownSystem, with the names that look alike, if there is none."""
+    """A copy of the whole entry; UnknownSystem, with the names that look alike, if there is
+    none.
+    """
     entries = _entries()
     if name not in entries:
         sentence = f"There is no system of this name in the catalogue{_suggestion(name)}"
@@ -41,7 +44,9 @@ def entry(name: str) -> dict[str, Any]:
 
 
 def document(name: str) -> dict[str, Any]:
-    """A copy of the document of an entry, as a user would send it; UnknownSystem if there is none."""
+    """A copy of the document of an entry, as a user would send it; UnknownSystem if there is
+    none.
+    """
     found: dict[str, Any] = entry(name)["document"]
     return found
 
@@ -54,7 +59,9 @@ def _entries() -> dict[str, dict[str, Any]]:
 
 
 def meant(text: str) -> bool:
-    """Whether a text is the name of an entry, or a word like one, for which `document` says the names that are near."""
+    """Whether a text is the name of an entry, or a word like one, for which `document` says the
+    names that are near.
+    """
     return text in _entries() or (text.replace("-", "").isalnum() and _suggestion(text) != "")
 
 
@@ -66,7 +73,8 @@ def _suggestion(name: str) -> str:
     return f"; near: {', '.join(near)}" if near else ""
 
 
-# The atlas: named systems with their computed answers, from atlas.ndjson, which `benchmarks.atlas` writes.
+# The atlas: named systems with their computed answers, from atlas.ndjson, which `benchmarks.atlas`
+# writes.
 
 
 @lru_cache(maxsize=1)
@@ -74,7 +82,10 @@ def atlas() -> dict[str, dict[str, Any]]:
     """Every system by its name, in the order of the file; none where the atlas was not built."""
     if not ATLAS.exists():
         return {}
-    return {found["name"]: found for found in map(json.loads, ATLAS.read_text(encoding="utf-8").splitlines())}
+    return {
+        found["name"]: found
+        for found in map(json.loads, ATLAS.read_text(encoding="utf-8").splitlines())
+    }
 
 
 @lru_cache(maxsize=1)
@@ -88,7 +99,9 @@ def atlas_tags() -> dict[str, int]:
 
 
 def search_atlas(words: str = "", tag: str = "", form: str | None = None) -> list[dict[str, Any]]:
-    """The systems with all of the words in name, title, source, tags or equations, with the tag, and of the form."""
+    """The systems with all of the words in name, title, source, tags or equations, with the tag,
+    and of the form.
+    """
     wanted = words.lower().split()
     return [
         entry

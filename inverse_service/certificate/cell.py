@@ -1,9 +1,11 @@
-"""Compute the cell of a claim: where its formulas are defined and the relations used in its proof are true.
+"""Compute the cell of a claim: where its formulas are defined and the relations used in its proof
+are true.
 
-Formulas are parsed into quotients of polynomials in *generators*: names, and roots and functions of quotients, all
-treated as independent. Denominators must be nonzero, and arguments of roots and logarithms positive; both are factored.
-Most relations are true wherever their sides are real. The branch of an arctangent is constant only while the arguments
-that it relates have no pole, so their factors must keep the sign that they have at the point P.
+Formulas are parsed into quotients of polynomials in *generators*: names, and roots and functions of
+quotients, all treated as independent. Denominators must be nonzero, and arguments of roots and
+logarithms positive; both are factored. Most relations are true wherever their sides are real. The
+branch of an arctangent is constant only while the arguments that it relates have no pole, so their
+factors must keep the sign that they have at the point P.
 """
 
 from __future__ import annotations
@@ -67,7 +69,9 @@ class Factors(NamedTuple):
     listed: list[tuple[Polynomial, int]]
 
     def size(self) -> tuple[int, int, int]:
-        """The number of factors with odd multiplicity, the number of factors, and the number of their terms."""
+        """The number of factors with odd multiplicity, the number of factors, and the number of
+        their terms.
+        """
         odd = sum(k % 2 for _, k in self.listed)
         return odd, len(self.listed), sum(len(p) for p, _ in self.listed)
 
@@ -83,8 +87,9 @@ class Multiple(NamedTuple):
 class Cell:
     """Where a claim is valid: inequalities "x > 0", "x - 1 != 0", each between an expression and 0.
 
-    `sides` are the inequalities on which relations used in the proof depend. `one_side`: only the connected component
-    of P in the set where all `>` are true. `unknown`: a condition is too long to be written.
+    `sides` are the inequalities on which relations used in the proof depend. `one_side`: only the
+    connected component of P in the set where all `>` are true. `unknown`: a condition is too long
+    to be written.
     """
 
     domain: tuple[str, ...] = ()
@@ -150,7 +155,10 @@ class Letters:
         return self.reduced(above, below)
 
     def multiply(self, left: Quotient, right: Quotient, degree: int = 0) -> Quotient:
-        if len(left.above) * len(right.above) + len(left.below) * len(right.below) > 100 * MAX_TERMS:
+        if (
+            len(left.above) * len(right.above) + len(left.below) * len(right.below)
+            > 100 * MAX_TERMS
+        ):
             return self.long(left, right)
         first, second = self.reduced(left.above, right.below), self.reduced(right.above, left.below)
         above, below = first.above * second.above, first.below * second.below
@@ -167,7 +175,9 @@ class Letters:
         return u
 
     def divided(self, p: Polynomial, q: Polynomial) -> Polynomial | None:
-        """The s of lower degree with p = s q modulo r^2 = w, for q = a + b r with a root r = sqrt(w), or None."""
+        """The s of lower degree with p = s q modulo r^2 = w, for q = a + b r with a root r =
+        sqrt(w), or None.
+        """
         degrees = q.degrees()
         for place in (k for k in self.holds(q) if k in self.squares and degrees[k] == 1):
             w = self.squares[place]
@@ -197,7 +207,9 @@ class Letters:
             self.need("!=", u)
             u = Quotient(u.below, u.above) if u.above != 0 else self.long(u)
         size, most = abs(exponent), max(len(u.above), len(u.below))
-        if size > 4096 or (most > 1 and (size > 64 or math.comb(size + most - 1, size) > 40 * MAX_TERMS)):
+        if size > 4096 or (
+            most > 1 and (size > 64 or math.comb(size + most - 1, size) > 40 * MAX_TERMS)
+        ):
             return self.long(u)
         return self.without_squares(self.shortened(u.above**size, u.below**size, u))
 
@@ -226,7 +238,12 @@ class Letters:
             self.bounded.add(place)
             self.circular[place] = name, u
             arctangent = self.single(u.above) if u.below.is_constant() else None
-            if name == "cos" and arctangent and arctangent.place in self.odd and abs(arctangent.factor) <= 1:
+            if (
+                name == "cos"
+                and arctangent
+                and arctangent.place in self.odd
+                and abs(arctangent.factor) <= 1
+            ):
                 self.positive.add(place)
         if name in ("log", "atan"):
             (self.logarithms if name == "log" else self.odd)[place] = u
@@ -251,7 +268,9 @@ class Letters:
         arguments: list[Quotient],
         within: Sequence[Quotient] = (),
     ) -> Quotient:
-        """A derivative of a function, analytic where the arguments and the quotients in `within` are."""
+        """A derivative of a function, analytic where the arguments and the quotients in `within`
+        are.
+        """
         listed = ", ".join(map(self.text, arguments))
         primes = "'" * orders[0] if len(orders) == 1 else str([*orders]) if any(orders) else ""
         inner = frozenset().union(*map(self.needs_of, [*arguments, *within]))
@@ -309,7 +328,9 @@ class Letters:
             for p, k in found:
                 simple = self.single(p)
                 positive = simple is not None and simple.place in self.positive
-                if (k * a).denominator == 1 and (positive or every_one or (k % 2 == 0 and (k * a) % 2 == 0)):
+                if (k * a).denominator == 1 and (
+                    positive or every_one or (k % 2 == 0 and (k * a) % 2 == 0)
+                ):
                     power = self.power(Quotient(p, self.one), int(sign * k * a))
                     value = self.multiply(value, power)
                 else:
@@ -323,7 +344,9 @@ class Letters:
             number, degree = rest.above.leading_coefficient(), part.denominator
             over, under = number.p.root(degree), number.q.root(degree)
             if fmpq(over, under) ** degree == number:
-                return self.multiply(value, self.constant(Fraction(int(over), int(under)) ** part.numerator))
+                return self.multiply(
+                    value, self.constant(Fraction(int(over), int(under)) ** part.numerator)
+                )
         text = f"sqrt({inner})" if part == Fraction(1, 2) else f"({inner})^({part})"
         place = self.letter(text, self.needs_of(rest) | frozenset(self.pieces(">", rest)))
         self.positive.add(place)
@@ -356,7 +379,9 @@ class Letters:
         return Quotient(above / common, below / common)
 
     def is_negative(self, u: Quotient) -> bool:
-        return bool(u.above != 0) and bool(u.above.leading_coefficient() * u.below.leading_coefficient() < 0)
+        return bool(u.above != 0) and bool(
+            u.above.leading_coefficient() * u.below.leading_coefficient() < 0
+        )
 
     def parts_of(self, polynomial: Polynomial, place: int, degree: int) -> list[Polynomial]:
         """The coefficients of the powers of the generator at `place`."""
@@ -392,8 +417,8 @@ class Letters:
     def pieces(self, kind: str, u: Quotient) -> Iterator[Need]:
         """The needs, by factors, that u > 0 or u != 0.
 
-        Factors of even multiplicity must be nonzero, and the product of the others positive. A condition that is never
-        true gives 0 != 0, 0 > 0, or -1 > 0.
+        Factors of even multiplicity must be nonzero, and the product of the others positive. A
+        condition that is never true gives 0 != 0, 0 > 0, or -1 > 0.
         """
         (content, above), (other, below) = map(self.plain_factors, (u.above, u.below))
         if content == 0:
@@ -412,7 +437,9 @@ class Letters:
             yield need_of(">", odd)
 
     def plain_factors(self, polynomial: Polynomial) -> Factors:
-        """The factors: sin^2 + cos^2 = 1 reduces those of odd multiplicity, and e^u - 1 gets a simple one."""
+        """The factors: sin^2 + cos^2 = 1 reduces those of odd multiplicity, and e^u - 1 gets a
+        simple one.
+        """
         forms = map(self.factors, [polynomial, *self.circled(polynomial)])
         content, found = min(forms, key=Factors.size)
         plain = list[tuple[Polynomial, int]]()
@@ -507,7 +534,9 @@ class Knowledge:
             self.wholes.append(need.polynomial)
 
     def parts(self, text: str, factors: list[tuple[Polynomial, int]]) -> dict[str, Polynomial]:
-        """The polynomials, by text, that are nonzero wherever the product of the factors is, in this ring."""
+        """The polynomials, by text, that are nonzero wherever the product of the factors is, in
+        this ring.
+        """
         key, known = (text, len(self.ring.texts)), self.ring.parted
         if key not in known:
             forms = (form for p, _ in factors for form in self.forms(p))
@@ -523,7 +552,8 @@ class Knowledge:
     def never_zero(self, p: Polynomial) -> bool:
         """Whether all factors of one of its forms are nonzero wherever the needs are true."""
         return any(
-            all(str(q) in self.nonzero or self.sign(q) or self.by_division(q) for q in form) for form in self.forms(p)
+            all(str(q) in self.nonzero or self.sign(q) or self.by_division(q) for q in form)
+            for form in self.forms(p)
         )
 
     def by_division(self, p: Polynomial) -> bool:
@@ -593,8 +623,8 @@ class Knowledge:
     def is_beside(self, p: Polynomial) -> bool:
         """Whether no need restricts p: p has no functions, and each need has two other generators.
 
-        Its sign can be derived only from needs with generators of p, and one more if a need is p plus terms in that
-        generator.
+        Its sign can be derived only from needs with generators of p, and one more if a need is p
+        plus terms in that generator.
         """
         own = {*self.ring.holds(p)}
         names = max(own, default=0) <= len(self.ring.question.names)
@@ -611,7 +641,9 @@ class Knowledge:
         return next(filter(None, (way(p, depth) for way in ways)), 0)
 
     def by_facts(self, p: Polynomial) -> int:
-        """The sign of p if p - r q is 0 or has the sign of r q, for a q of known sign and a number r."""
+        """The sign of p if p - r q is 0 or has the sign of r q, for a q of known sign and a number
+        r.
+        """
         own_letters = {*self.ring.holds(p)}
         for q, sign, letters in self.listed:
             if len(letters ^ own_letters) > 1:  # p - r q contains what only one of them contains
@@ -726,9 +758,9 @@ def in_letters(question: Question, work: Callable[[Letters], T]) -> T:
 def cells_of(question: Question, by_theorem: bool = False) -> tuple[Cell, Cell]:
     """Where the verdict of a confirmed claim is valid, and where its formulas are.
 
-    Both are the same unless a theorem about f alone gives the verdict, which is then valid wherever f is analytic. The
-    set keeps the sides on which the relations between the formulas are true, because other relations are true beyond
-    them.
+    Both are the same unless a theorem about f alone gives the verdict, which is then valid wherever
+    f is analytic. The set keeps the sides on which the relations between the formulas are true,
+    because other relations are true beyond them.
     """
     return in_letters(question, lambda ring: _cells_in(ring, question, by_theorem))
 
@@ -793,9 +825,13 @@ def signed(question: Question, ring: Letters, needs: Iterable[Need]) -> list[Nee
 
         def positive(expansion: Any, tokens: tuple[str, ...] = tokens) -> bool:
             value = value_of(expansion, tokens).get(0, 0)
-            return bool(expansion.arithmetic.nonzero(expansion.arithmetic.number(Fraction(0)) + value) > 0)
+            return bool(
+                expansion.arithmetic.nonzero(expansion.arithmetic.number(Fraction(0)) + value) > 0
+            )
 
-        found.append(need_of(">", need.polynomial if question.in_balls(0, positive) else -need.polynomial))
+        found.append(
+            need_of(">", need.polynomial if question.in_balls(0, positive) else -need.polynomial)
+        )
     return found
 
 
@@ -808,10 +844,16 @@ def strongest(ring: Letters, needs: Sequence[Need]) -> list[Need]:
 
 
 def fewer(ring: Letters, kept: list[Need]) -> list[Need]:
-    for need in sorted(kept, key=lambda one: (len(one.polynomial), one.kind == ">", one.text), reverse=True):
+    for need in sorted(
+        kept, key=lambda one: (len(one.polynomial), one.kind == ">", one.text), reverse=True
+    ):
         rest = [one for one in kept if one is not need]
         known = Knowledge(ring, rest)
-        kept = rest if known.implies(need) else [smaller(known, one) if one is need else one for one in kept]
+        kept = (
+            rest
+            if known.implies(need)
+            else [smaller(known, one) if one is need else one for one in kept]
+        )
     return kept
 
 
@@ -842,7 +884,9 @@ def is_convex(ring: Letters, polynomial: Polynomial) -> bool:
     return plain and all(k < len(ring.question.names) + 1 for k in ring.holds(polynomial))
 
 
-def where_regular(question: Question, read_matrix: Callable[[Letters], list[list[Quotient]]]) -> Cell:
+def where_regular(
+    question: Question, read_matrix: Callable[[Letters], list[list[Quotient]]]
+) -> Cell:
     """The cell on which the entries of a square matrix are defined and the matrix is regular.
 
     Conditions on parameters alone are dropped, because parameters are generic.
@@ -865,7 +909,8 @@ def where_regular(question: Question, read_matrix: Callable[[Letters], list[list
 
 
 def sides_of(question: Question, read: Callable[[Letters], Any]) -> Cell:
-    """The sides of the poles of related arctangents on which P lies, where their relations are those used at P.
+    """The sides of the poles of related arctangents on which P lies, where their relations are
+    those used at P.
 
     `read` reads the formulas in the order in which the plan of the question was made.
     """
@@ -902,7 +947,9 @@ def determinant(ring: Letters, matrix: list[list[Quotient]]) -> Quotient:
 
 
 def shortest(question: Question, stated: Sequence[str]) -> Cell:
-    """A stated domain without conditions that follow from others, in the stated form if that is short."""
+    """A stated domain without conditions that follow from others, in the stated form if that is
+    short.
+    """
 
     def work(ring: Letters) -> Cell:
         ring.entries, said = iter(()), dict[Need, str]()
@@ -920,8 +967,9 @@ def shortest(question: Question, stated: Sequence[str]) -> Cell:
 def lacking(question: Question, stated: Sequence[str], cell: Cell) -> tuple[list[str], list[int]]:
     """The conditions of the cell that do not follow from a stated domain.
 
-    Also the indices of the stated conditions that do not follow from the cell. A condition that does not follow with
-    the angles as written may follow after sines and cosines of sums are expanded.
+    Also the indices of the stated conditions that do not follow from the cell. A condition that
+    does not follow with the angles as written may follow after sines and cosines of sums are
+    expanded.
     """
 
     def work(ring: Letters, apart: bool) -> tuple[list[str], list[int]]:
@@ -943,8 +991,12 @@ def lacking(question: Question, stated: Sequence[str], cell: Cell) -> tuple[list
     return [text for text in missing if text in left], [k for k in beyond if k in further]
 
 
-def needs_of_text(ring: Letters, text: str, bound: dict[str, Quotient] | None = None) -> Iterator[Need]:
-    """The needs of A > B, A < B, A != B, or a chain of < or >; `bound` gives the values of other names."""
+def needs_of_text(
+    ring: Letters, text: str, bound: dict[str, Quotient] | None = None
+) -> Iterator[Need]:
+    """The needs of A > B, A < B, A != B, or a chain of < or >; `bound` gives the values of other
+    names.
+    """
     for kind in ("!=", "<", ">"):
         sides = text.split(kind)
         if len(sides) > 1:

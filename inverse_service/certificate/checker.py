@@ -1,10 +1,11 @@
 """The entry points of the independent checker of certificates.
 
-FORMAT.md in this directory says what is checked, and why that is sufficient. The package imports nothing of the
-project, draws its own points, primes, and directions, and never searches or repairs. Read the modules in this order:
-`checker` (here), `question` (the checks), `formulas` (the grammar), `series` (Taylor series and elimination), `numbers`
-(residues modulo a prime, which prove that a value is zero, and balls, which prove that it is not), `cell` and
-`exceptions` (where a claim is valid); `kinds` and `constraints` are questions of other forms.
+FORMAT.md in this directory says what is checked, and why that is sufficient. The package imports
+nothing of the project, draws its own points, primes, and directions, and never searches or repairs.
+Read the modules in this order: `checker` (here), `question` (the checks), `formulas` (the grammar),
+`series` (Taylor series and elimination), `numbers` (residues modulo a prime, which prove that a
+value is zero, and balls, which prove that it is not), `cell` and `exceptions` (where a claim is
+valid); `kinds` and `constraints` are questions of other forms.
 """
 
 import json
@@ -26,7 +27,14 @@ from .kinds import Definite, OfKind
 from .numbers import Undefined, Unsettled
 from .question import Question, Tools
 
-FORMULAS = ("lagrangian", "integrals", "factors", "conditions", "roots", "dissipation")  # the keys that hold formulas
+FORMULAS = (
+    "lagrangian",
+    "integrals",
+    "factors",
+    "conditions",
+    "roots",
+    "dissipation",
+)  # the keys that hold formulas
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,16 +43,20 @@ class CheckResult:
 
     verdict: Literal["valid", "incomplete", "invalid"]
     reasons: tuple[str, ...] = ()
-    # For a valid certificate: where its claim is valid, where its formulas are, the parameters for which it is not
-    # proven, and whether the theorem on one coordinate proves it beyond them.
+    # For a valid certificate: where its claim is valid, where its formulas are, the parameters for
+    # which it is not proven, and whether the theorem on one coordinate proves it beyond them.
     cell: Cell | None = None
     formulas: Cell | None = None
     exceptions: Sequence[str] = ()
     by_theorem: bool = False
 
 
-def judged(work: Callable[[Tools], Iterable[str]], time_limit: float, seed: int | None) -> CheckResult:
-    """The result of the work as sentences, or the way it ended; no other exception leaves this function."""
+def judged(
+    work: Callable[[Tools], Iterable[str]], time_limit: float, seed: int | None
+) -> CheckResult:
+    """The result of the work as sentences, or the way it ended; no other exception leaves this
+    function.
+    """
     tools = Tools(random.Random(seed), time.thread_time() + time_limit)
     try:
         return CheckResult("valid", tuple(work(tools)))
@@ -53,10 +65,14 @@ def judged(work: Callable[[Tools], Iterable[str]], time_limit: float, seed: int 
     except (Undefined, Unsettled, StopIteration):
         return CheckResult("incomplete", ("A number in the document could not be computed.",))
     except (RecursionError, MemoryError, OverflowError):
-        return CheckResult("incomplete", ("The document is too large for the memory of the checker.",))
+        return CheckResult(
+            "incomplete", ("The document is too large for the memory of the checker.",)
+        )
 
 
-def check_certificate(certificate: object, time_limit: float = 60.0, seed: int | None = None) -> CheckResult:
+def check_certificate(
+    certificate: object, time_limit: float = 60.0, seed: int | None = None
+) -> CheckResult:
     """The verdict on a certificate; never raises. `seed` makes the random choices repeatable."""
     proven = list[CheckResult]()
 
@@ -87,8 +103,8 @@ def check_text(text: str, time_limit: float = 60.0, seed: int | None = None) -> 
 def certified(document: Any, tools: Tools) -> CheckResult:
     """The statement that a certificate proves, with the cell and exceptions of its claim, or Ended.
 
-    On return, the document has the shape of FORMAT.md, its claim is the one that its kind proves, and the method of the
-    question named after the kind has returned.
+    On return, the document has the shape of FORMAT.md, its claim is the one that its kind proves,
+    and the method of the question named after the kind has returned.
     """
     if isinstance(document, dict) and document.get("format") == conserved.FORMAT:
         return CheckResult("valid", (conserved.complete_integrals(document, tools),))
@@ -98,10 +114,15 @@ def certified(document: Any, tools: Tools) -> CheckResult:
     one = len(asked.coordinates) == 1 and type(asked) is Question
     cell, formulas = cells_of(asked, one and not asked.unsolved)
     by_theorem = one and (kind == "existence" or cell != formulas)
-    # A definite Hessian is proven at the point `near`, for its parameter values; a theorem has no exceptions.
-    generic = None if (one and kind == "existence") or isinstance(asked, Definite) else asked.generic
+    # A definite Hessian is proven at the point `near`, for its parameter values; a theorem has no
+    # exceptions.
+    generic = (
+        None if (one and kind == "existence") or isinstance(asked, Definite) else asked.generic
+    )
     spent = time.thread_time() - began
-    exceptions = Exceptions(partial(exceptions_of, asked, generic, spent, partial(fails_at, document, tools)))
+    exceptions = Exceptions(
+        partial(exceptions_of, asked, generic, spent, partial(fails_at, document, tools))
+    )
     meant = f" Only Lagrangians of a kind are meant: {among}." if among is not None else ""
     return CheckResult("valid", (sentence + meant,), cell, formulas, exceptions, by_theorem)
 
@@ -116,7 +137,9 @@ def proven_question(document: Any, tools: Tools) -> tuple[Question, str]:
     require(document["claim"] == proven, f"A certificate of kind {kind} has to claim {proven}.")
     about: type[Question] = Question
     if document["system"].get("velocities") is not None:
-        require(among is None, "For a motion on constraints, the claim must be about all Lagrangians.")
+        require(
+            among is None, "For a motion on constraints, the claim must be about all Lagrangians."
+        )
         along = kind == "nonexistence" and document.get("along") is not None
         about = Along if along else Motion
     elif among is not None:
@@ -125,12 +148,17 @@ def proven_question(document: Any, tools: Tools) -> tuple[Question, str]:
     plain = kind == "lagrangian" and about is Question
     alone = "Equations that are not solved for q'' are proven variational by an L alone."
     require(plain or not asked.unsolved, alone)
-    checks = {"lagrangian": asked.lagrangian, "existence": asked.existence, "nonexistence": asked.nonexistence}
+    checks = {
+        "lagrangian": asked.lagrangian,
+        "existence": asked.existence,
+        "nonexistence": asked.nonexistence,
+    }
     return asked, checks[kind](document)
 
 
 def fails_at(document: dict[str, Any], tools: Tools, values: Values, seconds: float) -> bool:
-    """Whether f is defined with these formulas in the place of parameters, and the claim is not proven there.
+    """Whether f is defined with these formulas in the place of parameters, and the claim is not
+    proven there.
 
     Raises Incomplete if the time is over.
     """
@@ -139,7 +167,10 @@ def fails_at(document: dict[str, Any], tools: Tools, values: Values, seconds: fl
 
     def succeeds(work: Callable[[dict[str, Any]], object]) -> bool:
         nowhere: dict[str, str] = {}
-        for near in (special["near"], nowhere):  # the other parameters may have to have other values
+        for near in (
+            special["near"],
+            nowhere,
+        ):  # the other parameters may have to have other values
             with suppress(Ended, Undefined, Unsettled, StopIteration, OverflowError):
                 work(special | {"near": near})
                 return True
@@ -148,7 +179,9 @@ def fails_at(document: dict[str, Any], tools: Tools, values: Values, seconds: fl
         return False
 
     def read(one: dict[str, Any]) -> None:
-        Question(here, one["system"], one["question"] == "time_dependent", one).prepare(lambda ring: None)
+        Question(here, one["system"], one["question"] == "time_dependent", one).prepare(
+            lambda ring: None
+        )
 
     if succeeds(lambda one: proven_question(one, here)):
         return False
@@ -164,21 +197,28 @@ def with_values(document: dict[str, Any], values: Values) -> dict[str, Any]:
             return {key: put(one) for key, one in part.items()}
         if isinstance(part, list):
             return [put(one) for one in part]
-        return names.sub(lambda found: f"({values[found[0]]})", part) if isinstance(part, str) else part
+        return (
+            names.sub(lambda found: f"({values[found[0]]})", part)
+            if isinstance(part, str)
+            else part
+        )
 
     system = document["system"]
     left = {key: put(system[key]) for key in ("equations", "velocities") if system.get(key)}
     left |= {"parameters": [name for name in system["parameters"] if name not in values]}
     formulas = {key: put(document[key]) for key in FORMULAS if document.get(key)}
-    near = {name: value for name, value in (document.get("near") or {}).items() if name not in values}
+    near = {
+        name: value for name, value in (document.get("near") or {}).items() if name not in values
+    }
     return document | formulas | {"system": system | left, "near": near, "series": None}
 
 
 def near_points(name: str, timed: bool) -> str:
     """Where an equation of one coordinate has a regular Lagrangian (Sonin 1886, Darboux 1894).
 
-    Its Hessian g satisfies Gamma(g) + g df/dv = 0 with Gamma = v d/dx + f d/dv, plus d/dt if L may contain t. A linear
-    equation along Gamma has a solution with g = 1 near each point at which Gamma is not 0, and g determines L.
+    Its Hessian g satisfies Gamma(g) + g df/dv = 0 with Gamma = v d/dx + f d/dv, plus d/dt if L may
+    contain t. A linear equation along Gamma has a solution with g = 1 near each point at which
+    Gamma is not 0, and g determines L.
     """
     moving = "" if timed else f" and {name}', {name}'' are not both 0"
     return f"near every point at which f is analytic{moving}"

@@ -1,10 +1,13 @@
-"""Claims that a system has no first integrals polynomial in the velocities but combinations of given products.
+"""Claims that a system has no first integrals polynomial in the velocities but combinations of
+given products.
 
-F = sum c_a(t, q) v^a, |a| <= k, is conserved if the coefficients of all v^b in Gamma F vanish: equations of first order
-for the functions c_a whose symbols are those of Killing tensors, symmetrized gradients. They determine all derivatives
-of order k + 1, so that the Taylor coefficients of the c_a up to an order N >= k at one point determine F. These solve
-the Taylor coefficients up to order N - 1 of the equations. So the dimension of all F is at most the number of unknowns
-minus the rank of these at any one point, and the rank at the generic point is at least that. See FORMAT.md.
+F = sum c_a(t, q) v^a, |a| <= k, is conserved if the coefficients of all v^b in Gamma F vanish:
+equations of first order for the functions c_a whose symbols are those of Killing tensors,
+symmetrized gradients. They determine all derivatives of order k + 1, so that the Taylor
+coefficients of the c_a up to an order N >= k at one point determine F. These solve the Taylor
+coefficients up to order N - 1 of the equations. So the dimension of all F is at most the number of
+unknowns minus the rank of these at any one point, and the rank at the generic point is at least
+that. See FORMAT.md.
 """
 
 from __future__ import annotations
@@ -46,13 +49,17 @@ Rows = dict[tuple[Exponents, Exponents], dict[int, Number]]
 
 
 class Degrees:
-    """Read formulas for an upper bound of their degree as polynomials in the velocities; Incomplete for others."""
+    """Read formulas for an upper bound of their degree as polynomials in the velocities; Incomplete
+    for others.
+    """
 
     degree = 0
 
     def __init__(self, question: Question) -> None:
         self.question, self.ties = question, list[Any]()
-        self.names = dict.fromkeys((*question.names, "pi"), 0) | {name + "'": 1 for name in question.free}
+        self.names = dict.fromkeys((*question.names, "pi"), 0) | {
+            name + "'": 1 for name in question.free
+        }
 
     def constant(self, value: Fraction) -> int:
         return 0
@@ -79,7 +86,9 @@ class Degrees:
 
 
 class Slice(Expansion):
-    """f as a polynomial in the velocities, with series in t and q up to an order as coefficients."""
+    """f as a polynomial in the velocities, with series in t and q up to an order as
+    coefficients.
+    """
 
     def __init__(self, arithmetic: Arithmetic, order: int, highest: int) -> None:
         self.order, self.highest = order, highest
@@ -107,28 +116,42 @@ class Slice(Expansion):
     def multiply(self, left: Series, right: Series, degree: int) -> Series:
         found = super().multiply(left, right, degree)
         kept = {key: self.parts(key) for key in found}
-        fits = (key for key, (v, q) in kept.items() if sum(v) <= self.highest and sum(q) <= self.order)
+        fits = (
+            key for key, (v, q) in kept.items() if sum(v) <= self.highest and sum(q) <= self.order
+        )
         return {key: found[key] for key in fits}
 
 
 class Conserved(Question):
-    """A system, and the check of claims about all its first integrals of a degree in the velocities."""
+    """A system, and the check of claims about all its first integrals of a degree in the
+    velocities.
+    """
 
     def __init__(self, tools: Tools, document: dict[str, Any]) -> None:
-        super().__init__(tools, document["system"], document["question"] == "time_dependent", document)
-        require(not self.bound and not self.unsolved, "The system has to be solved for q'', without constraints.")
+        super().__init__(
+            tools, document["system"], document["question"] == "time_dependent", document
+        )
+        require(
+            not self.bound and not self.unsolved,
+            "The system has to be solved for q'', without constraints.",
+        )
         moving = {name + "'" for name in self.coordinates}
-        still = moving.isdisjoint(token for sides in self.conditions for side in sides for token in side)
-        require(still, "The conditions have to be free of velocities: f is expanded where they are 0.")
+        still = moving.isdisjoint(
+            token for sides in self.conditions for side in sides for token in side
+        )
+        require(
+            still, "The conditions have to be free of velocities: f is expanded where they are 0."
+        )
         if self.functions:
             raise Incomplete("The system contains arbitrary functions.")
 
     def complete(self, document: dict[str, Any]) -> str:
-        """Check that the products of the given integrals are independent and that there are no other integrals.
+        """Check that the products of the given integrals are independent and that there are no
+        other integrals.
 
-        On return, each given function is conserved in the ring, the Taylor coefficients of the products have full rank,
-        and the rank of the prolonged equations leaves no room for more: at a point modulo a prime if everything is
-        rational, else in balls at the real point.
+        On return, each given function is conserved in the ring, the Taylor coefficients of the
+        products have full rank, and the rank of the prolonged equations leaves no room for more: at
+        a point modulo a prime if everything is rational, else in balls at the real point.
         """
         degree, order, number = document["degree"], document["order"], document["number"]
         integrals = [read_tokens(text, "integrals") for text in document["integrals"]]
@@ -138,8 +161,14 @@ class Conserved(Question):
         highest = max([1, *fm.read_formulas(ring, self.force_texts)])
         degrees = fm.read_formulas(ring, integrals)
         products = [tuple(one) for one in document["products"]]
-        good = all(place < len(integrals) for one in products for place in one) and len(set(products)) == number
-        require(good and len(products) == number, "Name each product of integrals once, as many as `number`.")
+        good = (
+            all(place < len(integrals) for one in products for place in one)
+            and len(set(products)) == number
+        )
+        require(
+            good and len(products) == number,
+            "Name each product of integrals once, as many as `number`.",
+        )
         fitting = all(sum(degrees[place] for place in one) <= degree for one in products)
         require(fitting, "A product has a higher degree in the velocities than the claim.")
         require(order >= degree, "The order has to be at least the degree.")
@@ -157,12 +186,21 @@ class Conserved(Question):
         zeros = []
         for place, one in enumerate(fm.read_formulas(ring, integrals), 1):
             slopes = (ring.derivative(one, a) for a in range(len(ring.units)))
-            terms = [ring.multiply(rate, slope, 0) for rate, slope in zip(ring.field, slopes, strict=True)]
-            zeros.append(Zero({0: ring.add(terms).get(0, 0)}, f"Integral {place} is not conserved."))
+            terms = [
+                ring.multiply(rate, slope, 0)
+                for rate, slope in zip(ring.field, slopes, strict=True)
+            ]
+            zeros.append(
+                Zero({0: ring.add(terms).get(0, 0)}, f"Integral {place} is not conserved.")
+            )
         return Claims(zeros, [])
 
     def independent_products(
-        self, integrals: list[tuple[str, ...]], products: list[tuple[int, ...]], order: int, highest: int
+        self,
+        integrals: list[tuple[str, ...]],
+        products: list[tuple[int, ...]],
+        order: int,
+        highest: int,
     ) -> None:
         """By their Taylor coefficients at one point, modulo a prime or in balls."""
 
@@ -173,13 +211,19 @@ class Conserved(Question):
         def real(ring: Expansion) -> None:
             rows = coefficients(Slice(ring.arithmetic.again(), order, highest))
             zero = arb(0)
-            pairs = [[(row.get(key, zero), other.get(key, zero)) for key in row] for row in rows for other in rows]
+            pairs = [
+                [(row.get(key, zero), other.get(key, zero)) for key in row]
+                for row in rows
+                for other in rows
+            ]
             gram = [sum((x * y for x, y in pair), start=zero) for pair in pairs]
             size = len(rows)
             ring.arithmetic.regular([gram[size * k : size * (k + 1)] for k in range(size)])
 
         if not self.rational:
-            self.proven_in_balls(0, real, "Balls do not show that the products of integrals are independent.")
+            self.proven_in_balls(
+                0, real, "Balls do not show that the products of integrals are independent."
+            )
             return
         rows, prime = self.at_a_point(coefficients, order, highest)
         keys = [*dict.fromkeys(key for row in rows for key in row)]
@@ -197,14 +241,18 @@ class Conserved(Question):
         raise Incomplete("No point was found at which every formula is defined.")
 
     def no_others(self, degree: int, order: int, highest: int, number: int) -> None:
-        """The rank of the prolonged equations is the number of unknowns minus the claimed number."""
+        """The rank of the prolonged equations is the number of unknowns minus the claimed
+        number.
+        """
         still = len(self.variables) - len(self.free)
         velocities = [a for d in range(degree + 1) for a in exponents(len(self.free), d)]
         powers = [a for d in range(order, -1, -1) for a in exponents(still, d)]
         size = len(velocities) * len(powers)
         if size > (MAX_UNKNOWNS if self.rational else MAX_IN_BALLS):
             raise Incomplete(f"There are {size} unknowns, which are too many.")
-        rows, prime = self.at_a_point(lambda ring: self.equations(ring, velocities, powers), order, highest)
+        rows, prime = self.at_a_point(
+            lambda ring: self.equations(ring, velocities, powers), order, highest
+        )
         names = [*rows]
         table = [[rows[name].get(k, 0) % prime for k in range(size)] for name in names]
         columns = pivots_of(nmod_mat(table, prime))
@@ -217,17 +265,25 @@ class Conserved(Question):
         chosen = [names[k] for k in lines]
 
         def real(ring: Expansion) -> None:
-            rows = self.equations(Slice(ring.arithmetic.again(), order, highest), velocities, powers)
+            rows = self.equations(
+                Slice(ring.arithmetic.again(), order, highest), velocities, powers
+            )
             matrix = [[rows.get(name, {}).get(k, 0) for k in columns] for name in chosen]
             ring.arithmetic.regular(matrix)
 
-        self.proven_in_balls(0, real, "Balls at the real point do not show that there are no other integrals.")
+        self.proven_in_balls(
+            0, real, "Balls at the real point do not show that there are no other integrals."
+        )
 
     def equations(self, ring: Slice, velocities: list[Exponents], powers: list[Exponents]) -> Rows:
-        """The coefficients of v^b q^c in Gamma F, by the places of the unknown coefficients of v^a q^m in F."""
+        """The coefficients of v^b q^c in Gamma F, by the places of the unknown coefficients of v^a
+        q^m in F.
+        """
         order, timed, n = ring.order, self.timed, len(self.free)
         place = {name: k for k, name in enumerate((a, m) for m in powers for a in velocities)}
-        forces = [[(*ring.parts(key), value) for key, value in force.items()] for force in ring.forces]
+        forces = [
+            [(*ring.parts(key), value) for key, value in force.items()] for force in ring.forces
+        ]
         units = [tuple(int(i == j) for j in range(n)) for i in range(n)]
         rows: Rows = {}
 

@@ -20,8 +20,8 @@ PACE = 4  # the number of brackets with Gamma that count as one order
 class MotionExpansion(Expansion):
     """Power series in x = (t?, q, u), and the conditions on L = l + lambda_a mu^a.
 
-    Here mu^a = s^a' - w^a. The unknowns are the coefficients of L of mu-degree at most 1; the degree of an unknown is
-    one less than that of its monomial.
+    Here mu^a = s^a' - w^a. The unknowns are the coefficients of L of mu-degree at most 1; the
+    degree of an unknown is one less than that of its monomial.
     """
 
     offset = 1
@@ -30,7 +30,9 @@ class MotionExpansion(Expansion):
         super().__init__(arithmetic, degree)
         self.bracket = cache(self.bracketed)
         self.bends = {
-            (a, v): self.derivative(rate, v) for a, rate in zip(self.mu, self.rates, strict=True) for v in self.v
+            (a, v): self.derivative(rate, v)
+            for a, rate in zip(self.mu, self.rates, strict=True)
+            for v in self.v
         }
 
     def bracketed(self, v: int, j: int) -> dict[int, Series]:
@@ -47,7 +49,10 @@ class MotionExpansion(Expansion):
             pairs += [(before[y], self.derivative(self.field[x], y)) for y in own]
             found[x] = self.add([self.multiply(*pair, degree) for pair in pairs], signs)
         for a, s in zip(self.mu, self.q[len(self.v) :], strict=True):
-            parts = [self.multiply(self.bends[a, v], found[r], degree) for r, v in zip(self.q, self.v, strict=False)]
+            parts = [
+                self.multiply(self.bends[a, v], found[r], degree)
+                for r, v in zip(self.q, self.v, strict=False)
+            ]
             found[a] = self.add([found[s], *parts], [1] + [-1] * len(parts))
         return found
 
@@ -59,7 +64,10 @@ class MotionExpansion(Expansion):
         if kind[0] != "B":
             return super().terms(kind, *place)
         j, first = map(int, kind[1:].split("_"))
-        pairs = [(self.bracket(self.v[first], i), self.bracket(self.v[place[0]], j - i)) for i in range(j + 1)]
+        pairs = [
+            (self.bracket(self.v[first], i), self.bracket(self.v[place[0]], j - i))
+            for i in range(j + 1)
+        ]
         terms = list[Term]()
         signs = [sign * math.comb(j, i) for i in range(j + 1) for sign in (1, -1)]
         by = dict(zip((*self.q[: len(self.v)], *self.mu), (*self.v, *self.mu), strict=True))
@@ -110,7 +118,8 @@ class FlowExpansion(MotionExpansion):
             self.follow(degree, solution)
             for name, rate in zip(start, self.field, strict=True):
                 grown = {
-                    key + self.clock: part * number(Fraction(1, (key >> self.shift) + 1)) for key, part in rate.items()
+                    key + self.clock: part * number(Fraction(1, (key >> self.shift) + 1))
+                    for key, part in rate.items()
                 }
                 solution[name] = self.settle(start[name] | grown)
         displaced = dict(zip(start, self.units, strict=True))
@@ -133,7 +142,9 @@ class FlowExpansion(MotionExpansion):
             return super().multiply(left, right, degree)
         still = {key: part for key, part in left.items() if not key & displaced}
         plain = {key: part for key, part in right.items() if not key & displaced}
-        return self.add([super().multiply(still, right, degree), super().multiply(moved, plain, degree)])
+        return self.add(
+            [super().multiply(still, right, degree), super().multiply(moved, plain, degree)]
+        )
 
     def pulled_back(self, last: int) -> dict[int, list[Series]]:
         """Phi(t)^-1 d_v to t^last, by components.
@@ -156,7 +167,10 @@ class FlowExpansion(MotionExpansion):
                         total[key] = total.get(key, 0) - part * rate
             share = self.arithmetic.number(Fraction(1, k + 1))
             psi.append({key: part * share for key, part in self.settle(total).items()})
-        return {v: [{x: part[x << 8 | v] for x in own if x << 8 | v in part} for part in psi] for v in self.v}
+        return {
+            v: [{x: part[x << 8 | v] for x in own if x << 8 | v in part} for part in psi]
+            for v in self.v
+        }
 
     def row(self, kind: str, place: tuple[int, ...], alpha: int) -> Series:
         """The coefficient of t^alpha of Omega(Phi^-1 d_v, Phi^-1 d_v').
@@ -191,7 +205,9 @@ class Motion(Question):
         self.last = claim.get("bivectors") or 1  # the last j
         check_shape(self.last, range(1, MAX_ORDER * PACE), "certificate.bivectors")
         super().__init__(tools, document, timed, claim)
-        self.mixing = [[self.generator.getrandbits(60) for _ in self.coordinates] for _ in self.free]
+        self.mixing = [
+            [self.generator.getrandbits(60) for _ in self.coordinates] for _ in self.free
+        ]
 
     def listed_rows(self) -> KindsOfRows:
         found = KindsOfRows()

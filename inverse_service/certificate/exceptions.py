@@ -1,22 +1,24 @@
 """Find the special parameter values that a proof excludes.
 
-A certificate is checked at random points and random parameters, so its claim is valid for generic values. A value c is
-excluded if a divisor of the proof (a pivot, the determinant of the multiplier, a divisor of L) vanishes at every point
-(t, q, q'), that is, if the *content* of this function, its largest factor with parameters only, is 0.
+A certificate is checked at random points and random parameters, so its claim is valid for generic
+values. A value c is excluded if a divisor of the proof (a pivot, the determinant of the multiplier,
+a divisor of L) vanishes at every point (t, q, q'), that is, if the *content* of this function, its
+largest factor with parameters only, is 0.
 
-The content is computed on lines c = a + s b through one random a: each divisor is a rational function of s, which a few
-values determine, and the divisors at two points (t, q, q') have only the content in common. The contents on several
-lines are combined into a polynomial in the parameters, which is factored. A factor is dropped if f is not defined
-there, or if other pivots prove the claim. Sets given by two or more equations are found only if these set parameters to
-0.
+The content is computed on lines c = a + s b through one random a: each divisor is a rational
+function of s, which a few values determine, and the divisors at two points (t, q, q') have only the
+content in common. The contents on several lines are combined into a polynomial in the parameters,
+which is factored. A factor is dropped if f is not defined there, or if other pivots prove the
+claim. Sets given by two or more equations are found only if these set parameters to 0.
 
-Where a parameter occurs in an exponent or in the argument of a function, independent functions may become dependent for
-single values of it: x^a - x^2 is 0 for a = 2 and for no factor of a content. There the whole check is repeated with the
-value in the place of the parameter: with -3 ... 3 and 1/2 in an exponent, with 0 in another argument, and for two such
-parameters with one equal to the other or to its negative.
+Where a parameter occurs in an exponent or in the argument of a function, independent functions may
+become dependent for single values of it: x^a - x^2 is 0 for a = 2 and for no factor of a content.
+There the whole check is repeated with the value in the place of the parameter: with -3 ... 3 and
+1/2 in an exponent, with 0 in another argument, and for two such parameters with one equal to the
+other or to its negative.
 
-A claim about arbitrary functions is proven for all of them if the divisors of its proof do not depend on them, and
-otherwise for general functions, which "special functions F(x, y)" says.
+A claim about arbitrary functions is proven for all of them if the divisors of its proof do not
+depend on them, and otherwise for general functions, which "special functions F(x, y)" says.
 """
 
 from __future__ import annotations
@@ -67,9 +69,9 @@ NO_VALUE = (
 class Generic:
     """The computation whose outcome at random points is the proof.
 
-    Its divisors determine where the proof is valid. `degree` is the degree of the series; `holds` says whether the
-    claim follows from an outcome. `telescopes`: each divisor is the quotient of consecutive minors of one matrix, so
-    that only their product matters.
+    Its divisors determine where the proof is valid. `degree` is the degree of the series; `holds`
+    says whether the claim follows from an outcome. `telescopes`: each divisor is the quotient of
+    consecutive minors of one matrix, so that only their product matters.
     """
 
     work: Callable[[Expansion], Any]
@@ -87,7 +89,9 @@ class Special(Residues):
     divisors: list[int] | None = None
     salt = 0  # which values the arbitrary functions have
 
-    def __init__(self, question: Question, prime: int, seed: int, values: dict[str, int], last: bool = False) -> None:
+    def __init__(
+        self, question: Question, prime: int, seed: int, values: dict[str, int], last: bool = False
+    ) -> None:
         super().__init__(question, prime, seed, question.plan.choices[0])
         self.pivot = max if last else min
         self.values |= values
@@ -145,7 +149,8 @@ def of_functions(functions: Mapping[str, Sequence[str]]) -> str:
 
 
 def depends_on_functions(question: Question, generic: Generic) -> bool:
-    """Whether a divisor of the proof changes with the values of the arbitrary functions, at the same point.
+    """Whether a divisor of the proof changes with the values of the arbitrary functions, at the
+    same point.
 
     True, too, if the time is over before it is known: then the proof is of general functions.
     """
@@ -170,13 +175,17 @@ def depends_on_functions(question: Question, generic: Generic) -> bool:
 
 
 def exceptions_of(
-    question: Question, generic: Generic | None, spent: float, fails_at: Callable[[Values, float], bool]
+    question: Question,
+    generic: Generic | None,
+    spent: float,
+    fails_at: Callable[[Values, float], bool],
 ) -> tuple[str, ...]:
     """Equations between parameters, such as "c1 = c2" and "k = 0".
 
-    It takes about as long as the check (`spent`), and as long again for each value of a parameter in a function.
-    `fails_at` says, within some seconds, whether f is defined and the claim not proven with formulas in the place of
-    parameters. "single values of k" stands for values that could not be found.
+    It takes about as long as the check (`spent`), and as long again for each value of a parameter
+    in a function. `fails_at` says, within some seconds, whether f is defined and the claim not
+    proven with formulas in the place of parameters. "single values of k" stands for values that
+    could not be found.
     """
     names = question.own_parameters
     if generic is None or not (names or question.functions):
@@ -204,7 +213,9 @@ def exceptions_of(
 
 
 def special_values(question: Question) -> Iterator[tuple[str, Values]]:
-    """The values of parameters inside functions that are tried: (equation, formulas in the place of parameters)."""
+    """The values of parameters inside functions that are tried: (equation, formulas in the place of
+    parameters).
+    """
     inside, exponents = set[str](), set[str]()
     nodes, below = question.nodes, list[frozenset[str]]()
     for number, node in enumerate(nodes.listed):
@@ -260,7 +271,9 @@ class Finding:
         for size in range(2, min(len(others), MAX_ZEROS) + 1) if self.question.rational else ():
             for chosen in combinations(others, size):
                 zeros = [0 if k in chosen else 1 + k * k for k in range(len(self.names))]
-                seen = any(one <= {*chosen} for one in known) or any(not one(*zeros) for one in found)
+                seen = any(one <= {*chosen} for one in known) or any(
+                    not one(*zeros) for one in found
+                )
                 if not seen and self.fails(dict.fromkeys(chosen, 0)):
                     known.append({*chosen})
                     yield " = ".join([*(self.names[k] for k in chosen), "0"])
@@ -310,7 +323,9 @@ class Finding:
         return content
 
     def content(self, direction: Sequence[int]) -> Any:
-        """The common factor, without multiplicities, of the divisors at two points (t, q, q') on a line."""
+        """The common factor, without multiplicities, of the divisors at two points (t, q, q') on a
+        line.
+        """
         count, places = self.enough, list[int]()
         tables = [list[list[int]]() for _ in range(2)]
         while len(places) < MAX_POINTS:
@@ -319,7 +334,8 @@ class Finding:
             more = [draw(1, self.prime) for _ in range(count - len(places))]
             places += more
             for last, (table, seed) in enumerate(zip(tables, self.seeds, strict=True)):
-                # Any regular minor shows the rank; other pivots remove the factors due to the first choice.
+                # Any regular minor shows the rank; other pivots remove the factors due to the first
+                # choice.
                 other = bool(last) and self.generic.telescopes
                 table += [self.divisors(seed, direction, s, other) for s in more]
             lengths = {len(values) for table in tables for values in table}
@@ -352,7 +368,9 @@ class Finding:
 
     def check_pace(self, needed: int) -> None:
         """Undefined where so many evaluations in all could not be finished."""
-        if (time.thread_time() - self.began) / self.done * needed > self.question.deadline - self.began:
+        if (
+            time.thread_time() - self.began
+        ) / self.done * needed > self.question.deadline - self.began:
             raise Undefined
 
     def numerators(self, places: Sequence[int], table: list[list[int]]) -> list[Any | None]:
@@ -366,11 +384,15 @@ class Finding:
         powers = nmod_mat([[pow(s, k, prime) for k in range(count)] for s in places], prime)
         parts = powers.solve(nmod_mat(table, prime))
         modulus = math.prod([nmod_poly([-s % prime, 1], prime) for s in places])
-        polynomials = (nmod_poly([int(parts[k, j]) for k in range(count)], prime) for j in range(len(table[0])))
+        polynomials = (
+            nmod_poly([int(parts[k, j]) for k in range(count)], prime) for j in range(len(table[0]))
+        )
         return [self.numerator(modulus, one) for one in polynomials]
 
     def numerator(self, modulus: Any, polynomial: Any) -> Any | None:
-        """The numerator of the simple rational function congruent to the polynomial modulo `modulus`, or None."""
+        """The numerator of the simple rational function congruent to the polynomial modulo
+        `modulus`, or None.
+        """
         older, newer = modulus, polynomial
         before, after = nmod_poly([0], self.prime), nmod_poly([1], self.prime)
         best, size = newer, newer.degree()
@@ -383,7 +405,9 @@ class Finding:
         self.largest = max(self.largest, size)
         return best if size <= modulus.degree() - SPARE else None
 
-    def put_together(self, found: Sequence[Polynomial], direction: Sequence[int], rest: Any) -> Polynomial:
+    def put_together(
+        self, found: Sequence[Polynomial], direction: Sequence[int], rest: Any
+    ) -> Polynomial:
         """The polynomial with these restrictions to lines through the base."""
         degree, m, prime = rest.degree(), len(self.names), self.prime
         shapes = [list(combinations_with_replacement(range(m), k)) for k in range(degree + 1)]
@@ -471,7 +495,9 @@ class Finding:
         right = [one for one in whole if one not in left]
         turned = "-" if plain else ""
         opposite = [(key, abs(c)) for key, c in right]
-        return f"{polynomial_text(left, self.names)} = {turned}{polynomial_text(opposite, self.names)}"
+        return (
+            f"{polynomial_text(left, self.names)} = {turned}{polynomial_text(opposite, self.names)}"
+        )
 
 
 def polynomial_text(terms: Iterable[tuple[Sequence[int], Any]], names: Sequence[str]) -> str:

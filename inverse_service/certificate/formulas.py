@@ -41,7 +41,9 @@ FREE = ("", "+", "-", "*", "(")  # tokens before an operand whose value is unres
 # An integer: ^2, ^(-2).
 EXPONENT = r"\^[ \t\r\n]*(?:-?[0-9]{1,400}|\(-?[0-9]{1,400}\))(?![0-9.]|[ \t\r\n]*\^)"
 # 2.5, x', B[1,0].
-OPERAND = r"(?![0-9.]{401})[0-9]+(?:\.[0-9]+)?|[A-Za-z][A-Za-z0-9_]*(?:\[[0-9]{1,2}(?:,[0-9]{1,2})*\]|'*)"
+OPERAND = (
+    r"(?![0-9.]{401})[0-9]+(?:\.[0-9]+)?|[A-Za-z][A-Za-z0-9_]*(?:\[[0-9]{1,2}(?:,[0-9]{1,2})*\]|'*)"
+)
 TOKEN = re.compile(rf"[ \t\r\n]*({OPERAND}|{EXPONENT}|[-+*/^(),]|\Z|(.))", re.DOTALL)
 NAME, TEXT = r"[A-Za-z][A-Za-z0-9_]{0,99}", rf"(?s:.{{0,{MAX_TEXT}}})"
 NUMBER = r"-?[0-9]{1,400}((\.[0-9]{1,400})?(e[-+]?[0-9]{1,2})?|/0{0,9}[1-9][0-9]{0,399})"
@@ -88,7 +90,8 @@ def require(condition: object, sentence: str) -> None:
 
 
 def check_shape(value: Any, shape: Any, where: str) -> None:
-    """End as invalid unless the value is a text of a pattern, a number in a range, or nested such parts.
+    """End as invalid unless the value is a text of a pattern, a number in a range, or nested such
+    parts.
 
     For NUMBER, an integer is accepted too.
     """
@@ -105,10 +108,16 @@ def check_shape(value: Any, shape: Any, where: str) -> None:
         case [*_]:  # [shape of each, most], or a tuple of the shapes
             fixed = isinstance(shape, tuple)
             most = len(shape) if isinstance(shape, tuple) else shape[1]
-            good = isinstance(value, list | tuple) and (len(value) == most if fixed else len(value) <= most)
+            good = isinstance(value, list | tuple) and (
+                len(value) == most if fixed else len(value) <= most
+            )
             what = f"a list of {'' if fixed else 'at most '}{most} items"
             shapes = shape if fixed else [shape[0]] * most
-            parts = [(*pair, f"an item of {where}") for pair in zip(value, shapes, strict=False)] if good else []
+            parts = (
+                [(*pair, f"an item of {where}") for pair in zip(value, shapes, strict=False)]
+                if good
+                else []
+            )
         case _:  # {key: shape}; a key that ends in ? may be left out, or null
             good = isinstance(value, dict) and len(value) <= MAX_MEMBERS
             good = good and all(isinstance(key, str) for key in value)
@@ -223,8 +232,8 @@ class Memory(NamedTuple):
 def read_formulas(ring: Any, formulas: Iterable[tuple[str, ...]], **bound: Any) -> list[Any]:
     """The values of formulas in a ring.
 
-    Every distinct part is computed once for all formulas that the ring reads. `bound` gives values of names; parts that
-    contain bound names are computed for this call only.
+    Every distinct part is computed once for all formulas that the ring reads. `bound` gives values
+    of names; parts that contain bound names are computed for this call only.
     """
     nodes: Nodes = ring.question.nodes
     if bound:
@@ -249,7 +258,9 @@ def value_of(ring: Any, formula: tuple[str, ...], **bound: Any) -> Any:
     return read_formulas(ring, [formula], **bound)[0]
 
 
-def _computed(ring: Any, node: tuple[Any, ...], names: Mapping[str, Any], known: Mapping[int, Any]) -> Any:
+def _computed(
+    ring: Any, node: tuple[Any, ...], names: Mapping[str, Any], known: Mapping[int, Any]
+) -> Any:
     match node:
         case "number", value:
             return ring.constant(value)
@@ -353,7 +364,9 @@ def joined(ring: Any, operator: str, left: Any, right: Any) -> Any:
     """left operator right; left ^ right is exp(right log(left))."""
     ring.question.check_time()
     if operator == "^":
-        return ring.elementary("exp", ring.multiply(right, ring.elementary("log", left), ring.degree))
+        return ring.elementary(
+            "exp", ring.multiply(right, ring.elementary("log", left), ring.degree)
+        )
     return ring.multiply(left, ring.power(right, -1) if operator == "/" else right, ring.degree)
 
 
@@ -365,7 +378,9 @@ def applied(ring: Any, name: str, u: Any) -> Any:
 
 
 def is_root(formula: tuple[str, ...]) -> bool:
-    """Whether the whole formula is sqrt(w) or (w)^(e), which is defined only where w is positive."""
+    """Whether the whole formula is sqrt(w) or (w)^(e), which is defined only where w is
+    positive.
+    """
     depths = [*accumulate((token == "(") - (token == ")") for token in formula)]
     closed = [k for k, depth in enumerate(depths) if formula[k] == ")" and not depth]
     between = ("^", "(") if formula[0] == "(" else ()

@@ -1,7 +1,7 @@
 """Claims about Lagrangians of one kind: see FORMAT.md.
 
-A kind consists of the Lagrangians that derivations Y multiply by a number, or of those whose Hessian is definite at a
-real point.
+A kind consists of the Lagrangians that derivations Y multiply by a number, or of those whose
+Hessian is definite at a real point.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -43,7 +43,9 @@ class KindExpansion(Expansion):
 
     @cached_property
     def derivations(self) -> list[Derivation]:
-        found: list[Derivation] = [({v: self.one}, 0, False) for v in self.v if self.question.kind in NATURAL]
+        found: list[Derivation] = [
+            ({v: self.one}, 0, False) for v in self.v if self.question.kind in NATURAL
+        ]
         found += [(self.speeds, 2, True)] * (self.question.kind in HOMOGENEOUS)
         for move in self.question.moves:
             parts = {
@@ -91,7 +93,9 @@ class KindExpansion(Expansion):
             if kind == "C":
                 yield Term(2 * sign, self.one, (self.v[i], self.v[c], self.q[j]))
 
-    def multiplied(self, parts: dict[int, Series], weight: int, by: tuple[int, ...] = ()) -> list[Term]:
+    def multiplied(
+        self, parts: dict[int, Series], weight: int, by: tuple[int, ...] = ()
+    ) -> list[Term]:
         """Y(L) - c L for the derivative of L by some variables."""
         terms = [Term(1, part, (*by, a)) for a, part in parts.items()]
         return [*terms, Term(-weight, self.one, by)]
@@ -109,8 +113,12 @@ class OfKind(Question):
         invariant = named(self.kind) == "invariant"
         for move in self.kind["invariant"] if invariant else ():
             check_shape(move, dict.fromkeys(move, TEXT), "among.invariant")
-            self.moves.append({name: read_tokens(text, "among.invariant") for name, text in move.items()})
-        require(not timed or self.kind not in HOMOGENEOUS, "A homogeneous Lagrangian is one without t.")
+            self.moves.append(
+                {name: read_tokens(text, "among.invariant") for name, text in move.items()}
+            )
+        require(
+            not timed or self.kind not in HOMOGENEOUS, "A homogeneous Lagrangian is one without t."
+        )
         if "rayleigh" in self.kind and claim["kind"] == "lagrangian":
             self.drag = read_tokens(claim.get("dissipation"), "certificate.dissipation")
             good = timed or "t" not in self.drag
@@ -198,12 +206,19 @@ def named(kind: Any) -> Any:
 
 
 class DefiniteExpansion(Expansion):
-    """Series at the point itself, where the given matrix is g(p) once it satisfies all rows for g(p)."""
+    """Series at the point itself, where the given matrix is g(p) once it satisfies all rows for
+    g(p).
+    """
 
     def entries(self, matrix: Rationals) -> Series:
-        """By the coefficients of L: the coefficients of tr(matrix g)/2, half the values where g = matrix."""
+        """By the coefficients of L: the coefficients of tr(matrix g)/2, half the values where g =
+        matrix.
+        """
         pairs = combinations_with_replacement(range(len(self.v)), 2)
-        found = {self.units[self.v[i]] + self.units[self.v[j]]: self.arithmetic.number(matrix[i][j]) for i, j in pairs}
+        found = {
+            self.units[self.v[i]] + self.units[self.v[j]]: self.arithmetic.number(matrix[i][j])
+            for i, j in pairs
+        }
         return self.settle(found)
 
     def matrix(self, elimination: Elimination) -> list[list[Any]]:
@@ -213,7 +228,9 @@ class DefiniteExpansion(Expansion):
         if orthogonal:  # 0 if tr(orthogonal g) = 0 follows from the rows
             is_new = elimination.insert(self.entries(orthogonal))
             return [[self.arithmetic.number(Fraction(is_new))]]
-        halves = [[x / 2 if i == j else x for j, x in enumerate(row)] for i, row in enumerate(given)]
+        halves = [
+            [x / 2 if i == j else x for j, x in enumerate(row)] for i, row in enumerate(given)
+        ]
         values, one = self.entries(halves), self.arithmetic.number(Fraction(1))
         for pivot, row in zip(elimination.pivots, elimination.rows, strict=True):
             if pivot >> self.shift == self.offset:
@@ -238,7 +255,9 @@ class Definite(Question):
         return DefiniteExpansion(arithmetic, degree)
 
     def modulo(self, degree: int, work: Callable[[Expansion], Any], count: int = 2) -> list[Any]:
-        """The results at the point itself; for existence also at random points, which must agree."""
+        """The results at the point itself; for existence also at random points, which must
+        agree.
+        """
         if not degree or not (self.member or self.orthogonal):
             return super().modulo(degree, work, count)
         if self.functions or any("pi" in text or fm.is_irrational(text) for text in self.texts()):
@@ -283,7 +302,8 @@ class Definite(Question):
 
 
 def is_definite(matrix: list[list[Any]], semi: bool = False) -> bool:
-    """Whether symmetric elimination finds positive pivots only (with `semi`, also zero pivots with zero rows).
+    """Whether symmetric elimination finds positive pivots only (with `semi`, also zero pivots with
+    zero rows).
 
     Unsettled if a ball does not decide.
     """

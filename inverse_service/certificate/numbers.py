@@ -1,7 +1,7 @@
 """Two kinds of numbers: residues prove that a value is zero, balls that it is not.
 
-A plan expresses the atoms (powers, logarithms, angles) by independent ones. It is guessed from decimals and proven in
-the residues.
+A plan expresses the atoms (powers, logarithms, angles) by independent ones. It is guessed from
+decimals and proven in the residues.
 """
 
 from __future__ import annotations
@@ -112,12 +112,16 @@ def exactly(value: arb) -> Fraction:
 
 
 def count_distinct(trace: list[Atom]) -> int:
-    """The number of atoms that are not k/24 times another one, as 3/2 log w is a multiple of log w."""
+    """The number of atoms that are not k/24 times another one, as 3/2 log w is a multiple of log
+    w.
+    """
     kept: list[tuple[bool, float]] = []
     for atom in trace:
         value = float(atom.value.mid())
         ratios = [24 * value / other for kind, other in kept if kind == atom.imaginary]
-        if value and all(abs(ratio - round(ratio)) > 1e-9 for ratio in ratios if 0.5 < abs(ratio) < 9999):
+        if value and all(
+            abs(ratio - round(ratio)) > 1e-9 for ratio in ratios if 0.5 < abs(ratio) < 9999
+        ):
             kept.append((atom.imaginary, value))
     return len(kept)
 
@@ -125,11 +129,13 @@ def count_distinct(trace: list[Atom]) -> int:
 class Plan:
     """The expressions of the atoms, in the order of reading, by independent ones.
 
-    They are guessed from decimals and proven elsewhere. `traces` are the atoms at points near the place, first at the
-    place itself, with `bits` of precision.
+    They are guessed from decimals and proven elsewhere. `traces` are the atoms at points near the
+    place, first at the place itself, with `bits` of precision.
     """
 
-    def __init__(self, traces: list[list[Atom]], bits: int, check_time: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self, traces: list[list[Atom]], bits: int, check_time: Callable[[], None] = lambda: None
+    ) -> None:
         self.bits = bits
         self.split = 1  # the product of the N of functions
         self.roots = list[Root]()  # roots of functions, in the order of reading
@@ -207,7 +213,9 @@ class Plan:
         rest = abs(value - fmpq(simple.numerator, simple.denominator))
         return simple if rest < self.small() else None
 
-    def rational(self, values: list[arb], found: dict[int, arb], imaginary: bool) -> dict[int, Fraction] | None:
+    def rational(
+        self, values: list[arb], found: dict[int, arb], imaginary: bool
+    ) -> dict[int, Fraction] | None:
         """The combination with rational coefficients.
 
         Its constant is a multiple of pi, of 1, or of a logarithm.
@@ -220,7 +228,11 @@ class Plan:
         constant = found[unit]
         if abs(constant) <= self.small() * max([abs(value) for value in values]):
             return known
-        if imaginary and (turns := self.fraction(constant / arb.pi())) is not None and turns.denominator <= 1 << 12:
+        if (
+            imaginary
+            and (turns := self.fraction(constant / arb.pi())) is not None
+            and turns.denominator <= 1 << 12
+        ):
             return known | {PI: turns}
         if (simple := self.fraction(constant)) is not None:
             return known | {unit: simple}
@@ -234,7 +246,10 @@ class Plan:
         """{pair of a prime number: exponent} for a rational number."""
         simple = exactly(value).limit_denominator(1 << self.bits // 8)
         above, below = simple.numerator, simple.denominator
-        if max(above, below).bit_length() > 100 or abs(value - fmpq(above, below)) > self.small() * value:
+        if (
+            max(above, below).bit_length() > 100
+            or abs(value - fmpq(above, below)) > self.small() * value
+        ):
             return None
         factors = [(int(q), k) for q, k in fmpz(above).factor()]
         factors += [(int(q), -k) for q, k in fmpz(below).factor()]
@@ -245,8 +260,12 @@ class Plan:
         numbers = [pair.number for pair in self.pairs]
         return {numbers.index(prime, 2): Fraction(exponent) for prime, exponent in factors}
 
-    def related(self, values: list[arb], found: dict[int, arb], imaginary: bool) -> dict[int, Fraction] | None:
-        """The shortest linear relation with integer coefficients among the values and those of all pairs (LLL)."""
+    def related(
+        self, values: list[arb], found: dict[int, arb], imaginary: bool
+    ) -> dict[int, Fraction] | None:
+        """The shortest linear relation with integer coefficients among the values and those of all
+        pairs (LLL).
+        """
         self.searches += 1
         if self.searches > MAX_SEARCHES:
             return None
@@ -271,13 +290,20 @@ class Plan:
         scales = {j: math.lcm(self.pairs[j].scale, a.denominator) for j, a in parts.items()}
         roots = [j for j, pair in enumerate(self.pairs) if pair.logarithm and not pair.number]
         split = math.prod([scales.get(j, self.pairs[j].scale) for j in roots])
-        bounds = ((MAX_TURNS if j == PI else 24 if self.pairs[j].number > 1 else MAX_SCALE) for j in scales)
-        good = split <= MAX_WIDE and all(scale <= most for scale, most in zip(scales.values(), bounds, strict=True))
+        bounds = (
+            (MAX_TURNS if j == PI else 24 if self.pairs[j].number > 1 else MAX_SCALE)
+            for j in scales
+        )
+        good = split <= MAX_WIDE and all(
+            scale <= most for scale, most in zip(scales.values(), bounds, strict=True)
+        )
         if good and all(abs(a) * scales[j] <= MAX_POWER for j, a in parts.items()):
             self.split = split
             self.turns = math.lcm(self.turns, *[scales[j] for j in roots if j in scales])
             for j, scale in scales.items():
-                self.halved |= self.pairs[j].imaginary and self.pairs[j].logarithm and scale % 2 == 0
+                self.halved |= (
+                    self.pairs[j].imaginary and self.pairs[j].logarithm and scale % 2 == 0
+                )
                 self.pairs[j].scale = scale
             return True
         return False
@@ -296,17 +322,27 @@ class Plan:
     def every_choice(self) -> list[dict[int, int]]:
         """Each choice k of the roots r_j z_j^k_j of functions, where z_j is a root of unity."""
         if self.split > MAX_CHOICES:
-            raise Incomplete(f"Roots that depend on each other have more than {MAX_CHOICES} choices.")
-        scales = {j: pair.scale for j, pair in enumerate(self.pairs) if pair.logarithm and not pair.number}
+            raise Incomplete(
+                f"Roots that depend on each other have more than {MAX_CHOICES} choices."
+            )
+        scales = {
+            j: pair.scale for j, pair in enumerate(self.pairs) if pair.logarithm and not pair.number
+        }
         choices = product(*map(range, scales.values()))
         return [dict(zip(scales, choice, strict=True)) for choice in choices]
 
     def moderate(self, parts: dict[int, Fraction]) -> bool:
         times = math.lcm(*[a.denominator for j, a in parts.items() if j != PI])
-        return times <= 48 and all(abs(a) * times * self.pairs[j].scale <= MAX_POWER for j, a in parts.items())
+        return times <= 48 and all(
+            abs(a) * times * self.pairs[j].scale <= MAX_POWER for j, a in parts.items()
+        )
 
-    def combination(self, parts: dict[int, Fraction], logarithm: bool, imaginary: bool, exact: arb) -> Entry:
-        """The entry of a combination; for an imaginary logarithm, a ball at the place determines the multiple of pi."""
+    def combination(
+        self, parts: dict[int, Fraction], logarithm: bool, imaginary: bool, exact: arb
+    ) -> Entry:
+        """The entry of a combination; for an imaginary logarithm, a ball at the place determines
+        the multiple of pi.
+        """
         times = math.lcm(*[a.denominator for j, a in parts.items() if j != PI])
         if logarithm and imaginary:
             part = math.lcm(12, parts.pop(PI, Fraction(1)).denominator) * times
@@ -322,8 +358,8 @@ class Plan:
 class Residues:
     """Numbers modulo a prime: random values of all generators, one for all choices of roots.
 
-    They are integers and, if the plan is wide, also other elements of GF(p^2), so that the square roots of integers
-    exist at every point.
+    They are integers and, if the plan is wide, also other elements of GF(p^2), so that the square
+    roots of integers exist at every point.
     """
 
     pivot: Any = staticmethod(min)  # among the places where a row is not 0
@@ -338,7 +374,9 @@ class Residues:
         self.generator, self.entries = random.Random(seed), iter(self.plan.entries)
         self.powers, self.classes, self.large = dict[int, tuple[int, int]](), list[int](), 0
         self.known = dict[tuple[str, tuple[int, ...]], int]()
-        self.values = {name: self.generator.randrange(1, prime) for name in ("pi", *sorted(question.names))}
+        self.values = {
+            name: self.generator.randrange(1, prime) for name in ("pi", *sorted(question.names))
+        }
         # For each pair (l, e), the values of l and of r with r^N = e.
         self.pairs = list[tuple[int, int]]()
         if self.plan.pairs:
@@ -459,7 +497,9 @@ class Residues:
 
     def same(self, left: Number, right: Number) -> None:
         if self.reduced(left - right):
-            raise Incomplete("A relation between functions was guessed that does not hold for all roots.")
+            raise Incomplete(
+                "A relation between functions was guessed that does not hold for all roots."
+            )
 
     def exp(self, value: Number) -> Number:
         """e^l for an l with this value; e^(i l) if it is imaginary."""
@@ -526,7 +566,9 @@ class Residues:
             scale = self.inverse(pivot[0])
             for k, row in enumerate(rows):
                 factor = self.reduced(row[0] * scale)
-                rows[k] = [self.reduced(a - factor * b) for a, b in zip(row[1:], pivot[1:], strict=True)]
+                rows[k] = [
+                    self.reduced(a - factor * b) for a, b in zip(row[1:], pivot[1:], strict=True)
+                ]
         return found
 
     def regular(self, matrix: list[list[Number]]) -> bool:
@@ -628,7 +670,9 @@ class Balls:
         return arb(self.question.generator.randrange(-9999, 10_000)) / 1000
 
     def settle(self, raw: Series) -> Series:
-        found = {key: value for key, value in raw.items() if not (type(value) is int or value.is_zero())}
+        found = {
+            key: value for key, value in raw.items() if not (type(value) is int or value.is_zero())
+        }
         if not all(value.is_finite() for value in found.values()):
             raise Unsettled
         return found

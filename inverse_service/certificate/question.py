@@ -1,7 +1,8 @@
 """A system as stated in a certificate, and the checks of the three kinds of certificates.
 
-Formulas have no trees: the parser computes Taylor series about a point while it reads. Numbers are residues modulo a
-prime (`Residues`), which prove that a value is zero, or balls (`Balls`), which prove that it is not.
+Formulas have no trees: the parser computes Taylor series about a point while it reads. Numbers are
+residues modulo a prime (`Residues`), which prove that a value is zero, or balls (`Balls`), which
+prove that it is not.
 """
 
 import math
@@ -39,7 +40,9 @@ class Tools(NamedTuple):
 
 
 class RowKind(NamedTuple):
-    """The order of a condition on g, the order of the derivatives of f in it, and the places of its rows."""
+    """The order of a condition on g, the order of the derivatives of f in it, and the places of its
+    rows.
+    """
 
     order: int
     depth: int
@@ -130,7 +133,9 @@ class Question:
         self.set_of_claim(claim or {})
         self.integrals = dict[str, Integral]()
         self.kinds_of_rows = self.listed_rows()
-        self.held = False  # whether everything that must be true at a point of `look_around` is read
+        self.held = (
+            False  # whether everything that must be true at a point of `look_around` is read
+        )
         self.partly = False  # whether a matrix is regular only for some choices of the roots
         self.claimed: tuple[Callable[[Expansion], Claims], int] = (no_claims, 0)
         self.generic: Generic | None = None  # the proof, once confirmed
@@ -141,8 +146,12 @@ class Question:
         self.coordinates = document["coordinates"]
         self.parameters = document.get("parameters") or []
         self.own_parameters = [*self.parameters]
-        self.functions, forces, rates = (document.get(key) or {} for key in ("functions", "equations", "velocities"))
-        check_shape(list(self.functions.items()), [(NAME, [NAME, 6]), fm.MAX_NAMES], "system.functions")
+        self.functions, forces, rates = (
+            document.get(key) or {} for key in ("functions", "equations", "velocities")
+        )
+        check_shape(
+            list(self.functions.items()), [(NAME, [NAME, 6]), fm.MAX_NAMES], "system.functions"
+        )
         names = [*self.coordinates, *self.parameters, *self.functions]
         self.free, self.bound = self.coordinates[: len(forces)], self.coordinates[len(forces) :]
         good = self.free and all(self.functions.values())
@@ -216,7 +225,8 @@ class Question:
             ring.elementary("log", value)
             tie = ring.add([value_of(ring, root), value], [1, -1])
             ring.ties.append(ring.multiply(tie, ring.constant(Fraction(1)), 0))
-        # The conditions are not remembered, so that rings of all degrees meet the same atoms in the same order.
+        # The conditions are not remembered, so that rings of all degrees meet the same atoms in the
+        # same order.
         ring.degree, ring.memory = degree, None
         found = fm.read_formulas(ring, self.force_texts)
         if self.bound:
@@ -230,11 +240,13 @@ class Question:
         formulas: Iterable[tuple[str, ...]] = (),
         rational: bool = True,
     ) -> None:
-        """Bound the degrees by a count; unless everything is rational, first find a point and a plan.
+        """Bound the degrees by a count; unless everything is rational, first find a point and a
+        plan.
 
-        `read` is called with rings of all kinds and reads all formulas of the certificate except f. On return, there is
-        a point where everything is defined and the conditions are true (in balls, or modulo a prime if everything is
-        rational), the plan relates the atoms there, degrees are bounded, and each named root has its stated value.
+        `read` is called with rings of all kinds and reads all formulas of the certificate except f.
+        On return, there is a point where everything is defined and the conditions are true (in
+        balls, or modulo a prime if everything is rational), the plan relates the atoms there,
+        degrees are bounded, and each named root has its stated value.
         """
         self.rational = rational and not any(map(fm.is_irrational, [*self.texts(), *formulas]))
         self.read = read
@@ -253,7 +265,9 @@ class Question:
             self.settle(0, no_claims)
 
     def locate(self) -> list[Atom]:
-        """Find a real point where everything is defined and the conditions are true, completing `near`."""
+        """Find a real point where everything is defined and the conditions are true, completing
+        `near`.
+        """
         free = self.names - {*self.near} or self.functions
         for attempt in range(60 if free else 1):
             values = {
@@ -266,12 +280,15 @@ class Question:
                 return trace
             except (Undefined, Unsettled):
                 self.check_time()
-        raise Incomplete("No point was found at which every formula is defined and every condition holds.")
+        raise Incomplete(
+            "No point was found at which every formula is defined and every condition holds."
+        )
 
     def look_around(self) -> int:
         """Try random points where the conditions hold, near and far.
 
-        There, every formula read after the conditions are `held` must be defined, and all zeros must be zero.
+        There, every formula read after the conditions are `held` must be defined, and all zeros
+        must be zero.
         """
         everywhere = "at all points where the conditions hold"
         (claims, degree), seen = self.claimed, 0
@@ -332,10 +349,10 @@ class Question:
     def independent(self) -> bool:
         """Whether the roots r^N = w of functions all have full degree.
 
-        Then one choice of roots represents all choices. A sufficient condition is that, for each depth and each prime
-        q, no product of powers of the w with q | N is a q-th power in the field of the roots of smaller depth (Kummer),
-        that is, that the logarithms of these w modulo q, at points modulo primes where all roots of smaller depth
-        exist, have full rank.
+        Then one choice of roots represents all choices. A sufficient condition is that, for each
+        depth and each prime q, no product of powers of the w with q | N is a q-th power in the
+        field of the roots of smaller depth (Kummer), that is, that the logarithms of these w modulo
+        q, at points modulo primes where all roots of smaller depth exist, have full rank.
         """
         roots = self.plan.roots
         for depth in sorted({root.depth for root in roots}):
@@ -360,7 +377,9 @@ class Question:
                 return False
         return True
 
-    def in_balls(self, degree: int, work: Callable[[Expansion], Any], classes: list[int] | None = None) -> Any:
+    def in_balls(
+        self, degree: int, work: Callable[[Expansion], Any], classes: list[int] | None = None
+    ) -> Any:
         """The result of the work in balls at the point, with more digits until they suffice.
 
         On return, no comparison in the computation was left open by the balls.
@@ -383,8 +402,8 @@ class Question:
     def modulo(self, degree: int, work: Callable[[Expansion], Any], count: int = 2) -> list[Any]:
         """The results of the work at random points modulo random primes.
 
-        There is one result for each choice of the roots there. On return, there are `count` times as many outcomes as
-        choices, and the same arguments of functions were equal at all points.
+        There is one result for each choice of the roots there. On return, there are `count` times
+        as many outcomes as choices, and the same arguments of functions were equal at all points.
         """
         found, prime, choices = list[Any](), 0, self.plan.choices
         for attempt in range(2000 + 30 * self.plan.draws):
@@ -404,7 +423,9 @@ class Question:
             for met in classes:
                 known = self.plan.classes or []  # one computation may read more than another
                 if any(one != other for one, other in zip(known, met, strict=False)):
-                    raise Incomplete("Arguments of a function agree at one point and not at another.")
+                    raise Incomplete(
+                        "Arguments of a function agree at one point and not at another."
+                    )
                 self.plan.classes = max(known, met, key=len)
             found, prime = [*found, *here], self.prime()
             if len(found) == count * len(choices):
@@ -414,19 +435,23 @@ class Question:
     def prime(self, narrow: bool = False) -> int:
         """A random prime modulo which all numbers have the roots that the plan uses.
 
-        It has 61 bits or, if the plan is wide, as many more as Lemma 2 of RING.md requires. It is drawn after the text
-        is read, so that no text can be constructed to vanish modulo the prime.
+        It has 61 bits or, if the plan is wide, as many more as Lemma 2 of RING.md requires. It is
+        drawn after the text is read, so that no text can be constructed to vanish modulo the prime.
         """
         bits = 60 + (2 * self.plan.split.bit_length() if self.plan.wide and not narrow else 0)
         fine = [2 * pair.scale for pair in self.plan.pairs if pair.number < 0]
-        step = math.lcm(24 * math.lcm(*[2 * pair.scale for pair in self.plan.pairs if pair.logarithm]), *fine)
+        step = math.lcm(
+            24 * math.lcm(*[2 * pair.scale for pair in self.plan.pairs if pair.logarithm]), *fine
+        )
         roots = [(pair.number, pair.scale) for pair in self.plan.pairs if pair.number > 1]
         # A text could contain all such primes.
         if step * math.prod([scale for _, scale in roots]) > MAX_RARITY:
             raise Incomplete("There are too many roots of numbers: too few primes have them all.")
         for _ in range(1_000_000):
             prime = self.generator.randrange((1 << bits) // step, (2 << bits) // step) * step + 1
-            if fmpz(prime).is_probable_prime() and all(pow(q, (prime - 1) // n, prime) == 1 for q, n in roots):
+            if fmpz(prime).is_probable_prime() and all(
+                pow(q, (prime - 1) // n, prime) == 1 for q, n in roots
+            ):
                 return prime
             self.check_time()
         raise Incomplete("No prime was found modulo which all numbers have their roots.")
@@ -434,9 +459,9 @@ class Question:
     def settle(self, degree: int, claims: Callable[[Expansion], Claims], count: int = 2) -> None:
         """Prove zeros by algebra and regular matrices by balls.
 
-        Balls may refute a value that is not zero in the ring. On return, every zero is zero at all points drawn and for
-        all roots there, and every matrix is regular. Otherwise the certificate is invalid if a ball excludes 0 or
-        everything is rational, and incomplete if not.
+        Balls may refute a value that is not zero in the ring. On return, every zero is zero at all
+        points drawn and for all roots there, and every matrix is regular. Otherwise the certificate
+        is invalid if a ball excludes 0 or everything is rational, and incomplete if not.
         """
         doubts, self.claimed = dict[int, str](), (claims, degree)
         needed = dict[int, str]()  # all matrices, and those regular for some choice of the roots
@@ -444,7 +469,9 @@ class Question:
 
         def exact(ring: Expansion) -> None:
             found = claims(ring)
-            open_ones = (k for k, zero in enumerate(found.zeros) if ring.arithmetic.settle(zero.value))
+            open_ones = (
+                k for k, zero in enumerate(found.zeros) if ring.arithmetic.settle(zero.value)
+            )
             doubts.update({k: found.zeros[k].sentence for k in open_ones})
             needed.update({k: one.sentence for k, one in enumerate(found.regular)})
             here = [ring.arithmetic.regular(one.matrix) for one in found.regular]
@@ -472,8 +499,8 @@ class Question:
     def lagrangian(self, document: dict[str, Any]) -> str:
         """Check that L satisfies all conditions and that the matrix L_(v_i v_j) is regular.
 
-        On return, each residual is zero in the ring for every choice of its roots, and the matrix is regular modulo a
-        prime for one choice and, unless everything is rational, in balls at P.
+        On return, each residual is zero in the ring for every choice of its roots, and the matrix
+        is regular modulo a prime for one choice and, unless everything is rational, in balls at P.
         """
         formula = read_tokens(document.get("lagrangian"), "certificate.lagrangian")
         tokens = formula + self.read_integrals(document.get("integrals") or {})
@@ -513,7 +540,10 @@ class Question:
         """The differences of the mixed derivatives of each integral."""
         for name, integral in self.integrals.items():
             sentence = f"The mixed derivatives of integrals.{name} do not agree."
-            known = [(self.variables.index(by), value_of(ring, slope)) for by, slope in integral.slopes.items()]
+            known = [
+                (self.variables.index(by), value_of(ring, slope))
+                for by, slope in integral.slopes.items()
+            ]
             for (a, one), (b, other) in combinations(known, 2):
                 turn = ring.add([ring.derivative(one, b), ring.derivative(other, a)], [1, -1])
                 yield Zero({0: turn.get(0, 0)}, sentence)
@@ -534,9 +564,15 @@ class Question:
         good = self.timed or "t" not in tokens
         require(good, f"{what} contains t, but the question does not.")
 
-    def against(self, ring: Expansion, residuals: Iterable[Zero], factors: list[tuple[str, ...]]) -> Iterator[Zero]:
-        """For unsolved equations, values that are zero if the residual is c E or -c E for all q''."""
-        for (residual, sentence), factor, equation in zip(residuals, factors, self.unsolved, strict=True):
+    def against(
+        self, ring: Expansion, residuals: Iterable[Zero], factors: list[tuple[str, ...]]
+    ) -> Iterator[Zero]:
+        """For unsolved equations, values that are zero if the residual is c E or -c E for all
+        q''.
+        """
+        for (residual, sentence), factor, equation in zip(
+            residuals, factors, self.unsolved, strict=True
+        ):
             value = {0: value_of(ring, factor).get(0, 0)}
             own = ring.multiply(value, {0: value_of(ring, equation).get(0, 0)}, 0)
             either = ring.multiply(ring.add([residual, own], [1, -1]), ring.add([residual, own]), 0)
@@ -586,7 +622,9 @@ class Question:
         """The rows and pivots of eliminations at several points, which must agree."""
         first, *others = scripts
         for other in others:
-            if [(step.row, step.pivot) for step in other] != [(step.row, step.pivot) for step in first]:
+            if [(step.row, step.pivot) for step in other] != [
+                (step.row, step.pivot) for step in first
+            ]:
                 raise Incomplete("The elimination takes different pivots at different points.")
             pairs = zip(first, other, strict=True)
             first = [one._replace(columns=one.columns | more.columns) for one, more in pairs]
@@ -619,8 +657,8 @@ class Question:
     def nonexistence(self, document: dict[str, Any]) -> str:
         """Check that the named rows allow no regular g(p).
 
-        On return, the same rows are independent with the same pivots at all points (also in balls unless everything is
-        rational), and det g(p) is zero on the solutions of these rows.
+        On return, the same rows are independent with the same pivots at all points (also in balls
+        unless everything is rational), and det g(p) is zero on the solutions of these rows.
         """
         rows, most = self.listed(document)
         require(len(set(rows)) == len(rows), "A row is named twice.")
@@ -648,10 +686,12 @@ class Question:
         return f"{listed}, leave only singular Hessians."
 
     def existence(self, document: dict[str, Any]) -> str:
-        """Check that the prolonged system is involutive in the named degree and allows a regular g(p).
+        """Check that the prolonged system is involutive in the named degree and allows a regular
+        g(p).
 
-        On return, the dimensions are those named, at the named order and the next one, at all points and in balls; the
-        symbol passes Cartan's test with them; and g(p) of a random solution is regular.
+        On return, the dimensions are those named, at the named order and the next one, at all
+        points and in balls; the symbol passes Cartan's test with them; and g(p) of a random
+        solution is regular.
         """
         count, orders = range(10**9), range(1, fm.MAX_ORDER + 1)
         symbol = {
@@ -742,7 +782,9 @@ class Question:
         return alone and same and document.get("series") is None
 
     def series(self, series: Any) -> str:
-        """Check that the rows of the claimed order vanish on the given coefficients and g(p) is regular."""
+        """Check that the rows of the claimed order vanish on the given coefficients and g(p) is
+        regular.
+        """
         point = dict.fromkeys({*self.variables, *self.parameters}, NUMBER)
         shape = {
             "order": range(fm.MAX_ORDER + 1),
@@ -755,17 +797,33 @@ class Question:
         good = prime >> 30 and prime < 1 << 63 and fmpz(prime).is_probable_prime()
         require(good, "series.prime has to be null, or a prime between 2^30 and 2^63.")
         circular = any("pi" in force for force in self.force_texts)
-        if self.where or self.functions or not self.rational or (circular and not series.get("prime")):
-            return " The series was not compared: f is of a motion, has functions, or is not rational."
-        require(not circular or given.get("pi") is not None, "series.point has to give a value of pi.")
+        if (
+            self.where
+            or self.functions
+            or not self.rational
+            or (circular and not series.get("prime"))
+        ):
+            return (
+                " The series was not compared: f is of a motion, has functions, or is not rational."
+            )
+        require(
+            not circular or given.get("pi") is not None, "series.point has to give a value of pi."
+        )
         field = Residues(self, prime, 0, {})
         try:
-            known = {name: Fraction(x) for name in (*point, "pi") if (x := given.get(name)) is not None}
+            known = {
+                name: Fraction(x) for name in (*point, "pi") if (x := given.get(name)) is not None
+            }
             field.values |= {name: field.number(x) for name, x in known.items()}
-            terms = {self.multi_index(a, order + 2): field.number(Fraction(b)) for a, b in series["terms"]}
+            terms = {
+                self.multi_index(a, order + 2): field.number(Fraction(b))
+                for a, b in series["terms"]
+            }
             ring = self.expansion(field, order + 2)
         except Undefined:
-            raise fm.Ended("invalid", "The point of the series is one where f is not defined.") from None
+            raise fm.Ended(
+                "invalid", "The point of the series is one where f is not defined."
+            ) from None
         for name in (name for degree in range(order + 1) for name in ring.rows(degree)):
             require(ring.solved(ring.row(*name), terms), "The series does not solve the rows.")
         require(field.regular(ring.hessian(terms)), "The series has a singular g(p).")

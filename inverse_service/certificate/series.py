@@ -47,7 +47,9 @@ class Step(NamedTuple):
 
 
 class Symbol(NamedTuple):
-    """The dimension of the symbol of a system, the dimension of its prolongation, and its characters."""
+    """The dimension of the symbol of a system, the dimension of its prolongation, and its
+    characters.
+    """
 
     dimension: int
     prolonged: int
@@ -137,8 +139,8 @@ class Count:
 class Expansion:
     """Power series about a point, and conditions on L.
 
-    The variables are the displacements of t (if any), q_1 … q_n, v_1 … v_k. If velocities are dependent, s' = w(t, q,
-    v), L also has the variables mu = s' - w.
+    The variables are the displacements of t (if any), q_1 … q_n, v_1 … v_k. If velocities are
+    dependent, s' = w(t, q, v), L also has the variables mu = s' - w.
     """
 
     offset = 2  # the total degree of the coefficients of L that count as degree 0
@@ -171,7 +173,8 @@ class Expansion:
         if degree and question.bound:
             moved = zip(question.bound, self.rates, self.mu, strict=True)
             self.names = self.names | {
-                name + "'": self.add([rate, {self.all_units[a]: self.one[0]}]) for name, rate, a in moved
+                name + "'": self.add([rate, {self.all_units[a]: self.one[0]}])
+                for name, rate, a in moved
             }
         self.slopes = [[self.derivative(force, v) for v in self.v] for force in self.forces]
 
@@ -215,9 +218,15 @@ class Expansion:
 
     def derivative(self, series: Series, variable: int) -> Series:
         unit = self.units[variable]
-        return {key - unit: part * power for key, part in series.items() if (power := self.exponent(key, variable))}
+        return {
+            key - unit: part * power
+            for key, part in series.items()
+            if (power := self.exponent(key, variable))
+        }
 
-    def compose(self, arguments: list[Series], coefficient: Callable[..., Number], *beta: int) -> Series:
+    def compose(
+        self, arguments: list[Series], coefficient: Callable[..., Number], *beta: int
+    ) -> Series:
         """sum over beta of coefficient(beta) (u - u_0)^beta by Horner's rule.
 
         The arguments u have the values u_0.
@@ -234,8 +243,14 @@ class Expansion:
         start = u[0] if 0 in u else self.arithmetic.number(Fraction(0))
         if not self.degree:
             return self.settle({0: self.arithmetic.power(start, exponent)})
-        binomial = [*accumulate(range(self.degree), lambda last, k: last * (exponent - k) // (k + 1), initial=1)]
-        return self.compose([u], lambda k: binomial[k] and self.arithmetic.power(start, exponent - k) * binomial[k])
+        binomial = [
+            *accumulate(
+                range(self.degree), lambda last, k: last * (exponent - k) // (k + 1), initial=1
+            )
+        ]
+        return self.compose(
+            [u], lambda k: binomial[k] and self.arithmetic.power(start, exponent - k) * binomial[k]
+        )
 
     def elementary(self, name: str, u: Series) -> Series:
         number = self.arithmetic.number
@@ -249,7 +264,9 @@ class Expansion:
             below = u if name == "log" else self.add([one, self.multiply(u, u, self.degree)])
             growth = {key: part * (key >> self.shift) for key, part in u.items() if key}
             growth = self.multiply(self.power(below, -1), growth, self.degree)
-            parts = {key: part * number(Fraction(1, key >> self.shift)) for key, part in growth.items()}
+            parts = {
+                key: part * number(Fraction(1, key >> self.shift)) for key, part in growth.items()
+            }
             return self.settle({0: value} | parts)
         if name == "exp":
             cycle = [self.arithmetic.exp(start)] * 4
@@ -300,7 +317,9 @@ class Expansion:
         return self.settle(series)
 
     def coefficients(self, degree: int) -> list[int]:
-        """The unknowns of a degree: monomials of total degree two higher and v-degree at least two."""
+        """The unknowns of a degree: monomials of total degree two higher and v-degree at least
+        two.
+        """
         keys = self.monomials(degree + 2)
         return [key for key in keys if sum(self.exponent(key, v) for v in self.v) >= 2]
 
@@ -320,7 +339,9 @@ class Expansion:
         along = enumerate(self.field) if kind == "H2" else ()
         terms = [Term(2, rate, (i, j, a)) for a, rate in along]
         for k, v in enumerate(self.v):
-            left, right = (self.phi(k, c) if kind == "H3" else self.slopes[k][c] for c in reversed(place))
+            left, right = (
+                self.phi(k, c) if kind == "H3" else self.slopes[k][c] for c in reversed(place)
+            )
             terms += [Term(1, left, (i, v)), Term(sign, right, (j, v))]
         return terms
 
@@ -361,7 +382,11 @@ class Expansion:
         """The coefficient alpha of a condition, in the coefficients of L."""
         exponents = [self.exponent(alpha, a) for a in range(len(self.units))]
         table, row = self.table(kind, *place), Series()
-        powers = [[unit * e for e in range(most + 1)] for unit, most in zip(self.units, exponents, strict=True) if most]
+        powers = [
+            [unit * e for e in range(most + 1)]
+            for unit, most in zip(self.units, exponents, strict=True)
+            if most
+        ]
         for rest in (alpha - sum(choice) for choice in product(*powers)):
             for value, raised, falls in table.get(alpha - rest, ()):
                 key, times = rest + raised, 1
@@ -388,12 +413,15 @@ class Expansion:
     def extend(self, elimination: Elimination, degree: int, idle: set[Row]) -> None:
         """Insert all rows of a degree except those that vanish on a random solution of the others.
 
-        A row independent of the others vanishes with probability 1/prime. `idle` collects the dependent rows; it only
-        selects the rows to test: the same rows at another point, and their derivatives.
+        A row independent of the others vanishes with probability 1/prime. `idle` collects the
+        dependent rows; it only selects the rows to test: the same rows at another point, and their
+        derivatives.
         """
         likely = list[Row]()
         for name in self.rows(degree):
-            if not idle.isdisjoint(name._replace(alpha=name.alpha - unit) for unit in (0, *self.units)):
+            if not idle.isdisjoint(
+                name._replace(alpha=name.alpha - unit) for unit in (0, *self.units)
+            ):
                 likely.append(name)
             elif not elimination.insert(self.row(*name), name):
                 idle.add(name)
@@ -421,9 +449,15 @@ class Expansion:
         def second(of: Series, a: int, b: int) -> Number:
             return of.get(self.all_units[a] + self.all_units[b], 0) * (1 + (a == b))
 
-        bends = [(series.get(self.all_units[a], 0), rate) for a, rate in zip(self.mu, self.rates, strict=True)]
+        bends = [
+            (series.get(self.all_units[a], 0), rate)
+            for a, rate in zip(self.mu, self.rates, strict=True)
+        ]
         along = (*self.v, *self.mu)
-        return [[second(series, a, b) - sum([x * second(w, a, b) for x, w in bends]) for b in along] for a in along]
+        return [
+            [second(series, a, b) - sum([x * second(w, a, b) for x, w in bends]) for b in along]
+            for a in along
+        ]
 
 
 class Elimination:
@@ -446,7 +480,9 @@ class Elimination:
         field.question.check_time()
         block: list[int] = []
         while row and not block:
-            first = max(row) >> self.shift << self.shift  # keys of the highest degree are at least this
+            first = (
+                max(row) >> self.shift << self.shift
+            )  # keys of the highest degree are at least this
             if any(key in self.order for key in row if key >= first):
                 row = self.reduced(row, first)
             block = [key for key in row if key >= first]
@@ -484,7 +520,9 @@ class Elimination:
         return self.settle(raw)
 
     def follow(self, row: Series, step: Step) -> None:
-        """Repeat a step of another elimination in balls, without the entries found to be zero there."""
+        """Repeat a step of another elimination in balls, without the entries found to be zero
+        there.
+        """
         row = self.reduced(row, step.pivot >> self.shift << self.shift)
         if step.pivot not in row:
             raise Unsettled

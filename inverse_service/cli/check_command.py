@@ -28,7 +28,10 @@ MAX_RESULT_BYTES = 200_000_000
 Report = Callable[[batches.Line], None]
 # Off a terminal, one line so often says how far the batch is; s.
 BETWEEN_LINES = 60.0
-NAMES = {"error": ("error line", "error lines"), "fault": ("fault of the program", "faults of the program")}
+NAMES = {
+    "error": ("error line", "error lines"),
+    "fault": ("fault of the program", "faults of the program"),
+}
 
 
 @cli.command("check result.json")
@@ -41,16 +44,26 @@ def check(
         ),
     ],
     document: Annotated[
-        str | None, typer.Option("--document", help="Check against this document instead of the one in the result.")
+        str | None,
+        typer.Option(
+            "--document", help="Check against this document instead of the one in the result."
+        ),
     ] = None,
     lagrangian: Annotated[
-        str | None, typer.Option("--lagrangian", help="Test whether this Lagrangian yields the equations of FILE.")
+        str | None,
+        typer.Option(
+            "--lagrangian", help="Test whether this Lagrangian yields the equations of FILE."
+        ),
     ] = None,
     form: Annotated[
-        Literal["text", "json"] | None, typer.Option("--format", help="Default: text on a terminal, json otherwise.")
+        Literal["text", "json"] | None,
+        typer.Option("--format", help="Default: text on a terminal, json otherwise."),
     ] = None,
     exceptions: Annotated[
-        bool, typer.Option("--exceptions", help="Decide the parameter values that the result leaves out.")
+        bool,
+        typer.Option(
+            "--exceptions", help="Decide the parameter values that the result leaves out."
+        ),
     ] = False,
 ) -> cli.ExitCode:
     """Check the certificate of a result, or a Lagrangian of yours. Exit 0 valid, 1 not valid, 2 unreadable."""
@@ -74,7 +87,9 @@ def check(
             given, _ = model.split_options(cli.read_document(document))
             text = plain_data.write_json({"document": given, "result": result})
     settings = read_settings()
-    outcome = workers.run_alone(tasks.check_task, (text,), settings.time_limit, settings.memory_limit)
+    outcome = workers.run_alone(
+        tasks.check_task, (text,), settings.time_limit, settings.memory_limit
+    )
     found = check_document(outcome)
     _print(found, form, lambda: check_lines(found))
     return cli.ExitCode.DONE if found["verdict"] == "valid" else cli.ExitCode.OPEN
@@ -93,18 +108,30 @@ def _check_exceptions(name: str, form: str | None) -> cli.ExitCode:
     result, settings = _read(name), read_settings()
     decided = list[dict[str, Any]]()
     for text, document in left_out(result):
-        entry: dict[str, Any] = {"where": text, "verdict": "undetermined", "verdict_with_time": None}
+        entry: dict[str, Any] = {
+            "where": text,
+            "verdict": "undetermined",
+            "verdict_with_time": None,
+        }
         if document is not None:
             work = (document, SolveOptions(time_limit=settings.time_limit))
-            outcome = workers.run_alone(tasks.solve_task, work, settings.time_limit, settings.memory_limit)
+            outcome = workers.run_alone(
+                tasks.solve_task, work, settings.time_limit, settings.memory_limit
+            )
             if outcome.status not in ("deadline", "memory"):
                 found = tasks.value_of(outcome)
-                entry |= {key: found[key] for key in ("verdict", "verdict_with_time", "checked", "domain")}
+                entry |= {
+                    key: found[key] for key in ("verdict", "verdict_with_time", "checked", "domain")
+                }
                 entry["lagrangian"] = (found["lagrangian"] or {}).get("text")
         decided.append(entry)
     lines = [line for one in decided for line in _exception_lines(one)]
     _print({"exceptions": decided}, form, lambda: lines or ["no exceptions"])
-    return cli.ExitCode.DONE if all(one["verdict"] != "undetermined" for one in decided) else cli.ExitCode.OPEN
+    return (
+        cli.ExitCode.DONE
+        if all(one["verdict"] != "undetermined" for one in decided)
+        else cli.ExitCode.OPEN
+    )
 
 
 def _exception_lines(one: dict[str, Any]) -> Iterator[str]:
@@ -116,7 +143,10 @@ def _exception_lines(one: dict[str, Any]) -> Iterator[str]:
 
 
 def _read(name: str) -> dict[str, Any]:
-    data, is_json = cli.read_bytes(name, MAX_RESULT_BYTES), not name.lower().endswith((".yaml", ".yml", ".toml"))
+    data, is_json = (
+        cli.read_bytes(name, MAX_RESULT_BYTES),
+        not name.lower().endswith((".yaml", ".yml", ".toml")),
+    )
     found = plain_data.read_json(data) if is_json else plain_data.read_document(data, name)
     if not isinstance(found, dict):
         detail = "The file is not a result: a JSON object with verdict, system and certificate is needed."
@@ -133,13 +163,24 @@ def check_lines(found: dict[str, Any]) -> list[str]:
     if found.get("residual") is not None or len(cells) > 1:
         lines += ["", *(line for cell in cells for line in _cell_lines(cell))]
     lines += [""] if found.get("contradictions") else []
-    lines += [f"{one['field'] or '/'}: {one['proven']}" for one in found.get("contradictions") or []]
+    lines += [
+        f"{one['field'] or '/'}: {one['proven']}" for one in found.get("contradictions") or []
+    ]
     if found["verdict"] != "valid":
-        told = {f"{one['field'] or 'the result'}: {one['proven']}" for one in found.get("contradictions") or []}
+        told = {
+            f"{one['field'] or 'the result'}: {one['proven']}"
+            for one in found.get("contradictions") or []
+        }
         lines += [reason for reason in found["reasons"] if reason not in told]
     residual = (found.get("residual") or {}) if found["verdict"] in ("invalid", "differs") else {}
-    lines += [f"  d/dt(dL/d{x}') - dL/d{x} = {part['text']}, where it should be 0" for x, part in residual.items()]
-    lines += [f"  this L gives {x}'' = {part['text']}" for x, part in (found.get("equations") or {}).items()]
+    lines += [
+        f"  d/dt(dL/d{x}') - dL/d{x} = {part['text']}, where it should be 0"
+        for x, part in residual.items()
+    ]
+    lines += [
+        f"  this L gives {x}'' = {part['text']}"
+        for x, part in (found.get("equations") or {}).items()
+    ]
     left = found.get("not_checked") or []
     return [*lines, "", f"Not checked: {', '.join(left)}."] if left else lines
 
@@ -185,7 +226,11 @@ def check_batch(name: str) -> cli.ExitCode:
     found = (*sorted(summary.labels.items()), *others.items())
     counts = [f"{count} {NAMES.get(what, (what, what))[count != 1]}" for what, count in found]
     cli.write(f"{', '.join(counts) or 'no lines'}.\n")
-    return cli.ExitCode.OPEN if others["error"] or summary.labels.keys() - {"valid"} else cli.ExitCode.DONE
+    return (
+        cli.ExitCode.OPEN
+        if others["error"] or summary.labels.keys() - {"valid"}
+        else cli.ExitCode.DONE
+    )
 
 
 def _claims(name: str, target: Path, others: Counter[str]) -> dict[int, str]:
@@ -205,21 +250,38 @@ def _claims(name: str, target: Path, others: Counter[str]) -> dict[int, str]:
 
 @cli.command("batch systems.ndjson --output answers.ndjson")
 def batch(
-    file: Annotated[Path, typer.Argument(help="NDJSON (or .gz), one System per line with a unique id; - for stdin.")],
+    file: Annotated[
+        Path,
+        typer.Argument(help="NDJSON (or .gz), one System per line with a unique id; - for stdin."),
+    ],
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="NDJSON (or .gz) of results; a run resumes it; - for stdout.")
+        Path,
+        typer.Option(
+            "--output", "-o", help="NDJSON (or .gz) of results; a run resumes it; - for stdout."
+        ),
     ],
     processes: Annotated[
-        int | None, typer.Option("--workers", help="Number of processes (default: one per core).", min=1, max=256)
+        int | None,
+        typer.Option(
+            "--workers", help="Number of processes (default: one per core).", min=1, max=256
+        ),
     ] = None,
     time_limit: Annotated[float | None, cli.time_limit("from the settings, 60")] = None,
-    cluster: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")] = None,
-    again: Annotated[str, typer.Option(help="Retry lines of an earlier run: errors,undetermined.")] = "",
+    cluster: Annotated[
+        str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")
+    ] = None,
+    again: Annotated[
+        str, typer.Option(help="Retry lines of an earlier run: errors,undetermined.")
+    ] = "",
     expect: Annotated[
-        Path | None, typer.Option("--expect", help="NDJSON of ids and expected values of the answers, such as verdict.")
+        Path | None,
+        typer.Option(
+            "--expect", help="NDJSON of ids and expected values of the answers, such as verdict."
+        ),
     ] = None,
     junit: Annotated[
-        Path | None, typer.Option("--junit", help="Write a JUnit XML report, one test case per line.")
+        Path | None,
+        typer.Option("--junit", help="Write a JUnit XML report, one test case per line."),
     ] = None,
 ) -> cli.ExitCode:
     """Solve many systems, one per line; run the same command again to resume.
@@ -229,7 +291,9 @@ def batch(
     """
     cli.refuse_without_pools("'batch'")
     if (expect or junit) and str(output) == "-":
-        raise errors.InputError("--expect and --junit read the output again: give a file with --output.")
+        raise errors.InputError(
+            "--expect and --junit read the output again: give a file with --output."
+        )
     # A wrong file is refused before a batch that may run for hours.
     wanted = {} if expect is None else _wanted(expect)
     if junit is not None:
@@ -238,7 +302,9 @@ def batch(
     options = model.JobOptions(time_limit or settings.time_limit, settings.memory_limit)
     kinds = frozenset(part.strip() for part in again.split(",") if part.strip())
     if not kinds <= batches.AGAIN.keys():
-        raise errors.InputError(f"--again takes {' and '.join(batches.AGAIN)}, with a comma between them.")
+        raise errors.InputError(
+            f"--again takes {' and '.join(batches.AGAIN)}, with a comma between them."
+        )
     count = processes or settings.workers
     plan = batches.BatchPlan(file, output, options, count, cluster or settings.cluster, kinds)
     summary, began = batches.Summary(), time.monotonic()
@@ -256,14 +322,22 @@ def batch(
     if summary.replaced:
         sentences.append(f"Answers that were replaced are in {batches.replaced_path(output)}.")
     print("\n".join(sentences), file=sys.stderr)
-    code = cli.ExitCode.FAULT if summary.labels["fault"] else cli.ExitCode(min(1, summary.labels["error"]))
+    code = (
+        cli.ExitCode.FAULT
+        if summary.labels["fault"]
+        else cli.ExitCode(min(1, summary.labels["error"]))
+    )
     if expect is None and junit is None:
         return code
     lines = list(judged(output, wanted))
     if junit is not None:
         write_junit(junit, lines)
     differ = [line for line in lines if line.differences]
-    cli.write("".join(f"{line.name}: {difference}\n" for line in differ for difference in line.differences))
+    cli.write(
+        "".join(
+            f"{line.name}: {difference}\n" for line in differ for difference in line.differences
+        )
+    )
     if expect is None or code is cli.ExitCode.FAULT:
         return code
     return cli.ExitCode(int(bool(differ) or any(line.error for line in lines)))
@@ -273,8 +347,14 @@ def rows_of(summary: batches.Summary) -> list[tuple[str, int]]:
     """The counts with their names; error lines are listed even if there are none."""
     counts = summary.labels | {"error": summary.labels["error"]}
     order = sorted(counts, key=lambda label: (label in NAMES, label))
-    rows = [(NAMES.get(label, (label.replace("_", " "),) * 2)[counts[label] != 1], counts[label]) for label in order]
-    others = (("answered by an earlier run", summary.earlier), ("computed once with another line", summary.duplicates))
+    rows = [
+        (NAMES.get(label, (label.replace("_", " "),) * 2)[counts[label] != 1], counts[label])
+        for label in order
+    ]
+    others = (
+        ("answered by an earlier run", summary.earlier),
+        ("computed once with another line", summary.duplicates),
+    )
     return rows + [(name, count) for name, count in others if count]
 
 
@@ -285,7 +365,9 @@ def summary_sentences(summary: batches.Summary, seconds: float) -> list[str]:
     sentences = [", ".join(f"{count} {name}" for name, count in rows_of(summary)) + "."]
     if summary.new:
         lines = "line" if summary.new == 1 else "lines"
-        sentences.append(f"{summary.new} {lines} in {seconds:.1f} s, {summary.new / seconds:.3g} a second.")
+        sentences.append(
+            f"{summary.new} {lines} in {seconds:.1f} s, {summary.new / seconds:.3g} a second."
+        )
     for label in ("undetermined", "error", "fault"):
         if label in summary.first:
             sentences.append(f"The first {NAMES.get(label, (label,))[0]}: {summary.first[label]}")
@@ -321,8 +403,12 @@ def progress(summary: batches.Summary, total: int | None) -> Iterator[Report]:
 
 @cli.command("table answers.ndjson")
 def table(
-    file: Annotated[Path, typer.Argument(help="The output of a batch: NDJSON (or .gz); - for standard input.")],
-    every: Annotated[bool, typer.Option("--all", help="One row for each answer, not for the first alone.")] = False,
+    file: Annotated[
+        Path, typer.Argument(help="The output of a batch: NDJSON (or .gz); - for standard input.")
+    ],
+    every: Annotated[
+        bool, typer.Option("--all", help="One row for each answer, not for the first alone.")
+    ] = False,
 ) -> cli.ExitCode:
     """Convert the results of a batch to CSV, one row per line: the answer that people are shown first."""
     from inverse_service.service.documents import answer_rows  # for this command only
@@ -372,7 +458,9 @@ def _wanted(path: Path) -> dict[str, Mapping[str, Any]]:
                 raise errors.InputError(detail)
             name = _name(value["id"], line.number)
             if name in found:
-                raise errors.InputError(f"Line {line.number} of the expected answers repeats the id {name}.")
+                raise errors.InputError(
+                    f"Line {line.number} of the expected answers repeats the id {name}."
+                )
             found[name] = value
     return found
 
@@ -386,14 +474,20 @@ def _judged(name: str, answer: Mapping[str, Any], wanted: Mapping[str, Any]) -> 
     pairs = [(key, json.dumps(answer.get(key)), json.dumps(wanted[key])) for key in differ]
     differences = tuple(f"{key} is {found}, expected {expected}" for key, found, expected in pairs)
     error = answer.get("error")
-    detail = str(error.get("detail") or error.get("title") or "error") if isinstance(error, dict) else ""
-    return Judged(name, str(answer.get("verdict") or ""), detail if "error" not in wanted else "", differences)
+    detail = (
+        str(error.get("detail") or error.get("title") or "error") if isinstance(error, dict) else ""
+    )
+    return Judged(
+        name, str(answer.get("verdict") or ""), detail if "error" not in wanted else "", differences
+    )
 
 
 def _refuse_report(path: Path, others: Sequence[Path]) -> None:
     """InputError where a report would overwrite another file of the batch, or has no folder."""
     if path.resolve() in {other.resolve() for other in others}:
-        raise errors.InputError(f"The report would overwrite {path}; choose another file for --junit.")
+        raise errors.InputError(
+            f"The report would overwrite {path}; choose another file for --junit."
+        )
     if not path.parent.is_dir():
         raise errors.InputError(f"The report cannot be written: there is no folder {path.parent}.")
 
@@ -420,4 +514,7 @@ def write_junit(path: Path, lines: list[Judged]) -> None:
 
 def _plain(text: str) -> str:
     """The text with `?` in place of characters that XML cannot contain."""
-    return "".join(c if c >= " " and not 0xD800 <= ord(c) <= 0xDFFF and c not in "\ufffe\uffff" else "?" for c in text)
+    return "".join(
+        c if c >= " " and not 0xD800 <= ord(c) <= 0xDFFF and c not in "\ufffe\uffff" else "?"
+        for c in text
+    )

@@ -62,7 +62,9 @@ application = typer.Typer(
 )
 
 
-def command(example: str, name: str | None = None, of: typer.Typer = application) -> Callable[[Command], Command]:
+def command(
+    example: str, name: str | None = None, of: typer.Typer = application
+) -> Callable[[Command], Command]:
     """Register a command, whose help begins with an example and continues with the docstring."""
 
     def register(function: Command) -> Command:
@@ -99,7 +101,10 @@ def _version(wanted: bool) -> None:
 @application.callback(help=f"\b\n{EXAMPLE}\n\n{PURPOSE}")
 def options(
     version: Annotated[
-        bool, typer.Option("--version", "-V", help="Show the version and exit.", callback=_version, is_eager=True)
+        bool,
+        typer.Option(
+            "--version", "-V", help="Show the version and exit.", callback=_version, is_eager=True
+        ),
     ] = False,
 ) -> None:
     """The options before a command."""
@@ -107,7 +112,9 @@ def options(
 
 def _limit(given: float | None) -> float | None:
     if given is not None and not 0 < given <= MAX_TIME_LIMIT:
-        raise errors.InputError(f"--time-limit must be a number of seconds above 0 and at most {MAX_TIME_LIMIT:.0f}.")
+        raise errors.InputError(
+            f"--time-limit must be a number of seconds above 0 and at most {MAX_TIME_LIMIT:.0f}."
+        )
     return given
 
 
@@ -176,7 +183,10 @@ def exit_codes() -> Iterator[None]:
         missing = errors.missing_extra(error) if isinstance(error, ImportError) else None
         if missing is not None:
             stop(missing.detail, ExitCode.BAD_INPUT)
-        stop(f"The program failed ({type(error).__name__}); this is an error in the program.", ExitCode.FAULT)
+        stop(
+            f"The program failed ({type(error).__name__}); this is an error in the program.",
+            ExitCode.FAULT,
+        )
 
 
 def stop(sentence: str, code: ExitCode) -> None:
@@ -197,7 +207,9 @@ def _place(error: errors.InputError) -> str:
 def read_bytes(name: str, limit: int = MAX_BYTES) -> bytes:
     """The bytes of a file or of standard input; raises InputError if there is no input or too much."""
     if not name:
-        raise errors.InputError("The name of the file is empty; name a file, or - for standard input.")
+        raise errors.InputError(
+            "The name of the file is empty; name a file, or - for standard input."
+        )
     try:
         if name == "-" and sys.stdin is None:
             raise errors.InputError("Standard input is closed; name a file.")
@@ -209,10 +221,14 @@ def read_bytes(name: str, limit: int = MAX_BYTES) -> bytes:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "the name is not a file name"
         shown = "".join(c if c.isprintable() else "?" for c in name[:200])
-        detail = f"The file '{shown}' cannot be read: {reason}; name a file, or - for standard input."
+        detail = (
+            f"The file '{shown}' cannot be read: {reason}; name a file, or - for standard input."
+        )
         raise errors.InputError(detail) from None
     if len(data) > limit:
-        raise errors.LimitError(f"The file is larger than {limit} bytes; a document of one system is far smaller.")
+        raise errors.LimitError(
+            f"The file is larger than {limit} bytes; a document of one system is far smaller."
+        )
     return data
 
 

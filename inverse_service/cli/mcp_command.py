@@ -27,7 +27,9 @@ INSTRUCTIONS = (
 )
 # Whole results that are kept to be read, and characters of a formula in a short answer.
 MOST_RESULTS, LONGEST = 64, 2_000
-System = Annotated[str | dict[str, Any], Field(description="equations as text, or a document as a JSON object")]
+System = Annotated[
+    str | dict[str, Any], Field(description="equations as text, or a document as a JSON object")
+]
 
 
 class Parsed(BaseModel):
@@ -36,15 +38,21 @@ class Parsed(BaseModel):
     coordinates: list[str]
     equations: dict[str, str] = Field(description="accelerations as text")
     parameters: list[str]
-    guessed: list[str] = Field(description="names that were not declared and are taken as constants")
+    guessed: list[str] = Field(
+        description="names that were not declared and are taken as constants"
+    )
 
 
 class Solved(BaseModel):
     """The answer to whether a system has a Lagrangian; `resource` is the full result with its certificate."""
 
-    verdict: str = Field(description="of L(q, q'): variational, not_variational, undetermined or differs")
+    verdict: str = Field(
+        description="of L(q, q'): variational, not_variational, undetermined or differs"
+    )
     verdict_with_time: str | None = Field(description="of L(t, q, q')")
-    motion: str | None = Field(description="with constraints: whether any associated system has a Lagrangian")
+    motion: str | None = Field(
+        description="with constraints: whether any associated system has a Lagrangian"
+    )
     lagrangian: str | None
     hamiltonian: str | None
     domain: list[str]
@@ -89,34 +97,55 @@ class Tools:
 
     async def parse(self, system: System) -> Parsed:
         """Show how a system is parsed: coordinates, equations, parameters. Takes milliseconds; solves nothing."""
-        found = await self._run(tasks.parse_task, json.dumps(_document(system)).encode(), seconds=5.0)
+        found = await self._run(
+            tasks.parse_task, json.dumps(_document(system)).encode(), seconds=5.0
+        )
         whole = json.loads(found)
         equations = {name: formula["text"] for name, formula in whole["equations"].items()}
-        return Parsed(equations=equations, **{key: whole[key] for key in ("coordinates", "parameters", "guessed")})
+        return Parsed(
+            equations=equations,
+            **{key: whole[key] for key in ("coordinates", "parameters", "guessed")},
+        )
 
     async def solve(
-        self, system: System, time_limit: Annotated[float | None, Field(description="seconds", gt=0)] = None
+        self,
+        system: System,
+        time_limit: Annotated[float | None, Field(description="seconds", gt=0)] = None,
     ) -> Solved:
         """Decide whether a system comes from a Lagrangian. Verdict, L and H, proof; each answer is checked first."""
         server = model.JobOptions(self._settings.time_limit, self._settings.memory_limit)
         document, given = model.split_options(_document(system))
-        options = model.read_options(given if time_limit is None else {"time_limit": time_limit}, server)
+        options = model.read_options(
+            given if time_limit is None else {"time_limit": time_limit}, server
+        )
         asked, so_far = tasks.solve_options(options), dict[str, Any]()
 
         def hear(value: Any) -> None:
             if isinstance(value, dict):
                 so_far.update(growing.grown(so_far, value))
 
-        call = tasks.Call(tasks.solve_task, (document, asked), options.time_limit, options.memory_limit, reports=True)
+        call = tasks.Call(
+            tasks.solve_task,
+            (document, asked),
+            options.time_limit,
+            options.memory_limit,
+            reports=True,
+        )
         outcome = await asyncio.wrap_future(self._workers.submit(call, hear).outcome)
-        result = _value(lambda: answers.result_document(outcome, asked, options.memory_limit, so_far or None))
+        result = _value(
+            lambda: answers.result_document(outcome, asked, options.memory_limit, so_far or None)
+        )
         return _solved(result, self._kept(result))
 
     async def check(
         self,
         system: System | None = None,
-        lagrangian: Annotated[str | None, Field(description="a Lagrangian of yours for `system`")] = None,
-        result: Annotated[str | None, Field(description="the JSON, or the resource, of a result to check")] = None,
+        lagrangian: Annotated[
+            str | None, Field(description="a Lagrangian of yours for `system`")
+        ] = None,
+        result: Annotated[
+            str | None, Field(description="the JSON, or the resource, of a result to check")
+        ] = None,
     ) -> Checked:
         """Run the independent checker on a result, or on your own Lagrangian for a system."""
         if result is not None:
@@ -128,15 +157,21 @@ class Tools:
         found = await self._run(tasks.check_task, text, seconds=self._settings.time_limit)
         statement = found.get("statement")
         shown = statement.get("text") if isinstance(statement, dict) else statement
-        return Checked(verdict=found["verdict"], statement=_short(shown), reasons=found.get("reasons") or [])
+        return Checked(
+            verdict=found["verdict"], statement=_short(shown), reasons=found.get("reasons") or []
+        )
 
-    async def simulate(self, scene: Annotated[dict[str, Any], Field(description="a Scene document")]) -> Simulated:
+    async def simulate(
+        self, scene: Annotated[dict[str, Any], Field(description="a Scene document")]
+    ) -> Simulated:
         """Integrate a scene (system, initial values, step, methods): how each method ended, and its observed errors."""
         plain = _value(lambda: plain_data.read_json(json.dumps(scene)))
         limit = self._settings.time_limit
         found = (await self._run(tasks.simulate_task, plain, None, limit, seconds=limit))["result"]
         kept = ("label", "outcome", "steps", "energy", "doubt")
-        methods = [{key: method[key] for key in kept if key in method} for method in found["methods"]]
+        methods = [
+            {key: method[key] for key in kept if key in method} for method in found["methods"]
+        ]
         return Simulated(methods=methods, resource=self._kept(found))
 
     def read(self, name: str) -> str:
@@ -180,15 +215,23 @@ def _value(work: Any) -> Any:
 
 
 def _short(text: str | None) -> str | None:
-    return text if text is None or len(text) <= LONGEST else f"{text[:LONGEST]}... ({len(text)} characters)"
+    return (
+        text
+        if text is None or len(text) <= LONGEST
+        else f"{text[:LONGEST]}... ({len(text)} characters)"
+    )
 
 
 def _solved(result: dict[str, Any], resource: str) -> Solved:
     about, first = result.get("any_associated") or {}, stated.first_answer(result)
-    lagrangian, hamiltonian = (_short((first.get(key) or {}).get("text")) for key in ("lagrangian", "hamiltonian"))
+    lagrangian, hamiltonian = (
+        _short((first.get(key) or {}).get("text")) for key in ("lagrangian", "hamiltonian")
+    )
     reason = result.get("reason") or ""
     if "verdict" not in result:  # a Lagrangian was given, which is its own answer
-        equations = ", ".join(f"{name}'' = {formula['text']}" for name, formula in result["equations"].items())
+        equations = ", ".join(
+            f"{name}'' = {formula['text']}" for name, formula in result["equations"].items()
+        )
         reason = f"The equations of this Lagrangian: {equations}"
     return Solved(
         verdict=result.get("verdict", "variational"),
@@ -200,7 +243,8 @@ def _solved(result: dict[str, Any], resource: str) -> Solved:
         checked=result.get("checked"),
         reason=reason,
         proof=[
-            _short(step["text"]) or "" for step in (first.get("explanation") or result.get("explanation") or [])[:8]
+            _short(step["text"]) or ""
+            for step in (first.get("explanation") or result.get("explanation") or [])[:8]
         ],
         incomplete=[entry["part"] for entry in result.get("incomplete") or []],
         resource=resource,
@@ -211,9 +255,15 @@ def server() -> MCPServer[Any]:
     """The server with its tools."""
     tools = Tools()
     found = MCPServer[Any](
-        "inverse-service", instructions=INSTRUCTIONS, version=__version__, lifespan=tools.alive, log_level="WARNING"
+        "inverse-service",
+        instructions=INSTRUCTIONS,
+        version=__version__,
+        lifespan=tools.alive,
+        log_level="WARNING",
     )
     for tool in (tools.solve, tools.check, tools.parse, tools.simulate):
         found.add_tool(tool, structured_output=True)
-    found.resource("result://{name}", mime_type="application/json", description="A whole result.")(tools.read)
+    found.resource("result://{name}", mime_type="application/json", description="A whole result.")(
+        tools.read
+    )
     return found

@@ -40,7 +40,9 @@ OWN_DESCRIPTORS = 192
 LOOPBACK_ADDRESSES = ("127.0.0.1", "::1", "localhost")
 LOOPBACK = ("localhost", "127.0.0.1", "[::1]")
 EXAMPLE = '{"coordinates": ["x"], "equations": {"x": "-x"}}'
-admin = typer.Typer(help="For operators: inspect, drain and clear the store of a service.", no_args_is_help=True)
+admin = typer.Typer(
+    help="For operators: inspect, drain and clear the store of a service.", no_args_is_help=True
+)
 Client = Annotated[str, typer.Argument(help="The name of a key, or an address if no keys are set.")]
 
 
@@ -71,8 +73,15 @@ def serve(
 
     monitoring.begin(settings.log_level, middleware.StreamCut)
     bound, number = listener.getsockname()[:2]
-    if not (settings.api_keys or settings.api_keys_file or ipaddress.ip_address(bound.partition("%")[0]).is_loopback):
-        log.warning("no keys are set: anyone who can reach %s may use this service and see all its jobs", host)
+    if not (
+        settings.api_keys
+        or settings.api_keys_file
+        or ipaddress.ip_address(bound.partition("%")[0]).is_loopback
+    ):
+        log.warning(
+            "no keys are set: anyone who can reach %s may use this service and see all its jobs",
+            host,
+        )
     if not code_store.is_warm():
         log.warning(code_store.SENTENCE)
     application = create_application(settings)
@@ -86,8 +95,13 @@ def serve(
     # uvicorn ends in order and then raises the signal once more, which is no fault; one that comes before it begins
     # is heard too.
     signal.signal(signal.SIGTERM, server.handle_exit)
-    print(f"{address}\ncurl -s {address}/v1/solve -H 'Content-Type: application/json' -d '{EXAMPLE}'", flush=True)
-    log.info("started", extra={"version": __version__, "address": address, "workers": settings.workers})
+    print(
+        f"{address}\ncurl -s {address}/v1/solve -H 'Content-Type: application/json' -d '{EXAMPLE}'",
+        flush=True,
+    )
+    log.info(
+        "started", extra={"version": __version__, "address": address, "workers": settings.workers}
+    )
     server.run(sockets=[listener])
     log.info("stopped")
     # Collecting what is left would take longer than all that stopped before, and nothing could end it.
@@ -101,7 +115,9 @@ def _server(application: Any, settings: Settings) -> Any:
 
     from inverse_service.web.connections import KEEP_ALIVE, Connections
 
-    connections = Connections(_most_connections(settings.connections), settings.client_connections, settings.proxies)
+    connections = Connections(
+        _most_connections(settings.connections), settings.client_connections, settings.proxies
+    )
     application.state.engine.connections = connections
     server = uvicorn.Server(
         uvicorn.Config(
@@ -155,7 +171,11 @@ def _listen(host: str, port: int) -> socket.socket:
         listener = socket.create_server((host, port), family=family)
     except (OSError, UnicodeError) as error:
         code = getattr(error, "errno", None)
-        reason = os.strerror(code).lower() if code is not None and code > 0 else "there is no such address"
+        reason = (
+            os.strerror(code).lower()
+            if code is not None and code > 0
+            else "there is no such address"
+        )
         detail = f"Port {port} of {host} cannot be listened on: {reason}; choose another --port or --host."
         raise errors.InputError(detail) from None
     # Connections inherit it. Without it each answer waits 40 ms for an acknowledgement (Nagle): asyncio only sets it
@@ -193,7 +213,14 @@ def status() -> None:
     from inverse_service.service.jobs.statements import VERSION
 
     with _store() as store:
-        _say({"version": VERSION, "bytes": store.size(), "jobs": store.counts(), "drained": store.is_drained()})
+        _say(
+            {
+                "version": VERSION,
+                "bytes": store.size(),
+                "jobs": store.counts(),
+                "drained": store.is_drained(),
+            }
+        )
 
 
 @cli.command("admin drain", of=admin)
@@ -221,7 +248,9 @@ def clients() -> None:
 @cli.command("admin priority alice last", of=admin)
 def priority(
     name: Annotated[str, typer.Argument(help="A client or, with --batch, the id of a batch.")],
-    rank: Annotated[Rank, typer.Argument(help="first, normal, or last.", **cli.one_of(Rank, "rank"))],
+    rank: Annotated[
+        Rank, typer.Argument(help="first, normal, or last.", **cli.one_of(Rank, "rank"))
+    ],
     batch: Annotated[bool, typer.Option("--batch", help="NAME is a batch.")] = False,
 ) -> None:
     """Set the rank of a client's current and future jobs, or of the open jobs of a batch."""
@@ -233,7 +262,9 @@ def priority(
         elif store.batch(name) is None:
             raise errors.InputError("There is no batch of this id.")
         else:
-            _say({"jobs": store.prioritise_batch(name, {-1: -1, 0: BULK, 1: BULK + 1}[RANKS[rank]])})
+            _say(
+                {"jobs": store.prioritise_batch(name, {-1: -1, 0: BULK, 1: BULK + 1}[RANKS[rank]])}
+            )
 
 
 @cli.command("admin cancel alice", of=admin)

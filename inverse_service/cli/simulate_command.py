@@ -17,7 +17,17 @@ from inverse_service.cli.solve_command import is_file
 from inverse_service.service.jobs import tasks, workers
 
 DEFAULT_SECONDS, MEASURING_SECONDS = 600.0, 300.0
-COLUMNS = ("method", "order", "step", "tolerance", "error", "seconds", "evaluations", "at_floor", "reason")
+COLUMNS = (
+    "method",
+    "order",
+    "step",
+    "tolerance",
+    "error",
+    "seconds",
+    "evaluations",
+    "at_floor",
+    "reason",
+)
 LONG = ("seconds", "energy_error", "energy_drift", "constraint_error", "shape_change")
 NARROWEST = 80
 # How `simulate` prints its summary.
@@ -26,20 +36,29 @@ SummaryFormat = StrEnum("SummaryFormat", "json text")
 
 @cli.command("simulate scene.json --output out")
 def simulate(
-    scene: Annotated[str, typer.Argument(help="A Scene document: JSON, YAML (.yaml) or TOML (.toml); - is JSON.")],
+    scene: Annotated[
+        str, typer.Argument(help="A Scene document: JSON, YAML (.yaml) or TOML (.toml); - is JSON.")
+    ],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Directory for CSV, NPZ, figures and summary.json.")
+        Path | None,
+        typer.Option("--output", "-o", help="Directory for CSV, NPZ, figures and summary.json."),
     ] = None,
     form: Annotated[
         SummaryFormat | None,
         typer.Option(
-            "--format", "-f", help="Default: json, text with --output.", **cli.one_of(SummaryFormat, "format")
+            "--format",
+            "-f",
+            help="Default: json, text with --output.",
+            **cli.one_of(SummaryFormat, "format"),
         ),
     ] = None,
     time_limit: Annotated[float | None, cli.time_limit(f"{DEFAULT_SECONDS:.0f}")] = None,
     figures: Annotated[bool, typer.Option(help="Draw figures into the directory.")] = True,
     moving: Annotated[
-        Path | None, typer.Option("--animate", help="A moving picture of the first method: FILE.gif or FILE.mp4.")
+        Path | None,
+        typer.Option(
+            "--animate", help="A moving picture of the first method: FILE.gif or FILE.mp4."
+        ),
     ] = None,
 ) -> cli.ExitCode:
     """Integrate a scene by its methods. Exit 1 only if every method failed; `doubt` flags inaccurate runs."""
@@ -75,9 +94,13 @@ def scene_document(name: str) -> Any:
 
 def value_in_time(task: Any, document: Any, limit: float) -> Any:
     """The result of the task; a limit that is reached becomes an error that names it and says what to do."""
-    outcome = workers.run_alone(task, (document, None, limit), limit, settings.read_settings().memory_limit)
+    outcome = workers.run_alone(
+        task, (document, None, limit), limit, settings.read_settings().memory_limit
+    )
     if outcome.status == "deadline":
-        raise errors.WorkerFailed(f"The scene was not done in {limit:g} s: take fewer steps or a longer --time-limit.")
+        raise errors.WorkerFailed(
+            f"The scene was not done in {limit:g} s: take fewer steps or a longer --time-limit."
+        )
     return tasks.value_of(outcome)
 
 
@@ -100,7 +123,9 @@ def without_points(result: Mapping[str, Any]) -> dict[str, Any]:
     return {**result, "methods": methods}
 
 
-def write_files(folder: Path, document: Any, found: Mapping[str, Any], summary: dict[str, Any], figures: bool) -> None:
+def write_files(
+    folder: Path, document: Any, found: Mapping[str, Any], summary: dict[str, Any], figures: bool
+) -> None:
     """LABEL.csv and LABEL.npz with every recorded point and all columns, figures as SVG and PNG, summary.json.
 
     Of an ensemble the CSV has a row for each member. NPZ files hold the scene and the version as text in `metadata`.
@@ -113,7 +138,11 @@ def write_files(folder: Path, document: Any, found: Mapping[str, Any], summary: 
         if label not in tables:
             continue
         name, table = file_name(label), tables[label]
-        members = {key.removeprefix("member_"): column for key, column in table.items() if key.startswith("member_")}
+        members = {
+            key.removeprefix("member_"): column
+            for key, column in table.items()
+            if key.startswith("member_")
+        }
         (folder / f"{name}.csv").write_bytes(csv_bytes(members or table))
         archive, metadata = npz_bytes(table, document, label, version)
         (folder / f"{name}.npz").write_bytes(archive)
@@ -128,10 +157,14 @@ def write_files(folder: Path, document: Any, found: Mapping[str, Any], summary: 
         from inverse_service.service.scenes.drawing import draw_simulation
 
         summary["figures"] = draw_simulation(folder, summary, tables, found["truth"])
-    (folder / "summary.json").write_text(cli.in_json(summary | {"scene": document}), encoding="utf-8")
+    (folder / "summary.json").write_text(
+        cli.in_json(summary | {"scene": document}), encoding="utf-8"
+    )
 
 
-def write_netcdf(path: Path, table: Mapping[str, Any], units: Mapping[str, str], metadata: str) -> None:
+def write_netcdf(
+    path: Path, table: Mapping[str, Any], units: Mapping[str, str], metadata: str
+) -> None:
     """NetCDF 4, which is HDF5: each column over `t`, those of an ensemble over `member` and `t`, with their units."""
     import h5netcdf
 
@@ -140,7 +173,13 @@ def write_netcdf(path: Path, table: Mapping[str, Any], units: Mapping[str, str],
         file.dimensions = {"t": len(table["t"])} | ({"member": members} if members else {})
         file.attrs.update({"Conventions": "CF-1.11", "metadata": metadata})
         for name, column in table.items():
-            over = ("member", "t") if column.ndim == 2 else ("member",) if name.startswith("member_") else ("t",)
+            over = (
+                ("member", "t")
+                if column.ndim == 2
+                else ("member",)
+                if name.startswith("member_")
+                else ("t",)
+            )
             variable = file.create_variable(name.replace("/", "_"), over, column.dtype, data=column)
             if name in units:
                 variable.attrs["units"] = units[name]
@@ -148,19 +187,32 @@ def write_netcdf(path: Path, table: Mapping[str, Any], units: Mapping[str, str],
 
 def file_name(label: str) -> str:
     """The label with only characters that every file system takes."""
-    return "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in label).lstrip(".") or "method"
+    return (
+        "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in label).lstrip(
+            "."
+        )
+        or "method"
+    )
 
 
 def page(summary: Mapping[str, Any]) -> str:
     """One line per method: outcome and observed quantities."""
-    from inverse_service.service.documents import printed_pages  # which loads the reader of formulas
+    from inverse_service.service.documents import (
+        printed_pages,
+    )  # which loads the reader of formulas
 
     columns = printed_pages.quantities(summary)
     rows = [["method", "outcome", "steps", *(heading for _, heading in columns)]]
     for method in summary["methods"]:
         numbers = [_number(printed_pages.value_at(method, key)) for key, _ in columns]
         rows.append([method["label"], method["outcome"], str(method["steps"]), *numbers])
-    lines = [*_aligned(rows), *_reasons(summary), *_effects(summary), *_costs(summary), *summary["notes"]]
+    lines = [
+        *_aligned(rows),
+        *_reasons(summary),
+        *_effects(summary),
+        *_costs(summary),
+        *summary["notes"],
+    ]
     return "\n".join(lines) + "\n"
 
 
@@ -169,7 +221,9 @@ def _effects(summary: Mapping[str, Any]) -> list[str]:
     lines, effects = [], summary["effects"]
     for key, what in (("acting", "Effects that act"), ("left_out", "Left out")):
         parts = [
-            part["name"] if part["operations"] is None else f"{part['name']} ({part['operations']} operations a step)"
+            part["name"]
+            if part["operations"] is None
+            else f"{part['name']} ({part['operations']} operations a step)"
             for part in effects[key]
         ]
         lines += [f"{what}: {', '.join(parts)}."] if parts else []
@@ -206,17 +260,30 @@ def _reasons(summary: Mapping[str, Any]) -> list[str]:
 
     lines = []
     for method in summary["methods"]:
-        told = (pages.why(method), method.get("note"), method.get("doubt"), *pages.notes_of_formulas(method))
+        told = (
+            pages.why(method),
+            method.get("note"),
+            method.get("doubt"),
+            *pages.notes_of_formulas(method),
+        )
         lines += [f"{method['label']}: {text}" for text in dict.fromkeys(filter(None, told))]
     return lines
 
 
 @cli.command("work-precision scene.json --output out", "work-precision")
 def work_precision(
-    scene: Annotated[str, typer.Argument(help="A Scene document; its methods are run at many steps.")],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Directory for CSV, JSON and picture.")] = None,
-    long: Annotated[bool, typer.Option("--long", help="Also run a hundred times as long, to show drift.")] = False,
-    evaluations: Annotated[bool, typer.Option("--evaluations", help="A second panel: force evaluations.")] = False,
+    scene: Annotated[
+        str, typer.Argument(help="A Scene document; its methods are run at many steps.")
+    ],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Directory for CSV, JSON and picture.")
+    ] = None,
+    long: Annotated[
+        bool, typer.Option("--long", help="Also run a hundred times as long, to show drift.")
+    ] = False,
+    evaluations: Annotated[
+        bool, typer.Option("--evaluations", help="A second panel: force evaluations.")
+    ] = False,
     time_limit: Annotated[float | None, cli.time_limit(f"{MEASURING_SECONDS:.0f}")] = None,
 ) -> cli.ExitCode:
     """Measure error against run time for every method of a scene: a table, a picture, all runs."""
@@ -231,7 +298,9 @@ def work_precision(
     from inverse_service.service.scenes.drawing import precision_figure, save
 
     figure, caption = precision_figure(result, evaluations)
-    result["figures"] = [{"files": save(figure, folder, "work-precision", caption), "caption": caption}]
+    result["figures"] = [
+        {"files": save(figure, folder, "work-precision", caption), "caption": caption}
+    ]
     (folder / "work-precision.json").write_text(cli.in_json(result), encoding="utf-8")
     (folder / "work-precision.csv").write_text(comma_table(result), encoding="utf-8")
     cli.write(price_list(result))
@@ -241,7 +310,10 @@ def work_precision(
 
 def _say_written(folder: Path | None, moving: Path | None = None) -> None:
     if folder is not None:
-        print(f"Written to {folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}", file=sys.stderr)
+        print(
+            f"Written to {folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}",
+            file=sys.stderr,
+        )
     if moving is not None and (folder is None or moving.parent.resolve() != folder.resolve()):
         print(f"Written: {moving}", file=sys.stderr)
 
@@ -251,7 +323,11 @@ def comma_table(result: Mapping[str, Any]) -> str:
     lines = [",".join(COLUMNS)]
     for run in result["runs"]:
         cells = ("" if run[key] in (None, "") else run[key] for key in COLUMNS)
-        lines.append(",".join(json.dumps(cell) if isinstance(cell, str) and cell else str(cell) for cell in cells))
+        lines.append(
+            ",".join(
+                json.dumps(cell) if isinstance(cell, str) and cell else str(cell) for cell in cells
+            )
+        )
     return "\n".join(lines) + "\n"
 
 
@@ -281,10 +357,15 @@ def price_list(result: Mapping[str, Any]) -> str:
             for run in done
         )])]  # fmt: skip
     machine = result["machine"]
-    lines.append(f"{machine['processor']}, one core; each time is the best of several runs without compiling.")
+    lines.append(
+        f"{machine['processor']}, one core; each time is the best of several runs without compiling."
+    )
     return "\n".join(line for k, line in enumerate(lines) if line or lines[k - 1]) + "\n"
 
 
 def _aligned(rows: list[list[str]]) -> list[str]:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    return [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]

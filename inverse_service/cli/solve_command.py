@@ -25,7 +25,9 @@ from inverse_service.statements.stages import Stage
 
 STAGE_WIDTH, LINE_WIDTH = 78, 118
 LINES_AFTER = 1.0  # seconds
-_CALLED = re.compile(r"[\s\[({]*(?:Eq|Equal|Equality|Derivative)\s*[\[(]")  # SymPy's and Mathematica's equations
+_CALLED = re.compile(
+    r"[\s\[({]*(?:Eq|Equal|Equality|Derivative)\s*[\[(]"
+)  # SymPy's and Mathematica's equations
 _ACCELERATED = re.compile("''|\u2033|\\\\ddot|[^AOUaou]\u0308")  # no umlaut of a file's name
 _MAY_BE_JSON = re.compile(r'\{|\s*[\[{"].*=', re.DOTALL)
 PROOFS = ("coq", "identities")
@@ -48,17 +50,28 @@ def solve(
         ),
     ],
     form: Annotated[
-        Format, typer.Option("--format", "-f", help="How to write the result.", **cli.one_of(Format, "format"))
+        Format,
+        typer.Option(
+            "--format", "-f", help="How to write the result.", **cli.one_of(Format, "format")
+        ),
     ] = Format.json,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="A file for the result.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="A file for the result.")
+    ] = None,
     time_limit: Annotated[float | None, cli.time_limit("from the settings, 60")] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the random points and primes.", min=0, max=2**31)] = 1,
-    explain: Annotated[bool, typer.Option("--explain", help="Print conditions and every step (text, latex).")] = False,
+    seed: Annotated[
+        int, typer.Option(help="Seed of the random points and primes.", min=0, max=2**31)
+    ] = 1,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Print conditions and every step (text, latex).")
+    ] = False,
     family: Annotated[
-        bool, typer.Option("--family", help="Also find which values and functions leave a Lagrangian.")
+        bool,
+        typer.Option("--family", help="Also find which values and functions leave a Lagrangian."),
     ] = False,
     letters: Annotated[
-        str | None, typer.Option(help="The constants and functions of the family: a,b; the default is all.")
+        str | None,
+        typer.Option(help="The constants and functions of the family: a,b; the default is all."),
     ] = None,
     special_cases: Annotated[bool, typer.Option("--special-cases", hidden=True)] = False,
     kind: Annotated[
@@ -70,7 +83,10 @@ def solve(
         ),
     ] = None,
     clock: Annotated[
-        str | None, typer.Option("--clock", help="Also test for an L with dtau = N dt: a formula N(q), or search.")
+        str | None,
+        typer.Option(
+            "--clock", help="Also test for an L with dtau = N dt: a formula N(q), or search."
+        ),
     ] = None,
     guess: Annotated[
         bool | None,
@@ -79,21 +95,44 @@ def solve(
             help="Take undeclared names as constants, and say so; the default where no names are declared.",
         ),
     ] = None,
-    parameters: Annotated[str | None, typer.Option(help="Names of constants: q,r or q=1/2,r.")] = None,
-    functions: Annotated[str | None, typer.Option(help='Arbitrary functions: "V(x,y), f(t)".')] = None,
-    coordinates: Annotated[str | None, typer.Option(help="The coordinates, in their order: x,y.")] = None,
-    time: Annotated[str | None, typer.Option(help="The name of the independent variable, such as x.")] = None,
+    parameters: Annotated[
+        str | None, typer.Option(help="Names of constants: q,r or q=1/2,r.")
+    ] = None,
+    functions: Annotated[
+        str | None, typer.Option(help='Arbitrary functions: "V(x,y), f(t)".')
+    ] = None,
+    coordinates: Annotated[
+        str | None, typer.Option(help="The coordinates, in their order: x,y.")
+    ] = None,
+    time: Annotated[
+        str | None, typer.Option(help="The name of the independent variable, such as x.")
+    ] = None,
     progress: Annotated[
         bool | None,
-        typer.Option(help="A line for each part as it is finished; the default on a terminal, after a second."),
+        typer.Option(
+            help="A line for each part as it is finished; the default on a terminal, after a second."
+        ),
     ] = None,
 ) -> cli.ExitCode:
     """Solve one system. Exit 0 definite verdict, 1 undetermined, 2 invalid input, 3 internal error."""
-    named = {"parameters": parameters, "functions": functions, "coordinates": coordinates, "time": time}
-    asked_too = {"family": letters or family or special_cases or None, "kinds": kind or None, "clock": clock}
+    named = {
+        "parameters": parameters,
+        "functions": functions,
+        "coordinates": coordinates,
+        "time": time,
+    }
+    asked_too = {
+        "family": letters or family or special_cases or None,
+        "kinds": kind or None,
+        "clock": clock,
+    }
     settings = read_settings()
-    document, given = model.split_options(with_declared(given_document(file, guess), named | asked_too))
-    asked = model.read_options(given, model.JobOptions(time_limit or settings.time_limit, settings.memory_limit, seed))
+    document, given = model.split_options(
+        with_declared(given_document(file, guess), named | asked_too)
+    )
+    asked = model.read_options(
+        given, model.JobOptions(time_limit or settings.time_limit, settings.memory_limit, seed)
+    )
     warm_alone(settings.memory_limit)
     options = SolveOptions(seed=asked.seed, time_limit=asked.time_limit)
     try:
@@ -101,7 +140,9 @@ def solve(
     except errors.InputError as error:
         detail = error.detail if is_file(file) else _by_options(error.detail)
         raise errors.InputError(detail, error.pointer, error.column) from None
-    cli.write(_proof(result, form, asked) if form in PROOFS else _written(result, form, explain), output)
+    cli.write(
+        _proof(result, form, asked) if form in PROOFS else _written(result, form, explain), output
+    )
     if form == "json" and output is None and sys.stdout.isatty():
         print("This is JSON, for programs; -f text is shorter.", file=sys.stderr)
     for words in _taken(result):
@@ -112,8 +153,12 @@ def solve(
 def _by_options(sentence: str) -> str:
     """The sentence with --functions "erf(u)" for the "functions": {"erf": ["u"]} of a document, and the like."""
     called = re.compile(r'"functions": \{"(\w+)": \[([^]]*)\]\}')
-    found = called.sub(lambda match: f'--functions "{match[1]}({match[2].replace(chr(34), "")})"', sentence)
-    found = found.replace('of your own in "functions" with its arguments', 'of your own, as in --functions "F(x)"')
+    found = called.sub(
+        lambda match: f'--functions "{match[1]}({match[2].replace(chr(34), "")})"', sentence
+    )
+    found = found.replace(
+        'of your own in "functions" with its arguments', 'of your own, as in --functions "F(x)"'
+    )
     return re.sub(r'add it to "(parameters|coordinates)"', r"name it with --\1", found)
 
 
@@ -123,12 +168,20 @@ def _taken(result: Mapping[str, Any]) -> list[str]:
     names = result.get("guessed") or []
     taken = {
         "as constants": [name for name in names if name not in functions],
-        "as any functions": [f"{name}({', '.join(functions[name])})" for name in names if name in functions],
+        "as any functions": [
+            f"{name}({', '.join(functions[name])})" for name in names if name in functions
+        ],
     }
     parts = [f"taken {how}: {', '.join(found)}" for how, found in taken.items() if found]
-    read = [f"{note['text']} as {note['as']}" for note in result.get("readings") or [] if note["as"] != reader.LEFT_OUT]
+    read = [
+        f"{note['text']} as {note['as']}"
+        for note in result.get("readings") or []
+        if note["as"] != reader.LEFT_OUT
+    ]
     left = [note["text"] for note in result.get("readings") or [] if note["as"] == reader.LEFT_OUT]
-    lines = [f"not declared, {'; '.join(parts)}"] * bool(parts) + [f"read {', '.join(read)}"] * bool(read)
+    lines = [f"not declared, {'; '.join(parts)}"] * bool(parts) + [
+        f"read {', '.join(read)}"
+    ] * bool(read)
     return lines + [f"left out: {', '.join(left)}"] * bool(left)
 
 
@@ -146,13 +199,17 @@ def _is_open(result: dict[str, Any]) -> bool:
     given = (result.get("system") or {"given": {}})["given"]
     named = given.get("associated") not in (None, "any") or given.get("multiples")
     answers = ([] if named else growing.motions_of(result)) or [result, *result.get("branches", ())]
-    return bool(stated.open_cells_of(result)) or any(answer.get("verdict") == "undetermined" for answer in answers)
+    return bool(stated.open_cells_of(result)) or any(
+        answer.get("verdict") == "undetermined" for answer in answers
+    )
 
 
 def warm_alone(memory_limit: int) -> None:
     """Compile missing kernels in a separate process before any time limit starts; report it on standard error."""
     say = functools.partial(print, file=sys.stderr, flush=True)
-    code_store.warm_first(say, lambda: workers.run_alone(compiling.warm_up, (), compiling.PATIENCE, memory_limit))
+    code_store.warm_first(
+        say, lambda: workers.run_alone(compiling.warm_up, (), compiling.PATIENCE, memory_limit)
+    )
 
 
 def given_document(name: str, guess: bool | None) -> Any:
@@ -166,8 +223,15 @@ def given_document(name: str, guess: bool | None) -> Any:
         raise errors.InputError(detail)
     if name == "-" or is_file(name):
         document = cli.read_document(name)
-    elif "=" in name or name.startswith("{") or _CALLED.match(name) or _ACCELERATED.search(normalize("NFD", name)):
-        document = plain_data.read_document(name, "") if _MAY_BE_JSON.match(name) else {"equations": name}
+    elif (
+        "=" in name
+        or name.startswith("{")
+        or _CALLED.match(name)
+        or _ACCELERATED.search(normalize("NFD", name))
+    ):
+        document = (
+            plain_data.read_document(name, "") if _MAY_BE_JSON.match(name) else {"equations": name}
+        )
         if guess is None and "equations" in document and "parameters" not in document:
             guess = True
     elif catalog.meant(name):
@@ -190,7 +254,10 @@ def with_declared(document: Any, named: Mapping[str, Any]) -> Any:
     if "kinds" in given:
         found["kinds"] = [*document.get("kinds", ()), *map(kind_of_option, given["kinds"])]
     if "functions" in given:
-        found["functions"] = {**document.get("functions", {}), **document_names.functions_of(given["functions"])}
+        found["functions"] = {
+            **document.get("functions", {}),
+            **document_names.functions_of(given["functions"]),
+        }
     if "parameters" in given:
         before = document.get("parameters") or ()
         before = [document_names.AND_GUESS] if before == document_names.GUESS else before
@@ -200,7 +267,10 @@ def with_declared(document: Any, named: Mapping[str, Any]) -> Any:
         names = [name.strip() for name in given["family"].split(",")]
         known = found.get("functions") or {}
         functions = {name: known[name] for name in names if name in known}
-        found["family"] = {"letters": [name for name in names if name not in known], "functions": functions}
+        found["family"] = {
+            "letters": [name for name in names if name not in known],
+            "functions": functions,
+        }
     return found
 
 
@@ -211,19 +281,29 @@ def is_file(name: str) -> bool:
         return False
 
 
-def _solve(document: Any, options: SolveOptions, memory_limit: int, progress: bool | None) -> dict[str, Any]:
+def _solve(
+    document: Any, options: SolveOptions, memory_limit: int, progress: bool | None
+) -> dict[str, Any]:
     """The result, or what is finished of it where a limit ended the process."""
     shown = _Shown(progress, sys.stderr.isatty())
-    outcome = workers.run_alone(tasks.solve_task, (document, options), options.time_limit, memory_limit, shown.report)
+    outcome = workers.run_alone(
+        tasks.solve_task, (document, options), options.time_limit, memory_limit, shown.report
+    )
     shown.clear()
     if outcome.status == "done":  # the schemas of what follows take 0.06 s to load
         found: dict[str, Any] = outcome.value
         shown.rest(found)
         return found
-    from inverse_service.service.documents.answers import UNDERSTAND_DEADLINE, result_document, with_understood
+    from inverse_service.service.documents.answers import (
+        UNDERSTAND_DEADLINE,
+        result_document,
+        with_understood,
+    )
 
     if outcome.status in ("deadline", "memory") and shown.so_far is None:
-        understood = workers.run_alone(tasks.understand_task, (document,), UNDERSTAND_DEADLINE, memory_limit)
+        understood = workers.run_alone(
+            tasks.understand_task, (document,), UNDERSTAND_DEADLINE, memory_limit
+        )
         outcome = with_understood(outcome, understood)
     return result_document(outcome, options, memory_limit, shown.so_far)
 
@@ -275,12 +355,18 @@ class _Shown:
             self._told.add(part)
             self.clear()
             line = f"{taken:7.2f} s  {part.replace('_', ' ')}: {texts[part]}"
-            print(line if len(line) <= LINE_WIDTH else f"{line[: LINE_WIDTH - 3]}...", file=sys.stderr, flush=True)
+            print(
+                line if len(line) <= LINE_WIDTH else f"{line[: LINE_WIDTH - 3]}...",
+                file=sys.stderr,
+                flush=True,
+            )
 
 
 def summaries(result: Mapping[str, Any]) -> dict[str, str]:
     """What one line says of each part that a result has, in the order of wanting."""
-    timed, about, reduced = (result.get(key) or {} for key in ("with_time", "any_associated", "reduced"))
+    timed, about, reduced = (
+        result.get(key) or {} for key in ("with_time", "any_associated", "reduced")
+    )
     clock, formulas = result.get("with_clock") or {}, ("lagrangian", "hamiltonian")
     steps = len(result.get("explanation") or ())
     texts = {
@@ -294,11 +380,19 @@ def summaries(result: Mapping[str, Any]) -> dict[str, str]:
         "any_associated": about.get("verdict"),
         "reduced": reduced.get("verdict"),
         "clock": clock.get("verdict"),
-        "kinds": ", ".join(f"{name} {part['verdict']}" for name, part in (result.get("kinds") or {}).items()) or None,
-        "first_integrals": ", ".join(one["name"] for one in result.get("first_integrals") or ()) or None,
+        "kinds": ", ".join(
+            f"{name} {part['verdict']}" for name, part in (result.get("kinds") or {}).items()
+        )
+        or None,
+        "first_integrals": ", ".join(one["name"] for one in result.get("first_integrals") or ())
+        or None,
         "explanation": f"{steps} step{'s' * (steps > 1)}" if steps else None,
     }
-    return {part: text.replace("not_variational", "not variational") for part, text in texts.items() if text}
+    return {
+        part: text.replace("not_variational", "not variational")
+        for part, text in texts.items()
+        if text
+    }
 
 
 def show_stage(text: str) -> None:
@@ -309,7 +403,9 @@ def show_stage(text: str) -> None:
 
 def _proof(result: dict[str, Any], form: str, asked: model.JobOptions) -> str:
     """The verdict for another prover, also computed in a separate process."""
-    outcome = workers.run_alone(tasks.proof_task, (result, form, asked.seed), asked.time_limit, asked.memory_limit)
+    outcome = workers.run_alone(
+        tasks.proof_task, (result, form, asked.seed), asked.time_limit, asked.memory_limit
+    )
     if outcome.status in ("deadline", "memory"):
         raise errors.InputError("No proof was written within the limits of time and memory.")
     if outcome.status != "done":
@@ -326,7 +422,9 @@ def _written(result: dict[str, Any], form: str, explain: bool) -> str:
         return from_result(result).to_code(form)
     from inverse_service.service.documents import printed_pages as pages
 
-    return pages.latex_page(result, explain) if form == "latex" else pages.text_page(result, explain)
+    return (
+        pages.latex_page(result, explain) if form == "latex" else pages.text_page(result, explain)
+    )
 
 
 def _names(incomplete: str) -> list[str]:
@@ -342,7 +440,9 @@ def catalogue(
     form: Annotated[
         CatalogueFormat | None,
         typer.Option(
-            "--format", help="Default: text for the list, json for one.", **cli.one_of(CatalogueFormat, "format")
+            "--format",
+            help="Default: text for the list, json for one.",
+            **cli.one_of(CatalogueFormat, "format"),
         ),
     ] = None,
 ) -> cli.ExitCode:
@@ -354,11 +454,19 @@ def catalogue(
         entries = [catalog.entry(each) for each in catalog.names()]
         width = max((len(entry["name"]) for entry in entries), default=0)
         lines = [f"{entry['name']:<{width}}  {entry.get('title', '')}" for entry in entries]
-        plain = {"systems": [{key: entry.get(key, "") for key in ("name", "title", "group")} for entry in entries]}
+        plain = {
+            "systems": [
+                {key: entry.get(key, "") for key in ("name", "title", "group")} for entry in entries
+            ]
+        }
         text = cli.in_json(plain) if form == "json" else "\n".join(lines) + "\n"
     else:
         entry = catalog.entry(name)
-        expected = [(key, value) for key, value in entry.get("expected", {}).items() if isinstance(value, str)]
+        expected = [
+            (key, value)
+            for key, value in entry.get("expected", {}).items()
+            if isinstance(value, str)
+        ]
         lines = [entry.get("title", name), f"source: {entry.get('source', '')}"]
         lines += [f"expected: {key} = {value}" for key, value in expected]
         text = "\n".join([*(lines if form == "text" else ()), cli.in_json(entry["document"])])

@@ -1,10 +1,12 @@
-"""Answer whether any Lagrangian has a motion, with the Lagrangian, its Hamiltonian, and a checked proof.
+"""Answer whether any Lagrangian has a motion, with the Lagrangian, its Hamiltonian, and a checked
+proof.
 
-A Lagrangian that is known from another question comes first, since its own check is the proof: that of an
-associated system, the given L, or that of the reduced system. Then each question is decided, for L(q, q') and, if there
-is none, for L(t, q, q'). After a yes, short searches for a Lagrangian come before the proof of existence, which takes
-long, and long ones after it. The checker confirms every verdict. If a Lagrangian exists but none is known in closed
-form, the sentences show the beginning of the power series of l and lambda_a.
+A Lagrangian that is known from another question comes first, since its own check is the proof: that
+of an associated system, the given L, or that of the reduced system. Then each question is decided,
+for L(q, q') and, if there is none, for L(t, q, q'). After a yes, short searches for a Lagrangian
+come before the proof of existence, which takes long, and long ones after it. The checker confirms
+every verdict. If a Lagrangian exists but none is known in closed form, the sentences show the
+beginning of the power series of l and lambda_a.
 """
 
 from __future__ import annotations
@@ -29,19 +31,27 @@ from inverse_service.explanation.explaining import said, separated
 from inverse_service.expressions.notation import row
 from inverse_service.expressions.tree import TIME, Expression, Number, Power, Symbol, Velocity, walk
 from inverse_service.field import modular
-from inverse_service.linear_pde.involution import Finding, Unknown, halved_squares, prolonged, solution_of
+from inverse_service.linear_pde.involution import (
+    Finding,
+    Unknown,
+    halved_squares,
+    prolonged,
+    solution_of,
+)
 from inverse_service.mechanics import constrained_motion, second_order_system
 from inverse_service.mechanics.legendre import legendre
 from inverse_service.statements.questions import About
 from inverse_service.statements.stages import Progress, Stage
 
-# The shares of the time that the decisions may use; the remaining time is for a closed form, H, and the checks.
+# The shares of the time that the decisions may use; the remaining time is for a closed form, H, and
+# the checks.
 _SHARE_OF_DECISION, _SHARE_OF_REDUCED, _SHARE_OF_ANSATZ = 0.4, 0.3, 0.5
 _STEEP = -3
-# The least time, in seconds, for a closed form, because its parts do not check the time at every step.
+# The least time, in seconds, for a closed form, because its parts do not check the time at every
+# step.
 _LEAST_FOR_ANSATZ = 6.0
-# The least seconds for the check of a known Lagrangian, and those for the number of functions on which it depends,
-# which no proof needs.
+# The least seconds for the check of a known Lagrangian, and those for the number of functions on
+# which it depends, which no proof needs.
 _FOR_KNOWN, _FOR_FREEDOM = 2.0, 1.0
 ANY = About.ANY.value
 OUT_OF_TIME = "The time for this question was over."
@@ -67,7 +77,9 @@ class KnownLagrangian:
 
 @dataclass(frozen=True, slots=True)
 class MotionLagrangian:
-    """L on the tangent bundle, its 1-jet along the constraints, its associated system, and its report."""
+    """L on the tangent bundle, its 1-jet along the constraints, its associated system, and its
+    report.
+    """
 
     lagrangian: Lagrangian
     jet: on_constraints.JetOnConstraints
@@ -77,15 +89,22 @@ class MotionLagrangian:
 
     def on_its_set(self, certificate: Mapping[str, Any], proof: CheckResult) -> MotionLagrangian:
         """The same Lagrangian with the set on which the checker proved L."""
-        where = certify.where_of(proof.formulas, certify.names_of(certificate["system"], certificate))
-        return replace(self, lagrangian=replace(self.lagrangian, positive=where.positive, nonzero=where.nonzero))
+        where = certify.where_of(
+            proof.formulas, certify.names_of(certificate["system"], certificate)
+        )
+        return replace(
+            self,
+            lagrangian=replace(self.lagrangian, positive=where.positive, nonzero=where.nonzero),
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class MotionAnswer:
-    """The verdicts, with `certificates` that prove them, the one for L(q, q') first; one may prove both.
+    """The verdicts, with `certificates` that prove them, the one for L(q, q') first; one may prove
+    both.
 
-    The proofs are valid for general parameters: `exceptions` are equations between parameters for which one fails.
+    The proofs are valid for general parameters: `exceptions` are equations between parameters for
+    which one fails.
     """
 
     verdict: Verdict
@@ -127,17 +146,22 @@ def answer_motion(
     reduced: Answer | None = None,
     tell: Callable[[MotionAnswer], None] = lambda _: None,
 ) -> MotionAnswer:
-    """Answer both questions where all of `positive` are > 0; `known` are Lagrangians of associated systems.
+    """Answer both questions where all of `positive` are > 0; `known` are Lagrangians of associated
+    systems.
 
-    `reduced` is the answer for the equations of the free coordinates if these contain no others. EquationsOfMotion get
-    a report on H. `tell` receives a confirmed verdict while the search for a Lagrangian continues; this verdict remains
-    if the time expires.
+    `reduced` is the answer for the equations of the free coordinates if these contain no others.
+    EquationsOfMotion get a report on H. `tell` receives a confirmed verdict while the search for a
+    Lagrangian continues; this verdict remains if the time expires.
     """
     deadline = max(deadline, now() + _FOR_KNOWN) if known else deadline
-    work = _Work(motion, known, None if time_dependent is True else reduced, seed, deadline, progress, tell)
+    work = _Work(
+        motion, known, None if time_dependent is True else reduced, seed, deadline, progress, tell
+    )
     try:
         with until(deadline):
-            return _answer_both_questions(work, time_dependent, existence.analyze_motion(motion, positive))
+            return _answer_both_questions(
+                work, time_dependent, existence.analyze_motion(motion, positive)
+            )
     except errors.IrreducibleAtoms as problem:
         return MotionAnswer("undetermined", "undetermined", problem.detail)
     except OutOfTime:
@@ -147,7 +171,9 @@ def answer_motion(
 def _answer_both_questions(
     work: _Work, time_dependent: bool | None, analyzed: existence.AnalyzedMotion
 ) -> MotionAnswer:
-    """What one check proves comes first, then each question: L(q, q') and, if there is none, L(t, q, q')."""
+    """What one check proves comes first, then each question: L(q, q') and, if there is none, L(t,
+    q, q').
+    """
     motion = work.motion
     both = time_dependent is None and not motion.depends_on_time
     with_time = not both and (time_dependent is not False or motion.depends_on_time)
@@ -163,7 +189,8 @@ def _answer_both_questions(
         timed = _decide_in_share(work, analyzed, with_time=True)
         if (
             timed.exists is False
-            and (other := _answer_question(work, analyzed, timed, with_time=True)).verdict != "undetermined"
+            and (other := _answer_question(work, analyzed, timed, with_time=True)).verdict
+            != "undetermined"
         ):
             return other
     else:
@@ -171,13 +198,18 @@ def _answer_both_questions(
     first = _answer_question(work, analyzed, plain, with_time=False, proven=_of_reduced(work))
     if first.verdict == "variational":
         return first
-    work.first, work.told = first, _of_both(first, MotionAnswer("undetermined", "undetermined", OUT_OF_TIME))
+    work.first, work.told = (
+        first,
+        _of_both(first, MotionAnswer("undetermined", "undetermined", OUT_OF_TIME)),
+    )
     known = _first_confirmed(work, analyzed, _propose_known(work, with_time=True), with_time=True)
     if known is not None:
         return _of_both(first, _with_freedom(work, analyzed, known, with_time=True))
     timed = timed or _decide_in_share(work, analyzed, with_time=True)
     other = _answer_question(work, analyzed, timed, with_time=True)
-    return other if other.verdict == "not_variational" else _of_both(first, other)  # no L(t, q, q'), so no L(q, q')
+    return (
+        other if other.verdict == "not_variational" else _of_both(first, other)
+    )  # no L(t, q, q'), so no L(q, q')
 
 
 def _of_both(first: MotionAnswer, other: MotionAnswer) -> MotionAnswer:
@@ -195,26 +227,51 @@ def _of_both(first: MotionAnswer, other: MotionAnswer) -> MotionAnswer:
 
 
 def _of_reduced(work: _Work) -> MotionAnswer | None:
-    """The yes of the reduced system for the motion, by a certificate that is about the free coordinates only."""
+    """The yes of the reduced system for the motion, by a certificate that is about the free
+    coordinates only.
+    """
     reduced = work.reduced
-    if reduced is None or reduced.verdict != "variational" or reduced.checked != "valid" or not reduced.certificate:
+    if (
+        reduced is None
+        or reduced.verdict != "variational"
+        or reduced.checked != "valid"
+        or not reduced.certificate
+    ):
         return None
     steps = reduced_steps(work.motion.free)
-    return MotionAnswer("variational", "variational", "", (reduced.certificate,), None, "", steps, reduced.exceptions)
+    return MotionAnswer(
+        "variational",
+        "variational",
+        "",
+        (reduced.certificate,),
+        None,
+        "",
+        steps,
+        reduced.exceptions,
+    )
 
 
 def _decide_in_share(work: _Work, analyzed: existence.AnalyzedMotion, with_time: bool) -> Finding:
     limit = share(_SHARE_OF_DECISION, work.deadline)
-    return existence.decide_motion(analyzed, with_time, work.seed, limit, lambda stage: work.progress(stage.of(ANY)))
+    return existence.decide_motion(
+        analyzed, with_time, work.seed, limit, lambda stage: work.progress(stage.of(ANY))
+    )
 
 
 def _with_freedom(
     work: _Work, analyzed: existence.AnalyzedMotion, answer: MotionAnswer, with_time: bool
 ) -> MotionAnswer:
-    """The answer with the size of the set of Lagrangians, if the decision, which is not needed, takes little time."""
+    """The answer with the size of the set of Lagrangians, if the decision, which is not needed,
+    takes little time.
+    """
     limit = min(share(_SHARE_OF_DECISION, work.deadline), now() + _FOR_FREEDOM)
-    found = existence.decide_motion(analyzed, with_time, work.seed, limit, lambda stage: work.progress(stage.of(ANY)))
-    return replace(answer, freedom=freedom(found, len(work.motion.coordinates), with_time) if found.exists else "")
+    found = existence.decide_motion(
+        analyzed, with_time, work.seed, limit, lambda stage: work.progress(stage.of(ANY))
+    )
+    return replace(
+        answer,
+        freedom=freedom(found, len(work.motion.coordinates), with_time) if found.exists else "",
+    )
 
 
 def _answer_question(
@@ -224,7 +281,9 @@ def _answer_question(
     with_time: bool,
     proven: MotionAnswer | None = None,
 ) -> MotionAnswer:
-    """The answer by short searches for L, then a proof of existence, unless `proven` is one, then long searches."""
+    """The answer by short searches for L, then a proof of existence, unless `proven` is one, then
+    long searches.
+    """
     if found.exists is False:
         refused = _prove_verdict(work, analyzed, found, with_time, "not_variational")
         if with_time:
@@ -254,7 +313,9 @@ def _answer_question(
 
 @dataclass(frozen=True, slots=True)
 class _Proposal:
-    """A Lagrangian of the motion that is not confirmed yet, what it is known from, and the steps that explain it."""
+    """A Lagrangian of the motion that is not confirmed yet, what it is known from, and the steps
+    that explain it.
+    """
 
     lagrangian: Lagrangian
     known: KnownLagrangian | None = None
@@ -267,18 +328,24 @@ def _first_confirmed(
     """A yes by the first proposal that the checker confirms, with H."""
     for proposal in proposals:
         tree = proposal.lagrangian.expression
-        confirmed = _confirm_certificate(work, analyzed, existence.of_lagrangian(analyzed, tree, with_time), [tree])
+        confirmed = _confirm_certificate(
+            work, analyzed, existence.of_lagrangian(analyzed, tree, with_time), [tree]
+        )
         if confirmed is None:
             continue
         certificate, checked = confirmed
         known, jet = proposal.known, on_constraints.jet_of(tree, work.motion)
         if known is not None:
-            found = MotionLagrangian(proposal.lagrangian, jet, known.kind, known.system, known.report)
+            found = MotionLagrangian(
+                proposal.lagrangian, jet, known.kind, known.system, known.report
+            )
         else:
             found = _complete_lagrangian(work, proposal.lagrangian, jet)
         found = found.on_its_set(certificate, checked)
         steps = (*proposal.steps, *lagrangian_steps(tree, jet))
-        return MotionAnswer("variational", "variational", "", (certificate,), found, "", steps, checked.exceptions)
+        return MotionAnswer(
+            "variational", "variational", "", (certificate,), found, "", steps, checked.exceptions
+        )
     return None
 
 
@@ -290,7 +357,11 @@ def _tell(work: _Work, answer: MotionAnswer) -> None:
 
 
 def _prove_verdict(
-    work: _Work, analyzed: existence.AnalyzedMotion, found: Finding, with_time: bool, verdict: Verdict
+    work: _Work,
+    analyzed: existence.AnalyzedMotion,
+    found: Finding,
+    with_time: bool,
+    verdict: Verdict,
 ) -> MotionAnswer:
     proven = _confirm_certificate(work, analyzed, existence.of_finding(analyzed, found, with_time))
     size = freedom(found, len(work.motion.coordinates), with_time)
@@ -303,9 +374,14 @@ def _prove_verdict(
 
 
 def _confirm_certificate(
-    work: _Work, analyzed: existence.AnalyzedMotion, certificate: dict[str, Any], more: Sequence[Expression] = ()
+    work: _Work,
+    analyzed: existence.AnalyzedMotion,
+    certificate: dict[str, Any],
+    more: Sequence[Expression] = (),
 ) -> tuple[dict[str, Any], CheckResult] | None:
-    """The certificate that the checker finds valid, unchanged or restricted to one side of roots, and the result."""
+    """The certificate that the checker finds valid, unchanged or restricted to one side of roots,
+    and the result.
+    """
     found = check_certificate(certificate, time_limit=max(1.0, work.left()))
     if found.verdict == "incomplete":
         certificate = existence.on_one_side(analyzed, certificate, more)
@@ -314,7 +390,9 @@ def _confirm_certificate(
 
 
 def _propose_known(work: _Work, with_time: bool) -> Iterator[_Proposal]:
-    """Lagrangians of associated systems, the given one if it is one of the motion, and that of the reduced system."""
+    """Lagrangians of associated systems, the given one if it is one of the motion, and that of the
+    reduced system.
+    """
     for one in work.known:
         if with_time or not one.with_time:
             yield _Proposal(one.lagrangian, one)
@@ -327,7 +405,9 @@ def _propose_known(work: _Work, with_time: bool) -> Iterator[_Proposal]:
 
 
 def _propose_in_short(work: _Work, with_time: bool) -> Iterator[_Proposal]:
-    """Lagrangians of the reduced system, unless it is answered already, and from the ansatz along the constraints."""
+    """Lagrangians of the reduced system, unless it is answered already, and from the ansatz along
+    the constraints.
+    """
     if work.left() < _LEAST_FOR_ANSATZ:
         return
     if with_time or work.reduced is None:
@@ -336,7 +416,9 @@ def _propose_in_short(work: _Work, with_time: bool) -> Iterator[_Proposal]:
         if reduced is not None:
             yield _Proposal(reduced)
     work.progress(Stage("ansatz along the constraints", about=ANY))
-    found = on_constraints.find_lagrangians(work.motion, with_time, work.seed, now() + _SHARE_OF_ANSATZ * work.left())
+    found = on_constraints.find_lagrangians(
+        work.motion, with_time, work.seed, now() + _SHARE_OF_ANSATZ * work.left()
+    )
     yield from map(_Proposal, found[:1])
 
 
@@ -360,26 +442,38 @@ def _find_for_closed(
 
 
 def _is_steep(lagrangian: Expression) -> bool:
-    """Whether velocities have large negative powers, in which case no closed form of H is attempted."""
+    """Whether velocities have large negative powers, in which case no closed form of H is
+    attempted.
+    """
     return any(
-        isinstance(node, Power) and isinstance(node.exponent, Number) and node.exponent.value <= _STEEP
+        isinstance(node, Power)
+        and isinstance(node.exponent, Number)
+        and node.exponent.value <= _STEEP
         for node in walk(lagrangian)
         if isinstance(node, Power) and isinstance(node.base, Velocity)
     )
 
 
-def _complete_lagrangian(work: _Work, lagrangian: Lagrangian, jet: on_constraints.JetOnConstraints) -> MotionLagrangian:
+def _complete_lagrangian(
+    work: _Work, lagrangian: Lagrangian, jet: on_constraints.JetOnConstraints
+) -> MotionLagrangian:
     """Add its own equations, H, and the constraints in phase space."""
     tree, report = lagrangian.expression, None
     system = on_constraints.own_system(tree, work.motion, now() + _SHARE_OF_ANSATZ * work.left())
-    if system is not None and isinstance(work.motion, constrained_motion.EquationsOfMotion) and work.left() > 0:
+    if (
+        system is not None
+        and isinstance(work.motion, constrained_motion.EquationsOfMotion)
+        and work.left() > 0
+    ):
         known = legendre(tree, system.coordinates, 0.0) if _is_steep(tree) else None
         with suppress(OutOfTime), until(now() + _SHARE_OF_ANSATZ * work.left()):
             report = hamiltonise(work.motion, system, tree, work.seed, known)
     return MotionLagrangian(lagrangian, jet, "own", system, report)
 
 
-def finding_steps(analyzed: existence.AnalyzedMotion, found: Finding, with_time: bool) -> tuple[Step, ...]:
+def finding_steps(
+    analyzed: existence.AnalyzedMotion, found: Finding, with_time: bool
+) -> tuple[Step, ...]:
     """The steps that state the question and prove the answer."""
     k = len(analyzed.motion.free)
     steps = [
@@ -417,8 +511,11 @@ def _bivector_steps(found: Finding) -> list[Step]:
     orders = [int(str(name)[1:].partition("_")[0]) for name, *_ in rows]
     if not orders:
         return []
-    # Without derivatives these are equations for the values of the 2-form, which are otherwise arbitrary.
-    alone = rows == list(found.rows) and not any(any(row[-1]) for row in rows if isinstance(row[-1], tuple))
+    # Without derivatives these are equations for the values of the 2-form, which are otherwise
+    # arbitrary.
+    alone = rows == list(found.rows) and not any(
+        any(row[-1]) for row in rows if isinstance(row[-1], tuple)
+    )
     return [
         said(
             "The 2-form of such a Lagrangian vanishes on the Lie derivatives along the motion of the bivectors of the "
@@ -428,12 +525,21 @@ def _bivector_steps(found: Finding) -> list[Step]:
     ]
 
 
-def lagrangian_steps(lagrangian: Expression, jet: on_constraints.JetOnConstraints) -> tuple[Step, ...]:
+def lagrangian_steps(
+    lagrangian: Expression, jet: on_constraints.JetOnConstraints
+) -> tuple[Step, ...]:
     """The steps that show L and its 1-jet along the constraints."""
     momenta = [row(f"lambda_{k} = ", tree) for k, tree in enumerate(jet.transverse_momenta, 1)]
     return (
-        said("A Lagrangian, found by an ansatz or known for an associated system: ", shown=[row("L = ", lagrangian)]),
-        said("Along the constraints it is ", *separated([row("l = ", jet.on_constraints), *momenta]), "."),
+        said(
+            "A Lagrangian, found by an ansatz or known for an associated system: ",
+            shown=[row("L = ", lagrangian)],
+        ),
+        said(
+            "Along the constraints it is ",
+            *separated([row("l = ", jet.on_constraints), *momenta]),
+            ".",
+        ),
     )
 
 
@@ -460,9 +566,11 @@ def open_reason(found: Finding) -> str:
 
 
 def freedom(found: Finding, n: int, with_time: bool) -> str:
-    """The number of functions and variables on which L along the constraints depends, up to total derivatives.
+    """The number of functions and variables on which L along the constraints depends, up to total
+    derivatives.
 
-    The dimension of the symbol in degree d + j is sum alpha_k C(k - 1 + j, k - 1); `_gauge` is the part due to F.
+    The dimension of the symbol in degree d + j is sum alpha_k C(k - 1 + j, k - 1); `_gauge` is the
+    part due to F.
     """
     if found.symbol is None:
         return ""
@@ -483,22 +591,35 @@ def freedom(found: Finding, n: int, with_time: bool) -> str:
 
 
 def _gauge(degree: int, variables: int) -> int:
-    """The dimension of l = Gamma(F), lambda_a = dF/ds^a, F of so many variables, in unknowns up to a degree.
+    """The dimension of l = Gamma(F), lambda_a = dF/ds^a, F of so many variables, in unknowns up to
+    a degree.
 
-    It counts the F of degree up to d + 1 except F = 1, and the derivatives along Gamma, in l, of those of degree d + 2.
+    It counts the F of degree up to d + 1 except F = 1, and the derivatives along Gamma, in l, of
+    those of degree d + 2.
     """
     return comb(variables + degree + 1, variables) - 1 + comb(variables + degree, variables - 1)
 
 
-def series_steps(analyzed: existence.AnalyzedMotion, found: Finding, with_time: bool) -> tuple[Step, ...]:
-    """One step with l and lambda_a to the degree at which the system is involutive; none if they are not rational.
+def series_steps(
+    analyzed: existence.AnalyzedMotion, found: Finding, with_time: bool
+) -> tuple[Step, ...]:
+    """One step with l and lambda_a to the degree at which the system is involutive; none if they
+    are not rational.
 
     Every solution of the projected system to this degree is the beginning of an analytic one.
     """
     motion = analyzed.motion
-    if any(deciding.is_irrational(node) for tree in (*analyzed.velocities, *analyzed.forces) for node in walk(tree)):
+    if any(
+        deciding.is_irrational(node)
+        for tree in (*analyzed.velocities, *analyzed.forces)
+        for node in walk(tree)
+    ):
         return ()
-    variables: list[modular.Variable] = [*[TIME] * with_time, *map(Symbol, analyzed.names), *map(Velocity, motion.free)]
+    variables: list[modular.Variable] = [
+        *[TIME] * with_time,
+        *map(Symbol, analyzed.names),
+        *map(Velocity, motion.free),
+    ]
     symbols = [*variables, *map(Symbol, motion.parameters)]
     for first in range(1, 1 + bounds.ATTEMPTS):
         values = {symbol: first + k for k, symbol in enumerate(symbols)}
@@ -512,16 +633,25 @@ def series_steps(analyzed: existence.AnalyzedMotion, found: Finding, with_time: 
 
 
 def _coefficients(
-    analyzed: existence.AnalyzedMotion, found: Finding, with_time: bool, values: Mapping[modular.Variable, int]
+    analyzed: existence.AnalyzedMotion,
+    found: Finding,
+    with_time: bool,
+    values: Mapping[modular.Variable, int],
 ) -> dict[Unknown, Fraction] | None:
     card = existence.ConstrainedAt(
-        analyzed, with_time, lambda seed: modular.Point(modular.safe_prime(seed), seed, variables=dict(values))
+        analyzed,
+        with_time,
+        lambda seed: modular.Point(modular.safe_prime(seed), seed, variables=dict(values)),
     )
     return deciding.reconstructed(lambda seed: _residues(card, found, seed))
 
 
-def _residues(card: existence.ConstrainedAt, found: Finding, seed: int) -> tuple[int, dict[Unknown, int] | None]:
-    """A solution of full rank modulo a prime; squares have the coefficient 1/2, all other free coefficients are 0."""
+def _residues(
+    card: existence.ConstrainedAt, found: Finding, seed: int
+) -> tuple[int, dict[Unknown, int] | None]:
+    """A solution of full rank modulo a prime; squares have the coefficient 1/2, all other free
+    coefficients are 0.
+    """
     prolongation = prolonged(card, seed, found.order)
     prime, generic = prolongation.local.prime, found.history[found.order][found.degree]
     if prolongation.dimension(found.degree) != generic:

@@ -1,6 +1,8 @@
-"""Decide whether any Lagrangian has a given motion on constraints (the question of `kinds.constrained`).
+"""Decide whether any Lagrangian has a given motion on constraints (the question of
+`kinds.constrained`).
 
-`of_lagrangian` and `of_finding` write certificates as in certificate/FORMAT.md; nothing is judged here.
+`of_lagrangian` and `of_finding` write certificates as in certificate/FORMAT.md; nothing is judged
+here.
 """
 
 import itertools
@@ -39,7 +41,8 @@ from inverse_service.statements.stages import Progress, Stage
 
 Integers = npt.NDArray[np.int64]
 _HIGHEST_ORDER, _MOST_UNKNOWNS = 16, 120_000
-# With fewer coordinates of D, the prolongation alone is as fast. Brackets are first tried up to this j.
+# With fewer coordinates of D, the prolongation alone is as fast. Brackets are first tried up to
+# this j.
 _ALONG_FROM, _FIRST_BRACKETS = 6, 8
 
 _SEED = 3
@@ -61,15 +64,21 @@ class AnalyzedMotion:
         return (*self.motion.free, *self.motion.dependent)
 
 
-def analyze_motion(motion: ConstrainedMotion, positive: Sequence[Expression] = ()) -> AnalyzedMotion:
-    """The motion where all of `positive` are > 0; IrreducibleAtoms if relations of atoms cannot be determined."""
+def analyze_motion(
+    motion: ConstrainedMotion, positive: Sequence[Expression] = ()
+) -> AnalyzedMotion:
+    """The motion where all of `positive` are > 0; IrreducibleAtoms if relations of atoms cannot be
+    determined.
+    """
     velocities, forces = (
         tuple(map(towers.to_kernels, motion.dependent_velocities)),
         tuple(map(towers.to_kernels, motion.free_accelerations)),
     )
     variables = variables_of(motion)
     table = find_real_point([*velocities, *forces], variables, 1, positive)
-    return AnalyzedMotion(motion, velocities, forces, reduce_atoms([*velocities, *forces], variables, table), table)
+    return AnalyzedMotion(
+        motion, velocities, forces, reduce_atoms([*velocities, *forces], variables, table), table
+    )
 
 
 def variables_of(motion: ConstrainedMotion) -> list[Variable]:
@@ -83,14 +92,20 @@ class ConstrainedAt:
 
     __slots__ = ("_first", "_series", "_shape", "matrix", "others", "unknowns")
 
-    def __init__(self, analyzed: AnalyzedMotion, with_time: bool, draw: Callable[[int], Point] | None = None) -> None:
+    def __init__(
+        self, analyzed: AnalyzedMotion, with_time: bool, draw: Callable[[int], Point] | None = None
+    ) -> None:
         motion = analyzed.motion
         self._shape = shape = constrained.Shape(len(motion.free), len(motion.dependent), with_time)
         self.unknowns: equations.Unknowns = constrained.unknowns_of(shape)
         self.matrix: involution.Matrix = constrained.matrix_of(shape)
         self.others: tuple[involution.Matrix, ...] = (constrained.regular_on_constraints(shape),)
         free: list[Expression] = [Velocity(name) for name in motion.free]
-        variables: list[Variable] = [*[TIME] * with_time, *map(Symbol, analyzed.names), *map(Velocity, motion.free)]
+        variables: list[Variable] = [
+            *[TIME] * with_time,
+            *map(Symbol, analyzed.names),
+            *map(Velocity, motion.free),
+        ]
         field = [*free, *analyzed.velocities, *analyzed.forces]
         self._first = 0
 
@@ -111,14 +126,20 @@ class ConstrainedAt:
         own = constrained.compiled_equations(self._shape, prime, order, registers)
         given = (registers, self._first, self._shape.slope(0, 0))
         return replace(
-            own, equations=(*constrained.equations(self._shape, self.unknowns, order, *given), *own.equations)
+            own,
+            equations=(
+                *constrained.equations(self._shape, self.unknowns, order, *given),
+                *own.equations,
+            ),
         )
 
 
 def decide_motion(
     analyzed: AnalyzedMotion, with_time: bool, seed: int, deadline: float, progress: Progress
 ) -> involution.Finding:
-    """Decide whether a regular L(q, v), or L(t, q, v), has the motion on the constraints; two points must agree."""
+    """Decide whether a regular L(q, v), or L(t, q, v), has the motion on the constraints; two
+    points must agree.
+    """
     limits = involution.Limits(_HIGHEST_ORDER, deadline, _MOST_UNKNOWNS)
     try:
         refused = refused_along_a_solution(analyzed, with_time, seed, deadline, progress)
@@ -132,13 +153,14 @@ def decide_motion(
 def refused_along_a_solution(
     analyzed: AnalyzedMotion, with_time: bool, seed: int, deadline: float, progress: Progress
 ) -> involution.Finding | None:
-    """A no from the brackets along one solution, by power series in t only; None if a yes remains possible.
+    """A no from the brackets along one solution, by power series in t only; None if a yes remains
+    possible.
 
-    The 2-form Omega of the bivectors is invariant under Gamma and vanishes on d/du^alpha ^ d/du^beta. With Phi(t) the
-    derivative of the flow and V_alpha(t) = Phi(t)^-1 d/du^alpha, so Omega(V_alpha(t), V_beta(t)) = 0 at the start, for
-    all t: each coefficient is a linear equation for the values of Omega there. It is a no if every solution of those up
-    to t^j has a vertical vector in its kernel, whether L may depend on t or not. Rows are named as those of
-    `bivectors`.
+    The 2-form Omega of the bivectors is invariant under Gamma and vanishes on d/du^alpha ^
+    d/du^beta. With Phi(t) the derivative of the flow and V_alpha(t) = Phi(t)^-1 d/du^alpha, so
+    Omega(V_alpha(t), V_beta(t)) = 0 at the start, for all t: each coefficient is a linear equation
+    for the values of Omega there. It is a no if every solution of those up to t^j has a vertical
+    vector in its kernel, whether L may depend on t or not. Rows are named as those of `bivectors`.
     """
     free, size = len(analyzed.motion.free), len(analyzed.names) + len(analyzed.motion.free)
     if free < 2 or size < _ALONG_FROM:
@@ -155,12 +177,16 @@ def refused_along_a_solution(
         return None
     pairs = itertools.product(range(last + 1), itertools.combinations(range(free), 2))
     rows = tuple((f"B{j}_{alpha}", beta, (0,) * (size + with_time)) for j, (alpha, beta) in pairs)
-    used = tuple({"prime": point.prime, "seed": drawn} for point, drawn in zip(points, seeds, strict=True))
+    used = tuple(
+        {"prime": point.prime, "seed": drawn} for point, drawn in zip(points, seeds, strict=True)
+    )
     return involution.Finding(False, 0, rows=rows, points=used, along=last)
 
 
 def last_bracket(analyzed: AnalyzedMotion, point: Point, deadline: float) -> int | None:
-    """The j up to which the equations are needed for a no; None if later ones follow from earlier ones first."""
+    """The j up to which the equations are needed for a no; None if later ones follow from earlier
+    ones first.
+    """
     size, free = len(analyzed.names) + len(analyzed.motion.free), len(analyzed.motion.free)
     rows, rank, done, degree = list[list[int]](), 0, -1, _FIRST_BRACKETS
     while now() < deadline and done < math.comb(size, 2):
@@ -178,7 +204,9 @@ def last_bracket(analyzed: AnalyzedMotion, point: Point, deadline: float) -> int
     return None
 
 
-def _bracket(left: Sequence[Sequence[int]], right: Sequence[Sequence[int]], j: int, prime: int) -> list[int]:
+def _bracket(
+    left: Sequence[Sequence[int]], right: Sequence[Sequence[int]], j: int, prime: int
+) -> list[int]:
     """The coefficient of t^j of V ^ V', by pairs of coordinates."""
     pairs = [(left[i], right[j - i]) for i in range(j + 1)]
     places = itertools.combinations(range(len(left[0])), 2)
@@ -191,15 +219,23 @@ def _leaves_a_vertical_kernel(matrix: nmod_mat, size: int, free: int) -> bool:
     generator = random.Random(prime)
     weights = [generator.randrange(prime) for _ in range(nullity)]
     places = enumerate(itertools.combinations(range(size), 2))
-    form = {pair: sum(int(basis[k, i]) * w for i, w in enumerate(weights)) % prime for k, pair in places}
+    form = {
+        pair: sum(int(basis[k, i]) * w for i, w in enumerate(weights)) % prime for k, pair in places
+    }
     vertical = range(size - free, size)
-    entries = [[(form.get((x, u), 0) - form.get((u, x), 0)) % prime for x in range(size)] for u in vertical]
+    entries = [
+        [(form.get((x, u), 0) - form.get((u, x), 0)) % prime for x in range(size)] for u in vertical
+    ]
     rank: int = nmod_mat(entries, prime).rank()
     return rank < free
 
 
-def _vertical_at_the_start(analyzed: AnalyzedMotion, point: Point, degree: int) -> list[list[list[int]]]:
-    """The coefficients of t^0, …, t^degree of each V_alpha, from Psi' = -Psi A, Psi = Phi^-1, A = d Gamma/dx."""
+def _vertical_at_the_start(
+    analyzed: AnalyzedMotion, point: Point, degree: int
+) -> list[list[list[int]]]:
+    """The coefficients of t^0, …, t^degree of each V_alpha, from Psi' = -Psi A, Psi = Phi^-1, A = d
+    Gamma/dx.
+    """
     slopes, size, prime = _slopes_along(analyzed, point, degree), len(analyzed.names), point.prime
     size += len(analyzed.motion.free)
     inverse = [nmod_mat(size, size, [int(x == y) for x in range(size) for y in range(size)], prime)]
@@ -208,19 +244,34 @@ def _vertical_at_the_start(analyzed: AnalyzedMotion, point: Point, degree: int) 
         for i in range(1, k + 1):
             total += inverse[i] * slopes[k - i]
         inverse.append(total * (-pow(k + 1, -1, prime) % prime))
-    return [[[int(part[x, u]) for x in range(size)] for part in inverse] for u in range(len(analyzed.names), size)]
+    return [
+        [[int(part[x, u]) for x in range(size)] for part in inverse]
+        for u in range(len(analyzed.names), size)
+    ]
 
 
 def _slopes_along(analyzed: AnalyzedMotion, point: Point, degree: int) -> list[nmod_mat]:
     """The coefficients of d Gamma/dx along the solution that starts at the point."""
-    own: list[Symbol | Velocity] = [*map(Symbol, analyzed.names), *map(Velocity, analyzed.motion.free)]
+    own: list[Symbol | Velocity] = [
+        *map(Symbol, analyzed.names),
+        *map(Velocity, analyzed.motion.free),
+    ]
     rates = [*map(Velocity, analyzed.motion.free), *analyzed.velocities, *analyzed.forces]
-    solution, prime, field = [[point.variable(name)] for name in own], point.prime, _Along(own, rates, point, degree)
+    solution, prime, field = (
+        [[point.variable(name)] for name in own],
+        point.prime,
+        _Along(own, rates, point, degree),
+    )
     for k in range(degree):
         for known, series in zip(solution, field.at(solution, k), strict=True):
             known.append(series[k] * pow(k + 1, -1, prime) % prime)
-    entries = _Along(own, [differentiate(rate, x) for rate in rates for x in own], point, degree).at(solution, degree)
-    return [nmod_mat(len(own), len(own), [entry[k] for entry in entries], prime) for k in range(degree + 1)]
+    entries = _Along(
+        own, [differentiate(rate, x) for rate in rates for x in own], point, degree
+    ).at(solution, degree)
+    return [
+        nmod_mat(len(own), len(own), [entry[k] for entry in entries], prime)
+        for k in range(degree + 1)
+    ]
 
 
 class _Along:
@@ -228,7 +279,9 @@ class _Along:
 
     __slots__ = ("_given", "_places", "_point", "_series")
 
-    def __init__(self, own: Sequence[Variable], trees: Sequence[Expression], point: Point, degree: int) -> None:
+    def __init__(
+        self, own: Sequence[Variable], trees: Sequence[Expression], point: Point, degree: int
+    ) -> None:
         self._series, self._point = dense_series.SeriesProgram((TIME,), degree), point
         self._series.known.update({name: self._series.register() for name in own})
         self._places = [self._series.expand(tree) for tree in trees]
@@ -239,7 +292,9 @@ class _Along:
         return [found.numbers(place) for place in self._places]
 
 
-def of_lagrangian(analyzed: AnalyzedMotion, lagrangian: Expression, with_time: bool) -> dict[str, Any]:
+def of_lagrangian(
+    analyzed: AnalyzedMotion, lagrangian: Expression, with_time: bool
+) -> dict[str, Any]:
     """The certificate whose proof is L itself, near a point at which it is defined."""
     on = substitute(
         towers.to_kernels(lagrangian),
@@ -253,7 +308,9 @@ def of_lagrangian(analyzed: AnalyzedMotion, lagrangian: Expression, with_time: b
     return head | {"lagrangian": to_text(lagrangian)}
 
 
-def of_finding(analyzed: AnalyzedMotion, found: involution.Finding, with_time: bool) -> dict[str, Any]:
+def of_finding(
+    analyzed: AnalyzedMotion, found: involution.Finding, with_time: bool
+) -> dict[str, Any]:
     """The certificate with the rows used for a no, or the involution data of a yes."""
     if found.exists is None:
         raise ValueError("only what was settled has a certificate")
@@ -268,7 +325,9 @@ def of_finding(analyzed: AnalyzedMotion, found: involution.Finding, with_time: b
 
 
 def _bivectors(analyzed: AnalyzedMotion, with_time: bool) -> dict[str, int]:
-    last = constrained.last_of(constrained.Shape(len(analyzed.motion.free), len(analyzed.motion.dependent), with_time))
+    last = constrained.last_of(
+        constrained.Shape(len(analyzed.motion.free), len(analyzed.motion.dependent), with_time)
+    )
     return {"bivectors": last} if last else {}
 
 
@@ -287,7 +346,9 @@ def _squares(motion: ConstrainedMotion) -> list[Expression]:
 def on_one_side(
     analyzed: AnalyzedMotion, certificate: dict[str, Any], more: Sequence[Expression] = ()
 ) -> dict[str, Any]:
-    """The certificate with the signs of all radicands at its point, for claims that depend on them."""
+    """The certificate with the signs of all radicands at its point, for claims that depend on
+    them.
+    """
     motion, table = analyzed.motion, analyzed.real_point
     if table is None:
         return certificate
@@ -304,8 +365,13 @@ def _system(analyzed: AnalyzedMotion) -> dict[str, Any]:
     motion = analyzed.motion
     return {
         "coordinates": list(analyzed.names),
-        "equations": {name: to_text(f) for name, f in zip(motion.free, motion.free_accelerations, strict=True)},
-        "velocities": {name: to_text(w) for name, w in zip(motion.dependent, motion.dependent_velocities, strict=True)},
+        "equations": {
+            name: to_text(f) for name, f in zip(motion.free, motion.free_accelerations, strict=True)
+        },
+        "velocities": {
+            name: to_text(w)
+            for name, w in zip(motion.dependent, motion.dependent_velocities, strict=True)
+        },
         "parameters": list(motion.parameters),
         "functions": {name: list(arguments) for name, arguments in motion.functions},
     }

@@ -1,8 +1,9 @@
-"""From a free Lagrangian of an associated system to its Hamiltonian, with a proof that its flow contains the motion.
+"""From a free Lagrangian of an associated system to its Hamiltonian, with a proof that its flow
+contains the motion.
 
 The claim: the flow of H~, restricted to the image of the constraints under p = dL~/dv, is the
-nonholonomic motion. It consists of identities, each tested at random points modulo primes. `compare` integrates both
-flows in floating point as an illustration.
+nonholonomic motion. It consists of identities, each tested at random points modulo primes.
+`compare` integrates both flows in floating point as an illustration.
 """
 
 from __future__ import annotations
@@ -34,7 +35,9 @@ State = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """One part of the claim, with formulas of the theory between grave accents, and the test result."""
+    """One part of the claim, with formulas of the theory between grave accents, and the test
+    result.
+    """
 
     text: str
     verdict: Verdict
@@ -44,8 +47,8 @@ class Statement:
 class Hamiltonisation:
     """H~ and the images of the constraints, the parts of the claim, and a comparison of both flows.
 
-    `transform` is None if L~ is degenerate; `comparison` is None if H~ has no closed form, t occurs, or no start was
-    found.
+    `transform` is None if L~ is degenerate; `comparison` is None if H~ has no closed form, t
+    occurs, or no start was found.
     """
 
     lagrangian: ex.Expression
@@ -57,7 +60,9 @@ class Hamiltonisation:
     @property
     def holds(self) -> bool:
         """Whether every statement was confirmed."""
-        return bool(self.statements) and all(statement.verdict == "holds" for statement in self.statements)
+        return bool(self.statements) and all(
+            statement.verdict == "holds" for statement in self.statements
+        )
 
 
 def hamiltonise(
@@ -70,8 +75,8 @@ def hamiltonise(
 ) -> Hamiltonisation:
     """The report for one Lagrangian of one associated system.
 
-    `known` is its Legendre transform if available, `known_images` are the constraints in phase space; both are tested
-    like everything else.
+    `known` is its Legendre transform if available, `known_images` are the constraints in phase
+    space; both are tested like everything else.
     """
     names = associated.coordinates
     try:
@@ -128,22 +133,31 @@ class _Work:
         """f on the constraints is the nonholonomic acceleration."""
         pairs = zip(self.associated.accelerations, self.motion.accelerations, strict=True)
         trees = [ex.substitute(f, self.motion.on_constraints) - a for f, a in pairs]
-        return self._tested("On the constraints the associated system has the accelerations of the motion.", trees)
+        return self._tested(
+            "On the constraints the associated system has the accelerations of the motion.", trees
+        )
 
     def euler_lagrange(self) -> Statement:
         trees = euler_lagrange_sums(self.lagrangian, self.names, self.associated.accelerations)
-        return self._tested("The Euler-Lagrange equations of L hold along the associated system.", trees)
+        return self._tested(
+            "The Euler-Lagrange equations of L hold along the associated system.", trees
+        )
 
     def canonical(self) -> Statement:
         """dH/dp = v and dH/dq = -dL/dq at p = dL/dv."""
         h = self.transform.hamiltonian
         trees = []
         for name, symbol in zip(self.names, self.transform.symbols, strict=True):
-            trees.append(ex.substitute(calculus.differentiate(h, symbol), self.lifted) - ex.Velocity(name))
+            trees.append(
+                ex.substitute(calculus.differentiate(h, symbol), self.lifted) - ex.Velocity(name)
+            )
             slope = calculus.differentiate(self.lagrangian, ex.Symbol(name))
-            trees.append(ex.substitute(calculus.differentiate(h, ex.Symbol(name)), self.lifted) + slope)
+            trees.append(
+                ex.substitute(calculus.differentiate(h, ex.Symbol(name)), self.lifted) + slope
+            )
         return self._tested(
-            "With `p = dL/dv` the canonical equations of H are the Euler-Lagrange equations of L.", trees
+            "With `p = dL/dv` the canonical equations of H are the Euler-Lagrange equations of L.",
+            trees,
         )
 
     def image(self) -> Statement:
@@ -154,7 +168,8 @@ class _Work:
         if tested.verdict != "holds":
             return tested
         slopes = [
-            [self._restricted(calculus.differentiate(tree, p)) for p in self.transform.symbols] for tree in self.images
+            [self._restricted(calculus.differentiate(tree, p)) for p in self.transform.symbols]
+            for tree in self.images
         ]
         rank = real_branch.rank_at_point(slopes, self.variables, self.seed)
         if rank is None:
@@ -167,7 +182,10 @@ class _Work:
 
     def invariance(self) -> Statement:
         """{P, H} = 0 on the submanifold."""
-        trees = [self._restricted(calculus.along(image, self._canonical_rates())) for image in self.images]
+        trees = [
+            self._restricted(calculus.along(image, self._canonical_rates()))
+            for image in self.images
+        ]
         return self._tested("The flow of H keeps the constraints in phase space.", trees)
 
     def _canonical_rates(self) -> list[tuple[ex.Expression, ex.Expression]]:
@@ -181,16 +199,25 @@ class _Work:
 
     def comparison(self) -> Comparison | None:
         """Both flows in floating point from one start."""
-        if any(node == ex.TIME for f in (*self.motion.accelerations, self.lagrangian) for node in ex.walk(f)):
+        if any(
+            node == ex.TIME
+            for f in (*self.motion.accelerations, self.lagrangian)
+            for node in ex.walk(f)
+        ):
             return None
         positions = tuple(map(ex.Symbol, self.names))
-        rates = [self.motion.on_constraints.get(ex.Velocity(name), ex.Velocity(name)) for name in self.names]
+        rates = [
+            self.motion.on_constraints.get(ex.Velocity(name), ex.Velocity(name))
+            for name in self.names
+        ]
         speeds = tuple(map(ex.Velocity, self.motion.free))
         first = Flow((*positions, *speeds), (*rates, *self.motion.free_accelerations))
         second = Flow(*zip(*self._canonical_rates(), strict=True))
         momenta = [ex.substitute(p, self.motion.on_constraints) for p in self.transform.momenta]
         constants = [ex.Symbol(name) for name in self.associated.parameters]
-        return compare(first, second, momenta, [self.transform.hamiltonian, *self.images], constants, self.seed)
+        return compare(
+            first, second, momenta, [self.transform.hamiltonian, *self.images], constants, self.seed
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,7 +230,8 @@ class Flow:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """The differences along both flows from one start, over `time`, with Runge-Kutta steps of order 4.
+    """The differences along both flows from one start, over `time`, with Runge-Kutta steps of order
+    4.
 
     `difference` is the largest of |q_H - q| over all positions, `constraint` the largest of the
     constraints' images along the flow of H, `energy` the largest change of H.
@@ -234,13 +262,19 @@ def sample_functions(trees: Sequence[ex.Expression], seed: int = 1) -> calculus.
     return found
 
 
-def values_at(trees: Sequence[ex.Expression], variables: Sequence[ex.Expression], state: State) -> State:
-    """The trees at a state; nan or infinite where one has no value, InputError for a name that is no variable."""
+def values_at(
+    trees: Sequence[ex.Expression], variables: Sequence[ex.Expression], state: State
+) -> State:
+    """The trees at a state; nan or infinite where one has no value, InputError for a name that is
+    no variable.
+    """
     return np.concatenate(arrays.array_values(trees, dict(zip(variables, state, strict=True))))
 
 
 def integrated(flow: Flow, start: State) -> list[State]:
-    """The states at 0, h, 2h, … by Runge-Kutta steps of order 4; ArithmeticError if the flow leaves its domain."""
+    """The states at 0, h, 2h, … by Runge-Kutta steps of order 4; ArithmeticError if the flow leaves
+    its domain.
+    """
     slope = partial(values_at, flow.rates, flow.variables)
     states = [start]
     for _ in range(STEPS):
@@ -248,7 +282,9 @@ def integrated(flow: Flow, start: State) -> list[State]:
         first = slope(state)
         second = slope(state + STEP / 2 * first)
         third = slope(state + STEP / 2 * second)
-        states.append(state + STEP / 6 * (first + 2 * second + 2 * third + slope(state + STEP * third)))
+        states.append(
+            state + STEP / 6 * (first + 2 * second + 2 * third + slope(state + STEP * third))
+        )
         if not (np.abs(states[-1]) < _LARGE).all():
             raise OverflowError("the motion leaves every bound")
     return states
@@ -264,8 +300,9 @@ def compare(
 ) -> Comparison | None:
     """Compare both flows from the same random point of the constraints; None if no start was found.
 
-    `nonholonomic` is a flow of (q, u), `hamiltonian` a flow of (q, p) with the same q first; `momenta` are p as
-    functions of (q, u); `observed` are H and the constraints' images as functions of (q, p).
+    `nonholonomic` is a flow of (q, u), `hamiltonian` a flow of (q, p) with the same q first;
+    `momenta` are p as functions of (q, u); `observed` are H and the constraints' images as
+    functions of (q, p).
     """
     trees = [*nonholonomic.rates, *hamiltonian.rates, *momenta, *observed]
     samples, source = sample_functions(trees, seed), random.Random(f"flow {seed}")
@@ -281,7 +318,9 @@ def compare(
             lifted = values_at(placed[m + n : m + n + count], first.variables, start)
             one = np.array(integrated(first, start))
             other = np.array(integrated(second, np.concatenate([start[: n // 2], lifted])))
-            seen = np.array([values_at(placed[m + n + count :], second.variables, state) for state in other])
+            seen = np.array(
+                [values_at(placed[m + n + count :], second.variables, state) for state in other]
+            )
         except (ArithmeticError, ValueError, RuntimeError, errors.InputError):
             continue
         if np.isfinite(seen).all():
@@ -290,7 +329,10 @@ def compare(
                 step=STEP,
                 parameters={name.name: float(value) for name, value in values.items()},
                 functions={name: body for name, (_, body) in samples.items()},
-                start={printing.to_text(x): float(value) for x, value in zip(first.variables, start, strict=True)},
+                start={
+                    printing.to_text(x): float(value)
+                    for x, value in zip(first.variables, start, strict=True)
+                },
                 difference=float(np.abs(one[:, : n // 2] - other[:, : n // 2]).max(initial=0.0)),
                 constraint=float(np.abs(seen[:, 1:]).max(initial=0.0)),
                 energy=float(np.abs(seen[:, 0] - seen[0, 0]).max()),

@@ -1,10 +1,12 @@
-"""Find Lagrangians whose flow on the constraints is a nonholonomic motion, with their 1-jets, own equations, and H.
+"""Find Lagrangians whose flow on the constraints is a nonholonomic motion, with their 1-jets, own
+equations, and H.
 
-The ansatz finds such Lagrangians in closed form by linear algebra. The Euler-Lagrange expressions of a term at a point
-of D, with the accelerations of the motion, are linear in its coefficient. The terms are T and T s', with T a Laurent
-monomial in the free velocities times a product of functions of position; they form l - lambda_a w^a and lambda_a. They
-are tried one degree at a time in the scalings of the motion (`search.grading`). Products of two constraints may be
-added: they change the associated system but not the motion.
+The ansatz finds such Lagrangians in closed form by linear algebra. The Euler-Lagrange expressions
+of a term at a point of D, with the accelerations of the motion, are linear in its coefficient. The
+terms are T and T s', with T a Laurent monomial in the free velocities times a product of functions
+of position; they form l - lambda_a w^a and lambda_a. They are tried one degree at a time in the
+scalings of the motion (`search.grading`). Products of two constraints may be added: they change the
+associated system but not the motion.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -26,7 +28,11 @@ from inverse_service.field.echelon import Words
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.mechanics.constrained_motion import EquationsOfMotion
-from inverse_service.mechanics.second_order_system import ConstrainedMotion, SecondOrderSystem, system_of
+from inverse_service.mechanics.second_order_system import (
+    ConstrainedMotion,
+    SecondOrderSystem,
+    system_of,
+)
 from inverse_service.search import ansatz, families, grading, terms as tm
 from inverse_service.search.ansatz import best_members
 from inverse_service.search.tidy import describe
@@ -63,15 +69,28 @@ def _short(tree: ex.Expression) -> ex.Expression:
         return collecting.collect(tree)
 
 
-def own_system(lagrangian: ex.Expression, motion: ConstrainedMotion, deadline: float) -> SecondOrderSystem | None:
-    """The Euler-Lagrange equations of a regular L, solved for the accelerations; None if they are too large."""
+def own_system(
+    lagrangian: ex.Expression, motion: ConstrainedMotion, deadline: float
+) -> SecondOrderSystem | None:
+    """The Euler-Lagrange equations of a regular L, solved for the accelerations; None if they are
+    too large.
+    """
     names = motion.coordinates
     matrix = euler_lagrange.hessian(lagrangian, names)
-    right = [-tree for tree in euler_lagrange.euler_lagrange_sums(lagrangian, names, [ex.ZERO] * len(names))]
+    right = [
+        -tree
+        for tree in euler_lagrange.euler_lagrange_sums(lagrangian, names, [ex.ZERO] * len(names))
+    ]
     found = None
     with suppress(exact_field.TooLarge, ZeroDivisionError):
-        found = _solved(matrix, right, _variables(names), exact_field.Budget(bounds.TERMS, deadline))
-    return None if found is None else SecondOrderSystem(names, found, motion.parameters, motion.functions)
+        found = _solved(
+            matrix, right, _variables(names), exact_field.Budget(bounds.TERMS, deadline)
+        )
+    return (
+        None
+        if found is None
+        else SecondOrderSystem(names, found, motion.parameters, motion.functions)
+    )
 
 
 def _variables(names: Sequence[str]) -> list[ex.Symbol | ex.Velocity]:
@@ -89,12 +108,18 @@ def _solved(
     ring = exact_field.exact_ring(trees, variables, 0, budget, slopes=False)
     values = [[ring.value(entry) for entry in row] for row in matrix]
     solved = matrices.solve_square(values, [ring.value(tree) for tree in right])
-    return None if solved is None else tuple(exact_field.quotient_tree(ring, entry) for entry in solved)
+    return (
+        None
+        if solved is None
+        else tuple(exact_field.quotient_tree(ring, entry) for entry in solved)
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class ClosedFunctions:
-    """The system R'' = G(R, R') along the motion, for as many functions R(q) as free velocities, and each R."""
+    """The system R'' = G(R, R') along the motion, for as many functions R(q) as free velocities,
+    and each R.
+    """
 
     system: SecondOrderSystem
     functions: Mapping[str, ex.Expression]
@@ -108,11 +133,15 @@ def closed_coordinates(motion: ConstrainedMotion) -> Iterator[ClosedFunctions]:
 
 
 def closed_functions(motion: ConstrainedMotion, deadline: float) -> Iterator[ClosedFunctions]:
-    """Other coordinates with closed equations, or factors of the forces such as x cos(phi) + y sin(phi)."""
+    """Other coordinates with closed equations, or factors of the forces such as x cos(phi) + y
+    sin(phi).
+    """
     found = dict[str, ex.Expression]({name: ex.Symbol(name) for name in motion.coordinates})
     taken = {*motion.coordinates, *motion.parameters, *dict(motion.functions)}
     with suppress(exact_field.TooLarge, ZeroDivisionError, OutOfTime), until(deadline):
-        for tree in _position_factors(motion, exact_field.Budget(bounds.TERMS, deadline))[: bounds.FEW]:
+        for tree in _position_factors(motion, exact_field.Budget(bounds.TERMS, deadline))[
+            : bounds.FEW
+        ]:
             name = next(name for k in count(1) if (name := f"R_{k}") not in taken)
             taken.add(name)
             found[name] = tree
@@ -131,10 +160,18 @@ def _position_factors(motion: ConstrainedMotion, budget: exact_field.Budget) -> 
     still = dict.fromkeys(velocities, ex.ZERO)
     slopes = [calculus.differentiate(f, v) for f in motion.free_accelerations for v in velocities]
     trees = [ex.substitute(f, still) for f in (*motion.free_accelerations, *slopes)]
-    ring = exact_field.exact_ring(trees, [ex.Symbol(name) for name in motion.coordinates], 0, budget, slopes=False)
+    ring = exact_field.exact_ring(
+        trees, [ex.Symbol(name) for name in motion.coordinates], 0, budget, slopes=False
+    )
     values = [value for tree in trees if not (value := ring.value(tree)).is_zero]
-    factors = dict.fromkeys(part for value in values for part in exact_field.factor_trees(ring, value))
-    return [part for part in factors if isinstance(part, ex.Sum) and _solved_for(part, motion.coordinates)]
+    factors = dict.fromkeys(
+        part for value in values for part in exact_field.factor_trees(ring, value)
+    )
+    return [
+        part
+        for part in factors
+        if isinstance(part, ex.Sum) and _solved_for(part, motion.coordinates)
+    ]
 
 
 def _solved_for(tree: ex.Expression, names: Sequence[str]) -> str | None:
@@ -159,7 +196,9 @@ def _system_of(
                 return None
             others.remove(solved)
             rest = ex.substitute(tree, {ex.Symbol(solved): ex.ZERO})
-            table[ex.Symbol(solved)] = (ex.Symbol(name) - rest) / calculus.differentiate(tree, ex.Symbol(solved))
+            table[ex.Symbol(solved)] = (ex.Symbol(name) - rest) / calculus.differentiate(
+                tree, ex.Symbol(solved)
+            )
     rates = [motion.rate(tree) for tree in functions.values()]
     speeds = _free_velocities(motion, rates, list(functions), budget)
     if speeds is None:
@@ -169,13 +208,21 @@ def _system_of(
 
 
 def _free_velocities(
-    motion: ConstrainedMotion, rates: Sequence[ex.Expression], names: Sequence[str], budget: exact_field.Budget
+    motion: ConstrainedMotion,
+    rates: Sequence[ex.Expression],
+    names: Sequence[str],
+    budget: exact_field.Budget,
 ) -> dict[ex.Expression, ex.Expression] | None:
-    """The free velocities in terms of those of the functions; None if these do not determine them."""
+    """The free velocities in terms of those of the functions; None if these do not determine
+    them.
+    """
     free: list[ex.Symbol | ex.Velocity] = [ex.Velocity(name) for name in motion.free]
     matrix = [[calculus.differentiate(rate, u) for u in free] for rate in rates]
     still = dict.fromkeys(free, ex.ZERO)
-    right = [ex.Velocity(name) - ex.substitute(rate, still) for name, rate in zip(names, rates, strict=True)]
+    right = [
+        ex.Velocity(name) - ex.substitute(rate, still)
+        for name, rate in zip(names, rates, strict=True)
+    ]
     solved = _solved(matrix, right, [ex.Symbol(name) for name in motion.coordinates], budget)
     return None if solved is None else dict(zip(free, solved, strict=True))
 
@@ -190,7 +237,9 @@ def _without(
     """The system, if its forces depend on no other coordinate."""
     ring = exact_field.exact_ring(forces, [ex.Symbol(name) for name in others], 1, budget)
     values = [ring.value(force) for force in forces]
-    if not all(ring.partial(place)(value).is_zero for place in range(len(others)) for value in values):
+    if not all(
+        ring.partial(place)(value).is_zero for place in range(len(others)) for value in values
+    ):
         return None
     nowhere = dict.fromkeys(map(ex.Symbol, others), ex.ZERO)
     plain = [ex.substitute(exact_field.quotient_tree(ring, value), nowhere) for value in values]
@@ -198,33 +247,47 @@ def _without(
 
 
 def lagrangian_of_closed(
-    motion: ConstrainedMotion, closed: Iterable[ClosedFunctions], with_time: bool, seed: int, time_limit: float
+    motion: ConstrainedMotion,
+    closed: Iterable[ClosedFunctions],
+    with_time: bool,
+    seed: int,
+    time_limit: float,
 ) -> Lagrangian | None:
     """The Lagrangian of R'' = G(R, R') plus half the squares of the constraints.
 
-    Its equations are satisfied whenever R follows its system. If R are free coordinates, l(R, R') with lambda = 0
-    satisfies the equations along the constraints. None if none of the first few systems has a Lagrangian in closed
-    form.
+    Its equations are satisfied whenever R follows its system. If R are free coordinates, l(R, R')
+    with lambda = 0 satisfies the equations along the constraints. None if none of the first few
+    systems has a Lagrangian in closed form.
     """
     end = now() + time_limit
     for one in islice(closed, bounds.FEW):
-        solution = solving.solve(one.system, SolveOptions(with_time, seed, max(left(end), 0.1), conditions=False))
+        solution = solving.solve(
+            one.system, SolveOptions(with_time, seed, max(left(end), 0.1), conditions=False)
+        )
         answer = solution.with_time if with_time else solution.autonomous
         if answer is not None and answer.lagrangian is not None:
             return on_whole_motion(motion, one, answer.lagrangian)
     return None
 
 
-def on_whole_motion(motion: ConstrainedMotion, closed: ClosedFunctions, lagrangian: Lagrangian) -> Lagrangian:
-    """L(R, R') plus half the squares of the constraints, which is regular and whose flow preserves the constraints."""
+def on_whole_motion(
+    motion: ConstrainedMotion, closed: ClosedFunctions, lagrangian: Lagrangian
+) -> Lagrangian:
+    """L(R, R') plus half the squares of the constraints, which is regular and whose flow preserves
+    the constraints.
+    """
     table: dict[ex.Expression, ex.Expression] = {}
     for name, tree in closed.functions.items():
-        slopes = [calculus.differentiate(tree, ex.Symbol(q)) * ex.Velocity(q) for q in motion.coordinates]
+        slopes = [
+            calculus.differentiate(tree, ex.Symbol(q)) * ex.Velocity(q) for q in motion.coordinates
+        ]
         table |= {ex.Symbol(name): tree, ex.Velocity(name): ex.add(*slopes)}
     pairs = zip(motion.dependent, motion.dependent_velocities, strict=True)
     squares = [(ex.Velocity(name) - w) ** Fraction(2) for name, w in pairs]
     half = ex.Number(Fraction(1, 2))
-    whole = ex.add(ex.substitute(lagrangian.expression, table), *(half * square for square in squares))
+    whole = ex.add(
+        ex.substitute(lagrangian.expression, table), *(half * square for square in squares)
+    )
     return replace(
         lagrangian,
         expression=whole,
@@ -235,13 +298,17 @@ def on_whole_motion(motion: ConstrainedMotion, closed: ClosedFunctions, lagrangi
 
 
 def of_free_motion(motion: ConstrainedMotion) -> Iterator[Lagrangian]:
-    """The given L plus c/2 times the squares of the constraints, if the forces of constraint vanish along the motion.
+    """The given L plus c/2 times the squares of the constraints, if the forces of constraint vanish
+    along the motion.
 
-    The Euler-Lagrange expressions of L, lambda_a d(mu^a)/dv, are then 0 on the constraints, as those of the squares
-    are. Since L is regular on D, the determinant of the Hessian is a polynomial in c of degree k, for k constraints,
-    that does not vanish: one of 1, …, k + 1 makes the sum regular.
+    The Euler-Lagrange expressions of L, lambda_a d(mu^a)/dv, are then 0 on the constraints, as
+    those of the squares are. Since L is regular on D, the determinant of the Hessian is a
+    polynomial in c of degree k, for k constraints, that does not vanish: one of 1, …, k + 1 makes
+    the sum regular.
     """
-    if not isinstance(motion, EquationsOfMotion) or any(force != ex.ZERO for force in motion.multipliers):
+    if not isinstance(motion, EquationsOfMotion) or any(
+        force != ex.ZERO for force in motion.multipliers
+    ):
         return
     given = motion.system
     half = ex.Number(Fraction(1, 2))
@@ -251,7 +318,10 @@ def of_free_motion(motion: ConstrainedMotion) -> Iterator[Lagrangian]:
         form = euler_lagrange.hessian(whole, motion.coordinates)
         with suppress(exact_field.TooLarge, ZeroDivisionError):
             still = [ex.ZERO] * len(form)
-            if _solved(form, still, _variables(motion.coordinates), exact_field.Budget.long()) is not None:
+            if (
+                _solved(form, still, _variables(motion.coordinates), exact_field.Budget.long())
+                is not None
+            ):
                 yield Lagrangian(whole, form, (), "the given L")
                 return
 
@@ -259,14 +329,23 @@ def of_free_motion(motion: ConstrainedMotion) -> Iterator[Lagrangian]:
 def first_system(motion: ConstrainedMotion) -> SecondOrderSystem:
     """The accelerations of all coordinates as functions of the free velocities."""
     table = dict(zip(motion.free, motion.free_accelerations, strict=True))
-    table |= {name: motion.rate(w) for name, w in zip(motion.dependent, motion.dependent_velocities, strict=True)}
+    table |= {
+        name: motion.rate(w)
+        for name, w in zip(motion.dependent, motion.dependent_velocities, strict=True)
+    }
     accelerations = tuple(table[name] for name in motion.coordinates)
-    system = SecondOrderSystem(motion.coordinates, accelerations, motion.parameters, motion.functions)
+    system = SecondOrderSystem(
+        motion.coordinates, accelerations, motion.parameters, motion.functions
+    )
     return replace(system, nonzero=motion.nonzero)
 
 
-def find_lagrangians(motion: ConstrainedMotion, with_time: bool, seed: int, deadline: float) -> list[Lagrangian]:
-    """Lagrangians that are sums of parts homogeneous in all scalings and reflections of the motion, simplest first."""
+def find_lagrangians(
+    motion: ConstrainedMotion, with_time: bool, seed: int, deadline: float
+) -> list[Lagrangian]:
+    """Lagrangians that are sums of parts homogeneous in all scalings and reflections of the motion,
+    simplest first.
+    """
     try:
         with until(deadline), within(bounds.WORK):
             analysis = _analysis(motion, deadline)
@@ -276,17 +355,30 @@ def find_lagrangians(motion: ConstrainedMotion, with_time: bool, seed: int, dead
 
 
 def _analysis(motion: ConstrainedMotion, deadline: float) -> deciding.Analysis:
-    constrained = {v: tower.to_kernels(w) for v, w in motion.on_constraints.items() if isinstance(v, ex.Velocity)}
-    return replace(deciding.analyze(_plain(first_system(motion), deadline)), constrained=constrained)
+    constrained = {
+        v: tower.to_kernels(w)
+        for v, w in motion.on_constraints.items()
+        if isinstance(v, ex.Velocity)
+    }
+    return replace(
+        deciding.analyze(_plain(first_system(motion), deadline)), constrained=constrained
+    )
 
 
 def _plain(system: SecondOrderSystem, deadline: float) -> SecondOrderSystem:
-    """The same accelerations in sines and cosines, simplified by all relations: 1/(1 + tan(x)^2) as cos(x)^2."""
+    """The same accelerations in sines and cosines, simplified by all relations: 1/(1 + tan(x)^2) as
+    cos(x)^2.
+    """
     trees = [tower.to_kernels(f) for f in system.accelerations]
     budget = exact_field.Budget(bounds.TERMS, deadline)
     try:
         ring = exact_field.exact_ring(trees, system.variables, 0, budget, slopes=False)
-        return replace(system, accelerations=tuple(exact_field.quotient_tree(ring, ring.value(tree)) for tree in trees))
+        return replace(
+            system,
+            accelerations=tuple(
+                exact_field.quotient_tree(ring, ring.value(tree)) for tree in trees
+            ),
+        )
     except (exact_field.TooLarge, ZeroDivisionError):
         return system
 
@@ -306,24 +398,35 @@ def _first_graded(
     for inverted in _inverted(motion):
         blocks = _blocks(motion, material, rates, inverted)
         # One for all degrees, at whose points the roots in all of them exist.
-        sampler = ansatz.sampler_of(analysis, (tm.times(tm.EMPTY, b.product, e) for b in blocks for e in b.exponents))
-        for candidates in grading.products_by_degree(blocks, gradings, _LIMITS, _MOST_PRODUCTS, bounds.LARGE):
+        sampler = ansatz.sampler_of(
+            analysis, (tm.times(tm.EMPTY, b.product, e) for b in blocks for e in b.exponents)
+        )
+        for candidates in grading.products_by_degree(
+            blocks, gradings, _LIMITS, _MOST_PRODUCTS, bounds.LARGE
+        ):
             space = _solve_ansatz(sampler, candidates, seed)
             if not space.combinations:
                 continue
             known += space.combinations
             members = best_members(replace(space, combinations=(*known, *squares)), seed)
             if members:
-                return [describe(analysis, tm.tree_of(member.terms), "along the constraints") for member in members]
+                return [
+                    describe(analysis, tm.tree_of(member.terms), "along the constraints")
+                    for member in members
+                ]
     return []
 
 
 def _blocks(
-    motion: ConstrainedMotion, material: tm.Material, rates: Mapping[str, tm.Terms], inverted: Sequence[ex.Velocity]
+    motion: ConstrainedMotion,
+    material: tm.Material,
+    rates: Mapping[str, tm.Terms],
+    inverted: Sequence[ex.Velocity],
 ) -> list[grading.Block]:
     """The products of which the ansatz consists, with their exponents.
 
-    A velocity is taken with its integrating factor, so that x'' = tan(phi) phi' x' is a constant x'/cos(phi).
+    A velocity is taken with its integrating factor, so that x'' = tan(phi) phi' x' is a constant
+    x'/cos(phi).
     """
     factors = families.find_factors(material)
     forces = [material.motion.forces[motion.coordinates.index(name)] for name in motion.free]
@@ -338,12 +441,20 @@ def _blocks(
     blocks += [grading.Block(v, range(2), "transverse", moves=True) for v in across]
     blocks += [grading.Block(key, range(3), "constant") for key in _constant_parts(motion, keys)]
     letters = dict.fromkeys([*material.position_letters, *(p for key in keys for p, _ in key)])
-    inside = {node for p in letters if not isinstance(p, ex.Sum) for node in ex.walk(p) if node != p}
+    inside = {
+        node for p in letters if not isinstance(p, ex.Sum) for node in ex.walk(p) if node != p
+    }
     names = [*map(ex.Symbol, motion.coordinates), *[ex.TIME] * material.motion.with_time]
     for letter in letters:
-        if not tm.has_velocity(letter) and not isinstance(letter, ex.Symbol) and ex.holds(letter, *names):
+        if (
+            not tm.has_velocity(letter)
+            and not isinstance(letter, ex.Symbol)
+            and ex.holds(letter, *names)
+        ):
             blocks.append(grading.Block(tm.monomial(letter), _exponents(letter, keys)))
-    blocks += [grading.Block(tm.monomial(q), range(3), "coordinate") for q in names if q not in inside]
+    blocks += [
+        grading.Block(tm.monomial(q), range(3), "coordinate") for q in names if q not in inside
+    ]
     in_time = factors.in_time[1:] if material.motion.with_time else ()
     return [*blocks, *(grading.Block(factor, range(2), "time") for factor in in_time)]
 
@@ -361,11 +472,14 @@ def _exponents(letter: ex.Expression, keys: Sequence[tm.Monomial]) -> Sequence[F
     return range(-2 if min(seen, default=0) < 0 else 0, 3)
 
 
-def _solve_ansatz(sampler: ansatz.Sampler, candidates: Sequence[tm.Monomial], seed: int) -> ansatz.LagrangianSpace:
+def _solve_ansatz(
+    sampler: ansatz.Sampler, candidates: Sequence[tm.Monomial], seed: int
+) -> ansatz.LagrangianSpace:
     """The space of Lagrangians in the span of the candidates (simple ones first).
 
-    The most complicated candidate of each basis element occurs in no other one. Combinations with coefficients other
-    than small rationals are omitted; the checker confirms those chosen from the others.
+    The most complicated candidate of each basis element occurs in no other one. Combinations with
+    coefficients other than small rationals are omitted; the checker confirms those chosen from the
+    others.
     """
     letters, n = ansatz.letters_of(candidates), len(sampler.analysis.accelerations)
 
@@ -385,12 +499,20 @@ def _euler_lagrange_matrix(
     prime = table.prime
     values = ansatz.monomial_values(table.values, letters, candidates, prime)
     result = np.zeros((len(values) * table.size, len(candidates)), np.uint64)
-    _fill(values, ansatz.exponents_of(letters, candidates, prime), table.derivatives, modular.field_of(prime), result)
+    _fill(
+        values,
+        ansatz.exponents_of(letters, candidates, prime),
+        table.derivatives,
+        modular.field_of(prime),
+        result,
+    )
     return result
 
 
 @compiled
-def _fill(values: Words, candidates: ansatz.Exponents, d: ansatz.Derivatives, field: Field, result: Words) -> None:
+def _fill(
+    values: Words, candidates: ansatz.Exponents, d: ansatz.Derivatives, field: Field, result: Words
+) -> None:
     """result[s n + i, c] = m_c (V_i G + H_i - Q_i) at sample s, from and to Montgomery form."""
     n = d.by_velocity.shape[2]
     for s in range(values.shape[0]):
@@ -398,7 +520,11 @@ def _fill(values: Words, candidates: ansatz.Exponents, d: ansatz.Derivatives, fi
             first, last = candidates.starts[c], candidates.starts[c + 1]
             along = np.uint64(0)
             for k in range(first, last):
-                along = plus(along, multiply(candidates.exponents[k], d.along[s, candidates.letters[k]], field), field)
+                along = plus(
+                    along,
+                    multiply(candidates.exponents[k], d.along[s, candidates.letters[k]], field),
+                    field,
+                )
             for i in range(n):
                 velocity = rest = np.uint64(0)
                 for k in range(first, last):
@@ -411,35 +537,60 @@ def _fill(values: Words, candidates: ansatz.Exponents, d: ansatz.Derivatives, fi
 
 
 def _squares(motion: ConstrainedMotion) -> list[dict[tm.Monomial, Fraction]]:
-    """Half the square of each constraint, which contributes nothing to the equations on the constraints."""
+    """Half the square of each constraint, which contributes nothing to the equations on the
+    constraints.
+    """
     found = []
     for v, w in motion.on_constraints.items():
         constraint = v - w
         try:
-            found.append({key: value / 2 for key, value in tm.terms_of(constraint * constraint).items()})
+            found.append(
+                {key: value / 2 for key, value in tm.terms_of(constraint * constraint).items()}
+            )
         except tm.TooManyTerms:
             continue
     return found
 
 
 def _inverted(motion: ConstrainedMotion) -> list[tuple[ex.Velocity, ...]]:
-    """The free velocities allowed in denominators: those with an independent motion, or those that keep their sign."""
-    pairs = [(ex.Velocity(name), name, f) for name, f in zip(motion.free, motion.free_accelerations, strict=True)]
+    """The free velocities allowed in denominators: those with an independent motion, or those that
+    keep their sign.
+    """
+    pairs = [
+        (ex.Velocity(name), name, f)
+        for name, f in zip(motion.free, motion.free_accelerations, strict=True)
+    ]
     alone = tuple(v for v, name, f in pairs if _is_alone(motion, name, f))
-    kept = tuple(v for v, _, f in pairs if collecting.collect(ex.substitute(f, {v: ex.ZERO})) == ex.ZERO)
-    return list(dict.fromkeys(chosen if len(chosen) < len(pairs) else () for chosen in (alone, kept)))
+    kept = tuple(
+        v for v, _, f in pairs if collecting.collect(ex.substitute(f, {v: ex.ZERO})) == ex.ZERO
+    )
+    return list(
+        dict.fromkeys(chosen if len(chosen) < len(pairs) else () for chosen in (alone, kept))
+    )
 
 
 def _is_alone(motion: ConstrainedMotion, name: str, f: ex.Expression) -> bool:
     """Whether the motion of a coordinate depends on no other coordinate."""
-    every: list[ex.Expression] = [*map(ex.Symbol, motion.coordinates), *map(ex.Velocity, motion.free)]
-    return not ex.holds(f, *(leaf for leaf in every if leaf not in (ex.Symbol(name), ex.Velocity(name))))
+    every: list[ex.Expression] = [
+        *map(ex.Symbol, motion.coordinates),
+        *map(ex.Velocity, motion.free),
+    ]
+    return not ex.holds(
+        f, *(leaf for leaf in every if leaf not in (ex.Symbol(name), ex.Velocity(name)))
+    )
 
 
 def _constant_parts(motion: ConstrainedMotion, keys: Iterable[tm.Monomial]) -> list[tm.Monomial]:
     """The parametric part of each term, such as g*sin(alpha)."""
-    moving: list[ex.Expression] = [ex.TIME, *map(ex.Symbol, motion.coordinates), *map(ex.Velocity, motion.coordinates)]
+    moving: list[ex.Expression] = [
+        ex.TIME,
+        *map(ex.Symbol, motion.coordinates),
+        *map(ex.Velocity, motion.coordinates),
+    ]
     parts = (
-        frozenset((p, e) for p, e in key if not isinstance(p, ex.Number) and not ex.holds(p, *moving)) for key in keys
+        frozenset(
+            (p, e) for p, e in key if not isinstance(p, ex.Number) and not ex.holds(p, *moving)
+        )
+        for key in keys
     )
     return tm.distinct([part for part in parts if part])

@@ -1,4 +1,6 @@
-"""Study a nonholonomic system: its motion, conserved quantities, associated systems, and Hamiltonization."""
+"""Study a nonholonomic system: its motion, conserved quantities, associated systems, and
+Hamiltonization.
+"""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -28,14 +30,17 @@ from inverse_service.mechanics.legendre import LegendreTransform
 from inverse_service.solving import solving
 from inverse_service.statements.stages import Progress
 
-# The share of the time for the associated systems; the remaining time is for the Hamiltonization report.
+# The share of the time for the associated systems; the remaining time is for the Hamiltonization
+# report.
 _SHARE_OF_SOLVING = 0.85
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
 class MotionReport:
-    """The motion and its conserved quantities; `reason` says why the system is outside the paper's class, if it is."""
+    """The motion and its conserved quantities; `reason` says why the system is outside the paper's
+    class, if it is.
+    """
 
     exact: constrained_motion.EliminatedMotion
     motion: constrained_motion.EquationsOfMotion
@@ -47,7 +52,9 @@ class MotionReport:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """The Hamiltonization by one Lagrangian; `checked` is the checker's verdict on that Lagrangian."""
+    """The Hamiltonization by one Lagrangian; `checked` is the checker's verdict on that
+    Lagrangian.
+    """
 
     kind: str
     label: str
@@ -73,7 +80,9 @@ class AssociatedAnswer:
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """All results; `main` is the index in `answers` of the associated system shown in the main fields."""
+    """All results; `main` is the index in `answers` of the associated system shown in the main
+    fields.
+    """
 
     report: MotionReport
     answers: tuple[AssociatedAnswer, ...]
@@ -83,9 +92,11 @@ class Study:
 def motion_report(
     system: constrained_motion.NonholonomicSystem, time_limit: float = constrained_motion.TIME_LIMIT
 ) -> MotionReport:
-    """The motion and its conserved quantities, in the coordinates of the paper's class if the system belongs to it.
+    """The motion and its conserved quantities, in the coordinates of the paper's class if the
+    system belongs to it.
 
-    Results not found in `time_limit` seconds are omitted; LimitError if the motion itself is not found.
+    Results not found in `time_limit` seconds are omitted; LimitError if the motion itself is not
+    found.
     """
     parts = constrained_motion.geometry(system, time_limit)
     try:
@@ -110,7 +121,9 @@ def motion_report(
     return found
 
 
-def first_integrals(report: MotionReport, seed: int, time_limit: float) -> tuple[kept.FirstIntegral, ...]:
+def first_integrals(
+    report: MotionReport, seed: int, time_limit: float
+) -> tuple[kept.FirstIntegral, ...]:
     """The first integrals of the motion; velocities with proportional rates are proposed."""
     motion, exact = report.motion, report.exact
     proposed = or_none(lambda: tuple(nonholonomic_integrals.scaled_velocities(exact))) or ()
@@ -118,7 +131,9 @@ def first_integrals(report: MotionReport, seed: int, time_limit: float) -> tuple
 
 
 def or_none(work: Callable[[], T]) -> T | None:
-    """The result of the work; None if it exceeds the budget for exact expressions or divides by 0."""
+    """The result of the work; None if it exceeds the budget for exact expressions or divides by
+    0.
+    """
     try:
         return work()
     except (exact_field.TooLarge, ZeroDivisionError):
@@ -126,7 +141,9 @@ def or_none(work: Callable[[], T]) -> T | None:
 
 
 def associated_systems(
-    report: MotionReport, kind: paper_class.Kind | None, families: Sequence[Sequence[ex.Expression]] = ()
+    report: MotionReport,
+    kind: paper_class.Kind | None,
+    families: Sequence[Sequence[ex.Expression]] = (),
 ) -> tuple[paper_class.AssociatedSystem, ...]:
     """The requested systems: one kind, all three, or one kind with each family of multiples added.
 
@@ -139,7 +156,9 @@ def associated_systems(
         raise errors.InputError(base.explanation, "/associated")
     return tuple(
         paper_class.with_multiples(
-            base, _require_vanishing(report.motion, family, place, len(families)), f"family {place + 1}"
+            base,
+            _require_vanishing(report.motion, family, place, len(families)),
+            f"family {place + 1}",
         )
         for place, family in enumerate(families)
     )
@@ -149,19 +168,28 @@ def _associated(report: MotionReport, kind: paper_class.Kind) -> paper_class.Ass
     try:
         return paper_class.associated(report.exact, report.member, report.reason, kind)
     except exact_field.TooLarge as problem:
-        return paper_class.AssociatedSystem(kind, None, f"The {kind} system is too large to be written out: {problem}.")
+        return paper_class.AssociatedSystem(
+            kind, None, f"The {kind} system is too large to be written out: {problem}."
+        )
 
 
 def _require_vanishing(
-    motion: constrained_motion.EquationsOfMotion, family: Sequence[ex.Expression], place: int, count: int
+    motion: constrained_motion.EquationsOfMotion,
+    family: Sequence[ex.Expression],
+    place: int,
+    count: int,
 ) -> Sequence[ex.Expression]:
-    """The family, whose members vanish on the constraints; InputError if one does not, or this cannot be decided."""
+    """The family, whose members vanish on the constraints; InputError if one does not, or this
+    cannot be decided.
+    """
     system = motion.system
     for name, tree in zip(system.coordinates, family, strict=True):
         pointer = "/multiples" + (f"/{place}" if count > 1 else "") + f"/{name}"
         names: list[ex.Symbol | ex.Velocity] = [*map(ex.Velocity, system.coordinates)]
         names += map(ex.Symbol, (*system.coordinates, *system.parameters, "t"))
-        found = tree == ex.ZERO or real_branch.vanish([ex.substitute(tree, motion.on_constraints)], names)
+        found = tree == ex.ZERO or real_branch.vanish(
+            [ex.substitute(tree, motion.on_constraints)], names
+        )
         if not found:
             what = "does not vanish" if found is False else "could not be shown to vanish"
             raise errors.InputError(
@@ -181,7 +209,8 @@ def study(
 ) -> Study:
     """Decide each system and, if it is variational, compute H and the constraints in phase space.
 
-    The conditions are written out for the main system only. `told` receives the study before its reasons are explained.
+    The conditions are written out for the main system only. `told` receives the study before its
+    reasons are explained.
     """
     quiet = replace(options, conditions=False, reasons=False)
     end = now() + options.time_limit
@@ -189,7 +218,9 @@ def study(
     for place, system in enumerate(systems):
         waiting = sum(other.system is not None for other in systems[place:])
         share = (end - now()) / max(waiting, 1)
-        answers.append(_answer_system(report, system, replace(quiet, time_limit=max(share, 0.1)), progress))
+        answers.append(
+            _answer_system(report, system, replace(quiet, time_limit=max(share, 0.1)), progress)
+        )
     main = _main(answers)
     told(Study(report, tuple(map(_for_general, answers)), main))
     for place, one in enumerate(answers):
@@ -207,11 +238,15 @@ def _for_general(one: AssociatedAnswer) -> AssociatedAnswer:
     if one.solution is None:
         return one
 
-    def general(answer: solutions.Answer | None, left_out: Sequence[str]) -> solutions.Answer | None:
+    def general(
+        answer: solutions.Answer | None, left_out: Sequence[str]
+    ) -> solutions.Answer | None:
         return answer and replace(answer, exceptions=left_out if answer.certificate else ())
 
     left_out = not_found(one.solution.system.parameters)
-    autonomous, with_time = (general(answer, left_out) for answer in (one.solution.autonomous, one.solution.with_time))
+    autonomous, with_time = (
+        general(answer, left_out) for answer in (one.solution.autonomous, one.solution.with_time)
+    )
     return replace(one, solution=replace(one.solution, autonomous=autonomous, with_time=with_time))
 
 
@@ -222,28 +257,40 @@ def study_branches(
     progress: Progress | None = None,
     told: Callable[[Study], None] = lambda _: None,
 ) -> Iterator[Study]:
-    """A study on each branch of the system that is the main one on the first branch; each gets a share of the time.
+    """A study on each branch of the system that is the main one on the first branch; each gets a
+    share of the time.
 
-    On other branches, only systems that have the branch too are decided. `told` receives a study without other
-    branches.
+    On other branches, only systems that have the branch too are decided. `told` receives a study
+    without other branches.
     """
     branches = [on_branches(one) for one in systems]
     share = replace(options, time_limit=options.time_limit / max(map(len, branches)))
     alone = max(map(len, branches)) == 1
-    found = study(report, [each[0] for each in branches], share, progress, told if alone else lambda _: None)
+    found = study(
+        report, [each[0] for each in branches], share, progress, told if alone else lambda _: None
+    )
     yield found
     for main in branches[found.main][1:]:
         assert main.system is not None
         here = main.system.positive
-        fitting = [one for each in branches for one in each[1:] if one.system and one.system.positive == here]
+        fitting = [
+            one
+            for each in branches
+            for one in each[1:]
+            if one.system and one.system.positive == here
+        ]
         yield replace(study(report, fitting, share, progress), main=fitting.index(main))
 
 
 def on_branches(one: paper_class.AssociatedSystem) -> tuple[paper_class.AssociatedSystem, ...]:
-    """The system on each of its branches, starting with the first answer's; the system itself if there are too many."""
+    """The system on each of its branches, starting with the first answer's; the system itself if
+    there are too many.
+    """
     branches = () if one.system is None else second_order_system.branches_of(one.system)
     return tuple(
-        replace(one, system=each) for each in branches if len(branches) <= second_order_system.MOST_BRANCHES
+        replace(one, system=each)
+        for each in branches
+        if len(branches) <= second_order_system.MOST_BRANCHES
     ) or (one,)
 
 
@@ -255,7 +302,8 @@ def answer_about(
     reduced: solutions.Answer | None = None,
     tell: Callable[[answering.MotionAnswer], None] = lambda _: None,
 ) -> answering.MotionAnswer:
-    """Whether any associated system has a Lagrangian; Lagrangians found for the known systems are used.
+    """Whether any associated system has a Lagrangian; Lagrangians found for the known systems are
+    used.
 
     `reduced` is the answer for the reduced system.
     """
@@ -282,12 +330,18 @@ def _known_lagrangians(found: Study) -> Iterator[answering.KnownLagrangian]:
             if answer is None or answer.lagrangian is None or answer.checked != "valid":
                 continue
             tree = answer.lagrangian.expression
-            report = next((each.found for each in one.reports if each.found.lagrangian == tree), None)
-            yield answering.KnownLagrangian(one.associated.kind, system, answer.lagrangian, with_time, report)
+            report = next(
+                (each.found for each in one.reports if each.found.lagrangian == tree), None
+            )
+            yield answering.KnownLagrangian(
+                one.associated.kind, system, answer.lagrangian, with_time, report
+            )
 
 
 def _main(answers: Sequence[AssociatedAnswer]) -> int:
-    """The first variational one with a Lagrangian, else the first variational one, else the first that is defined."""
+    """The first variational one with a Lagrangian, else the first variational one, else the first
+    that is defined.
+    """
 
     def rank(place: int) -> int:
         answer = answers[place].answer
@@ -301,7 +355,10 @@ def _main(answers: Sequence[AssociatedAnswer]) -> int:
 
 
 def _answer_system(
-    report: MotionReport, one: paper_class.AssociatedSystem, options: solutions.SolveOptions, progress: Progress | None
+    report: MotionReport,
+    one: paper_class.AssociatedSystem,
+    options: solutions.SolveOptions,
+    progress: Progress | None,
 ) -> AssociatedAnswer:
     if one.system is None:
         return AssociatedAnswer(one, None)
@@ -312,14 +369,22 @@ def _answer_system(
     known = _confirm_known(report, one, end) if free else ()
     if known:
         solution = solution_with(one.system, known, options)
-        return AssociatedAnswer(one, solution, tuple(_report_known(report, one, each, options.seed) for each in known))
+        return AssociatedAnswer(
+            one, solution, tuple(_report_known(report, one, each, options.seed) for each in known)
+        )
     asked = replace(options, time_limit=_SHARE_OF_SOLVING * options.time_limit)
-    found = AssociatedAnswer(one, solving.solve(one.system, asked, _name_progress(progress, one.kind)))
+    found = AssociatedAnswer(
+        one, solving.solve(one.system, asked, _name_progress(progress, one.kind))
+    )
     answer = found.answer
     if answer is None or answer.lagrangian is None or now() > end:
         return found
-    made = hamiltonise(_motion_on_branch(report, one), one.system, answer.lagrangian.expression, options.seed)
-    return replace(found, reports=(Report(one.kind, "Lagrangian found", answer.checked or "incomplete", made),))
+    made = hamiltonise(
+        _motion_on_branch(report, one), one.system, answer.lagrangian.expression, options.seed
+    )
+    return replace(
+        found, reports=(Report(one.kind, "Lagrangian found", answer.checked or "incomplete", made),)
+    )
 
 
 def _confirm_known(
@@ -330,15 +395,25 @@ def _confirm_known(
         return ()
     here = partial(second_order_system.on_branch, system=one.system)
     proposals = [
-        replace(each, transform=_map_transform(each.transform, here), images=tuple(map(here, each.images)))
+        replace(
+            each,
+            transform=_map_transform(each.transform, here),
+            images=tuple(map(here, each.images)),
+        )
         for each in paper_class.propose_lagrangians(report.member, one.kind)
     ]
     if not proposals:
         return ()
-    return tuple(compress(proposals, confirmed(one.system, [each.transform.lagrangian for each in proposals], end)))
+    return tuple(
+        compress(
+            proposals, confirmed(one.system, [each.transform.lagrangian for each in proposals], end)
+        )
+    )
 
 
-def _map_transform(found: LegendreTransform, here: Callable[[ex.Expression], ex.Expression]) -> LegendreTransform:
+def _map_transform(
+    found: LegendreTransform, here: Callable[[ex.Expression], ex.Expression]
+) -> LegendreTransform:
     return replace(
         found,
         lagrangian=here(found.lagrangian),
@@ -353,11 +428,15 @@ def _report_known(
 ) -> Report:
     assert one.system is not None
     tree = known.transform.lagrangian
-    made = hamiltonise(_motion_on_branch(report, one), one.system, tree, seed, known.transform, known.images)
+    made = hamiltonise(
+        _motion_on_branch(report, one), one.system, tree, seed, known.transform, known.images
+    )
     return Report(one.kind, known.source, "valid", made)
 
 
-def _motion_on_branch(report: MotionReport, one: paper_class.AssociatedSystem) -> constrained_motion.EquationsOfMotion:
+def _motion_on_branch(
+    report: MotionReport, one: paper_class.AssociatedSystem
+) -> constrained_motion.EquationsOfMotion:
     """The motion with its roots as they are on the branch of the associated system."""
     assert one.system is not None
     motion, here = report.motion, partial(second_order_system.on_branch, system=one.system)

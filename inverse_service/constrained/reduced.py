@@ -1,12 +1,15 @@
-"""The reduced system of a motion on constraints, unchanged and with Chaplygin's time change dtau = N(r) dt.
+"""The reduced system of a motion on constraints, unchanged and with Chaplygin's time change dtau =
+N(r) dt.
 
-If neither the motion of the free coordinates r nor the constraints contain the other coordinates, r'' = F(r, r') is an
-independent system. If its measure rho(r) dr dr' is invariant, N = (rho/det G)^(1/(k - 1)), G the Hessian of the
-constrained Lagrangian l_c in the k free velocities. The measure is unique, so no other time change gives a natural L
-with G. For k = 2, natural L, and homogeneous constraints, l_c(r, N r') is a Lagrangian (Chaplygin 1911; for some
-systems with k > 2: Fernandez, Mestdag, Bloch, arXiv:0909.4018; Garcia-Naranjo, Marrero, arXiv:1812.01422).
+If neither the motion of the free coordinates r nor the constraints contain the other coordinates,
+r'' = F(r, r') is an independent system. If its measure rho(r) dr dr' is invariant, N = (rho/det
+G)^(1/(k - 1)), G the Hessian of the constrained Lagrangian l_c in the k free velocities. The
+measure is unique, so no other time change gives a natural L with G. For k = 2, natural L, and
+homogeneous constraints, l_c(r, N r') is a Lagrangian (Chaplygin 1911; for some systems with k > 2:
+Fernandez, Mestdag, Bloch, arXiv:0909.4018; Garcia-Naranjo, Marrero, arXiv:1812.01422).
 
-If Lagrangians are known in advance, `solution_with` decides without a search and lets the checker confirm them.
+If Lagrangians are known in advance, `solution_with` decides without a search and lets the checker
+confirm them.
 """
 
 from collections.abc import Sequence
@@ -33,7 +36,8 @@ from inverse_service.search import tidy
 from inverse_service.solving import clock, solving
 
 CONSTRAINED = "constrained Lagrangian"
-# The seconds for the search for a time change among factors of f: each of about 26 candidates is decided.
+# The seconds for the search for a time change among factors of f: each of about 26 candidates is
+# decided.
 LONGEST_FOR_CLOCK = 5.0
 
 # The largest number of characters of a readable verification.
@@ -61,7 +65,9 @@ class Reduced:
 
 
 def reduced_system(motion: second_order_system.ConstrainedMotion) -> SecondOrderSystem | None:
-    """r'' = F(r, r') if F and the velocities of the other coordinates contain none of the other coordinates."""
+    """r'' = F(r, r') if F and the velocities of the other coordinates contain none of the other
+    coordinates.
+    """
     others = {ex.Symbol(name) for name in motion.dependent}
     trees = (*motion.free_accelerations, *motion.dependent_velocities)
     if any(ex.holds(tree, *others) for tree in trees):
@@ -70,9 +76,13 @@ def reduced_system(motion: second_order_system.ConstrainedMotion) -> SecondOrder
 
 
 def decide_reduced(
-    motion: second_order_system.ConstrainedMotion, lagrangian: ex.Expression | None, options: solutions.SolveOptions
+    motion: second_order_system.ConstrainedMotion,
+    lagrangian: ex.Expression | None,
+    options: solutions.SolveOptions,
 ) -> Decided | None:
-    """The answer for r'' = F(r, r'); None if the motion does not reduce. `lagrangian` is that of the system."""
+    """The answer for r'' = F(r, r'); None if the motion does not reduce. `lagrangian` is that of
+    the system.
+    """
     system = reduced_system(motion)
     if system is None:
         return None
@@ -83,13 +93,19 @@ def decide_reduced(
 def closed_subsystem(
     exact: constrained_motion.EliminatedMotion, motion: constrained_motion.EquationsOfMotion
 ) -> SecondOrderSystem | None:
-    """q_S'' = F(q_S, q_S') for a largest set S of coordinates whose accelerations contain no others, or None.
+    """q_S'' = F(q_S, q_S') for a largest set S of coordinates whose accelerations contain no
+    others, or None.
 
-    S is closed if the differentials of its accelerations are combinations of those of q_S and q_S' at a point.
+    S is closed if the differentials of its accelerations are combinations of those of q_S and q_S'
+    at a point.
     """
     names, parts = motion.coordinates, exact.geometry
     velocities = [motion.on_constraints.get(ex.Velocity(name), ex.Velocity(name)) for name in names]
-    variables: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, motion.free)]
+    variables: list[ex.Symbol | ex.Velocity] = [
+        ex.TIME,
+        *map(ex.Symbol, names),
+        *map(ex.Velocity, motion.free),
+    ]
     trees = [tower.to_kernels(tree) for tree in (*velocities, *motion.accelerations)]
     try:
         everything = [*variables, *map(ex.Symbol, motion.parameters)]
@@ -105,7 +121,9 @@ def closed_subsystem(
         for chosen in combinations(range(len(names)), size):
             speeds = [rows[k] for k in chosen]
             known = [own[0], *(own[1 + k] for k in chosen), *speeds]
-            closed = _rank(known, point.prime) == _rank(known + [rows[len(names) + k] for k in chosen], point.prime)
+            closed = _rank(known, point.prime) == _rank(
+                known + [rows[len(names) + k] for k in chosen], point.prime
+            )
             if closed and _rank(speeds, point.prime) == size:
                 found = _with_free(parts, chosen)
                 if found is not None:
@@ -117,11 +135,17 @@ def _rank(rows: Sequence[Sequence[int]], prime: int) -> int:
     return int(nmod_mat(len(rows), len(rows[0]), [x for row in rows for x in row], prime).rank())
 
 
-def _with_free(parts: constrained_motion.Geometry, chosen: Sequence[int]) -> SecondOrderSystem | None:
-    """The equations of these coordinates in a frame in which they are free; None if they contain others."""
+def _with_free(
+    parts: constrained_motion.Geometry, chosen: Sequence[int]
+) -> SecondOrderSystem | None:
+    """The equations of these coordinates in a frame in which they are free; None if they contain
+    others.
+    """
     system, frame = (
         parts.system,
-        next((one for one in constrained_motion.frames(parts) if set(chosen) <= set(one.free)), None),
+        next(
+            (one for one in constrained_motion.frames(parts) if set(chosen) <= set(one.free)), None
+        ),
     )
     if frame is None:
         return None
@@ -132,15 +156,22 @@ def _with_free(parts: constrained_motion.Geometry, chosen: Sequence[int]) -> Sec
         return None
     coordinates = tuple(system.coordinates[k] for k in chosen)
     others = [name for name in system.coordinates if name not in coordinates]
-    held = any(ex.holds(tree, *map(ex.Symbol, others), *map(ex.Velocity, others)) for tree in accelerations)
+    held = any(
+        ex.holds(tree, *map(ex.Symbol, others), *map(ex.Velocity, others)) for tree in accelerations
+    )
     if held or accelerations == (ex.ZERO,):
         return None
     return system_of(coordinates, accelerations, system.parameters, system.functions)
 
 
 def answer_closed(system: SecondOrderSystem, options: solutions.SolveOptions) -> Reduced:
-    """The answer for a closed subsystem, without reconstruction by quadratures or a time change from a measure."""
-    end, asked = now() + options.time_limit, replace(options, time_dependent=False, ansatz=(), given=())
+    """The answer for a closed subsystem, without reconstruction by quadratures or a time change
+    from a measure.
+    """
+    end, asked = (
+        now() + options.time_limit,
+        replace(options, time_dependent=False, ansatz=(), given=()),
+    )
     alone = _decided(system, None, replace(asked, time_limit=options.time_limit / 2))
     return _searched(system, alone, (), "", asked, end)
 
@@ -152,9 +183,14 @@ def answer_reduced(
     options: solutions.SolveOptions,
     plain: Decided,
 ) -> Reduced:
-    """The answer, also with a time change; `lagrangian` is the full system's, `density` its invariant measure."""
+    """The answer, also with a time change; `lagrangian` is the full system's, `density` its
+    invariant measure.
+    """
     system = plain.system
-    end, asked = now() + options.time_limit, replace(options, time_dependent=False, ansatz=(), given=())
+    end, asked = (
+        now() + options.time_limit,
+        replace(options, time_dependent=False, ansatz=(), given=()),
+    )
     candidate = None if lagrangian is None else _on_constraints(motion, lagrangian)
     others = tuple(zip(motion.dependent, motion.dependent_velocities, strict=True))
     found = chaplygin_factor(system, density)
@@ -164,7 +200,14 @@ def answer_reduced(
     faster = {ex.Velocity(r): found * ex.Velocity(r) for r in system.coordinates}
     known = None if candidate is None else writing.tidied(ex.substitute(candidate, faster))
     if faster_system is None:
-        return _searched(system, plain, others, "The clock of the invariant measure has no real values.", asked, end)
+        return _searched(
+            system,
+            plain,
+            others,
+            "The clock of the invariant measure has no real values.",
+            asked,
+            end,
+        )
     changed = _decided(faster_system, known, replace(asked, time_limit=left(end)))
     if changed.answer.verdict == "not_variational" and plain.answer.verdict == "not_variational":
         other = _searched(system, plain, others, "", asked, end)
@@ -180,10 +223,18 @@ def _searched(
     asked: solutions.SolveOptions,
     end: float,
 ) -> Reduced:
-    """The answer with the first time change from factors of f, if there is no Lagrangian without one."""
-    if plain.answer.verdict != "not_variational" or len(system.coordinates) == 1 or system.depends_on_time:
+    """The answer with the first time change from factors of f, if there is no Lagrangian without
+    one.
+    """
+    if (
+        plain.answer.verdict != "not_variational"
+        or len(system.coordinates) == 1
+        or system.depends_on_time
+    ):
         return Reduced(plain, others, None, None, reason)
-    factor, _ = clock.find_clock(system, asked.seed, min((now() + end) / 2, now() + LONGEST_FOR_CLOCK))
+    factor, _ = clock.find_clock(
+        system, asked.seed, min((now() + end) / 2, now() + LONGEST_FOR_CLOCK)
+    )
     clocked = None if factor is None else clock.with_clock(system, factor)
     if clocked is None:
         return Reduced(plain, others, None, None, reason)
@@ -191,7 +242,9 @@ def _searched(
     return Reduced(plain, others, factor, changed)
 
 
-def chaplygin_factor(system: SecondOrderSystem, density: MeasureDensity | None) -> ex.Expression | str:
+def chaplygin_factor(
+    system: SecondOrderSystem, density: MeasureDensity | None
+) -> ex.Expression | str:
     """N, or the reason why there is none."""
     names = system.coordinates
     if len(names) == 1:
@@ -199,7 +252,9 @@ def chaplygin_factor(system: SecondOrderSystem, density: MeasureDensity | None) 
     if system.depends_on_time:
         return "The equations contain t, so no other clock can be put in its place."
     if density is None or density.momenta is None:
-        return "No invariant measure is known whose density is a function of these coordinates alone."
+        return (
+            "No invariant measure is known whose density is a function of these coordinates alone."
+        )
     own = {*map(ex.Symbol, (*names, *system.parameters))}
     held = {node for node in ex.walk(density.momenta) if isinstance(node, ex.Symbol | ex.Velocity)}
     if not held <= own:
@@ -208,19 +263,29 @@ def chaplygin_factor(system: SecondOrderSystem, density: MeasureDensity | None) 
         return "The measure of the momenta itself is invariant, which asks for no other clock."
     root = Fraction(1, len(names) - 1)
     # The density is positive, so the root of a power is a power.
-    return ex.multiply(*(base ** (exponent * root) for base, exponent in ex.powers_of(density.momenta)))
+    return ex.multiply(
+        *(base ** (exponent * root) for base, exponent in ex.powers_of(density.momenta))
+    )
 
 
-def _on_constraints(motion: second_order_system.ConstrainedMotion, lagrangian: ex.Expression) -> ex.Expression | None:
+def _on_constraints(
+    motion: second_order_system.ConstrainedMotion, lagrangian: ex.Expression
+) -> ex.Expression | None:
     """l_c(r, r'), or None if it contains another coordinate."""
     found = writing.tidied(ex.substitute(lagrangian, motion.on_constraints))
-    return None if any(ex.Symbol(name) in set(ex.walk(found)) for name in motion.dependent) else found
+    return (
+        None if any(ex.Symbol(name) in set(ex.walk(found)) for name in motion.dependent) else found
+    )
 
 
-def _decided(system: SecondOrderSystem, candidate: ex.Expression | None, options: solutions.SolveOptions) -> Decided:
+def _decided(
+    system: SecondOrderSystem, candidate: ex.Expression | None, options: solutions.SolveOptions
+) -> Decided:
     """The answer from the candidate if the checker confirms it, else from the solver."""
     end = now() + options.time_limit
-    without_time = candidate is not None and not system.depends_on_time and not ex.holds(candidate, ex.TIME)
+    without_time = (
+        candidate is not None and not system.depends_on_time and not ex.holds(candidate, ex.TIME)
+    )
     if candidate is not None and without_time and any(confirmed(system, [candidate], end)):
         known = Proposal(CONSTRAINED, legendre(candidate, system.coordinates), ())
         found = solution_with(system, [known], options)
@@ -231,8 +296,12 @@ def _decided(system: SecondOrderSystem, candidate: ex.Expression | None, options
     return Decided(solution.system, solution.main)
 
 
-def confirmed(system: SecondOrderSystem, proposals: Sequence[ex.Expression], deadline: float) -> tuple[bool, ...]:
-    """Whether the independent checker finds each proposal to be a regular Lagrangian of the system."""
+def confirmed(
+    system: SecondOrderSystem, proposals: Sequence[ex.Expression], deadline: float
+) -> tuple[bool, ...]:
+    """Whether the independent checker finds each proposal to be a regular Lagrangian of the
+    system.
+    """
     try:
         analysis = deciding.analyze(system)
     except errors.IrreducibleAtoms:
@@ -266,10 +335,14 @@ def solution_with(
         "seconds": {"decision": round(decision.seconds, 4), "all": round(now() - began, 4)},
         "conditions_left_out": left_out,
     }
-    return solutions.Solution(system, answer, None if options.time_dependent is False else answer, found, provenance)
+    return solutions.Solution(
+        system, answer, None if options.time_dependent is False else answer, found, provenance
+    )
 
 
-def _answer(analysis: deciding.Analysis, decision: deciding.Decision, known: Sequence[Proposal]) -> solutions.Answer:
+def _answer(
+    analysis: deciding.Analysis, decision: deciding.Decision, known: Sequence[Proposal]
+) -> solutions.Answer:
     chosen, *others = known
     tree = chosen.transform.lagrangian
     lagrangian = tidy.describe(analysis, tree, chosen.source)
@@ -277,11 +350,17 @@ def _answer(analysis: deciding.Analysis, decision: deciding.Decision, known: Seq
     claim = certify.of_lagrangian(analysis, tree, with_time=False)
     certificate, proof = certify.proved(analysis, claim, _LONGEST_CHECK)
     hamiltonian = solutions.Hamiltonian(chosen.transform, chosen.images)
-    decided = decision.verdict == "variational" and decision.space is not None and decision.symbol is not None
+    decided = (
+        decision.verdict == "variational"
+        and decision.space is not None
+        and decision.symbol is not None
+    )
     steps = (
         *(explaining.existence_steps(decision) if decided else ()),
         explaining.said(
-            f"The {chosen.source} is a regular Lagrangian of the system: ", notation.row("L = ", tree), "."
+            f"The {chosen.source} is a regular Lagrangian of the system: ",
+            notation.row("L = ", tree),
+            ".",
         ),
         *_short(explaining.verification_steps(analysis.system, lagrangian.multiplier)),
         *explaining.legendre_steps(hamiltonian),
@@ -289,7 +368,9 @@ def _answer(analysis: deciding.Analysis, decision: deciding.Decision, known: Seq
     return solutions.Answer(
         "variational",
         lagrangian=lagrangian,
-        other_lagrangians=tuple(tidy.describe(analysis, one.transform.lagrangian, one.source) for one in others),
+        other_lagrangians=tuple(
+            tidy.describe(analysis, one.transform.lagrangian, one.source) for one in others
+        ),
         hamiltonian=hamiltonian,
         space=decision.space if decided else None,
         certificate=certificate,
@@ -309,5 +390,7 @@ def _short(steps: Sequence[solutions.Step]) -> tuple[solutions.Step, ...]:
     if length <= _LONGEST_STEPS:
         return tuple(steps)
     return (
-        explaining.said("Worked out, its Helmholtz conditions fill pages; the independent checker has confirmed them."),
+        explaining.said(
+            "Worked out, its Helmholtz conditions fill pages; the independent checker has confirmed them."
+        ),
     )

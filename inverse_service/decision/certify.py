@@ -1,7 +1,9 @@
-"""Write certificates from decisions and Lagrangians (see certificate/FORMAT.md), without judging them.
+"""Write certificates from decisions and Lagrangians (see certificate/FORMAT.md), without judging
+them.
 
-Their "roots" are roots that equal simple functions on the side of a real point, as {"root": …, "is": …}: sqrt(sin(u)^2)
-is sin(u) where sin(u) > 0. The checker proves each and restricts its claim to the side on which it is true.
+Their "roots" are roots that equal simple functions on the side of a real point, as {"root": …,
+"is": …}: sqrt(sin(u)^2) is sin(u) where sin(u) > 0. The checker proves each and restricts its claim
+to the side on which it is true.
 """
 
 from __future__ import annotations
@@ -19,7 +21,14 @@ import mpmath
 from inverse_service import bounds, errors
 from inverse_service.certificate import cell as cells, checker, formulas
 from inverse_service.decision import deciding
-from inverse_service.expressions import calculus, collecting, functions, notation, printing, tree as ex
+from inverse_service.expressions import (
+    calculus,
+    collecting,
+    functions,
+    notation,
+    printing,
+    tree as ex,
+)
 from inverse_service.field import exact_field, real_branch, tower
 from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.reading import names as nm, reader
@@ -40,11 +49,21 @@ Entry = dict[str, str]  # of the roots of a certificate
 
 
 def of_lagrangian(
-    analysis: deciding.Analysis, lagrangian: ex.Expression, with_time: bool, kind: LagrangianKind | None = None
+    analysis: deciding.Analysis,
+    lagrangian: ex.Expression,
+    with_time: bool,
+    kind: LagrangianKind | None = None,
 ) -> dict[str, Any]:
-    """The certificate whose proof is L itself, also for a kind of Lagrangian; the `proved` one if there is one."""
+    """The certificate whose proof is L itself, also for a kind of Lagrangian; the `proved` one if
+    there is one.
+    """
     head = _head(analysis, point_of(analysis, lagrangian), with_time, "variational", "lagrangian")
-    found = head | _among(kind) | {"lagrangian": printing.to_text(lagrangian)} | integrals_of(lagrangian)
+    found = (
+        head
+        | _among(kind)
+        | {"lagrangian": printing.to_text(lagrangian)}
+        | integrals_of(lagrangian)
+    )
     if analysis.system.is_unsolved:
         found |= _factors_of_lines(analysis, lagrangian)
     return analysis.proofs.get(json.dumps(found), (found,))[0]
@@ -55,12 +74,20 @@ def _factors_of_lines(analysis: deciding.Analysis, lagrangian: ex.Expression) ->
     system = analysis.system
     lines = [euler_lagrange.linear_equation(equation).coefficients for equation in system.given]
     quotients = []
-    for line, row in zip(lines, euler_lagrange.hessian(lagrangian, system.coordinates), strict=True):
-        entry, below = next((g, line[q]) for q, g in zip(system.coordinates, row, strict=True) if q in line)
+    for line, row in zip(
+        lines, euler_lagrange.hessian(lagrangian, system.coordinates), strict=True
+    ):
+        entry, below = next(
+            (g, line[q]) for q, g in zip(system.coordinates, row, strict=True) if q in line
+        )
         quotients.append(entry / below)
     with suppress(exact_field.TooLarge, ZeroDivisionError, KeyError):
         factors = exact_field.factored(quotients, system.variables, exact_field.Budget.long())
-        return {} if all(c == ex.ONE for c in factors) else {"factors": [printing.to_text(c) for c in factors]}
+        return (
+            {}
+            if all(c == ex.ONE for c in factors)
+            else {"factors": [printing.to_text(c) for c in factors]}
+        )
     return {}
 
 
@@ -97,8 +124,8 @@ def walk_integrals(tree: ex.Expression) -> Iterator[ex.Integral]:
 
 @dataclass(frozen=True, slots=True)
 class Where:
-    """The set on which an answer is valid: trees that are positive, trees that are not 0, and sides that its proof
-    needs.
+    """The set on which an answer is valid: trees that are positive, trees that are not 0, and sides
+    that its proof needs.
 
     `one_side`: only the connected component of the proof's point.
     """
@@ -110,13 +137,24 @@ class Where:
 
 
 def names_of(
-    system: Mapping[str, Any], certificate: Mapping[str, Any] | None = None, more: Iterable[str] = ()
+    system: Mapping[str, Any],
+    certificate: Mapping[str, Any] | None = None,
+    more: Iterable[str] = (),
 ) -> nm.Names:
-    """The names that formulas about a system may contain, with the integrals of a certificate and momenta."""
+    """The names that formulas about a system may contain, with the integrals of a certificate and
+    momenta.
+    """
     integrals = ((certificate or {}).get("integrals") or {}).items()
-    functions = {**system.get("functions", {}), **{name: one["arguments"] for name, one in integrals}}
+    functions = {
+        **system.get("functions", {}),
+        **{name: one["arguments"] for name, one in integrals},
+    }
     parameters = (*(system.get("parameters") or ()), *more)
-    return nm.Names(tuple(system["coordinates"]), parameters, {name: tuple(of) for name, of in functions.items()})
+    return nm.Names(
+        tuple(system["coordinates"]),
+        parameters,
+        {name: tuple(of) for name, of in functions.items()},
+    )
 
 
 def where_of(cell: cells.Cell | None, names: nm.Names) -> Where:
@@ -136,16 +174,25 @@ def domain_of(cell: cells.Cell | None, names: nm.Names) -> tuple[list[str], list
 
 
 def shortest(positive: Sequence[ex.Expression], nonzero: Sequence[ex.Expression] = ()) -> list[str]:
-    """The inequalities that state that these trees are positive, or not 0, without those implied by the others."""
+    """The inequalities that state that these trees are positive, or not 0, without those implied by
+    the others.
+    """
     return list(_shortest(tuple(positive), tuple(nonzero)))
 
 
-@lru_cache(maxsize=1024)  # an answer, its Lagrangian and its Hamiltonian often share their conditions
-def _shortest(positive: tuple[ex.Expression, ...], nonzero: tuple[ex.Expression, ...]) -> Sequence[str]:
+@lru_cache(
+    maxsize=1024
+)  # an answer, its Lagrangian and its Hamiltonian often share their conditions
+def _shortest(
+    positive: tuple[ex.Expression, ...], nonzero: tuple[ex.Expression, ...]
+) -> Sequence[str]:
     trees = [*nonzero, *positive]
     if not trees:
         return ()
-    written = [*(notation.row(tree, " != 0") for tree in nonzero), *map(notation.inequality, positive)]
+    written = [
+        *(notation.row(tree, " != 0") for tree in nonzero),
+        *map(notation.inequality, positive),
+    ]
     stated = [*real_branch.texts(nonzero, " != 0"), *real_branch.texts(positive, " > 0")]
     shown = dict(zip(stated, (one.text for one in written), strict=True))
     try:
@@ -165,8 +212,12 @@ def _members(texts: Sequence[str], ending: str, names: nm.Names) -> list[ex.Expr
     for text in texts:
         if text.endswith(ending):
             tree = collecting.collect(reader.read_formula(text.removesuffix(ending), names))
-            found.append(min([tree, *writing.sums_of_squares(tree, tuple(letters))], key=ex.node_count))
-    return sorted(found, key=lambda tree: (ex.node_count(tree), collecting.natural(printing.to_text(tree))))
+            found.append(
+                min([tree, *writing.sums_of_squares(tree, tuple(letters))], key=ex.node_count)
+            )
+    return sorted(
+        found, key=lambda tree: (ex.node_count(tree), collecting.natural(printing.to_text(tree)))
+    )
 
 
 def _unsigned(tree: ex.Expression) -> ex.Expression:
@@ -177,7 +228,8 @@ def _unsigned(tree: ex.Expression) -> ex.Expression:
 def proved(
     analysis: deciding.Analysis, certificate: dict[str, Any], time_limit: float
 ) -> tuple[dict[str, Any], checker.CheckResult]:
-    """(certificate, the checker's result), cached; if the result is incomplete, the certificate gets hints about roots.
+    """(certificate, the checker's result), cached; if the result is incomplete, the certificate
+    gets hints about roots.
 
     Each hint restricts the claim to one side; without hints a claim is valid on a larger cell.
     """
@@ -196,11 +248,17 @@ def proved(
 
 
 def _hinted(analysis: deciding.Analysis, certificate: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """The certificate with the roots implied by functions, then with the signs of all radicands at P as well."""
+    """The certificate with the roots implied by functions, then with the signs of all radicands at
+    P as well.
+    """
     table, system = analysis.real_point, analysis.system
     formulas = [*system.given]
     if "lagrangian" in certificate:
-        formulas.append(reader.read_formula(certificate["lagrangian"], names_of(certificate["system"], certificate)))
+        formulas.append(
+            reader.read_formula(
+                certificate["lagrangian"], names_of(certificate["system"], certificate)
+            )
+        )
     known = certificate.get("roots", [])
     first, signs = _roots_of_formulas(formulas, table), _roots_of_signs(analysis)
     for roots in (first, [*first, *signs]):
@@ -210,29 +268,46 @@ def _hinted(analysis: deciding.Analysis, certificate: dict[str, Any]) -> Iterato
         with suppress(errors.IrreducibleAtoms, calculus.NoRealValue):
             positive = [
                 *system.positive,
-                *real_branch.signed_factors(real_branch.requirements([*map(tower.to_kernels, formulas)], table), table),
+                *real_branch.signed_factors(
+                    real_branch.requirements([*map(tower.to_kernels, formulas)], table), table
+                ),
             ]
             yield certificate | {"conditions": conditions_of(positive), "roots": [*known, *signs]}
 
 
-def where_proved(analysis: deciding.Analysis, lagrangian: ex.Expression, time_limit: float) -> Where:
-    """The set on which the checker confirms a Lagrangian; if it does not, the set on which everything is defined."""
+def where_proved(
+    analysis: deciding.Analysis, lagrangian: ex.Expression, time_limit: float
+) -> Where:
+    """The set on which the checker confirms a Lagrangian; if it does not, the set on which
+    everything is defined.
+    """
     with_time = analysis.system.depends_on_time or ex.TIME in ex.walk(lagrangian)
-    certificate, proof = proved(analysis, of_lagrangian(analysis, lagrangian, with_time), time_limit)
+    certificate, proof = proved(
+        analysis, of_lagrangian(analysis, lagrangian, with_time), time_limit
+    )
     if proof.verdict != "valid":
         positive = (*analysis.system.positive, *real_branch.own_requirements([lagrangian]))
         return Where(positive, tuple(real_branch.poles([lagrangian])))
     return where_of(proof.formulas, names_of(certificate["system"], certificate))
 
 
-def point_of(analysis: deciding.Analysis, lagrangian: ex.Expression) -> real_branch.RealTable | None:
+def point_of(
+    analysis: deciding.Analysis, lagrangian: ex.Expression
+) -> real_branch.RealTable | None:
     """A real point at which f, L, and the integrands are defined, by preference the point of f."""
-    slopes = [slope for node in walk_integrals(lagrangian) for slope in node.slopes if slope is not None]
-    formulas = [tower.to_kernels(tree) for tree in (*analysis.system.accelerations, lagrangian, *slopes)]
+    slopes = [
+        slope for node in walk_integrals(lagrangian) for slope in node.slopes if slope is not None
+    ]
+    formulas = [
+        tower.to_kernels(tree) for tree in (*analysis.system.accelerations, lagrangian, *slopes)
+    ]
     table = analysis.real_point
     if table is not None:
         integrals = {
-            node: mpmath.mpf(1) for tree in formulas for node in ex.walk(tree) if isinstance(node, ex.Integral)
+            node: mpmath.mpf(1)
+            for tree in formulas
+            for node in ex.walk(tree)
+            if isinstance(node, ex.Integral)
         }
         if real_branch.is_defined(formulas, integrals | table):
             return integrals | table
@@ -247,14 +322,17 @@ def of_decision(
     seed: int = 1,
     kind: LagrangianKind | None = None,
 ) -> dict[str, Any]:
-    """The certificate of a decision: the rows used for a negative verdict, the involution data of a positive one.
+    """The certificate of a decision: the rows used for a negative verdict, the involution data of a
+    positive one.
 
-    For rational f, the latter include a power series of a regular solution to `series_order` (default: the order of the
-    data), unless the question is about a kind of Lagrangian.
+    For rational f, the latter include a power series of a regular solution to `series_order`
+    (default: the order of the data), unless the question is about a kind of Lagrangian.
     """
     if decision.verdict == "not_variational":
         rows = [[kind, i, j, list(alpha)] for kind, i, j, alpha in decision.rows]
-        head = _head(analysis, analysis.real_point, decision.with_time, "not_variational", "nonexistence")
+        head = _head(
+            analysis, analysis.real_point, decision.with_time, "not_variational", "nonexistence"
+        )
         return head | _among(kind) | {"order": decision.order, "rows": rows}
     if decision.verdict != "variational" or decision.symbol is None:
         raise ValueError("only a definite decision has a certificate")
@@ -265,7 +343,9 @@ def of_decision(
     return head | data | _series(analysis, decision, series_order or data["order"], seed)
 
 
-def involution_data(found: deciding.Decision | involution.Finding, symbol: involution.Symbol) -> dict[str, Any]:
+def involution_data(
+    found: deciding.Decision | involution.Finding, symbol: involution.Symbol
+) -> dict[str, Any]:
     """The proof of a yes without L; the dimension stopped falling between order - 1 and order."""
     return {
         "order": found.order - 1,
@@ -279,16 +359,29 @@ def involution_data(found: deciding.Decision | involution.Finding, symbol: invol
     }
 
 
-def _series(analysis: deciding.Analysis, decision: deciding.Decision, order: int, seed: int) -> dict[str, Any]:
-    """{"series": …} to the order, or to the largest lower order with an acceptable length; {} if there is none."""
+def _series(
+    analysis: deciding.Analysis, decision: deciding.Decision, order: int, seed: int
+) -> dict[str, Any]:
+    """{"series": …} to the order, or to the largest lower order with an acceptable length; {} if
+    there is none.
+    """
     n = len(analysis.system.coordinates)
-    fitting = [k for k in range(1, order + 1) if deciding.count_coefficients(n, decision.with_time, k) <= bounds.TERMS]
+    fitting = [
+        k
+        for k in range(1, order + 1)
+        if deciding.count_coefficients(n, decision.with_time, k) <= bounds.TERMS
+    ]
     if n > _MOST_COORDINATES or not fitting or not deciding.is_rational(analysis):
         return {}
-    # The data of order R - 1 are complete in degree d, so those of order s + R - 1 - d are in degree s >= d.
+    # The data of order R - 1 are complete in degree d, so those of order s + R - 1 - d are in
+    # degree s >= d.
     spare = decision.order - 1 - decision.degree
     try:
-        return {"series": deciding.regular_series(analysis, decision.with_time, fitting[-1], seed, spare)}
+        return {
+            "series": deciding.regular_series(
+                analysis, decision.with_time, fitting[-1], seed, spare
+            )
+        }
     except (ValueError, errors.IrreducibleAtoms, exact_field.TooLarge):
         return {}
 
@@ -302,7 +395,9 @@ def head_of(
     positive: Sequence[ex.Expression],
     roots: Sequence[dict[str, str]] = (),
 ) -> dict[str, Any]:
-    """The fields of every certificate; `near` is a point of the domain, on which the trees of `positive` are > 0."""
+    """The fields of every certificate; `near` is a point of the domain, on which the trees of
+    `positive` are > 0.
+    """
     question = "time_dependent" if with_time else "autonomous"
     parts = {"near": near, "conditions": conditions_of(positive), "roots": [*roots]}
     head = {"format": FORMAT, "system": system, "question": question, "claim": claim, "kind": kind}
@@ -312,7 +407,9 @@ def head_of(
 def conditions_of(positive: Iterable[ex.Expression]) -> list[str]:
     """The inequalities of a certificate that state that these trees are positive."""
     texts = (
-        f"{printing.to_text(tree)} > 0" if isinstance(tree, ex.Power) else notation.inequality_text(tree)
+        f"{printing.to_text(tree)} > 0"
+        if isinstance(tree, ex.Power)
+        else notation.inequality_text(tree)
         for tree in positive
     )
     return [*dict.fromkeys(texts)][:_MOST_CONDITIONS]
@@ -328,13 +425,23 @@ def moved_to(near: Mapping[str, str], table: real_branch.RealTable) -> dict[str,
     return {name: named.get(name, value) for name, value in near.items()}
 
 
-def near_of(table: real_branch.RealTable | None, names: Sequence[ex.Symbol | ex.Velocity]) -> dict[str, str]:
+def near_of(
+    table: real_branch.RealTable | None, names: Sequence[ex.Symbol | ex.Velocity]
+) -> dict[str, str]:
     """The values of these names at a real point, in digits."""
-    return {printing.to_text(key): mpmath.nstr(table[key], _DIGITS) for key in names if key in table} if table else {}
+    return (
+        {printing.to_text(key): mpmath.nstr(table[key], _DIGITS) for key in names if key in table}
+        if table
+        else {}
+    )
 
 
 def _head(
-    analysis: deciding.Analysis, table: real_branch.RealTable | None, with_time: bool, claim: str, kind: str
+    analysis: deciding.Analysis,
+    table: real_branch.RealTable | None,
+    with_time: bool,
+    claim: str,
+    kind: str,
 ) -> dict[str, Any]:
     system = analysis.system
     places: list[ex.Symbol | ex.Velocity] = [
@@ -343,7 +450,9 @@ def _head(
         *map(ex.Velocity, system.coordinates),
     ]
     near = near_of(table, [*places, *map(ex.Symbol, system.parameters), *system.letters])
-    return head_of(_system(system), with_time, claim, kind, near, system.positive, _roots_of_system(analysis))
+    return head_of(
+        _system(system), with_time, claim, kind, near, system.positive, _roots_of_system(analysis)
+    )
 
 
 def _system(system: SecondOrderSystem) -> dict[str, Any]:
@@ -360,19 +469,31 @@ def _system(system: SecondOrderSystem) -> dict[str, Any]:
 
 
 def _roots_of_system(analysis: deciding.Analysis) -> list[Entry]:
-    """The hints for every claim about the system: from its branch, halves of arctangents, and roots of numbers."""
+    """The hints for every claim about the system: from its branch, halves of arctangents, and roots
+    of numbers.
+    """
     return [*_of_branch(analysis.system), *_halved(analysis), *_of_numbers(analysis)]
 
 
-def _roots_of_formulas(formulas: Sequence[ex.Expression], table: real_branch.RealTable | None) -> list[Entry]:
-    """The roots in the formulas, or implied by their inverse functions, that equal functions or sums of roots."""
+def _roots_of_formulas(
+    formulas: Sequence[ex.Expression], table: real_branch.RealTable | None
+) -> list[Entry]:
+    """The roots in the formulas, or implied by their inverse functions, that equal functions or
+    sums of roots.
+    """
     hidden = _hidden_radicands(formulas)
     with_hidden = [*formulas, *map(ex.square_root, hidden)]
-    return [*_circular(with_hidden, table), *_of_squares(hidden, table), *_with_roots_inside(formulas, table)]
+    return [
+        *_circular(with_hidden, table),
+        *_of_squares(hidden, table),
+        *_with_roots_inside(formulas, table),
+    ]
 
 
 def _roots_of_signs(analysis: deciding.Analysis) -> list[Entry]:
-    """The signs of functions under roots, as sqrt(u^2) = u: sqrt(1 + tan(x)^2) is 1/cos(x) where cos(x) > 0."""
+    """The signs of functions under roots, as sqrt(u^2) = u: sqrt(1 + tan(x)^2) is 1/cos(x) where
+    cos(x) > 0.
+    """
     signed = (factor if sign > 0 else -factor for factor, sign in analysis.tower.signs)
     return [_of_square(u) for u in signed if ex.has(u, ex.Apply)]
 
@@ -382,12 +503,16 @@ def _hidden_radicands(formulas: Sequence[ex.Expression]) -> list[ex.Expression]:
     found = list[ex.Expression]()
     for node in ex.distinct_nodes(formulas):
         match node:
-            case ex.Apply(function, u) if (slope := functions.slope(function)) and slope[3].denominator == 2:
+            case ex.Apply(function, u) if (slope := functions.slope(function)) and slope[
+                3
+            ].denominator == 2:
                 found.append(slope[1] + slope[2] * u**2)
     return found
 
 
-def _of_squares(radicands: Sequence[ex.Expression], table: real_branch.RealTable | None) -> list[Entry]:
+def _of_squares(
+    radicands: Sequence[ex.Expression], table: real_branch.RealTable | None
+) -> list[Entry]:
     """The roots of the radicands that are squares, valid on the side of the point."""
     found = list[Entry]()
     for under in radicands if table is not None else ():
@@ -397,8 +522,11 @@ def _of_squares(radicands: Sequence[ex.Expression], table: real_branch.RealTable
     return found
 
 
-def _with_roots_inside(formulas: Sequence[ex.Expression], table: real_branch.RealTable | None) -> list[Entry]:
-    """sqrt(a + b r) = sqrt((a + d)/2) +- sqrt((a - d)/2) for r = sqrt(v), d^2 = a^2 - b^2 v, on the side of the point.
+def _with_roots_inside(
+    formulas: Sequence[ex.Expression], table: real_branch.RealTable | None
+) -> list[Entry]:
+    """sqrt(a + b r) = sqrt((a + d)/2) +- sqrt((a - d)/2) for r = sqrt(v), d^2 = a^2 - b^2 v, on the
+    side of the point.
 
     If b = 0 after replacing r^2 by v, it is the root of the square a.
     """
@@ -412,18 +540,28 @@ def _with_roots_inside(formulas: Sequence[ex.Expression], table: real_branch.Rea
         with suppress(errors.IrreducibleAtoms, calculus.NoRealValue):
             value = _root_here(a if b == ex.ZERO else a**2 - b**2 * v, table or {})
             if value is not None and b != ex.ZERO:
-                first, second = (ex.square_root(collecting.collect((a + d) / 2)) for d in (value, -value))
-                value = first + second if real_branch.are_positive([b], table or {}) else first - second
+                first, second = (
+                    ex.square_root(collecting.collect((a + d) / 2)) for d in (value, -value)
+                )
+                value = (
+                    first + second if real_branch.are_positive([b], table or {}) else first - second
+                )
             if value is not None:
                 found.append(_entry(node, collecting.collect(value)))
     return found
 
 
 def _nested_root(node: ex.Expression) -> tuple[ex.Expression, ex.Expression, ex.Expression] | None:
-    """(a, b, v) of sqrt(a + b sqrt(v)), in which a and b contain no other even root; None if it has another form."""
+    """(a, b, v) of sqrt(a + b sqrt(v)), in which a and b contain no other even root; None if it has
+    another form.
+    """
     if not (isinstance(node, ex.Power) and node.exponent == ex.HALF):
         return None
-    inner = [one for one in ex.distinct_nodes([node.base]) if isinstance(one, ex.Power) and tower.is_even_root(one)]
+    inner = [
+        one
+        for one in ex.distinct_nodes([node.base])
+        if isinstance(one, ex.Power) and tower.is_even_root(one)
+    ]
     if len(inner) != 1 or inner[0].exponent != ex.HALF:
         return None
     letter, v = ex.Symbol("_r"), inner[0].base
@@ -433,36 +571,61 @@ def _nested_root(node: ex.Expression) -> tuple[ex.Expression, ex.Expression, ex.
         if power.denominator > 1 or power < 0:
             return None
         rest = [atom ** ex.number(exponent) for atom, exponent in monomial if atom != letter]
-        parts[int(power % 2)] += ex.multiply(ex.number(coefficient), v ** ex.number(power // 2), *rest)
+        parts[int(power % 2)] += ex.multiply(
+            ex.number(coefficient), v ** ex.number(power // 2), *rest
+        )
     a, b = map(collecting.collect, parts)
     return None if ex.holds(a, letter) or ex.holds(b, letter) else (a, b, v)
 
 
 def _root_here(square: ex.Expression, table: real_branch.RealTable) -> ex.Expression | None:
-    """The positive root of a square without a root sign, on the side of the point; None if it is not a square."""
+    """The positive root of a square without a root sign, on the side of the point; None if it is
+    not a square.
+    """
     root = ex.square_root(collecting.collect(square))
     if isinstance(root, ex.Number):
         return root
-    return next((value for side, value in real_branch.root_ways(root) if real_branch.are_positive(side, table)), None)
+    return next(
+        (
+            value
+            for side, value in real_branch.root_ways(root)
+            if real_branch.are_positive(side, table)
+        ),
+        None,
+    )
 
 
-def _circular(formulas: Sequence[ex.Expression], table: real_branch.RealTable | None) -> list[Entry]:
-    """sqrt(1 - sin(u)^2) = +-cos u, sqrt(sinh(u)^2 + 1) = cosh u, and similar roots, on the side of the point.
+def _circular(
+    formulas: Sequence[ex.Expression], table: real_branch.RealTable | None
+) -> list[Entry]:
+    """sqrt(1 - sin(u)^2) = +-cos u, sqrt(sinh(u)^2 + 1) = cosh u, and similar roots, on the side of
+    the point.
 
-    Also roots of a number times the square of a function in the formulas: sqrt((1 - x)/2) = sin(acos(x)/2).
+    Also roots of a number times the square of a function in the formulas: sqrt((1 - x)/2) =
+    sin(acos(x)/2).
     """
     found = list[Entry]()
-    others = [node for node in ex.distinct_nodes(formulas) if isinstance(node, ex.Apply) and real_branch.varies(node)]
+    others = [
+        node
+        for node in ex.distinct_nodes(formulas)
+        if isinstance(node, ex.Apply) and real_branch.varies(node)
+    ]
     for node in ex.distinct_nodes(formulas) if table is not None else ():
         if not isinstance(node, ex.Power) or not tower.is_even_root(node):
             continue
-        angles = dict.fromkeys(angle for one in ex.walk(node.base) if (angle := _angle(one)) is not None)
+        angles = dict.fromkeys(
+            angle for one in ex.walk(node.base) if (angle := _angle(one)) is not None
+        )
         parts = [part for u in angles for part in (u, u / 2, u / 2 + ex.PI / 4)]
         for value in [*(ex.Apply(name, part) for part in parts for name in _CIRCULAR), *others]:
             factor = _ratio(node.base, value**2, table or {})
             if factor is not None:
                 sign = 1 if real_branch.are_positive([value], table or {}) else -1
-                found.append(_entry(ex.square_root(node.base), sign * ex.square_root(ex.number(factor)) * value))
+                found.append(
+                    _entry(
+                        ex.square_root(node.base), sign * ex.square_root(ex.number(factor)) * value
+                    )
+                )
                 break
     return found
 
@@ -474,19 +637,28 @@ def _angle(node: ex.Expression) -> ex.Expression | None:
     return None
 
 
-def _ratio(base: ex.Expression, square: ex.Expression, table: real_branch.RealTable) -> Fraction | None:
+def _ratio(
+    base: ex.Expression, square: ex.Expression, table: real_branch.RealTable
+) -> Fraction | None:
     """A rational number that the quotient apparently equals; the checker proves it."""
     ratios = []
     for shift in (mpmath.mpf(0), mpmath.mpf(1) / 7, mpmath.mpf(-2) / 9):
         with suppress(calculus.NoRealValue, ZeroDivisionError):
-            # Each variable gets a separate factor, because a quotient may be homogeneous of degree 0.
-            moved = {key: value * (1 + shift / (k + 1)) for k, (key, value) in enumerate(table.items())}
+            # Each variable gets a separate factor, because a quotient may be homogeneous of degree
+            # 0.
+            moved = {
+                key: value * (1 + shift / (k + 1)) for k, (key, value) in enumerate(table.items())
+            }
             ratios.append(calculus.evaluate(base, moved) / calculus.evaluate(square, moved))
     if len(ratios) < 3 or ratios[0] <= 0:
         return None
     factor = Fraction(mpmath.nstr(ratios[0], 15)).limit_denominator(1000)
     number = mpmath.mpf(factor.numerator) / factor.denominator
-    return factor if all(abs(ratio - number) < mpmath.mpf(10) ** -12 * ratio for ratio in ratios) else None
+    return (
+        factor
+        if all(abs(ratio - number) < mpmath.mpf(10) ** -12 * ratio for ratio in ratios)
+        else None
+    )
 
 
 def _of_branch(system: SecondOrderSystem) -> list[Entry]:
@@ -494,8 +666,12 @@ def _of_branch(system: SecondOrderSystem) -> list[Entry]:
     return [_entry(*pair) for root in found if (pair := _on_branch(*root)) is not None]
 
 
-def _on_branch(node: ex.Expression, value: ex.Expression) -> tuple[ex.Expression, ex.Expression] | None:
-    """A root with a positive exponent; for asin(sin u), sqrt(1 - sin(u)^2) = cos u or -cos u; acos(cos u) likewise."""
+def _on_branch(
+    node: ex.Expression, value: ex.Expression
+) -> tuple[ex.Expression, ex.Expression] | None:
+    """A root with a positive exponent; for asin(sin u), sqrt(1 - sin(u)^2) = cos u or -cos u;
+    acos(cos u) likewise.
+    """
     match node:
         case ex.Power(base, ex.Number(exponent)) if exponent < 0:
             return base**-exponent, value**-1
@@ -514,22 +690,33 @@ def _on_branch(node: ex.Expression, value: ex.Expression) -> tuple[ex.Expression
 def _halved(analysis: deciding.Analysis) -> list[Entry]:
     """cos(atan(w)/2) > 0 if f has roots, because nested roots may be products of it and others."""
     if not any(
-        tower.is_even_root(node) and real_branch.varies(node) for node in ex.distinct_nodes(analysis.system.given)
+        tower.is_even_root(node) and real_branch.varies(node)
+        for node in ex.distinct_nodes(analysis.system.given)
     ):
         return []
-    rules = [rule for rule in analysis.tower.rules if isinstance(rule, tower.AngleRule) and not rule.turns]
+    rules = [
+        rule
+        for rule in analysis.tower.rules
+        if isinstance(rule, tower.AngleRule) and not rule.turns
+    ]
     halved = (atom for rule in rules for atom, a in rule.arctangents if a.denominator % 2 == 0)
     return [_of_square(ex.Apply("cos", atom / 2)) for atom in dict.fromkeys(halved)]
 
 
 def _of_numbers(analysis: deciding.Analysis) -> Iterator[Entry]:
-    """Nested roots of numbers expressed by the roots in f: (2 + sqrt(5))^(1/3) = (1 + sqrt(5))/2 (by PSLQ)."""
+    """Nested roots of numbers expressed by the roots in f: (2 + sqrt(5))^(1/3) = (1 + sqrt(5))/2
+    (by PSLQ).
+    """
     nodes = (
         node
         for node in ex.distinct_nodes(analysis.accelerations)
         if isinstance(node, ex.Power) and not real_branch.varies(node)
     )
-    roots = [node for node in nodes if isinstance(node.exponent, ex.Number) and deciding.is_irrational(node)]
+    roots = [
+        node
+        for node in nodes
+        if isinstance(node.exponent, ex.Number) and deciding.is_irrational(node)
+    ]
     for node in roots:
         others = [one for one in roots if node not in ex.walk(one)]
         if {*others}.isdisjoint(ex.walk(node.base)) or not isinstance(node.exponent, ex.Number):

@@ -1,17 +1,21 @@
 """Decide a second-order system by the Helmholtz conditions, with the answer in terms of mechanics.
 
-`Analysis` is a system with its atoms reduced to independent generators, the input of every later stage.
+`Analysis` is a system with its atoms reduced to independent generators, the input of every later
+stage.
 
-`regular_series` makes existence concrete by computing the Taylor coefficients of one regular Lagrangian at a point.
+`regular_series` makes existence concrete by computing the Taylor coefficients of one regular
+Lagrangian at a point.
 
-The prolonged Helmholtz conditions are linear in the Taylor coefficients of L of v-degree >= 2. In their echelon form
-with columns in ascending degree, the pivot of each row is its last column, so the coefficients follow one after
-another: those without a pivot are chosen, and the others are determined by earlier ones. If the system is prolonged
-until its projection to the wanted order contains no new conditions (Cartan, Kuranishi), the polynomial is the beginning
-of the series of an actual solution.
+The prolonged Helmholtz conditions are linear in the Taylor coefficients of L of v-degree >= 2. In
+their echelon form with columns in ascending degree, the pivot of each row is its last column, so
+the coefficients follow one after another: those without a pivot are chosen, and the others are
+determined by earlier ones. If the system is prolonged until its projection to the wanted order
+contains no new conditions (Cartan, Kuranishi), the polynomial is the beginning of the series of an
+actual solution.
 
-Its rational coefficients are computed modulo several primes at a point with small integers, combined by the Chinese
-remainder theorem, and reconstructed as fractions (Wang 1981); one more prime confirms them.
+Its rational coefficients are computed modulo several primes at a point with small integers,
+combined by the Chinese remainder theorem, and reconstructed as fractions (Wang 1981); one more
+prime confirms them.
 """
 
 from __future__ import annotations
@@ -56,9 +60,9 @@ Key = TypeVar("Key")
 class Analysis:
     """f in kernels and the tower of its atoms, built once for both questions.
 
-    `towers` caches the `KnownTower`s of ansätze, with their random points, which lie on the constraints if velocities
-    are `constrained` to be functions of the others. `proofs` caches the results of the checker, `proposals` what
-    searches for L(q, v) and L(t, q, v) share.
+    `towers` caches the `KnownTower`s of ansätze, with their random points, which lie on the
+    constraints if velocities are `constrained` to be functions of the others. `proofs` caches the
+    results of the checker, `proposals` what searches for L(q, v) and L(t, q, v) share.
     """
 
     system: second_order_system.SecondOrderSystem
@@ -67,12 +71,18 @@ class Analysis:
     real_point: RealTable | None
     constrained: Mapping[ex.Velocity, ex.Expression] = field(default_factory=dict)
     towers: list[Any] = field(default_factory=list, compare=False, repr=False)
-    proofs: dict[str, tuple[dict[str, Any], CheckResult]] = field(default_factory=dict, compare=False, repr=False)
+    proofs: dict[str, tuple[dict[str, Any], CheckResult]] = field(
+        default_factory=dict, compare=False, repr=False
+    )
     proposals: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
 
-def questions(time_dependent: bool | None, system: second_order_system.SecondOrderSystem) -> tuple[bool, bool]:
-    """Whether the questions for L(q, q') and for L(t, q, q') are asked; if f contains t, only the latter is."""
+def questions(
+    time_dependent: bool | None, system: second_order_system.SecondOrderSystem
+) -> tuple[bool, bool]:
+    """Whether the questions for L(q, q') and for L(t, q, q') are asked; if f contains t, only the
+    latter is.
+    """
     depends = system.depends_on_time
     return not depends and time_dependent is not True, depends or time_dependent is not False
 
@@ -82,31 +92,48 @@ def variables_of(system: second_order_system.SecondOrderSystem) -> tuple[modular
     return (*system.variables, *map(ex.Symbol, system.parameters), *system.letters)
 
 
-def moving_variables(system: second_order_system.SecondOrderSystem, with_time: bool) -> tuple[modular.Variable, ...]:
+def moving_variables(
+    system: second_order_system.SecondOrderSystem, with_time: bool
+) -> tuple[modular.Variable, ...]:
     """(t?, q, v)."""
     return variables_of(system)[not with_time : 1 + 2 * len(system.coordinates)]
 
 
 def analyze(system: second_order_system.SecondOrderSystem) -> Analysis:
-    """The analysis of the system's first branch; IrreducibleAtoms if relations among the atoms cannot be decided."""
+    """The analysis of the system's first branch; IrreducibleAtoms if relations among the atoms
+    cannot be decided.
+    """
     system = second_order_system.branches_of(system)[0]
     kernels = tuple(to_kernels(f) for f in system.accelerations)
     table = _real_point(system, kernels)
-    return Analysis(system, kernels, real_branch.reduce_atoms(kernels, variables_of(system), table), table)
+    return Analysis(
+        system, kernels, real_branch.reduce_atoms(kernels, variables_of(system), table), table
+    )
 
 
-def _real_point(system: second_order_system.SecondOrderSystem, kernels: Sequence[ex.Expression]) -> RealTable | None:
-    """A real point of a branch; IrreducibleAtoms if its formula cannot be separated from other pieces without one."""
+def _real_point(
+    system: second_order_system.SecondOrderSystem, kernels: Sequence[ex.Expression]
+) -> RealTable | None:
+    """A real point of a branch; IrreducibleAtoms if its formula cannot be separated from other
+    pieces without one.
+    """
     variables, positive = variables_of(system), system.positive
     # The other pieces of a piecewise formula need not be defined on this piece.
     roots = system.branch.roots if system.branch else ()
     pieces = {node: one for node, one in roots if isinstance(node, ex.Apply)}
-    if pieces and find_real_point(tuple(map(to_kernels, system.given)), variables, 1, positive) is None:
+    if (
+        pieces
+        and find_real_point(tuple(map(to_kernels, system.given)), variables, 1, positive) is None
+    ):
         raise errors.IrreducibleAtoms(_alone(system))
     given = [to_kernels(ex.substitute(f, pieces)) for f in system.given] if positive else []
-    # First-order equations in which one unknown became the velocity: choose positive unknowns and rates if possible, as
-    # for predators and prey.
-    wanted = [*map(ex.Symbol, system.parameters), *(tree for _, tree in system.others)] if system.others else []
+    # First-order equations in which one unknown became the velocity: choose positive unknowns and
+    # rates if possible, as for predators and prey.
+    wanted = (
+        [*map(ex.Symbol, system.parameters), *(tree for _, tree in system.others)]
+        if system.others
+        else []
+    )
     return first_real_point([*kernels, *given], variables, ((*positive, *wanted), positive))
 
 
@@ -132,8 +159,9 @@ def is_irrational(node: ex.Expression) -> bool:
 class Decision:
     """The verdict on one question with its proof.
 
-    `rows` are the names of the prolonged equations used for a negative verdict, `space` and `symbol` (at `degree`) the
-    involution data of a positive verdict, and `points` the primes and seeds used.
+    `rows` are the names of the prolonged equations used for a negative verdict, `space` and
+    `symbol` (at `degree`) the involution data of a positive verdict, and `points` the primes and
+    seeds used.
     """
 
     verdict: solutions.Verdict
@@ -150,9 +178,11 @@ class Decision:
 
 
 class HelmholtzAt:
-    """The Helmholtz conditions of one system at random points, or at the points that `draw` returns.
+    """The Helmholtz conditions of one system at random points, or at the points that `draw`
+    returns.
 
-    `involution.settle` asks for the `unknowns`, the `matrix` that must be regular, and the equations `at` each point.
+    `involution.settle` asks for the `unknowns`, the `matrix` that must be regular, and the
+    equations `at` each point.
     """
 
     others: tuple[involution.Matrix, ...] = ()
@@ -177,7 +207,9 @@ class HelmholtzAt:
             self._registers, self._added = given.registers, helmholtz.added_equations(among, given)
             return given.program, given.program.listed
 
-        self._series = involution.Coefficients(write, draw or (lambda seed: draw_point(analysis.tower, seed)))
+        self._series = involution.Coefficients(
+            write, draw or (lambda seed: draw_point(analysis.tower, seed))
+        )
 
     def at(self, seed: int, order: int) -> pde.LocalEquations:
         """The local equations at a point, including those of the requested kind of L."""
@@ -209,9 +241,9 @@ def decide(
 ) -> Decision:
     """Is there a regular L(q, v), or with `time_dependent` a regular L(t, q, v)?
 
-    Two points over two primes must agree. The verdict is `undetermined`, with the reason, if they do not, if the atoms
-    of f cannot be reduced, or if a limit is reached. If f contains t, the question is about L(t, q, v). `among`
-    restricts it to a kind of Lagrangian.
+    Two points over two primes must agree. The verdict is `undetermined`, with the reason, if they
+    do not, if the atoms of f cannot be reduced, or if a limit is reached. If f contains t, the
+    question is about L(t, q, v). `among` restricts it to a kind of Lagrangian.
     """
     began = deadline.now()
     with_time = time_dependent or system.depends_on_time
@@ -220,16 +252,20 @@ def decide(
         found = None if among else _of_one_coordinate(analysis, with_time, seed)
         if found is None:
             card = HelmholtzAt(analysis, with_time, among)
-            found = involution.settle(card, seed, limits or involution.Limits(), progress or (lambda _: None))
+            found = involution.settle(
+                card, seed, limits or involution.Limits(), progress or (lambda _: None)
+            )
     except errors.IrreducibleAtoms as problem:
         return Decision("undetermined", with_time, 0, reason=problem.detail)
     return replace(_decision(found, with_time), seconds=deadline.now() - began)
 
 
 def _of_one_coordinate(analysis: Analysis, with_time: bool, seed: int) -> involution.Finding | None:
-    """Always yes where f has values: g only has to satisfy Gamma(g) + g df/dv = 0 (Darboux 1894, no. 604).
+    """Always yes where f has values: g only has to satisfy Gamma(g) + g df/dv = 0 (Darboux 1894,
+    no. 604).
 
-    No displacement is characteristic, so g on t = 0, or on q = 0, is arbitrary. None for more coordinates.
+    No displacement is characteristic, so g on t = 0, or on q = 0, is arbitrary. None for more
+    coordinates.
     """
     if len(analysis.system.coordinates) > 1:
         return None
@@ -258,7 +294,9 @@ def _decision(found: involution.Finding, with_time: bool) -> Decision:
 
 
 def statement(dimension: int, characters: tuple[int, ...]) -> str:
-    """A sentence: on how many constants, or functions of how many variables, the multiplier depends."""
+    """A sentence: on how many constants, or functions of how many variables, the multiplier
+    depends.
+    """
     highest = max((k for k, a in enumerate(characters, start=1) if a), default=0)
     if highest == 0:
         return f"the multiplier depends on {_count(dimension, 'constant')}"
@@ -278,28 +316,39 @@ def is_rational(analysis: Analysis) -> bool:
 def count_coefficients(n: int, with_time: bool, order: int) -> int:
     """The number of unknowns: monomials of v-degree >= 2 and total degree <= order + 2."""
     rest, degree = n + with_time, order + 2
-    return comb(rest + n + degree, degree) - comb(rest + degree, degree) - n * comb(rest + degree - 1, degree - 1)
+    return (
+        comb(rest + n + degree, degree)
+        - comb(rest + degree, degree)
+        - n * comb(rest + degree - 1, degree - 1)
+    )
 
 
-def regular_series(analysis: Analysis, with_time: bool, order: int, seed: int, spare: int = 0) -> dict[str, Any]:
-    """One regular solution of the Helmholtz conditions to order `order` at a random point modulo a prime.
+def regular_series(
+    analysis: Analysis, with_time: bool, order: int, seed: int, spare: int = 0
+) -> dict[str, Any]:
+    """One regular solution of the Helmholtz conditions to order `order` at a random point modulo a
+    prime.
 
     The `series` of an existence certificate: {"order", "point", "prime", "terms"}, the terms being
-    [multi-index, value] for v-degree >= 2 and total degree <= order + 2. The system is prolonged to `order + spare` and
-    projected. ValueError if f is not rational, or no regular solution is found.
+    [multi-index, value] for v-degree >= 2 and total degree <= order + 2. The system is prolonged to
+    `order + spare` and projected. ValueError if f is not rational, or no regular solution is found.
     """
     if not is_rational(analysis):
         raise ValueError("a series modulo a prime needs a rational f")
     for attempt in range(bounds.ATTEMPTS):
         point = draw_point(analysis.tower, seed + attempt)
         try:
-            found = regular_at(analysis, point, with_time, (order, spare), _at_random(f"series {seed} {attempt}"))
+            found = regular_at(
+                analysis, point, with_time, (order, spare), _at_random(f"series {seed} {attempt}")
+            )
         except modular.SingularPoint:
             continue
         if found is not None:
             return {
                 "order": order,
-                "point": {printing.to_text(s): str(point.variable(s)) for s in symbols_of(analysis)},
+                "point": {
+                    printing.to_text(s): str(point.variable(s)) for s in symbols_of(analysis)
+                },
                 "prime": point.prime,
                 "terms": [[list(index), str(value)] for index, value in found.items() if value],
             }
@@ -312,18 +361,27 @@ def _at_random(seed: str) -> involution.Choice:
 
 
 def regular_at(
-    analysis: Analysis, point: modular.Point, with_time: bool, orders: tuple[int, int], choose: involution.Choice
+    analysis: Analysis,
+    point: modular.Point,
+    with_time: bool,
+    orders: tuple[int, int],
+    choose: involution.Choice,
 ) -> dict[tuple[int, ...], int] | None:
-    """{multi-index: coefficient} of a solution at the point to the first order, prolonged by the second.
+    """{multi-index: coefficient} of a solution at the point to the first order, prolonged by the
+    second.
 
     `choose` supplies the free coefficients. None if the solution is singular.
     """
     card = HelmholtzAt(analysis, with_time, draw=lambda _: point)
-    found = involution.solution_of(card, involution.prolonged(card, 0, sum(orders)), orders[0], choose)
+    found = involution.solution_of(
+        card, involution.prolonged(card, 0, sum(orders)), orders[0], choose
+    )
     return None if found is None else {index: value for (_, index), value in found.items()}
 
 
-def prolonged(analysis: Analysis, point: modular.Point, with_time: bool, order: int) -> pde.Prolongation:
+def prolonged(
+    analysis: Analysis, point: modular.Point, with_time: bool, order: int
+) -> pde.Prolongation:
     """All rows up to the order at the point; SingularPoint if f has no value there."""
     return involution.prolonged(HelmholtzAt(analysis, with_time, draw=lambda _: point), 0, order)
 
@@ -336,7 +394,8 @@ def symbols_of(analysis: Analysis) -> list[ex.Symbol | ex.Velocity]:
 
 @dataclass(frozen=True, slots=True)
 class RationalSeries:
-    """The coefficients of (x - x_0)^alpha, x = (t?, q, v), v-degree >= 2, of one regular L; the others are free.
+    """The coefficients of (x - x_0)^alpha, x = (t?, q, v), v-degree >= 2, of one regular L; the
+    others are free.
 
     `point` contains the values of t, q, v, and the parameters; `variables` are the components of x.
     """
@@ -347,7 +406,9 @@ class RationalSeries:
     coefficients: Mapping[Index, Fraction]
 
 
-def rational_series(analysis: Analysis, with_time: bool, order: int, spare: int = 0) -> RationalSeries | None:
+def rational_series(
+    analysis: Analysis, with_time: bool, order: int, spare: int = 0
+) -> RationalSeries | None:
     """One regular solution to the order, prolonged by `spare` and projected; None if none is found.
 
     The squares of the velocities get the coefficient 1/2, all other free coefficients are zero.
@@ -366,7 +427,9 @@ def rational_series(analysis: Analysis, with_time: bool, order: int, spare: int 
         except modular.SingularPoint:
             continue
         if found is not None:
-            return RationalSeries(order, variables, point, {index: a for index, a in found.items() if a})
+            return RationalSeries(
+                order, variables, point, {index: a for index, a in found.items() if a}
+            )
     return None
 
 
@@ -374,15 +437,24 @@ def _at(values: Mapping[ex.Symbol | ex.Velocity, int], seed: int) -> modular.Poi
     return modular.Point(modular.safe_prime(seed), seed, variables=dict(values))
 
 
-def _dimension(analysis: Analysis, point: modular.Point, with_time: bool, orders: tuple[int, int]) -> int:
-    """The number of free coefficients; more than at a random point means that this point is singular."""
+def _dimension(
+    analysis: Analysis, point: modular.Point, with_time: bool, orders: tuple[int, int]
+) -> int:
+    """The number of free coefficients; more than at a random point means that this point is
+    singular.
+    """
     return prolonged(analysis, point, with_time, sum(orders)).dimension(orders[0])
 
 
 def _reconstructed(
-    analysis: Analysis, values: Mapping[ex.Symbol | ex.Velocity, int], with_time: bool, orders: tuple[int, int]
+    analysis: Analysis,
+    values: Mapping[ex.Symbol | ex.Velocity, int],
+    with_time: bool,
+    orders: tuple[int, int],
 ) -> dict[Index, Fraction] | None:
-    """The coefficients as fractions, once the reconstruction from some primes agrees with one more prime."""
+    """The coefficients as fractions, once the reconstruction from some primes agrees with one more
+    prime.
+    """
 
     def residues(k: int) -> tuple[int, dict[Index, int] | None]:
         here = _at(values, k)
@@ -391,8 +463,12 @@ def _reconstructed(
     return reconstructed(residues)
 
 
-def reconstructed(residues_of: Callable[[int], tuple[int, Mapping[Key, int] | None]]) -> dict[Key, Fraction] | None:
-    """Fractions from (prime, residues) for k = 0, 1, …, once the reconstruction agrees with one more prime."""
+def reconstructed(
+    residues_of: Callable[[int], tuple[int, Mapping[Key, int] | None]],
+) -> dict[Key, Fraction] | None:
+    """Fractions from (prime, residues) for k = 0, 1, …, once the reconstruction agrees with one
+    more prime.
+    """
     modulus, residues = 1, dict[Key, int]()
     fractions: dict[Key, Fraction] | None = None
     for k in range(_MOST_PRIMES):
@@ -400,7 +476,8 @@ def reconstructed(residues_of: Callable[[int], tuple[int, Mapping[Key, int] | No
         if fresh is None:
             return None
         if fractions is not None and not any(
-            (a.numerator - fresh.get(key, 0) * a.denominator) % prime for key, a in fractions.items()
+            (a.numerator - fresh.get(key, 0) * a.denominator) % prime
+            for key, a in fractions.items()
         ):
             return fractions
         # The number modulo modulus * prime that has both residues.
@@ -410,7 +487,10 @@ def reconstructed(residues_of: Callable[[int], tuple[int, Mapping[Key, int] | No
             for key, value in fresh.items()
         }
         modulus *= prime
-        found = {key: modular.reconstruct(value, modulus, isqrt(modulus // 2)) for key, value in residues.items()}
+        found = {
+            key: modular.reconstruct(value, modulus, isqrt(modulus // 2))
+            for key, value in residues.items()
+        }
         fractions = {key: value for key, value in found.items() if value is not None}
         if len(fractions) < len(found):
             fractions = None
@@ -422,5 +502,8 @@ def as_tree(series: RationalSeries) -> ex.Expression:
     steps = [x - series.point[x] for x in series.variables]
     ordered = sorted(series.coefficients.items(), key=lambda item: (sum(item[0]), item[0]))
     return ex.add(
-        *(ex.multiply(ex.number(a), *(d**e for d, e in zip(steps, index, strict=True) if e)) for index, a in ordered)
+        *(
+            ex.multiply(ex.number(a), *(d**e for d, e in zip(steps, index, strict=True) if e))
+            for index, a in ordered
+        )
     )

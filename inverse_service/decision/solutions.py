@@ -18,7 +18,9 @@ Verdict = Literal["variational", "not_variational", "undetermined"]
 Matrix = tuple[tuple[ex.Expression, ...], ...]
 # Why a set beyond the domain of an answer is listed on which the equations are defined.
 BEYOND_DOMAIN = "not answered; the same equations hold there"
-BEYOND_ODD_ROOTS = "not answered; with real odd roots of negative values the same equations hold there"
+BEYOND_ODD_ROOTS = (
+    "not answered; with real odd roots of negative values the same equations hold there"
+)
 BEYOND = (BEYOND_DOMAIN, BEYOND_ODD_ROOTS)
 # The solutions on the answered cells, and the remaining cells.
 SoFar: TypeAlias = "tuple[tuple[Solution, ...], tuple[Left, ...]]"
@@ -28,15 +30,17 @@ SoFar: TypeAlias = "tuple[tuple[Solution, ...], tuple[Left, ...]]"
 class SolveOptions:
     """The question, the random numbers, the time limit, and the caller's suggestions.
 
-    `time_dependent`: False asks for L(q, q'), True for L(t, q, q'), None for both. `seed` fixes the random points and
-    primes, so that a run can be repeated. `time_limit` is in seconds; the solver checks it between its stages and
-    returns undetermined when it expires. `ansatz`: terms among which the search first looks for a Lagrangian. `given`:
-    the equations as written, each a tree that vanishes along the motion, with unsolved accelerations; their own
-    multiplier is tried first. `series_order`: the order to which the multiplier is expanded if no closed form is found;
-    None lets the solver choose. `conditions`: whether to write out Phi, nabla Phi, and R. `first_integrals`: whether to
-    search for them. `reasons`: whether to explain why there is no Lagrangian, which `solving.with_reasons` can do
-    later. `hand_over`: called while work continues, with the names of the finished and checked parts and a function
-    that returns the solutions so far.
+    `time_dependent`: False asks for L(q, q'), True for L(t, q, q'), None for both. `seed` fixes the
+    random points and primes, so that a run can be repeated. `time_limit` is in seconds; the solver
+    checks it between its stages and returns undetermined when it expires. `ansatz`: terms among
+    which the search first looks for a Lagrangian. `given`: the equations as written, each a tree
+    that vanishes along the motion, with unsolved accelerations; their own multiplier is tried
+    first. `series_order`: the order to which the multiplier is expanded if no closed form is found;
+    None lets the solver choose. `conditions`: whether to write out Phi, nabla Phi, and R.
+    `first_integrals`: whether to search for them. `reasons`: whether to explain why there is no
+    Lagrangian, which `solving.with_reasons` can do later. `hand_over`: called while work continues,
+    with the names of the finished and checked parts and a function that returns the solutions so
+    far.
     """
 
     time_dependent: bool | None = None
@@ -53,7 +57,9 @@ class SolveOptions:
 
 @dataclass(frozen=True, slots=True)
 class SolutionSpace:
-    """The size of the space of multipliers: D_0, D_1, … at `order`, Cartan characters, and a sentence."""
+    """The size of the space of multipliers: D_0, D_1, … at `order`, Cartan characters, and a
+    sentence.
+    """
 
     order: int
     dimensions: tuple[int, ...]
@@ -66,7 +72,8 @@ class SolutionSpace:
 class Lagrangian:
     """A regular Lagrangian, its Hessian g, the functions that must not vanish, and its family.
 
-    It is a Lagrangian of the system where all trees of `positive` are > 0. `reason`: why it is shown with another one.
+    It is a Lagrangian of the system where all trees of `positive` are > 0. `reason`: why it is
+    shown with another one.
     """
 
     expression: ex.Expression
@@ -79,7 +86,9 @@ class Lagrangian:
 
 @dataclass(frozen=True, slots=True)
 class Hamiltonian:
-    """H by the Legendre transform of L, with the constraints of a nonholonomic motion in phase space, if any."""
+    """H by the Legendre transform of L, with the constraints of a nonholonomic motion in phase
+    space, if any.
+    """
 
     transform: LegendreTransform
     constraints: tuple[ex.Expression, ...] = ()
@@ -89,7 +98,8 @@ class Hamiltonian:
 class Part:
     """A part of a step: "text", a "formula" in the sentence, or a "display" formula below it.
 
-    `letters` are the names of the theory in a formula, with their lower indices; R also without indices.
+    `letters` are the names of the theory in a formula, with their lower indices; R also without
+    indices.
     """
 
     kind: str
@@ -99,7 +109,9 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One step of an explanation: its sentence, and the sentence in parts, with displayed formulas at the end."""
+    """One step of an explanation: its sentence, and the sentence in parts, with displayed formulas
+    at the end.
+    """
 
     text: str
     parts: tuple[Part, ...] = ()
@@ -111,9 +123,10 @@ class Answer:
 
     `explanation` proves it; `details` say how it was found and which other proofs exist.
 
-    It is valid at generic points where all trees of `positive` are > 0 and none of `nonzero` is 0; if `one_side`, only
-    on the connected component of the certificate's point. Its proof depends on the signs of `sides` and is valid for
-    general parameters: `exceptions` are equations between parameters for which it fails.
+    It is valid at generic points where all trees of `positive` are > 0 and none of `nonzero` is 0;
+    if `one_side`, only on the connected component of the certificate's point. Its proof depends on
+    the signs of `sides` and is valid for general parameters: `exceptions` are equations between
+    parameters for which it fails.
     """
 
     verdict: Verdict
@@ -144,7 +157,9 @@ class Conditions:
 
 @dataclass(frozen=True, slots=True)
 class Left:
-    """A set without an answer: the region where the trees are positive, with a point of it if one is known."""
+    """A set without an answer: the region where the trees are positive, with a point of it if one
+    is known.
+    """
 
     positive: tuple[ex.Expression, ...]
     near: RealTable | None
@@ -153,9 +168,11 @@ class Left:
 
 @dataclass(frozen=True, slots=True)
 class AllIntegrals:
-    """A proof that first integrals polynomial in the velocities up to a degree are combinations of `number` products.
+    """A proof that first integrals polynomial in the velocities up to a degree are combinations of
+    `number` products.
 
-    The products of those found, 1 among them; with any coefficients that are analytic in q, and in t if `timed`.
+    The products of those found, 1 among them; with any coefficients that are analytic in q, and in
+    t if `timed`.
     """
 
     degree: int
@@ -186,7 +203,9 @@ class Solution:
         return self.with_time if self.system.depends_on_time else self.autonomous
 
     def answers_time(self, time_dependent: bool | None) -> bool:
-        """Whether L(t, q, q') is answered first: asked for, or the only question where f contains t."""
+        """Whether L(t, q, q') is answered first: asked for, or the only question where f contains
+        t.
+        """
         wants_time = time_dependent is True or self.system.depends_on_time
         return self.autonomous is None or (wants_time and self.with_time is not None)
 

@@ -1,8 +1,9 @@
 """The steps of an explanation: how they are said, and those of a positive answer.
 
-A positive answer says how the Lagrangian was found, what proves it, and what its Hamiltonian is. `euler_lagrange_steps`
-is the proof that needs no theory: L put into the Euler-Lagrange equations gives the equations of motion.
-`verification_steps` works out every Helmholtz condition of its multiplier.
+A positive answer says how the Lagrangian was found, what proves it, and what its Hamiltonian is.
+`euler_lagrange_steps` is the proof that needs no theory: L put into the Euler-Lagrange equations
+gives the equations of motion. `verification_steps` works out every Helmholtz condition of its
+multiplier.
 """
 
 from __future__ import annotations
@@ -78,20 +79,27 @@ _MOST_COEFFICIENTS = 60
 
 
 def said(*pieces: Piece, shown: Sequence[Piece] = ()) -> Step:
-    """A sentence of words and formulas, and the formulas that are `shown`: below it, unless they are in the sentence.
+    """A sentence of words and formulas, and the formulas that are `shown`: below it, unless they
+    are in the sentence.
 
     In a text, grave accents enclose a formula in the notation of the theory.
     """
     sentence = [part for piece in pieces for part in _parts(piece)]
     texts = {part.text for part in sentence}
-    below = [part for part in (_formula(piece, "display") for piece in shown) if part.text not in texts]
+    below = [
+        part for part in (_formula(piece, "display") for piece in shown) if part.text not in texts
+    ]
     return Step("".join(part.text for part in sentence), (*sentence, *below))
 
 
 def _parts(piece: Piece) -> list[Part]:
     if not isinstance(piece, str):
         return [_formula(piece)]
-    return [_formula(text) if k % 2 else Part("text", text) for k, text in enumerate(piece.split("`")) if text]
+    return [
+        _formula(text) if k % 2 else Part("text", text)
+        for k, text in enumerate(piece.split("`"))
+        if text
+    ]
 
 
 def _formula(piece: Piece, kind: str = "formula") -> Part:
@@ -115,7 +123,9 @@ def enumerated(formulas: Sequence[Item]) -> list[Item | str]:
 
 
 def with_shared_letters(answer: Answer, system: SecondOrderSystem) -> Answer:
-    """The answer with a first sentence that defines each symbol that the theory and the system both use."""
+    """The answer with a first sentence that defines each symbol that the theory and the system both
+    use.
+    """
     names = system.names.declared()
     parts = [part for step in (*answer.explanation, *answer.details) for part in step.parts]
     words = {word for part in parts for word in part.letters}
@@ -123,7 +133,11 @@ def with_shared_letters(answer: Answer, system: SecondOrderSystem) -> Answer:
     if not shared:
         return answer
     meanings = ", ".join(f"{name} is {_MEANING[name]}" for name in shared)
-    also = "these names may also be those" if len(shared) > 1 else f"the name {shared[0]} may also be that"
+    also = (
+        "these names may also be those"
+        if len(shared) > 1
+        else f"the name {shared[0]} may also be that"
+    )
     step = said(f"In the sentences below, {meanings}; inside their formulas {also} of the system.")
     return replace(answer, explanation=(step, *answer.explanation))
 
@@ -135,20 +149,27 @@ def printed_conditions(system: SecondOrderSystem) -> tuple[Conditions | None, st
         return None, tensors.reason
 
     def short(tree: ex.Expression) -> ex.Expression:
-        has_angles = any(isinstance(node, ex.Apply) and node.function in ("sin", "cos") for node in ex.walk(tree))
-        return _with_shortest_sums(tree) if has_angles or ex.node_count(tree) <= bounds.LARGE else tree
+        has_angles = any(
+            isinstance(node, ex.Apply) and node.function in ("sin", "cos") for node in ex.walk(tree)
+        )
+        return (
+            _with_shortest_sums(tree) if has_angles or ex.node_count(tree) <= bounds.LARGE else tree
+        )
 
-    Phi, nabla = (tuple(tuple(map(short, row)) for row in each) for each in (tensors.Phi, tensors.nabla_Phi))
+    Phi, nabla = (
+        tuple(tuple(map(short, row)) for row in each) for each in (tensors.Phi, tensors.nabla_Phi)
+    )
     R = tuple(tuple(tuple(map(short, row)) for row in rows) for rows in tensors.R)
     return Conditions(Phi, nabla, R), tensors.reason
 
 
 @lru_cache(maxsize=512)
 def _with_shortest_sums(tree: ex.Expression) -> ex.Expression:
-    """The tree with each sum in the shortest of three forms: as it is, collected, and grouped by functions.
+    """The tree with each sum in the shortest of three forms: as it is, collected, and grouped by
+    functions.
 
-    Functions of several angles are first combined where that is shorter: cos(a) cos(b) + sin(a) sin(b) as cos(a - b).
-    A power (-a - b)^k of negative terms becomes (-1)^k (a + b)^k.
+    Functions of several angles are first combined where that is shorter: cos(a) cos(b) + sin(a)
+    sin(b) as cos(a - b). A power (-a - b)^k of negative terms becomes (-1)^k (a + b)^k.
     """
     tree = ex.rebuild(tree, _with_shortest_sums)
     match tree:
@@ -159,7 +180,12 @@ def _with_shortest_sums(tree: ex.Expression) -> ex.Expression:
         return tree
     try:
         terms = tm.terms_of(tree)
-        functions = [p for key in terms for p, _ in key if isinstance(p, ex.Apply) and p.function in ("sin", "cos")]
+        functions = [
+            p
+            for key in terms
+            for p, _ in key
+            if isinstance(p, ex.Apply) and p.function in ("sin", "cos")
+        ]
         short = tm.shortest_in_angles(terms) if len({p.argument for p in functions}) > 1 else terms
         forms = [tree, tm.tree_of(short), _by_functions(short)]
     except tm.TooManyTerms:
@@ -168,7 +194,9 @@ def _with_shortest_sums(tree: ex.Expression) -> ex.Expression:
 
 
 def _by_functions(terms: tm.Terms) -> ex.Expression:
-    """The sum, grouped by products of functions and velocities, with common factors taken out of each coefficient."""
+    """The sum, grouped by products of functions and velocities, with common factors taken out of
+    each coefficient.
+    """
     parts = []
     for outer, inner in tm.grouped(terms, lambda letter: not isinstance(letter, ex.Symbol)).items():
         content, common, rest = tm.split_content(inner)
@@ -181,14 +209,22 @@ def _by_functions(terms: tm.Terms) -> ex.Expression:
 def with_conditions(solution: Solution) -> Solution:
     """The solution of `solve` without conditions, with them."""
     found, reason = printed_conditions(solution.system)
-    return replace(solution, conditions=found, provenance={**solution.provenance, "conditions_left_out": reason})
+    return replace(
+        solution,
+        conditions=found,
+        provenance={**solution.provenance, "conditions_left_out": reason},
+    )
 
 
-def verification_steps(system: SecondOrderSystem, multiplier: Sequence[Sequence[ex.Expression]]) -> tuple[Step, ...]:
-    """The Helmholtz conditions for the multiplier g, shape (n, n), each worked out and seen to hold.
+def verification_steps(
+    system: SecondOrderSystem, multiplier: Sequence[Sequence[ex.Expression]]
+) -> tuple[Step, ...]:
+    """The Helmholtz conditions for the multiplier g, shape (n, n), each worked out and seen to
+    hold.
 
-    Where an identity was not recognized (too large, or atoms whose relations are not known here), the steps only say
-    what must be computed. () where the equations are not solved for the accelerations.
+    Where an identity was not recognized (too large, or atoms whose relations are not known here),
+    the steps only say what must be computed. () where the equations are not solved for the
+    accelerations.
     """
     if system.is_unsolved:
         return ()
@@ -196,19 +232,28 @@ def verification_steps(system: SecondOrderSystem, multiplier: Sequence[Sequence[
     try:
         if len(system.coordinates) > MOST_COORDINATES:
             raise exact_field.TooLarge("too many coordinates to write everything out")
-        exact = conditions.motion_in_ring(system, 2, budget, trees=[entry for row in multiplier for entry in row])
+        exact = conditions.motion_in_ring(
+            system, 2, budget, trees=[entry for row in multiplier for entry in row]
+        )
         g = tuple(tuple(exact.ring.value(entry) for entry in row) for row in multiplier)
         return _worked_out(exact, g)
     except (exact_field.TooLarge, ZeroDivisionError):
         return (
-            said("The matrix `g` is the velocity Hessian of `L`; `dg_ij/dv^k` is symmetric in `j` and `k`."),
+            said(
+                "The matrix `g` is the velocity Hessian of `L`; `dg_ij/dv^k` is symmetric in `j` and `k`."
+            ),
             said("With `N = -1/2 df/dv`, compare `Gamma(g)` with `g N + (g N)^T`."),
-            said("Check that `g Phi` is symmetric for the given `Phi` and that `det g` is not zero."),
+            said(
+                "Check that `g Phi` is symmetric for the given `Phi` and that `det g` is not zero."
+            ),
         )
 
 
-def _worked_out(exact: conditions.MotionInRing, g: conditions.Tensor11[exact_field.Quotient]) -> tuple[Step, ...]:
-    """One step for each condition on g; TooLarge if one is not recognized as an identity, or is too long to print.
+def _worked_out(
+    exact: conditions.MotionInRing, g: conditions.Tensor11[exact_field.Quotient]
+) -> tuple[Step, ...]:
+    """One step for each condition on g; TooLarge if one is not recognized as an identity, or is too
+    long to print.
 
     g = g^T and dg_ij/dv^k - dg_ik/dv^j = 0, which is the `curvature` of g;
     Gamma(g) = g N + (g N)^T;   g Phi = (g Phi)^T;   det g != 0
@@ -219,9 +264,13 @@ def _worked_out(exact: conditions.MotionInRing, g: conditions.Tensor11[exact_fie
     along = [[motion.along(entry) for entry in row] for row in g]
     lowered = conditions.product(motion, g, conditions.jacobi_endomorphism(motion))
     determinant = matrices.determinant(g, exact.ring.constant(1))
-    slopes = [entry for matrix in conditions.curvature(motion, g) for row in matrix for entry in row]
+    slopes = [
+        entry for matrix in conditions.curvature(motion, g) for row in matrix for entry in row
+    ]
     rates = [along[i][j] - product[i][j] - product[j][i] for i in span for j in span]
-    if not all(difference.is_zero for difference in [*_asymmetry(g), *slopes, *_asymmetry(lowered), *rates]):
+    if not all(
+        difference.is_zero for difference in [*_asymmetry(g), *slopes, *_asymmetry(lowered), *rates]
+    ):
         raise exact_field.TooLarge("an identity was not recognized")
     if determinant.is_zero:
         raise exact_field.TooLarge("the determinant was seen to vanish")
@@ -254,7 +303,9 @@ def _asymmetry(matrix: Matrix) -> list[exact_field.Quotient]:
 def _matrix(exact: conditions.MotionInRing, entries: Matrix) -> Formula:
     if len(entries) > 1 and all(entry.is_zero for line in entries for entry in line):
         return theory("0")
-    return matrix([[exact_field.quotient_tree(exact.ring, entry) for entry in line] for line in entries])
+    return matrix(
+        [[exact_field.quotient_tree(exact.ring, entry) for entry in line] for line in entries]
+    )
 
 
 def euler_lagrange_steps(system: SecondOrderSystem, lagrangian: ex.Expression) -> tuple[Step, ...]:
@@ -266,9 +317,13 @@ def euler_lagrange_steps(system: SecondOrderSystem, lagrangian: ex.Expression) -
     lines = [_line(lagrangian, name, system.coordinates) for name in system.coordinates if short]
     if not short or any(sum(map(ex.node_count, line)) > bounds.SHOWN for line in lines):
         if system.is_unsolved:
-            return (said("The Euler-Lagrange equations of the Lagrangian are the equations as given."),)
+            return (
+                said("The Euler-Lagrange equations of the Lagrangian are the equations as given."),
+            )
         return (said("The motion satisfies the Euler-Lagrange equations of the Lagrangian."),)
-    sentences = [_sentence(name, *line) for name, line in zip(system.coordinates, lines, strict=True)]
+    sentences = [
+        _sentence(name, *line) for name, line in zip(system.coordinates, lines, strict=True)
+    ]
     concluded = [*sentences[-1], " ", *_conclusion(system, [line[2] for line in lines])]
     return tuple(said(*pieces) for pieces in (*sentences[:-1], concluded))
 
@@ -277,12 +332,20 @@ def _line(lagrangian: ex.Expression, name: str, names: Sequence[str]) -> tuple[e
     """(dL/dv, dL/dq, d/dt dL/dv - dL/dq)."""
     momentum = collecting.collect(calculus.differentiate(lagrangian, ex.Velocity(name)))
     force = collecting.collect(calculus.differentiate(lagrangian, ex.Symbol(name)))
-    return momentum, force, collecting.collect(calculus.differentiate_in_time(momentum, names) - force)
+    return (
+        momentum,
+        force,
+        collecting.collect(calculus.differentiate_in_time(momentum, names) - force),
+    )
 
 
-def _sentence(name: str, momentum: ex.Expression, force: ex.Expression, equation: ex.Expression) -> list[Piece]:
+def _sentence(
+    name: str, momentum: ex.Expression, force: ex.Expression, equation: ex.Expression
+) -> list[Piece]:
     lagrangian = theory("L")
-    slope, pull = (partial_derivative(lagrangian, by) for by in (ex.Velocity(name), ex.Symbol(name)))
+    slope, pull = (
+        partial_derivative(lagrangian, by) for by in (ex.Velocity(name), ex.Symbol(name))
+    )
     return [
         row(slope, " = ", momentum), " and ", row(pull, " = ", force), ", so ",
         row("d/dt ", slope, " - ", pull, " = 0"), " reads ", row(equation, " = 0"), ".",
@@ -316,7 +379,9 @@ def existence_steps(decision: Decision) -> tuple[Step, ...]:
             f"The symbol of this system in degree {degree} has dimension {decision.symbol.dimension} and passes "
             f"Cartan's test (characters {', '.join(map(str, decision.symbol.characters))}): the system is involutive."
         ),
-        said(f"A regular `g` remains at a generic point, so a regular Lagrangian exists; {decision.space.statement}."),
+        said(
+            f"A regular `g` remains at a generic point, so a regular Lagrangian exists; {decision.space.statement}."
+        ),
     )
 
 
@@ -329,7 +394,8 @@ def of_one_coordinate(name: str, with_time: bool, is_found: bool) -> Step:
     )
     if is_found:
         return said(f"{theorem}.")
-    # E(L) = Gamma(I)/v, and the energy v dL/dv - L is I; with time, E(L) has the v-derivative of the equation of M.
+    # E(L) = Gamma(I)/v, and the energy v dL/dv - L is I; with time, E(L) has the v-derivative of
+    # the equation of M.
     form = (
         "the double integral over `v` of any solution `M` of `dM/dt + v dM/dx + d(f M)/dv = 0`, plus a function of `t` "
         "and `x`"
@@ -341,14 +407,22 @@ def of_one_coordinate(name: str, with_time: bool, is_found: bool) -> Step:
 
 
 def not_found(system: SecondOrderSystem, space: SolutionSpace | None) -> Step:
-    """What is known without a closed form, and what to try; the factor as an integral if one matrix remains."""
+    """What is known without a closed form, and what to try; the factor as an integral if one matrix
+    remains.
+    """
     known = "" if space is None else f": {space.statement}"
     found = conditions.one_matrix(system) if len(system.coordinates) > 1 else None
     factor: list[Piece] = []
     if found is not None:
         places = itertools.combinations_with_replacement(range(len(system.coordinates)), 2)
-        entries = [row(f"G_{i + 1}{j + 1} = ", found[0][i][j]) for i, j in places if found[0][i][j] != ex.ZERO]
-        integrand = separated([row("(", slope, ") d", variable) for variable, slope in found[1]], " + ")
+        entries = [
+            row(f"G_{i + 1}{j + 1} = ", found[0][i][j])
+            for i, j in places
+            if found[0][i][j] != ex.ZERO
+        ]
+        integrand = separated(
+            [row("(", slope, ") d", variable) for variable, slope in found[1]], " + "
+        )
         factor = [" The conditions leave `g = e^u G` with ", *separated(entries), ", where `u` is the integral of ",
                   *integrand, "; no elementary antiderivative was found."]  # fmt: skip
     return said(
@@ -363,12 +437,16 @@ def _written(formula: Formula, given: str) -> Piece:
 
 
 def series_steps(analysis: Analysis, decision: Decision, order: int | None) -> tuple[Step, ...]:
-    """The beginning of the power series of one regular Lagrangian, where f is rational and it is short."""
+    """The beginning of the power series of one regular Lagrangian, where f is rational and it is
+    short.
+    """
     from inverse_service.decision.deciding import as_tree, count_coefficients, rational_series
 
     n = len(analysis.system.coordinates)
     wanted = range(1, (order or _SERIES_ORDER) + 1)
-    fitting = [k for k in wanted if count_coefficients(n, decision.with_time, k) <= _MOST_COEFFICIENTS]
+    fitting = [
+        k for k in wanted if count_coefficients(n, decision.with_time, k) <= _MOST_COEFFICIENTS
+    ]
     spare = decision.order - 1 - decision.degree
     found = rational_series(analysis, decision.with_time, fitting[-1], spare) if fitting else None
     if found is None:
@@ -392,7 +470,9 @@ def of_lagrangian(
     how: Sequence[Step],
     decision: Decision | None,
 ) -> Answer:
-    """The answer that this Lagrangian proves, not yet checked: the plain proof, and how L was found."""
+    """The answer that this Lagrangian proves, not yet checked: the plain proof, and how L was
+    found.
+    """
     return Answer(
         "variational",
         lagrangian=describe(analysis, tree, family),
@@ -404,14 +484,22 @@ def of_lagrangian(
 
 
 def branch_steps(
-    system: SecondOrderSystem, positive: Sequence[ex.Expression], nonzero: Sequence[ex.Expression] = ()
+    system: SecondOrderSystem,
+    positive: Sequence[ex.Expression],
+    nonzero: Sequence[ex.Expression] = (),
 ) -> tuple[Step, ...]:
-    """The variables that first-order equations eliminate, the set where the answer holds, and the roots there."""
+    """The variables that first-order equations eliminate, the set where the answer holds, and the
+    roots there.
+    """
     steps = list[Step]()
     if system.others:
         known = listed([row(ex.Symbol(name), " = ", tree) for name, tree in system.others])
         steps.append(
-            said("The first-order equations give ", known, "; substituting these leaves second-order equations.")
+            said(
+                "The first-order equations give ",
+                known,
+                "; substituting these leaves second-order equations.",
+            )
         )
     if positive or nonzero:
         where = listed([*(row(tree, " != 0") for tree in nonzero), *map(inequality, positive)])
@@ -451,13 +539,22 @@ def search_steps(outcome: SearchOutcome) -> tuple[Step, ...]:
     general = row("L = ", *separated(parts, " + "))
     short = len(general.text) <= bounds.SHOWN
     end = " is a Lagrangian for all constants `C_k` that keep the Hessian regular."
-    return (first, said("More generally, ", general if short else "every sum of multiples `C_k L_k` of its parts", end))
+    return (
+        first,
+        said(
+            "More generally, ",
+            general if short else "every sum of multiples `C_k L_k` of its parts",
+            end,
+        ),
+    )
 
 
 def hamiltonian_of(
     lagrangian: ex.Expression, names: Sequence[str], positive: Sequence[ex.Expression] = ()
 ) -> Hamiltonian | None:
-    """The Legendre transform where all of `positive` are > 0; None where the Hessian is singular after all."""
+    """The Legendre transform where all of `positive` are > 0; None where the Hessian is singular
+    after all.
+    """
     try:
         transform = legendre(lagrangian, names, positive=positive)
     except InputError:
@@ -466,10 +563,16 @@ def hamiltonian_of(
 
 
 def legendre_steps(hamiltonian: Hamiltonian | None) -> tuple[Step, ...]:
-    """How H follows from the momenta, where there is more to say than that they are solved for the velocities."""
+    """How H follows from the momenta, where there is more to say than that they are solved for the
+    velocities.
+    """
     note = "" if hamiltonian is None else hamiltonian.transform.note.rstrip(".").replace("`", "")
     if hamiltonian is None or not note:
         return ()
     implicit = hamiltonian.transform.implicit
-    solved = f"{note}:" if implicit else f"The momenta `p = dL/dv` are solved for the velocities ({note});"
+    solved = (
+        f"{note}:"
+        if implicit
+        else f"The momenta `p = dL/dv` are solved for the velocities ({note});"
+    )
     return (said(f"{solved} `H = p v - L`."),)

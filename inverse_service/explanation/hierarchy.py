@@ -1,24 +1,26 @@
-"""Find conditions on the multiplier g that suffice for a negative verdict, and eliminate them exactly.
+"""Find conditions on the multiplier g that suffice for a negative verdict, and eliminate them
+exactly.
 
 Each tensor T of type (1, 1) of the hierarchy requires g T to be symmetric, each curvature R that
 g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0:
 
     Phi, nabla Phi, nabla^2 Phi, …;   R, nabla R, …;   R[nabla Phi], R[nabla^2 Phi], …
 
-with the tensors of `mechanics.conditions`. At a point each is a linear condition on the n(n+1)/2 entries of g. A set
-suffices if every symmetric g that satisfies it at a generic point is singular; values are taken at random points
-modulo a prime, from Taylor series of f. The hierarchy to depth d consists of the tensors that need at most d + 2
-derivatives of f: Phi alone for d = 0; nabla Phi and R with d = 1; and so on. Curvatures need n >= 3.
+with the tensors of `mechanics.conditions`. At a point each is a linear condition on the n(n+1)/2
+entries of g. A set suffices if every symmetric g that satisfies it at a generic point is singular;
+values are taken at random points modulo a prime, from Taylor series of f. The hierarchy to depth d
+consists of the tensors that need at most d + 2 derivatives of f: Phi alone for d = 0; nabla Phi and
+R with d = 1; and so on. Curvatures need n >= 3.
 
 `exact_rows` forms chosen equations over an exact ring, with the entries g_11, g_12, … as symbols.
 
-`eliminate` solves chosen conditions exactly for g_11, g_12, … one after another, as by hand. Every pivot is checked
-modulo a prime: the minor of the used equations and solved unknowns must not vanish at the random point, so that no
-unrecognized zero is used as a divisor.
+`eliminate` solves chosen conditions exactly for g_11, g_12, … one after another, as by hand. Every
+pivot is checked modulo a prime: the minor of the used equations and solved unknowns must not vanish
+at the random point, so that no unrecognized zero is used as a divisor.
 
-`contradiction` treats a multiplier known up to a factor, g = e^u G, whose factor does not exist: a multiplier exists
-only if all mixed derivatives of u agree (`conditions.factor_slopes` returns the first ones), and u_t = 0 if L must not
-contain t.
+`contradiction` treats a multiplier known up to a factor, g = e^u G, whose factor does not exist: a
+multiplier exists only if all mixed derivatives of u agree (`conditions.factor_slopes` returns the
+first ones), and u_t = 0 if L must not contain t.
 """
 
 from __future__ import annotations
@@ -40,9 +42,10 @@ from inverse_service.mechanics import conditions as cd
 from inverse_service.mechanics.conditions import S, Tensor11, Tensor12
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-# The largest set of tensors searched for (beyond it, all equations of a depth are pruned one by one), and the greatest
-# depth. Of 376 systems of tests/corpus without L, 98 are decided at depth 1, 255 at depth 2, and 23 not to depth 3, by
-# at most three tensors: `smallest_sufficient_set` of each.
+# The largest set of tensors searched for (beyond it, all equations of a depth are pruned one by
+# one), and the greatest depth. Of 376 systems of tests/corpus without L, 98 are decided at depth 1,
+# 255 at depth 2, and 23 not to depth 3, by at most three tensors: `smallest_sufficient_set` of
+# each.
 LARGEST_SET, DEEPEST = 4, 3
 
 Row = tuple[int, ...]
@@ -57,7 +60,8 @@ Matrix = tuple[tuple[exact_field.Quotient, ...], ...]
 class ConditionName:
     """A tensor of the hierarchy: "Phi", "nabla^2 Phi", "R", "R[nabla Phi]".
 
-    `order` is the number of derivatives of f that it needs. A curvature is `cyclic`: its condition is a cyclic sum.
+    `order` is the number of derivatives of f that it needs. A curvature is `cyclic`: its condition
+    is a cyclic sum.
     """
 
     name: str
@@ -67,7 +71,9 @@ class ConditionName:
 
 @dataclass(frozen=True, slots=True)
 class EquationName:
-    """One linear equation: (T)_ik for "g T symmetric" (i < k), (R)_ikl for the cyclic one (i < k < l)."""
+    """One linear equation: (T)_ik for "g T symmetric" (i < k), (R)_ikl for the cyclic one (i < k <
+    l).
+    """
 
     condition: ConditionName
     indices: tuple[int, ...]
@@ -75,7 +81,9 @@ class EquationName:
 
 @dataclass(frozen=True, slots=True)
 class ChosenEquations:
-    """Equations of the hierarchy; the symmetric g that satisfy them at a generic point form a space of `dimension`."""
+    """Equations of the hierarchy; the symmetric g that satisfy them at a generic point form a space
+    of `dimension`.
+    """
 
     equations: tuple[EquationName, ...]
     dimension: int
@@ -102,7 +110,9 @@ def _nabla_name(power: int, operand: str) -> str:
     return operator + operand
 
 
-def tensors_to_depth(motion: cd.Motion[S], depth: int) -> dict[ConditionName, Tensor11[S] | Tensor12[S]]:
+def tensors_to_depth(
+    motion: cd.Motion[S], depth: int
+) -> dict[ConditionName, Tensor11[S] | Tensor12[S]]:
     """The tensors that need at most depth + 2 derivatives of f; curvatures only for n >= 3."""
     connection = cd.connection(motion)
     endomorphisms = [cd.jacobi_endomorphism(motion)]
@@ -128,8 +138,8 @@ def equation_terms(
 ) -> dict[EquationName, list[tuple[tuple[int, int], int, S]]]:
     """Each equation as terms (unknown, sign, coefficient), the unknown given with i <= j.
 
-    g_ij T^j_k - g_kj T^j_i for i < k, and the cyclic sum of g_aj R^j_bc over (a, b, c) = (i, k, m) for i < k < m, where
-    T^j_k is `tensor[j][k]` and R^j_bc is `tensor[j][b][c]`.
+    g_ij T^j_k - g_kj T^j_i for i < k, and the cyclic sum of g_aj R^j_bc over (a, b, c) = (i, k, m)
+    for i < k < m, where T^j_k is `tensor[j][k]` and R^j_bc is `tensor[j][b][c]`.
     """
     found: dict[EquationName, list[tuple[tuple[int, int], int, S]]] = {}
     if condition.cyclic:
@@ -153,7 +163,9 @@ def _pair(i: int, j: int) -> tuple[int, int]:
 
 @dataclass(frozen=True, slots=True)
 class PointwiseConditions:
-    """The equations of the hierarchy at one point, each a row over the `unknowns`, modulo `prime`."""
+    """The equations of the hierarchy at one point, each a row over the `unknowns`, modulo
+    `prime`.
+    """
 
     size: int
     prime: int
@@ -161,12 +173,16 @@ class PointwiseConditions:
 
     def kernel(self, names: Sequence[EquationName]) -> list[list[int]]:
         """A basis of the g that satisfy the named equations."""
-        return matrices.null_rows([self.rows[name] for name in names], len(unknowns(self.size)), self.prime)
+        return matrices.null_rows(
+            [self.rows[name] for name in names], len(unknowns(self.size)), self.prime
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class LocalTensors:
-    """The tensors and equations of the hierarchy to a depth, as series about a point in registers of a program."""
+    """The tensors and equations of the hierarchy to a depth, as series about a point in registers
+    of a program.
+    """
 
     size: int
     program: machine.SeriesProgram
@@ -187,10 +203,14 @@ class LocalTensors:
         return cls(motion.size, program, tensors, written)
 
     def at(self, point: modular.Point) -> tuple[machine.Registers, PointwiseConditions]:
-        """All series about the point, and the equations there; SingularPoint if a denominator vanishes."""
+        """All series about the point, and the equations there; SingularPoint if a denominator
+        vanishes.
+        """
         instructions = self.program.listed
         constants = machine.constants_at(self.program, point)
-        registers = machine.run(self.program, instructions, constants, point.prime, self.program.order)
+        registers = machine.run(
+            self.program, instructions, constants, point.prime, self.program.order
+        )
         position = {pair: column for column, pair in enumerate(unknowns(self.size))}
         rows: dict[EquationName, Row] = {}
         for name, terms in self.equations.items():
@@ -204,34 +224,40 @@ class LocalTensors:
 def equations_at(analysis: deciding.Analysis, seed: int, depth: int) -> PointwiseConditions:
     """The equations of the hierarchy to `depth` at the random point of this seed.
 
-    Points where a denominator vanishes are skipped. Raises IrreducibleAtoms if no point is found, and TooLarge if the
-    series would take too much memory.
+    Points where a denominator vanishes are skipped. Raises IrreducibleAtoms if no point is found,
+    and TooLarge if the series would take too much memory.
     """
     tensors = LocalTensors.of(analysis, depth)
     for attempt in range(bounds.ATTEMPTS):
         point = tower.draw_point(analysis.tower, seed * bounds.ATTEMPTS + attempt)
         with suppress(modular.SingularPoint):
             return tensors.at(point)[1]
-    raise errors.IrreducibleAtoms("the formulas vanish or have no value at every random point tried")
+    raise errors.IrreducibleAtoms(
+        "the formulas vanish or have no value at every random point tried"
+    )
 
 
 def all_singular(basis: Sequence[Sequence[int]], n: int, prime: int) -> bool:
-    """Whether det vanishes on the span, tested at one random combination: wrong with a probability below n/prime."""
+    """Whether det vanishes on the span, tested at one random combination: wrong with a probability
+    below n/prime.
+    """
     source = random.Random(f"determinant {prime}")
     weights = [source.randrange(1, prime) for _ in basis]
     entry = {
         pair: sum(w * vector[column] for w, vector in zip(weights, basis, strict=True)) % prime
         for column, pair in enumerate(unknowns(n))
     }
-    return not int(nmod_mat(n, n, [entry[_pair(i, j)] for i in range(n) for j in range(n)], prime).det())
+    return not int(
+        nmod_mat(n, n, [entry[_pair(i, j)] for i in range(n) for j in range(n)], prime).det()
+    )
 
 
 def smallest_sufficient_set(analysis: deciding.Analysis, seed: int = 1) -> ChosenEquations | None:
     """The cheapest conditions that allow only singular g, confirmed at a second point.
 
-    The choice minimizes the depth, then the number of tensors, then the orders. None if the hierarchy to depth
-    `DEEPEST` does not suffice, in which case differential consequences decide. Raises IrreducibleAtoms if no generic
-    point is found.
+    The choice minimizes the depth, then the number of tensors, then the orders. None if the
+    hierarchy to depth `DEEPEST` does not suffice, in which case differential consequences decide.
+    Raises IrreducibleAtoms if no generic point is found.
     """
     with suppress(exact_field.TooLarge):
         for depth in range(DEEPEST + 1):
@@ -245,7 +271,9 @@ def smallest_sufficient_set(analysis: deciding.Analysis, seed: int = 1) -> Chose
 
 
 def equations_of_one_direction(analysis: deciding.Analysis, seed: int) -> ChosenEquations | None:
-    """Equations, cheap ones first, that determine g at a generic point up to a factor; None if there are none."""
+    """Equations, cheap ones first, that determine g at a generic point up to a factor; None if
+    there are none.
+    """
     for depth in range(DEEPEST + 1):
         table = equations_at(analysis, seed, depth)
         kept, dimension = list[EquationName](), len(unknowns(table.size))
@@ -259,7 +287,9 @@ def equations_of_one_direction(analysis: deciding.Analysis, seed: int) -> Chosen
 
 
 def _cheapest_sufficient(table: PointwiseConditions) -> ChosenEquations | None:
-    """The first sufficient group of tensors, without unnecessary equations; None if not even all equations suffice."""
+    """The first sufficient group of tensors, without unnecessary equations; None if not even all
+    equations suffice.
+    """
     by_condition: dict[ConditionName, list[EquationName]] = {}
     for name, values in table.rows.items():
         if any(values):
@@ -300,7 +330,9 @@ Tensors = Mapping[ConditionName, Tensor11[exact_field.Quotient] | Tensor12[exact
 
 @dataclass(frozen=True, slots=True)
 class ExactRows:
-    """Equations with ring elements as coefficients, the symbols of the g_ij, the tensors, and the rows at a point."""
+    """Equations with ring elements as coefficients, the symbols of the g_ij, the tensors, and the
+    rows at a point.
+    """
 
     exact: cd.MotionInRing
     symbols: Mapping[Unknown, ex.Symbol]
@@ -325,19 +357,28 @@ def exact_rows(
     Raises TooLarge if the budget is exhausted, and ZeroDivisionError as the ring does.
     """
     depth, symbols = depth_of(names), entry_symbols(analysis.system)
-    exact = cd.motion_in_ring(analysis.system, depth + 2 + further_orders, budget, tuple(symbols.values()))
+    exact = cd.motion_in_ring(
+        analysis.system, depth + 2 + further_orders, budget, tuple(symbols.values())
+    )
     table = equations_at(analysis, seed, depth)
     tensors = tensors_to_depth(exact.motion, depth)
     found: dict[EquationName, Linear] = {}
     for condition in dict.fromkeys(name.condition for name in names):
         for name, terms in equation_terms(condition, tensors[condition], exact.motion.size).items():
-            found[name] = collected((unknown, coefficient.scaled(sign)) for unknown, sign, coefficient in terms)
+            found[name] = collected(
+                (unknown, coefficient.scaled(sign)) for unknown, sign, coefficient in terms
+            )
     return ExactRows(exact, symbols, tensors, {name: found[name] for name in names}, table)
 
 
 def entry_symbols(system: SecondOrderSystem) -> dict[Unknown, ex.Symbol]:
     """Names g_11, g_12, … for the entries, with another letter if the system uses such names."""
-    used = {node.name for f in system.accelerations for node in ex.walk(f) if isinstance(node, ex.Symbol)}
+    used = {
+        node.name
+        for f in system.accelerations
+        for node in ex.walk(f)
+        if isinstance(node, ex.Symbol)
+    }
     used |= set(system.coordinates) | set(system.parameters)
     pairs = unknowns(len(system.coordinates))
     for letter in (notation.MULTIPLIER.get(), "g", "h", "m", "multiplier"):
@@ -349,10 +390,12 @@ def entry_symbols(system: SecondOrderSystem) -> dict[Unknown, ex.Symbol]:
 
 @dataclass(frozen=True, slots=True)
 class Solved:
-    """One equation used: its original form, its form after substitution of the solved unknowns, and its result.
+    """One equation used: its original form, its form after substitution of the solved unknowns, and
+    its result.
 
-    The coefficients of `reduced` are content times polynomials without a common factor, and the coefficient of `pivot`
-    is content * divisor; `pivot` equals the combination `value` of other entries.
+    The coefficients of `reduced` are content times polynomials without a common factor, and the
+    coefficient of `pivot` is content * divisor; `pivot` equals the combination `value` of other
+    entries.
     """
 
     name: EquationName
@@ -378,7 +421,9 @@ class Elimination:
 
 
 def eliminate(equations: Mapping[EquationName, Linear], table: PointwiseConditions) -> Elimination:
-    """Repeatedly solve the simplest remaining equation until g is recognized as singular or none remains."""
+    """Repeatedly solve the simplest remaining equation until g is recognized as singular or none
+    remains.
+    """
     left = dict(equations)
     solved: list[Solved] = []
     values: dict[Unknown, Linear] = {}
@@ -395,19 +440,32 @@ def eliminate(equations: Mapping[EquationName, Linear], table: PointwiseConditio
     return Elimination(tuple(solved), values)
 
 
-def substituted(row: Linear, values: Mapping[Unknown, Linear]) -> dict[Unknown, exact_field.Quotient]:
+def substituted(
+    row: Linear, values: Mapping[Unknown, Linear]
+) -> dict[Unknown, exact_field.Quotient]:
     """The combination with solved unknowns replaced, without zero coefficients."""
-    parts = [(unknown, coefficient) for unknown, coefficient in row.items() if unknown not in values]
-    known = [(values[unknown], coefficient) for unknown, coefficient in row.items() if unknown in values]
-    return collected([*parts, *((other, c * factor) for value, c in known for other, factor in value.items())])
+    parts = [
+        (unknown, coefficient) for unknown, coefficient in row.items() if unknown not in values
+    ]
+    known = [
+        (values[unknown], coefficient) for unknown, coefficient in row.items() if unknown in values
+    ]
+    return collected(
+        [*parts, *((other, c * factor) for value, c in known for other, factor in value.items())]
+    )
 
 
-def collected(terms: Iterable[tuple[Unknown, exact_field.Quotient]]) -> dict[Unknown, exact_field.Quotient]:
+def collected(
+    terms: Iterable[tuple[Unknown, exact_field.Quotient]],
+) -> dict[Unknown, exact_field.Quotient]:
     """The terms of one equation by unknown, without zero coefficients."""
     parts: dict[Unknown, list[exact_field.Quotient]] = {}
     for unknown, coefficient in terms:
         parts.setdefault(unknown, []).append(coefficient)
-    sums = {unknown: exact_field.sum_of(summands[0].field.constant(0), summands) for unknown, summands in parts.items()}
+    sums = {
+        unknown: exact_field.sum_of(summands[0].field.constant(0), summands)
+        for unknown, summands in parts.items()
+    }
     return {unknown: total for unknown, total in sums.items() if not total.is_zero}
 
 
@@ -415,7 +473,9 @@ def _choose(
     reduced: Mapping[EquationName, Linear], solved: Sequence[Solved], table: PointwiseConditions
 ) -> tuple[EquationName, Unknown] | None:
     """The shortest equation, and its unknown with the simplest coefficient that is a true pivot."""
-    for name in sorted(reduced, key=lambda name: (len(reduced[name]), sum(map(_weight, reduced[name].values())))):
+    for name in sorted(
+        reduced, key=lambda name: (len(reduced[name]), sum(map(_weight, reduced[name].values())))
+    ):
         row = reduced[name]
         for unknown in sorted(row, key=lambda u: (_weight(row[u]), u[0] == u[1], u)):
             if _pivot_minor(solved, name, unknown, table):
@@ -430,8 +490,12 @@ def _weight(coefficient: exact_field.Quotient) -> int:
     return len(coefficient.numerator) + sum(power for _, power in coefficient.exponents)
 
 
-def _pivot_minor(solved: Sequence[Solved], name: EquationName, unknown: Unknown, table: PointwiseConditions) -> int:
-    """The determinant of the equations used so far in the unknowns solved for, at the random point."""
+def _pivot_minor(
+    solved: Sequence[Solved], name: EquationName, unknown: Unknown, table: PointwiseConditions
+) -> int:
+    """The determinant of the equations used so far in the unknowns solved for, at the random
+    point.
+    """
     position = {pair: column for column, pair in enumerate(unknowns(table.size))}
     columns = [position[step.pivot] for step in solved] + [position[unknown]]
     rows = [table.rows[step.name] for step in solved] + [table.rows[name]]
@@ -448,7 +512,9 @@ def _solve(name: EquationName, original: Linear, row: Linear, pivot: Unknown) ->
     return Solved(name, original, row, content, pivot, divisor, value)
 
 
-def vanishing_block(values: Mapping[Unknown, Linear], n: int) -> tuple[tuple[int, ...], tuple[int, ...]] | None:
+def vanishing_block(
+    values: Mapping[Unknown, Linear], n: int
+) -> tuple[tuple[int, ...], tuple[int, ...]] | None:
     """Rows and columns, together more than n, whose common entries are all zero: then det g = 0."""
     zero = {unknown for unknown, row in values.items() if not row}
     for size in range(1, n + 1):
@@ -460,19 +526,26 @@ def vanishing_block(values: Mapping[Unknown, Linear], n: int) -> tuple[tuple[int
 
 
 def remaining_determinant(
-    elimination: Elimination, n: int, symbols: Mapping[Unknown, exact_field.Quotient], one: exact_field.Quotient
+    elimination: Elimination,
+    n: int,
+    symbols: Mapping[Unknown, exact_field.Quotient],
+    one: exact_field.Quotient,
 ) -> exact_field.Quotient:
     """det g of the remaining multiplier, its free entries as `symbols`."""
 
     def entry(row: Linear) -> exact_field.Quotient:
         return exact_field.sum_of(one - one, [c * symbols[unknown] for unknown, c in row.items()])
 
-    return matrices.determinant([list(map(entry, line)) for line in elimination.matrix(n, one)], one)
+    return matrices.determinant(
+        [list(map(entry, line)) for line in elimination.matrix(n, one)], one
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A derivative of u, its derivation (with formulas of the theory between grave accents), and its value."""
+    """A derivative of u, its derivation (with formulas of the theory between grave accents), and
+    its value.
+    """
 
     reason: str
     formula: notation.Formula
@@ -481,7 +554,9 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Contradiction:
-    """The derivatives of u, and a nonzero expression in them that must be zero; `note` says why it must."""
+    """The derivatives of u, and a nonzero expression in them that must be zero; `note` says why it
+    must.
+    """
 
     lines: tuple[Line, ...]
     formula: notation.Formula
@@ -491,29 +566,42 @@ class Contradiction:
 
 def direction_matrix(result: Elimination, n: int, one: exact_field.Quotient) -> Matrix:
     """G: the entries of g divided by the free entry."""
-    return tuple(tuple(next(iter(row.values()), one - one) for row in line) for line in result.matrix(n, one))
+    return tuple(
+        tuple(next(iter(row.values()), one - one) for row in line) for line in result.matrix(n, one)
+    )
 
 
 def contradiction(
-    analysis: deciding.Analysis, exact: cd.MotionInRing, direction: Matrix, with_time: bool, seed: int
+    analysis: deciding.Analysis,
+    exact: cd.MotionInRing,
+    direction: Matrix,
+    with_time: bool,
+    seed: int,
 ) -> Contradiction:
     """The first integrability condition of u that fails; TooLarge if none is found."""
     slopes = cd.factor_slopes(exact, direction)
     point = tower.draw_point(analysis.tower, seed)
     names = analysis.system.coordinates
-    for formula, note, difference, variables in integrability_conditions(exact, slopes, with_time, names):
+    for formula, note, difference, variables in integrability_conditions(
+        exact, slopes, with_time, names
+    ):
         if not difference.is_zero and _is_nonzero(exact.ring, difference, point):
-            return Contradiction(_lines(slopes, with_time, variables, names), formula, note, difference)
+            return Contradiction(
+                _lines(slopes, with_time, variables, names), formula, note, difference
+            )
     raise exact_field.TooLarge("no integrability condition of the factor fails")
 
 
 def integrability_conditions(
     exact: cd.MotionInRing, slopes: cd.FactorSlopes, with_time: bool, names: tuple[str, ...]
-) -> Iterator[tuple[notation.Formula, str, exact_field.Quotient, frozenset[ex.Symbol | ex.Velocity]]]:
-    """(formula, reason, value, variables): values that vanish if u exists, and the variables by which u is
-    differentiated in them.
+) -> Iterator[
+    tuple[notation.Formula, str, exact_field.Quotient, frozenset[ex.Symbol | ex.Velocity]]
+]:
+    """(formula, reason, value, variables): values that vanish if u exists, and the variables by
+    which u is differentiated in them.
 
-    u_t first if L must not contain t, then (u_y)_x - (u_x)_y for each pair of variables, the velocities first.
+    u_t first if L must not contain t, then (u_y)_x - (u_x)_y for each pair of variables, the
+    velocities first.
     """
     motion = exact.motion
     if not with_time:
@@ -521,14 +609,22 @@ def integrability_conditions(
     first: list[tuple[ex.Symbol | ex.Velocity, Any, exact_field.Quotient]] = [
         (ex.Velocity(x), motion.by_velocity[k], slopes.by_velocity[k]) for k, x in enumerate(names)
     ]
-    first += [(ex.Symbol(x), motion.by_coordinate[k], slopes.by_coordinate[k]) for k, x in enumerate(names)]
+    first += [
+        (ex.Symbol(x), motion.by_coordinate[k], slopes.by_coordinate[k])
+        for k, x in enumerate(names)
+    ]
     if with_time:
         first.append((ex.TIME, exact.ring.partial(0), slopes.by_time))
     for left in range(len(first)):
         for right in range(left):
             x, by_x, u_x = first[left]
             y, by_y, u_y = first[right]
-            yield notation.row(_mixed(y, x), " - ", _mixed(x, y)), "", by_x(u_y) - by_y(u_x), frozenset({x, y})
+            yield (
+                notation.row(_mixed(y, x), " - ", _mixed(x, y)),
+                "",
+                by_x(u_y) - by_y(u_x),
+                frozenset({x, y}),
+            )
 
 
 def _slope(variable: ex.Symbol | ex.Velocity) -> notation.Formula:
@@ -540,15 +636,24 @@ def _mixed(inner: ex.Symbol | ex.Velocity, outer: ex.Symbol | ex.Velocity) -> no
 
 
 def _lines(
-    slopes: cd.FactorSlopes, with_time: bool, variables: frozenset[ex.Symbol | ex.Velocity], names: tuple[str, ...]
+    slopes: cd.FactorSlopes,
+    with_time: bool,
+    variables: frozenset[ex.Symbol | ex.Velocity],
+    names: tuple[str, ...],
 ) -> tuple[Line, ...]:
-    """The derivatives of u by these variables, in the order of derivation, with those on which they depend.
+    """The derivatives of u by these variables, in the order of derivation, with those on which they
+    depend.
 
-    du/dv follows from (H1), Gamma(u) from (H2), du/dq from both, and du/dt from all of them: see `factor_slopes`.
+    du/dv follows from (H1), Gamma(u) from (H2), du/dq from both, and du/dt from all of them: see
+    `factor_slopes`.
     """
     of_velocities = all(isinstance(variable, ex.Velocity) for variable in variables)
     lines = [
-        Line("Since `dg_ij/dv^k` is symmetric in `j` and `k`", _slope(ex.Velocity(x)), slopes.by_velocity[k])
+        Line(
+            "Since `dg_ij/dv^k` is symmetric in `j` and `k`",
+            _slope(ex.Velocity(x)),
+            slopes.by_velocity[k],
+        )
         for k, x in enumerate(names)
         if ex.Velocity(x) in variables or not of_velocities
     ]
@@ -556,7 +661,11 @@ def _lines(
         return tuple(lines)
     lines.append(Line("By `Gamma(g) = g N + (g N)^T`", notation.theory("Gamma(u)"), slopes.along))
     lines += [
-        Line(f"Differentiating `Gamma(u)` with respect to `{x}'`", _slope(ex.Symbol(x)), slopes.by_coordinate[k])
+        Line(
+            f"Differentiating `Gamma(u)` with respect to `{x}'`",
+            _slope(ex.Symbol(x)),
+            slopes.by_coordinate[k],
+        )
         for k, x in enumerate(names)
         if ex.Symbol(x) in variables or ex.TIME in variables
     ]
@@ -565,7 +674,9 @@ def _lines(
     return tuple(lines)
 
 
-def _is_nonzero(ring: exact_field.ExactRing, element: exact_field.Quotient, point: modular.Point) -> bool:
+def _is_nonzero(
+    ring: exact_field.ExactRing, element: exact_field.Quotient, point: modular.Point
+) -> bool:
     """Whether the value at the random point is nonzero; TooLarge if it cannot be evaluated."""
     numerator = tower.to_kernels(exact_field.polynomial_tree(ring, element.numerator))
     try:

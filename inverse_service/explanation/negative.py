@@ -1,15 +1,17 @@
 """Explain why a system is not variational, in steps that can be followed with pencil and paper.
 
-Conditions that are too long to write out are shown with numbers at one point. A minor that is nonzero there is nonzero
-on an open dense set (f is analytic), so g = 0 at the point implies g = 0 at every generic point. The same is true for
-values that belong to no real point but satisfy all algebraic relations among the functions, because the minor is then a
-nonzero element of their field. If only singular g remain, the numbers show why; `hierarchy` has checked at random
-points that this is generic.
+Conditions that are too long to write out are shown with numbers at one point. A minor that is
+nonzero there is nonzero on an open dense set (f is analytic), so g = 0 at the point implies g = 0
+at every generic point. The same is true for values that belong to no real point but satisfy all
+algebraic relations among the functions, because the minor is then a nonzero element of their field.
+If only singular g remain, the numbers show why; `hierarchy` has checked at random points that this
+is generic.
 
-`numbers_at_a_point` finds a point at which variables and atoms of f have small rational values that respect all
-relations among them. Coordinates, velocities, parameters and the free generators of f (tan of a half angle, the root of
-an exponential, an arbitrary function and its derivatives) get small integers. If a root is not rational, the next point
-is tried. Values are found modulo a prime and reconstructed as fractions (Wang 1981); a second prime confirms them.
+`numbers_at_a_point` finds a point at which variables and atoms of f have small rational values that
+respect all relations among them. Coordinates, velocities, parameters and the free generators of f
+(tan of a half angle, the root of an exponential, an arbitrary function and its derivatives) get
+small integers. If a root is not rational, the next point is tried. Values are found modulo a prime
+and reconstructed as fractions (Wang 1981); a second prime confirms them.
 """
 
 from __future__ import annotations
@@ -36,14 +38,17 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 # Seconds for the exact elimination, and for the search for a point with rational values.
 TIME_LIMIT, NUMBERS_LIMIT = 1.0, 5.0
-# The number of coordinates up to which equations are solved step by step; 6 coordinates have 21 entries of g.
+# The number of coordinates up to which equations are solved step by step; 6 coordinates have 21
+# entries of g.
 MOST_COORDINATES = 5
 _SYMMETRIC = "g_ij T^j_k = g_kj T^j_i"
 _CYCLIC = "g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0"
 SINGULAR = "det g = 0"
-# Every argument begins with `opening`, which supposes that there is a regular Lagrangian, and ends with this.
+# Every argument begins with `opening`, which supposes that there is a regular Lagrangian, and ends
+# with this.
 NO_LAGRANGIAN = "This is a contradiction, so no regular Lagrangian exists."
-# Derivations of G for its factor e^u: one for u_v, two for u_q, one more to compare mixed derivatives.
+# Derivations of G for its factor e^u: one for u_v, two for u_q, one more to compare mixed
+# derivatives.
 _ORDERS_OF_FACTOR = 3
 # The number of characters of one step beyond which numbers at one point are easier to follow.
 LONGEST_SHOWN = 2_000
@@ -53,7 +58,9 @@ Values = Mapping[Any, Fraction]
 
 # Small numbers come first; larger ones, needed for rational roots, come later.
 _SMALL, _LARGER, _PATIENCE = 5, 12, 20
-_PLAIN = tuple(tuple(map(Fraction, values.split())) for values in ("0 0 1 2", "0 0 1 2", "0 0 1 -1", "0 0 1 2"))
+_PLAIN = tuple(
+    tuple(map(Fraction, values.split())) for values in ("0 0 1 2", "0 0 1 2", "0 0 1 -1", "0 0 1 2")
+)
 _SPEEDS = tuple(map(Fraction, ("0", "3/5", "4/5", "-3/5")))
 CHOSEN = modular.safe_prime(7_003)
 
@@ -61,11 +68,12 @@ CHOSEN = modular.safe_prime(7_003)
 def explain_negative(
     analysis: Analysis, chosen: hierarchy.ChosenEquations | None, with_time: bool, seed: int
 ) -> tuple[Step, ...]:
-    """From the chosen equations of the hierarchy to det g = 0; for None, the differential consequence.
+    """From the chosen equations of the hierarchy to det g = 0; for None, the differential
+    consequence.
 
-    The exact steps, unless one of them is longer than `LONGEST_SHOWN` and the steps with numbers at one point are
-    shorter; where neither exist (too large, or more than one direction remains), the ranks. `with_time` says that the
-    question was for L(t, q, v).
+    The exact steps, unless one of them is longer than `LONGEST_SHOWN` and the steps with numbers at
+    one point are shorter; where neither exist (too large, or more than one direction remains), the
+    ranks. `with_time` says that the question was for L(t, q, v).
     """
     system = analysis.system
     budget = exact_field.Budget(bounds.TERMS, now() + TIME_LIMIT)
@@ -73,7 +81,9 @@ def explain_negative(
     found = list[tuple[Step, ...]]()
     with suppress(exact_field.TooLarge, ZeroDivisionError):
         if chosen is None:
-            found.append(_by_differentiation(analysis, with_time or system.depends_on_time, seed, budget))
+            found.append(
+                _by_differentiation(analysis, with_time or system.depends_on_time, seed, budget)
+            )
         elif few:
             found.append(_by_elimination(analysis, chosen, seed, budget))
     if chosen is not None and few and not any(_longest(steps) <= LONGEST_SHOWN for steps in found):
@@ -83,7 +93,9 @@ def explain_negative(
 
 
 def _longest(steps: Sequence[Step]) -> int:
-    """The number of characters of the longest step; steps of thousands of characters are useless to readers."""
+    """The number of characters of the longest step; steps of thousands of characters are useless to
+    readers.
+    """
     return max(len(step.text) for step in steps)
 
 
@@ -113,14 +125,25 @@ def solve_conditions(
     """Eliminate exactly; see `hierarchy.exact_rows`."""
     rows = hierarchy.exact_rows(analysis, chosen.equations, seed, budget, further_orders)
     result = hierarchy.eliminate(rows.equations, rows.table)
-    steps = [tensor_step(rows.ring, condition, rows.tensors[condition]) for condition in chosen.conditions]
+    steps = [
+        tensor_step(rows.ring, condition, rows.tensors[condition])
+        for condition in chosen.conditions
+    ]
     steps += [_solved_step(rows, step, analysis.system.parameters) for step in result.solved]
     return SolvedConditions(rows, result, tuple(steps))
 
 
-def _by_differentiation(analysis: Analysis, with_time: bool, seed: int, budget: exact_field.Budget) -> tuple[Step, ...]:
-    """The steps that determine the multiplier up to a factor, and contradictory equations for the factor."""
-    chosen = hierarchy.equations_of_one_direction(analysis, seed) if len(analysis.system.coordinates) > 1 else None
+def _by_differentiation(
+    analysis: Analysis, with_time: bool, seed: int, budget: exact_field.Budget
+) -> tuple[Step, ...]:
+    """The steps that determine the multiplier up to a factor, and contradictory equations for the
+    factor.
+    """
+    chosen = (
+        hierarchy.equations_of_one_direction(analysis, seed)
+        if len(analysis.system.coordinates) > 1
+        else None
+    )
     if chosen is None:
         raise exact_field.TooLarge("the algebraic conditions leave more than one direction")
     solved = solve_conditions(analysis, chosen, seed, budget, _ORDERS_OF_FACTOR)
@@ -131,22 +154,36 @@ def _by_differentiation(analysis: Analysis, with_time: bool, seed: int, budget: 
     return (opening(analysis.system, chosen), *steps)
 
 
-def _solved_step(rows: hierarchy.ExactRows, step: hierarchy.Solved, parameters: Collection[str]) -> Step:
+def _solved_step(
+    rows: hierarchy.ExactRows, step: hierarchy.Solved, parameters: Collection[str]
+) -> Step:
     ring = rows.ring
-    original, reduced, result = (linear_tree(rows, row) for row in (step.original, step.reduced, step.value))
-    divisors = [*exact_field.factor_trees(ring, step.content), *exact_field.factor_trees(ring, step.divisor)]
-    return equation_step(step.name, original, reduced, rows.symbols[step.pivot], result, divisors, parameters)
+    original, reduced, result = (
+        linear_tree(rows, row) for row in (step.original, step.reduced, step.value)
+    )
+    divisors = [
+        *exact_field.factor_trees(ring, step.content),
+        *exact_field.factor_trees(ring, step.divisor),
+    ]
+    return equation_step(
+        step.name, original, reduced, rows.symbols[step.pivot], result, divisors, parameters
+    )
 
 
 def linear_tree(rows: hierarchy.ExactRows, row: hierarchy.Linear) -> ex.Expression:
     """The combination of the entries of g as a tree."""
     return ex.add(
-        *(exact_field.quotient_tree(rows.ring, row[unknown]) * rows.symbols[unknown] for unknown in sorted(row))
+        *(
+            exact_field.quotient_tree(rows.ring, row[unknown]) * rows.symbols[unknown]
+            for unknown in sorted(row)
+        )
     )
 
 
 def _closing_step(solved: SolvedConditions) -> Step:
-    """Why the remaining g are singular, with g written out if it is short; TooLarge if this was not recognized."""
+    """Why the remaining g are singular, with g written out if it is short; TooLarge if this was not
+    recognized.
+    """
     rows, n = solved.rows, solved.rows.exact.motion.size
     block = hierarchy.vanishing_block(solved.result.values, n)
     if block is not None:
@@ -159,18 +196,30 @@ def _closing_step(solved: SolvedConditions) -> Step:
     entries = [[linear_tree(rows, row) for row in line] for line in solved.result.matrix(n, one)]
     if sum(ex.node_count(entry) for line in entries for entry in line) > bounds.SHOWN:
         return said(f"With these values {end}", shown=[SINGULAR])
-    return said("With these values ", notation.row("g = ", notation.matrix(entries)), f", and {end}", shown=[SINGULAR])
+    return said(
+        "With these values ",
+        notation.row("g = ", notation.matrix(entries)),
+        f", and {end}",
+        shown=[SINGULAR],
+    )
 
 
 def _in_numbers(analysis: Analysis, chosen: hierarchy.ChosenEquations) -> list[tuple[Step, ...]]:
-    """The argument at one point: tensors, equations, their solution, and why it is singular; [] without a point."""
+    """The argument at one point: tensors, equations, their solution, and why it is singular; []
+    without a point.
+    """
     values = numbers_at_a_point(analysis, chosen, now() + NUMBERS_LIMIT)
     if values is None:
         return []
-    names, span = list(hierarchy.entry_symbols(analysis.system).values()), range(len(analysis.system.coordinates))
+    names, span = (
+        list(hierarchy.entry_symbols(analysis.system).values()),
+        range(len(analysis.system.coordinates)),
+    )
     rows = {name: _coprime(row) for name, row in _rows(values, chosen, len(names)).items()}
     tensors = {
-        condition: notation.matrix([[ex.number(values[condition, i, k]) for k in span] for i in span])
+        condition: notation.matrix(
+            [[ex.number(values[condition, i, k]) for k in span] for i in span]
+        )
         for condition in chosen.conditions
         if not condition.cyclic
     }
@@ -192,7 +241,9 @@ def _in_numbers(analysis: Analysis, chosen: hierarchy.ChosenEquations) -> list[t
 
 
 def _echelon(rows: Sequence[Row]) -> list[tuple[int, Row]]:
-    """The reduced echelon form, its pivots the last entries of the rows: (pivot column, row with 1 in the pivot)."""
+    """The reduced echelon form, its pivots the last entries of the rows: (pivot column, row with 1
+    in the pivot).
+    """
     width = len(rows[0]) if rows else 0
     turned = matrices.echelon_of([line[::-1] for line in rows], width)
     return sorted((width - 1 - pivot, tuple(line[::-1])) for pivot, line in turned)
@@ -211,7 +262,9 @@ def _combination(row: Sequence[Fraction], names: Sequence[ex.Symbol]) -> ex.Expr
 def _point_step(analysis: Analysis, chosen: hierarchy.ChosenEquations, values: Values) -> Step:
     """The substituted values, and why they are admissible."""
     bare = bare_variables(analysis.accelerations)
-    variables = [each for each in values if isinstance(each, ex.Symbol | ex.Velocity) and each in bare]
+    variables = [
+        each for each in values if isinstance(each, ex.Symbol | ex.Velocity) and each in bare
+    ]
     shown = (*sorted(variables, key=printing.to_text), *_atoms(analysis, chosen))
     listed = separated([notation.row(each, " = ", ex.number(values[each])) for each in shown])
     if not listed:
@@ -226,7 +279,8 @@ def _point_step(analysis: Analysis, chosen: hierarchy.ChosenEquations, values: V
 
 
 def _closing_step_at_point(free: Sequence[ex.Symbol]) -> Step:
-    """The conclusion: a full rank is generic, but a vanishing determinant might be special to one point.
+    """The conclusion: a full rank is generic, but a vanishing determinant might be special to one
+    point.
 
     `free` are the entries of g that the solution leaves free.
     """
@@ -264,13 +318,19 @@ def opening(system: SecondOrderSystem, chosen: hierarchy.ChosenEquations) -> Ste
 
 
 def _listed_conditions(chosen: hierarchy.ChosenEquations) -> list[Piece]:
-    plain = [notation.theory(condition.name) for condition in chosen.conditions if not condition.cyclic]
+    plain = [
+        notation.theory(condition.name) for condition in chosen.conditions if not condition.cyclic
+    ]
     cyclic = [condition.name for condition in chosen.conditions if condition.cyclic]
     found: list[Piece] = ["`g T` is symmetric for `T` = ", *enumerated(plain)] if plain else []
     if cyclic:
         found += [" and "] if found else []
         found.append(notation.theory(_CYCLIC))
-        others: list[Piece] = [" for ", *enumerated([notation.theory(name) for name in cyclic]), " in place of `R`"]
+        others: list[Piece] = [
+            " for ",
+            *enumerated([notation.theory(name) for name in cyclic]),
+            " in place of `R`",
+        ]
         found += [] if cyclic == ["R"] else others
     return found
 
@@ -280,17 +340,24 @@ def tensor_step(
     condition: hierarchy.ConditionName,
     tensor: Tensor11[exact_field.Quotient] | Tensor12[exact_field.Quotient],
 ) -> Step:
-    """The nonzero components of a tensor of the conditions, the first index above; k < l for T^j_kl."""
+    """The nonzero components of a tensor of the conditions, the first index above; k < l for
+    T^j_kl.
+    """
     span = range(len(tensor))
     found: list[tuple[tuple[int, ...], exact_field.Quotient]]
     if condition.cyclic:
         bend = cast("Tensor12[exact_field.Quotient]", tensor)
-        found = [((i, k, m), bend[i][k][m]) for i in span for k, m in itertools.combinations(span, 2)]
+        found = [
+            ((i, k, m), bend[i][k][m]) for i in span for k, m in itertools.combinations(span, 2)
+        ]
     else:
         plain = cast("Tensor11[exact_field.Quotient]", tensor)
         found = [((i, k), plain[i][k]) for i in span for k in span]
     shown = [
-        notation.row(f"({condition.name})^{above + 1}_{_counted(below)} = ", exact_field.quotient_tree(ring, value))
+        notation.row(
+            f"({condition.name})^{above + 1}_{_counted(below)} = ",
+            exact_field.quotient_tree(ring, value),
+        )
         for (above, *below), value in found
         if not value.is_zero
     ]
@@ -326,7 +393,12 @@ def equation_step(
     pieces: list[Piece] = [equation_name(name), ": ", notation.row(original, " = 0"), ". "]
     if reduced != original:
         pieces += ["Substituting the results above gives ", notation.row(reduced, " = 0"), ". "]
-    return said(*pieces, *_divided_by(dict.fromkeys(divisors), parameters), notation.row(pivot, " = ", result), ".")
+    return said(
+        *pieces,
+        *_divided_by(dict.fromkeys(divisors), parameters),
+        notation.row(pivot, " = ", result),
+        ".",
+    )
 
 
 def _divided_by(divisors: Iterable[ex.Expression], parameters: Collection[str]) -> list[Piece]:
@@ -334,20 +406,30 @@ def _divided_by(divisors: Iterable[ex.Expression], parameters: Collection[str]) 
     numbers, others = list[notation.Formula](), list[notation.Formula]()
     for divisor in divisors:
         leaves = [node for node in ex.walk(divisor) if isinstance(node, ex.Symbol | ex.Velocity)]
-        constant = leaves and all(isinstance(leaf, ex.Symbol) and leaf.name in parameters for leaf in leaves)
+        constant = leaves and all(
+            isinstance(leaf, ex.Symbol) and leaf.name in parameters for leaf in leaves
+        )
         (numbers if constant else others).append(notation.formula_of(divisor))
     if not numbers and not others:
         return ["Hence "]
     values: list[Piece] = (
-        ["For ", *separated([notation.row(one, " != 0") for one in numbers], " and "), ", "] if numbers else []
+        ["For ", *separated([notation.row(one, " != 0") for one in numbers], " and "), ", "]
+        if numbers
+        else []
     )
     verb = "is" if len(others) == 1 else "are"
     word = "since " if numbers else "Since "
-    return [*values, *([word, *enumerated(others), f" {verb} not identically zero, "] if others else [])]
+    return [
+        *values,
+        *([word, *enumerated(others), f" {verb} not identically zero, "] if others else []),
+    ]
 
 
 def block_sentence(
-    symbols: Mapping[hierarchy.Unknown, ex.Symbol], rows: tuple[int, ...], columns: tuple[int, ...], n: int
+    symbols: Mapping[hierarchy.Unknown, ex.Symbol],
+    rows: tuple[int, ...],
+    columns: tuple[int, ...],
+    n: int,
 ) -> Step:
     """Explain that g is singular because the common entries of these rows and columns vanish."""
     names = sorted({symbols[min(r, c), max(r, c)].name for r in rows for c in columns})
@@ -370,7 +452,9 @@ def summary_steps(system: SecondOrderSystem, chosen: hierarchy.ChosenEquations) 
         f"matrices that satisfy them form a space of dimension {chosen.dimension}, {end}. {NO_LAGRANGIAN}",
         shown=[SINGULAR],
     )  # fmt: skip
-    middle = said("For each `T` the equation is `g_11 T^1_2 + g_12 (T^2_2 - T^1_1) - g_22 T^2_1 = 0`.")
+    middle = said(
+        "For each `T` the equation is `g_11 T^1_2 + g_12 (T^2_2 - T^1_1) - g_22 T^2_1 = 0`."
+    )
     return (opening(system, chosen), *([middle] if entries == 3 else []), closing)
 
 
@@ -387,9 +471,13 @@ def differential_summary(system: SecondOrderSystem) -> tuple[Step, ...]:
 
 
 def factor_steps(
-    ring: exact_field.ExactRing, direction: Tensor11[exact_field.Quotient], found: hierarchy.Contradiction
+    ring: exact_field.ExactRing,
+    direction: Tensor11[exact_field.Quotient],
+    found: hierarchy.Contradiction,
 ) -> list[Step]:
-    """g = e^u times a known matrix; the derivatives of u, and the two that contradict each other."""
+    """g = e^u times a known matrix; the derivatives of u, and the two that contradict each
+    other.
+    """
     rows = [[exact_field.quotient_tree(ring, entry) for entry in line] for line in direction]
     fixed = said(
         "The algebraic conditions therefore determine `g` up to a factor: `g = e^u G` or `g = -e^u G` with ",
@@ -397,7 +485,11 @@ def factor_steps(
     )  # fmt: skip
     steps = [fixed]
     steps += [
-        said(f"{line.reason}: ", notation.row(line.formula, " = ", exact_field.quotient_tree(ring, line.value)), ".")
+        said(
+            f"{line.reason}: ",
+            notation.row(line.formula, " = ", exact_field.quotient_tree(ring, line.value)),
+            ".",
+        )
         for line in found.lines
     ]
     tree = exact_field.quotient_tree(ring, found.difference)
@@ -410,7 +502,9 @@ def factor_steps(
 
 @dataclass(slots=True)
 class SmallPoint(modular.Point):
-    """A point whose free values are small integers, the same modulo every prime; for `key` see `modular.Point`."""
+    """A point whose free values are small integers, the same modulo every prime; for `key` see
+    `modular.Point`.
+    """
 
     def draw(self, key: object) -> int:
         largest = _SMALL if self.seed < _PATIENCE else _LARGER
@@ -429,12 +523,18 @@ class PlainPoint(modular.Point):
         if not (isinstance(key, tuple) and isinstance(key[0], ex.Symbol | ex.Velocity)):
             return source.randint(1, 2)
         fractions = isinstance(key[0], ex.Velocity) and self.seed % 4 == 3
-        return modular.number_value(source.choice(_SPEEDS if fractions else _PLAIN[self.seed % 4]), self.prime)
+        return modular.number_value(
+            source.choice(_SPEEDS if fractions else _PLAIN[self.seed % 4]), self.prime
+        )
 
 
 def has_points(analysis: Analysis) -> bool:
-    """Whether all atoms can have rational values; False if numbers such as pi, sin(1), or exp(2) occur."""
-    radians = any(isinstance(rule, tower.AngleRule) and rule.radians for rule in analysis.tower.rules)
+    """Whether all atoms can have rational values; False if numbers such as pi, sin(1), or exp(2)
+    occur.
+    """
+    radians = any(
+        isinstance(rule, tower.AngleRule) and rule.radians for rule in analysis.tower.rules
+    )
     bare = bare_variables(analysis.accelerations)
     numbers = any(
         isinstance(atom, ex.Apply) and not modular.variables_in(atom)
@@ -446,9 +546,10 @@ def has_points(analysis: Analysis) -> bool:
 def is_real(analysis: Analysis) -> bool:
     """Whether the values drawn for variables and free generators are those of one real point.
 
-    They are if each free generator is the exponential, sine, or cosine of a rational combination of variables that
-    occur nowhere else, and these combinations are independent, because the variables can then be chosen accordingly.
-    Otherwise they are values allowed by the same algebraic relations.
+    They are if each free generator is the exponential, sine, or cosine of a rational combination of
+    variables that occur nowhere else, and these combinations are independent, because the variables
+    can then be chosen accordingly. Otherwise they are values allowed by the same algebraic
+    relations.
     """
     bare = bare_variables(analysis.accelerations)
     arguments: list[Mapping[modular.Variable, Fraction]] = []
@@ -457,8 +558,14 @@ def is_real(analysis: Analysis) -> bool:
             return False  # e has its own value
         if not rule.free:
             continue
-        found = _of_variables(rule.angle if isinstance(rule, tower.AngleRule) else rule.atom.argument)
-        if found is None or not isinstance(rule, tower.AngleRule | tower.ExponentialRule) or bare & set(found):
+        found = _of_variables(
+            rule.angle if isinstance(rule, tower.AngleRule) else rule.atom.argument
+        )
+        if (
+            found is None
+            or not isinstance(rule, tower.AngleRule | tower.ExponentialRule)
+            or bare & set(found)
+        ):
             return False
         arguments.append(found)
     names = sorted({name for found in arguments for name in found}, key=repr)
@@ -490,8 +597,15 @@ def bare_variables(expressions: Iterable[ex.Expression]) -> set[modular.Variable
 
 
 def atoms_and_jets(analysis: Analysis, further: int) -> list[ex.Expression]:
-    """Transcendental atoms and roots in f, and arbitrary functions with `further` more derivatives than in f."""
-    nodes = {node for f in analysis.accelerations for node in ex.walk(f) if isinstance(node, ex.Arbitrary)}
+    """Transcendental atoms and roots in f, and arbitrary functions with `further` more derivatives
+    than in f.
+    """
+    nodes = {
+        node
+        for f in analysis.accelerations
+        for node in ex.walk(f)
+        if isinstance(node, ex.Arbitrary)
+    }
     functions: dict[tuple[str, tuple[ex.Expression, ...]], int] = {}
     for node in sorted(nodes, key=printing.to_text):
         place = (node.name, node.arguments)
@@ -516,11 +630,14 @@ def _with_partners(atoms: Iterable[ex.Expression]) -> Iterator[ex.Expression]:
         seen.update(both)
 
 
-def numbers_at_a_point(analysis: Analysis, chosen: hierarchy.ChosenEquations, deadline: float) -> Values | None:
+def numbers_at_a_point(
+    analysis: Analysis, chosen: hierarchy.ChosenEquations, deadline: float
+) -> Values | None:
     """Values at a point where the chosen equations allow only singular g.
 
-    The keys are the variables, the atoms, (condition, i, k) of the tensors (n, n), and (name, column) of the equations.
-    None if no point is found before the deadline (`now`), or numbers such as pi have no value.
+    The keys are the variables, the atoms, (condition, i, k) of the tensors (n, n), and (name,
+    column) of the equations. None if no point is found before the deadline (`now`), or numbers such
+    as pi have no value.
     """
     if not has_points(analysis):
         return None
@@ -540,14 +657,21 @@ def numbers_at_a_point(analysis: Analysis, chosen: hierarchy.ChosenEquations, de
     return None
 
 
-def _rows(values: Values, chosen: hierarchy.ChosenEquations, width: int) -> dict[hierarchy.EquationName, Row]:
+def _rows(
+    values: Values, chosen: hierarchy.ChosenEquations, width: int
+) -> dict[hierarchy.EquationName, Row]:
     return {name: tuple(values[name, k] for k in range(width)) for name in chosen.equations}
 
 
 def _in_fractions(
-    analysis: Analysis, chosen: hierarchy.ChosenEquations, tensors: hierarchy.LocalTensors, attempt: int
+    analysis: Analysis,
+    chosen: hierarchy.ChosenEquations,
+    tensors: hierarchy.LocalTensors,
+    attempt: int,
 ) -> Values | None:
-    """All values at point number `attempt` as fractions of small numbers, from one prime and confirmed by another."""
+    """All values at point number `attempt` as fractions of small numbers, from one prime and
+    confirmed by another.
+    """
     prime, second = (modular.safe_prime(k, analysis.tower.residues) for k in (7_001, 7_002))
     found: dict[Any, Fraction] = {}
     for key, residue in (_residues(analysis, chosen, tensors, attempt, prime) or {}).items():
@@ -556,31 +680,46 @@ def _in_fractions(
             return None
         found[key] = value
     known = _residues(analysis, chosen, tensors, attempt, second) if found else None
-    if known is None or any((x.numerator - known.get(key, 0) * x.denominator) % second for key, x in found.items()):
+    if known is None or any(
+        (x.numerator - known.get(key, 0) * x.denominator) % second for key, x in found.items()
+    ):
         return None
     return found
 
 
 def _residues(
-    analysis: Analysis, chosen: hierarchy.ChosenEquations, tensors: hierarchy.LocalTensors, attempt: int, prime: int
+    analysis: Analysis,
+    chosen: hierarchy.ChosenEquations,
+    tensors: hierarchy.LocalTensors,
+    attempt: int,
+    prime: int,
 ) -> dict[Any, int] | None:
-    """All values at point number `attempt` modulo the prime; None if f or its roots have no value there."""
+    """All values at point number `attempt` modulo the prime; None if f or its roots have no value
+    there.
+    """
     kind = PlainPoint if attempt % 2 else SmallPoint
     point = kind(prime, attempt // 2, dict(analysis.tower.real_signs))
     try:
         for rule in analysis.tower.rules:
             tower.replay(rule, point, analysis.tower.scale)
-        for tree, sign in (*((radicand, 1) for radicand in analysis.tower.radicands), *analysis.tower.signs):
+        for tree, sign in (
+            *((radicand, 1) for radicand in analysis.tower.radicands),
+            *analysis.tower.signs,
+        ):
             if modular.is_positive(modular.evaluate(tree, point), prime) != (sign > 0):
                 return None
-        found: dict[Any, int] = {atom: modular.evaluate(atom, point) for atom in _atoms(analysis, chosen)}
+        found: dict[Any, int] = {
+            atom: modular.evaluate(atom, point) for atom in _atoms(analysis, chosen)
+        }
         return {**found, **_tensors_and_rows(tensors, chosen, point), **point.variables}
     except (modular.SingularPoint, ValueError, ZeroDivisionError, errors.IrreducibleAtoms):
         return None
 
 
 def _atoms(analysis: Analysis, chosen: hierarchy.ChosenEquations) -> list[ex.Expression]:
-    """The atoms that are shown, with derivatives of functions: one more by the coordinates in Phi and in each nabla."""
+    """The atoms that are shown, with derivatives of functions: one more by the coordinates in Phi
+    and in each nabla.
+    """
     return atoms_and_jets(analysis, hierarchy.depth_of(chosen.equations) + 1)
 
 

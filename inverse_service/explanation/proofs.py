@@ -1,15 +1,18 @@
-"""Theorems behind a verdict, as identities in plain data and as a file that Coq compiles (the reals of its library).
+"""Theorems behind a verdict, as identities in plain data and as a file that Coq compiles (the reals
+of its library).
 
-The identities are of the form factor * P = sum of cofactor * fact between polynomials over Q: P = 0 where the factor
-is not 0, where P and the facts are polynomials in generators of any meaning; relations of the generators are facts
-like any other. They state det g = 0 from the algebraic conditions, or the Euler-Lagrange equations of L.
+The identities are of the form factor * P = sum of cofactor * fact between polynomials over Q: P = 0
+where the factor is not 0, where P and the facts are polynomials in generators of any meaning;
+relations of the generators are facts like any other. They state det g = 0 from the algebraic
+conditions, or the Euler-Lagrange equations of L.
 
-In the file f, its derivatives, and the tensors are defined and computed. Polynomials with rational coefficients are
-lists there, `derive` is the derivation with given values on the generators. A generator is a coordinate, a velocity, an
-atom of the formulas (u3 for sin(x)), an entry of the multiplier, or 1/D for a denominator D. Tensors of a system are
-polynomials in these generators, with the formulas of `mechanics.conditions`; a condition at a point is the value of
-such a polynomial at given values of the generators. The only unproved statements are the comments on the meaning of
-generators, for example that u3, which has the derivative u4, is sin(x).
+In the file f, its derivatives, and the tensors are defined and computed. Polynomials with rational
+coefficients are lists there, `derive` is the derivation with given values on the generators. A
+generator is a coordinate, a velocity, an atom of the formulas (u3 for sin(x)), an entry of the
+multiplier, or 1/D for a denominator D. Tensors of a system are polynomials in these generators,
+with the formulas of `mechanics.conditions`; a condition at a point is the value of such a
+polynomial at given values of the generators. The only unproved statements are the comments on the
+meaning of generators, for example that u3, which has the derivative u4, is sin(x).
 """
 
 from __future__ import annotations
@@ -62,12 +65,17 @@ _TAKEN = re.compile(
     r"(eq|row|rel|nz|val|ker)\d+|Motion|whole|which|cancel|plus_zero|times_zero|nonzero|zero|det_g|residual|R|as|at|by|"
     r"cofix|do|else|end|exists|fix|for|forall|from|fun|if|in|let|match|mod|return|then|Type|Prop|Set|SProp|using|where|with"
 )
-# Among the values of free generators in the example are legs of right triangles, which make sqrt(1 - u^2) rational.
+# Among the values of free generators in the example are legs of right triangles, which make sqrt(1
+# - u^2) rational.
 SAMPLES = [
-    Fraction(*pair) for pair in ((1, 1), (2, 1), (3, 1), (-1, 1), (1, 2), (3, 5), (4, 5), (5, 13), (5, 1), (-2, 3))
+    Fraction(*pair)
+    for pair in ((1, 1), (2, 1), (3, 1), (-1, 1), (1, 2), (3, 5), (4, 5), (5, 13), (5, 1), (-2, 3))
 ]
 ATTEMPTS = 400  # points tried for the example
-TERM_LIMIT, TIME_LIMIT = 20_000, 10.0  # terms of one polynomial, and seconds, for all theorems of a verdict
+TERM_LIMIT, TIME_LIMIT = (
+    20_000,
+    10.0,
+)  # terms of one polynomial, and seconds, for all theorems of a verdict
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,12 +98,16 @@ class Identity:
     def holds(self) -> bool:
         """Whether both sides are the same polynomial: exact, without any point."""
         left = self.factor * self.gives.polynomial
-        return bool((left - sum((c * fact.polynomial for c, fact in self.terms), left * 0)).is_zero())
+        return bool(
+            (left - sum((c * fact.polynomial for c, fact in self.terms), left * 0)).is_zero()
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class Divisor:
-    """A fact that replaces powers of generator `index` from its own on; its leading coefficient is not zero."""
+    """A fact that replaces powers of generator `index` from its own on; its leading coefficient is
+    not zero.
+    """
 
     fact: Fact
     index: int
@@ -110,16 +122,29 @@ class Remainder:
     rest: fmpq_mpoly
 
 
-def divided(polynomial: fmpq_mpoly, divisors: Sequence[Divisor], budget: exact_field.Budget) -> Remainder:
+def divided(
+    polynomial: fmpq_mpoly, divisors: Sequence[Divisor], budget: exact_field.Budget
+) -> Remainder:
     """Pseudo-division by one divisor after the other."""
-    multiplier, rest, cofactors = polynomial * 0 + 1, polynomial, dict[str, tuple[fmpq_mpoly, Fact]]()
+    multiplier, rest, cofactors = (
+        polynomial * 0 + 1,
+        polynomial,
+        dict[str, tuple[fmpq_mpoly, Fact]](),
+    )
     for divisor in divisors:
-        scale, quotient, rest = exact_field.pseudo_division(rest, divisor.fact.polynomial, divisor.index, budget)
+        scale, quotient, rest = exact_field.pseudo_division(
+            rest, divisor.fact.polynomial, divisor.index, budget
+        )
         if not scale.is_one():
-            multiplier, cofactors = multiplier * scale, {k: (c * scale, f) for k, (c, f) in cofactors.items()}
+            multiplier, cofactors = (
+                multiplier * scale,
+                {k: (c * scale, f) for k, (c, f) in cofactors.items()},
+            )
         known = cofactors.get(divisor.fact.name, (polynomial * 0, divisor.fact))[0]
         cofactors[divisor.fact.name] = known + quotient, divisor.fact
-    return Remainder(multiplier, tuple(term for term in cofactors.values() if not term[0].is_zero()), rest)
+    return Remainder(
+        multiplier, tuple(term for term in cofactors.values() if not term[0].is_zero()), rest
+    )
 
 
 def without_remainder(
@@ -150,9 +175,13 @@ def factors_of(steps: Iterable[Identity]) -> list[fmpq_mpoly]:
 
 
 def identity(gives: Fact, factor: fmpq_mpoly, terms: Sequence[tuple[fmpq_mpoly, Fact]]) -> Identity:
-    """The identity, multiplied by a number so that no fraction is left; ArithmeticError where it does not hold."""
+    """The identity, multiplied by a number so that no fraction is left; ArithmeticError where it
+    does not hold.
+    """
     listed = [(c, fact) for c, fact in terms if not c.is_zero()]
-    below = math.lcm(*(int(value.q) for c in (factor, *(c for c, _ in listed)) for value in c.coeffs()))
+    below = math.lcm(
+        *(int(value.q) for c in (factor, *(c for c, _ in listed)) for value in c.coeffs())
+    )
     found = Identity(gives, factor * below, tuple((c * below, fact) for c, fact in listed))
     if not found.holds:
         raise ArithmeticError("an identity of a proof does not hold")
@@ -160,7 +189,8 @@ def identity(gives: Fact, factor: fmpq_mpoly, terms: Sequence[tuple[fmpq_mpoly, 
 
 
 def checked_identities(document: Any) -> list[str]:
-    """One sentence for each theorem: relations and equations zero, its factors not, so the last `gives` is zero.
+    """One sentence for each theorem: relations and equations zero, its factors not, so the last
+    `gives` is zero.
 
     Each step is factor * gives = sum of cofactor * (relation, equation or earlier step).
     """
@@ -172,22 +202,31 @@ def checked_identities(document: Any) -> list[str]:
 
 def _checked(theorem: dict[str, Any]) -> str:
     facts, steps = theorem["relations"] | theorem["equations"], theorem["steps"]
-    texts = [*facts.values(), *theorem["nonzero"], *(step[key] for step in steps for key in ("gives", "factor"))]
+    texts = [
+        *facts.values(),
+        *theorem["nonzero"],
+        *(step[key] for step in steps for key in ("gives", "factor")),
+    ]
     texts += [cofactor for step in steps for cofactor in step["cofactors"].values()]
     formulas.require(
-        steps and all(isinstance(text, str) for text in texts), "A theorem needs texts and at least one step."
+        steps and all(isinstance(text, str) for text in texts),
+        "A theorem needs texts and at least one step.",
     )
     names = sorted({word for text in texts for word in re.findall(WORD, text)}) or ["x"]
     ring = fmpq_mpoly_ctx.get(names, "degrevlex")
     known = {name: _polynomial(text, ring) for name, text in facts.items()}
     nonzero = [_polynomial(text, ring) for text in theorem["nonzero"]]
     for step in steps:
-        formulas.require({*step["cofactors"]} <= {*known}, f"Step {step['name']} uses a fact not shown before.")
+        formulas.require(
+            {*step["cofactors"]} <= {*known}, f"Step {step['name']} uses a fact not shown before."
+        )
         pairs = [(_polynomial(text, ring), known[name]) for name, text in step["cofactors"].items()]
         gives, factor = (_polynomial(step[key], ring) for key in ("gives", "factor"))
         if sum(len(a) * len(b) for a, b in [*pairs, (gives, factor)]) > MAX_PRODUCTS:
             raise formulas.Incomplete(f"Step {step['name']} is too long.")
-        formulas.require(_splits(factor, nonzero), f"The factor of step {step['name']} may be zero.")
+        formulas.require(
+            _splits(factor, nonzero), f"The factor of step {step['name']} may be zero."
+        )
         rest = sum((a * b for a, b in pairs), gives * 0) - factor * gives
         formulas.require(rest.is_zero(), f"The identity of step {step['name']} does not hold.")
         formulas.require(step["name"] not in known, "A name is used twice.")
@@ -208,7 +247,9 @@ def _polynomial(text: str, ring: fmpq_mpoly_ctx) -> fmpq_mpoly:
     while position < len(text) or not position:
         found = MONOMIAL.match(text, position)
         good = found and (found[1] or not position)
-        formulas.require(good, f"The text at column {position + 1} of {text[:40]}… is not a monomial.")
+        formulas.require(
+            good, f"The text at column {position + 1} of {text[:40]}… is not a monomial."
+        )
         exponents, value = [0] * len(names), -1 if found and found[1] == "-" else 1
         for power in found[2].split("*") if found else ():
             name, _, exponent = power.partition("^")
@@ -227,7 +268,8 @@ def with_generators_for_factors(
     equations: Mapping[hierarchy.EquationName, hierarchy.Linear],
     budget: exact_field.Budget,
 ) -> tuple[exact_field.ExactRing, dict[hierarchy.EquationName, hierarchy.Linear]]:
-    """The rows over a ring with an additional generator for each long factor, which prints as that factor.
+    """The rows over a ring with an additional generator for each long factor, which prints as that
+    factor.
 
     Denominators and factors that all coefficients of a row share are left out.
     """
@@ -237,33 +279,50 @@ def with_generators_for_factors(
     wider = _widened(ring, long, budget)
     letters = {str(factor): len(ring.field.context.names()) + k for k, factor in enumerate(long)}
     return wider, {
-        name: {unknown: _product_of_factors(wider, letters, *parts) for unknown, parts in row.items()}
+        name: {
+            unknown: _product_of_factors(wider, letters, *parts) for unknown, parts in row.items()
+        }
         for name, row in rows.items()
     }
 
 
 def _factored(
-    ring: exact_field.ExactRing, symbols: Mapping[hierarchy.Unknown, ex.Symbol], row: hierarchy.Linear
+    ring: exact_field.ExactRing,
+    symbols: Mapping[hierarchy.Unknown, ex.Symbol],
+    row: hierarchy.Linear,
 ) -> Row:
-    """The coefficients, put over one denominator, as a number and irreducible factors that they do not all share."""
+    """The coefficients, put over one denominator, as a number and irreducible factors that they do
+    not all share.
+    """
     places = {tree: index for index, tree in ring.trees.items()}
     whole = exact_field.sum_of(
         ring.constant(0), [c * ring.atoms[symbols[unknown]] for unknown, c in row.items()]
     ).numerator
-    parts = {unknown: exact_field.coefficient(whole, places[symbols[unknown]], 1) for unknown in row}
+    parts = {
+        unknown: exact_field.coefficient(whole, places[symbols[unknown]], 1) for unknown in row
+    }
     shared = exact_field.common_divisor(parts.values())
-    split = {unknown: exact_field.factor_polynomial(part / shared) for unknown, part in parts.items()}
-    return {unknown: (shared * 0 + fmpq(*n.as_integer_ratio()), found) for unknown, (n, found) in split.items()}
+    split = {
+        unknown: exact_field.factor_polynomial(part / shared) for unknown, part in parts.items()
+    }
+    return {
+        unknown: (shared * 0 + fmpq(*n.as_integer_ratio()), found)
+        for unknown, (n, found) in split.items()
+    }
 
 
-def _widened(ring: exact_field.ExactRing, long: list[fmpq_mpoly], budget: exact_field.Budget) -> exact_field.ExactRing:
+def _widened(
+    ring: exact_field.ExactRing, long: list[fmpq_mpoly], budget: exact_field.Budget
+) -> exact_field.ExactRing:
     """The same generators and relations, and one generator more for each long factor."""
     size = len(ring.field.context.names())
     field = exact_field.QuotientField.with_generators(size + len(long), budget)
     wider = exact_field.ExactRing(field, (), 0, slopes=False)
     for index, relation in ring.field.relations.items():
         field.relate(index, relation.degree, _with_more_generators(field, relation.right))
-    wider.trees = ring.trees | {size + k: exact_field.polynomial_tree(ring, factor) for k, factor in enumerate(long)}
+    wider.trees = ring.trees | {
+        size + k: exact_field.polynomial_tree(ring, factor) for k, factor in enumerate(long)
+    }
     wider.atoms = {tree: wider.generator(index) for index, tree in wider.trees.items()}
     return wider
 
@@ -271,11 +330,16 @@ def _widened(ring: exact_field.ExactRing, long: list[fmpq_mpoly], budget: exact_
 def _with_more_generators(field: exact_field.QuotientField, polynomial: fmpq_mpoly) -> fmpq_mpoly:
     """The polynomial among more generators."""
     more = (0,) * (len(field.context.names()) - len(polynomial.context().names()))
-    return field.context.from_dict({(*exponents, *more): value for exponents, value in polynomial.to_dict().items()})
+    return field.context.from_dict(
+        {(*exponents, *more): value for exponents, value in polynomial.to_dict().items()}
+    )
 
 
 def _product_of_factors(
-    ring: exact_field.ExactRing, letters: Mapping[str, int], number: fmpq_mpoly, factors: list[tuple[fmpq_mpoly, int]]
+    ring: exact_field.ExactRing,
+    letters: Mapping[str, int],
+    number: fmpq_mpoly,
+    factors: list[tuple[fmpq_mpoly, int]],
 ) -> exact_field.Quotient:
     value = exact_field.Quotient(ring.field, _with_more_generators(ring.field, number), ())
     for factor, exponent in factors:
@@ -294,7 +358,9 @@ Combination = tuple[fmpq_mpoly, Sequence[tuple[fmpq_mpoly, Fact]]]
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Where the equations of a theorem come from: f, the generators of the multiplier, the condition of each row, L."""
+    """Where the equations of a theorem come from: f, the generators of the multiplier, the
+    condition of each row, L.
+    """
 
     exact: conditions.MotionInRing
     symbols: Mapping[hierarchy.Unknown, ex.Symbol]
@@ -304,11 +370,13 @@ class Origin:
 
 @dataclass(frozen=True, slots=True)
 class Theorem:
-    """`steps` lead from relations and equations to the last one's `gives`, where no factor of theirs is zero.
+    """`steps` lead from relations and equations to the last one's `gives`, where no factor of
+    theirs is zero.
 
-    `equations` are rows of the algebraic conditions, without denominators and common factors, with what they are.
-    `origin` is None if long factors became generators. An Euler-Lagrange expression is what the last step gives over
-    the product of `denominators`, as polynomials (one may be a number) and exponents.
+    `equations` are rows of the algebraic conditions, without denominators and common factors, with
+    what they are. `origin` is None if long factors became generators. An Euler-Lagrange expression
+    is what the last step gives over the product of `denominators`, as polynomials (one may be a
+    number) and exponents.
     """
 
     name: str
@@ -321,31 +389,44 @@ class Theorem:
 
     @property
     def nonzero(self) -> tuple[fmpq_mpoly, ...]:
-        """The polynomials that must not vanish: the irreducible factors of all factors and denominators."""
-        return tuple(distinct([*factors_of(self.steps), *(below for below, _ in self.denominators)]))
+        """The polynomials that must not vanish: the irreducible factors of all factors and
+        denominators.
+        """
+        return tuple(
+            distinct([*factors_of(self.steps), *(below for below, _ in self.denominators)])
+        )
 
 
 def determinant_vanishes(
-    analysis: deciding.Analysis, chosen: hierarchy.ChosenEquations, seed: int, budget: exact_field.Budget
+    analysis: deciding.Analysis,
+    chosen: hierarchy.ChosenEquations,
+    seed: int,
+    budget: exact_field.Budget,
 ) -> Theorem:
-    """det g = 0 from the rows of the chosen conditions; TooLarge where the budget ends or it was not recognized.
+    """det g = 0 from the rows of the chosen conditions; TooLarge where the budget ends or it was
+    not recognized.
 
     If the formulas are long, their long factors become generators.
     """
     rows = hierarchy.exact_rows(analysis, chosen.equations, seed, budget)
     try:
         proof = _SingularityProof(rows.ring, rows.symbols, rows.equations, rows.table, budget)
-        return replace(proof.theorem(), origin=Origin(rows.exact, rows.symbols, tuple(proof.origins)))
+        return replace(
+            proof.theorem(), origin=Origin(rows.exact, rows.symbols, tuple(proof.origins))
+        )
     except exact_field.TooLarge:
-        ring, equations = with_generators_for_factors(rows.ring, rows.symbols, rows.equations, budget)
+        ring, equations = with_generators_for_factors(
+            rows.ring, rows.symbols, rows.equations, budget
+        )
         return _SingularityProof(ring, rows.symbols, equations, rows.table, budget).theorem()
 
 
 class _SingularityProof:
     """det g = 0 as identities, in `steps`, from the rows of an elimination as polynomials.
 
-    Each row is reduced by the entries solved before it (`val1`, `val2`, …: pivot * g_ij + … = 0), then each of these by
-    those solved after it, so that only free entries remain. Substitution of them makes det g zero.
+    Each row is reduced by the entries solved before it (`val1`, `val2`, …: pivot * g_ij + … = 0),
+    then each of these by those solved after it, so that only free entries remain. Substitution of
+    them makes det g zero.
     """
 
     def __init__(
@@ -367,7 +448,9 @@ class _SingularityProof:
     def theorem(self) -> Theorem:
         equations, values = list[tuple[Fact, str]](), list[Divisor]()
         for step in self.result.solved:
-            row = exact_field.sum_of(self.ring.constant(0), [c * self._entry(*u) for u, c in step.original.items()])
+            row = exact_field.sum_of(
+                self.ring.constant(0), [c * self._entry(*u) for u, c in step.original.items()]
+            )
             fact = Fact(f"eq{len(equations) + 1}", primitive(row.numerator))
             equations.append((fact, negative.equation_name(step.name).text))
             self.origins.append((step.name, row))
@@ -377,17 +460,25 @@ class _SingularityProof:
         values.sort(key=lambda value: len(value.fact.polynomial))
         self._close(values)
         steps = tuple(self.steps)
-        return Theorem("det_g_is_zero", self.ring, _used(self.relations, steps), tuple(equations), steps)
+        return Theorem(
+            "det_g_is_zero", self.ring, _used(self.relations, steps), tuple(equations), steps
+        )
 
     def _entry(self, i: int, j: int) -> exact_field.Quotient:
         return self.ring.atoms[self.symbols[min(i, j), max(i, j)]]
 
     def _interleaved(self, values: Sequence[Divisor]) -> list[Divisor]:
-        """The values, each followed by the relations: substitution of a value may make a power that they reduce."""
-        return [divisor for value in values for divisor in (value, *self.relations)] or [*self.relations]
+        """The values, each followed by the relations: substitution of a value may make a power that
+        they reduce.
+        """
+        return [divisor for value in values for divisor in (value, *self.relations)] or [
+            *self.relations
+        ]
 
     def _reduced(self, row: Divisor, values: Sequence[Divisor]) -> Divisor:
-        """The row after substitution of the values, divided by the common content of its coefficients."""
+        """The row after substitution of the values, divided by the common content of its
+        coefficients.
+        """
         fact = row.fact
         found = divided(fact.polynomial, self._interleaved(values), self.budget)
         content = exact_field.common_divisor(
@@ -398,11 +489,15 @@ class _SingularityProof:
             return row
         factor = found.rest / left
         given = Fact(f"val{len(self.steps) + 1}", left)
-        self.steps.append(identity(given, factor, [(found.multiplier, fact), *((-c, f) for c, f in found.terms)]))
+        self.steps.append(
+            identity(given, factor, [(found.multiplier, fact), *((-c, f) for c, f in found.terms)])
+        )
         return Divisor(given, row.index)
 
     def _close(self, values: Sequence[Divisor]) -> None:
-        """Add the last step: by a vector that every remaining g maps to 0, else by substitution in the expanded det."""
+        """Add the last step: by a vector that every remaining g maps to 0, else by substitution in
+        the expanded det.
+        """
         vector = self._null_vector()
         terms = None if vector is None else self._by_kernel(vector, values)
         goal = self._minor(range(self.size), range(self.size))
@@ -412,17 +507,25 @@ class _SingularityProof:
         self.steps.append(identity(Fact("det_g", goal), *terms))
 
     def _null_vector(self) -> list[exact_field.Quotient] | None:
-        """k, free of entries of g, with g k = 0 for every remaining g: it makes det g = 0 a short identity."""
+        """k, free of entries of g, with g k = 0 for every remaining g: it makes det g = 0 a short
+        identity.
+        """
         one = self.ring.constant(1)
         entries = self.result.matrix(self.size, one)
         free = sorted({unknown for line in entries for row in line for unknown in row})
-        rows = [[row.get(unknown, one - one) for row in line] for unknown in free for line in entries]
+        rows = [
+            [row.get(unknown, one - one) for row in line] for unknown in free for line in entries
+        ]
         return next(reversed(matrices.null_space(rows, self.size, one).values()), None)
 
-    def _by_kernel(self, vector: Sequence[exact_field.Quotient], values: Sequence[Divisor]) -> Combination:
+    def _by_kernel(
+        self, vector: Sequence[exact_field.Quotient], values: Sequence[Divisor]
+    ) -> Combination:
         """g k = 0, and k_m det g = sum over j of the cofactor (j, m) times (g k)_j."""
         span, places = range(self.size), [self.places[0, j] for j in range(self.size)]
-        row = exact_field.sum_of(self.ring.constant(0), [k * self._entry(0, j) for j, k in enumerate(vector)]).numerator
+        row = exact_field.sum_of(
+            self.ring.constant(0), [k * self._entry(0, j) for j, k in enumerate(vector)]
+        ).numerator
         k = [exact_field.coefficient(row, place, 1) for place in places]
         m = min((j for j in span if not k[j].is_zero()), key=lambda j: len(k[j]))
         terms = []
@@ -440,16 +543,24 @@ class _SingularityProof:
         return matrices.determinant(matrix, self.ring.constant(1)).numerator
 
     def _from_values(self, polynomial: fmpq_mpoly, values: Sequence[Divisor]) -> Remainder:
-        """The polynomial as a combination of values and relations; TooLarge if a remainder is left."""
-        return without_remainder(polynomial, self._interleaved(values), self.budget, "the determinant of what remains")
+        """The polynomial as a combination of values and relations; TooLarge if a remainder is
+        left.
+        """
+        return without_remainder(
+            polynomial, self._interleaved(values), self.budget, "the determinant of what remains"
+        )
 
 
 def euler_lagrange_hold(
-    system: second_order_system.SecondOrderSystem, lagrangian: ex.Expression, budget: exact_field.Budget
+    system: second_order_system.SecondOrderSystem,
+    lagrangian: ex.Expression,
+    budget: exact_field.Budget,
 ) -> tuple[Theorem, ...]:
-    """One theorem for each coordinate; TooLarge where the budget ends or an identity was not recognized.
+    """One theorem for each coordinate; TooLarge where the budget ends or an identity was not
+    recognized.
 
-    Gamma(dL/dv^k) - dL/dq^k, formed without the relations between generators, is a combination of these relations.
+    Gamma(dL/dv^k) - dL/dq^k, formed without the relations between generators, is a combination of
+    these relations.
     """
     exact = conditions.motion_in_ring(system, 2, budget, trees=[lagrangian])
     value = exact.ring.value(lagrangian)
@@ -461,22 +572,30 @@ def euler_lagrange_hold(
         residual = motion.along(motion.by_velocity[k](action)) - motion.by_coordinate[k](action)
         whole, powers = formal.cleared(residual, {})
         given = Fact("residual", primitive(whole))
-        found = without_remainder(given.polynomial, relations, budget, "an Euler-Lagrange expression")
+        found = without_remainder(
+            given.polynomial, relations, budget, "an Euler-Lagrange expression"
+        )
         step = identity(given, found.multiplier, found.terms)
         below = [(formal.field.denominators[index], power) for index, power in powers.items()]
         if given.polynomial != whole:
             below.append((given.polynomial / whole, 1))
         used = _used(relations, [step])
-        theorems.append(Theorem(f"euler_lagrange_{name}", exact.ring, used, (), (step,), origin, tuple(below)))
+        theorems.append(
+            Theorem(f"euler_lagrange_{name}", exact.ring, used, (), (step,), origin, tuple(below))
+        )
     return tuple(theorems)
 
 
 def relations_of(ring: exact_field.ExactRing) -> list[Divisor]:
-    """The relations of the generators, sin^2 + cos^2 = 1 and w^k = u, the greatest generator first."""
+    """The relations of the generators, sin^2 + cos^2 = 1 and w^k = u, the greatest generator
+    first.
+    """
     gen = ring.field.context.gen
     listed = [ring.field.relations[index] for index in sorted(ring.field.relations)]
     return [
-        Divisor(Fact(f"rel{k}", primitive(gen(one.generator) ** one.degree - one.right)), one.generator)
+        Divisor(
+            Fact(f"rel{k}", primitive(gen(one.generator) ** one.degree - one.right)), one.generator
+        )
         for k, one in enumerate(listed, 1)
     ]
 
@@ -488,7 +607,9 @@ def _used(relations: Sequence[Divisor], steps: Sequence[Identity]) -> tuple[Fact
 
 @dataclass(frozen=True, slots=True)
 class GeneratorNames:
-    """The names of the generators that a theorem uses, and the meanings of those that are not symbols."""
+    """The names of the generators that a theorem uses, and the meanings of those that are not
+    symbols.
+    """
 
     names: dict[int, str]
     meanings: dict[str, str]
@@ -496,14 +617,20 @@ class GeneratorNames:
 
 def generator_names(theorem: Theorem, further: Iterable[int] = ()) -> GeneratorNames:
     """x as x, x' as v_x, every other atom as u1, u2, …; other words where these are taken."""
-    occurring = {k for p in polynomials_of(theorem) for k, degree in enumerate(p.degrees()) if degree > 0}
+    occurring = {
+        k for p in polynomials_of(theorem) for k, degree in enumerate(p.degrees()) if degree > 0
+    }
     used = sorted(occurring | {*further}, reverse=True)
     names, meanings = dict[int, str](), dict[str, str]()
     symbols = {tree.name for tree in theorem.ring.trees.values() if isinstance(tree, ex.Symbol)}
     for index in used:
         tree = theorem.ring.trees[index]
         name = _letter(tree, len(meanings) + 1)
-        while _TAKEN.fullmatch(name) or name in names.values() or (name in symbols and not isinstance(tree, ex.Symbol)):
+        while (
+            _TAKEN.fullmatch(name)
+            or name in names.values()
+            or (name in symbols and not isinstance(tree, ex.Symbol))
+        ):
             name += "_"
         names[index] = name
         if tree != ex.Symbol(name):
@@ -531,20 +658,32 @@ def polynomial_text(letters: GeneratorNames, polynomial: fmpq_mpoly) -> str:
     """3*x^2*y - 1; coefficients have to be integers, or are printed as p/q."""
     found = ""
     for exponents, value in polynomial.terms():
-        powers = [f"{letters.names[k]}^{e}" if e > 1 else letters.names[k] for k, e in enumerate(exponents) if e]
+        powers = [
+            f"{letters.names[k]}^{e}" if e > 1 else letters.names[k]
+            for k, e in enumerate(exponents)
+            if e
+        ]
         size = abs(value)
         product = "*".join(powers if powers and size == 1 else [str(size), *powers])
-        found += f" {'-' if value < 0 else '+'} {product}" if found else f"{'-' if value < 0 else ''}{product}"
+        found += (
+            f" {'-' if value < 0 else '+'} {product}"
+            if found
+            else f"{'-' if value < 0 else ''}{product}"
+        )
     return found or "0"
 
 
-def product_text(letters: GeneratorNames, powers: Sequence[tuple[fmpq_mpoly, int]], constant: str = "1") -> str:
+def product_text(
+    letters: GeneratorNames, powers: Sequence[tuple[fmpq_mpoly, int]], constant: str = "1"
+) -> str:
     """2 * (x - 1)^2 * (y)."""
     parts = [f"({polynomial_text(letters, p)})" + (f"^{e}" if e > 1 else "") for p, e in powers]
     return " * ".join([constant] * (constant != "1" or not parts) + parts)
 
 
-def factored_text(letters: GeneratorNames, polynomial: fmpq_mpoly, more: Sequence[tuple[fmpq_mpoly, int]] = ()) -> str:
+def factored_text(
+    letters: GeneratorNames, polynomial: fmpq_mpoly, more: Sequence[tuple[fmpq_mpoly, int]] = ()
+) -> str:
     """The product of the polynomial, factored, and of more powers."""
     number, powers = exact_field.factor_polynomial(polynomial)
     return product_text(letters, [*powers, *more], str(number))
@@ -552,21 +691,36 @@ def factored_text(letters: GeneratorNames, polynomial: fmpq_mpoly, more: Sequenc
 
 def combination(letters: GeneratorNames, terms: Iterable[tuple[fmpq_mpoly, Fact]]) -> str:
     """The sum of cofactor * fact."""
-    parts = (f"({polynomial_text(letters, c)}) * ({polynomial_text(letters, fact.polynomial)})" for c, fact in terms)
+    parts = (
+        f"({polynomial_text(letters, c)}) * ({polynomial_text(letters, fact.polynomial)})"
+        for c, fact in terms
+    )
     return " + ".join(parts) or "0"
 
 
-def hypotheses(letters: GeneratorNames, facts: Iterable[Fact], nonzero: Iterable[fmpq_mpoly]) -> Iterator[str]:
+def hypotheses(
+    letters: GeneratorNames, facts: Iterable[Fact], nonzero: Iterable[fmpq_mpoly]
+) -> Iterator[str]:
     """What is zero, and what is not."""
-    yield from (f"  ({fact.name} : {polynomial_text(letters, fact.polynomial)} = 0)" for fact in facts)
-    yield from (f"  (nz{k} : {polynomial_text(letters, one)} <> 0)" for k, one in enumerate(nonzero, 1))
+    yield from (
+        f"  ({fact.name} : {polynomial_text(letters, fact.polynomial)} = 0)" for fact in facts
+    )
+    yield from (
+        f"  (nz{k} : {polynomial_text(letters, one)} <> 0)" for k, one in enumerate(nonzero, 1)
+    )
 
 
 def coq_of_identities(theorem: Theorem) -> str:
     """A file for Coq whose hypotheses are the equations, not where they come from."""
     letters = generator_names(theorem)
     binders = f" ({' '.join(letters.names.values())} : R)" if letters.names else ""
-    opening = [f"(* {HEAD} *)", "Require Import Reals Lra.", "Open Scope R_scope.", "", prelude("lemmas")]
+    opening = [
+        f"(* {HEAD} *)",
+        "Require Import Reals Lra.",
+        "Open Scope R_scope.",
+        "",
+        prelude("lemmas"),
+    ]
     lines = [*opening, *(f"(* {name} is {text} *)" for name, text in letters.meanings.items())]
     for fact, text in theorem.equations:
         lines.append(f"(* {fact.name} is {text}, without denominators and common factors *)")
@@ -595,7 +749,9 @@ def _coq_step(letters: GeneratorNames, step: Identity) -> str:
 
 
 def identities(theorems: Sequence[Theorem]) -> list[dict[str, Any]]:
-    """The theorems as data: each step factor * gives = sum of cofactor * (relation, equation or earlier step)."""
+    """The theorems as data: each step factor * gives = sum of cofactor * (relation, equation or
+    earlier step).
+    """
     return [_plain(theorem, generator_names(theorem)) for theorem in theorems]
 
 
@@ -631,7 +787,9 @@ class NoTheorem(Exception):
 
 
 def proof_document(result: dict[str, Any], form: str, seed: int) -> str:
-    """A file for "coq", or the "identities" as JSON; where there are none, the reason in their place."""
+    """A file for "coq", or the "identities" as JSON; where there are none, the reason in their
+    place.
+    """
     theorems, reason = _theorems(result, seed)
     domain = result.get("domain") or []
     if form == "identities":
@@ -645,7 +803,11 @@ def _about(result: dict[str, Any]) -> list[str]:
     """Which system the theorems are about, and on which set its formulas are those."""
     equations = _certificate(result)["system"]["equations"]
     lines = [f"The system: {name}'' = {text}" for name, text in equations.items()]
-    return [*lines, f"The formulas are those on {', '.join(result['domain'])}."] if result.get("domain") else lines
+    return (
+        [*lines, f"The formulas are those on {', '.join(result['domain'])}."]
+        if result.get("domain")
+        else lines
+    )
 
 
 def _theorems(result: dict[str, Any], seed: int) -> tuple[Sequence[Theorem], str]:
@@ -660,7 +822,9 @@ def _certificate(result: dict[str, Any]) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise NoTheorem("the answer has no certificate")
     if "velocities" in found["system"]:
-        raise NoTheorem("the claim is about the motion on constraints, not about a single system of equations")
+        raise NoTheorem(
+            "the claim is about the motion on constraints, not about a single system of equations"
+        )
     return found
 
 
@@ -669,45 +833,64 @@ def _of_certificate(certificate: dict[str, Any], seed: int) -> Sequence[Theorem]
     names = certify.names_of(given)
     if any(map(reader.has_acceleration, given["equations"].values())):
         raise NoTheorem("the equations are not solved for the accelerations")
-    system = second_order_system.read_system(names.coordinates, given["equations"], names.parameters, names.functions)
+    system = second_order_system.read_system(
+        names.coordinates, given["equations"], names.parameters, names.functions
+    )
     budget = exact_field.Budget(TERM_LIMIT, deadline.now() + TIME_LIMIT)
     if certificate["kind"] == "nonexistence":
         return [_negative(system, seed, budget)]
     if certificate["kind"] == "existence":
-        raise NoTheorem("no Lagrangian in closed form was found; its existence follows from involution")
+        raise NoTheorem(
+            "no Lagrangian in closed form was found; its existence follows from involution"
+        )
     if certificate.get("integrals"):
         raise NoTheorem("the Lagrangian holds integrals")
     lagrangian = reader.read_formula(certificate["lagrangian"], names)
     return euler_lagrange_hold(deciding.analyze(system).system, lagrangian, budget)
 
 
-def _negative(system: second_order_system.SecondOrderSystem, seed: int, budget: exact_field.Budget) -> Theorem:
+def _negative(
+    system: second_order_system.SecondOrderSystem, seed: int, budget: exact_field.Budget
+) -> Theorem:
     analysis = deciding.analyze(system)
     chosen = hierarchy.smallest_sufficient_set(analysis, seed)
     if chosen is None:
-        raise NoTheorem("the argument differentiates the conditions, so it does not consist of algebraic steps alone")
+        raise NoTheorem(
+            "the argument differentiates the conditions, so it does not consist of algebraic steps alone"
+        )
     if len(system.coordinates) > negative.MOST_COORDINATES:
         raise NoTheorem(f"there are more than {negative.MOST_COORDINATES} coordinates")
     return determinant_vanishes(analysis, chosen, seed, budget)
 
 
 class FormalSystem:
-    """f and L as polynomials in the generators and in 1/D for each of their denominators D, in the ring `formal`.
+    """f and L as polynomials in the generators and in 1/D for each of their denominators D, in the
+    ring `formal`.
 
-    That ring has no relations, so what vanishes by them is still there to be proven. `below` lists the indices of the
-    denominators in `field`; the generator of 1/D for the one at place p of `below` has the index `count` + p.
+    That ring has no relations, so what vanishes by them is still there to be proven. `below` lists
+    the indices of the denominators in `field`; the generator of 1/D for the one at place p of
+    `below` has the index `count` + p.
     """
 
     def __init__(self, origin: Origin) -> None:
         self.exact = origin.exact
-        self.ring, self.field, self.size = origin.exact.ring, origin.exact.ring.field, origin.exact.motion.size
-        self.given = [*origin.exact.motion.accelerations, *([] if origin.lagrangian is None else [origin.lagrangian])]
+        self.ring, self.field, self.size = (
+            origin.exact.ring,
+            origin.exact.ring.field,
+            origin.exact.motion.size,
+        )
+        self.given = [
+            *origin.exact.motion.accelerations,
+            *([] if origin.lagrangian is None else [origin.lagrangian]),
+        ]
         images = [image for table in self.ring.images for image in table.values()]
         self.below = sorted({k for value in (*self.given, *images) for k, _ in value.exponents})
         self.count = len(self.field.context.names())
         unbounded = exact_field.Budget(sys.maxsize, self.field.budget.deadline)
         field = exact_field.QuotientField.with_generators(self.count + len(self.below), unbounded)
-        self.formal = exact_field.ExactRing(field, self.ring.variables, 0, undefined=self.ring.undefined)
+        self.formal = exact_field.ExactRing(
+            field, self.ring.variables, 0, undefined=self.ring.undefined
+        )
         for table in self.ring.images:
             found = {k: self.element(image) for k, image in table.items()}
             by = exact_field.Derivation(found)
@@ -739,24 +922,39 @@ class FormalSystem:
         velocities = [ring.generator(self.place(v)) for v in ring.variables[1 + n :]]
         partials = [ring.partial(k) for k in range(1, 2 * n + 1)]
         along = ring.along([ring.constant(1), *velocities, *self.accelerations])
-        return Motion(tuple(self.accelerations), tuple(partials[:n]), tuple(partials[n:]), along, ring.constant(0))
+        return Motion(
+            tuple(self.accelerations),
+            tuple(partials[:n]),
+            tuple(partials[n:]),
+            along,
+            ring.constant(0),
+        )
 
-    def cleared(self, formal: exact_field.Quotient, least: Mapping[int, int]) -> tuple[fmpq_mpoly, dict[int, int]]:
+    def cleared(
+        self, formal: exact_field.Quotient, least: Mapping[int, int]
+    ) -> tuple[fmpq_mpoly, dict[int, int]]:
         """(the product with D^m, m): a polynomial in the generators, m at least `least`."""
         tables = [exponents[self.count :] for exponents in formal.numerator.to_dict()]
-        most = {k: max([least.get(k, 0), *(table[place] for table in tables)]) for place, k in enumerate(self.below)}
+        most = {
+            k: max([least.get(k, 0), *(table[place] for table in tables)])
+            for place, k in enumerate(self.below)
+        }
         whole = self.field.context.constant(0)
         for exponents, c in formal.numerator.to_dict().items():
             term = self.field.context.from_dict({exponents[: self.count]: c})
             for place, k in enumerate(self.below):
-                term = term * self.field.denominators[k] ** (most[k] - exponents[self.count + place])
+                term = term * self.field.denominators[k] ** (
+                    most[k] - exponents[self.count + place]
+                )
             self.field.budget.charge(len(term))
             whole = whole + term
         return whole, {k: m for k, m in most.items() if m}
 
 
 class System(FormalSystem):
-    """The formulas of theorems over one ring, as Coq has them: generators, their slopes, f, and L if there is one."""
+    """The formulas of theorems over one ring, as Coq has them: generators, their slopes, f, and L
+    if there is one.
+    """
 
     def __init__(self, theorems: Sequence[Theorem]) -> None:
         self.theorems, first = theorems, theorems[0]
@@ -777,24 +975,34 @@ class System(FormalSystem):
 
     def _generators_used(self) -> set[int]:
         """The generators that occur in the formulas, in their slopes, and in the theorems."""
-        variables = {k for k, tree in self.ring.trees.items() if tree in self.ring.variables and tree != ex.TIME}
+        variables = {
+            k
+            for k, tree in self.ring.trees.items()
+            if tree in self.ring.variables and tree != ex.TIME
+        }
         polynomials = [value.numerator for value in self.given]
         polynomials += [self.field.denominators[k] for k in self.below]
         polynomials += [p for theorem in self.theorems for p in polynomials_of(theorem)]
         used = variables | {*self.entries.values()}
-        waiting = {k for p in polynomials for k, degree in enumerate(p.degrees()) if degree > 0} | used
+        waiting = {
+            k for p in polynomials for k, degree in enumerate(p.degrees()) if degree > 0
+        } | used
         used = set()
         while waiting:
             used |= waiting
             slopes = (table[k] for table in self.ring.images for k in waiting if k in table)
-            found = {k for s in slopes for k, degree in enumerate(s.numerator.degrees()) if degree > 0}
+            found = {
+                k for s in slopes for k, degree in enumerate(s.numerator.degrees()) if degree > 0
+            }
             waiting = found - used
         return used
 
     # What is written
 
     def definitions(self) -> Iterator[str]:
-        """The generators, the slopes of those that have any, f, the velocities, and the values of the generators."""
+        """The generators, the slopes of those that have any, f, the velocities, and the values of
+        the generators.
+        """
         n, name = self.size, self.names.names
         for letter, meaning in self.names.meanings.items():
             yield f"(* {letter} is {meaning} *)"
@@ -821,7 +1029,9 @@ class System(FormalSystem):
         yield from _by_cases("f (i : nat) : poly", "i", map(self.polynomial, self.accelerations))
         yield prelude("tensors")
         values = [*(name[k] for k in self.numbers), *(f"/ ({self.text(k)})" for k in self.below)]
-        yield from _by_cases(f"point ({self.binders} : R) (which : nat) : R", "which", values, otherwise="0")
+        yield from _by_cases(
+            f"point ({self.binders} : R) (which : nat) : R", "which", values, otherwise="0"
+        )
 
     def text(self, k: int) -> str:
         """A denominator as real numbers."""
@@ -833,7 +1043,9 @@ class System(FormalSystem):
         letters |= {self.count + place: f"inverse_{place + 1}" for place in range(len(self.below))}
         terms = []
         for exponents, c in value.numerator.to_dict().items():
-            powers = [f"{letters[k]} ^ {e}" if e > 1 else letters[k] for k, e in enumerate(exponents) if e]
+            powers = [
+                f"{letters[k]} ^ {e}" if e > 1 else letters[k] for k, e in enumerate(exponents) if e
+            ]
             number = exact_field.as_fraction(c)
             written = f"num ({number.numerator} # {number.denominator})"
             terms.append(" * ".join(powers if number == 1 and powers else [written, *powers]))
@@ -843,15 +1055,21 @@ class System(FormalSystem):
         return f"Motion.value (Motion.point {self.binders}) ({polynomial})"
 
 
-def _by_cases(head: str, of: str, values: Iterable[str], first: int = 0, otherwise: str = "[]") -> Iterator[str]:
-    """The definition of a function of the number `of`, with the values from the number `first` on."""
+def _by_cases(
+    head: str, of: str, values: Iterable[str], first: int = 0, otherwise: str = "[]"
+) -> Iterator[str]:
+    """The definition of a function of the number `of`, with the values from the number `first`
+    on.
+    """
     yield f"Definition {head} :=\n  match {of} with"
     yield from (f"  | {k}%nat => {value}" for k, value in enumerate(values, first))
     yield f"  | _ => {otherwise}\n  end."
 
 
 def coq(theorems: Sequence[Theorem]) -> str:
-    """A file that Coq 8.16 compiles; without the definition of f if its long factors are separate generators."""
+    """A file that Coq 8.16 compiles; without the definition of f if its long factors are separate
+    generators.
+    """
     try:
         system = System(theorems)
         further = prelude("conditions" if system.entries else "euler_lagrange")
@@ -859,9 +1077,13 @@ def coq(theorems: Sequence[Theorem]) -> str:
         if system.lagrangian is None:
             given, proofs = [*_entries(system)], [_of_conditions(system)]
         else:
-            given = [f"Definition L : poly := {system.polynomial(system.element(system.lagrangian))}."]
+            given = [
+                f"Definition L : poly := {system.polynomial(system.element(system.lagrangian))}."
+            ]
             proofs = [_of_lagrangian(system, k) for k in range(len(theorems))]
-        return "\n".join([prelude("polynomials"), *system.definitions(), *given, further, tactics, *proofs])
+        return "\n".join(
+            [prelude("polynomials"), *system.definitions(), *given, further, tactics, *proofs]
+        )
     except exact_field.TooLarge as error:
         return f"(* f is not defined in this file: {error}. *)\n" + coq_of_identities(theorems[0])
 
@@ -870,7 +1092,9 @@ def _entries(system: System) -> Iterator[str]:
     yield "(* The multiplier, a symmetric matrix of real numbers. *)"
     yield "Definition g (i j : nat) : poly :=\n  match i, j with"
     for (i, j), k in system.entries.items():
-        yield from (f"  | {a}%nat, {b}%nat => _{system.names.names[k]}" for a, b in sorted({(i, j), (j, i)}))
+        yield from (
+            f"  | {a}%nat, {b}%nat => _{system.names.names[k]}" for a, b in sorted({(i, j), (j, i)})
+        )
     yield "  | _, _ => []\n  end."
 
 
@@ -903,7 +1127,8 @@ def _of_conditions(system: System) -> str:
         terms = hierarchy.equation_terms(name.condition, tensors[name.condition], system.size)[name]
         ring = system.formal
         summands = [
-            (coefficient * ring.generator(system.entries[pair])).scaled(sign) for pair, sign, coefficient in terms
+            (coefficient * ring.generator(system.entries[pair])).scaled(sign)
+            for pair, sign, coefficient in terms
         ]
         formal = exact_field.sum_of(ring.constant(0), summands)
         whole, most = system.cleared(formal, dict(row.exponents))
@@ -912,14 +1137,19 @@ def _of_conditions(system: System) -> str:
         for k, m in most.items():
             factor = factor * system.field.denominators[k] ** (m - dict(row.exponents).get(k, 0))
         difference = whole - factor * fact.polynomial
-        found = without_remainder(difference, relations, system.field.budget, "the difference of two equal conditions")
+        found = without_remainder(
+            difference, relations, system.field.budget, "the difference of two equal conditions"
+        )
         given = Fact(f"row{fact.name[2:]}", whole)
         back = [(-c, relation) for c, relation in found.terms]
         step = identity(fact, factor * found.multiplier, [(found.multiplier, given), *back])
         steps.append(step)
         proofs.append(_from_row(system, step, given, most))
     relation_facts = {
-        fact.name: fact for step in (*steps, *theorem.steps) for _, fact in step.terms if fact.name.startswith("rel")
+        fact.name: fact
+        for step in (*steps, *theorem.steps)
+        for _, fact in step.terms
+        if fact.name.startswith("rel")
     }
     nonzero = _nonzero(system, [*steps, *theorem.steps])
     rows = [
@@ -947,7 +1177,9 @@ def _from_row(system: System, step: Identity, given: Fact, most: Mapping[int, in
 
 
 def _of_lagrangian(system: System, k: int) -> str:
-    """One Euler-Lagrange expression of L along the motion, by the derivatives of L that Coq takes."""
+    """One Euler-Lagrange expression of L along the motion, by the derivatives of L that Coq
+    takes.
+    """
     theorem = system.theorems[k]
     (step,) = theorem.steps
     factor = factored_text(system.names, step.factor, theorem.denominators)
@@ -959,7 +1191,9 @@ def _of_lagrangian(system: System, k: int) -> str:
 
 
 def _nonzero(system: System, steps: Iterable[Identity]) -> list[fmpq_mpoly]:
-    """The polynomials that must not vanish: denominators, and the factors by which the steps divide."""
+    """The polynomials that must not vanish: denominators, and the factors by which the steps
+    divide.
+    """
     return distinct([*(system.field.denominators[k] for k in system.below), *factors_of(steps)])
 
 
@@ -975,21 +1209,38 @@ def _theorem(
     letters = system.names
     given = hypotheses(letters, relations, nonzero)
     last = theorem.steps[-1]
-    said = system.at_point(expression) if expression else polynomial_text(letters, last.gives.polynomial)
-    lines = [f"Theorem {theorem.name} ({system.binders} : R)", *given, *rows, f"  : {said} = 0.", "Proof.", *proofs]
+    said = (
+        system.at_point(expression)
+        if expression
+        else polynomial_text(letters, last.gives.polynomial)
+    )
+    lines = [
+        f"Theorem {theorem.name} ({system.binders} : R)",
+        *given,
+        *rows,
+        f"  : {said} = 0.",
+        "Proof.",
+        *proofs,
+    ]
     if not expression:
         lines += coq_steps(theorem, letters)
     return "\n".join([*lines, "Qed.", _example(system, theorem, relations, nonzero), ""])
 
 
-def _example(system: System, theorem: Theorem, relations: Sequence[Fact], nonzero: Sequence[fmpq_mpoly]) -> str:
+def _example(
+    system: System, theorem: Theorem, relations: Sequence[Fact], nonzero: Sequence[fmpq_mpoly]
+) -> str:
     """A rational point where the hypotheses on denominators and relations hold."""
     letters, source = system.names, random.Random(1)
     for _ in range(ATTEMPTS):
         values = [Fraction(0)] * system.count
         for k in sorted(system.used, reverse=True):
             relation = system.field.relations.get(k)
-            found = source.choice(SAMPLES) if relation is None else _root(_at(relation.right, values), relation.degree)
+            found = (
+                source.choice(SAMPLES)
+                if relation is None
+                else _root(_at(relation.right, values), relation.degree)
+            )
             if found is None:
                 break
             values[k] = found
@@ -1011,7 +1262,9 @@ def _example(system: System, theorem: Theorem, relations: Sequence[Fact], nonzer
 
 
 def _at(polynomial: fmpq_mpoly, values: Sequence[Fraction]) -> Fraction:
-    return exact_field.as_fraction(polynomial(*(fmpq(value.numerator, value.denominator) for value in values)))
+    return exact_field.as_fraction(
+        polynomial(*(fmpq(value.numerator, value.denominator) for value in values))
+    )
 
 
 def _root(value: Fraction, degree: int) -> Fraction | None:

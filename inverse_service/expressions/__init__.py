@@ -1,5 +1,6 @@
-"""Formulas as frozen trees: differentiation, the table of functions, printing, and evaluation at a point.
+"""Formulas as frozen trees: differentiation, the table of functions, printing, and evaluation at a
+point.
 
-Other packages use `tree` (the nodes of a formula), `derivative`, `collecting` (sums of products), `printing`, and
-`evaluation`.
+Other packages use `tree` (the nodes of a formula), `derivative`, `collecting` (sums of products),
+`printing`, and `evaluation`.
 """

@@ -1,4 +1,6 @@
-"""Evaluate trees in floating point, at one point or at many at once: a name is a number or an array of numbers."""
+"""Evaluate trees in floating point, at one point or at many at once: a name is a number or an array
+of numbers.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -28,7 +30,9 @@ def array_value(expression: ex.Expression, table: Mapping[ex.Expression, Any]) -
     return array_values([expression], table)[0]
 
 
-def array_values(expressions: Sequence[ex.Expression], table: Mapping[ex.Expression, Any]) -> list[Array]:
+def array_values(
+    expressions: Sequence[ex.Expression], table: Mapping[ex.Expression, Any]
+) -> list[Array]:
     """The values of several formulas; common subexpressions are computed once."""
     sizes = [np.shape(value) for value in table.values() if np.ndim(value)]
     known = dict(table)
@@ -58,11 +62,17 @@ def _value(expression: ex.Expression, known: dict[ex.Expression, Any]) -> Any:
             found = np.power(np.asarray(_value(base, known), dtype=float), _value(exponent, known))
         case ex.Apply(function, argument):
             below, inner = functions.RECIPROCALS.get(function), _value(argument, known)
-            found = np.heaviside(inner, np.nan) if function == functions.STEP else getattr(np, below or function)(inner)
+            found = (
+                np.heaviside(inner, np.nan)
+                if function == functions.STEP
+                else getattr(np, below or function)(inner)
+            )
             found = 1 / found if below else found
         case _ if expression == ex.PI:
             found = np.pi
         case _:
-            raise NoValue(f"a formula has no value here: {getattr(expression, 'name', 'a name')} is not given.")
+            raise NoValue(
+                f"a formula has no value here: {getattr(expression, 'name', 'a name')} is not given."
+            )
     known[expression] = found
     return found

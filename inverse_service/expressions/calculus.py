@@ -23,7 +23,9 @@ _IN_MPMATH = {"log": "ln"}
 
 
 def _rule(function: str) -> Rule:
-    """The derivative of a function; InputError for a step, which is not differentiable where its pieces meet."""
+    """The derivative of a function; InputError for a step, which is not differentiable where its
+    pieces meet.
+    """
     if function in FUNCTION:
         return FUNCTION[function].derivative
     raise fault("derivative of pieces", "")
@@ -48,9 +50,13 @@ def _partial(expression: ex.Expression, variable: ex.Expression) -> ex.Expressio
     return _derivative(expression, lambda part: _partial(part, variable))
 
 
-def along(tree: ex.Expression, rates: Iterable[tuple[ex.Expression, ex.Expression]]) -> ex.Expression:
+def along(
+    tree: ex.Expression, rates: Iterable[tuple[ex.Expression, ex.Expression]]
+) -> ex.Expression:
     """The derivative in time, (leaf, its rate) for each name other than t that changes."""
-    return ex.add(differentiate(tree, ex.TIME), *(differentiate(tree, leaf) * rate for leaf, rate in rates))
+    return ex.add(
+        differentiate(tree, ex.TIME), *(differentiate(tree, leaf) * rate for leaf, rate in rates)
+    )
 
 
 def differentiate_in_time(expression: ex.Expression, coordinates: Collection[str]) -> ex.Expression:
@@ -84,8 +90,14 @@ def _derivative(expression: ex.Expression, rate: Rule) -> ex.Expression:
         case ex.Sum(terms):
             return ex.add(*map(rate, terms))
         case ex.Product(factors):
-            slopes = [(place, slope) for place, factor in enumerate(factors) if (slope := rate(factor)) != ex.ZERO]
-            return ex.add(*(ex.multiply(*factors[:k], slope, *factors[k + 1 :]) for k, slope in slopes))
+            slopes = [
+                (place, slope)
+                for place, factor in enumerate(factors)
+                if (slope := rate(factor)) != ex.ZERO
+            ]
+            return ex.add(
+                *(ex.multiply(*factors[:k], slope, *factors[k + 1 :]) for k, slope in slopes)
+            )
         case ex.Power(base, exponent):
             return _of_power(base, exponent, rate)
         case ex.Apply(function, argument):
@@ -110,8 +122,12 @@ def _of_power(base: ex.Expression, exponent: ex.Expression, rate: Rule) -> ex.Ex
 
 
 def _of_function(function: ex.Arbitrary, rate: Rule) -> ex.Expression:
-    """The chain rule; the partial derivatives are arbitrary functions, or the slopes of an integral."""
-    slopes = function.slopes if isinstance(function, ex.Integral) else (None,) * len(function.arguments)
+    """The chain rule; the partial derivatives are arbitrary functions, or the slopes of an
+    integral.
+    """
+    slopes = (
+        function.slopes if isinstance(function, ex.Integral) else (None,) * len(function.arguments)
+    )
     terms = []
     for place, (slope, argument) in enumerate(zip(slopes, function.arguments, strict=True)):
         inner = rate(argument)
@@ -122,7 +138,9 @@ def _of_function(function: ex.Arbitrary, rate: Rule) -> ex.Expression:
 
 
 def define_functions(tree: ex.Expression, definitions: Definitions) -> ex.Expression:
-    """The tree with formulas in place of its arbitrary functions, and their derivatives evaluated."""
+    """The tree with formulas in place of its arbitrary functions, and their derivatives
+    evaluated.
+    """
     known: dict[ex.Expression, ex.Expression] = {}
 
     def define(part: ex.Expression) -> ex.Expression:
@@ -136,11 +154,15 @@ def define_functions(tree: ex.Expression, definitions: Definitions) -> ex.Expres
     return define(tree) if definitions else tree
 
 
-def _put_in(function: ex.Arbitrary, arguments: tuple[str, ...], formula: ex.Expression) -> ex.Expression:
+def _put_in(
+    function: ex.Arbitrary, arguments: tuple[str, ...], formula: ex.Expression
+) -> ex.Expression:
     for name, order in zip(arguments, function.orders, strict=True):
         for _ in range(order):
             formula = differentiate(formula, ex.Symbol(name))
-    return ex.substitute(formula, dict(zip(map(ex.Symbol, arguments), function.arguments, strict=True)))
+    return ex.substitute(
+        formula, dict(zip(map(ex.Symbol, arguments), function.arguments, strict=True))
+    )
 
 
 class NoRealValue(errors.InverseServiceError):
@@ -152,14 +174,16 @@ class NoRealValue(errors.InverseServiceError):
 def evaluate(expression: ex.Expression, table: Mapping[ex.Expression, Real]) -> Real:
     """The value in mpmath's working precision.
 
-    `table` maps Symbol, Velocity, Acceleration, and complete Arbitrary nodes (with arguments and orders) to values.
-    NoRealValue if a node is missing or has no finite real value.
+    `table` maps Symbol, Velocity, Acceleration, and complete Arbitrary nodes (with arguments and
+    orders) to values. NoRealValue if a node is missing or has no finite real value.
     """
     return evaluate_once(expression, dict(table))
 
 
 def evaluate_once(expression: ex.Expression, table: dict[ex.Expression, Real]) -> Real:
-    """Like `evaluate`, but store every value in the table, so that trees with common parts share work."""
+    """Like `evaluate`, but store every value in the table, so that trees with common parts share
+    work.
+    """
     known = table.get(expression)
     if known is not None:
         return known
@@ -176,10 +200,16 @@ def evaluate_once(expression: ex.Expression, table: dict[ex.Expression, Real]) -
 def _value(expression: ex.Expression, table: dict[ex.Expression, Real]) -> Real:
     match expression:
         case ex.Number(value):
-            return mpf(value.numerator) if value.denominator == 1 else mpf(value.numerator) / value.denominator
+            return (
+                mpf(value.numerator)
+                if value.denominator == 1
+                else mpf(value.numerator) / value.denominator
+            )
         case ex.Sum(terms):
             values = [evaluate_once(term, table) for term in terms]
-            return values[0] + values[1] if len(values) == 2 else mp.fsum(values)  # twice as fast as fsum
+            return (
+                values[0] + values[1] if len(values) == 2 else mp.fsum(values)
+            )  # twice as fast as fsum
         case ex.Product(factors):
             return reduce(mul, [evaluate_once(factor, table) for factor in factors])
         case ex.Power(base, ex.Number(value)) if value.denominator == 1:

@@ -1,10 +1,11 @@
 """Expand trees exactly into sums of products of powers of atoms, and convert these back to trees.
 
-A term is a rational number times atoms with rational exponents. These rules apply on the real domain: x^a x^b =
-x^(a+b), (u^r)^s = u^(r s) for r odd or fractional (a root means u >= 0), b^e = exp(e log b), exp(u + w) = exp(u)
-exp(w), and f(g(u)) = u for inverse functions if it is true for every u in the domain. sqrt(x^2) is not changed. A power
-of a sum with an exponent that is not a positive integer is an atom, so sums are not cancelled against denominators.
-Monomials of atoms are converted back to trees in a fixed order, with powers and exponentials combined.
+A term is a rational number times atoms with rational exponents. These rules apply on the real
+domain: x^a x^b = x^(a+b), (u^r)^s = u^(r s) for r odd or fractional (a root means u >= 0), b^e =
+exp(e log b), exp(u + w) = exp(u) exp(w), and f(g(u)) = u for inverse functions if it is true for
+every u in the domain. sqrt(x^2) is not changed. A power of a sum with an exponent that is not a
+positive integer is an atom, so sums are not cancelled against denominators. Monomials of atoms are
+converted back to trees in a fixed order, with powers and exponentials combined.
 """
 
 import math
@@ -38,7 +39,8 @@ class _TooLarge(ArithmeticError):
 
 
 def expand(tree: ex.Expression) -> tuple[Term, ...]:
-    """The terms of a tree in a fixed order, (monomial, coefficient), a monomial being ((atom, exponent), …).
+    """The terms of a tree in a fixed order, (monomial, coefficient), a monomial being ((atom,
+    exponent), …).
 
     A tree that cannot be expanded is one opaque atom.
     """
@@ -50,7 +52,9 @@ def expand(tree: ex.Expression) -> tuple[Term, ...]:
 
 
 def forget_expansions() -> None:
-    """Empty the table of earlier expansions, so that the next measurement does not profit from it."""
+    """Empty the table of earlier expansions, so that the next measurement does not profit from
+    it.
+    """
     _KEPT.clear()
 
 
@@ -60,7 +64,9 @@ def collect(tree: ex.Expression) -> ex.Expression:
 
 
 def _expand(tree: ex.Expression) -> Terms:
-    """The terms of a tree. Callers must not change them, because the table may return them again."""
+    """The terms of a tree. Callers must not change them, because the table may return them
+    again.
+    """
     if isinstance(tree, ex.Number | ex.Symbol | ex.Velocity):
         return _expansion(tree)
     known = _KEPT.get(tree)
@@ -136,7 +142,9 @@ def _joined(left: Monomial, right: Monomial, coefficient: Fraction) -> Terms:
 
 
 def _normal(table: Mapping[ex.Expression, Fraction], coefficient: Fraction) -> Terms:
-    """The terms of coefficient * product of base^exponent, with integer powers of numbers and sums multiplied out."""
+    """The terms of coefficient * product of base^exponent, with integer powers of numbers and sums
+    multiplied out.
+    """
     kept: dict[ex.Expression, Fraction] = {}
     parts: list[Terms] = []
     for base, exponent in table.items():
@@ -157,7 +165,9 @@ def _whole_part(base: ex.Expression, exponent: Fraction) -> Fraction:
     """The part of the exponent of a composite base that can be expanded."""
     if isinstance(base, ex.Sum):
         return exponent if exponent.denominator == 1 and exponent > 0 else Fraction(0)
-    return Fraction(math.floor(exponent)) if isinstance(base, ex.Product | ex.Power) else Fraction(0)
+    return (
+        Fraction(math.floor(exponent)) if isinstance(base, ex.Product | ex.Power) else Fraction(0)
+    )
 
 
 def _raised(terms: Terms, exponent: Fraction) -> Terms:
@@ -178,11 +188,15 @@ def _raised(terms: Terms, exponent: Fraction) -> Terms:
 def content_of(numbers: Iterable[Fraction]) -> Fraction:
     """The largest number of which all are integer multiples; 0 if all are 0."""
     values = tuple(numbers)
-    return Fraction(math.gcd(*(v.numerator for v in values)), math.lcm(*(v.denominator for v in values)))
+    return Fraction(
+        math.gcd(*(v.numerator for v in values)), math.lcm(*(v.denominator for v in values))
+    )
 
 
 def _primitive(terms: Terms, with_monomial: bool) -> tuple[Fraction, Monomial, Terms]:
-    """(content, common monomial, rest); the content is positive unless powers of -1 are harmless."""
+    """(content, common monomial, rest); the content is positive unless powers of -1 are
+    harmless.
+    """
     content = content_of(terms.values())
     first = min(terms, key=order)
     if with_monomial and terms[first] < 0:
@@ -203,7 +217,9 @@ def _raised_monomial(monomial: Monomial, coefficient: Fraction, exponent: Fracti
             raise _TooLarge
         table = {base: inner * exponent for base, inner in monomial}
         return _normal(table, coefficient ** int(exponent))
-    free = {base: inner for base, inner in monomial if ex.is_exponential(base) or inner.denominator != 1}
+    free = {
+        base: inner for base, inner in monomial if ex.is_exponential(base) or inner.denominator != 1
+    }
     bound = [(base, inner) for base, inner in monomial if base not in free]
     if len(bound) == 1 and coefficient > 0 and bound[0][1] % 2 == 1:
         free[bound[0][0]], bound = bound[0][1], []
@@ -227,7 +243,9 @@ def _number_power(value: Fraction, exponent: Fraction) -> Terms:
 
 
 def of_inverse(tree: ex.Apply) -> ex.Expression | None:
-    """sin(asin(u)) = u, cos(asin(u)) = sqrt(1 - u^2), and similar rules if asin(u) is real; None for any other tree."""
+    """sin(asin(u)) = u, cos(asin(u)) = sqrt(1 - u^2), and similar rules if asin(u) is real; None
+    for any other tree.
+    """
     inner, row = tree.argument, functions.FUNCTION.get(tree.function)
     if isinstance(inner, ex.Apply) and row is not None:
         if row.undoes == inner.function:
@@ -245,7 +263,12 @@ def _function(tree: ex.Apply) -> Terms:
     if special:
         return special(_expand(inner))
     inner = _canonical(inner)
-    if row is not None and row.parity and isinstance(inner, ex.Product) and ex.coefficient(inner) < 0:
+    if (
+        row is not None
+        and row.parity
+        and isinstance(inner, ex.Product)
+        and ex.coefficient(inner) < 0
+    ):
         return _scaled(_atom(ex.Apply(tree.function, -inner)), Fraction(row.parity))
     return _atom(ex.Apply(tree.function, inner))
 
@@ -263,7 +286,9 @@ def _exponential(argument: Terms) -> Terms:
 
 
 def _logarithm(argument: Terms) -> Terms:
-    """log(exp(u) w) = u + log(w), log(1/w) = -log(w), log(w^r) = r log(w) for r odd or fractional."""
+    """log(exp(u) w) = u + log(w), log(1/w) = -log(w), log(w^r) = r log(w) for r odd or
+    fractional.
+    """
     if argument == {(): Fraction(1)}:
         return {}
     if len(argument) != 1:
@@ -333,13 +358,19 @@ def monomial_tree(monomial: Monomial) -> ex.Expression:
     return ex.multiply(*roots, *factors, *([ex.Apply("exp", total)] if total != ex.ZERO else []))
 
 
-def _as_power(argument: ex.Expression, scale: Fraction) -> tuple[ex.Expression, ex.Expression] | None:
+def _as_power(
+    argument: ex.Expression, scale: Fraction
+) -> tuple[ex.Expression, ex.Expression] | None:
     """(u, k scale) for exp(scale * k log(u)) = u^(k scale); None without a single logarithm."""
     factors = ex.factors_of(argument)
-    logs = [factor for factor in factors if isinstance(factor, ex.Apply) and factor.function == "log"]
+    logs = [
+        factor for factor in factors if isinstance(factor, ex.Apply) and factor.function == "log"
+    ]
     if len(logs) != 1:
         return None
-    return logs[0].argument, ex.multiply(ex.number(scale), *(factor for factor in factors if factor is not logs[0]))
+    return logs[0].argument, ex.multiply(
+        ex.number(scale), *(factor for factor in factors if factor is not logs[0])
+    )
 
 
 @lru_cache(maxsize=1024)
@@ -359,7 +390,9 @@ def _flat(factors: Iterable[ex.Expression]) -> Iterator[ex.Expression]:
     """The factors; a product raised to an integer power yields its factors separately."""
     for factor in factors:
         match factor:
-            case ex.Power(ex.Product(inner), ex.Number(value) as exponent) if value.denominator == 1:
+            case ex.Power(ex.Product(inner), ex.Number(value) as exponent) if (
+                value.denominator == 1
+            ):
                 yield from (part**exponent for part in inner)
             case _:
                 yield factor
@@ -374,7 +407,9 @@ def monomial_tree_of(factors: Iterable[ex.Expression]) -> ex.Expression:
         match factor:
             case ex.Number():
                 coefficient = coefficient * factor
-            case ex.Power(ex.Power(base, exponent), ex.Number(value) as times) if value.denominator == 1:
+            case ex.Power(ex.Power(base, exponent), ex.Number(value) as times) if (
+                value.denominator == 1
+            ):
                 symbolic.setdefault(base, []).append(times * exponent)
             case ex.Power(base, ex.Number(exponent)):
                 table[base] = table.get(base, Fraction(0)) + exponent
@@ -382,7 +417,10 @@ def monomial_tree_of(factors: Iterable[ex.Expression]) -> ex.Expression:
                 symbolic.setdefault(base, []).append(exponent)
             case _:
                 table[factor] = table.get(factor, Fraction(0)) + 1
-    exponents = {base: ex.add(*found, ex.Number(table.pop(base, Fraction(0)))) for base, found in symbolic.items()}
+    exponents = {
+        base: ex.add(*found, ex.Number(table.pop(base, Fraction(0))))
+        for base, found in symbolic.items()
+    }
     rest = [base**exponent for base, exponent in exponents.items()]
     return ex.multiply(coefficient, monomial_tree(tuple(table.items())), *rest)
 
@@ -393,7 +431,9 @@ def separate_tree(monomial: Monomial) -> ex.Expression:
 
 
 def in_order_of_products(names: Sequence[T], products: Iterable[Sequence[T]]) -> tuple[T, ...]:
-    """The names in an order that agrees with the products where possible: m, g, l if m l and m g l occur."""
+    """The names in an order that agrees with the products where possible: m, g, l if m l and m g l
+    occur.
+    """
     before: dict[T, set[T]] = {name: set() for name in names}
     for product in products:
         known = [name for name in product if name in before]
@@ -412,4 +452,12 @@ def determinant(rows: Sequence[Sequence[ex.Expression]]) -> ex.Expression:
         return ex.ONE
     minors = ([[*row[:k], *row[k + 1 :]] for row in rows[1:]] for k in range(len(rows)))
     terms = zip(rows[0], minors, strict=True)
-    return collect(ex.add(*((-1) ** k * a * determinant(rest) for k, (a, rest) in enumerate(terms) if a != ex.ZERO)))
+    return collect(
+        ex.add(
+            *(
+                (-1) ** k * a * determinant(rest)
+                for k, (a, rest) in enumerate(terms)
+                if a != ex.ZERO
+            )
+        )
+    )

@@ -27,22 +27,16 @@ def _none(_: ex.Expression) -> tuple[ex.Expression, ...]:
 class Function:
     """One function f of one real argument u.
 
-    | column | meaning |
-    | --- | --- |
-    | `derivative` | u to the tree f'(u) |
-    | `parity` | 1 if f(-u) = f(u), -1 if f(-u) = -f(u), else 0 |
-    | `family` | that of sin, that of sinh, or the inverse functions |
-    | `command`, `shown` | the LaTeX command and the printed name, if f has others than its own |
-    | `kernel` | f(u) by exp, log, sin, cos, atan, and roots; None for these |
-    | `powers` | exponents of (sin, cos) or (sinh, cosh) whose product is f |
-    | `square` | g, a, b with f^2 = a + b g^2 |
-    | `slope` | s, c, k, e with f' = s/(c + k u^2)^e |
-    | `solved` | g with v = g(u) where f(v) = u, on the branch next to 0 |
-    | `undoes` | g with f(g(u)) = u where g is real |
-    | `root` | g, a, b with f(g(u)) = sqrt(a + b u^2) where g is real |
-    | `needs` | f is real where these trees are positive |
-    | `poles` | f has a pole where one of these trees is 0 |
-    | `holds`, `wanted` | whether f has a real value at a number, and a description of such numbers |
+    | column | meaning | | --- | --- | | `derivative` | u to the tree f'(u) | | `parity` | 1 if
+    f(-u) = f(u), -1 if f(-u) = -f(u), else 0 | | `family` | that of sin, that of sinh, or the
+    inverse functions | | `command`, `shown` | the LaTeX command and the printed name, if f has
+    others than its own | | `kernel` | f(u) by exp, log, sin, cos, atan, and roots; None for these |
+    | `powers` | exponents of (sin, cos) or (sinh, cosh) whose product is f | | `square` | g, a, b
+    with f^2 = a + b g^2 | | `slope` | s, c, k, e with f' = s/(c + k u^2)^e | | `solved` | g with v
+    = g(u) where f(v) = u, on the branch next to 0 | | `undoes` | g with f(g(u)) = u where g is real
+    | | `root` | g, a, b with f(g(u)) = sqrt(a + b u^2) where g is real | | `needs` | f is real
+    where these trees are positive | | `poles` | f has a pole where one of these trees is 0 | |
+    `holds`, `wanted` | whether f has a real value at a number, and a description of such numbers |
     | `library` | whether the mathematical library of C has f and no intrinsic of LLVM does |
     """
 
@@ -103,7 +97,9 @@ def _quotient(name: str, powers: tuple[int, int], derivative: Rule, **columns: o
 
     def kernel(u: ex.Expression) -> ex.Expression:
         factors = sorted(zip(powers, pair, strict=True), reverse=True)  # the numerator first
-        return ex.multiply(*((FUNCTION[one].kernel or _applied(one))(u) ** e for e, one in factors if e))
+        return ex.multiply(
+            *((FUNCTION[one].kernel or _applied(one))(u) ** e for e, one in factors if e)
+        )
 
     rows: dict[str, object] = {"kernel": kernel, "powers": powers, "poles": poles}
     if below == pair[0]:
@@ -174,7 +170,8 @@ _ROWS = (
 )  # fmt: skip
 FUNCTION: dict[str, Function] = {row.name: row for row in _ROWS}
 CIRCULAR, HYPERBOLIC, INVERSE = (
-    tuple(row.name for row in _ROWS if row.family == family) for family in ("circular", "hyperbolic", "inverse")
+    tuple(row.name for row in _ROWS if row.family == family)
+    for family in ("circular", "hyperbolic", "inverse")
 )
 _RECIPROCAL = {
     (row.family, (-row.powers[0], -row.powers[1])): row.name
@@ -184,7 +181,11 @@ _RECIPROCAL = {
 RECIPROCALS: dict[str, str] = {row.name: row.reciprocal for row in _ROWS if row.reciprocal}
 SQUARES = {row.name: row.square for row in _ROWS if row.square}
 # f to (g, h) and the exponents of g and h, for the quotients: tan to ("sin", "cos") and (1, -1).
-FRACTIONS = {row.name: (_PAIRS[row.family], row.powers) for row in _ROWS if row.powers and min(row.powers) < 0}
+FRACTIONS = {
+    row.name: (_PAIRS[row.family], row.powers)
+    for row in _ROWS
+    if row.powers and min(row.powers) < 0
+}
 # (g, h) to the name of g/h: ("sin", "cos") to "tan".
 QUOTIENTS = {
     pair[:: powers[0]]: name for name, (pair, powers) in FRACTIONS.items() if sum(map(abs, powers)) == 2

@@ -1,4 +1,6 @@
-"""Graph algorithms on the names in equations: match equations to unknowns, and order them for solving."""
+"""Graph algorithms on the names in equations: match equations to unknowns, and order them for
+solving.
+"""
 
 from collections.abc import Collection, Mapping, Sequence
 from typing import TypeVar
@@ -26,7 +28,9 @@ def matching(pattern: Sequence[Collection[Name]]) -> dict[Name, int]:
 
 
 def components(graph: Mapping[Name, Collection[Name]]) -> list[list[Name]]:
-    """Strongly connected components, each after its dependencies, with its members in the order of the graph."""
+    """Strongly connected components, each after its dependencies, with its members in the order of
+    the graph.
+    """
     index: dict[Name, int] = {}
     low: dict[Name, int] = {}
     stack: list[Name] = []

@@ -1,7 +1,8 @@
 """The tensor notation of the theory as typed text: "g_ij R^j_kl", "Gamma(g) = g N + (g N)^T".
 
-Only formulas composed by the program use it, never users' text. `Formula` joins such texts and trees; `to_latex` and
-`to_mathml` convert them for display. `inequality` is the condition that a tree is positive, such as x^2 + y^2 < 1.
+Only formulas composed by the program use it, never users' text. `Formula` joins such texts and
+trees; `to_latex` and `to_mathml` convert them for display. `inequality` is the condition that a
+tree is positive, such as x^2 + y^2 < 1.
 """
 
 import re
@@ -18,7 +19,16 @@ _TOKEN = re.compile(
 )
 _MARK = re.compile(r"[_^](?:\([^()]*\)|[A-Za-z0-9]+)")
 _PARTIAL = re.compile(r"d([a-zA-Z]|Phi)")
-_GREEK = {"alpha": "\u03b1", "Gamma": "Γ", "Phi": "Φ", "nabla": "∇", "lambda": "λ", "mu": "μ", "phi": "φ", "tau": "τ"}
+_GREEK = {
+    "alpha": "\u03b1",
+    "Gamma": "Γ",
+    "Phi": "Φ",
+    "nabla": "∇",
+    "lambda": "λ",
+    "mu": "μ",
+    "phi": "φ",
+    "tau": "τ",
+}
 _WORDS = frozenset(("det", "for", "and"))
 _SIGNS = {"-": "\u2212", "*": "\u2062", "!=": "≠", ">=": "≥", "<=": "≤"}
 _LATEX_SIGNS = {"*": " ", "\u2026": r"\dots", "!=": r"\neq ", ">=": r"\geq ", "<=": r"\leq "}
@@ -35,14 +45,18 @@ _LETTER_G = re.compile(r"(?<![A-Za-z])g(?![A-Za-z])|(?<=\bd)g(?=_)")
 
 @dataclass(frozen=True, slots=True)
 class Formula:
-    """A formula as text; `letters` are the names of the theory in it with their lower indices (R without indices)."""
+    """A formula as text; `letters` are the names of the theory in it with their lower indices (R
+    without indices).
+    """
 
     text: str
     letters: tuple[str, ...] = ()
 
 
 def split_outside(text: str, signs: str) -> Iterator[tuple[str, str]]:
-    """(sign, part) for each part of a text, split at the pattern `signs` outside brackets; the first sign is ""."""
+    """(sign, part) for each part of a text, split at the pattern `signs` outside brackets; the
+    first sign is "".
+    """
     depth, start, sign = 0, 0, ""
     for match in re.finditer(rf"[()\[\]{{}}]|{signs}", text):
         found = match.group()
@@ -56,7 +70,10 @@ def split_outside(text: str, signs: str) -> Iterator[tuple[str, str]]:
 def row(*pieces: Formula | ex.Expression | str) -> Formula:
     """The concatenated pieces; texts are in the notation of the theory."""
     parts = [formula_of(piece) for piece in pieces]
-    return Formula("".join(part.text for part in parts), tuple(letter for part in parts for letter in part.letters))
+    return Formula(
+        "".join(part.text for part in parts),
+        tuple(letter for part in parts for letter in part.letters),
+    )
 
 
 def formula_of(piece: Formula | ex.Expression | str) -> Formula:
@@ -84,7 +101,9 @@ def partial_derivative(of: Formula, by: ex.Expression) -> Formula:
 @contextmanager
 def multiplier_beside(names: Collection[str]) -> Iterator[None]:
     """Within the block, use a symbol for the multiplier that differs from these names."""
-    letter = next((one for one in ("g", "h", "m") if not any(n.partition("_")[0] == one for n in names)), "g")
+    letter = next(
+        (one for one in ("g", "h", "m") if not any(n.partition("_")[0] == one for n in names)), "g"
+    )
     token = MULTIPLIER.set(letter)
     try:
         yield
@@ -146,7 +165,11 @@ def _body(name: str) -> tuple[str, str]:
         return r"\int ", "<mo>∫</mo>"
     if name in _WORDS:
         return (r"\det " if name == "det" else rf"\text{{ {name} }}"), f"<mo>{name}</mo>"
-    return (name, f"<mi>{name}</mi>") if len(name) == 1 or name == "dt" else (rf"\mathrm{{{name}}}", f"<mi>{name}</mi>")
+    return (
+        (name, f"<mi>{name}</mi>")
+        if len(name) == 1 or name == "dt"
+        else (rf"\mathrm{{{name}}}", f"<mi>{name}</mi>")
+    )
 
 
 def _marked(name: str, marks: Sequence[str], primes: str) -> tuple[str, str]:
@@ -172,7 +195,8 @@ def _mark_latex(mark: str) -> str:
 
 def _mark(mark: str) -> str:
     return "".join(
-        f"<mn>{letter}</mn>" if letter.isdigit() else f"<mi>{escape(letter)}</mi>" for letter in mark[1:].strip("()")
+        f"<mn>{letter}</mn>" if letter.isdigit() else f"<mi>{escape(letter)}</mi>"
+        for letter in mark[1:].strip("()")
     )
 
 
@@ -193,14 +217,20 @@ def inequality_text(tree: ex.Expression) -> str:
 
 
 def _relation(tree: ex.Expression) -> tuple[ex.Expression, str, ex.Expression]:
-    if isinstance(tree, ex.Power) and isinstance(tree.exponent, ex.Number) and tree.exponent.value % 2 == 0:
+    if (
+        isinstance(tree, ex.Power)
+        and isinstance(tree.exponent, ex.Number)
+        and tree.exponent.value % 2 == 0
+    ):
         return tree.base, " != ", ex.ZERO
     left, right, is_greater = _sides(min(collecting.collect(tree), tree, key=ex.node_count))
     return left, " > " if is_greater else " < ", right
 
 
 def _sides(tree: ex.Expression) -> tuple[ex.Expression, ex.Expression, bool]:
-    """(a, b, True) for a > b, (a, b, False) for a < b; one side is a single term, and a number is on the right."""
+    """(a, b, True) for a > b, (a, b, False) for a < b; one side is a single term, and a number is
+    on the right.
+    """
     terms = ex.summands(tree)
     varying = [term for term in terms if not _is_number(term)]
     if len(varying) == 1:
@@ -209,7 +239,11 @@ def _sides(tree: ex.Expression) -> tuple[ex.Expression, ex.Expression, bool]:
     below = [-term for term in terms if ex.coefficient(term) < 0]
     if not above or all(map(_is_number, above)):
         return ex.add(*below), ex.add(*above), False
-    return (ex.add(*above), ex.add(*below), True) if min(len(above), len(below)) < 2 else (tree, ex.ZERO, True)
+    return (
+        (ex.add(*above), ex.add(*below), True)
+        if min(len(above), len(below)) < 2
+        else (tree, ex.ZERO, True)
+    )
 
 
 def _bound(term: ex.Expression, rest: ex.Expression) -> tuple[ex.Expression, ex.Expression, bool]:
@@ -221,4 +255,7 @@ def _bound(term: ex.Expression, rest: ex.Expression) -> tuple[ex.Expression, ex.
 
 def _is_number(term: ex.Expression) -> bool:
     """Whether the term contains no coordinate, velocity, parameter, or function."""
-    return not any(isinstance(node, ex.Symbol | ex.Velocity | ex.Arbitrary) and node != ex.PI for node in ex.walk(term))
+    return not any(
+        isinstance(node, ex.Symbol | ex.Velocity | ex.Arbitrary) and node != ex.PI
+        for node in ex.walk(term)
+    )

@@ -1,7 +1,9 @@
-"""Print trees as canonical plain text, LaTeX, and presentation MathML, which browsers display without a script.
+"""Print trees as canonical plain text, LaTeX, and presentation MathML, which browsers display
+without a script.
 
-Parsing the text gives the same value, and printing that value gives the same text. This is also true of the LaTeX,
-except for partial derivatives. The text uses a small part of the grammar of `reader.py`:
+Parsing the text gives the same value, and printing that value gives the same text. This is also
+true of the LaTeX, except for partial derivatives. The text uses a small part of the grammar of
+`reader.py`:
 
     formula   = ["-"] term {(" + " | " - ") term}
     term      = factors ["/" (factor | "(" factors ")")]
@@ -13,10 +15,11 @@ except for partial derivatives. The text uses a small part of the grammar of `re
               | "diff(" name "(" name {", " name} "), " name {", " name} ")"
               | name "[" integer {"," integer} "](" formula {", " formula} ")"
 
-`sqrt`, `abs` for sqrt(u^2), and `sign` are the only functions besides those of `functions.py` and the declared ones;
-integers have no sign; rational numbers are quotients, or the decimal numbers that were typed. A'(u) is the
-derivative of a declared function of one argument; for several arguments, diff(B(x, y), x) if they are different names,
-else B[1,0](u, w) with the order of the derivative by each argument.
+`sqrt`, `abs` for sqrt(u^2), and `sign` are the only functions besides those of `functions.py` and
+the declared ones; integers have no sign; rational numbers are quotients, or the decimal numbers
+that were typed. A'(u) is the derivative of a declared function of one argument; for several
+arguments, diff(B(x, y), x) if they are different names, else B[1,0](u, w) with the order of the
+derivative by each argument.
 """
 
 import math
@@ -34,7 +37,8 @@ from html import escape
 from inverse_service.expressions import functions, letters, tree as ex
 
 _EXPONENTIAL = ex.Apply("exp", ex.ONE)
-# The denominator from which a decimal number can be much shorter than a fraction, and how many digits shorter.
+# The denominator from which a decimal number can be much shorter than a fraction, and how many
+# digits shorter.
 _LEAST_DECIMAL, _MUCH, _EXACT = 1000, 2, Context(prec=1000, traps=[Inexact])
 # A typed decimal number is recognized over these divisors and times these factors.
 _DIVISORS, _FACTORS = (1, 2, 3, 4, 6), (2, 3, 4)
@@ -42,7 +46,19 @@ _DECIMALS: ContextVar[frozenset[Fraction]] = ContextVar("decimals", default=froz
 _Factors = tuple[ex.Expression, ...]
 _Side = tuple[str, _Factors]  # the number and the factors above or below a fraction line
 # LaTeX.
-_WITHOUT_COMMAND = ("omicron", "Alpha", "Beta", "Epsilon", "Zeta", "Eta", "Iota", "Kappa", "Mu", "Nu", "Omicron")
+_WITHOUT_COMMAND = (
+    "omicron",
+    "Alpha",
+    "Beta",
+    "Epsilon",
+    "Zeta",
+    "Eta",
+    "Iota",
+    "Kappa",
+    "Mu",
+    "Nu",
+    "Omicron",
+)
 _NO_COMMAND = frozenset((*_WITHOUT_COMMAND, "Rho", "Tau", "Chi"))
 # MathML.
 _NAMESPACE = "http://www.w3.org/1998/Math/MathML"
@@ -53,14 +69,18 @@ _APPLY = "<mo>&#x2061;</mo>"
 _DOTS = ("", "&#x02D9;", "&#x00A8;")
 _PARTS = re.compile(r"([A-Za-z]+)(.*)")
 _LETTER_AND_NUMBER = re.compile(r"([A-Za-z]+?)_?([0-9]+)")
-_SHOWN = {name: character for character, name in reversed(letters.GREEK.items())} | {"ell": letters.SCRIPT_L}
+_SHOWN = {name: character for character, name in reversed(letters.GREEK.items())} | {
+    "ell": letters.SCRIPT_L
+}
 
 
 @dataclass(frozen=True, slots=True)
 class Ratio:
-    """±(over · numerators) / (under · denominators); no factor is a Product or has a negative exponent.
+    """±(over · numerators) / (under · denominators); no factor is a Product or has a negative
+    exponent.
 
-    Equal factors are combined: x x^2 is x^3. `over` and `under` are positive; `over` is 0 for the number 0.
+    Equal factors are combined: x x^2 is x^3. `over` and `under` are positive; `over` is 0 for the
+    number 0.
     """
 
     negative: bool
@@ -70,9 +90,11 @@ class Ratio:
     denominators: _Factors
 
     def numbers(self, decimals: frozenset[Fraction] = frozenset()) -> tuple[str, str]:
-        """`over` and `under` in digits; (398600.4418, 1) if the fraction is much shorter as a decimal number.
+        """`over` and `under` in digits; (398600.4418, 1) if the fraction is much shorter as a
+        decimal number.
 
-        A number of `decimals` is written as a decimal number, and so are its small multiples; half of it is (9.81, 2).
+        A number of `decimals` is written as a decimal number, and so are its small multiples; half
+        of it is (9.81, 2).
         """
         plain = str(self.over), str(self.under)
         value = Fraction(self.over, self.under)
@@ -101,9 +123,15 @@ def decimal_digits(value: Fraction) -> str:
 def ratio(expression: ex.Expression) -> Ratio:
     """The expression, one term of a sum, as a fraction."""
     parts = [*_factors(expression)]
-    coefficient = math.prod((factor for factor, _ in parts if isinstance(factor, Fraction)), start=Fraction(1))
+    coefficient = math.prod(
+        (factor for factor, _ in parts if isinstance(factor, Fraction)), start=Fraction(1)
+    )
     above, below = (
-        _gather(factor for factor, inverse in parts if not isinstance(factor, Fraction) and inverse is side)
+        _gather(
+            factor
+            for factor, inverse in parts
+            if not isinstance(factor, Fraction) and inverse is side
+        )
         for side in (False, True)
     )
     size = abs(coefficient)
@@ -122,7 +150,9 @@ def _with_signs(above: _Factors, below: _Factors) -> tuple[_Factors, _Factors]:
     return above, tuple(kept)
 
 
-def _factors(expression: ex.Expression, inverse: bool = False) -> Iterator[tuple[ex.Expression | Fraction, bool]]:
+def _factors(
+    expression: ex.Expression, inverse: bool = False
+) -> Iterator[tuple[ex.Expression | Fraction, bool]]:
     """The numbers and the other factors, each with whether it is below the fraction line."""
     match expression:
         case ex.Number(value) if value or not inverse:
@@ -132,7 +162,9 @@ def _factors(expression: ex.Expression, inverse: bool = False) -> Iterator[tuple
                 yield from _factors(factor, inverse)
         case ex.Power(base, ex.Number(exponent)) if exponent < 0:
             yield from _factors(base**-exponent, not inverse)
-        case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1 and (plain := _as_written(base)) != base:
+        case ex.Power(base, ex.Number(exponent)) if (
+            exponent.denominator == 1 and (plain := _as_written(base)) != base
+        ):
             yield from _factors(plain**exponent, inverse)
         case _:
             yield expression, inverse
@@ -140,7 +172,9 @@ def _factors(expression: ex.Expression, inverse: bool = False) -> Iterator[tuple
 
 @lru_cache(maxsize=512)  # without the cache, each level of nested powers doubles the work
 def _as_written(base: ex.Expression) -> ex.Expression:
-    """The base of an integer power in the form that the parser builds: 1/u as u^-1, and x x as x^2."""
+    """The base of an integer power in the form that the parser builds: 1/u as u^-1, and x x as
+    x^2.
+    """
     if not isinstance(base, ex.Product | ex.Power):
         return base
     parts = ratio(base)
@@ -153,11 +187,17 @@ def _as_written(base: ex.Expression) -> ex.Expression:
 
 
 def _gather(factors: Iterable[ex.Expression]) -> _Factors:
-    """The factors with equal bases combined, for positive integer exponents, at the place of the first."""
-    table: dict[ex.Expression, tuple[int, ex.Expression | None]] = {}  # the count, and the factor if it is unchanged
+    """The factors with equal bases combined, for positive integer exponents, at the place of the
+    first.
+    """
+    table: dict[
+        ex.Expression, tuple[int, ex.Expression | None]
+    ] = {}  # the count, and the factor if it is unchanged
     for factor in factors:
         base, count = _base(factor)
-        stays = factor if base is (factor.base if isinstance(factor, ex.Power) else factor) else None
+        stays = (
+            factor if base is (factor.base if isinstance(factor, ex.Power) else factor) else None
+        )
         table[base] = (table[base][0] + count, None) if base in table else (count, stays)
     return tuple(stays or _factor(base, count) for base, (count, stays) in table.items())
 
@@ -178,17 +218,26 @@ def _base(factor: ex.Expression) -> tuple[ex.Expression, int]:
 def _factor(base: ex.Expression, count: int) -> ex.Expression:
     if count == 1:
         return base
-    return ex.Apply("exp", ex.number(count)) if base == _EXPONENTIAL else ex.Power(base, ex.number(count))
+    return (
+        ex.Apply("exp", ex.number(count))
+        if base == _EXPONENTIAL
+        else ex.Power(base, ex.number(count))
+    )
 
 
 def signed_terms(expression: ex.Expression, within: bool = False) -> list[Ratio]:
     """The terms of a sum, or the one term, in their order; 1 - x^2 begins with its number.
 
-    With `within` (inside brackets, roots, functions, and fractions), a nonnegative term comes first: 4 k m - c^2.
+    With `within` (inside brackets, roots, functions, and fractions), a nonnegative term comes
+    first: 4 k m - c^2.
     """
     terms = [ratio(term) for term in ex.summands(expression)]
     if terms[0].negative:
-        chosen = [term for term in terms if not term.negative and (within or not term.numerators + term.denominators)]
+        chosen = [
+            term
+            for term in terms
+            if not term.negative and (within or not term.numerators + term.denominators)
+        ]
         terms.sort(key=lambda term: term not in chosen[:1])
     return terms
 
@@ -196,7 +245,8 @@ def signed_terms(expression: ex.Expression, within: bool = False) -> list[Ratio]
 def has_plain_arguments(function: ex.Arbitrary) -> bool:
     """Whether the arguments are distinct names, so that diff(B(x, y), x) is unambiguous.
 
-    False if t or pi is among them: diff(u, t) is the derivative along the motion, and pi is a number.
+    False if t or pi is among them: diff(u, t) is the derivative along the motion, and pi is a
+    number.
     """
     arguments = function.arguments
     plain = all(isinstance(u, ex.Symbol) and u not in (ex.TIME, ex.PI) for u in arguments)
@@ -210,9 +260,11 @@ def variables(function: ex.Arbitrary) -> list[ex.Expression]:
 
 
 class _Notation:
-    """The output of a notation for each kind of node; the traversal of the tree is common to all notations.
+    """The output of a notation for each kind of node; the traversal of the tree is common to all
+    notations.
 
-    Each method prints one kind of node and prints its parts in the same notation. The methods here produce plain text.
+    Each method prints one kind of node and prints its parts in the same notation. The methods here
+    produce plain text.
     """
 
     plus, minus = " + ", " - "
@@ -441,22 +493,35 @@ class _Mathml(_Notation):
 
     def alone(self, coefficient: str, factors: Sequence[ex.Expression]) -> str:
         single = coefficient == "1" and len(factors) == 1
-        return super().alone(coefficient, factors) if single else f"<mrow>{self.product(coefficient, factors)}</mrow>"
+        return (
+            super().alone(coefficient, factors)
+            if single
+            else f"<mrow>{self.product(coefficient, factors)}</mrow>"
+        )
 
     def times(self, before: ex.Expression, piece: str, factor: ex.Expression) -> str:
         return _DOT if piece.startswith(("<mn>", "<msup><mn>")) else _TIMES
 
     def power(self, base: ex.Expression, exponent: ex.Expression) -> str:
-        return _raised(self.brackets(base) if ex.is_exponential(base) else self.atom(base), self.exponent(exponent))
+        return _raised(
+            self.brackets(base) if ex.is_exponential(base) else self.atom(base),
+            self.exponent(exponent),
+        )
 
     def exponent(self, tree: ex.Expression) -> str:
         """t/10 on one line, because a fraction in an exponent is too small to read."""
         term, *further = signed_terms(tree, within=True)
-        simple = all(isinstance(part, ex.Symbol | ex.Velocity) for part in (*term.numerators, *term.denominators))
+        simple = all(
+            isinstance(part, ex.Symbol | ex.Velocity)
+            for part in (*term.numerators, *term.denominators)
+        )
         number, divisor = term.numbers(self.decimals)
         if further or not simple or (divisor != "1") + len(term.denominators) != 1:
             return _written(self, tree, True)
-        over, under = self.product(number, term.numerators), self.product(divisor, term.denominators)
+        over, under = (
+            self.product(number, term.numerators),
+            self.product(divisor, term.denominators),
+        )
         return f'<mrow>{self.minus * term.negative}{over}<mo lspace="0" rspace="0">/</mo>{under}</mrow>'
 
     def number(self, digits: str) -> str:
@@ -468,7 +533,10 @@ class _Mathml(_Notation):
         if order:
             body = f'<mover accent="true">{body}<mo>{_DOTS[order]}</mo></mover>'
         names = {word: self.name(word, 0) for word in below if is_letter_with_number(word)}
-        words = [self.number(word) if word.isdigit() else names.get(word) or _identifier(word) for word in below]
+        words = [
+            self.number(word) if word.isdigit() else names.get(word) or _identifier(word)
+            for word in below
+        ]
         return f"<msub>{body}<mrow>{'<mo>,</mo>'.join(words)}</mrow></msub>" if words else body
 
     def call(self, function: str, argument: ex.Expression) -> str:
@@ -479,13 +547,19 @@ class _Mathml(_Notation):
         return f"<mrow><mi>{name}</mi>{_APPLY}{self.brackets(argument)}</mrow>"
 
     def arbitrary(self, function: ex.Arbitrary) -> str:
-        """The function with primes, or, for several arguments, with the orders (1,0) as a superscript."""
+        """The function with primes, or, for several arguments, with the orders (1,0) as a
+        superscript.
+        """
         name, orders = self.name(function.name, 0), function.orders
         if any(orders):
             above = f"<mo>({','.join(map(str, orders))})</mo>"
             one = len(orders) == 1
-            name = f"<mrow>{name}{PRIME * orders[0]}</mrow>" if one else f"<msup>{name}{above}</msup>"
-        arguments = "<mo>,</mo>".join(_written(self, argument, True) for argument in function.arguments)
+            name = (
+                f"<mrow>{name}{PRIME * orders[0]}</mrow>" if one else f"<msup>{name}{above}</msup>"
+            )
+        arguments = "<mo>,</mo>".join(
+            _written(self, argument, True) for argument in function.arguments
+        )
         return f"<mrow>{name}{_APPLY}<mo>(</mo>{arguments}<mo>)</mo></mrow>"
 
 
@@ -500,7 +574,9 @@ def _identifier(word: str) -> str:
 
 def _raised(base: str, exponent: str) -> str:
     """A power, with the exponent above an index and not raised by dots over the base."""
-    low = base.replace("<mover ", '<mpadded height="1.2ex"><mover ', 1).replace("</mover>", "</mover></mpadded>", 1)
+    low = base.replace("<mover ", '<mpadded height="1.2ex"><mover ', 1).replace(
+        "</mover>", "</mover></mpadded>", 1
+    )
     if base.startswith("<msub>"):
         return f"<msubsup>{low.removeprefix('<msub>').removesuffix('</msub>')}{exponent}</msubsup>"
     return f"<msup>{low if base.startswith('<mover ') else base}{exponent}</msup>"

@@ -17,7 +17,9 @@ _DECLARING = {
     "coordinates": 'add it to "coordinates"',
     "functions": 'declare a function of your own in "functions" with its arguments',
 }
-SENTENCES: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+SENTENCES: dict[str, dict[str, Any]] = tomllib.loads(
+    Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
+)
 _IT_OCCURS = "; it occurs"  # inserted before the column if the description is already a sentence
 
 
@@ -25,10 +27,11 @@ _IT_OCCURS = "; it occurs"  # inserted before the column if the description is a
 class Limits:
     """The largest accepted sizes, all of them counts.
 
-    `depth` bounds the nesting of the text and of the tree, so that recursion over a tree is safe. `digits` bounds the
-    digits of one number, whether typed or computed while parsing (one bound for both, so that printed formulas are
-    accepted again). `exponent` bounds the numerator and denominator of a numeric exponent, `decimal_exponent` the k of
-    1e-k and 1ek, and `derivative_nodes` the size of a formula that `diff` differentiates.
+    `depth` bounds the nesting of the text and of the tree, so that recursion over a tree is safe.
+    `digits` bounds the digits of one number, whether typed or computed while parsing (one bound for
+    both, so that printed formulas are accepted again). `exponent` bounds the numerator and
+    denominator of a numeric exponent, `decimal_exponent` the k of 1e-k and 1ek, and
+    `derivative_nodes` the size of a formula that `diff` differentiates.
     """
 
     characters: int = 20_000
@@ -50,7 +53,9 @@ LIMITS = Limits()
 
 @contextmanager
 def longer_texts(times: int) -> Iterator[None]:
-    """Within the block, multiply the limits on characters and tokens, because programs print more than people type."""
+    """Within the block, multiply the limits on characters and tokens, because programs print more
+    than people type.
+    """
     token = _TIMES.set(times)
     try:
         yield
@@ -79,14 +84,24 @@ def refusal(
 ) -> errors.InputError:
     """An InputError whose sentence says what is wrong, where, and what to write instead.
 
-    `meant` are possible replacements of the name at the column, or of `span`; `declare` is the member of the document
-    that could declare the name.
+    `meant` are possible replacements of the name at the column, or of `span`; `declare` is the
+    member of the document that could declare the name.
     """
-    joint = "" if not instead else " else " if instead[-1] == "?" else "; else " if "?" in instead else ", or "
+    joint = (
+        ""
+        if not instead
+        else " else "
+        if instead[-1] == "?"
+        else "; else "
+        if "?" in instead
+        else ", or "
+    )
     ways = f"{instead}{joint}{_DECLARING[declare]}" if declare else instead
     plain = f"{what.removesuffix(_IT_OCCURS)}{f': {instead}' * bool(instead)}".removesuffix("?")
     ending = "?" if instead[-1:] == "?" else "."
-    return kind(f"{what} at column {column}: {ways}.", "", column, meant, span, plain + ending, declare)
+    return kind(
+        f"{what} at column {column}: {ways}.", "", column, meant, span, plain + ending, declare
+    )
 
 
 def fault(
@@ -97,15 +112,20 @@ def fault(
     /,
     **words: object,
 ) -> errors.InputError:
-    """The error with the sentence of a row of `refusals.toml`, in which the words are put in their places.
+    """The error with the sentence of a row of `refusals.toml`, in which the words are put in their
+    places.
 
-    `at` is the column, or the pointer of a member of the document as a whole. Nothing is offered if a word is None.
+    `at` is the column, or the pointer of a member of the document as a whole. Nothing is offered if
+    a word is None.
     """
     row = SENTENCES[key]
     what, instead = (row.get(part, "").format(**words) for part in ("what", "instead"))
     if isinstance(at, str):
         return errors.InputError(f"{what}: {instead}.", at)
-    offers = (*meant, *(offer.format(**words) for offer in row.get("meant", ()) if None not in words.values()))
+    offers = (
+        *meant,
+        *(offer.format(**words) for offer in row.get("meant", ()) if None not in words.values()),
+    )
     return refusal(what, at, instead, offers, span, row.get("declare", ""))
 
 

@@ -1,9 +1,9 @@
 """Syntax trees of formulas: frozen data, exact numbers, no evaluation of text.
 
-The parser (`reader.py`) builds trees, as does arithmetic: + - * / ** of trees and exact numbers, or the functions
-`add`, `multiply`, `power` of this module. They flatten, fold numbers, and drop neutral elements, but never expand.
-Names are plain data: the meaning of a `Symbol` (coordinate, parameter, time `t`, the number `pi`) is known only to the
-system that holds the tree.
+The parser (`reader.py`) builds trees, as does arithmetic: + - * / ** of trees and exact numbers, or
+the functions `add`, `multiply`, `power` of this module. They flatten, fold numbers, and drop
+neutral elements, but never expand. Names are plain data: the meaning of a `Symbol` (coordinate,
+parameter, time `t`, the number `pi`) is known only to the system that holds the tree.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ from typing import Any, TypeGuard, TypeVar, cast
 @lru_cache(maxsize=4096)
 def _code(text: str) -> int:
     """A number for a text, the same in all processes."""
-    return int.from_bytes(blake2b(text.encode(errors="surrogatepass"), digest_size=8).digest(), "big")
+    return int.from_bytes(
+        blake2b(text.encode(errors="surrogatepass"), digest_size=8).digest(), "big"
+    )
 
 
 def _with_codes(part: object) -> object:
@@ -34,8 +36,8 @@ def _with_codes(part: object) -> object:
 class _Node:
     """A tree caches its hash: trees are keys of many tables, and hashing visits every node.
 
-    The hash is the same in all processes, unlike that of a text. It decides the order of sets of trees, and with it
-    which of several forms of one length an answer shows.
+    The hash is the same in all processes, unlike that of a text. It decides the order of sets of
+    trees, and with it which of several forms of one length an answer shows.
     """
 
     __slots__ = ("_hash", "_size")
@@ -92,7 +94,9 @@ class Number(_Node):
     value: Fraction
 
     def __eq__(self, other: object) -> bool:
-        """The usual equality, written out because numbers are compared most often and Fraction's comparison is slow."""
+        """The usual equality, written out because numbers are compared most often and Fraction's
+        comparison is slow.
+        """
         if self is other or type(other) is not Number:
             return self is other
         mine, its = self.value, other.value
@@ -115,7 +119,9 @@ class Velocity(_Node):
 
 @dataclass(frozen=True, slots=True)
 class Acceleration(_Node):
-    """The second time derivative of a coordinate; occurs only in equations not yet solved for it."""
+    """The second time derivative of a coordinate; occurs only in equations not yet solved for
+    it.
+    """
 
     coordinate: str
 
@@ -163,8 +169,8 @@ class Arbitrary(_Node):
 class Integral(Arbitrary):
     """A function known only by its partial derivatives: F(t) with F' = f(t).
 
-    `slopes[k]` is the derivative by `arguments[k]`, or None if it is unknown; `orders` are 0. Code that treats it
-    as an arbitrary function remains correct.
+    `slopes[k]` is the derivative by `arguments[k]`, or None if it is unknown; `orders` are 0. Code
+    that treats it as an arbitrary function remains correct.
     """
 
     slopes: tuple[Expression | None, ...] = ()
@@ -172,7 +178,11 @@ class Integral(Arbitrary):
     @property
     def integrand(self) -> tuple[Expression, Expression] | None:
         """(slope, argument) if exactly one derivative is known, else None."""
-        known = [(slope, u) for slope, u in zip(self.slopes, self.arguments, strict=True) if slope is not None]
+        known = [
+            (slope, u)
+            for slope, u in zip(self.slopes, self.arguments, strict=True)
+            if slope is not None
+        ]
         return known[0] if len(known) == 1 else None
 
 
@@ -181,7 +191,18 @@ Operand = _Node | int | Fraction
 Leaf = TypeVar("Leaf", bound=Expression)
 _FIELDS: dict[type[_Node], Callable[[Any], object]] = {
     kind: attrgetter(*kind.__match_args__)
-    for kind in (Number, Symbol, Velocity, Acceleration, Sum, Product, Power, Apply, Arbitrary, Integral)
+    for kind in (
+        Number,
+        Symbol,
+        Velocity,
+        Acceleration,
+        Sum,
+        Product,
+        Power,
+        Apply,
+        Arbitrary,
+        Integral,
+    )
 }
 
 ZERO, ONE, TWO, MINUS_ONE, HALF = (Number(Fraction(k)) for k in ("0", "1", "2", "-1", "1/2"))
@@ -241,7 +262,9 @@ def multiply(*factors: Expression) -> Expression:
 
 
 def power(base: Expression, exponent: Expression | int | Fraction) -> Expression:
-    """base ^ exponent, exact for numbers with small integer exponents; 0 to a negative power is not evaluated."""
+    """base ^ exponent, exact for numbers with small integer exponents; 0 to a negative power is not
+    evaluated.
+    """
     if isinstance(exponent, int | Fraction):
         exponent = number(exponent)
     if not isinstance(exponent, Number):
@@ -256,13 +279,19 @@ def power(base: Expression, exponent: Expression | int | Fraction) -> Expression
     if e.denominator == 1:
         if isinstance(base, Number) and abs(e) <= 64 and (base.value or e > 0):
             return Number(base.value ** int(e))
-        if isinstance(base, Power) and isinstance(base.exponent, Number) and base.exponent.value.denominator == 1:
+        if (
+            isinstance(base, Power)
+            and isinstance(base.exponent, Number)
+            and base.exponent.value.denominator == 1
+        ):
             return power(base.base, base.exponent.value * e)
     return Power(base, exponent)
 
 
 def split_exponent(exponent: Expression) -> tuple[Expression, int]:
-    """(e, k) with exponent = e + k, where k is its integer term: a + 1 is (a, 1), -(a + 1) is (-a, -1)."""
+    """(e, k) with exponent = e + k, where k is its integer term: a + 1 is (a, 1), -(a + 1) is (-a,
+    -1).
+    """
     match exponent:
         case Product((Number() as factor, Sum(terms))):
             exponent = add(*(multiply(factor, term) for term in terms))
@@ -300,7 +329,9 @@ def square_root(expression: Expression) -> Expression:
 
 
 def children(expression: Expression) -> tuple[Expression, ...]:
-    """The direct parts of a node; type comparisons take half the time of `match`, and most work is walking trees."""
+    """The direct parts of a node; type comparisons take half the time of `match`, and most work is
+    walking trees.
+    """
     if type(expression) is Sum:
         return expression.terms
     if type(expression) is Product:
@@ -333,9 +364,13 @@ def coefficient(term: Expression) -> Fraction:
 
 
 def powers_of(tree: Expression) -> list[tuple[Expression, Fraction]]:
-    """(base, exponent) of each factor; a power with a symbolic exponent is a base with exponent 1, as is exp(u)."""
+    """(base, exponent) of each factor; a power with a symbolic exponent is a base with exponent 1,
+    as is exp(u).
+    """
     return [
-        (f.base, f.exponent.value) if isinstance(f, Power) and isinstance(f.exponent, Number) else (f, Fraction(1))
+        (f.base, f.exponent.value)
+        if isinstance(f, Power) and isinstance(f.exponent, Number)
+        else (f, Fraction(1))
         for f in factors_of(tree)
     ]
 
@@ -366,7 +401,9 @@ def has(tree: Expression, kind: type[_Node] | UnionType) -> bool:
 
 
 def reading_class(tree: Expression, time: Expression) -> int:
-    """0 for a polynomial in the velocities, 1 if it also contains t, 2 for a rational function of them, 3 otherwise."""
+    """0 for a polynomial in the velocities, 1 if it also contains t, 2 for a rational function of
+    them, 3 otherwise.
+    """
     kind = int(holds(tree, time))
     for node in walk(tree):
         if isinstance(node, Power | Apply | Arbitrary) and has(node, Velocity):

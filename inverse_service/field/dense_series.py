@@ -1,18 +1,21 @@
-"""Truncated power series modulo a prime as arrays of words, and trees as programs for a small compiled machine.
+"""Truncated power series modulo a prime as arrays of words, and trees as programs for a small
+compiled machine.
 
-Monomials in m displacements are 64-bit keys, sums of exponents being sums of keys. A series of order D in m
-displacements is one array of C(m + D, D) words, its homogeneous components one after the other, monomials of one
-degree as in `exponents_of_degree`.
+Monomials in m displacements are 64-bit keys, sums of exponents being sums of keys. A series of
+order D in m displacements is one array of C(m + D, D) words, its homogeneous components one after
+the other, monomials of one degree as in `exponents_of_degree`.
 
-A register of the machine holds one series (`SeriesTables`) in Montgomery form; tops[register] is the highest degree of
-a nonzero coefficient (-1 for the series 0), and only coefficients up to it are read. An instruction is six numbers:
-operation, out, a, b, c, cut, with registers out, a, b and the place c of a constant. Functions follow from the Euler
-operator E y = (0 y_0, 1 y_1, 2 y_2, …): for y = exp(u), E y = y E u reads k y_k = sum_j j u_j y_(k-j); powers,
-logarithms and trigonometric functions alike (Knuth, TAOCP 2, 4.7).
+A register of the machine holds one series (`SeriesTables`) in Montgomery form; tops[register] is
+the highest degree of a nonzero coefficient (-1 for the series 0), and only coefficients up to it
+are read. An instruction is six numbers: operation, out, a, b, c, cut, with registers out, a, b and
+the place c of a constant. Functions follow from the Euler operator E y = (0 y_0, 1 y_1, 2 y_2, …):
+for y = exp(u), E y = y E u reads k y_k = sum_j j u_j y_(k-j); powers, logarithms and trigonometric
+functions alike (Knuth, TAOCP 2, 4.7).
 
-A `SeriesProgram` is written once and run at any point. The instructions depend only on the trees and the displacements
-(and serve for all orders up to the order to which arbitrary functions are expanded). Only the constants depend on the
-point: values of numbers, variables, and atoms, roots, and partial derivatives of arbitrary functions.
+A `SeriesProgram` is written once and run at any point. The instructions depend only on the trees
+and the displacements (and serve for all orders up to the order to which arbitrary functions are
+expanded). Only the constants depend on the point: values of numbers, variables, and atoms, roots,
+and partial derivatives of arbitrary functions.
 """
 
 from __future__ import annotations
@@ -54,7 +57,8 @@ WIDTH = 6
 # The value of a constant at a point; the table caches values at that point.
 Recipe = Callable[[modular.Point, dict[ex.Expression, int]], int]
 _ONE = 0
-# Limits on the words of registers and of product tables; positive answers about motions require orders up to 12.
+# Limits on the words of registers and of product tables; positive answers about motions require
+# orders up to 12.
 _MOST_WORDS, _MOST_PRODUCTS = 40_000_000, 16_000_000
 
 
@@ -92,7 +96,9 @@ def raised_places(size: int, degree: int) -> npt.NDArray[np.int64]:
     monomials = MonomialKeys(size)
     known = keys_of(monomials, above)
     order = np.argsort(known)
-    raised = keys_of(monomials, table)[:, None] + np.array([1 << (monomials.bits * a) for a in range(size)])
+    raised = keys_of(monomials, table)[:, None] + np.array(
+        [1 << (monomials.bits * a) for a in range(size)]
+    )
     places: npt.NDArray[np.int64] = order[np.searchsorted(known, raised, sorter=order)]
     places.setflags(write=False)
     return places
@@ -104,7 +110,9 @@ def keys_of(monomials: MonomialKeys, exponents: npt.NDArray[np.int8]) -> npt.NDA
     return exponents.astype(np.int64) @ shifts
 
 
-def places_among(size: int, known: npt.NDArray[np.int8], keys_wanted: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def places_among(
+    size: int, known: npt.NDArray[np.int8], keys_wanted: npt.NDArray[np.int64]
+) -> npt.NDArray[np.int64]:
     """The places of monomials with these keys among the known ones, which include them all."""
     keys = keys_of(MonomialKeys(size), known)
     order = np.argsort(keys)
@@ -114,7 +122,9 @@ def places_among(size: int, known: npt.NDArray[np.int8], keys_wanted: npt.NDArra
 
 @lru_cache(maxsize=256)
 def products_of_degree(size: int, low: int, high: int) -> npt.NDArray[np.int32]:
-    """The place of m m' among the monomials of degree low + high, (monomials m of `high`, those m' of `low`)."""
+    """The place of m m' among the monomials of degree low + high, (monomials m of `high`, those m'
+    of `low`).
+    """
     monomials = MonomialKeys(size)
     left, right = (keys_of(monomials, exponents_of_degree(size, d)) for d in (high, low))
     table = exponents_of_degree(size, low + high)
@@ -129,17 +139,20 @@ def coefficients(size: int, order: int) -> int:
 
 
 def products(size: int, order: int) -> int:
-    """C(2 size + order, order), the number of pairs of coefficients whose product is not cut off."""
+    """C(2 size + order, order), the number of pairs of coefficients whose product is not cut
+    off.
+    """
     return math.comb(2 * size + order, order)
 
 
 class SeriesTables(NamedTuple):
     """Tables for `size` displacements to degree `order`.
 
-    Degree d has counts[d] monomials from starts[d] on; the last of `starts` is the number of all. The place, within
-    degree j + l, of the product of monomial i of degree j and monomial k of degree l is products[product_starts[j
-    (order + 1) + l] + i counts[l] + k]. For monomial i of degree d < order, raised[raised_starts[d] + i size + a] is
-    the place of x_a times it, and `exponents` at the same index its exponent of x_a.
+    Degree d has counts[d] monomials from starts[d] on; the last of `starts` is the number of all.
+    The place, within degree j + l, of the product of monomial i of degree j and monomial k of
+    degree l is products[product_starts[j (order + 1) + l] + i counts[l] + k]. For monomial i of
+    degree d < order, raised[raised_starts[d] + i size + a] is the place of x_a times it, and
+    `exponents` at the same index its exponent of x_a.
     """
 
     size: int
@@ -158,7 +171,11 @@ def series_tables(size: int, order: int) -> SeriesTables:
     """The tables, cached; for large sizes they contain about `products(size, order)` numbers."""
     degrees = range(order + 1)
     counts = np.array([len(exponents_of_degree(size, d)) for d in degrees], np.int64)
-    pairs = [products_of_degree(size, k, j).ravel() if j + k <= order else _NONE for j in degrees for k in degrees]
+    pairs = [
+        products_of_degree(size, k, j).ravel() if j + k <= order else _NONE
+        for j in degrees
+        for k in degrees
+    ]
     raised = [raised_places(size, d).ravel() for d in range(order)]
     exponents = [exponents_of_degree(size, d).ravel().astype(np.int64) + 1 for d in range(order)]
     nothing = np.empty(0, np.int64)
@@ -191,9 +208,11 @@ class Storage(NamedTuple):
 
 
 class Machine(NamedTuple):
-    """The data shared by all instructions: registers, places of products and derivatives, and the prime.
+    """The data shared by all instructions: registers, places of products and derivatives, and the
+    prime.
 
-    `small` holds 0, 1, 2, …, `inverses` 0 and their inverses, in Montgomery form: exponents and degrees as factors.
+    `small` holds 0, 1, 2, …, `inverses` 0 and their inverses, in Montgomery form: exponents and
+    degrees as factors.
     """
 
     registers: Storage
@@ -204,7 +223,8 @@ class Machine(NamedTuple):
 
 
 class SparseSeries(NamedTuple):
-    """Nonzero coefficients: those of series s are at starts[s] to starts[s + 1], by ascending degree.
+    """Nonzero coefficients: those of series s are at starts[s] to starts[s + 1], by ascending
+    degree.
 
     `places` are the places of the monomials among all monomials of their degree.
     """
@@ -220,7 +240,9 @@ def _extend(m: Machine, out: int, top: int) -> None:
     """Fill `out` with zeros up to degree `top`."""
     values, tops, stride = m.registers
     if top > tops[out]:
-        for k in range(out * stride + m.tables.starts[tops[out] + 1], out * stride + m.tables.starts[top + 1]):
+        for k in range(
+            out * stride + m.tables.starts[tops[out] + 1], out * stride + m.tables.starts[top + 1]
+        ):
             values[k] = np.uint64(0)
         tops[out] = top
 
@@ -233,11 +255,17 @@ def _start(m: Machine, out: int, constant: np.uint64) -> None:
 
 
 @compiled
-def _convolve(m: Machine, out: int, left: int, j: int, right: int, k: int, weight: np.uint64) -> None:
+def _convolve(
+    m: Machine, out: int, left: int, j: int, right: int, k: int, weight: np.uint64
+) -> None:
     """out_(j + k) += weight left_j right_k, for the homogeneous components of these degrees."""
     values, _, stride = m.registers
     counts, starts = m.tables.counts, m.tables.starts
-    base, first, second = out * stride + starts[j + k], left * stride + starts[j], right * stride + starts[k]
+    base, first, second = (
+        out * stride + starts[j + k],
+        left * stride + starts[j],
+        right * stride + starts[k],
+    )
     for i in range(counts[j]):
         if values[first + i] == np.uint64(0):
             continue
@@ -254,7 +282,9 @@ def _convolve(m: Machine, out: int, left: int, j: int, right: int, k: int, weigh
 def _scale(m: Machine, out: int, degree: int, factor: np.uint64) -> None:
     """out_degree := factor out_degree."""
     values, _, stride = m.registers
-    for k in range(out * stride + m.tables.starts[degree], out * stride + m.tables.starts[degree + 1]):
+    for k in range(
+        out * stride + m.tables.starts[degree], out * stride + m.tables.starts[degree + 1]
+    ):
         if values[k] != np.uint64(0):
             values[k] = multiply(values[k], factor, m.field)
 
@@ -311,7 +341,9 @@ def _last_degree(m: Machine, a: int) -> int:
 
 @compiled
 def _power(m: Machine, out: int, a: int, exponent: np.uint64, inverse: np.uint64) -> None:
-    """a_0 k y_k = sum_j (exponent j - (k - j)) a_j y_(k-j), given the constant term; `inverse` is 1/a_0."""
+    """a_0 k y_k = sum_j (exponent j - (k - j)) a_j y_(k-j), given the constant term; `inverse` is
+    1/a_0.
+    """
     for k in range(1, _last_degree(m, a) + 1):
         _extend(m, out, k)
         for j in range(1, min(k, m.registers.tops[a]) + 1):
@@ -345,7 +377,9 @@ def _sine_cosine(m: Machine, sine: int, cosine: int, a: int) -> None:
 
 @compiled
 def _primitive(m: Machine, out: int, a: int, b: int, inverse: np.uint64) -> None:
-    """k b_0 y_k = k a_k - sum_(0<j<k) (k - j) b_j y_(k-j), given the constant term; `inverse` is 1/b_0."""
+    """k b_0 y_k = k a_k - sum_(0<j<k) (k - j) b_j y_(k-j), given the constant term; `inverse` is
+    1/b_0.
+    """
     for k in range(1, _last_degree(m, a) + 1):
         _extend(m, out, k)
         for j in range(1, min(k - 1, m.registers.tops[b]) + 1):
@@ -355,8 +389,12 @@ def _primitive(m: Machine, out: int, a: int, b: int, inverse: np.uint64) -> None
 
 
 @compiled
-def _divide(m: Machine, operation: int, out: int, a: int, b: int, first: np.uint64, second: np.uint64) -> bool:
-    """Carry out an operation that divides by a constant term, given its constants; False if the divisor is 0."""
+def _divide(
+    m: Machine, operation: int, out: int, a: int, b: int, first: np.uint64, second: np.uint64
+) -> bool:
+    """Carry out an operation that divides by a constant term, given its constants; False if the
+    divisor is 0.
+    """
     values, tops, stride = m.registers
     divisor = b if operation == PRIMITIVE else a
     if tops[divisor] < 0 or values[divisor * stride] == np.uint64(0):
@@ -376,11 +414,18 @@ def _divide(m: Machine, operation: int, out: int, a: int, b: int, first: np.uint
 
 @compiled
 def carry_out(instructions: Integers, constants: Words, m: Machine) -> int:
-    """Carry out all instructions; return the first index that divides by a series without constant term, or -1."""
+    """Carry out all instructions; return the first index that divides by a series without constant
+    term, or -1.
+    """
     values, _, stride = m.registers
     for number in range(len(instructions) // WIDTH):
         at = WIDTH * number
-        operation, out, a, b = instructions[at], instructions[at + 1], instructions[at + 2], instructions[at + 3]
+        operation, out, a, b = (
+            instructions[at],
+            instructions[at + 1],
+            instructions[at + 2],
+            instructions[at + 3],
+        )
         c, limit = instructions[at + 4], m.tables.order - instructions[at + 5]
         if operation == CONSTANT:
             _extend(m, out, 0)
@@ -405,13 +450,17 @@ def carry_out(instructions: Integers, constants: Words, m: Machine) -> int:
             _start(m, out, constants[c])
             _start(m, b, constants[c + 1])
             _sine_cosine(m, out, b, a)
-        elif not _divide(m, operation, out, a, b, constants[c], constants[min(c + 1, len(constants) - 1)]):
+        elif not _divide(
+            m, operation, out, a, b, constants[c], constants[min(c + 1, len(constants) - 1)]
+        ):
             return number
     return -1
 
 
 @compiled
-def list_coefficients(chosen: Integers, registers: Storage, starts: Integers, last: int, found: SparseSeries) -> None:
+def list_coefficients(
+    chosen: Integers, registers: Storage, starts: Integers, last: int, found: SparseSeries
+) -> None:
     """List the nonzero coefficients of the chosen registers up to degree `last`."""
     values, tops, stride = registers
     count = 0
@@ -429,8 +478,8 @@ def list_coefficients(chosen: Integers, registers: Storage, starts: Integers, la
 
 @dataclass(slots=True)
 class SeriesProgram:
-    """Instructions and constants for orders up to `order`; registers are numbered in order of creation, constant 0 is
-    1.
+    """Instructions and constants for orders up to `order`; registers are numbered in order of
+    creation, constant 0 is 1.
 
     TooLarge if the tables or the registers would take too much memory.
     """
@@ -470,11 +519,17 @@ class SeriesProgram:
         """The place of a constant number."""
         key = (value.numerator, value.denominator)
         if key not in self.numbers:
-            self.numbers[key] = self.constant(lambda point, known: modular.number_value(Fraction(value), point.prime))
+            self.numbers[key] = self.constant(
+                lambda point, known: modular.number_value(Fraction(value), point.prime)
+            )
         return self.numbers[key]
 
-    def write(self, operation: int, out: int, a: int = 0, b: int = 0, c: int = _ONE, lost: int = 0) -> int:
-        """Append an instruction; return its register `out`, known to `lost` orders less than the program's."""
+    def write(
+        self, operation: int, out: int, a: int = 0, b: int = 0, c: int = _ONE, lost: int = 0
+    ) -> int:
+        """Append an instruction; return its register `out`, known to `lost` orders less than the
+        program's.
+        """
         self.instructions.append((operation, out, a, b, c, lost))
         return out
 
@@ -539,7 +594,9 @@ class SeriesProgram:
             return self._integer_power(base, inner, exponent.numerator)
         residue = self.constant(lambda point, known: modular.number_value(exponent, point.prime))
         self.constant(
-            lambda point, known: modular.power_value(modular.evaluate(base, point, known), exponent, point.prime)
+            lambda point, known: modular.power_value(
+                modular.evaluate(base, point, known), exponent, point.prime
+            )
         )
         return self.write(POWER, self.register(), inner, c=residue)
 
@@ -594,7 +651,9 @@ class SeriesProgram:
         return self._taylor(tree, moved, ())
 
     def _taylor(self, tree: ex.Arbitrary, moved: Sequence[int], orders: tuple[int, ...]) -> int:
-        """sum over the orders that follow these of their Taylor terms, without the powers for these."""
+        """sum over the orders that follow these of their Taylor terms, without the powers for
+        these.
+        """
         out = self.register()
         if len(orders) == len(moved):
             return self.write(CONSTANT, out, c=self.constant(_taylor_coefficient(tree, orders)))
@@ -630,7 +689,8 @@ def _taylor_coefficient(tree: ex.Arbitrary, more: tuple[int, ...]) -> Recipe:
 
 @dataclass(slots=True)
 class Series:
-    """A sum of products of registers, each times a number: a scalar of `mechanics.conditions`, written when it is used.
+    """A sum of products of registers, each times a number: a scalar of `mechanics.conditions`,
+    written when it is used.
 
     The `lost` highest degrees of the program are invalid: each derivative loses one more.
     """
@@ -657,7 +717,9 @@ class Series:
         return Series(self.program, ((factor * times, a, b),), max(self.lost, other.lost))
 
     def scaled(self, factor: int | Fraction) -> Series:
-        terms = tuple((factor if weight == 1 else factor * weight, a, b) for weight, a, b in self.terms)
+        terms = tuple(
+            (factor if weight == 1 else factor * weight, a, b) for weight, a, b in self.terms
+        )
         return Series(self.program, terms, self.lost)
 
     def derivative(self, place: int) -> Series:
@@ -665,7 +727,9 @@ class Series:
         factor, a = self.multiple()
         key = ("derivative", a, place)
         if key not in self.program.known:
-            self.program.known[key] = self.program.write(DERIVATIVE, self.program.register(), a, place)
+            self.program.known[key] = self.program.write(
+                DERIVATIVE, self.program.register(), a, place
+            )
         return Series(self.program, ((factor, self.program.known[key], None),), self.lost + 1)
 
     def multiple(self) -> tuple[int | Fraction, int]:
@@ -739,7 +803,10 @@ class Registers:
 
     def coefficients(self, registers: Integers, last: int) -> Kept[SparseSeries]:
         """The nonzero coefficients of some registers up to degree `last`."""
-        starts, room = np.zeros(len(registers) + 1, np.int64), len(registers) * int(self.tables.starts[last + 1])
+        starts, room = (
+            np.zeros(len(registers) + 1, np.int64),
+            len(registers) * int(self.tables.starts[last + 1]),
+        )
         places, degrees = np.empty((2, room), np.int64)
         found = Kept(SparseSeries(starts, places, np.empty(room, np.uint64), degrees))
         list_coefficients(registers, self.stored, self.tables.starts, last, found.struct)
@@ -747,9 +814,13 @@ class Registers:
 
 
 def constants_at(program: SeriesProgram, point: modular.Point) -> Words:
-    """The constants at the point; SingularPoint for a division by zero, ValueError for a missing root."""
+    """The constants at the point; SingularPoint for a division by zero, ValueError for a missing
+    root.
+    """
     known: dict[ex.Expression, int] = {}
-    return np.array([_montgomery(recipe(point, known), point.prime) for recipe in program.recipes], np.uint64)
+    return np.array(
+        [_montgomery(recipe(point, known), point.prime) for recipe in program.recipes], np.uint64
+    )
 
 
 def run(
@@ -764,24 +835,44 @@ def run(
 
     `given` may supply the coefficients of the first registers, which no instruction then writes.
     """
-    tables, stride = series_tables(len(program.variables), order), coefficients(len(program.variables), order)
-    values, tops = np.empty(program.registers * stride, np.uint64), np.full(program.registers, -1, np.int64)
+    tables, stride = (
+        series_tables(len(program.variables), order),
+        coefficients(len(program.variables), order),
+    )
+    values, tops = (
+        np.empty(program.registers * stride, np.uint64),
+        np.full(program.registers, -1, np.int64),
+    )
     for place, known in enumerate(given):
-        values[place * stride : (place + 1) * stride] = [_montgomery(value, prime) for value in known[:stride]]
+        values[place * stride : (place + 1) * stride] = [
+            _montgomery(value, prime) for value in known[:stride]
+        ]
         tops[place] = order
     return _run(Registers(prime, tables, values, tops), instructions, constants)
 
 
 def run_again(
-    before: Registers, kept: int, count: int, instructions: Integers, numbers: Sequence[int], order: int
+    before: Registers,
+    kept: int,
+    count: int,
+    instructions: Integers,
+    numbers: Sequence[int],
+    order: int,
 ) -> Registers:
-    """Run more instructions, with integer constants, on the first `kept` registers of a run, to a lower order."""
-    tables, stride = series_tables(before.tables.size, order), coefficients(before.tables.size, order)
+    """Run more instructions, with integer constants, on the first `kept` registers of a run, to a
+    lower order.
+    """
+    tables, stride = (
+        series_tables(before.tables.size, order),
+        coefficients(before.tables.size, order),
+    )
     values, tops = np.empty(count * stride, np.uint64), np.full(count, -1, np.int64)
     given = before.values.reshape(len(before.tops), -1)
     values[: kept * stride].reshape(kept, stride)[:] = given[:kept, :stride]
     tops[:kept] = np.minimum(before.tops[:kept], order)
-    constants = np.array([_montgomery(number % before.prime, before.prime) for number in numbers], np.uint64)
+    constants = np.array(
+        [_montgomery(number % before.prime, before.prime) for number in numbers], np.uint64
+    )
     return _run(Registers(before.prime, tables, values, tops), instructions, constants)
 
 
@@ -801,6 +892,8 @@ def _montgomery(value: int, prime: int) -> int:
 @lru_cache(maxsize=64)
 def _inverses(prime: int, count: int) -> Words:
     """0, and 1/1, 1/2, …, in Montgomery form."""
-    numbers = np.array([0, *(_montgomery(pow(k, -1, prime), prime) for k in range(1, count))], np.uint64)
+    numbers = np.array(
+        [0, *(_montgomery(pow(k, -1, prime), prime) for k in range(1, count))], np.uint64
+    )
     numbers.setflags(write=False)
     return numbers

@@ -1,13 +1,15 @@
 """A sparse echelon form modulo a prime, built row by row with compiled kernels.
 
-The pivot of a row is its last nonzero column, so with columns in ascending degree, the rows with pivots in the first k
-columns are all consequences on those columns. Each new row is reduced by the previous rows until its pivot is known
-(full reduction costs two to three times as much and saves nothing later). The multiples used are recorded, so that each
-consequence can be traced to the original rows.
+The pivot of a row is its last nonzero column, so with columns in ascending degree, the rows with
+pivots in the first k columns are all consequences on those columns. Each new row is reduced by the
+previous rows until its pivot is known (full reduction costs two to three times as much and saves
+nothing later). The multiples used are recorded, so that each consequence can be traced to the
+original rows.
 
-Dependent rows cost most and give nothing. Rows that are expected to be dependent, and rows that need many rows of the
-basis, are not reduced but tested on a random vector on which the basis vanishes. An independent row vanishes there with
-probability 1/P only (Freivalds 1977); rows that do not vanish are inserted.
+Dependent rows cost most and give nothing. Rows that are expected to be dependent, and rows that
+need many rows of the basis, are not reduced but tested on a random vector on which the basis
+vanishes. An independent row vanishes there with probability 1/P only (Freivalds 1977); rows that do
+not vanish are inserted.
 """
 
 from __future__ import annotations
@@ -20,7 +22,17 @@ import numpy as np
 import numpy.typing as npt
 
 from inverse_service.field import modular
-from inverse_service.field.modular import GOLDEN, Field, compiled, leading_zeros, minus, mixed, multiply, plus, power
+from inverse_service.field.modular import (
+    GOLDEN,
+    Field,
+    compiled,
+    leading_zeros,
+    minus,
+    mixed,
+    multiply,
+    plus,
+    power,
+)
 from inverse_service.kernels.machine_code.argument_kinds import Kept
 
 Words = npt.NDArray[np.uint64]
@@ -29,7 +41,8 @@ Columns = npt.NDArray[np.int32]
 Marks = npt.NDArray[np.int8]
 # The state of a basis: rows, entries, recorded multiples, rows whose pivot is 1.
 ROWS, ENTRIES, USES, NORMAL = 0, 1, 2, 3
-# The status of a row; flags are 1 for rows that should depend on all others. PUT_OFF: needs too many rows.
+# The status of a row; flags are 1 for rows that should depend on all others. PUT_OFF: needs too
+# many rows.
 WAITING, EXPECTED, PUT_OFF, DEPENDENT, KEPT, _NO_ROOM = 0, 1, 2, 3, 4, 5
 # The number of postponed rows inserted before the remaining ones are tested again.
 _FEW = 4
@@ -58,7 +71,9 @@ class SparseRows(NamedTuple):
 
 
 class Basis(NamedTuple):
-    """The rows of an echelon form, largest column first, and for each column the row with that pivot, or -1."""
+    """The rows of an echelon form, largest column first, and for each column the row with that
+    pivot, or -1.
+    """
 
     pivot_of: Indices
     starts: Indices
@@ -82,9 +97,11 @@ class Dense(NamedTuple):
 
 
 class Growing(NamedTuple):
-    """The form under construction: the basis, the number of the given row of each basis row, and the multiples used.
+    """The form under construction: the basis, the number of the given row of each basis row, and
+    the multiples used.
 
-    `state` holds counts (see ROWS). `dense` is the current row, zero between calls; `solution` is a vector for tests.
+    `state` holds counts (see ROWS). `dense` is the current row, zero between calls; `solution` is a
+    vector for tests.
     """
 
     basis: Basis
@@ -146,14 +163,18 @@ def _scale(row: int, factor: np.uint64, basis: Basis, uses: Uses, field: Field) 
 
 @compiled
 def _normalise(row: int, basis: Basis, uses: Uses, field: Field) -> None:
-    """Make the pivot of a basis row 1, either before the row is first subtracted or, for the others, at the end."""
+    """Make the pivot of a basis row 1, either before the row is first subtracted or, for the
+    others, at the end.
+    """
     pivot = basis.values[basis.starts[row]]
     if pivot != field.one:
         _scale(row, power(pivot, field.prime - np.uint64(2), field), basis, uses, field)
 
 
 @compiled
-def _subtract_basis_row(row: int, factor: np.uint64, dense: Dense, basis: Basis, field: Field) -> None:
+def _subtract_basis_row(
+    row: int, factor: np.uint64, dense: Dense, basis: Basis, field: Field
+) -> None:
     for k in range(basis.starts[row], basis.starts[row + 1]):
         column = basis.columns[k]
         dense.values[column] = _less_product(dense.values[column], factor, basis.values[k], field)
@@ -202,7 +223,9 @@ def _store(pivot: int, dense: Dense, basis: Basis, state: Indices) -> None:
 def _has_room(top: int, form: Growing) -> bool:
     """Whether another row with this last column, and its multiples, fit into the arrays."""
     state = form.state
-    room = state[ENTRIES] + top + 1 <= len(form.basis.columns) and state[USES] + top + 2 <= len(form.uses.rows)
+    room = state[ENTRIES] + top + 1 <= len(form.basis.columns) and state[USES] + top + 2 <= len(
+        form.uses.rows
+    )
     return bool(room and state[ROWS] + 2 <= len(form.basis.starts))
 
 
@@ -217,8 +240,12 @@ def _clear(top: int, dense: Dense) -> None:
 
 
 @compiled
-def _insert_row(row: int, number: int, most: int, rows: SparseRows, form: Growing, field: Field) -> int:
-    """Insert row `number` of all given rows if at most `most` rows of the basis are needed; return its status."""
+def _insert_row(
+    row: int, number: int, most: int, rows: SparseRows, form: Growing, field: Field
+) -> int:
+    """Insert row `number` of all given rows if at most `most` rows of the basis are needed; return
+    its status.
+    """
     basis, uses, state, dense = form.basis, form.uses, form.state, form.dense
     top = _add_row(row, rows, dense, field)
     if not _has_room(top, form):
@@ -241,7 +268,14 @@ def _insert_row(row: int, number: int, most: int, rows: SparseRows, form: Growin
 
 @compiled
 def _insert_marked(
-    mark: int, some: int, first: int, most: int, marks: Marks, rows: SparseRows, form: Growing, field: Field
+    mark: int,
+    some: int,
+    first: int,
+    most: int,
+    marks: Marks,
+    rows: SparseRows,
+    form: Growing,
+    field: Field,
 ) -> bool:
     """Insert up to `some` rows with this mark in order; False if an array is full."""
     for row in range(len(marks)):
@@ -257,11 +291,15 @@ def _insert_marked(
 
 
 @compiled
-def insert_rows(first: int, most: int, width: int, marks: Marks, rows: SparseRows, form: Growing, field: Field) -> bool:
-    """Insert all rows and mark the status of each; False if an array is full: call again with longer arrays.
+def insert_rows(
+    first: int, most: int, width: int, marks: Marks, rows: SparseRows, form: Growing, field: Field
+) -> bool:
+    """Insert all rows and mark the status of each; False if an array is full: call again with
+    longer arrays.
 
-    Rows that need more than `most` rows of the basis come after all others, and rows EXPECTED to be dependent come
-    last. Both are tested first; some are inserted, and the remaining ones are tested again.
+    Rows that need more than `most` rows of the basis come after all others, and rows EXPECTED to be
+    dependent come last. Both are tested first; some are inserted, and the remaining ones are tested
+    again.
     """
     if not _insert_marked(WAITING, len(marks), first, most, marks, rows, form, field):
         return False
@@ -295,7 +333,9 @@ def _normalise_rows(first: int, last: int, form: Growing, field: Field) -> None:
 
 @compiled
 def solve_at_random(number: int, width: int, form: Growing, field: Field) -> None:
-    """Compute the `number`-th random vector on which all rows of the basis, with pivots 1, vanish."""
+    """Compute the `number`-th random vector on which all rows of the basis, with pivots 1,
+    vanish.
+    """
     basis, solution, state = form.basis, form.solution, field.prime * _SEED + np.uint64(number)
     for column in range(width):
         row = basis.pivot_of[column]
@@ -313,7 +353,9 @@ def solve_at_random(number: int, width: int, form: Growing, field: Field) -> Non
 def _some_independent(
     mark: int, first: int, width: int, marks: Marks, rows: SparseRows, form: Growing, field: Field
 ) -> bool:
-    """Mark rows that vanish on a random vector of the basis's kernel as dependent; whether others remain."""
+    """Mark rows that vanish on a random vector of the basis's kernel as dependent; whether others
+    remain.
+    """
     found, tested = False, False
     for row in range(len(marks)):
         if marks[row] != mark:
@@ -333,7 +375,9 @@ def _some_independent(
 
 @compiled
 def trace_weights(weights: Words, form: Growing, field: Field) -> None:
-    """Convert weights on basis rows into weights on original rows, last inserted first, in place."""
+    """Convert weights on basis rows into weights on original rows, last inserted first, in
+    place.
+    """
     uses = form.uses
     for k in range(len(weights) - 1, -1, -1):
         if weights[k] == np.uint64(0):
@@ -347,13 +391,18 @@ def trace_weights(weights: Words, form: Growing, field: Field) -> None:
 
 @compiled
 def cut(numbers: Indices, first: int, form: Growing, found: SparseRows) -> None:
-    """The entries of these basis rows from column `first` on; each row ends with its smallest column."""
+    """The entries of these basis rows from column `first` on; each row ends with its smallest
+    column.
+    """
     basis, entries = form.basis, 0
     for row in range(len(numbers)):
         for k in range(basis.starts[numbers[row]], basis.starts[numbers[row] + 1]):
             if basis.columns[k] < first:
                 break
-            found.columns[entries], found.values[entries] = basis.columns[k] - first, basis.values[k]
+            found.columns[entries], found.values[entries] = (
+                basis.columns[k] - first,
+                basis.values[k],
+            )
             entries += 1
         found.starts[row + 1] = entries
 
@@ -399,10 +448,14 @@ class Echelon:
     ) -> Flags:
         """Insert rows; entries of a row in the same column are added.
 
-        `expected` marks rows that should depend on all others, which is then tested at once. The result marks the
-        dependent rows. The marks do not change how many rows are inserted.
+        `expected` marks rows that should depend on all others, which is then tested at once. The
+        result marks the dependent rows. The marks do not change how many rows are inserted.
         """
-        marks = np.zeros(len(rows.starts) - 1, np.int8) if expected is None else expected.astype(np.int8)
+        marks = (
+            np.zeros(len(rows.starts) - 1, np.int8)
+            if expected is None
+            else expected.astype(np.int8)
+        )
         total, most = len(marks), self.width if in_order else MOST
         while not insert_rows(self.inserted, most, self.width, marks, rows, self.form, self._field):
             self._grow()
@@ -411,19 +464,31 @@ class Echelon:
 
     def _grow(self) -> None:
         """Extend the arrays that may lack room for another row."""
-        (pivots, starts, columns, values), origin, (use_starts, use_rows, factors), state, _, _ = self.form
-        rows, entries, uses = state[ROWS] + 2, state[ENTRIES] + self.width + 1, state[USES] + self.width + 1
-        basis = Basis(pivots, _longer(starts, rows), _longer(columns, entries), _longer(values, entries))
+        (pivots, starts, columns, values), origin, (use_starts, use_rows, factors), state, _, _ = (
+            self.form
+        )
+        rows, entries, uses = (
+            state[ROWS] + 2,
+            state[ENTRIES] + self.width + 1,
+            state[USES] + self.width + 1,
+        )
+        basis = Basis(
+            pivots, _longer(starts, rows), _longer(columns, entries), _longer(values, entries)
+        )
         used = Uses(_longer(use_starts, rows), _longer(use_rows, uses), _longer(factors, uses))
         self.kept = Kept(self.form._replace(basis=basis, origin=_longer(origin, rows), uses=used))
 
     def ranks_within(self, widths: Sequence[int]) -> list[int]:
-        """The number of independent consequences on the first columns, for each of the ascending widths."""
+        """The number of independent consequences on the first columns, for each of the ascending
+        widths.
+        """
         pivots = (self.form.basis.pivot_of[: widths[-1]] >= 0).nonzero()[0]
         return cast(list[int], pivots.searchsorted(widths).tolist())
 
     def random_solution(self, number: int, width: int) -> list[int]:
-        """The first entries of the `number`-th random vector on which all rows vanish; free entries are random."""
+        """The first entries of the `number`-th random vector on which all rows vanish; free entries
+        are random.
+        """
         solve_at_random(number, width, self.form, self._field)
         return cast(list[int], self.form.solution[:width].tolist())
 
@@ -433,7 +498,9 @@ class Echelon:
         return {number: self._row(number) for number in numbers}
 
     def cut_rows(self, first: int, width: int) -> SparseRows:
-        """The rows with pivots in columns first … width - 1, restricted to these columns, in Montgomery form."""
+        """The rows with pivots in columns first … width - 1, restricted to these columns, in
+        Montgomery form.
+        """
         basis = self.form.basis
         numbers = basis.pivot_of[first:width]
         numbers = numbers[numbers >= 0]
@@ -447,7 +514,10 @@ class Echelon:
         _, starts, columns, values = self.form.basis
         part = slice(int(starts[number]), int(starts[number + 1]))
         inverse = pow(1 << 64, -1, self.prime)
-        return {int(c): int(v) * inverse % self.prime for c, v in zip(columns[part], values[part], strict=True)}
+        return {
+            int(c): int(v) * inverse % self.prime
+            for c, v in zip(columns[part], values[part], strict=True)
+        }
 
     def trace(self, weights: Mapping[int, int]) -> list[int]:
         """The original rows that occur in a combination of basis rows, in order of insertion."""

@@ -1,23 +1,26 @@
-"""The exact field over Q in which a system is differentiated: quotients, derivations, and conversion from and to trees.
+"""The exact field over Q in which a system is differentiated: quotients, derivations, and
+conversion from and to trees.
 
-A `QuotientField` has quotients N / (D_1^e_1 ... D_m^e_m) in a fixed supply of generators (lexicographic order, the
-first one greatest), and two growing lists: monic relations g^q = P, P in smaller generators (a root,
-sin^2 = 1 - cos^2), and denominators. Denominators are never expanded: a derivation only raises exponents of known ones,
-so trial division replaces the gcd, which dominates for n = 4 systems when fractions are expanded (Phi, nabla Phi and R
-of a rational n = 4 system: about 20 ms). The relations have coprime leading terms g^q, so they are a Groebner basis,
-and the remainder decides zero whenever the ideal is prime. If atoms satisfy undiscovered relations, zero may remain
-unrecognized, but every identity found is true.
+A `QuotientField` has quotients N / (D_1^e_1 ... D_m^e_m) in a fixed supply of generators
+(lexicographic order, the first one greatest), and two growing lists: monic relations g^q = P, P in
+smaller generators (a root, sin^2 = 1 - cos^2), and denominators. Denominators are never expanded: a
+derivation only raises exponents of known ones, so trial division replaces the gcd, which dominates
+for n = 4 systems when fractions are expanded (Phi, nabla Phi and R of a rational n = 4 system:
+about 20 ms). The relations have coprime leading terms g^q, so they are a Groebner basis, and the
+remainder decides zero whenever the ideal is prime. If atoms satisfy undiscovered relations, zero
+may remain unrecognized, but every identity found is true.
 
-An `ExactRing` adds the trees of its generators and their derivatives. `quotient_tree` converts an element to a readable
-tree: factored, with roots and exponentials merged.
+An `ExactRing` adds the trees of its generators and their derivatives. `quotient_tree` converts an
+element to a readable tree: factored, with roots and exponentials merged.
 
-`exact_ring` takes formulas into the field. Their functions become generators, level by level of nesting; each partial
-derivative of an arbitrary function is a separate generator. exp(2x) and exp(x), sin(a - b) and sin a, sin b are
-dependent because their arguments are: within a level the arguments of exp, log and the trigonometric functions are
-first written in a basis over Q, scaled so that each is an integer combination, which gives independent generators. sin
-and cos, and sinh and cosh, are one pair (s, c) for each argument of the basis, with sign = -1 for the trigonometric and
-+1 for the hyperbolic one: ds = c du, dc = sign s du, c^2 - sign s^2 = 1. If only the tangent of an argument occurs, the
-tangent itself is the generator: dT = (1 - sign T^2) du.
+`exact_ring` takes formulas into the field. Their functions become generators, level by level of
+nesting; each partial derivative of an arbitrary function is a separate generator. exp(2x) and
+exp(x), sin(a - b) and sin a, sin b are dependent because their arguments are: within a level the
+arguments of exp, log and the trigonometric functions are first written in a basis over Q, scaled so
+that each is an integer combination, which gives independent generators. sin and cos, and sinh and
+cosh, are one pair (s, c) for each argument of the basis, with sign = -1 for the trigonometric and
++1 for the hyperbolic one: ds = c du, dc = sign s du, c^2 - sign s^2 = 1. If only the tangent of an
+argument occurs, the tangent itself is the generator: dT = (1 - sign T^2) du.
 """
 
 from __future__ import annotations
@@ -40,8 +43,8 @@ from inverse_service.expressions import functions, tree as ex
 Exponents = tuple[tuple[int, int], ...]
 # The cost of a step in addition to its terms.
 _WORK_OF_A_STEP = 20
-# The largest degree in one variable of a factored polynomial: factoring takes at most 0.2 s at 400, half a minute at
-# 800.
+# The largest degree in one variable of a factored polynomial: factoring takes at most 0.2 s at 400,
+# half a minute at 800.
 LARGEST_DEGREE = 500
 # Larger integer powers raise TooLarge, because their expansion would be unreadable.
 LARGEST_EXPONENT = 64
@@ -74,7 +77,8 @@ class Relation:
 class Budget:
     """Limits on the size of one polynomial, the time (`now`), and the total work.
 
-    `work` counts the terms of all polynomials, so a computation ends at the same place on every machine.
+    `work` counts the terms of all polynomials, so a computation ends at the same place on every
+    machine.
     """
 
     terms: int = 20_000
@@ -84,12 +88,16 @@ class Budget:
 
     @classmethod
     def short(cls) -> Budget:
-        """The budget of one optional step among many, within the outer time limit; longer results would be useless."""
+        """The budget of one optional step among many, within the outer time limit; longer results
+        would be useless.
+        """
         return cls(500, end(), 75_000)
 
     @classmethod
     def long(cls) -> Budget:
-        """The budget of a step without which a whole search method ends, within the outer time limit."""
+        """The budget of a step without which a whole search method ends, within the outer time
+        limit.
+        """
         return cls(4_000, end(), 150_000)
 
     def charge(self, terms: int) -> None:
@@ -120,7 +128,9 @@ class QuotientField:
 
     def constant(self, value: int | Fraction) -> Quotient:
         fraction = Fraction(value)
-        return Quotient(self, self.context.constant(fmpq(fraction.numerator, fraction.denominator)), ())
+        return Quotient(
+            self, self.context.constant(fmpq(fraction.numerator, fraction.denominator)), ()
+        )
 
     def generator(self, index: int) -> Quotient:
         return Quotient(self, self.context.gen(index), ())
@@ -138,7 +148,9 @@ class QuotientField:
             relation = self.relations[index]
             if not polynomial.is_zero() and polynomial.degrees()[index] >= relation.degree:
                 self.budget.charge(len(polynomial))
-                polynomial = polynomial % (self.context.gen(index) ** relation.degree - relation.right)
+                polynomial = polynomial % (
+                    self.context.gen(index) ** relation.degree - relation.right
+                )
         return polynomial
 
     def product(self, left: fmpq_mpoly, right: fmpq_mpoly) -> fmpq_mpoly:
@@ -148,17 +160,20 @@ class QuotientField:
         return self.reduce(left * right)
 
     def denominator_powers(self, polynomial: fmpq_mpoly) -> tuple[Fraction, Exponents]:
-        """(constant, exponents) with polynomial = constant * product of listed denominators; new irreducible ones are
-        added.
+        """(constant, exponents) with polynomial = constant * product of listed denominators; new
+        irreducible ones are added.
 
-        Radicands (1 - cos^2 among them) become powers of their generator before anything is factored.
+        Radicands (1 - cos^2 among them) become powers of their generator before anything is
+        factored.
         """
         self.budget.charge(20 * len(polynomial))
         table = dict[int, int]()
         for relation in self.relations.values():
             polynomial, power = divided_out(polynomial, relation.right)
             if power:
-                table[self._index_of(self.context.gen(relation.generator))] = power * relation.degree
+                table[self._index_of(self.context.gen(relation.generator))] = (
+                    power * relation.degree
+                )
         constant, factors = factor_polynomial(polynomial)
         for factor, power in factors:
             scale, index = self._listed(factor)
@@ -186,7 +201,9 @@ class QuotientField:
         result = self.context.constant(1)
         for index, power in exponents:
             base = self.denominators[index]
-            if len(base) == 1 and self._relation_of(base) is None:  # exp(t/1000)^999999 is one monomial
+            if (
+                len(base) == 1 and self._relation_of(base) is None
+            ):  # exp(t/1000)^999999 is one monomial
                 base, power = base**power, 1
             self.budget.charge(power)  # a step has a cost even if a monomial is multiplied
             for _ in range(power):
@@ -209,7 +226,9 @@ class QuotientField:
         return Quotient(self, numerator, tuple(remaining))
 
     def _divided(self, numerator: fmpq_mpoly, denominator: fmpq_mpoly) -> fmpq_mpoly | None:
-        """numerator / denominator if it is a polynomial, by the relation g^q = P if D is g; else None."""
+        """numerator / denominator if it is a polynomial, by the relation g^q = P if D is g; else
+        None.
+        """
         exact = _exact_division(numerator, denominator)
         relation = self._relation_of(denominator)
         if exact is not None or relation is None:
@@ -233,12 +252,16 @@ def as_fraction(value: fmpq) -> Fraction:
 
 
 def factor_polynomial(polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq_mpoly, int]]]:
-    """(rational content, [(irreducible factor, multiplicity)]); TooLarge if exponents are too large for flint.
+    """(rational content, [(irreducible factor, multiplicity)]); TooLarge if exponents are too large
+    for flint.
 
-    flint takes minutes for x^4001 - x, so the degree without the product of generator powers is bounded.
+    flint takes minutes for x^4001 - x, so the degree without the product of generator powers is
+    bounded.
     """
     lowest = polynomial.term_content().degrees() if len(polynomial) > 1 else polynomial.degrees()
-    if any(high - low > LARGEST_DEGREE for high, low in zip(polynomial.degrees(), lowest, strict=True)):
+    if any(
+        high - low > LARGEST_DEGREE for high, low in zip(polynomial.degrees(), lowest, strict=True)
+    ):
         raise TooLarge("the degree of a polynomial is too large to factor it")
     try:
         content, found = polynomial.factor()
@@ -255,7 +278,9 @@ def _exact_division(numerator: fmpq_mpoly, denominator: fmpq_mpoly) -> fmpq_mpol
 
 
 def divided_out(polynomial: fmpq_mpoly, factor: fmpq_mpoly) -> tuple[fmpq_mpoly, int]:
-    """(rest, power) with polynomial = rest * factor^power, power maximal; power 0 for a constant factor and for 0."""
+    """(rest, power) with polynomial = rest * factor^power, power maximal; power 0 for a constant
+    factor and for 0.
+    """
     power = 0
     if factor.is_constant() or not polynomial:
         return polynomial, power
@@ -264,14 +289,18 @@ def divided_out(polynomial: fmpq_mpoly, factor: fmpq_mpoly) -> tuple[fmpq_mpoly,
     return polynomial, power
 
 
-def coefficients_of(polynomial: fmpq_mpoly, generators: Sequence[int]) -> dict[tuple[int, ...], fmpq_mpoly]:
+def coefficients_of(
+    polynomial: fmpq_mpoly, generators: Sequence[int]
+) -> dict[tuple[int, ...], fmpq_mpoly]:
     """The coefficients of a polynomial in some of its generators, keyed by their exponents."""
     tables: dict[tuple[int, ...], dict[tuple[int, ...], fmpq]] = {}
     for exponents, value in polynomial.terms():
         rest = [int(e) for e in exponents]
         for index in generators:
             rest[index] = 0
-        tables.setdefault(tuple(int(exponents[index]) for index in generators), {})[tuple(rest)] = value
+        tables.setdefault(tuple(int(exponents[index]) for index in generators), {})[tuple(rest)] = (
+            value
+        )
     return {powers: polynomial.context().from_dict(table) for powers, table in tables.items()}
 
 
@@ -283,7 +312,8 @@ def coefficient(polynomial: fmpq_mpoly, index: int, power: int) -> fmpq_mpoly:
 def pseudo_division(
     rest: fmpq_mpoly, divisor: fmpq_mpoly, index: int, budget: Budget | None = None
 ) -> tuple[fmpq_mpoly, fmpq_mpoly, fmpq_mpoly]:
-    """(scale, quotient, rest) with scale * P = quotient * divisor + rest, of lower degree in one generator.
+    """(scale, quotient, rest) with scale * P = quotient * divisor + rest, of lower degree in one
+    generator.
 
     The scale divides a power of the leading coefficient of the divisor.
     """
@@ -333,7 +363,9 @@ class Quotient:
             return self.field.quotient(self.numerator + other.numerator, self.exponents)
         common = _maximum(self.exponents, other.exponents)
         left, right = (
-            self.field.product(part.numerator, self.field.expand(_difference(common, part.exponents)))
+            self.field.product(
+                part.numerator, self.field.expand(_difference(common, part.exponents))
+            )
             for part in (self, other)
         )
         self.field.budget.charge(len(left) + len(right))
@@ -352,7 +384,9 @@ class Quotient:
         return self.field.quotient(product, combined(self.exponents, other.exponents))
 
     def parts(self, generators: Sequence[int]) -> dict[tuple[int, ...], Quotient]:
-        """The sum of the terms with the same powers of some generators, for each combination of powers."""
+        """The sum of the terms with the same powers of some generators, for each combination of
+        powers.
+        """
         found, gen = {}, self.field.context.gen
         for powers, part in coefficients_of(self.numerator, generators).items():
             for index, power in zip(generators, powers, strict=True):
@@ -365,7 +399,11 @@ class Quotient:
         if not factor:
             return self.field.constant(0)
         fraction = Fraction(factor)
-        return Quotient(self.field, self.numerator * fmpq(fraction.numerator, fraction.denominator), self.exponents)
+        return Quotient(
+            self.field,
+            self.numerator * fmpq(fraction.numerator, fraction.denominator),
+            self.exponents,
+        )
 
     def inverse(self) -> Quotient:
         """1/self; ZeroDivisionError for 0."""
@@ -389,18 +427,29 @@ class Quotient:
 
 
 def rationalised(quotient: Quotient) -> Quotient:
-    """The quotient with each denominator a + b g, g^2 = P, multiplied by a - b g: cos^2/(1 + sin) is 1 - sin."""
+    """The quotient with each denominator a + b g, g^2 = P, multiplied by a - b g: cos^2/(1 + sin)
+    is 1 - sin.
+    """
     owner = quotient.field
     for index in sorted(owner.relations):
         for place, _ in quotient.exponents:
-            power = dict(quotient.exponents).get(place, 0)  # none of it is left where a step before has canceled it
+            power = dict(quotient.exponents).get(
+                place, 0
+            )  # none of it is left where a step before has canceled it
             denominator = owner.denominators[place]
             lowest = denominator.subs({index: 0})
-            if power and owner.relations[index].degree == 2 and not lowest.is_zero() and lowest != denominator:
+            if (
+                power
+                and owner.relations[index].degree == 2
+                and not lowest.is_zero()
+                and lowest != denominator
+            ):
                 conjugate = Quotient(owner, 2 * lowest - denominator, ())
                 norm = Quotient(owner, denominator, ()) * conjugate
                 without = tuple(item for item in quotient.exponents if item[0] != place)
-                quotient = Quotient(owner, quotient.numerator, without) * (conjugate / norm) ** power
+                quotient = (
+                    Quotient(owner, quotient.numerator, without) * (conjugate / norm) ** power
+                )
     return quotient
 
 
@@ -421,7 +470,9 @@ def _maximum(left: Exponents, right: Exponents) -> Exponents:
 
 def _difference(left: Exponents, right: Exponents) -> Exponents:
     table = dict(right)
-    return tuple((index, power - table.get(index, 0)) for index, power in left if power > table.get(index, 0))
+    return tuple(
+        (index, power - table.get(index, 0)) for index, power in left if power > table.get(index, 0)
+    )
 
 
 def common_divisor(polynomials: Iterable[fmpq_mpoly]) -> fmpq_mpoly:
@@ -430,10 +481,14 @@ def common_divisor(polynomials: Iterable[fmpq_mpoly]) -> fmpq_mpoly:
 
 
 def common_factor(coefficients: Sequence[Quotient]) -> Quotient:
-    """The quotient that divides all coefficients so that polynomials without a common factor remain."""
+    """The quotient that divides all coefficients so that polynomials without a common factor
+    remain.
+    """
     owner = coefficients[0].field
     numerator = common_divisor(c.numerator for c in coefficients)
-    content = owner.quotient(numerator, functools.reduce(_maximum, (c.exponents for c in coefficients)))
+    content = owner.quotient(
+        numerator, functools.reduce(_maximum, (c.exponents for c in coefficients))
+    )
     leading = coefficients[0] / content
     number = leading.constant_value
     return content if number is None else content.scaled(number)
@@ -446,13 +501,17 @@ def primitive(vector: Sequence[Quotient]) -> list[Quotient]:
 
 
 def sum_of(zero: Quotient, terms: Iterable[Quotient]) -> Quotient:
-    """The sum; terms with equal denominators are added first, so that few fractions are combined."""
+    """The sum; terms with equal denominators are added first, so that few fractions are
+    combined.
+    """
     groups: dict[Exponents, Quotient] = {}
     for term in terms:
         if not term.is_zero:
             known = groups.get(term.exponents)
             groups[term.exponents] = (
-                term if known is None else Quotient(term.field, known.numerator + term.numerator, term.exponents)
+                term
+                if known is None
+                else Quotient(term.field, known.numerator + term.numerator, term.exponents)
             )
     total = zero
     for exponents, term in groups.items():
@@ -464,7 +523,8 @@ def sum_of(zero: Quotient, terms: Iterable[Quotient]) -> Quotient:
 class Derivation:
     """A derivation X, given by its nonzero values X(g) on the generators.
 
-    `undefined` are generators whose derivative was not prepared; differentiating one raises TooLarge.
+    `undefined` are generators whose derivative was not prepared; differentiating one raises
+    TooLarge.
     """
 
     images: Mapping[int, Quotient]
@@ -475,7 +535,9 @@ class Derivation:
         terms = []
         degrees = polynomial.degrees() if self.undefined else ()
         if any(degrees[index] > 0 for index in self.undefined):
-            raise TooLarge("a derivative of an arbitrary function beyond the order prepared is needed")
+            raise TooLarge(
+                "a derivative of an arbitrary function beyond the order prepared is needed"
+            )
         for index, image in self.images.items():
             slope = polynomial.derivative(index)
             if not slope.is_zero():
@@ -489,7 +551,9 @@ class Derivation:
         for index, exponent in element.exponents:
             slope = self.of_polynomial(owner, owner.denominators[index])
             if not slope.is_zero:
-                logarithmic = slope * Quotient(owner, owner.context.constant(-exponent), ((index, 1),))
+                logarithmic = slope * Quotient(
+                    owner, owner.context.constant(-exponent), ((index, 1),)
+                )
                 terms.append(Quotient(owner, element.numerator, ()) * logarithmic)
         whole = sum_of(owner.constant(0), terms)
         return owner.quotient(whole.numerator, combined(whole.exponents, element.exponents))
@@ -499,11 +563,11 @@ class Derivation:
 class ExactRing:
     """A quotient field whose generators are the atoms of given formulas.
 
-    `variables` are t, coordinates, and velocities; `atoms` maps the tree of each atom to its value; `trees[index]` is
-    the tree of generator `index`; `images[k][index]` is its derivative by `variables[k]` if the ring has `slopes`;
-    `undefined` are generators whose derivatives exceed the requested order; with `plain_powers`, powers of generators
-    are written exp(u)^2 and sqrt(u)^3. Generators are assigned from the last index down, so that later ones are greater
-    in the order.
+    `variables` are t, coordinates, and velocities; `atoms` maps the tree of each atom to its value;
+    `trees[index]` is the tree of generator `index`; `images[k][index]` is its derivative by
+    `variables[k]` if the ring has `slopes`; `undefined` are generators whose derivatives exceed the
+    requested order; with `plain_powers`, powers of generators are written exp(u)^2 and sqrt(u)^3.
+    Generators are assigned from the last index down, so that later ones are greater in the order.
     """
 
     field: QuotientField
@@ -561,7 +625,9 @@ class ExactRing:
             raise ValueError("this ring was made without derivatives")
 
     def value(self, tree: ex.Expression) -> Quotient:
-        """The tree as a ring element; ZeroDivisionError for a division by an element that is identically zero."""
+        """The tree as a ring element; ZeroDivisionError for a division by an element that is
+        identically zero.
+        """
         if tree in self.atoms:
             return self.atoms[tree]
         match tree:
@@ -580,16 +646,24 @@ class ExactRing:
 
 def is_integer_power(tree: ex.Expression) -> bool:
     """Whether the node is a Power with an integer exponent, which needs no generator."""
-    return isinstance(tree, ex.Power) and isinstance(tree.exponent, ex.Number) and tree.exponent.value.denominator == 1
+    return (
+        isinstance(tree, ex.Power)
+        and isinstance(tree.exponent, ex.Number)
+        and tree.exponent.value.denominator == 1
+    )
 
 
 def opaque_ring(
-    trees: Iterable[ex.Expression], budget: Budget | None = None, places: Mapping[ex.Expression, int] | None = None
+    trees: Iterable[ex.Expression],
+    budget: Budget | None = None,
+    places: Mapping[ex.Expression, int] | None = None,
 ) -> ExactRing:
-    """A ring that holds the trees, in which symbols, functions, and roots are independent generators.
+    """A ring that holds the trees, in which symbols, functions, and roots are independent
+    generators.
 
-    An identity in it is true, but an element that is not zero may be the zero function. Symbols come first, velocities
-    last, each by its number in `places` and then as they appear: so products look like R sin(phi) phi'.
+    An identity in it is true, but an element that is not zero may be the zero function. Symbols
+    come first, velocities last, each by its number in `places` and then as they appear: so products
+    look like R sin(phi) phi'.
     """
     powers = dict(pair for tree in trees for pair in _powers_in(tree))
     atoms = _atoms_of(powers.values())
@@ -614,7 +688,9 @@ def opaque_ring(
 
 
 def _powers_in(tree: ex.Expression) -> Iterator[tuple[ex.Expression, tuple[ex.Expression, int]]]:
-    """(node, (u, k)) for each node u^k outside of functions and roots; u^(p/q) is the p-th power of u^(1/q)."""
+    """(node, (u, k)) for each node u^k outside of functions and roots; u^(p/q) is the p-th power of
+    u^(1/q).
+    """
     match tree:
         case ex.Power(base, ex.Number(value)) if value.denominator > 1:
             yield tree, (ex.Power(base, ex.number(Fraction(1, value.denominator))), value.numerator)
@@ -661,14 +737,18 @@ def scaled_tree(tree: ex.Expression, divisor: int) -> ex.Expression:
 
 
 def quotient_tree(ring: ExactRing, quotient: Quotient) -> ex.Expression:
-    """The element as constant * factors / denominators, or a sum of such quotients if that is shorter."""
+    """The element as constant * factors / denominators, or a sum of such quotients if that is
+    shorter.
+    """
     if quotient.is_zero:
         return ex.number(0)
     return ex.add(*(_factored(ring, part) for part in _split_by_roots(ring, quotient)))
 
 
 def _split_by_roots(ring: ExactRing, quotient: Quotient) -> list[Quotient]:
-    """The parts by powers of each root in the denominator: (P + Q r^5)/r^5 = P/r^5 + Q, if that is shorter."""
+    """The parts by powers of each root in the denominator: (P + Q r^5)/r^5 = P/r^5 + Q, if that is
+    shorter.
+    """
     parts = [quotient]
     for index in ring.field.relations:
         root = ring.field.context.gen(index)
@@ -688,23 +768,35 @@ def _factored(ring: ExactRing, quotient: Quotient) -> ex.Expression:
         _collect(ring, table, ring.field.denominators[index], -exponent)
     rank = {tree: _place(ring, index) for index, tree in ring.trees.items() if tree in table}
     ordered = sorted(
-        table.items(), key=lambda item: (item[1] < 0, isinstance(item[0], ex.Sum), rank.get(item[0], (3, 0)))
+        table.items(),
+        key=lambda item: (item[1] < 0, isinstance(item[0], ex.Sum), rank.get(item[0], (3, 0))),
     )
     powers = [(tree, exponent) for tree, exponent in ordered if exponent]
     below = [(tree, -exponent) for tree, exponent in powers if exponent < 0]
     if ring.plain_powers and len(below) > 1:  # 1/(u^a w^a) rather than u^(-a) w^(-a)
-        powers = [*powers[: -len(below)], (ex.multiply(*(tree**exponent for tree, exponent in below)), Fraction(-1))]
-    return ex.multiply(ex.number(constant), *(_power(ring, tree, exponent) for tree, exponent in powers))
+        powers = [
+            *powers[: -len(below)],
+            (ex.multiply(*(tree**exponent for tree, exponent in below)), Fraction(-1)),
+        ]
+    return ex.multiply(
+        ex.number(constant), *(_power(ring, tree, exponent) for tree, exponent in powers)
+    )
 
 
 def factor_trees(ring: ExactRing, quotient: Quotient) -> list[ex.Expression]:
-    """The distinct nonconstant factors of the numerator, which determine where the element can vanish."""
+    """The distinct nonconstant factors of the numerator, which determine where the element can
+    vanish.
+    """
     _, factors = _factors(ring, quotient.numerator)
     return [polynomial_tree(ring, factor) for factor, _ in factors if not factor.is_constant()]
 
 
-def _factors(ring: ExactRing, polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq_mpoly, int]]]:
-    """The constant and the factors; radicands and 1 - cos^2 are taken out whole, as powers of their generator."""
+def _factors(
+    ring: ExactRing, polynomial: fmpq_mpoly
+) -> tuple[Fraction, list[tuple[fmpq_mpoly, int]]]:
+    """The constant and the factors; radicands and 1 - cos^2 are taken out whole, as powers of their
+    generator.
+    """
     found = []
     for relation in ring.field.relations.values():
         polynomial, exponent = divided_out(polynomial, relation.right)
@@ -716,7 +808,9 @@ def _factors(ring: ExactRing, polynomial: fmpq_mpoly) -> tuple[Fraction, list[tu
     return content, [*found, *factors]
 
 
-def _collect(ring: ExactRing, table: dict[ex.Expression, Fraction], factor: fmpq_mpoly, exponent: int) -> None:
+def _collect(
+    ring: ExactRing, table: dict[ex.Expression, Fraction], factor: fmpq_mpoly, exponent: int
+) -> None:
     """Multiply a power of a factor into the table of trees and exponents."""
     tree = polynomial_tree(ring, factor)
     for base, inner in [(tree, Fraction(1))] if ring.plain_powers else ex.powers_of(tree):
@@ -725,10 +819,16 @@ def _collect(ring: ExactRing, table: dict[ex.Expression, Fraction], factor: fmpq
 
 def polynomial_tree(ring: ExactRing, polynomial: fmpq_mpoly) -> ex.Expression:
     """The polynomial as a sum of monomials."""
-    used = (index for index, degree in enumerate(polynomial.degrees()) if degree > 0 and index in ring.trees)
+    used = (
+        index
+        for index, degree in enumerate(polynomial.degrees())
+        if degree > 0 and index in ring.trees
+    )
     order = sorted(used, key=lambda index: _place(ring, index))
     powers: dict[tuple[int, int], ex.Expression] = {}
-    return ex.add(*(_monomial_tree(ring, order, powers, e, as_fraction(c)) for e, c in polynomial.terms()))
+    return ex.add(
+        *(_monomial_tree(ring, order, powers, e, as_fraction(c)) for e, c in polynomial.terms())
+    )
 
 
 def _monomial_tree(
@@ -774,9 +874,11 @@ def generator_power(tree: ex.Expression, exponent: Fraction) -> ex.Expression:
 
 
 def adjoin_arbitrary(ring: ExactRing, nodes: Sequence[ex.Arbitrary], further: int) -> None:
-    """Add generators for the functions in `nodes` and for their derivatives of up to `further` more orders.
+    """Add generators for the functions in `nodes` and for their derivatives of up to `further` more
+    orders.
 
-    The derivatives of the highest order are marked undefined, because their derivatives are not in the ring.
+    The derivatives of the highest order are marked undefined, because their derivatives are not in
+    the ring.
     """
     families: dict[Family, int] = {}
     for node in nodes:
@@ -791,7 +893,9 @@ def adjoin_arbitrary(ring: ExactRing, nodes: Sequence[ex.Arbitrary], further: in
         _adjoin_family(ring, name, arguments, order + further)
 
 
-def _adjoin_family(ring: ExactRing, name: str, arguments: tuple[ex.Expression, ...], highest: int) -> None:
+def _adjoin_family(
+    ring: ExactRing, name: str, arguments: tuple[ex.Expression, ...], highest: int
+) -> None:
     values = [ring.value(argument) for argument in arguments]
     indices: dict[tuple[int, ...], int] = {}
     # From the highest order down, so that lower derivatives are the greater generators.
@@ -803,17 +907,23 @@ def _adjoin_family(ring: ExactRing, name: str, arguments: tuple[ex.Expression, .
         if sum(orders) == highest:
             ring.undefined.add(indices[orders])
             continue
-        slopes = [(_next(ring, indices, orders, place), value) for place, value in enumerate(values)]
+        slopes = [
+            (_next(ring, indices, orders, place), value) for place, value in enumerate(values)
+        ]
         ring.set_slopes(indices[orders], slopes)
 
 
-def _next(ring: ExactRing, indices: dict[tuple[int, ...], int], orders: tuple[int, ...], place: int) -> Quotient:
+def _next(
+    ring: ExactRing, indices: dict[tuple[int, ...], int], orders: tuple[int, ...], place: int
+) -> Quotient:
     raised = tuple(order + (position == place) for position, order in enumerate(orders))
     return ring.generator(indices[raised])
 
 
 def adjoin_roots(ring: ExactRing, powers: Sequence[ex.Power]) -> None:
-    """Add generators for rational powers; powers of one base share the root of the common denominator."""
+    """Add generators for rational powers; powers of one base share the root of the common
+    denominator.
+    """
     degrees: dict[ex.Expression, int] = {}
     for node in powers:
         assert isinstance(node.exponent, ex.Number)
@@ -825,17 +935,24 @@ def adjoin_roots(ring: ExactRing, powers: Sequence[ex.Power]) -> None:
                 ring.atoms[node] = root ** int(node.exponent.value * degree)
 
 
-def root_generator(ring: ExactRing, radicand: Quotient, tree: ex.Expression, degree: int) -> Quotient:
+def root_generator(
+    ring: ExactRing, radicand: Quotient, tree: ex.Expression, degree: int
+) -> Quotient:
     """An element r with r^degree = radicand; the same radicand gives the same generator.
 
-    For the radicand a/b the generator is b (a/b)^(1/degree), a root of the polynomial a b^(degree-1).
+    For the radicand a/b the generator is b (a/b)^(1/degree), a root of the polynomial a
+    b^(degree-1).
     """
     if radicand.is_zero:
         return radicand
     below = Quotient(ring.field, ring.field.expand(radicand.exponents), ())
     polynomial = (Quotient(ring.field, radicand.numerator, ()) * below ** (degree - 1)).numerator
     for relation in ring.field.relations.values():
-        if relation.degree % degree == 0 and relation.right == polynomial and _is_root(ring, relation.generator):
+        if (
+            relation.degree % degree == 0
+            and relation.right == polynomial
+            and _is_root(ring, relation.generator)
+        ):
             return ring.generator(relation.generator) ** (relation.degree // degree) / below
     root = tree ** Fraction(1, degree)
     index = ring.new_generator(polynomial_tree(ring, below.numerator) * root)
@@ -877,10 +994,10 @@ def exact_ring(
 ) -> ExactRing:
     """A ring that contains the trees and can differentiate them `orders` times by the variables.
 
-    `further` are additional constants that do not occur in the trees. With `spare`, the ring may keep unused
-    generators, which avoids rebuilding it for short work. Without `slopes`, it cannot differentiate, which saves the
-    derivatives of all generators. Raises TooLarge if the budget is exhausted, and ZeroDivisionError for a division by
-    zero in a tree.
+    `further` are additional constants that do not occur in the trees. With `spare`, the ring may
+    keep unused generators, which avoids rebuilding it for short work. Without `slopes`, it cannot
+    differentiate, which saves the derivatives of all generators. Raises TooLarge if the budget is
+    exhausted, and ZeroDivisionError for a division by zero in a tree.
     """
     symbols = [*further, *_symbols(trees, variables)]
     size = len(symbols) + _generators_needed(trees, orders)
@@ -894,10 +1011,12 @@ def exact_ring(
 def factored(
     trees: Sequence[ex.Expression], symbols: Sequence[ex.Symbol | ex.Velocity], budget: Budget
 ) -> list[ex.Expression]:
-    """The trees, each over its common denominator with factored numerator and denominator, with all relations used.
+    """The trees, each over its common denominator with factored numerator and denominator, with all
+    relations used.
 
-    The shorter of two forms: denominators with square roots and sines, or without them. TooLarge if the budget is
-    exhausted, ZeroDivisionError if a denominator vanishes, KeyError for an unknown atom.
+    The shorter of two forms: denominators with square roots and sines, or without them. TooLarge if
+    the budget is exhausted, ZeroDivisionError if a denominator vanishes, KeyError for an unknown
+    atom.
     """
     ring = exact_ring(trees, symbols, 0, budget, spare=True, slopes=False)
     return [shortest_tree(ring, ring.value(tree)) for tree in trees]
@@ -930,8 +1049,12 @@ def _build(
 def _symbols(
     trees: Sequence[ex.Expression], variables: Sequence[ex.Symbol | ex.Velocity]
 ) -> list[ex.Symbol | ex.Velocity]:
-    """All symbols, with parameters and numbers such as pi last, so that they are smallest in the order."""
-    found = dict.fromkeys(node for node in ex.distinct_nodes(trees) if isinstance(node, ex.Symbol | ex.Velocity))
+    """All symbols, with parameters and numbers such as pi last, so that they are smallest in the
+    order.
+    """
+    found = dict.fromkeys(
+        node for node in ex.distinct_nodes(trees) if isinstance(node, ex.Symbol | ex.Velocity)
+    )
     constants = [symbol for symbol in found if symbol not in variables]
     return constants + list(reversed(variables))
 
@@ -948,11 +1071,15 @@ def _occurring(trees: Sequence[ex.Expression]) -> frozenset[str]:
 
 
 def _is_function(node: ex.Expression) -> bool:
-    return isinstance(node, ex.Apply | ex.Arbitrary) or (isinstance(node, ex.Power) and not is_integer_power(node))
+    return isinstance(node, ex.Apply | ex.Arbitrary) or (
+        isinstance(node, ex.Power) and not is_integer_power(node)
+    )
 
 
 def _generators_needed(trees: Sequence[ex.Expression], orders: int) -> int:
-    """An upper bound of the number of generators; an exact count would require the arguments' relations."""
+    """An upper bound of the number of generators; an exact count would require the arguments'
+    relations.
+    """
     atoms = {node for node in ex.distinct_nodes(trees) if _is_function(node)}
     total = 0
     for node in atoms:
@@ -963,7 +1090,9 @@ def _generators_needed(trees: Sequence[ex.Expression], orders: int) -> int:
 
 
 def _levels(trees: Sequence[ex.Expression]) -> list[list[ex.Expression]]:
-    """The functions in the trees by nesting level: arguments at level k contain only levels below k."""
+    """The functions in the trees by nesting level: arguments at level k contain only levels below
+    k.
+    """
     depth: dict[ex.Expression, int] = {}
 
     def measure(node: ex.Expression) -> int:
@@ -977,11 +1106,26 @@ def _levels(trees: Sequence[ex.Expression]) -> list[list[ex.Expression]]:
     return [[node for node in found if depth[node] == level] for level in range(1, top + 1)]
 
 
-def _adjoin_level(ring: ExactRing, level: Sequence[ex.Expression], orders: int, names: frozenset[str]) -> None:
+def _adjoin_level(
+    ring: ExactRing, level: Sequence[ex.Expression], orders: int, names: frozenset[str]
+) -> None:
     """Add generators for all functions of one level."""
-    adjoin_roots(ring, [node for node in level if isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number)])
-    symbolic = [node for node in level if isinstance(node, ex.Power) and not isinstance(node.exponent, ex.Number)]
-    _adjoin_logarithms(ring, [*_applied(level, {"log"}), *(ex.Apply("log", node.base) for node in symbolic)])
+    adjoin_roots(
+        ring,
+        [
+            node
+            for node in level
+            if isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number)
+        ],
+    )
+    symbolic = [
+        node
+        for node in level
+        if isinstance(node, ex.Power) and not isinstance(node.exponent, ex.Number)
+    ]
+    _adjoin_logarithms(
+        ring, [*_applied(level, {"log"}), *(ex.Apply("log", node.base) for node in symbolic)]
+    )
     hyperbolic = _applied(level, functions.HYPERBOLIC)
     by_exponentials = bool(names & {"exp", "power"})
     exponentials = _applied(level, {"exp"}) + (hyperbolic if by_exponentials else [])
@@ -1017,12 +1161,18 @@ def _adjoin_logarithms(ring: ExactRing, nodes: Sequence[ex.Apply]) -> None:
         ring.atoms[node] = total
 
 
-def _adjoin_exponentials(ring: ExactRing, nodes: Sequence[ex.Apply], powers: Sequence[ex.Power]) -> None:
-    """Add generators for exp(u), u^e = exp(e log u), and hyperbolic functions by exp(u); u^(e + 1) is u u^e."""
+def _adjoin_exponentials(
+    ring: ExactRing, nodes: Sequence[ex.Apply], powers: Sequence[ex.Power]
+) -> None:
+    """Add generators for exp(u), u^e = exp(e log u), and hyperbolic functions by exp(u); u^(e + 1)
+    is u u^e.
+    """
     parts = [ex.split_exponent(node.exponent) for node in powers]
     symbolic = [ex.Power(node.base, rest) for node, (rest, _) in zip(powers, parts, strict=True)]
     arguments = [ring.value(node.argument) for node in nodes]
-    arguments += [ring.value(node.exponent) * ring.value(ex.Apply("log", node.base)) for node in symbolic]
+    arguments += [
+        ring.value(node.exponent) * ring.value(ex.Apply("log", node.base)) for node in symbolic
+    ]
     trees: list[ex.Expression] = [ex.Apply("exp", node.argument) for node in nodes]
     basis = argument_basis([coordinates_of(argument) for argument in arguments])
     generators = []
@@ -1050,12 +1200,16 @@ def _of_exponential(function: str, e: Quotient) -> Quotient:
     if function == "exp":
         return e
     other = e.inverse()
-    return _of_pair(function, Pair((e - other).scaled(Fraction(1, 2)), (e + other).scaled(Fraction(1, 2))))
+    return _of_pair(
+        function, Pair((e - other).scaled(Fraction(1, 2)), (e + other).scaled(Fraction(1, 2)))
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class ArgumentBasis:
-    """Arguments u_k = sum_b coefficients[k][b] * u_(chosen[b]) / scales[b] with integer coefficients."""
+    """Arguments u_k = sum_b coefficients[k][b] * u_(chosen[b]) / scales[b] with integer
+    coefficients.
+    """
 
     chosen: tuple[int, ...]
     scales: tuple[int, ...]
@@ -1094,18 +1248,29 @@ def argument_basis(vectors: Sequence[Coordinates]) -> ArgumentBasis:
             combination = [Fraction(0)] * len(chosen) + [Fraction(1)]
             chosen.append(index)
         expressed[index] = combination
-    rows = [expressed[k] + [Fraction(0)] * (len(chosen) - len(expressed[k])) for k in range(len(vectors))]
-    scales = tuple(math.lcm(*(row[column].denominator for row in rows)) for column in range(len(chosen)))
+    rows = [
+        expressed[k] + [Fraction(0)] * (len(chosen) - len(expressed[k]))
+        for k in range(len(vectors))
+    ]
+    scales = tuple(
+        math.lcm(*(row[column].denominator for row in rows)) for column in range(len(chosen))
+    )
     integers = tuple(tuple(int(c * m) for c, m in zip(row, scales, strict=True)) for row in rows)
     if any(abs(k) > _LARGEST_MULTIPLE for row in integers for k in row):
-        raise TooLarge("the arguments of exponentials or angles are too large multiples of a common one")
+        raise TooLarge(
+            "the arguments of exponentials or angles are too large multiples of a common one"
+        )
     return ArgumentBasis(tuple(chosen), scales, integers)
 
 
 def _solve(basis: Sequence[Coordinates], target: Coordinates) -> list[Fraction] | None:
     """Coefficients c with target = sum c_b basis_b for independent basis vectors, or None."""
     keys, size = {key for vector in (*basis, target) for key in vector}, len(basis)
-    entries = [fmpq(*vector.get(key, Fraction(0)).as_integer_ratio()) for key in keys for vector in (*basis, target)]
+    entries = [
+        fmpq(*vector.get(key, Fraction(0)).as_integer_ratio())
+        for key in keys
+        for vector in (*basis, target)
+    ]
     reduced, rank = fmpq_mat(len(keys), size + 1, entries).rref()
     return [as_fraction(reduced[row, size]) for row in range(size)] if rank == size else None
 
@@ -1119,12 +1284,18 @@ class Pair:
 
 
 def adjoin_pairs(ring: ExactRing, nodes: Sequence[ex.Apply], sign: int) -> None:
-    """Values of the trigonometric (sign -1) or hyperbolic (1) functions in `nodes`; TooLarge for large multiples."""
+    """Values of the trigonometric (sign -1) or hyperbolic (1) functions in `nodes`; TooLarge for
+    large multiples.
+    """
     arguments = [ring.value(node.argument) for node in nodes]
     turns = [_quarter_turns(ring, argument) if sign < 0 else 0 for argument in arguments]
-    free = [argument - _quarters(ring, count) for argument, count in zip(arguments, turns, strict=True)]
+    free = [
+        argument - _quarters(ring, count) for argument, count in zip(arguments, turns, strict=True)
+    ]
     basis = argument_basis([coordinates_of(argument) for argument in free])
-    if any(abs(coefficient) > LARGEST_MULTIPLE for row in basis.coefficients for coefficient in row):
+    if any(
+        abs(coefficient) > LARGEST_MULTIPLE for row in basis.coefficients for coefficient in row
+    ):
         raise TooLarge(f"an angle is more than {LARGEST_MULTIPLE} times another one")
     pairs: list[Pair | None] = []
     for column, (place, scale) in enumerate(zip(basis.chosen, basis.scales, strict=True)):
@@ -1153,7 +1324,9 @@ def _quarters(ring: ExactRing, count: int) -> Quotient:
     return ring.atoms[ex.PI].scaled(Fraction(count, 2)) if count else ring.constant(0)
 
 
-def _only_tangents(nodes: Sequence[ex.Apply], turns: Sequence[int], basis: ArgumentBasis, users: Sequence[int]) -> bool:
+def _only_tangents(
+    nodes: Sequence[ex.Apply], turns: Sequence[int], basis: ArgumentBasis, users: Sequence[int]
+) -> bool:
     """Whether a basis argument occurs only alone and only under tan and cot (tanh and coth)."""
     return all(
         nodes[index].function in ("tan", "cot", "tanh", "coth")
@@ -1163,7 +1336,9 @@ def _only_tangents(nodes: Sequence[ex.Apply], turns: Sequence[int], basis: Argum
     )
 
 
-def _adjoin_tangent(ring: ExactRing, nodes: Sequence[ex.Apply], argument: Quotient, sign: int) -> None:
+def _adjoin_tangent(
+    ring: ExactRing, nodes: Sequence[ex.Apply], argument: Quotient, sign: int
+) -> None:
     name = "tan" if sign < 0 else "tanh"
     index = ring.new_generator(ex.Apply(name, nodes[0].argument))
     tangent = ring.generator(index)
@@ -1172,7 +1347,9 @@ def _adjoin_tangent(ring: ExactRing, nodes: Sequence[ex.Apply], argument: Quotie
         ring.atoms[node] = tangent if node.function == name else tangent.inverse()
 
 
-def _new_pair(ring: ExactRing, plain: ex.Expression | None, argument: Quotient, scale: int, sign: int) -> Pair:
+def _new_pair(
+    ring: ExactRing, plain: ex.Expression | None, argument: Quotient, scale: int, sign: int
+) -> Pair:
     """Generators for the argument divided by `scale`; the square of the sine is reduced."""
     names = ("sin", "cos") if sign < 0 else ("sinh", "cosh")
     tree = scaled_tree(plain if plain is not None else quotient_tree(ring, argument), scale)
@@ -1182,13 +1359,16 @@ def _new_pair(ring: ExactRing, plain: ex.Expression | None, argument: Quotient, 
     pair = Pair(ring.generator(sine_index), ring.generator(cosine_index))
     square = (pair.cosine * pair.cosine - ring.constant(1)).scaled(sign)
     ring.field.relate(sine_index, 2, square.numerator)
-    # Neither slope needs the derivative of the other, so the order of these two lines does not matter.
+    # Neither slope needs the derivative of the other, so the order of these two lines does not
+    # matter.
     ring.set_slopes(sine_index, [(pair.cosine, below)])
     ring.set_slopes(cosine_index, [(pair.sine.scaled(sign), below)])
     return pair
 
 
-def _combined(ring: ExactRing, pairs: Sequence[Pair | None], row: Sequence[int], turns: int, sign: int) -> Pair:
+def _combined(
+    ring: ExactRing, pairs: Sequence[Pair | None], row: Sequence[int], turns: int, sign: int
+) -> Pair:
     """The pair of sum row[b] u_b + turns pi/2, by the addition theorems."""
     total = Pair(ring.constant(0), ring.constant(1))
     for _ in range(turns % 4):

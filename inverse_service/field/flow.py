@@ -1,19 +1,20 @@
-"""Formulas as numbers along the motion q'' = f, at many points modulo a prime: truncated series with gradients.
+"""Formulas as numbers along the motion q'' = f, at many points modulo a prime: truncated series
+with gradients.
 
-At a random point the motion is a power series in s (order by order, q'' = f); f is evaluated once more on these series
-with its gradients in the 2 n directions of q and v. That gives J = f_v and K = f_q as matrix series along the flow,
-where Gamma is d/ds:
+At a random point the motion is a power series in s (order by order, q'' = f); f is evaluated once
+more on these series with its gradients in the 2 n directions of q and v. That gives J = f_v and K =
+f_q as matrix series along the flow, where Gamma is d/ds:
 
     N = -J/2,  Phi = J' - 2 K - J^2/2 (twice the Jacobi endomorphism),  nabla T = T' + N T - T N.
 
-There are no symbolic derivatives, and f is never expanded. All points of a batch are in one array: a `Jet` has the
-shape (1 + directions, order, points), and its first row is the value.
+There are no symbolic derivatives, and f is never expanded. All points of a batch are in one array:
+a `Jet` has the shape (1 + directions, order, points), and its first row is the value.
 
-A formula consists of generators with independent random values: t, coordinates, velocities, and parameters; for the
-angles of circular functions, a rational point (2 u, 1 - u^2)/(1 + u^2) of the circle and the value of the coordinate;
-for exponentials, logarithms, and arctangents, a residue; for arbitrary functions, each partial derivative. Roots are
-true roots: the prime is a safe prime, so that a square has exactly one root that is a square, and points without roots
-are dropped.
+A formula consists of generators with independent random values: t, coordinates, velocities, and
+parameters; for the angles of circular functions, a rational point (2 u, 1 - u^2)/(1 + u^2) of the
+circle and the value of the coordinate; for exponentials, logarithms, and arctangents, a residue;
+for arbitrary functions, each partial derivative. Roots are true roots: the prime is a safe prime,
+so that a square has exactly one root that is a square, and points without roots are dropped.
 """
 
 from __future__ import annotations
@@ -37,7 +38,8 @@ Numbers = npt.NDArray[np.int64]
 # 2 q + 1 with q prime, modulo which 2, 3, 5, 7, 11, 13, and 17 are squares.
 PRIME = 2_147_454_839
 _HALF = (PRIME - 1) // 2
-# ("variable" | "root", itself), ("angle" | "exp", its unit), ("function", a derivative of it), (name, argument) else.
+# ("variable" | "root", itself), ("angle" | "exp", its unit), ("function", a derivative of it),
+# (name, argument) else.
 Generator = tuple[str, ex.Expression]
 _INVERSES = ("log", *functions.INVERSE)
 _ARGUMENT = ex.Symbol("argument of a function")
@@ -81,8 +83,12 @@ class Jet:
         for k in range(a.shape[1]):
             for j in range(k + 1):
                 result[0, k] += a[0, j] * b[0, k - j] % PRIME
-                if a.shape[0] > 1:  # both terms of a gradient in one pass, as most of the time goes here
-                    result[1:, k] += (a[1:, j] * b[0, k - j] + a[0, j] * b[1:, k - j] % PRIME) % PRIME
+                if (
+                    a.shape[0] > 1
+                ):  # both terms of a gradient in one pass, as most of the time goes here
+                    result[1:, k] += (
+                        a[1:, j] * b[0, k - j] + a[0, j] * b[1:, k - j] % PRIME
+                    ) % PRIME
         return Jet(result % PRIME)
 
     def with_series(self, value: Numbers, slope: Numbers) -> Jet:
@@ -91,8 +97,12 @@ class Jet:
         return Jet(np.concatenate([value[None], slopes]))
 
 
-def _times(a: Numbers, b: Numbers, product: Callable[[Numbers, Numbers], Numbers] = np.multiply) -> Numbers:
-    """The product of two series, (order, …) each, of the shape of the first, by the product of coefficients."""
+def _times(
+    a: Numbers, b: Numbers, product: Callable[[Numbers, Numbers], Numbers] = np.multiply
+) -> Numbers:
+    """The product of two series, (order, …) each, of the shape of the first, by the product of
+    coefficients.
+    """
     result = np.zeros_like(a)
     for k in range(a.shape[0]):
         for j in range(k + 1):
@@ -101,12 +111,15 @@ def _times(a: Numbers, b: Numbers, product: Callable[[Numbers, Numbers], Numbers
 
 
 def _power(a: Numbers, exponent: int, start: Numbers, least: Numbers) -> Numbers:
-    """a^e, e a residue, with constant term `start`, least = 1/a_0: k a_0 y_k = sum_j (e j - (k - j)) a_j y_(k-j)."""
+    """a^e, e a residue, with constant term `start`, least = 1/a_0: k a_0 y_k = sum_j (e j - (k -
+    j)) a_j y_(k-j).
+    """
     result = np.zeros_like(a)
     result[0] = start
     for k in range(1, a.shape[0]):
         total = sum(
-            ((exponent * j - (k - j)) % PRIME) * (a[j] * result[k - j] % PRIME) % PRIME for j in range(1, k + 1)
+            ((exponent * j - (k - j)) % PRIME) * (a[j] * result[k - j] % PRIME) % PRIME
+            for j in range(1, k + 1)
         )
         result[k] = total % PRIME * least % PRIME * pow(k, -1, PRIME) % PRIME
     return result
@@ -133,8 +146,8 @@ def _derivative(a: Numbers) -> Numbers:
 class Units:
     """The common denominator of each unit of the generators of angles and exponentials.
 
-    `roots` are the variables whose square roots occur and serve as generators. `radicands` are polynomials whose square
-    roots occur, by each of their variables; no two share a variable.
+    `roots` are the variables whose square roots occur and serve as generators. `radicands` are
+    polynomials whose square roots occur, by each of their variables; no two share a variable.
     """
 
     angles: dict[ex.Expression, int] = field(default_factory=dict)
@@ -148,7 +161,9 @@ class Units:
         found = cls()
         for node in ex.distinct_nodes(trees):
             match node:
-                case ex.Power(ex.Symbol() | ex.Velocity() as base, ex.Number(e)) if e.denominator == 2:
+                case ex.Power(ex.Symbol() | ex.Velocity() as base, ex.Number(e)) if (
+                    e.denominator == 2
+                ):
                     found.roots.add(base)
                 case ex.Power(ex.Sum() as base, ex.Number(e)) if e.denominator == 2:
                     letters = {p: base for key, _ in collecting.expand(base) for p, _ in key}
@@ -164,10 +179,12 @@ class Units:
 
 @dataclass(slots=True)
 class Points:
-    """A batch of points: the values of all generators, drawn on demand, and which points are still good.
+    """A batch of points: the values of all generators, drawn on demand, and which points are still
+    good.
 
-    `fixed` are generators with given values, one for all points or one per point; the others are random. If `moving` is
-    given, generators that contain none of its variables have one value for all points.
+    `fixed` are generators with given values, one for all points or one per point; the others are
+    random. If `moving` is given, generators that contain none of its variables have one value for
+    all points.
     """
 
     coordinates: tuple[str, ...]
@@ -190,10 +207,14 @@ class Points:
                 self.good &= powers(root, _HALF) == 1
                 self.values[generator] = root * root % PRIME
             elif generator in self.fixed:
-                self.values[generator] = np.full(self.count, self.fixed[generator] % PRIME, np.int64)
+                self.values[generator] = np.full(
+                    self.count, self.fixed[generator] % PRIME, np.int64
+                )
             else:
                 drawn = self.count if not self.moving or ex.holds(what, *self.moving) else 1
-                self.values[generator] = np.broadcast_to(self.random.integers(2, PRIME - 2, drawn), self.count)
+                self.values[generator] = np.broadcast_to(
+                    self.random.integers(2, PRIME - 2, drawn), self.count
+                )
         return self.values[generator]
 
     def circle(self, unit: ex.Expression) -> tuple[Numbers, Numbers]:
@@ -206,7 +227,9 @@ class Points:
     def again(self, velocities: Sequence[Numbers | None]) -> Points:
         """The same points with other velocities; None stands for random ones."""
         names = [("variable", ex.Velocity(name)) for name in self.coordinates]
-        kept = {key: value for key, value in self.values.items() if ("variable", key[1]) not in names}
+        kept = {
+            key: value for key, value in self.values.items() if ("variable", key[1]) not in names
+        }
         other = Points(self.coordinates, self.units, self.count, self.random, self.fixed, kept)
         other.values |= {key: v for key, v in zip(names, velocities, strict=True) if v is not None}
         other.good = self.good.copy()
@@ -216,7 +239,9 @@ class Points:
 class Flow:
     """f along the motion at a batch of points, to `order` coefficients in s."""
 
-    def __init__(self, points: Points, forces: Sequence[ex.Expression], order: int, gradients: bool = True) -> None:
+    def __init__(
+        self, points: Points, forces: Sequence[ex.Expression], order: int, gradients: bool = True
+    ) -> None:
         self.points, self.order, n = points, order, len(forces)
         self.size = 1 + (2 * n if gradients else 0)
         names = points.coordinates
@@ -229,7 +254,9 @@ class Flow:
             for i, f in enumerate(kernels):
                 q[i, k + 2] = plain.jet(f).data[0, k] * pow((k + 1) * (k + 2), -1, PRIME) % PRIME
         self.q = q
-        self.evaluation = Evaluation(points, names, q[:, :order], _derivatives(q)[:, :order], self.size)
+        self.evaluation = Evaluation(
+            points, names, q[:, :order], _derivatives(q)[:, :order], self.size
+        )
         self.forces = [self.evaluation.jet(f) for f in kernels]
 
     def tree(self, tree: ex.Expression) -> Jet:
@@ -239,20 +266,28 @@ class Flow:
     def slopes(self) -> tuple[Numbers, Numbers]:
         """(f_v, f_q), (order, points, n, n) each."""
         n = len(self.forces)
-        whole = np.array([force.data[1:] for force in self.forces])  # force, direction, order, point
+        whole = np.array(
+            [force.data[1:] for force in self.forces]
+        )  # force, direction, order, point
         arranged = whole.transpose(2, 3, 0, 1)
         return arranged[..., n:], arranged[..., :n]
 
     def tensors(self, count: int) -> tuple[Numbers, list[Numbers]]:
-        """(N, [Phi, nabla Phi, …]) at the points, (points, n, n) each; `count` <= order - 1 of them."""
+        """(N, [Phi, nabla Phi, …]) at the points, (points, n, n) each; `count` <= order - 1 of
+        them.
+        """
         by_velocity, by_position = self.slopes()
         half = pow(2, -1, PRIME)
         connection = -by_velocity * half % PRIME
         rate = _derivative(by_velocity)
-        current = (rate - 2 * by_position - _times(by_velocity, by_velocity, matrix_product) * half) % PRIME
+        current = (
+            rate - 2 * by_position - _times(by_velocity, by_velocity, matrix_product) * half
+        ) % PRIME
         found = [current[0]]
         for _ in range(count - 1):
-            turned = _times(connection, current, matrix_product) - _times(current, connection, matrix_product)
+            turned = _times(connection, current, matrix_product) - _times(
+                current, connection, matrix_product
+            )
             current = (_derivative(current) + turned) % PRIME
             found.append(current[0])
         return connection[0], found
@@ -273,7 +308,9 @@ def _derivatives(q: Numbers) -> Numbers:
 class Evaluation:
     """Trees on given series of the coordinates and velocities; equal trees are evaluated once."""
 
-    def __init__(self, points: Points, names: Sequence[str], q: Numbers, v: Numbers, size: int) -> None:
+    def __init__(
+        self, points: Points, names: Sequence[str], q: Numbers, v: Numbers, size: int
+    ) -> None:
         self.points, self.size, self.order = points, size, q.shape[1]
         self.known: dict[ex.Expression, Jet] = {}
         for i, name in enumerate(names):
@@ -354,7 +391,9 @@ class Evaluation:
             for unit, value in _multiples(argument):
                 exponent = int(value * self.points.units.exponentials[unit])
                 one = self.points.value(("exp", unit))
-                start = start * powers(one if exponent > 0 else inverses(one), abs(exponent)) % PRIME
+                start = (
+                    start * powers(one if exponent > 0 else inverses(one), abs(exponent)) % PRIME
+                )
             grown = self._exponential(series, start)
             return inner.with_series(grown, grown)
         if function in ("sin", "cos"):
@@ -364,7 +403,8 @@ class Evaluation:
             return inner.with_series(cosine, (PRIME - sine) % PRIME)
         if function in _INVERSES:
             rate = ex.substitute(
-                calculus.differentiate(ex.Apply(function, _ARGUMENT), _ARGUMENT), {_ARGUMENT: argument}
+                calculus.differentiate(ex.Apply(function, _ARGUMENT), _ARGUMENT),
+                {_ARGUMENT: argument},
             )
             slope = self.jet(tower.to_kernels(rate)).data[0]
             start = self.points.value((function, argument))
@@ -387,18 +427,25 @@ class Evaluation:
             s, c = self.points.circle(unit)
             s = s if times > 0 else (PRIME - s) % PRIME
             for _ in range(abs(times)):
-                sine, cosine = (sine * c + cosine * s % PRIME) % PRIME, (cosine * c - sine * s % PRIME) % PRIME
+                sine, cosine = (
+                    (sine * c + cosine * s % PRIME) % PRIME,
+                    (cosine * c - sine * s % PRIME) % PRIME,
+                )
         sines, cosines = np.zeros_like(series), np.zeros_like(series)
         sines[0], cosines[0] = sine, cosine
         for k in range(1, series.shape[0]):
             rates = [(j * series[j] % PRIME, k - j) for j in range(1, k + 1)]
             least = pow(k, -1, PRIME)
             sines[k] = sum(rate * cosines[m] % PRIME for rate, m in rates) % PRIME * least % PRIME
-            cosines[k] = -(sum(rate * sines[m] % PRIME for rate, m in rates) % PRIME) * least % PRIME
+            cosines[k] = (
+                -(sum(rate * sines[m] % PRIME for rate, m in rates) % PRIME) * least % PRIME
+            )
         return sines, cosines
 
     def _arbitrary(self, tree: ex.Arbitrary) -> Jet:
-        """The Taylor series about the values of the arguments, with the partial derivatives as generators."""
+        """The Taylor series about the values of the arguments, with the partial derivatives as
+        generators.
+        """
         inner = [self.jet(argument) for argument in tree.arguments]
         moved = [jet.data[0].copy() for jet in inner]
         for series in moved:
@@ -413,11 +460,17 @@ class Evaluation:
                 result.data[1:] = (result.data[1:] + jet.with_series(value, slope).data[1:]) % PRIME
         return result
 
-    def _taylor(self, tree: ex.Arbitrary, orders: tuple[int, ...], moved: Sequence[Numbers]) -> Numbers:
+    def _taylor(
+        self, tree: ex.Arbitrary, orders: tuple[int, ...], moved: Sequence[Numbers]
+    ) -> Numbers:
         total = np.zeros_like(moved[0])
         for more in product(range(self.order), repeat=len(moved)):
             if sum(more) < self.order:
-                name = ex.Arbitrary(tree.name, tree.arguments, tuple(a + b for a, b in zip(orders, more, strict=True)))
+                name = ex.Arbitrary(
+                    tree.name,
+                    tree.arguments,
+                    tuple(a + b for a, b in zip(orders, more, strict=True)),
+                )
                 term = np.zeros_like(total)
                 term[0] = self.points.value(("function", name))
                 for series, times in zip(moved, more, strict=True):
@@ -431,7 +484,9 @@ class Evaluation:
 def values_of(tree: ex.Expression, points: Points) -> Numbers:
     """The values of a formula at the points."""
     nothing = np.zeros((0, 1, points.count), np.int64)
-    values: Numbers = Evaluation(points, (), nothing, nothing, 1).jet(tower.to_kernels(tree)).data[0, 0]
+    values: Numbers = (
+        Evaluation(points, (), nothing, nothing, 1).jet(tower.to_kernels(tree)).data[0, 0]
+    )
     return values
 
 

@@ -1,16 +1,20 @@
-"""Linear algebra over an exact field, with numbers, and modulo a prime: null vectors, solutions, definite matrices.
+"""Linear algebra over an exact field, with numbers, and modulo a prime: null vectors, solutions,
+definite matrices.
 
-`null_vectors` finds linear relations with constant coefficients among elements of a ring. Constants are numbers and
-elements that depend on no variable of the ring: parameters and their functions and roots. The coefficient of each
-product of the other generators gives one linear equation for the coefficients, over the field of constants.
+`null_vectors` finds linear relations with constant coefficients among elements of a ring. Constants
+are numbers and elements that depend on no variable of the ring: parameters and their functions and
+roots. The coefficient of each product of the other generators gives one linear equation for the
+coefficients, over the field of constants.
 
-`definite_or_orthogonal`: a linear space of symmetric matrices has no definite element exactly if some Y >= 0, not 0,
-has tr(Y w) = 0 for all w of the space. An interior point method for max {s : sum c_k w_k - s >= 0, |c| <= 1} approaches
-a w with s > 0 or, if s = 0, the Y of largest rank (Y = mu (sum c_k w_k - s)^-1 on the central path). It only proposes:
-w, or Y on the face of its own kernel (facial reduction), is rounded to fractions inside its space and tested exactly.
+`definite_or_orthogonal`: a linear space of symmetric matrices has no definite element exactly if
+some Y >= 0, not 0, has tr(Y w) = 0 for all w of the space. An interior point method for max {s :
+sum c_k w_k - s >= 0, |c| <= 1} approaches a w with s > 0 or, if s = 0, the Y of largest rank (Y =
+mu (sum c_k w_k - s)^-1 on the central path). It only proposes: w, or Y on the face of its own
+kernel (facial reduction), is rounded to fractions inside its space and tested exactly.
 
-Modulo a prime, a common factor of all entries does not matter, so matrices may be in Montgomery form. Bases are in
-reduced form: the last column of each vector has the entry 1, and 0 in all other vectors.
+Modulo a prime, a common factor of all entries does not matter, so matrices may be in Montgomery
+form. Bases are in reduced form: the last column of each vector has the entry 1, and 0 in all other
+vectors.
 """
 
 import random
@@ -40,8 +44,8 @@ _STEPS, _FINEST, _SHRINK = 40, 1e-9, 0.2
 _SOON, _INSIDE = 1e-3, 0.05
 _SMALL = 1e-4  # relative to the largest eigenvalue; smaller ones of Y go to zero with mu
 Numbers = NDArray[np.int64]
-# The number of equations minus the number of unknowns; a random equation is satisfied by accident with probability 1/P,
-# P the prime.
+# The number of equations minus the number of unknowns; a random equation is satisfied by accident
+# with probability 1/P, P the prime.
 SPARE = 12
 
 
@@ -49,7 +53,8 @@ SPARE = 12
 class ReducedRows:
     """Rows with a leading 1 in the columns `pivots`.
 
-    `dropped` are the given rows that became zero in the reduced columns, each as (row, its remainder).
+    `dropped` are the given rows that became zero in the reduced columns, each as (row, its
+    remainder).
     """
 
     rows: tuple[tuple[Quotient, ...], ...]
@@ -59,16 +64,22 @@ class ReducedRows:
 
 def weight(element: Quotient) -> int:
     """The length of an element when printed."""
-    return len(element.numerator) + sum(len(element.field.denominators[index]) for index, _ in element.exponents)
+    return len(element.numerator) + sum(
+        len(element.field.denominators[index]) for index, _ in element.exponents
+    )
 
 
 def dot(zero: Quotient, left: Sequence[Quotient], right: Sequence[Quotient]) -> Quotient:
     """The sum of left_i right_i."""
-    return sum_of(zero, [a * b for a, b in zip(left, right, strict=True) if not (a.is_zero or b.is_zero)])
+    return sum_of(
+        zero, [a * b for a, b in zip(left, right, strict=True) if not (a.is_zero or b.is_zero)]
+    )
 
 
 def reduced_rows(rows: Sequence[Sequence[Quotient]], columns: Sequence[int]) -> ReducedRows:
-    """Gauss-Jordan elimination in the given columns, in their order; other columns are carried along."""
+    """Gauss-Jordan elimination in the given columns, in their order; other columns are carried
+    along.
+    """
     table = [(place, list(row)) for place, row in enumerate(rows)]
     done: list[tuple[int, Row]] = []
     for column in columns:
@@ -97,25 +108,36 @@ def _cleared(row: Row, pivot_row: Row, column: int) -> Row:
     return [a if b.is_zero else a - head * b for a, b in zip(row, pivot_row, strict=True)]
 
 
-def solve_square(matrix: Sequence[Sequence[Quotient]], right: Sequence[Quotient]) -> tuple[Quotient, ...] | None:
+def solve_square(
+    matrix: Sequence[Sequence[Quotient]], right: Sequence[Quotient]
+) -> tuple[Quotient, ...] | None:
     """x with matrix x = right; None if the matrix is singular."""
     size = len(matrix)
-    found = reduced_rows([[*row, value] for row, value in zip(matrix, right, strict=True)], range(size))
+    found = reduced_rows(
+        [[*row, value] for row, value in zip(matrix, right, strict=True)], range(size)
+    )
     if len(found.pivots) < size:
         return None
-    return tuple(row[size] for _, row in sorted(zip(found.pivots, found.rows, strict=True), key=lambda item: item[0]))
+    return tuple(
+        row[size]
+        for _, row in sorted(zip(found.pivots, found.rows, strict=True), key=lambda item: item[0])
+    )
 
 
 def inverse(matrix: Sequence[Sequence[Quotient]], one: Quotient) -> list[list[Quotient]] | None:
     """The inverse; None if the matrix is singular."""
     size, zero = len(matrix), one - one
     units = [[one if i == j else zero for j in range(size)] for i in range(size)]
-    found = reduced_rows([[*row, *unit] for row, unit in zip(matrix, units, strict=True)], range(size))
+    found = reduced_rows(
+        [[*row, *unit] for row, unit in zip(matrix, units, strict=True)], range(size)
+    )
     return [list(row[size:]) for row in found.rows] if len(found.pivots) == size else None
 
 
 def determinant(matrix: Sequence[Sequence[Quotient]], one: Quotient) -> Quotient:
-    """The determinant by expansion along the rows, those with fewest entries first, with each minor computed once."""
+    """The determinant by expansion along the rows, those with fewest entries first, with each minor
+    computed once.
+    """
     order = sorted(range(len(matrix)), key=lambda i: sum(not entry.is_zero for entry in matrix[i]))
 
     @cache
@@ -126,7 +148,9 @@ def determinant(matrix: Sequence[Sequence[Quotient]], one: Quotient) -> Quotient
         row = matrix[order[len(matrix) - len(columns)]]
         kept = [(k, column) for k, column in enumerate(columns) if not row[column].is_zero]
         terms = [row[column] * minor(columns[:k] + columns[k + 1 :]) for k, column in kept]
-        return sum_of(one - one, [-term if k % 2 else term for (k, _), term in zip(kept, terms, strict=True)])
+        return sum_of(
+            one - one, [-term if k % 2 else term for (k, _), term in zip(kept, terms, strict=True)]
+        )
 
     whole = minor(tuple(range(len(matrix))))
     return -whole if sum(a > b for a, b in combinations(order, 2)) % 2 else whole
@@ -137,8 +161,12 @@ def null_vectors(ring: ExactRing, columns: Sequence[Sequence[Quotient]]) -> list
     return list(null_space(_equations(ring, columns), len(columns), ring.constant(1)).values())
 
 
-def null_space(rows: Sequence[Sequence[Quotient]], size: int, one: Quotient) -> dict[int, list[Quotient]]:
-    """A basis of the vectors orthogonal to all rows, by free column, which is nonzero in its own vector only."""
+def null_space(
+    rows: Sequence[Sequence[Quotient]], size: int, one: Quotient
+) -> dict[int, list[Quotient]]:
+    """A basis of the vectors orthogonal to all rows, by free column, which is nonzero in its own
+    vector only.
+    """
     found = _reduced_numbers(rows, size, one) or reduced_rows(rows, range(size))
     basis, zero = {}, one - one
     for free in (k for k in range(size) if k not in found.pivots):
@@ -149,14 +177,20 @@ def null_space(rows: Sequence[Sequence[Quotient]], size: int, one: Quotient) -> 
     return basis
 
 
-def _reduced_numbers(rows: Sequence[Sequence[Quotient]], size: int, one: Quotient) -> ReducedRows | None:
-    """The reduced rows computed as a matrix of rational numbers; None if some entry is not a rational number."""
+def _reduced_numbers(
+    rows: Sequence[Sequence[Quotient]], size: int, one: Quotient
+) -> ReducedRows | None:
+    """The reduced rows computed as a matrix of rational numbers; None if some entry is not a
+    rational number.
+    """
     values = [[entry.constant_value for entry in row] for row in rows]
     known = [[value for value in row if value is not None] for row in values]
     if any(len(row) < size for row in known):
         return None
     found = echelon_of(known, size)
-    return ReducedRows(tuple(tuple(map(one.scaled, line)) for _, line in found), tuple(k for k, _ in found), ())
+    return ReducedRows(
+        tuple(tuple(map(one.scaled, line)) for _, line in found), tuple(k for k, _ in found), ()
+    )
 
 
 def solution(
@@ -174,8 +208,8 @@ def solution(
 def numerators(ring: ExactRing, elements: Iterable[Quotient]) -> list[fmpq_mpoly]:
     """The elements times the least common multiple of their denominators, as polynomials.
 
-    Numerators are multiplied by the missing factors, because with r^2 = x^2 + y^2 trial division does not see that (r +
-    x^2 + y^2)/(r + 1) is r.
+    Numerators are multiplied by the missing factors, because with r^2 = x^2 + y^2 trial division
+    does not see that (r + x^2 + y^2)/(r + 1) is r.
     """
     elements, greatest = list(elements), Counter[int]()
     for element in elements:
@@ -199,8 +233,12 @@ def _equations(ring: ExactRing, columns: Sequence[Sequence[Quotient]]) -> list[l
     return rows
 
 
-def definite_or_orthogonal(space: Sequence[Matrix], size: int) -> tuple[Matrix | None, Matrix | None]:
-    """(w, None) with w definite in the space, (None, Y) with Y orthogonal to it, (None, None) if rounding fails."""
+def definite_or_orthogonal(
+    space: Sequence[Matrix], size: int
+) -> tuple[Matrix | None, Matrix | None]:
+    """(w, None) with w definite in the space, (None, Y) with Y orthogonal to it, (None, None) if
+    rounding fails.
+    """
     space = [w for w in space if any(map(any, w))]
     if not space:
         return None, _matrix([1 if i == j else 0 for i, j in _places(size)], size)
@@ -225,7 +263,9 @@ def definite_weights(space: Sequence[Floats]) -> list[float] | None:
     with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):
         for member, _ in _central_path(units):
             if np.linalg.eigvalsh(member)[0] > 0:
-                weights = np.linalg.lstsq(units.reshape(len(units), -1).T, member.ravel(), rcond=None)[0]
+                weights = np.linalg.lstsq(
+                    units.reshape(len(units), -1).T, member.ravel(), rcond=None
+                )[0]
                 return [float(w) / size for w, size in zip(weights, sizes, strict=True)]
     return None
 
@@ -244,7 +284,8 @@ def rank_if_semidefinite(matrix: Sequence[Sequence[Fraction]]) -> int | None:
 
 
 def _central_path(space: Floats) -> Iterator[tuple[Floats, Floats]]:
-    """(sum c_k w_k, Y) on the path of max s/mu + log det(sum c_k w_k - s) + log(1 - |c|^2), early and at its end.
+    """(sum c_k w_k, Y) on the path of max s/mu + log det(sum c_k w_k - s) + log(1 - |c|^2), early
+    and at its end.
 
     w_k are an orthonormal basis of the space.
     """
@@ -281,15 +322,21 @@ def _is_inside(x: Floats, directions: Floats) -> bool:
 
 
 def _on_faces(y: Floats, space: Sequence[Matrix], size: int) -> Iterator[Matrix]:
-    """Y rounded within the matrices orthogonal to the space that have Y's kernel, then within all orthogonal ones."""
+    """Y rounded within the matrices orthogonal to the space that have Y's kernel, then within all
+    orthogonal ones.
+    """
     values, vectors = np.linalg.eigh(y / np.trace(y))
     rows = [[w[i][j] * (1 if i == j else 2) for i, j in _places(size)] for w in space]
     null = vectors[:, values < _SMALL * values[-1]].T
     for denominator in (12, 1_000) if len(null) else ():
         face = [
-            [_at(v, i, j, r, size) for i, j in _places(size)] for v in _echelon(null, denominator) for r in range(size)
+            [_at(v, i, j, r, size) for i, j in _places(size)]
+            for v in _echelon(null, denominator)
+            for r in range(size)
         ]
-        yield from _rounded(y, [_matrix(k, size) for k in kernel([*rows, *face], len(rows[0]))], size)
+        yield from _rounded(
+            y, [_matrix(k, size) for k in kernel([*rows, *face], len(rows[0]))], size
+        )
     yield from _rounded(y, [_matrix(k, size) for k in kernel(rows, len(rows[0]))], size)
 
 
@@ -310,7 +357,9 @@ def _echelon(vectors: Floats, denominator: int) -> list[list[Fraction]]:
         others = [k for k in range(len(rows)) if k != found]
         rows[others] -= np.outer(rows[others, column], rows[found])
         found += 1
-    return [[Fraction(float(x)).limit_denominator(denominator) for x in row] for row in rows[:found]]
+    return [
+        [Fraction(float(x)).limit_denominator(denominator) for x in row] for row in rows[:found]
+    ]
 
 
 def _rounded(near: Floats, space: Sequence[Matrix], size: int) -> Iterator[Matrix]:
@@ -322,7 +371,10 @@ def _rounded(near: Floats, space: Sequence[Matrix], size: int) -> Iterator[Matri
     largest = float(np.abs(weights).max()) or 1.0
     for d in _ROUNDING:
         short = [Fraction(round(float(c) / largest * d), d) for c in weights]
-        entries = [sum((c * w[i][j] for c, w in zip(short, space, strict=True)), Fraction(0)) for i, j in _places(size)]
+        entries = [
+            sum((c * w[i][j] for c, w in zip(short, space, strict=True)), Fraction(0))
+            for i, j in _places(size)
+        ]
         yield _matrix(entries, size)
 
 
@@ -335,7 +387,10 @@ def echelon_of(rows: Sequence[Sequence[Fraction]], width: int) -> list[tuple[int
             if entry:
                 table[i, j] = fmpq(*entry.as_integer_ratio())
     reduced, rank = table.rref()
-    found = [[Fraction(int(x.p), int(x.q)) if x else zero for x in row] for row in reduced.tolist()[:rank]]
+    found = [
+        [Fraction(int(x.p), int(x.q)) if x else zero for x in row]
+        for row in reduced.tolist()[:rank]
+    ]
     return [(next(j for j, x in enumerate(row) if x), row) for row in found]
 
 
@@ -357,12 +412,16 @@ def _places(size: int) -> list[tuple[int, int]]:
 
 def _matrix(entries: Sequence[Fraction | int], size: int) -> Matrix:
     table = dict(zip(_places(size), entries, strict=True))
-    return tuple(tuple(Fraction(table[min(i, j), max(i, j)]) for j in range(size)) for i in range(size))
+    return tuple(
+        tuple(Fraction(table[min(i, j), max(i, j)]) for j in range(size)) for i in range(size)
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class Kernel:
-    """A basis modulo the prime, (nullity, width), and the own column of each vector, where the others are 0."""
+    """A basis modulo the prime, (nullity, width), and the own column of each vector, where the
+    others are 0.
+    """
 
     basis: nmod_mat
     columns: tuple[int, ...]
@@ -373,7 +432,10 @@ class Kernel:
 
     def rational_vectors(self) -> list[dict[int, Fraction]]:
         """The vectors with small rational entries, as tables of the nonzero entries."""
-        vectors = [_rational([int(x) for x in row], int(self.basis.modulus())) for row in self.basis.tolist()]
+        vectors = [
+            _rational([int(x) for x in row], int(self.basis.modulus()))
+            for row in self.basis.tolist()
+        ]
         return [vector for vector in vectors if vector is not None]
 
 
@@ -470,7 +532,9 @@ def restricted(known: Kernel, matrix: Words) -> Kernel:
     return Kernel(inside.basis * known.basis, tuple(known.columns[k] for k in inside.columns))
 
 
-def settled_kernel(unknowns: int, equations: Callable[[int, int], Words], width: int, prime: int) -> Kernel:
+def settled_kernel(
+    unknowns: int, equations: Callable[[int, int], Words], width: int, prime: int
+) -> Kernel:
     """The kernel of the equations at enough samples that more samples do not shrink it.
 
     `equations(begin, end)` returns `width` equations for each of these samples.

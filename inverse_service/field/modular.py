@@ -1,14 +1,17 @@
-"""Arithmetic modulo a safe prime P = 2Q + 1 below 2^62, with a root for every square, and points over such a field.
+"""Arithmetic modulo a safe prime P = 2Q + 1 below 2^62, with a root for every square, and points
+over such a field.
 
-Modulo P = 3 mod 4 the quadratic residues form a group of odd prime order Q, in which every element has exactly one
-k-th root for each k < Q, and exactly one of w, -w is a residue. Residues therefore behave under products and rational
-powers as positive reals do: sqrt(xy) = sqrt(x) sqrt(y) for positive x, y, (x^2)^(1/2) = |x|, x^(1/2) x^(1/3) = x^(5/6).
-Taking every root there respects all multiplicative relations among roots without knowing them. P = -1 modulo 4 l makes
-the prime l a residue, so that sqrt(2), sqrt(3), … exist.
+Modulo P = 3 mod 4 the quadratic residues form a group of odd prime order Q, in which every element
+has exactly one k-th root for each k < Q, and exactly one of w, -w is a residue. Residues therefore
+behave under products and rational powers as positive reals do: sqrt(xy) = sqrt(x) sqrt(y) for
+positive x, y, (x^2)^(1/2) = |x|, x^(1/2) x^(1/3) = x^(5/6). Taking every root there respects all
+multiplicative relations among roots without knowing them. P = -1 modulo 4 l makes the prime l a
+residue, so that sqrt(2), sqrt(3), … exist.
 
-In Montgomery form x stands for x R modulo P, R = 2^64; a product costs three multiplications (Montgomery, Math. Comp.
-44 (1985) 519). numba, whose wheels contain the compiler, compiles the functions on 64-bit words; the code is
-cached. A `Point` has consistent random values of all atoms of a system.
+In Montgomery form x stands for x R modulo P, R = 2^64; a product costs three multiplications
+(Montgomery, Math. Comp. 44 (1985) 519). numba, whose wheels contain the compiler, compiles the
+functions on 64-bit words; the code is cached. A `Point` has consistent random values of all atoms
+of a system.
 """
 
 import math
@@ -39,7 +42,8 @@ Variable = ex.Symbol | ex.Velocity
 
 @lru_cache(maxsize=256)
 def safe_prime(seed: int, residues: frozenset[int] = frozenset(), order: int = 2) -> int:
-    """A random safe prime of 61 bits modulo which 2 … 13 and all of `residues` (primes) are residues.
+    """A random safe prime of 61 bits modulo which 2 … 13 and all of `residues` (primes) are
+    residues.
 
     `order` divides the number of points of the circle, which is the prime plus one.
     """
@@ -101,7 +105,8 @@ def reconstruct(residue: int, prime: int, bound: int = 10**6) -> Fraction | None
     return Fraction(r1, s1)
 
 
-# numba and LLVM are imported only to compile an operation: the import takes 0.3 s, and stored code needs neither.
+# numba and LLVM are imported only to compile an operation: the import takes 0.3 s, and stored code
+# needs neither.
 
 
 def _upper_word(typing_context: Any, a: Any, b: Any) -> Any:
@@ -140,7 +145,9 @@ leading_zeros = cast(Callable[[np.uint64], int], intrinsic(_leading_zeros))
 
 
 class Field(NamedTuple):
-    """The integers modulo a prime P < 2^62 for compiled loops: P, -1/P modulo R, R modulo P, R^2 modulo P."""
+    """The integers modulo a prime P < 2^62 for compiled loops: P, -1/P modulo R, R modulo P, R^2
+    modulo P.
+    """
 
     prime: np.uint64
     negative_inverse: np.uint64
@@ -233,10 +240,10 @@ class SingularPoint(ArithmeticError):
 class Point:
     """Values of variables and atoms modulo `prime`; atoms are added innermost first.
 
-    `signs` maps a variable to the required residue symbol of its value (the sign of the variable at the real point that
-    represents the domain of the answer). `salts` select other random values of single variables and of the free
-    generators that contain them. The square roots of the primes in `flipped` have the other sign, which gives a
-    conjugate point.
+    `signs` maps a variable to the required residue symbol of its value (the sign of the variable at
+    the real point that represents the domain of the answer). `salts` select other random values of
+    single variables and of the free generators that contain them. The square roots of the primes in
+    `flipped` have the other sign, which gives a conjugate point.
     """
 
     prime: int
@@ -253,7 +260,9 @@ class Point:
         return int.from_bytes(blake2b(text, digest_size=16).digest()) % (self.prime - 3) + 2
 
     def draw_free(self, atom: ex.Expression) -> int:
-        """A random nonzero residue for a free generator; it also depends on the salts of its variables."""
+        """A random nonzero residue for a free generator; it also depends on the salts of its
+        variables.
+        """
         return self.draw((atom, tuple(self.salts.get(name, 0) for name in variables_in(atom))))
 
     def atom(self, atom: ex.Apply) -> int:
@@ -273,12 +282,16 @@ class Point:
         return self.variables[name]
 
     def jet(self, name: str, arguments: tuple[int, ...], orders: tuple[int, ...]) -> int:
-        """A partial derivative of an arbitrary function at a place; equal places give equal values."""
+        """A partial derivative of an arbitrary function at a place; equal places give equal
+        values.
+        """
         return self.draw((name, arguments, orders))
 
 
 def _text(key: Hashable) -> str:
-    """The text that identifies a key of `Point.draw`; of a tree with salts, only the salts change between points."""
+    """The text that identifies a key of `Point.draw`; of a tree with salts, only the salts change
+    between points.
+    """
     if isinstance(key, tuple):
         return f"({_known_text(key[0])}, {', '.join(map(repr, key[1:]))})"
     return _known_text(key)
@@ -293,11 +306,17 @@ def _known_text(key: Hashable) -> str:
 @lru_cache(maxsize=1024)
 def variables_in(expression: ex.Expression) -> tuple[Variable, ...]:
     """The coordinates, velocities, and parameters in a tree, in order of first occurrence."""
-    return tuple(dict.fromkeys(node for node in ex.walk(expression) if isinstance(node, ex.Symbol | ex.Velocity)))
+    return tuple(
+        dict.fromkeys(
+            node for node in ex.walk(expression) if isinstance(node, ex.Symbol | ex.Velocity)
+        )
+    )
 
 
 def constant_value(function: str, value: Fraction, point: Point) -> int:
-    """exp(value) or, for a positive value, log(value): e and the logarithms of primes are free constants."""
+    """exp(value) or, for a positive value, log(value): e and the logarithms of primes are free
+    constants.
+    """
     if function == "exp":
         return positive_power(pow(point.draw("e"), 2, point.prime), value, point.prime)
     if function != "log" or value <= 0:
@@ -316,8 +335,11 @@ def number_value(value: Fraction, prime: int) -> int:
     return numerator * pow(denominator, -1, prime) % prime
 
 
-def evaluate(expression: ex.Expression, point: Point, known: dict[ex.Expression, int] | None = None) -> int:
-    """The value at the point; SingularPoint if a denominator vanishes, ValueError for a missing root.
+def evaluate(
+    expression: ex.Expression, point: Point, known: dict[ex.Expression, int] | None = None
+) -> int:
+    """The value at the point; SingularPoint if a denominator vanishes, ValueError for a missing
+    root.
 
     `known` caches values at this point, for trees with common parts.
     """
@@ -343,11 +365,17 @@ def _evaluate(expression: ex.Expression, point: Point, known: dict[ex.Expression
                 product = product * evaluate(factor, point, known) % prime
             return product
         case ex.Power(base, ex.Number(exponent)):
-            return _flip(base, exponent, point) * power_value(evaluate(base, point, known), exponent, prime) % prime
+            return (
+                _flip(base, exponent, point)
+                * power_value(evaluate(base, point, known), exponent, prime)
+                % prime
+            )
         case ex.Apply():
             return point.atom(expression)
         case ex.Arbitrary(name, arguments, orders):
-            return point.jet(name, tuple(evaluate(argument, point, known) for argument in arguments), orders)
+            return point.jet(
+                name, tuple(evaluate(argument, point, known) for argument in arguments), orders
+            )
     raise TypeError(f"{type(expression).__name__} is not a kernel")
 
 
@@ -361,7 +389,9 @@ def _flip(base: ex.Expression, exponent: Fraction, point: Point) -> int:
     """The sign of a square root of a number at a conjugate point."""
     if not point.flipped or exponent.denominator != 2 or not isinstance(base, ex.Number):
         return 1
-    odd = [ell for k in base.value.as_integer_ratio() for ell, times in prime_factors(k) if times % 2]
+    odd = [
+        ell for k in base.value.as_integer_ratio() for ell, times in prime_factors(k) if times % 2
+    ]
     return -1 if len(point.flipped.intersection(odd)) % 2 else 1
 
 

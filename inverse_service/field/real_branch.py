@@ -1,26 +1,30 @@
-"""A real point at which formulas are defined, and their atoms reduced to independent generators on its branch.
+"""A real point at which formulas are defined, and their atoms reduced to independent generators on
+its branch.
 
-The point selects the branch of the roots, logarithms, and inverse functions on which a verdict is valid.
+The point selects the branch of the roots, logarithms, and inverse functions on which a verdict is
+valid.
 
-In `reduce_atoms`, trees become fractions of polynomials over Q, so that radicands can be factored. Generators are the
-variables, e^(u/m) for free exponentials, tan(phi/2m) for free angles (sin and cos are rational in it), the other free
-atoms, and roots of irreducible factors. Without roots the generators are algebraically independent and the ring is
-factorial.
+In `reduce_atoms`, trees become fractions of polynomials over Q, so that radicands can be factored.
+Generators are the variables, e^(u/m) for free exponentials, tan(phi/2m) for free angles (sin and
+cos are rational in it), the other free atoms, and roots of irreducible factors. Without roots the
+generators are algebraically independent and the ring is factorial.
 
-Branches of even roots determine which residues must be "positive" for a point to represent the real domain. Every
-irreducible factor of a radicand gets its sign at the real point. A factor that itself contains roots may be a hidden
-square (5 + 2 sqrt(6)), which its constant residue symbol reveals. Then sqrt(A + B r), r^2 = c, is sqrt((A + e)/2) +-
-sqrt((A - e)/2) with e^2 = A^2 - B^2 c if e exists (Landau, SIAM J. Comput. 21 (1992), section 2), and the sign of that
-sum is fixed too.
+Branches of even roots determine which residues must be "positive" for a point to represent the real
+domain. Every irreducible factor of a radicand gets its sign at the real point. A factor that itself
+contains roots may be a hidden square (5 + 2 sqrt(6)), which its constant residue symbol reveals.
+Then sqrt(A + B r), r^2 = c, is sqrt((A + e)/2) +- sqrt((A - e)/2) with e^2 = A^2 - B^2 c if e
+exists (Landau, SIAM J. Comput. 21 (1992), section 2), and the sign of that sum is fixed too.
 
-`sign_cases` lists the cases of formulas that differ on the two sides of a zero. sqrt(u^2) is u where u > 0 and -u where
-u < 0; |u| is written sqrt(u^2), and sign(u) is u/sqrt(u^2). A root of T^2 O is |T| sqrt(O); its sides are those of the
-part of T with odd exponents. Roots whose product is a root of a square (sqrt(xy) and sqrt(x/y)) are split in the same
-way, with the signs of their factors as cases. asin(sin u) and similar are u and pi - u on neighboring intervals.
+`sign_cases` lists the cases of formulas that differ on the two sides of a zero. sqrt(u^2) is u
+where u > 0 and -u where u < 0; |u| is written sqrt(u^2), and sign(u) is u/sqrt(u^2). A root of T^2
+O is |T| sqrt(O); its sides are those of the part of T with odd exponents. Roots whose product is a
+root of a square (sqrt(xy) and sqrt(x/y)) are split in the same way, with the signs of their factors
+as cases. asin(sin u) and similar are u and pi - u on neighboring intervals.
 
-`sample_points` are random real points at which claims about formulas are tried (`vanishes_at`, `is_singular`); `vanish`
-and `rank_at_point` test formulas at random points modulo primes. `is_positive` and `is_nonzero` deduce conditions from
-others; the cells of the checker make all deductions.
+`sample_points` are random real points at which claims about formulas are tried (`vanishes_at`,
+`is_singular`); `vanish` and `rank_at_point` test formulas at random points modulo primes.
+`is_positive` and `is_nonzero` deduce conditions from others; the cells of the checker make all
+deductions.
 """
 
 from __future__ import annotations
@@ -53,14 +57,16 @@ _TINY = mpmath.mpf(10) ** -12
 _HUGE = mpmath.mpf(10) ** 2000  # the checker's balls distinguish numbers up to 2^8192 = 10^2466
 
 RealTable = dict[ex.Expression, mpmath.mpf]
-# Points at which claims about formulas are tried, to `bounds.DIGITS` digits: most, of many names, with all names
-# positive, and for a test of one formula; widths in the order in which they are drawn.
+# Points at which claims about formulas are tried, to `bounds.DIGITS` digits: most, of many names,
+# with all names positive, and for a test of one formula; widths in the order in which they are
+# drawn.
 _MOST_POINTS, _FEWER_POINTS, _MOST_POSITIVE, _POINTS = 20, 8, 6, 3
 _MANY_NAMES = 100
 _SEED = 18_340_115
 _WIDTHS = ("1", "1", "3", "0.4", "6", "0.1")
 _MOST_TERMS, _CAPACITY = 3_000, 48
-# The largest multiple of an angle under a root; the degree of its sine in the tangent of the half angle is twice this.
+# The largest multiple of an angle under a root; the degree of its sine in the tangent of the half
+# angle is twice this.
 _LARGEST_MULTIPLE = 24
 _SAMPLES = 24
 _DEEPEST = 6
@@ -77,9 +83,14 @@ def find_real_point(
     positive: Sequence[ex.Expression] = (),
     margins: Sequence[Fraction] = (Fraction(1, 4), Fraction(0)),
 ) -> RealTable | None:
-    """A random real point at which all expressions have values and `positive` exceed the first margin with such a
-    point, or None."""
-    functions = (node for node in ex.distinct_nodes((*expressions, *positive)) if isinstance(node, ex.Arbitrary))
+    """A random real point at which all expressions have values and `positive` exceed the first
+    margin with such a point, or None.
+    """
+    functions = (
+        node
+        for node in ex.distinct_nodes((*expressions, *positive))
+        if isinstance(node, ex.Arbitrary)
+    )
     names = list(dict.fromkeys([*variables, *functions]))
     generator = random.Random(f"real {seed}")
     with mpmath.workdps(_DIGITS):
@@ -87,7 +98,9 @@ def find_real_point(
             inside = [tree - margin for tree in positive]
             for scale in map(mpmath.mpf, [*_SCALES, *_sizes(positive)]):
                 for attempt in range(_TRIES_PER_SCALE):
-                    table: RealTable = {name: _draw(generator, scale, attempt % 2 == 0) for name in names}
+                    table: RealTable = {
+                        name: _draw(generator, scale, attempt % 2 == 0) for name in names
+                    }
                     table[towers.RADIAN] = mpmath.mpf(1)
                     if are_positive(inside, table) and is_defined(expressions, table, _HUGE):
                         return table
@@ -106,12 +119,16 @@ def first_real_point(
     variables: Sequence[modular.Variable],
     choices: Iterable[Sequence[ex.Expression]],
 ) -> RealTable | None:
-    """A point as of `find_real_point` for the first of some choices of positive trees for which one is found."""
+    """A point as of `find_real_point` for the first of some choices of positive trees for which one
+    is found.
+    """
     points = (find_real_point(expressions, variables, 1, positive) for positive in choices)
     return next((point for point in points if point is not None), None)
 
 
-def _off_axes(table: RealTable, positive: Sequence[ex.Expression], expressions: Sequence[ex.Expression]) -> RealTable:
+def _off_axes(
+    table: RealTable, positive: Sequence[ex.Expression], expressions: Sequence[ex.Expression]
+) -> RealTable:
     """The point with a small number in place of each 0."""
     for name in [name for name, value in table.items() if not value]:
         for k in range(1, 4 * _DIGITS):
@@ -122,33 +139,50 @@ def _off_axes(table: RealTable, positive: Sequence[ex.Expression], expressions: 
     return table
 
 
-def _move_along(name: modular.Variable, positive: Sequence[ex.Expression], table: RealTable) -> None:
-    """Move the point along the axis of a name so that most trees are positive and the smallest is as large as possible.
+def _move_along(
+    name: modular.Variable, positive: Sequence[ex.Expression], table: RealTable
+) -> None:
+    """Move the point along the axis of a name so that most trees are positive and the smallest is
+    as large as possible.
 
-    Only trees that are polynomials of degree at most 4 along the axis are used; this finds small sets between zeros.
+    Only trees that are polynomials of degree at most 4 along the axis are used; this finds small
+    sets between zeros.
     """
     places, trees = [mpmath.mpf(0)], [tree for tree in positive if name in ex.walk(tree)]
     for tree in trees:
         try:
-            values = [calculus.evaluate(tree, table | {name: node}) for node in map(mpmath.mpf, _NODES)]
+            values = [
+                calculus.evaluate(tree, table | {name: node}) for node in map(mpmath.mpf, _NODES)
+            ]
             found = mpmath.lu_solve(mpmath.matrix([[mpmath.mpf(x) ** k for k in range(5)] for x in _NODES[:5]]),
                                     mpmath.matrix(values[:5]))  # fmt: skip
             least = mpmath.mpf(10) ** (8 - _DIGITS) * max(map(abs, values))
             shape = [a if abs(a) > least else mpmath.mpf(0) for a in found]
             while shape and not shape[-1]:
                 shape.pop()
-            if abs(mpmath.polyval(shape[::-1] or [0], _NODES[5]) - values[5]) > least * 10**6 or len(shape) < 2:
+            if (
+                abs(mpmath.polyval(shape[::-1] or [0], _NODES[5]) - values[5]) > least * 10**6
+                or len(shape) < 2
+            ):
                 continue
             slope = [k * a for k, a in enumerate(shape)][1:]
             for coefficients in (shape, slope):
                 if len(coefficients) > 1:
                     roots = mpmath.polyroots(coefficients[::-1], maxsteps=200, extraprec=200)
-                    places += [mpmath.re(z) for z in roots if abs(mpmath.im(z)) <= abs(z) * least + least]
+                    places += [
+                        mpmath.re(z) for z in roots if abs(mpmath.im(z)) <= abs(z) * least + least
+                    ]
         except (calculus.NoRealValue, mpmath.libmp.NoConvergence, ZeroDivisionError):
             continue
     places = sorted({*places})
     between = [(a + b) / 2 for a, b in pairwise(places)]
-    choices = [*places, *between, places[0] - 1 - abs(places[0]), places[-1] + 1 + abs(places[-1]), table[name]]
+    choices = [
+        *places,
+        *between,
+        places[0] - 1 - abs(places[0]),
+        places[-1] + 1 + abs(places[-1]),
+        table[name],
+    ]
     table[name] = max(choices, key=lambda x: _fit(trees, table | {name: x}))
 
 
@@ -162,14 +196,18 @@ def _fit(trees: Sequence[ex.Expression], table: RealTable) -> tuple[int, mpmath.
 
 def _sizes(trees: Iterable[ex.Expression]) -> list[int]:
     """Sizes of points beyond the numbers in the trees: abs(x + 40) has a side beyond -40."""
-    numbers = {abs(node.value) for tree in trees for node in ex.walk(tree) if isinstance(node, ex.Number)}
+    numbers = {
+        abs(node.value) for tree in trees for node in ex.walk(tree) if isinstance(node, ex.Number)
+    }
     return [3 * math.ceil(value) for value in sorted(numbers) if 10 < value < _LARGEST]
 
 
 def table_at(near: Mapping[str, str]) -> RealTable:
     """The point given by texts of the values of x, x', t, a, ..."""
     values = {name: mpmath.mpf(text) for name, text in near.items()}
-    named: RealTable = {ex.Velocity(n[:-1]) if n.endswith("'") else ex.Symbol(n): x for n, x in values.items()}
+    named: RealTable = {
+        ex.Velocity(n[:-1]) if n.endswith("'") else ex.Symbol(n): x for n, x in values.items()
+    }
     return {towers.RADIAN: mpmath.mpf(1)} | named
 
 
@@ -178,11 +216,15 @@ def _draw(generator: random.Random, scale: mpmath.mpf, positive: bool) -> mpmath
     return magnitude if positive or generator.random() < 0.5 else -magnitude
 
 
-def is_defined(expressions: Sequence[ex.Expression], table: RealTable, most: mpmath.mpf = mpmath.inf) -> bool:
+def is_defined(
+    expressions: Sequence[ex.Expression], table: RealTable, most: mpmath.mpf = mpmath.inf
+) -> bool:
     """Whether all expressions have finite values below `most` at the point."""
     known = dict(table)
     try:
-        return all(abs(calculus.evaluate_once(expression, known)) < most for expression in expressions)
+        return all(
+            abs(calculus.evaluate_once(expression, known)) < most for expression in expressions
+        )
     except calculus.NoRealValue:
         return False
 
@@ -216,7 +258,9 @@ def real_sign(expression: ex.Expression, table: RealTable) -> int:
     if _may_be_tiny(expression):
         return 1
     if abs(value) < _TINY * size:
-        raise errors.IrreducibleAtoms("the sign of an expression under a root could not be determined at a real point")
+        raise errors.IrreducibleAtoms(
+            "the sign of an expression under a root could not be determined at a real point"
+        )
     return 1 if value > 0 else -1
 
 
@@ -230,7 +274,8 @@ def _may_be_tiny(expression: ex.Expression) -> bool:
 def sample_points(
     trees: Sequence[ex.Expression], positive: Sequence[ex.Expression] = (), most: int = _MOST_POINTS
 ) -> list[RealTable]:
-    """Up to 20 points (8 of many names) at which every tree is real, up to six of them with all names positive.
+    """Up to 20 points (8 of many names) at which every tree is real, up to six of them with all
+    names positive.
 
     All trees of `positive` are so at each of them. `most` is a lower limit on their number.
 
@@ -264,22 +309,32 @@ def sample_points(
     return found
 
 
-def _leaves(trees: Sequence[ex.Expression]) -> tuple[list[ex.Expression], dict[ex.Arbitrary, ex.Expression]]:
-    """What is drawn, and for every call of an arbitrary function its canonical form, which is drawn too."""
+def _leaves(
+    trees: Sequence[ex.Expression],
+) -> tuple[list[ex.Expression], dict[ex.Arbitrary, ex.Expression]]:
+    """What is drawn, and for every call of an arbitrary function its canonical form, which is drawn
+    too.
+    """
     nodes = dict.fromkeys(ex.distinct_nodes(trees))
-    if any(isinstance(node, ex.Arbitrary) for node in nodes):  # calls that only collecting brings to light
+    if any(
+        isinstance(node, ex.Arbitrary) for node in nodes
+    ):  # calls that only collecting brings to light
         nodes |= dict.fromkeys(ex.distinct_nodes(map(collecting.collect, trees)))
     calls = {node: collecting.collect(node) for node in nodes if isinstance(node, ex.Arbitrary)}
     drawn = [node for node in nodes if isinstance(node, ex.Symbol | ex.Velocity) and node != ex.PI]
     return [*drawn, *dict.fromkeys(calls.values())], calls
 
 
-def _draw_wide(source: random.Random, width: mpmath.mpf, least: mpmath.mpf, positive: bool) -> mpmath.mpf:
+def _draw_wide(
+    source: random.Random, width: mpmath.mpf, least: mpmath.mpf, positive: bool
+) -> mpmath.mpf:
     size = width * (mpmath.mpf(source.randrange(1, 10**18)) / 10**18 + least)
     return size if positive or source.random() < 0.5 else -size
 
 
-def _draw_inside(source: random.Random, low: Fraction | None, high: Fraction | None, size: mpmath.mpf) -> mpmath.mpf:
+def _draw_inside(
+    source: random.Random, low: Fraction | None, high: Fraction | None, size: mpmath.mpf
+) -> mpmath.mpf:
     """Between the two, or at a distance of this size from the only one."""
     if low is None or high is None:
         return _real(low) + size if low is not None else _real(high or Fraction(0)) - size
@@ -290,8 +345,12 @@ def _real(value: Fraction) -> mpmath.mpf:
     return mpmath.mpf(value.numerator) / value.denominator
 
 
-def _boxes(positive: Sequence[ex.Expression]) -> dict[ex.Expression, tuple[Fraction | None, Fraction | None]]:
-    """(a, b) of each name u of which u - a > 0 or b - u > 0 are among the conditions; None for what is not."""
+def _boxes(
+    positive: Sequence[ex.Expression],
+) -> dict[ex.Expression, tuple[Fraction | None, Fraction | None]]:
+    """(a, b) of each name u of which u - a > 0 or b - u > 0 are among the conditions; None for what
+    is not.
+    """
     low: dict[ex.Expression, Fraction] = {}
     high: dict[ex.Expression, Fraction] = {}
     for condition in positive:
@@ -305,11 +364,17 @@ def _boxes(positive: Sequence[ex.Expression]) -> dict[ex.Expression, tuple[Fract
             case ex.Product((ex.Number(k), ex.Symbol() | ex.Velocity() as leaf)) if k == -1:
                 high[leaf] = min(level, high.get(leaf, level))
     leaves = dict.fromkeys([*low, *high])
-    return {u: (low.get(u), high.get(u)) for u in leaves if u not in low or u not in high or low[u] < high[u]}
+    return {
+        u: (low.get(u), high.get(u))
+        for u in leaves
+        if u not in low or u not in high or low[u] < high[u]
+    }
 
 
 def value_at(tree: ex.Expression, point: RealTable) -> mpmath.mpf | None:
-    """The value in the working precision, None where there is none; the point keeps it, with those of its parts."""
+    """The value in the working precision, None where there is none; the point keeps it, with those
+    of its parts.
+    """
     try:
         return calculus.evaluate_once(tree, point)
     except calculus.NoRealValue:
@@ -324,12 +389,18 @@ def is_positive_at(condition: ex.Expression, point: RealTable) -> bool:
 def vanishes_at(tree: ex.Expression, points: Sequence[RealTable]) -> bool:
     """Whether the tree is 0 to 40 digits at every point at which it is real (one at least)."""
     with mpmath.workdps(bounds.DIGITS):
-        values = [number for number in (value_at(tree, point) for point in points) if number is not None]
-        return bool(values) and all(abs(number) <= mpmath.mpf(10) ** -bounds.AGREEING for number in values)
+        values = [
+            number for number in (value_at(tree, point) for point in points) if number is not None
+        ]
+        return bool(values) and all(
+            abs(number) <= mpmath.mpf(10) ** -bounds.AGREEING for number in values
+        )
 
 
 def is_singular(matrix: Sequence[Sequence[ex.Expression]], points: Sequence[RealTable]) -> bool:
-    """Whether the determinant vanishes at every point at which the entries are real (one at least)."""
+    """Whether the determinant vanishes at every point at which the entries are real (one at
+    least).
+    """
     verdicts = []
     with mpmath.workdps(bounds.DIGITS):
         for point in points:
@@ -344,7 +415,10 @@ def is_singular(matrix: Sequence[Sequence[ex.Expression]], points: Sequence[Real
 def _vanishes(rows: list[list[mpmath.mpf]]) -> bool:
     """|det| against the product of the lengths of the rows (Hadamard)."""
     bound = mpmath.fprod(mpmath.norm(row) for row in rows)
-    return bool(bound == 0 or abs(mpmath.det(mpmath.matrix(rows))) <= mpmath.mpf(10) ** -bounds.AGREEING * bound)
+    return bool(
+        bound == 0
+        or abs(mpmath.det(mpmath.matrix(rows))) <= mpmath.mpf(10) ** -bounds.AGREEING * bound
+    )
 
 
 def vanishes(tree: ex.Expression) -> bool:
@@ -364,7 +438,9 @@ def vanishes(tree: ex.Expression) -> bool:
 
 
 def is_small(tree: ex.Expression, table: RealTable) -> bool:
-    """Whether a factor is 0 to the working precision; a sum is measured against the sizes of its terms."""
+    """Whether a factor is 0 to the working precision; a sum is measured against the sizes of its
+    terms.
+    """
     match tree:
         case ex.Power(base, _):
             return is_small(base, table)
@@ -380,14 +456,19 @@ def is_small(tree: ex.Expression, table: RealTable) -> bool:
 
 
 def is_positive(tree: ex.Expression, known: Iterable[ex.Expression] = ()) -> bool:
-    """Whether the tree provably is > 0 wherever it is defined and all of `known` are > 0: 1 + x^2, exp(u)."""
+    """Whether the tree provably is > 0 wherever it is defined and all of `known` are > 0: 1 + x^2,
+    exp(u).
+    """
     return _follows(tree, " > 0", (), tuple(known))
 
 
 def is_nonzero(
-    tree: ex.Expression, nonzero: Iterable[ex.Expression] = (), positive: Iterable[ex.Expression] = ()
+    tree: ex.Expression,
+    nonzero: Iterable[ex.Expression] = (),
+    positive: Iterable[ex.Expression] = (),
 ) -> bool:
-    """Whether the tree provably is defined and not 0 where none of `nonzero` is 0 and all of `positive` are > 0.
+    """Whether the tree provably is defined and not 0 where none of `nonzero` is 0 and all of
+    `positive` are > 0.
 
     sqrt(x) requires x > 0, because it vanishes at the boundary of its domain.
     """
@@ -396,7 +477,10 @@ def is_nonzero(
 
 @lru_cache(maxsize=4096)
 def _follows(
-    tree: ex.Expression, ending: str, nonzero: tuple[ex.Expression, ...], positive: tuple[ex.Expression, ...]
+    tree: ex.Expression,
+    ending: str,
+    nonzero: tuple[ex.Expression, ...],
+    positive: tuple[ex.Expression, ...],
 ) -> bool:
     def follows(ring: cell.Letters) -> bool:
         stated = [*texts(nonzero, " != 0"), *texts(positive, " > 0")]
@@ -417,7 +501,9 @@ def texts(trees: Iterable[ex.Expression], ending: str) -> list[str]:
 
 
 def question_about(trees: Iterable[ex.Expression]) -> question.Question:
-    """A question to the checker that declares all names in the trees; formulas.Ended if the checker rejects a name."""
+    """A question to the checker that declares all names in the trees; formulas.Ended if the checker
+    rejects a name.
+    """
     nodes = [*ex.distinct_nodes(trees)]
     moving = [*dict.fromkeys(node.coordinate for node in nodes if isinstance(node, ex.Velocity))]
     symbols = [*dict.fromkeys(node.name for node in nodes if isinstance(node, ex.Symbol))]
@@ -427,43 +513,67 @@ def question_about(trees: Iterable[ex.Expression]) -> question.Question:
         "coordinates": coordinates,
         "equations": dict.fromkeys(coordinates, "0"),
         "parameters": [name for name in others if name not in coordinates],
-        "functions": {node.name: ["t"] * len(node.arguments) for node in nodes if isinstance(node, ex.Arbitrary)},
+        "functions": {
+            node.name: ["t"] * len(node.arguments)
+            for node in nodes
+            if isinstance(node, ex.Arbitrary)
+        },
     }
-    return question.Question(question.Tools(random.Random(0), thread_time() + _LONGEST_DEDUCTION), system)
+    return question.Question(
+        question.Tools(random.Random(0), thread_time() + _LONGEST_DEDUCTION), system
+    )
 
 
 def turns(
-    table: RealTable | None, atom: ex.Expression, known: towers.Combination, constants: Sequence[ex.Expression]
+    table: RealTable | None,
+    atom: ex.Expression,
+    known: towers.Combination,
+    constants: Sequence[ex.Expression],
 ) -> towers.Combination | None:
-    """The undetermined part of an arctangent relation: atom - sum a_j u_j as a combination of pi and constant
-    arctangents.
+    """The undetermined part of an arctangent relation: atom - sum a_j u_j as a combination of pi
+    and constant arctangents.
 
-    None if it is not such a combination. IrreducibleAtoms if there is no real point. This is a guess from 30 digits: no
-    consequence of it is shown before the checker, which proves such relations itself, agrees.
+    None if it is not such a combination. IrreducibleAtoms if there is no real point. This is a
+    guess from 30 digits: no consequence of it is shown before the checker, which proves such
+    relations itself, agrees.
     """
     if table is None:
-        raise errors.IrreducibleAtoms("an arctangent depends on other angles and no real point of f was found")
+        raise errors.IrreducibleAtoms(
+            "an arctangent depends on other angles and no real point of f was found"
+        )
     with mpmath.workdps(_DIGITS):
         total = calculus.evaluate(atom, table)
         for u, a in known:
             total -= calculus.evaluate(u, table) * a.numerator / a.denominator
         if abs(total) < _TINY:
             return ()
-        part = Fraction(int(mpmath.nint(total / mpmath.pi * 10**20)), 10**20).limit_denominator(_FINEST)
+        part = Fraction(int(mpmath.nint(total / mpmath.pi * 10**20)), 10**20).limit_denominator(
+            _FINEST
+        )
         if abs(total / mpmath.pi * part.denominator - part.numerator) < _TINY:
             return ((ex.PI, part),)
         values = [total, *(calculus.evaluate(u, table) for u in constants), +mpmath.pi]
-        found = mpmath.pslq(values, tol=mpmath.mpf(10) ** -30, maxcoeff=1000, maxsteps=10_000) if constants else None
+        found = (
+            mpmath.pslq(values, tol=mpmath.mpf(10) ** -30, maxcoeff=1000, maxsteps=10_000)
+            if constants
+            else None
+        )
     if not found or not found[0]:
         return None
-    return tuple((u, Fraction(-a, found[0])) for u, a in zip((*constants, ex.PI), found[1:], strict=True) if a)
+    return tuple(
+        (u, Fraction(-a, found[0]))
+        for u, a in zip((*constants, ex.PI), found[1:], strict=True)
+        if a
+    )
 
 
 def requirements(formulas: Iterable[ex.Expression], table: RealTable) -> list[ex.Expression]:
-    """The trees that must be positive for the multivalued functions in the formulas to remain on their branches.
+    """The trees that must be positive for the multivalued functions in the formulas to remain on
+    their branches.
 
-    These are bases of roots and symbolic powers, arguments of logarithms, distances of the arguments of inverse
-    functions from the ends of their domains, and denominators inside any of these.
+    These are bases of roots and symbolic powers, arguments of logarithms, distances of the
+    arguments of inverse functions from the ends of their domains, and denominators inside any of
+    these.
     """
     formulas = tuple(formulas)
     found = dict.fromkeys(own_requirements(formulas))
@@ -475,12 +585,17 @@ def requirements(formulas: Iterable[ex.Expression], table: RealTable) -> list[ex
 
 def own_requirements(formulas: Iterable[ex.Expression]) -> list[ex.Expression]:
     """The trees, such as radicands, that are positive wherever the formulas have a real value."""
-    found = dict.fromkeys(tree for node in ex.distinct_nodes(formulas) for tree in _own_requirements(node))
+    found = dict.fromkeys(
+        tree for node in ex.distinct_nodes(formulas) for tree in _own_requirements(node)
+    )
     return [tree for tree in found if varies(tree)]
 
 
 def varies(tree: ex.Expression) -> bool:
-    return any(isinstance(node, ex.Symbol | ex.Velocity | ex.Arbitrary) and node != ex.PI for node in ex.walk(tree))
+    return any(
+        isinstance(node, ex.Symbol | ex.Velocity | ex.Arbitrary) and node != ex.PI
+        for node in ex.walk(tree)
+    )
 
 
 def _own_requirements(node: ex.Expression) -> list[ex.Expression]:
@@ -503,7 +618,9 @@ def _branch_arguments(node: ex.Expression) -> tuple[ex.Expression, ...]:
             return (*node.arguments, *(slope for slope in node.slopes if slope is not None))
         case ex.Arbitrary(_, arguments, _):
             return arguments
-        case ex.Power(base, exponent) if not isinstance(exponent, ex.Number) or exponent.value.denominator > 1:
+        case ex.Power(base, exponent) if (
+            not isinstance(exponent, ex.Number) or exponent.value.denominator > 1
+        ):
             return (base, exponent)
         case _:
             return ()
@@ -566,7 +683,9 @@ def used_generators(polynomial: fmpq_mpoly) -> list[int]:
 
 
 def factors(polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq_mpoly, int]]]:
-    """(rational content, [(irreducible factor, multiplicity)]); IrreducibleAtoms if it becomes too large."""
+    """(rational content, [(irreducible factor, multiplicity)]); IrreducibleAtoms if it becomes too
+    large.
+    """
     try:
         return exact_field.factor_polynomial(polynomial)
     except exact_field.TooLarge as error:
@@ -574,18 +693,24 @@ def factors(polynomial: fmpq_mpoly) -> tuple[Fraction, list[tuple[fmpq_mpoly, in
 
 
 def to_quotient(ring: Generators, expression: ex.Expression) -> exact_field.Quotient:
-    """The tree (in kernels) over the generators; IrreducibleAtoms if it has no value or becomes too large."""
+    """The tree (in kernels) over the generators; IrreducibleAtoms if it has no value or becomes too
+    large.
+    """
     try:
         found = ring.value(expression)
     except (exact_field.TooLarge, ZeroDivisionError) as error:
-        raise errors.IrreducibleAtoms("an expression under a root is too large to be factored") from error
+        raise errors.IrreducibleAtoms(
+            "an expression under a root is too large to be factored"
+        ) from error
     if len(found.numerator) > _MOST_TERMS:
         raise errors.IrreducibleAtoms("an expression under a root is too large to be factored")
     return found
 
 
 def _root(ring: Generators, base: ex.Expression, exponent: Fraction) -> exact_field.Quotient:
-    """prod p_i^(k_i exponent) over the irreducible factors of the base, with |p_i| under even roots."""
+    """prod p_i^(k_i exponent) over the irreducible factors of the base, with |p_i| under even
+    roots.
+    """
     quotient = ring.value(base)
     even = exponent.denominator % 2 == 0
     negative = not even and factors(quotient.numerator)[0] < 0
@@ -596,14 +721,17 @@ def _root(ring: Generators, base: ex.Expression, exponent: Fraction) -> exact_fi
     return result
 
 
-def positive_factors(ring: Generators, quotient: exact_field.Quotient) -> Iterator[tuple[ex.Expression, int]]:
+def positive_factors(
+    ring: Generators, quotient: exact_field.Quotient
+) -> Iterator[tuple[ex.Expression, int]]:
     """Irreducible factors (primes of the content first) of numerator and denominator, as trees."""
     content, found = factors(quotient.numerator)
     for value, way in ((abs(content.numerator), 1), (content.denominator, -1)):
         yield from ((ex.number(ell), way * k) for ell, k in modular.prime_factors(value))
     yield from ((exact_field.polynomial_tree(ring, factor), k) for factor, k in found)
     yield from (
-        (exact_field.polynomial_tree(ring, ring.field.denominators[index]), -k) for index, k in quotient.exponents
+        (exact_field.polynomial_tree(ring, ring.field.denominators[index]), -k)
+        for index, k in quotient.exponents
     )
 
 
@@ -614,7 +742,9 @@ def _root_power(ring: Generators, base: ex.Expression, exponent: Fraction) -> ex
     if not part:
         return inner**whole
     square = inner.numerator if part.denominator == 2 else None
-    return inner**whole * ring.letter(base ** Fraction(1, part.denominator), square) ** part.numerator
+    return (
+        inner**whole * ring.letter(base ** Fraction(1, part.denominator), square) ** part.numerator
+    )
 
 
 def _atom(ring: Generators, atom: ex.Apply) -> exact_field.Quotient:
@@ -639,7 +769,9 @@ def _dependent_exponential(ring: Generators, rule: towers.ExponentialRule) -> ex
     return math.prod(parts, start=ring.constant(1))
 
 
-def _linear(ring: Generators, rule: towers.LogarithmRule | towers.ArctangentRule) -> exact_field.Quotient:
+def _linear(
+    ring: Generators, rule: towers.LogarithmRule | towers.ArctangentRule
+) -> exact_field.Quotient:
     parts = [ring.value(a * u) for u, a in rule.linear]
     if isinstance(rule, towers.ArctangentRule):
         parts.append(ring.value(rule.turns * ex.PI))
@@ -651,13 +783,17 @@ def _linear(ring: Generators, rule: towers.LogarithmRule | towers.ArctangentRule
     return exact_field.sum_of(ring.constant(0), parts)
 
 
-def _sine_cosine(ring: Generators, rule: towers.AngleRule) -> tuple[exact_field.Quotient, exact_field.Quotient]:
+def _sine_cosine(
+    ring: Generators, rule: towers.AngleRule
+) -> tuple[exact_field.Quotient, exact_field.Quotient]:
     """(cos, sin) as fractions in tan(half angle)."""
     if rule.turns or rule.arctangents:
         raise errors.IrreducibleAtoms("an angle with pi or an arctangent occurs under a root")
     one = ring.constant(1)
     real, imaginary, denominator = one, one - one, one
-    steps: Mapping[ex.Expression, Fraction] = {rule.angle: Fraction(1)} if rule.free else dict(rule.angles)
+    steps: Mapping[ex.Expression, Fraction] = (
+        {rule.angle: Fraction(1)} if rule.free else dict(rule.angles)
+    )
     if rule.radians:
         steps = {**steps, towers.RADIAN: rule.radians}
     for angle, factor in steps.items():
@@ -665,7 +801,9 @@ def _sine_cosine(ring: Generators, rule: towers.AngleRule) -> tuple[exact_field.
         t = ring.letter(towers.half_angle(angle, scale))
         count = int(factor * scale)
         if abs(count) > _LARGEST_MULTIPLE:
-            raise errors.IrreducibleAtoms("an angle under a root is too large a multiple of another to be reduced")
+            raise errors.IrreducibleAtoms(
+                "an angle under a root is too large a multiple of another to be reduced"
+            )
         c, s = one - t * t, t.scaled(2 if count > 0 else -2)
         for _ in range(abs(count)):
             real, imaginary = real * c - imaginary * s, real * s + imaginary * c
@@ -674,10 +812,14 @@ def _sine_cosine(ring: Generators, rule: towers.AngleRule) -> tuple[exact_field.
 
 
 def fix_branches(tower: towers.Tower, table: RealTable | None) -> None:
-    """Add the signs of all factors of its radicands to the tower; IrreducibleAtoms if that fails."""
+    """Add the signs of all factors of its radicands to the tower; IrreducibleAtoms if that
+    fails.
+    """
     radicands, tower.radicands = tower.radicands, []
     if radicands and table is None:
-        raise errors.IrreducibleAtoms("f contains roots and no real point was found at which all of them are defined")
+        raise errors.IrreducibleAtoms(
+            "f contains roots and no real point was found at which all of them are defined"
+        )
     owner = exact_field.QuotientField.with_generators(_CAPACITY)
     ring = Generators(owner, (), _CAPACITY, slopes=False, plain_powers=True, tower=tower)
     for radicand in radicands:
@@ -706,9 +848,9 @@ def _fix_factor(ring: Generators, factor: ex.Expression, table: RealTable, depth
         return
     sign = real_sign(factor, table)
     polynomial = to_quotient(ring, factor).numerator
-    if any(towers.is_root(ring.trees[k]) for k in used_generators(polynomial)) and _has_constant_symbol(
-        ring.tower, factor
-    ):
+    if any(
+        towers.is_root(ring.trees[k]) for k in used_generators(polynomial)
+    ) and _has_constant_symbol(ring.tower, factor):
         positive = factor if sign > 0 else -factor
         root = _denested(ring, positive, table, depth)
         known.append((root, real_sign(root, table)))
@@ -726,7 +868,9 @@ def _has_constant_symbol(tower: towers.Tower, factor: ex.Expression) -> bool:
     return True
 
 
-def _denested(ring: Generators, factor: ex.Expression, table: RealTable, depth: int) -> ex.Expression:
+def _denested(
+    ring: Generators, factor: ex.Expression, table: RealTable, depth: int
+) -> ex.Expression:
     """A tree in roots of simpler quantities whose square is the factor."""
     polynomial = to_quotient(ring, factor).numerator
     for k in used_generators(polynomial):
@@ -742,16 +886,22 @@ def _denested(ring: Generators, factor: ex.Expression, table: RealTable, depth: 
             first, second = ex.square_root(root[0]), ex.square_root(root[1])
             sign = real_sign(root[2], table)
             return first + second if sign > 0 else first - second
-    raise errors.IrreducibleAtoms("a nested root depends on other roots in a way that was not found; denest it by hand")
+    raise errors.IrreducibleAtoms(
+        "a nested root depends on other roots in a way that was not found; denest it by hand"
+    )
 
 
 def _split_root(
     ring: Generators, polynomial: fmpq_mpoly, k: int
 ) -> tuple[ex.Expression, ex.Expression, ex.Expression] | None:
-    """((A + e)/2, (A - e)/2, B) for A + B r with e^2 = A^2 - B^2 r^2 a square up to a rational factor."""
+    """((A + e)/2, (A - e)/2, B) for A + B r with e^2 = A^2 - B^2 r^2 a square up to a rational
+    factor.
+    """
     slope = polynomial.derivative(k)
     rest = polynomial - slope * ring.field.context.gen(k)
-    e = _square_root(ring, ring.field.reduce(rest * rest - slope * slope * ring.field.relations[k].right))
+    e = _square_root(
+        ring, ring.field.reduce(rest * rest - slope * slope * ring.field.relations[k].right)
+    )
     if e is None:
         return None
     middle, half = exact_field.polynomial_tree(ring, rest), ex.number(Fraction(1, 2))
@@ -759,49 +909,67 @@ def _split_root(
 
 
 def _square_root(ring: Generators, polynomial: fmpq_mpoly) -> ex.Expression | None:
-    """sqrt(content) prod p^(k/2) if all multiplicities are even and the content is positive, else None."""
+    """sqrt(content) prod p^(k/2) if all multiplicities are even and the content is positive, else
+    None.
+    """
     content, found = factors(polynomial)
     if content <= 0 or any(k % 2 for _, k in found):
         return None
-    parts = [ex.multiply(*[exact_field.polynomial_tree(ring, factor)] * (k // 2)) for factor, k in found]
+    parts = [
+        ex.multiply(*[exact_field.polynomial_tree(ring, factor)] * (k // 2)) for factor, k in found
+    ]
     return ex.multiply(ex.square_root(ex.number(content)), *parts)
 
 
 def reduce_atoms(
-    expressions: Sequence[ex.Expression], variables: Sequence[modular.Variable], table: RealTable | None
+    expressions: Sequence[ex.Expression],
+    variables: Sequence[modular.Variable],
+    table: RealTable | None,
 ) -> towers.Tower:
     """The tower of expressions in kernels; raises IrreducibleAtoms if it cannot be determined.
 
-    Relations may depend on branches: exp(sqrt((x - y)^2)) is exp(x - y) where x > y. If a function has a root in its
-    argument, they are therefore searched for again once the branches are known.
+    Relations may depend on branches: exp(sqrt((x - y)^2)) is exp(x - y) where x > y. If a function
+    has a root in its argument, they are therefore searched for again once the branches are known.
     """
     signs = {} if table is None else {name: real_sign(name, table) for name in variables}
     tower = towers.build_tower(expressions, variables, signs, partial(turns, table))
     fix_branches(tower, table)
     if tower.signs and _have_root_inside(expressions):
-        tower = towers.build_tower(expressions, variables, signs, partial(turns, table), known=tower)
+        tower = towers.build_tower(
+            expressions, variables, signs, partial(turns, table), known=tower
+        )
         fix_branches(tower, table)
     return tower
 
 
 def _have_root_inside(expressions: Sequence[ex.Expression]) -> bool:
     """Whether a transcendental function has an even root in its argument."""
-    arguments = (node.argument for node in ex.distinct_nodes(expressions) if isinstance(node, ex.Apply))
+    arguments = (
+        node.argument for node in ex.distinct_nodes(expressions) if isinstance(node, ex.Apply)
+    )
     return any(towers.is_even_root(node) for node in ex.distinct_nodes(arguments))
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Formulas valid where every tree of `positive` is > 0; `roots` maps each rewritten root to its value there."""
+    """Formulas valid where every tree of `positive` is > 0; `roots` maps each rewritten root to its
+    value there.
+    """
 
     formulas: tuple[ex.Expression, ...]
     positive: tuple[ex.Expression, ...] = ()
     roots: tuple[tuple[ex.Expression, ex.Expression], ...] = ()
 
-    def rewritten(self, node: ex.Expression, value: ex.Expression, positive: Iterable[ex.Expression]) -> Case:
+    def rewritten(
+        self, node: ex.Expression, value: ex.Expression, positive: Iterable[ex.Expression]
+    ) -> Case:
         """The case with `value` in place of `node`, where these trees are positive too."""
         formulas = tuple(ex.substitute(formula, {node: value}) for formula in self.formulas)
-        return Case(formulas, tuple(dict.fromkeys((*self.positive, *positive))), (*self.roots, (node, value)))
+        return Case(
+            formulas,
+            tuple(dict.fromkeys((*self.positive, *positive))),
+            (*self.roots, (node, value)),
+        )
 
     def assuming(self, tree: ex.Expression) -> Case:
         """The case in which this tree is positive too."""
@@ -825,7 +993,9 @@ def _split(case: Case) -> Iterator[Case]:
 
 
 def is_empty(positive: Sequence[ex.Expression]) -> bool:
-    """Whether the trees obviously cannot all be positive: one is negative, or two have a sum that is not positive."""
+    """Whether the trees obviously cannot all be positive: one is negative, or two have a sum that
+    is not positive.
+    """
     if any(is_positive(collecting.collect(-tree)) for tree in positive):
         return True
     sums = (collecting.collect(one + other) for one, other in combinations(positive, 2))
@@ -836,14 +1006,20 @@ def _ways(case: Case) -> list[Case] | None:
     """The cases from the next root that can be rewritten; None if there is none."""
     atoms = towers.atoms_in_order(case.formulas)
     for node in atoms:
-        found = _inverse_ways(node) if isinstance(node, ex.Apply) else _root_ways(node, case.positive)
+        found = (
+            _inverse_ways(node) if isinstance(node, ex.Apply) else _root_ways(node, case.positive)
+        )
         if found:
             return [case.rewritten(node, value, positive) for value, positive in found]
-    return _dependent_ways(case, [node for node in atoms if towers.is_root(node) and isinstance(node, ex.Power)])
+    return _dependent_ways(
+        case, [node for node in atoms if towers.is_root(node) and isinstance(node, ex.Power)]
+    )
 
 
 def _inverse_ways(node: ex.Apply) -> list[Way]:
-    """Heaviside(u) on both sides; asin(sin u), acos(cos u), atan(tan u) on the two intervals next to 0."""
+    """Heaviside(u) on both sides; asin(sin u), acos(cos u), atan(tan u) on the two intervals next
+    to 0.
+    """
     inner = node.argument
     if node.function == functions.STEP:
         return [(ex.ONE, (inner,)), (ex.ZERO, (-inner,))]
@@ -864,7 +1040,9 @@ def _inverse_ways(node: ex.Apply) -> list[Way]:
 
 
 def root_ways(node: ex.Expression) -> list[tuple[tuple[ex.Expression, ...], ex.Expression]]:
-    """(positive trees, the value of the root there) for each way to write a root of a square without a root."""
+    """(positive trees, the value of the root there) for each way to write a root of a square
+    without a root.
+    """
     return [(side, value) for value, side in _root_ways(node, ())]
 
 
@@ -889,7 +1067,10 @@ def _root_ways(node: ex.Expression, positive: Sequence[ex.Expression]) -> list[W
     if (2 * exponent).numerator % 2 == 0 or not odd:
         return [(_power(number_square, square, 2 * exponent) * left, ())]
     side = _product(dict.fromkeys(odd, 1))
-    return [(_power(sign * number_square, square, 2 * exponent) * left, (sign * side,)) for sign in (1, -1)]
+    return [
+        (_power(sign * number_square, square, 2 * exponent) * left, (sign * side,))
+        for sign in (1, -1)
+    ]
 
 
 def _power(content: Fraction, found: Factors, exponent: Fraction) -> ex.Expression:
@@ -907,12 +1088,16 @@ def _odd_root(content: Fraction, found: Factors, exponent: Fraction) -> list[Way
     root = {factor: k // degree for factor, k in found.items()}
     sign = 1 if content > 0 else -1
     odd = [factor for factor, k in root.items() if k % 2]
-    value = collecting.collect(ex.number(abs(content)) ** exponent) * (sign * _product(root)) ** int(exponent.numerator)
+    value = collecting.collect(ex.number(abs(content)) ** exponent) * (
+        sign * _product(root)
+    ) ** int(exponent.numerator)
     return [(value, (sign * _product(dict.fromkeys(odd, 1)),) if odd else ())]
 
 
 def root_factors(tree: ex.Expression) -> tuple[Fraction, Factors]:
-    """(rational content, {factor: multiplicity}) of a tree; a tree that cannot be factored is one factor."""
+    """(rational content, {factor: multiplicity}) of a tree; a tree that cannot be factored is one
+    factor.
+    """
     content, found = Fraction(1), Factors()
     for part in ex.factors_of(tree):
         k = 1
@@ -928,7 +1113,9 @@ def root_factors(tree: ex.Expression) -> tuple[Fraction, Factors]:
 
 def signed_factors(trees: Iterable[ex.Expression], table: RealTable) -> list[ex.Expression]:
     """The factors of trees, each with the sign that makes it positive at the point."""
-    found = dict.fromkeys(factor for tree in trees for factor in root_factors(tree)[1] if varies(factor))
+    found = dict.fromkeys(
+        factor for tree in trees for factor in root_factors(tree)[1] if varies(factor)
+    )
     signed = (factor if real_sign(factor, table) > 0 else -factor for factor in found)
     return [factor for factor in signed if not is_positive(factor)]
 
@@ -945,7 +1132,10 @@ def _factored(tree: ex.Expression) -> tuple[Fraction, Factors]:
         return Fraction(1), {tree: 1}
     if not content:
         return Fraction(1), {tree: 1}
-    powers = [*pieces, *((ring.field.denominators[index], -times) for index, times in quotient.exponents)]
+    powers = [
+        *pieces,
+        *((ring.field.denominators[index], -times) for index, times in quotient.exponents),
+    ]
     found = {exact_field.polynomial_tree(ring, piece): times for piece, times in powers}
     if len(found) == 1 and content == 1 and next(iter(found.values())) == 1:
         return content, {tree: 1}
@@ -953,7 +1143,9 @@ def _factored(tree: ex.Expression) -> tuple[Fraction, Factors]:
 
 
 def _square_parts(found: Factors) -> tuple[Factors, Factors]:
-    """T and O of T^2 O; factors of odd multiplicity occur in O once, in the denominator if they did in the product."""
+    """T and O of T^2 O; factors of odd multiplicity occur in O once, in the denominator if they did
+    in the product.
+    """
     square = {factor: (abs(k) // 2) * (1 if k > 0 else -1) for factor, k in found.items()}
     rest = {factor: 1 if k > 0 else -1 for factor, k in found.items() if k % 2}
     return {factor: k for factor, k in square.items() if k}, rest
@@ -974,7 +1166,9 @@ def _product(found: Factors) -> ex.Expression:
 
 
 def _dependent_ways(case: Case, roots: Sequence[ex.Power]) -> list[Case] | None:
-    """The cases that split multiplicatively dependent roots, one for each choice of the signs of their factors."""
+    """The cases that split multiplicatively dependent roots, one for each choice of the signs of
+    their factors.
+    """
     for node in _dependent(roots):
         content, found = root_factors(node.base)
         for factor in found:
@@ -992,7 +1186,9 @@ def _dependent_ways(case: Case, roots: Sequence[ex.Power]) -> list[Case] | None:
 
 
 def _dependent(roots: Sequence[ex.Power]) -> list[ex.Power]:
-    """The roots with several factors that are, up to rational factors, products of powers of the others."""
+    """The roots with several factors that are, up to rational factors, products of powers of the
+    others.
+    """
     degrees: dict[ex.Expression, int] = {}
     for node in roots:
         assert isinstance(node.exponent, ex.Number)
@@ -1026,15 +1222,23 @@ def _order(vectors: Mapping[ex.Expression, Factors], degrees: Mapping[ex.Express
     if not columns:
         return 1
     common = math.lcm(*(degrees[base] for base in vectors))
-    rows = [[common * (row == column) for column in range(len(columns))] for row in range(len(columns))]
-    rows += [[vector.get(key, 0) * common // degrees[base] for key in columns] for base, vector in vectors.items()]
+    rows = [
+        [common * (row == column) for column in range(len(columns))] for row in range(len(columns))
+    ]
+    rows += [
+        [vector.get(key, 0) * common // degrees[base] for key in columns]
+        for base, vector in vectors.items()
+    ]
     echelon = fmpz_mat(rows).hnf()
     volume = math.prod(int(echelon[k, k]) for k in range(len(columns)))
     return int(common ** len(columns)) // volume
 
 
 def values_modulo_primes(
-    expressions: Sequence[ex.Expression], variables: Sequence[modular.Variable], points: int = 2, seed: int = 1
+    expressions: Sequence[ex.Expression],
+    variables: Sequence[modular.Variable],
+    points: int = 2,
+    seed: int = 1,
 ) -> list[tuple[modular.Point, list[int]]] | None:
     """The residues of all expressions at `points` random points, each over a separate prime.
 
@@ -1049,7 +1253,9 @@ def values_modulo_primes(
             point = towers.draw_point(tower, seed * bounds.ATTEMPTS + attempt)
             known: dict[ex.Expression, int] = {}
             try:
-                found.append((point, [modular.evaluate(kernel, point, known) for kernel in kernels]))
+                found.append(
+                    (point, [modular.evaluate(kernel, point, known) for kernel in kernels])
+                )
             except (modular.SingularPoint, ValueError, ZeroDivisionError, KeyError):
                 continue
             if len(found) == points:
@@ -1059,10 +1265,13 @@ def values_modulo_primes(
     return None
 
 
-def vanish(expressions: Sequence[ex.Expression], variables: Sequence[modular.Variable], seed: int = 1) -> bool | None:
+def vanish(
+    expressions: Sequence[ex.Expression], variables: Sequence[modular.Variable], seed: int = 1
+) -> bool | None:
     """True if all vanish at two points, False if one does not, None if that cannot be decided.
 
-    A nonzero rational function of degree d vanishes at a random point with probability about d/2^61.
+    A nonzero rational function of degree d vanishes at a random point with probability about
+    d/2^61.
     """
     if not expressions:
         return True
@@ -1073,7 +1282,9 @@ def vanish(expressions: Sequence[ex.Expression], variables: Sequence[modular.Var
 def rank_at_point(
     matrix: Sequence[Sequence[ex.Expression]], variables: Sequence[modular.Variable], seed: int = 1
 ) -> int | None:
-    """The rank of a matrix of expressions at a random point, which is its generic rank (almost surely)."""
+    """The rank of a matrix of expressions at a random point, which is its generic rank (almost
+    surely).
+    """
     flat = [entry for row in matrix for entry in row]
     if not flat:
         return 0

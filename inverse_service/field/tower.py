@@ -1,21 +1,25 @@
 """Find independent generators of all atoms of a system, and evaluate the atoms at points.
 
-`to_kernels` writes elementary functions by exp, log, sin, cos, atan and rational powers (real domain): tan u = sin u /
-cos u and similar; cosh u = (e^u + e^-u)/2 and similar; asin u = atan(u / sqrt(1 - u^2)), acos u = pi/2 - asin u, asinh
-u = log(u + sqrt(u^2 + 1)), acosh u = log(u + sqrt(u^2 - 1)), atanh u = log((1 + u)/(1 - u))/2; b^e = exp(e log b) for
-an exponent that is not a rational number; (e^u)^r = e^(r u). Each identity is valid where the left side is real.
+`to_kernels` writes elementary functions by exp, log, sin, cos, atan and rational powers (real
+domain): tan u = sin u / cos u and similar; cosh u = (e^u + e^-u)/2 and similar; asin u = atan(u /
+sqrt(1 - u^2)), acos u = pi/2 - asin u, asinh u = log(u + sqrt(u^2 + 1)), acosh u = log(u + sqrt(u^2
+- 1)), atanh u = log((1 + u)/(1 - u))/2; b^e = exp(e log b) for an exponent that is not a rational
+number; (e^u)^r = e^(r u). Each identity is valid where the left side is real.
 
-A rule computes the value of a transcendental atom from free generators. By the structure theorem (Risch 1979;
-Ax 1971) exponentials and logarithms are algebraically independent over the functions below them unless their
-arguments, or logarithms, are linearly dependent over Q; angles and arctangents likewise (they are the imaginary part).
-A rule states the dependence found, or that there is none, in which case the atom is a free generator.
+A rule computes the value of a transcendental atom from free generators. By the structure theorem
+(Risch 1979; Ax 1971) exponentials and logarithms are algebraically independent over the functions
+below them unless their arguments, or logarithms, are linearly dependent over Q; angles and
+arctangents likewise (they are the imaginary part). A rule states the dependence found, or that
+there is none, in which case the atom is a free generator.
 
-A tower lists these rules, innermost first. Roots need no rule (`modular.py`) except for the branch: `signs` lists the
-quantities whose residue symbol must equal their sign at a real point of the domain (`real_branch.py` finds them).
+A tower lists these rules, innermost first. Roots need no rule (`modular.py`) except for the branch:
+`signs` lists the quantities whose residue symbol must equal their sign at a real point of the
+domain (`real_branch.py` finds them).
 
-`build_tower` finds the rules. Atoms are taken innermost first. For each transcendental one the linear dependence over
-Q of its argument (exp, angles) or its logarithmic differential (log, atan) on those before it is computed at random
-points modulo a prime; rational coefficients are reconstructed.
+`build_tower` finds the rules. Atoms are taken innermost first. For each transcendental one the
+linear dependence over Q of its argument (exp, angles) or its logarithmic differential (log, atan)
+on those before it is computed at random points modulo a prime; rational coefficients are
+reconstructed.
 """
 
 import math
@@ -79,7 +83,9 @@ def _step(u: ex.Expression) -> ex.Expression:
 def is_even_root(node: ex.Expression) -> bool:
     """Whether the node is a power with an even denominator."""
     return (
-        isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number) and node.exponent.value.denominator % 2 == 0
+        isinstance(node, ex.Power)
+        and isinstance(node.exponent, ex.Number)
+        and node.exponent.value.denominator % 2 == 0
     )
 
 
@@ -110,7 +116,9 @@ class ExponentialRule:
         for atom, exponent in self.exponentials:
             result *= modular.positive_power(point.atoms[atom], exponent, point.prime)
         for argument, exponent in self.arguments_of_logarithms:
-            result *= modular.positive_power(modular.evaluate(argument, point), exponent, point.prime)
+            result *= modular.positive_power(
+                modular.evaluate(argument, point), exponent, point.prime
+            )
         for ell, exponent in self.prime_powers:
             result *= modular.positive_power(ell, exponent, point.prime)
         return result % point.prime
@@ -119,7 +127,9 @@ class ExponentialRule:
     def tree(self) -> ex.Expression:
         """The product, if it is not free."""
         primes = (ex.number(ell) ** exponent for ell, exponent in self.prime_powers)
-        atoms = (tree**exponent for tree, exponent in (*self.exponentials, *self.arguments_of_logarithms))
+        atoms = (
+            tree**exponent for tree, exponent in (*self.exponentials, *self.arguments_of_logarithms)
+        )
         constant = [ex.Apply("exp", ex.number(self.constant))] if self.constant else []
         return ex.multiply(*constant, *primes, *atoms)
 
@@ -137,8 +147,13 @@ class LogarithmRule:
     def value(self, point: modular.Point, scale: Scale) -> int:
         if self.free:
             return point.draw_free(self.atom)
-        result = sum(modular.evaluate(u, point) * modular.number_value(a, point.prime) for u, a in self.linear)
-        logarithm = modular.constant_value("log", self.constant, point) * pow(self.root, -1, point.prime)
+        result = sum(
+            modular.evaluate(u, point) * modular.number_value(a, point.prime)
+            for u, a in self.linear
+        )
+        logarithm = modular.constant_value("log", self.constant, point) * pow(
+            self.root, -1, point.prime
+        )
         return (result + logarithm) % point.prime
 
     @property
@@ -175,10 +190,14 @@ class AngleRule:
         return total
 
     @staticmethod
-    def _scaled(point: modular.Point, angle: ex.Expression, factor: Fraction, scale: Scale) -> tuple[int, int]:
+    def _scaled(
+        point: modular.Point, angle: ex.Expression, factor: Fraction, scale: Scale
+    ) -> tuple[int, int]:
         steps = factor * scale(angle)
         if steps.denominator != 1:
-            raise errors.IrreducibleAtoms(f"two angles have the ratio {factor}, which is finer than can be reduced")
+            raise errors.IrreducibleAtoms(
+                f"two angles have the ratio {factor}, which is finer than can be reduced"
+            )
         return circle_power(_random_turn(point, angle), steps.numerator, point.prime)
 
 
@@ -194,8 +213,13 @@ class ArctangentRule:
     def value(self, point: modular.Point, scale: Scale) -> int:
         if self.free:
             return point.draw_free(self.atom)
-        result = sum(modular.evaluate(u, point) * modular.number_value(a, point.prime) for u, a in self.linear)
-        return (result + point.variable(ex.PI) * modular.number_value(self.turns, point.prime)) % point.prime
+        result = sum(
+            modular.evaluate(u, point) * modular.number_value(a, point.prime)
+            for u, a in self.linear
+        )
+        return (
+            result + point.variable(ex.PI) * modular.number_value(self.turns, point.prime)
+        ) % point.prime
 
     @property
     def tree(self) -> ex.Expression:
@@ -217,7 +241,9 @@ def replay(rule: Rule, point: modular.Point, scale: Scale) -> None:
         point.atoms[ex.Apply("cos", rule.angle)] = cosine
         point.atoms[ex.Apply("sin", rule.angle)] = sine
         if rule.free:
-            point.atoms[half_angle(rule.angle, scale(rule.angle))] = _random_tangent(point, rule.angle)
+            point.atoms[half_angle(rule.angle, scale(rule.angle))] = _random_tangent(
+                point, rule.angle
+            )
         if rule.radians:
             point.atoms[half_angle(RADIAN, scale(RADIAN))] = _random_tangent(point, RADIAN)
     else:
@@ -231,7 +257,9 @@ def half_angle(angle: ex.Expression, scale: int) -> ex.Expression:
 
 
 def circle_product(left: tuple[int, int], right: tuple[int, int], prime: int) -> tuple[int, int]:
-    return (left[0] * right[0] - left[1] * right[1]) % prime, (left[0] * right[1] + left[1] * right[0]) % prime
+    return (left[0] * right[0] - left[1] * right[1]) % prime, (
+        left[0] * right[1] + left[1] * right[0]
+    ) % prime
 
 
 def circle_power(turn: tuple[int, int], exponent: int, prime: int) -> tuple[int, int]:
@@ -247,12 +275,16 @@ def circle_power(turn: tuple[int, int], exponent: int, prime: int) -> tuple[int,
 
 
 def _random_turn(point: modular.Point, angle: ex.Expression) -> tuple[int, int]:
-    """A random point of the circle, by t -> ((1 - t^2)/(1 + t^2), 2t/(1 + t^2)); -1 is not a square."""
+    """A random point of the circle, by t -> ((1 - t^2)/(1 + t^2), 2t/(1 + t^2)); -1 is not a
+    square.
+    """
     return _circle_point(_random_tangent(point, angle), point.prime)
 
 
 def _random_tangent(point: modular.Point, angle: ex.Expression) -> int:
-    """The tangent of half the angle in its scale; never the number drawn for an angle such as e^x or log x itself."""
+    """The tangent of half the angle in its scale; never the number drawn for an angle such as e^x
+    or log x itself.
+    """
     return point.draw_free(ex.Apply("tan", angle))
 
 
@@ -272,8 +304,8 @@ def _arctangent_turn(atom: ex.Expression, point: modular.Point) -> tuple[int, in
 def _circle_part(turn: tuple[int, int], number: int, prime: int) -> tuple[int, int]:
     """(cos, sin) of phi/number, |phi| < pi/2: halves by cos(phi/2) = sqrt((1 + cos phi)/2).
 
-    Odd parts are unique in the group of the circle's elements whose order is coprime to the number. Raises ValueError
-    if there is none.
+    Odd parts are unique in the group of the circle's elements whose order is coprime to the number.
+    Raises ValueError if there is none.
     """
     while number % 2 == 0:
         square = (1 + turn[0]) * pow(2, -1, prime) % prime
@@ -291,7 +323,9 @@ def _circle_part(turn: tuple[int, int], number: int, prime: int) -> tuple[int, i
 
 @lru_cache(maxsize=1024)
 def circle_turn(turns: Fraction, prime: int) -> tuple[int, int]:
-    """(cos, sin) of pi turns; twice the denominator must divide prime + 1, the order of the circle."""
+    """(cos, sin) of pi turns; twice the denominator must divide prime + 1, the order of the
+    circle.
+    """
     whole, total = 2 * turns.denominator, (1, 0)
     if (prime + 1) % whole:
         raise errors.IrreducibleAtoms(
@@ -300,20 +334,26 @@ def circle_turn(turns: Fraction, prime: int) -> tuple[int, int]:
     for ell, k in modular.prime_factors(whole):
         rest = whole // ell**k
         total = circle_product(
-            total, circle_power(_unit(ell, k, prime), turns.numerator * pow(rest, -1, ell**k), prime), prime
+            total,
+            circle_power(_unit(ell, k, prime), turns.numerator * pow(rest, -1, ell**k), prime),
+            prime,
         )
     return total
 
 
 @lru_cache(maxsize=1024)
 def _unit(ell: int, k: int, prime: int) -> tuple[int, int]:
-    """(cos, sin) of 2 pi/ell^k, the ones for which the roots of 2, 3, 5, … that they give are the positive ones."""
+    """(cos, sin) of 2 pi/ell^k, the ones for which the roots of 2, 3, 5, … that they give are the
+    positive ones.
+    """
     most = next(m for m in range(k, 64) if (prime + 1) % ell ** (m + 1))
     order = ell**most
     t = next(t for t in range(2, 999) if _order_is_multiple(t, ell, prime))
     start = circle_power(_circle_point(t, prime), (prime + 1) // order, prime)
     found = next(
-        z for a in range(1, order) if a % ell and _is_principal(z := circle_power(start, a, prime), ell, order, prime)
+        z
+        for a in range(1, order)
+        if a % ell and _is_principal(z := circle_power(start, a, prime), ell, order, prime)
     )
     return circle_power(found, ell ** (most - k), prime)
 
@@ -323,12 +363,16 @@ def _order_is_multiple(t: int, ell: int, prime: int) -> bool:
 
 
 def _is_principal(turn: tuple[int, int], ell: int, order: int, prime: int) -> bool:
-    """Whether sqrt(2)/2, sqrt(3)/2, or by Gauss the root of a larger prime, follows from a turn by 2 pi/order."""
+    """Whether sqrt(2)/2, sqrt(3)/2, or by Gauss the root of a larger prime, follows from a turn by
+    2 pi/order.
+    """
     if ell == 2:
         half = modular.positive_power(2, Fraction(-1, 2), prime)
         return circle_power(turn, order // 8, prime) == (half, half)
     powers = [circle_power(turn, order // ell * a, prime)[ell // 2 % 2] for a in range(1, ell)]
-    total = sum(value * (1 if modular.is_positive(a, ell) else -1) for a, value in enumerate(powers, 1))
+    total = sum(
+        value * (1 if modular.is_positive(a, ell) else -1) for a, value in enumerate(powers, 1)
+    )
     return total % prime == modular.positive_power(ell, Fraction(1, 2), prime)
 
 
@@ -395,7 +439,9 @@ def draw_point(
     """
     stages = _stages(tower, tower.variables)
     for attempt in range(_DRAWS // 64):
-        modulus = prime or modular.safe_prime(seed * 1009 + attempt, tower.residues, 2 * tower.parts_of_pi)
+        modulus = prime or modular.safe_prime(
+            seed * 1009 + attempt, tower.residues, 2 * tower.parts_of_pi
+        )
         point = _meet(tower, stages, modulus, seed * _DRAWS + attempt, {}, 0, flipped)
         if point is not None:
             return point
@@ -404,7 +450,8 @@ def draw_point(
 
 @dataclass(frozen=True, slots=True)
 class _Stage:
-    """Variables that are drawn together until some requirements on them and on earlier variables hold.
+    """Variables that are drawn together until some requirements on them and on earlier variables
+    hold.
 
     The rules are not needed to see whether those `without_atoms` hold.
     """
@@ -416,24 +463,35 @@ class _Stage:
     @property
     def draws(self) -> range:
         """A requirement holds at every other draw; without variables there is one."""
-        return range(16 << min(len(self.without_atoms) + len(self.with_atoms), 8)) if self.names else range(1)
+        return (
+            range(16 << min(len(self.without_atoms) + len(self.with_atoms), 8))
+            if self.names
+            else range(1)
+        )
 
 
 def _stages(tower: Tower, moving: Iterable[modular.Variable]) -> list[_Stage]:
     """The requirements in an order in which each adds few of the moving variables to those before.
 
-    k requirements of one variable each cost 2 k draws and not 2^k, and so do 1 - u^2, 1 - u^2 - v^2.
+    k requirements of one variable each cost 2 k draws and not 2^k, and so do 1 - u^2, 1 - u^2 -
+    v^2.
     """
     free = frozenset(moving)
     wanted = [*((w, 1) for w in tower.radicands), *tower.signs]
-    open_ones = [(free.intersection(modular.variables_in(requirement[0])), requirement) for requirement in wanted]
+    open_ones = [
+        (free.intersection(modular.variables_in(requirement[0])), requirement)
+        for requirement in wanted
+    ]
     drawn: frozenset[modular.Variable] = frozenset()
     stages = []
     while open_ones:
         added = min((names - drawn for names, _ in open_ones), key=len)
         drawn |= added
         met = [requirement for names, requirement in open_ones if names <= drawn]
-        parts = (tuple(one for one in met if _has_no_atoms(one[0]) is without) for without in (True, False))
+        parts = (
+            tuple(one for one in met if _has_no_atoms(one[0]) is without)
+            for without in (True, False)
+        )
         stages.append(_Stage(added, *parts))
         open_ones = [one for one in open_ones if not one[0] <= drawn]
     return stages
@@ -448,7 +506,9 @@ def _meet(
     first: int,
     flipped: frozenset[int] = frozenset(),
 ) -> modular.Point | None:
-    """A point with these numbers, the variables of each stage drawn, from one salt on, until its requirements hold."""
+    """A point with these numbers, the variables of each stage drawn, from one salt on, until its
+    requirements hold.
+    """
     salts, open_names = dict(given), frozenset().union(*(stage.names for stage in stages))
     point, missing = modular.Point(prime, seed, tower.real_signs, dict(salts), flipped), None
     for stage in stages:
@@ -456,7 +516,10 @@ def _meet(
         for salt in stage.draws:
             if salt:
                 salts.update(dict.fromkeys(stage.names, first + salt))
-                point, missing = modular.Point(prime, seed, tower.real_signs, dict(salts), flipped), None
+                point, missing = (
+                    modular.Point(prime, seed, tower.real_signs, dict(salts), flipped),
+                    None,
+                )
             known: dict[ex.Expression, int] = {}
             if not _hold(stage.without_atoms, point, known):
                 continue
@@ -470,8 +533,11 @@ def _meet(
     return None if missing else point
 
 
-def moved_point(tower: Tower, place: modular.Point, moving: Sequence[modular.Variable], number: int) -> modular.Point:
-    """A point at which all but the moving variables, and the atoms that hold these, are as at `place`.
+def moved_point(
+    tower: Tower, place: modular.Point, moving: Sequence[modular.Variable], number: int
+) -> modular.Point:
+    """A point at which all but the moving variables, and the atoms that hold these, are as at
+    `place`.
 
     IrreducibleAtoms when no point is found.
     """
@@ -486,13 +552,17 @@ def moved_point(tower: Tower, place: modular.Point, moving: Sequence[modular.Var
 
 
 def _replayed(tower: Tower, point: modular.Point) -> list[tuple[modular.Variable, ...]]:
-    """Give values to the atoms that have one at the point; the variables of each rule that gives none."""
+    """Give values to the atoms that have one at the point; the variables of each rule that gives
+    none.
+    """
     missing = []
     for rule in tower.rules:
         try:
             replay(rule, point, tower.scale)
         except (modular.SingularPoint, ValueError, ZeroDivisionError, KeyError):
-            missing.append(modular.variables_in(rule.angle if isinstance(rule, AngleRule) else rule.atom))
+            missing.append(
+                modular.variables_in(rule.angle if isinstance(rule, AngleRule) else rule.atom)
+            )
     return missing
 
 
@@ -501,7 +571,9 @@ def _has_no_atoms(expression: ex.Expression) -> bool:
     return not ex.has(expression, ex.Apply)
 
 
-def _hold(requirements: Iterable[Requirement], point: modular.Point, known: dict[ex.Expression, int]) -> bool:
+def _hold(
+    requirements: Iterable[Requirement], point: modular.Point, known: dict[ex.Expression, int]
+) -> bool:
     try:
         return all(
             modular.is_positive(modular.evaluate(p, point, known), point.prime) == (sign > 0)
@@ -519,8 +591,9 @@ class IrrationalRatio(errors.IrreducibleAtoms):
 class Samples:
     """Points of one prime at which all rules of a tower hold, used to find linear relations.
 
-    `pending` are signs of quantities some of whose atoms have no rule yet. Points have by turns conjugates of the
-    square roots of the primes in `flips`: a relation with rational coefficients holds for all conjugates.
+    `pending` are signs of quantities some of whose atoms have no rule yet. Points have by turns
+    conjugates of the square roots of the primes in `flips`: a relation with rational coefficients
+    holds for all conjugates.
     """
 
     tower: Tower
@@ -539,18 +612,27 @@ class Samples:
     def prime(self) -> int:
         return self.points[0].prime
 
-    def solve(self, columns: Sequence[Sequence[int]], target: Sequence[int]) -> list[Fraction] | None:
+    def solve(
+        self, columns: Sequence[Sequence[int]], target: Sequence[int]
+    ) -> list[Fraction] | None:
         """Rational a with sum a_j columns_j = target, or None; refuses what is not unique."""
         if not columns:
             return None if any(target) else []
-        rows = [[*entries, b] for entries, b in zip(zip(*columns, strict=True), target, strict=True)]
-        reduced, rank = nmod_mat(len(rows), len(rows[0]), [x for row in rows for x in row], self.prime).rref()
+        rows = [
+            [*entries, b] for entries, b in zip(zip(*columns, strict=True), target, strict=True)
+        ]
+        reduced, rank = nmod_mat(
+            len(rows), len(rows[0]), [x for row in rows for x in row], self.prime
+        ).rref()
         if len(columns) in matrices.leading_columns(reduced, rank):
             return None
         if rank < len(columns):
-            raise IrrationalRatio("arguments of exponentials, logarithms or angles have irrational ratios")
+            raise IrrationalRatio(
+                "arguments of exponentials, logarithms or angles have irrational ratios"
+            )
         solution = [
-            modular.reconstruct(int(reduced[i, len(columns)]), self.prime, _COEFFICIENT_BOUND) for i in range(rank)
+            modular.reconstruct(int(reduced[i, len(columns)]), self.prime, _COEFFICIENT_BOUND)
+            for i in range(rank)
         ]
         return None if any(a is None for a in solution) else [a for a in solution if a is not None]
 
@@ -564,17 +646,25 @@ class Samples:
 
     def admit_pending(self) -> None:
         """From now on the signs hold of those pending quantities that have a value by now."""
-        ready = [requirement for requirement in self.pending if self.tower.values_all(requirement[0])]
+        ready = [
+            requirement for requirement in self.pending if self.tower.values_all(requirement[0])
+        ]
         if ready:
             self.pending = [requirement for requirement in self.pending if requirement not in ready]
-            self.tower.signs += [requirement for requirement in ready if requirement not in self.tower.signs]
+            self.tower.signs += [
+                requirement for requirement in ready if requirement not in self.tower.signs
+            ]
             self.points.clear()
 
     def require_positive(self, radicand: ex.Expression) -> None:
         """From now on only points at which the radicand has a root."""
         if radicand not in self.tower.radicands:
             self.tower.radicands.append(radicand)
-            self.points[:] = [p for p in self.points if modular.is_positive(modular.evaluate(radicand, p), p.prime)]
+            self.points[:] = [
+                p
+                for p in self.points
+                if modular.is_positive(modular.evaluate(radicand, p), p.prime)
+            ]
 
 
 def build_tower(
@@ -584,13 +674,16 @@ def build_tower(
     turns: Turns,
     known: Tower | None = None,
 ) -> Tower:
-    """The tower of all atoms in `expressions` (in kernels); IrreducibleAtoms if it cannot be determined.
+    """The tower of all atoms in `expressions` (in kernels); IrreducibleAtoms if it cannot be
+    determined.
 
     `known` is an earlier tower of the same expressions whose branches are fixed: its signs hold
     from the first point on at which they have a meaning.
     """
     names = (*variables, ex.PI) if _needs_pi(expressions) else tuple(variables)
-    tower = Tower(names, real_signs, residues=_root_primes(expressions), parts_of_pi=_parts_of_pi(expressions))
+    tower = Tower(
+        names, real_signs, residues=_root_primes(expressions), parts_of_pi=_parts_of_pi(expressions)
+    )
     samples = Samples(tower)
     if known is not None:
         tower.scales, tower.default_scale = dict(known.scales), 1
@@ -603,7 +696,9 @@ def build_tower(
             else:
                 _admit(atom, tower, samples, turns)
     except modular.SingularPoint as problem:
-        raise errors.IrreducibleAtoms("a denominator inside a function vanishes at the points tried") from problem
+        raise errors.IrreducibleAtoms(
+            "a denominator inside a function vanishes at the points tried"
+        ) from problem
     _finish_scales(tower)
     samples.admit_pending()
     if samples.pending or not all(tower.values_all(p) for p, _ in tower.signs):
@@ -616,7 +711,9 @@ def build_tower(
 def _needs_pi(expressions: Sequence[ex.Expression]) -> bool:
     """Whether pi occurs, or may: two arctangents often differ by a part of pi."""
     nodes = ex.distinct_nodes(expressions)
-    return any(node == ex.PI or (isinstance(node, ex.Apply) and node.function == "atan") for node in nodes)
+    return any(
+        node == ex.PI or (isinstance(node, ex.Apply) and node.function == "atan") for node in nodes
+    )
 
 
 def _parts_of_pi(expressions: Sequence[ex.Expression]) -> int:
@@ -634,7 +731,11 @@ def _root_primes(expressions: Sequence[ex.Expression]) -> frozenset[int]:
         if is_even_root(node) and isinstance(node, ex.Power) and isinstance(node.base, ex.Number):
             value = node.base.value
             if value > 0:
-                found.update(ell for k in (value.numerator, value.denominator) for ell, _ in modular.prime_factors(k))
+                found.update(
+                    ell
+                    for k in (value.numerator, value.denominator)
+                    for ell, _ in modular.prime_factors(k)
+                )
     return frozenset(ell for ell in found if ell > 13)
 
 
@@ -656,11 +757,15 @@ def _admit(atom: ex.Expression, tower: Tower, samples: Samples, turns: Turns) ->
     ):
         return
     samples.ensure(len(tower.rules) + 4)
-    work = {"exp": _exponential_rule, "log": _logarithm_rule, "atan": _arctangent_rule}.get(atom.function, _angle_rule)
+    work = {"exp": _exponential_rule, "log": _logarithm_rule, "atan": _arctangent_rule}.get(
+        atom.function, _angle_rule
+    )
     try:
         rule = work(atom, tower, samples, turns)
     except IrrationalRatio:
-        samples.flips = _square_roots(atom.argument, *(u for kind in _KINDS for u in _free(tower, kind)))
+        samples.flips = _square_roots(
+            atom.argument, *(u for kind in _KINDS for u in _free(tower, kind))
+        )
         if not samples.flips:
             raise
         samples.points.clear()
@@ -686,9 +791,15 @@ def _square_roots(*trees: ex.Expression) -> tuple[int, ...]:
         if not is_root(node) or not isinstance(node, ex.Power) or modular.variables_in(node):
             continue
         base, exponent = node.base, node.exponent
-        if not (isinstance(base, ex.Number) and isinstance(exponent, ex.Number) and exponent.value.denominator == 2):
+        if not (
+            isinstance(base, ex.Number)
+            and isinstance(exponent, ex.Number)
+            and exponent.value.denominator == 2
+        ):
             return ()
-        found |= {ell: None for k in base.value.as_integer_ratio() for ell, _ in modular.prime_factors(k)}
+        found |= {
+            ell: None for k in base.value.as_integer_ratio() for ell, _ in modular.prime_factors(k)
+        }
     return tuple(found)[:3]
 
 
@@ -703,7 +814,14 @@ def _free(tower: Tower, kind: type[Rule]) -> list[ex.Expression]:
 
 def _logarithm_primes(tower: Tower) -> list[int]:
     constants = [rule.constant for rule in tower.rules if isinstance(rule, LogarithmRule)]
-    return sorted({ell for c in constants for k in (c.numerator, c.denominator) for ell, _ in modular.prime_factors(k)})
+    return sorted(
+        {
+            ell
+            for c in constants
+            for k in (c.numerator, c.denominator)
+            for ell, _ in modular.prime_factors(k)
+        }
+    )
 
 
 def _exponential_rule(atom: ex.Apply, tower: Tower, samples: Samples, turns: Turns) -> Rule:
@@ -719,7 +837,9 @@ def _exponential_rule(atom: ex.Apply, tower: Tower, samples: Samples, turns: Tur
     if solution is None:
         return ExponentialRule(atom, True)
     first, second = len(exponentials), len(exponentials) + len(logarithms)
-    of_logs = tuple((_argument(log), c) for log, c in zip(logarithms, solution[first:second], strict=True) if c)
+    of_logs = tuple(
+        (_argument(log), c) for log, c in zip(logarithms, solution[first:second], strict=True) if c
+    )
     for argument, c in of_logs:
         if c.denominator % 2 == 0:
             samples.require_positive(argument)
@@ -736,7 +856,9 @@ def _exponential_rule(atom: ex.Apply, tower: Tower, samples: Samples, turns: Tur
 def _logarithm_rule(atom: ex.Apply, tower: Tower, samples: Samples, turns: Turns) -> Rule:
     if isinstance(atom.argument, ex.Number):
         if atom.argument.value <= 0:
-            raise errors.IrreducibleAtoms("the logarithm of a number that is not positive is not real")
+            raise errors.IrreducibleAtoms(
+                "the logarithm of a number that is not positive is not real"
+            )
         return LogarithmRule(atom, False, (), atom.argument.value)
     basis = [_argument(e) for e in _free(tower, ExponentialRule)] + _free(tower, LogarithmRule)
     columns = [_flat(samples.gradients(u)) for u in basis]
@@ -761,21 +883,31 @@ def _constant_factor(
     for _, a in linear:
         root *= a.denominator
     found = {
-        modular.reconstruct(_constant_power(atom, linear, root, point), point.prime, _CONSTANT_BOUND)
+        modular.reconstruct(
+            _constant_power(atom, linear, root, point), point.prime, _CONSTANT_BOUND
+        )
         for point in samples.points
     }
     constant = found.pop()
-    # A second prime distinguishes a rational number from one that only looks like it modulo the first.
+    # A second prime distinguishes a rational number from one that only looks like it modulo the
+    # first.
     other = draw_point(samples.tower, 11)
     if found or constant is None or constant <= 0 or other.prime == samples.prime:
-        raise errors.IrreducibleAtoms("a logarithm of a constant that is not a rational number cannot be reduced")
+        raise errors.IrreducibleAtoms(
+            "a logarithm of a constant that is not a rational number cannot be reduced"
+        )
     if modular.number_value(constant, other.prime) != _constant_power(atom, linear, root, other):
-        raise errors.IrreducibleAtoms("a logarithm of a constant that is not a rational number cannot be reduced")
+        raise errors.IrreducibleAtoms(
+            "a logarithm of a constant that is not a rational number cannot be reduced"
+        )
     return constant, root
 
 
 def _constant_power(
-    atom: ex.Apply, linear: Sequence[tuple[ex.Expression, Fraction]], root: int, point: modular.Point
+    atom: ex.Apply,
+    linear: Sequence[tuple[ex.Expression, Fraction]],
+    root: int,
+    point: modular.Point,
 ) -> int:
     """w^root / prod (e^u_j)^(a_j root) at a point."""
     value = pow(modular.evaluate(atom.argument, point), root, point.prime)
@@ -810,7 +942,9 @@ def _angle_rule(atom: ex.Apply, tower: Tower, samples: Samples, turns: Turns) ->
 
 
 def _radicands(w: ex.Expression, number: int) -> Iterator[ex.Expression]:
-    """What has a root where the number-th part of atan w is an angle: 1 + w^2, and for each half 1 + cos."""
+    """What has a root where the number-th part of atan w is an angle: 1 + w^2, and for each half 1
+    + cos.
+    """
     yield (square := 1 + w**2)
     cosine = square ** Fraction(-1, 2)
     while number % 2 == 0:
@@ -818,8 +952,12 @@ def _radicands(w: ex.Expression, number: int) -> Iterator[ex.Expression]:
         cosine, number = half ** Fraction(1, 2), number // 2
 
 
-def _refine_scales(tower: Tower, samples: Samples, parts: Sequence[tuple[ex.Expression, Fraction]]) -> None:
-    """Free angles become fine enough to have these multiples; points with coarser ones are dropped."""
+def _refine_scales(
+    tower: Tower, samples: Samples, parts: Sequence[tuple[ex.Expression, Fraction]]
+) -> None:
+    """Free angles become fine enough to have these multiples; points with coarser ones are
+    dropped.
+    """
     for angle, factor in parts:
         scale = tower.scale(angle)
         if scale % factor.denominator:
@@ -828,14 +966,21 @@ def _refine_scales(tower: Tower, samples: Samples, parts: Sequence[tuple[ex.Expr
 
 
 def _arctangent_rule(atom: ex.Apply, tower: Tower, samples: Samples, turns: Turns) -> Rule:
-    columns = {u: _flat(samples.gradients(u)) for u in _free(tower, AngleRule) + _free(tower, ArctangentRule)}
+    columns = {
+        u: _flat(samples.gradients(u))
+        for u in _free(tower, AngleRule) + _free(tower, ArctangentRule)
+    }
     basis = [u for u, column in columns.items() if any(column)]
     constants = [u for u in _free(tower, ArctangentRule) if u not in basis]
     w = samples.values(atom.argument)
     factor = [pow(1 + x * x, -1, samples.prime) for x in w]
     gradient = samples.gradients(atom.argument)
     target = [x * k % samples.prime for row, k in zip(gradient, factor, strict=True) for x in row]
-    solution = samples.solve([columns[u] for u in basis], target) if any(target) else [Fraction(0)] * len(basis)
+    solution = (
+        samples.solve([columns[u] for u in basis], target)
+        if any(target)
+        else [Fraction(0)] * len(basis)
+    )
     if solution is None:
         return ArctangentRule(atom, True)
     linear = tuple((u, a) for u, a in zip(basis, solution, strict=True) if a)
@@ -847,7 +992,9 @@ def _arctangent_rule(atom: ex.Apply, tower: Tower, samples: Samples, turns: Turn
     if rest is None:
         return ArctangentRule(atom, True)  # a constant independent of the others
     found = dict(rest)
-    return ArctangentRule(atom, False, linear + tuple(p for p in rest if p[0] != ex.PI), found.get(ex.PI, Fraction(0)))
+    return ArctangentRule(
+        atom, False, linear + tuple(p for p in rest if p[0] != ex.PI), found.get(ex.PI, Fraction(0))
+    )
 
 
 def _finish_scales(tower: Tower) -> None:
@@ -859,7 +1006,9 @@ def _finish_scales(tower: Tower) -> None:
             for angle, factor in rule.angles:
                 tower.scales[angle] = math.lcm(tower.scales.get(angle, 1), factor.denominator)
             if rule.radians:
-                tower.scales[RADIAN] = math.lcm(tower.scales.get(RADIAN, 1), rule.radians.denominator)
+                tower.scales[RADIAN] = math.lcm(
+                    tower.scales.get(RADIAN, 1), rule.radians.denominator
+                )
     tower.default_scale = 1
 
 

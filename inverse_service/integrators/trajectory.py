@@ -29,12 +29,14 @@ Rows = NDArray[np.bool_] | NDArray[np.int64] | slice
 class Outcome:
     """How a run ended.
 
-    `kind` is "completed", "singular" (a quantity of the method vanished), "guard" (the implicit equations of a step are
-    not safely solvable), "unresolved" (the motion turns too much in a step), "no_convergence" (Newton), "not_finite",
-    "off_domain" (a formula has no value there), "no_one_motion" (contacts allow none, or several), "failed" (a fault of
-    ours) or "cancelled". Where a run stopped, `step` says how many steps were done, `time` where the last of them led,
-    `quantity` and `value` what vanished or passed its limit, `remedy` what to do about it. `note` says what was not
-    checked, or why a guard did not count, `doubt` where a run to the end is not the motion.
+    `kind` is "completed", "singular" (a quantity of the method vanished), "guard" (the implicit
+    equations of a step are not safely solvable), "unresolved" (the motion turns too much in a
+    step), "no_convergence" (Newton), "not_finite", "off_domain" (a formula has no value there),
+    "no_one_motion" (contacts allow none, or several), "failed" (a fault of ours) or "cancelled".
+    Where a run stopped, `step` says how many steps were done, `time` where the last of them led,
+    `quantity` and `value` what vanished or passed its limit, `remedy` what to do about it. `note`
+    says what was not checked, or why a guard did not count, `doubt` where a run to the end is not
+    the motion.
     """
 
     kind: str
@@ -52,7 +54,9 @@ class Outcome:
 
     @property
     def sentence(self) -> str:
-        """What happened, when, and what to do: Stopped at t = 2.4: the step is too long (...). Take a smaller step."""
+        """What happened, when, and what to do: Stopped at t = 2.4: the step is too long (...). Take
+        a smaller step.
+        """
         what = WORDS.get(self.kind, self.kind.replace("_", " "))
         if self.quantity:
             value = "" if self.value is None or self.value != self.value else f" = {self.value:.3g}"
@@ -65,10 +69,10 @@ class Outcome:
 class Trajectory:
     """m + 1 recorded points of a motion with n coordinates; row 0 is the start.
 
-    `times` (m + 1,), `positions` (m + 1, n). `momenta` (m + 1, n) are the discrete momenta of methods that have
-    them, `velocities` (m + 1, n) the velocities at the points of those that carry them.
-    `series[name]` (m + 1,) is an observed quantity at the recorded steps (row 0 that of the first step),
-    `maxima[name]` its greatest absolute value over all steps, recorded or not.
+    `times` (m + 1,), `positions` (m + 1, n). `momenta` (m + 1, n) are the discrete momenta of
+    methods that have them, `velocities` (m + 1, n) the velocities at the points of those that carry
+    them. `series[name]` (m + 1,) is an observed quantity at the recorded steps (row 0 that of the
+    first step), `maxima[name]` its greatest absolute value over all steps, recorded or not.
     """
 
     times: Array
@@ -84,16 +88,22 @@ class Trajectory:
     maxima: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
-    def of_start(cls, time: float, positions: Row, velocities: Row | None, outcome: Outcome) -> Trajectory:
+    def of_start(
+        cls, time: float, positions: Row, velocities: Row | None, outcome: Outcome
+    ) -> Trajectory:
         """A run that contains only its start."""
         speeds = None if velocities is None else np.array([velocities], dtype=float)
         return cls(np.array([time]), np.array([positions], dtype=float), None, speeds, outcome)
 
     def part(self, rows: Rows) -> Trajectory:
         """The same run with some of its points."""
-        known = {name: getattr(self, name) for name in ("times", "positions", "momenta", "velocities")}
+        known = {
+            name: getattr(self, name) for name in ("times", "positions", "momenta", "velocities")
+        }
         points = {name: column[rows] for name, column in known.items() if column is not None}
-        return replace(self, **points, series={name: column[rows] for name, column in self.series.items()})
+        return replace(
+            self, **points, series={name: column[rows] for name, column in self.series.items()}
+        )
 
     def thinned(self, steps: int, every: int) -> Trajectory:
         """Every so many of its points, and the last one of a run that made all steps."""
@@ -104,5 +114,7 @@ class Trajectory:
     def ended(self, rows: Rows, outcome: Outcome) -> Trajectory:
         """The run truncated to these points; maxima are those recorded."""
         part = self.part(rows)
-        maxima = {name: float(np.abs(column).max(initial=0.0)) for name, column in part.series.items()}
+        maxima = {
+            name: float(np.abs(column).max(initial=0.0)) for name, column in part.series.items()
+        }
         return replace(part, outcome=outcome, maxima=maxima)

@@ -1,11 +1,12 @@
-"""Variational integrators: discrete Euler-Lagrange equations of L_d(q, q + d) = L((1 - a) q + a (q + d), d/h).
+"""Variational integrators: discrete Euler-Lagrange equations of L_d(q, q + d) = L((1 - a) q + a (q
++ d), d/h).
 
-Written for arrays of numbers or of formulas, and callables that give gradients. Unknowns are increments; a step carries
-(q, p), p the discrete momentum D2 L_d of the step before times h.
+Written for arrays of numbers or of formulas, and callables that give gradients. Unknowns are
+increments; a step carries (q, p), p the discrete momentum D2 L_d of the step before times h.
 
-With constraints, the discrete Lagrange-d'Alembert equations: D1 L_d(q_k, q_(k+1)) + D2 L_d(q_(k-1), q_k) =
-lambda_a omega^a(q_k) with omega^a(q) . (q_(k+1) - q_k) + h c^a(q) = 0 at q = (1 - alpha) q_k + alpha q_(k+1), or their
-mean over alpha and 1 - alpha.
+With constraints, the discrete Lagrange-d'Alembert equations: D1 L_d(q_k, q_(k+1)) + D2 L_d(q_(k-1),
+q_k) = lambda_a omega^a(q_k) with omega^a(q) . (q_(k+1) - q_k) + h c^a(q) = 0 at q = (1 - alpha) q_k
++ alpha q_(k+1), or their mean over alpha and 1 - alpha.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,13 +21,21 @@ Forms = Callable[[Vector], Vector]
 
 
 def hamiltonian_step(
-    q: Vector, p: Vector, d: Vector, e: Vector, h: Number, alpha: Number, slope_q: Gradient, slope_p: Gradient
+    q: Vector,
+    p: Vector,
+    d: Vector,
+    e: Vector,
+    h: Number,
+    alpha: Number,
+    slope_q: Gradient,
+    slope_p: Gradient,
 ) -> tuple[Vector, Vector]:
     """(residuals, momentum increments) for increments d of q and e of p.
 
-    d = h H_p(Q, P), e = -h H_q(Q, P) at Q = q + alpha d, P = p + (1 - alpha) e: symplectic Euler at 0, the implicit
-    midpoint rule at 1/2, the adjoint of symplectic Euler at 1. Equal to the discrete Euler-Lagrange equations of L
-    with p = dL/dv solved for v; smooth where only L is singular.
+    d = h H_p(Q, P), e = -h H_q(Q, P) at Q = q + alpha d, P = p + (1 - alpha) e: symplectic Euler at
+    0, the implicit midpoint rule at 1/2, the adjoint of symplectic Euler at 1. Equal to the
+    discrete Euler-Lagrange equations of L with p = dL/dv solved for v; smooth where only L is
+    singular.
     """
     place, momentum = q + alpha * d, p + (1 - alpha) * e
     return np.concatenate([d - h * slope_p(place, momentum), e + h * slope_q(place, momentum)]), e
@@ -36,29 +45,47 @@ def symmetrised_hamiltonian_step(
     q: Vector, p: Vector, d: Vector, e: tuple[Vector, Vector], h: Number, alpha: Number, slope_q: Gradient,
     slope_p: Gradient,
 ) -> tuple[Vector, Vector]:  # fmt: skip
-    """The mean of the alpha and the 1 - alpha discrete Lagrangians, each with its own momentum p + e.
+    """The mean of the alpha and the 1 - alpha discrete Lagrangians, each with its own momentum p +
+    e.
 
-    Both momenta have the velocity d/h. Their equality is written without h, so that the determinant has a limit for
-    h -> 0 and keeps its sign in the backward substeps of a composition. At alpha = 0 and a separable H these are the
-    equations of Stormer and Verlet.
+    Both momenta have the velocity d/h. Their equality is written without h, so that the determinant
+    has a limit for h -> 0 and keeps its sign in the backward substeps of a composition. At alpha =
+    0 and a separable H these are the equations of Stormer and Verlet.
     """
-    points = [(q + part * d, p + change) for part, change in zip((alpha, 1 - alpha), e, strict=True)]
+    points = [
+        (q + part * d, p + change) for part, change in zip((alpha, 1 - alpha), e, strict=True)
+    ]
     slopes, rates = ([slope(*point) for point in points] for slope in (slope_q, slope_p))
     pull = e[0] + (1 - alpha) * h * slopes[0] + (e[1] + alpha * h * slopes[1])
-    return np.concatenate([d - h * rates[0], rates[0] - rates[1], pull]), -h * (slopes[0] + slopes[1]) / 2
+    return np.concatenate([d - h * rates[0], rates[0] - rates[1], pull]), -h * (
+        slopes[0] + slopes[1]
+    ) / 2
 
 
 def raw_step(
-    q: Vector, p: Vector, d: Vector, h: Number, parts: Sequence[Number], slope_q: Gradient, slope_v: Gradient
+    q: Vector,
+    p: Vector,
+    d: Vector,
+    h: Number,
+    parts: Sequence[Number],
+    slope_q: Gradient,
+    slope_v: Gradient,
 ) -> tuple[Vector, Vector]:
-    """(residuals, momentum increments) of the discrete Euler-Lagrange equations in q and v themselves.
+    """(residuals, momentum increments) of the discrete Euler-Lagrange equations in q and v
+    themselves.
 
     `parts` is (alpha,), or (alpha, 1 - alpha) for the mean of both forms. Residual:
     h p - h L_v(Q, d/h) + (1 - alpha) h^2 L_q(Q, d/h), increment of p: h L_q(Q, d/h).
     """
     places = [q + part * d for part in parts]
-    impulse, force = (sum(h * slope(place, d / h) for place in places) / len(parts) for slope in (slope_v, slope_q))
-    kick = sum((1 - part) * h * h * slope_q(place, d / h) for part, place in zip(parts, places, strict=True))
+    impulse, force = (
+        sum(h * slope(place, d / h) for place in places) / len(parts)
+        for slope in (slope_v, slope_q)
+    )
+    kick = sum(
+        (1 - part) * h * h * slope_q(place, d / h)
+        for part, place in zip(parts, places, strict=True)
+    )
     return h * p - impulse + kick / len(parts), force
 
 
@@ -66,8 +93,9 @@ def lagrange_dalembert_step(
     q: Vector, p: Vector, d: Vector, m: Vector, h: Number, parts: Sequence[Number], slope_q: Gradient,
     slope_v: Gradient, forms: Forms, drifts: Forms,
 ) -> tuple[Vector, Vector]:  # fmt: skip
-    """(residuals, momentum increments) for increments d and multipliers m = h lambda; omega_d times h is the mean over
-    `parts` of omega(q + part d) . d + h c(q + part d)."""
+    """(residuals, momentum increments) for increments d and multipliers m = h lambda; omega_d times
+    h is the mean over `parts` of omega(q + part d) . d + h c(q + part d).
+    """
     free, kick = raw_step(q, p, d, h, parts, slope_q, slope_v)
     if not len(m):
         return free, kick

@@ -1,1 +1,3 @@
-"""Complete linear overdetermined systems of partial differential equations to involution about a point."""
+"""Complete linear overdetermined systems of partial differential equations to involution about a
+point.
+"""

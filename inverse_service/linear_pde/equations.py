@@ -1,11 +1,13 @@
-"""The unknown functions of a linear system, tables of their Taylor coefficients, and the rows of prolonged equations.
+"""The unknown functions of a linear system, tables of their Taylor coefficients, and the rows of
+prolonged equations.
 
-An unknown y of order k counts modulo polynomials of degree < k in the displacements from `first` on: only its
-derivatives of order k by these occur. Its coefficient of a monomial of degree d + k has degree d. So
-g_ij = d2L/dv_i dv_j is one unknown L of order 2 from the velocities on, and dl one of order 1.
-Columns: by degree, then by function, then by monomial.
+An unknown y of order k counts modulo polynomials of degree < k in the displacements from `first`
+on: only its derivatives of order k by these occur. Its coefficient of a monomial of degree d + k
+has degree d. So g_ij = d2L/dv_i dv_j is one unknown L of order 2 from the velocities on, and dl one
+of order 1. Columns: by degree, then by function, then by monomial.
 
-Compiled loops write the entries of the prolonged rows, many products of a term and an unknown at a time.
+Compiled loops write the entries of the prolonged rows, many products of a term and an unknown at a
+time.
 """
 
 import math
@@ -52,7 +54,9 @@ Indices = tuple[int, ...]
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """An unknown function modulo polynomials of degree < `order` in the displacements from `first` on."""
+    """An unknown function modulo polynomials of degree < `order` in the displacements from `first`
+    on.
+    """
 
     order: int
     first: int = 0
@@ -60,10 +64,11 @@ class Function:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unknowns:
-    """Unknown functions of `size` displacements, and those derivatives of them that the equations contain.
+    """Unknown functions of `size` displacements, and those derivatives of them that the equations
+    contain.
 
-    `entries` are of the order of their functions; equations contain them and their first derivatives.
-    Tables are cached per object, so equal questions should share one.
+    `entries` are of the order of their functions; equations contain them and their first
+    derivatives. Tables are cached per object, so equal questions should share one.
     """
 
     size: int
@@ -86,8 +91,12 @@ def unknown_exponents(size: int, function: Function, degree: int) -> Exponents:
 
 @lru_cache(maxsize=_KEPT)
 def starts_of_functions(unknowns: Unknowns, degree: int) -> tuple[int, ...]:
-    """The first index of each function's unknowns among those of this degree, followed by their total number."""
-    counts = [len(unknown_exponents(unknowns.size, function, degree)) for function in unknowns.functions]
+    """The first index of each function's unknowns among those of this degree, followed by their
+    total number.
+    """
+    counts = [
+        len(unknown_exponents(unknowns.size, function, degree)) for function in unknowns.functions
+    ]
     return tuple(sum(counts[:k]) for k in range(len(counts) + 1))
 
 
@@ -120,7 +129,8 @@ def unknown_names(unknowns: Unknowns, degree: int) -> list[tuple[int, tuple[int,
 
 
 class Raised(NamedTuple):
-    """x_a m for the unknown monomials m of one degree: its place among those of the next, its exponent of x_a.
+    """x_a m for the unknown monomials m of one degree: its place among those of the next, its
+    exponent of x_a.
 
     Both of shape (count, size). d_a of x_a m is the exponent times m.
     """
@@ -135,7 +145,9 @@ def raised_unknowns(unknowns: Unknowns, degree: int) -> Raised:
     size, monomials = unknowns.size, MonomialKeys(unknowns.size)
     steps = np.array([1 << (monomials.bits * a) for a in range(size)], np.int64)
     places, factors = [], []
-    for function, start in zip(unknowns.functions, starts_of_functions(unknowns, degree + 1), strict=False):
+    for function, start in zip(
+        unknowns.functions, starts_of_functions(unknowns, degree + 1), strict=False
+    ):
         block = unknown_exponents(size, function, degree)
         above = unknown_exponents(size, function, degree + 1)
         places.append(places_among(size, above, keys_of(monomials, block)[:, None] + steps) + start)
@@ -166,11 +178,14 @@ def entry_columns(unknowns: Unknowns, degree: int) -> EntryColumns:
     columns = []
     for number, entries in groupby(unknowns.entries, key=lambda entry: entry[0]):
         block = unknown_exponents(size, unknowns.functions[number], degree)
-        steps = np.array([[sum(1 << (monomials.bits * a) for a in by)] for _, by in entries], np.int64)
+        steps = np.array(
+            [[sum(1 << (monomials.bits * a) for a in by)] for _, by in entries], np.int64
+        )
         columns.append(places_among(size, block, keys + steps) + starts[number] + below)
     # The derivative of the monomial by x_a, x_b, …: each lowers its exponent.
     factors = [
-        math.prod((e[:, a] + by[: k + 1].count(a) for k, a in enumerate(by)), start=ones) for _, by in unknowns.entries
+        math.prod((e[:, a] + by[: k + 1].count(a) for k, a in enumerate(by)), start=ones)
+        for _, by in unknowns.entries
     ]
     found = EntryColumns(np.concatenate(columns), np.array(factors))
     freeze((found.columns, found.factors))
@@ -180,9 +195,10 @@ def entry_columns(unknowns: Unknowns, degree: int) -> EntryColumns:
 class RowTables(NamedTuple):
     """The tables for the rows of one degree, concatenated for the compiled loop.
 
-    There are `size` displacements, and counts[d] monomials of degree d. Products with a coefficient of degree c begin
-    at product_starts[c], as `products_of_degree`(degree - c, c); columns and factors of `entry_columns`(d) at
-    column_starts[d]; places and exponents of x_a m, m of degree d, at raised_starts[d].
+    There are `size` displacements, and counts[d] monomials of degree d. Products with a coefficient
+    of degree c begin at product_starts[c], as `products_of_degree`(degree - c, c); columns and
+    factors of `entry_columns`(d) at column_starts[d]; places and exponents of x_a m, m of degree d,
+    at raised_starts[d].
     """
 
     size: int
@@ -205,7 +221,9 @@ def row_tables(unknowns: Unknowns, degree: int) -> RowTables:
     products = [products_of_degree(size, degree - d, d).ravel() for d in range(degree + 1)]
     entries = [entry_columns(unknowns, d) for d in range(degree + 2)]
     raised = [raised_places(size, d).ravel() for d in range(degree + 1)]
-    exponents = [exponents_of_degree(size, d).ravel().astype(np.int64) + 1 for d in range(degree + 1)]
+    exponents = [
+        exponents_of_degree(size, d).ravel().astype(np.int64) + 1 for d in range(degree + 1)
+    ]
     found = RowTables(
         size,
         counts,
@@ -228,7 +246,9 @@ def _starts(parts: list[npt.NDArray[np.generic]] | list[Places] | list[Integers]
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A summand of one equation: sign * series * entry, or sign * series * d_a entry; the series has a register."""
+    """A summand of one equation: sign * series * entry, or sign * series * d_a entry; the series
+    has a register.
+    """
 
     equation: int
     entry: int
@@ -239,7 +259,9 @@ class Term:
 
 @dataclass(frozen=True, slots=True)
 class TermTable:
-    """The terms of all equations of a kind: equation, series, sign, entry, d_a in the columns of `terms`."""
+    """The terms of all equations of a kind: equation, series, sign, entry, d_a in the columns of
+    `terms`.
+    """
 
     unknowns: Unknowns
     equations: int
@@ -250,7 +272,9 @@ class TermTable:
         freeze([self.terms])
 
 
-def term_table(unknowns: Unknowns, terms: Sequence[Term], equations: int, registers: Registers, most: int) -> TermTable:
+def term_table(
+    unknowns: Unknowns, terms: Sequence[Term], equations: int, registers: Registers, most: int
+) -> TermTable:
     """The table of the terms, with their series to degree `most` after a run."""
     used = dict.fromkeys(term.register for term in terms)
     places = {register: place for place, register in enumerate(used)}
@@ -266,8 +290,8 @@ def _emit(
 ) -> None:  # fmt: skip
     """Count or fill in the entries of term * (d_a) entry in the rows of one degree, for all terms.
 
-    The entries of row k are counted in starts[k + 1]; then starts[k], their sum before row k, is where its next
-    entry goes, and in the end where row k + 1 begins.
+    The entries of row k are counted in starts[k + 1]; then starts[k], their sum before row k, is
+    where its next entry goes, and in the end where row k + 1 begins.
     """
     monomials, ends = tables.counts, rows.starts
     for t in range(len(terms)):
@@ -275,7 +299,8 @@ def _emit(
         for c in range(series.starts[terms[t, 1]], series.starts[terms[t, 1] + 1]):
             if series.degrees[c] > degree:
                 break
-            # Coefficient m of the series times coefficient m' of (d_a) entry, for all m' of this degree.
+            # Coefficient m of the series times coefficient m' of (d_a) entry, for all m' of this
+            # degree.
             low = degree - series.degrees[c]
             count = monomials[low]
             start = tables.product_starts[series.degrees[c]] + series.places[c] * count
@@ -290,7 +315,11 @@ def _emit(
                     factor = tables.factors[entry]
                 else:
                     above = tables.raised_starts[low] + k * tables.size + along
-                    entry = tables.column_starts[low + 1] + pair * monomials[low + 1] + tables.raised[above]
+                    entry = (
+                        tables.column_starts[low + 1]
+                        + pair * monomials[low + 1]
+                        + tables.raised[above]
+                    )
                     factor = tables.factors[entry] * tables.exponents[above]
                 row = first_row + tables.products[start + k]
                 place = ends[row]
@@ -304,7 +333,9 @@ def _emit_rows(
     number: int, degree: int, series: SparseSeries, terms: Integers, tables: RowTables, small: Words, field: Field,
     rows: SparseRows,
 ) -> int:  # fmt: skip
-    """Write the `number` rows of one degree if there is room for their entries; return the number of entries."""
+    """Write the `number` rows of one degree if there is room for their entries; return the number
+    of entries.
+    """
     starts = rows.starts
     starts[: number + 1] = 0
     _emit(False, degree, series, terms, tables, small, field, rows)
@@ -319,14 +350,26 @@ def _emit_rows(
     return entries
 
 
-def rows_of_degree(table: TermTable, degree: int, prime: int, room: Kept[SparseRows] | None = None) -> Kept[SparseRows]:
-    """The coefficients of all monomials of one degree, equation by equation, in this room or a larger one."""
+def rows_of_degree(
+    table: TermTable, degree: int, prime: int, room: Kept[SparseRows] | None = None
+) -> Kept[SparseRows]:
+    """The coefficients of all monomials of one degree, equation by equation, in this room or a
+    larger one.
+    """
     tables = row_tables(table.unknowns, degree)
     # A factor is a product of order + 1 exponents of a monomial whose degree is larger by as much.
     most = table.unknowns.most + 1
     small = modular.small_numbers(prime, (degree + most + 1) ** most)
     number = table.equations * int(tables.counts[degree])
-    given = (number, degree, table.series.struct, table.terms, tables, small, modular.field_of(prime))
+    given = (
+        number,
+        degree,
+        table.series.struct,
+        table.terms,
+        tables,
+        small,
+        modular.field_of(prime),
+    )
     if room is None or len(room.struct.starts) <= number:
         room = _room(number, ENTRIES * number)
     while (entries := _emit_rows(*given, room.struct)) > len(room.struct.columns):
@@ -351,7 +394,9 @@ class Equations:
 
 @dataclass(frozen=True, slots=True)
 class LocalEquations:
-    """A system at a point modulo a prime; `order` is the highest order to which its series allow prolongation."""
+    """A system at a point modulo a prime; `order` is the highest order to which its series allow
+    prolongation.
+    """
 
     unknowns: Unknowns
     prime: int
@@ -362,8 +407,8 @@ class LocalEquations:
 class Prolongation:
     """The echelon form of all rows up to `order`, columns in ascending degree.
 
-    `dependent` marks, for each kind and degree, the rows that depend on previous rows; `expected` marks those that did
-    at another point. `rows` are the rows inserted last.
+    `dependent` marks, for each kind and degree, the rows that depend on previous rows; `expected`
+    marks those that did at another point. `rows` are the rows inserted last.
     """
 
     local: LocalEquations
@@ -387,7 +432,9 @@ class Prolongation:
         return width_below(self.local.unknowns, degree + 1)
 
     def dimension(self, degree: int) -> int:
-        """D_degree(order): the dimension of the projection of the solutions to degrees <= degree."""
+        """D_degree(order): the dimension of the projection of the solutions to degrees <=
+        degree.
+        """
         return self._dimensions([self.width(degree)])[0]
 
     @property
@@ -396,7 +443,10 @@ class Prolongation:
         return self._dimensions([self.width(degree) for degree in range(self.order + 1)])
 
     def _dimensions(self, widths: list[int]) -> tuple[int, ...]:
-        return tuple(width - rank for width, rank in zip(widths, self.echelon.ranks_within(widths), strict=True))
+        return tuple(
+            width - rank
+            for width, rank in zip(widths, self.echelon.ranks_within(widths), strict=True)
+        )
 
     def row_name(self, number: int) -> RowName:
         """The name of an original row."""
@@ -409,13 +459,19 @@ class Prolongation:
         raise IndexError("no such row")
 
 
-def start(local: LocalEquations, expected: Mapping[tuple[str, int], Flags] | None = None) -> Prolongation:
-    """A prolongation without rows; `advance` adds order 0, 1, … `expected` marks rows that were dependent elsewhere."""
+def start(
+    local: LocalEquations, expected: Mapping[tuple[str, int], Flags] | None = None
+) -> Prolongation:
+    """A prolongation without rows; `advance` adds order 0, 1, … `expected` marks rows that were
+    dependent elsewhere.
+    """
     return Prolongation(local, Echelon(local.prime), expected=expected or {})
 
 
 def advance(prolongation: Prolongation) -> None:
-    """Add one order: the rows of degree r - 1 of equations of order 1, and of degree r of equations of order 0."""
+    """Add one order: the rows of degree r - 1 of equations of order 1, and of degree r of equations
+    of order 0.
+    """
     prolongation.order += 1
     order = prolongation.order
     prolongation.echelon.widen(prolongation.width(order))
@@ -423,7 +479,9 @@ def advance(prolongation: Prolongation) -> None:
         degree = order - block.order
         if degree < 0 or not block.indices:
             continue
-        prolongation.rows = rows_of_degree(block.table, degree, prolongation.local.prime, prolongation.rows)
+        prolongation.rows = rows_of_degree(
+            block.table, degree, prolongation.local.prime, prolongation.rows
+        )
         expected = expected_room(prolongation, block, degree)
         found = prolongation.echelon.insert(prolongation.rows.struct, expected, in_order=False)
         prolongation.dependent[block.kind, degree] = found
@@ -433,15 +491,17 @@ def advance(prolongation: Prolongation) -> None:
 def expected_room(prolongation: Prolongation, block: Equations, degree: int) -> Flags:
     """Predict the rows that depend on previous ones, from another point or from the degree below.
 
-    Near a generic point a dependence holds identically; its derivative d_a makes the row of alpha + e_a
-    depend on rows that come before it, since their order is one of shifts. So dependence passes
+    Near a generic point a dependence holds identically; its derivative d_a makes the row of alpha +
+    e_a depend on rows that come before it, since their order is one of shifts. So dependence passes
     from alpha to higher alpha of the same equation.
     """
     known = prolongation.expected.get((block.kind, degree))
     if known is not None:
         return known
     below = prolongation.dependent.get((block.kind, degree - 1))
-    flags = np.zeros((len(block.indices), len(exponents_of_degree(prolongation.size, degree))), np.bool_)
+    flags = np.zeros(
+        (len(block.indices), len(exponents_of_degree(prolongation.size, degree))), np.bool_
+    )
     if below is not None and below.any():
         equations, monomials = np.nonzero(below.reshape(len(block.indices), -1))
         flags[equations[:, None], raised_places(prolongation.size, degree - 1)[monomials]] = True

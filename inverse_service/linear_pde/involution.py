@@ -1,9 +1,11 @@
-"""Decide by prolongation, projection, and tests, order by order, at one random point and then at a second.
+"""Decide by prolongation, projection, and tests, order by order, at one random point and then at a
+second.
 
-No: in every solution of the order-r system, a matrix of derivatives has less than the required rank. Yes: for
-some degree d >= 1, not below that of the matrix, the projection has stopped falling, D_d(r - 1) = D_d(r), its symbol
-is involutive, and the rank is reached; the projected system is then formally integrable and, the
-coefficients being analytic, solutions exist through every element left (Cartan, Kuranishi, Goldschmidt).
+No: in every solution of the order-r system, a matrix of derivatives has less than the required
+rank. Yes: for some degree d >= 1, not below that of the matrix, the projection has stopped falling,
+D_d(r - 1) = D_d(r), its symbol is involutive, and the rank is reached; the projected system is then
+formally integrable and, the coefficients being analytic, solutions exist through every element left
+(Cartan, Kuranishi, Goldschmidt).
 """
 
 import random
@@ -22,22 +24,33 @@ from inverse_service.field import matrices, modular
 from inverse_service.field.dense_series import Registers, SeriesProgram, constants_at, run
 from inverse_service.field.echelon import Echelon, Flags, Indices, SparseRows, Words
 from inverse_service.field.exact_field import TooLarge
-from inverse_service.field.modular import GOLDEN, Field, Point, SingularPoint, compiled, mixed, multiply
+from inverse_service.field.modular import (
+    GOLDEN,
+    Field,
+    Point,
+    SingularPoint,
+    compiled,
+    mixed,
+    multiply,
+)
 from inverse_service.linear_pde import equations as pde
 from inverse_service.statements.stages import PROLONGATION, Progress, Stage
 
 Rows = list[dict[int, int]]
 
-# Most negative verdicts occur at order 1 and most positive ones at order 3, so series are first made for these.
+# Most negative verdicts occur at order 1 and most positive ones at order 3, so series are first
+# made for these.
 _FIRST_ORDER, SECOND_ORDER = 1, 3
 _POINTS = 4
 MOST_UNKNOWNS = 60_000
-# The growth of the time from one order to the next; an order that would exceed the deadline is not begun.
+# The growth of the time from one order to the next; an order that would exceed the deadline is not
+# begun.
 _GROWTH = 3
 # The beginning of the reason if the deadline leaves a finding undetermined.
 OUT_OF_TIME = "the time limit came before order"
 Integers = npt.NDArray[np.int64]
-# A Taylor coefficient (function, monomial), and the choice of a free coefficient's value modulo a prime.
+# A Taylor coefficient (function, monomial), and the choice of a free coefficient's value modulo a
+# prime.
 Unknown = tuple[int, tuple[int, ...]]
 Choice = Callable[[Unknown, int], int]
 
@@ -53,7 +66,9 @@ class Matrix:
 @lru_cache(maxsize=64)
 def degree_of(unknowns: pde.Unknowns, matrix: Matrix) -> int:
     """The degree of the unknowns in the matrix."""
-    return max(len(by) - unknowns.functions[number].order for row in matrix.entries for number, by in row)
+    return max(
+        len(by) - unknowns.functions[number].order for row in matrix.entries for number, by in row
+    )
 
 
 @lru_cache(maxsize=64)
@@ -77,32 +92,43 @@ def matrix_at(
 
 
 def consequences(prolongation: pde.Prolongation, degree: int) -> dict[int, dict[int, int]]:
-    """All consequences on the unknowns up to this degree: {number of basis row: {column: value}}."""
+    """All consequences on the unknowns up to this degree: {number of basis row: {column:
+    value}}.
+    """
     return prolongation.echelon.rows_within(0, prolongation.width(degree))
 
 
 def generic_rank(prolongation: pde.Prolongation, matrix: Matrix) -> int:
     """The rank of the matrix at the generic solution of all rows: the larger of two random ones."""
     width = prolongation.width(degree_of(prolongation.unknowns, matrix))
-    return _larger_rank(prolongation, matrix, lambda k: prolongation.echelon.random_solution(k, width))
+    return _larger_rank(
+        prolongation, matrix, lambda k: prolongation.echelon.random_solution(k, width)
+    )
 
 
 def rank_of_rows(prolongation: pde.Prolongation, matrix: Matrix, rows: Rows, seed: int) -> int:
     """The rank at the generic solution of some consequences on the unknowns in the matrix."""
-    prime, width = prolongation.local.prime, prolongation.width(degree_of(prolongation.unknowns, matrix))
+    prime, width = (
+        prolongation.local.prime,
+        prolongation.width(degree_of(prolongation.unknowns, matrix)),
+    )
     basis = matrices.kernel_of(matrices.table_of(rows, width, prime)).basis
     if basis.nrows() == 0:
         return 0
     generator = random.Random(f"regular {seed}")
 
     def element(_: int) -> list[int]:
-        weights = nmod_mat(1, basis.nrows(), [generator.randrange(prime) for _ in range(basis.nrows())], prime)
+        weights = nmod_mat(
+            1, basis.nrows(), [generator.randrange(prime) for _ in range(basis.nrows())], prime
+        )
         return list(map(int, (weights * basis).entries()))
 
     return _larger_rank(prolongation, matrix, element)
 
 
-def _larger_rank(prolongation: pde.Prolongation, matrix: Matrix, element: Callable[[int], Sequence[int]]) -> int:
+def _larger_rank(
+    prolongation: pde.Prolongation, matrix: Matrix, element: Callable[[int], Sequence[int]]
+) -> int:
     rank = 0
     for k in range(2):
         if rank < matrix.rank:
@@ -127,9 +153,9 @@ class Symbol:
 def symbol_of(prolongation: pde.Prolongation, degree: int, seed: int) -> Symbol:
     """M_d of the projected system at degree d = `degree` >= 1, tested in random directions.
 
-    M_d^(k) are the elements annihilated by k random constant derivatives; alpha_k = dim M^(k-1) - dim
-    M^(k); involutive iff dim M_(d+1) = sum k alpha_k (Cartan; Bryant et al., Exterior Differential
-    Systems, chapter VIII).
+    M_d^(k) are the elements annihilated by k random constant derivatives; alpha_k = dim M^(k-1) -
+    dim M^(k); involutive iff dim M_(d+1) = sum k alpha_k (Cartan; Bryant et al., Exterior
+    Differential Systems, chapter VIII).
     """
     low, high = prolongation.width(degree - 1), prolongation.width(degree)
     rows = prolongation.echelon.cut_rows(low, high)
@@ -141,14 +167,20 @@ def symbol_of(prolongation: pde.Prolongation, degree: int, seed: int) -> Symbol:
 
 
 @compiled
-def _raise(rows: SparseRows, step: pde.Raised, small: Words, field: Field, raised: Indices, scaled: Words) -> None:
-    """Each entry, for the coefficient of m in d_a y, as one for that of x_a m in y: all entries for each a."""
+def _raise(
+    rows: SparseRows, step: pde.Raised, small: Words, field: Field, raised: Indices, scaled: Words
+) -> None:
+    """Each entry, for the coefficient of m in d_a y, as one for that of x_a m in y: all entries for
+    each a.
+    """
     entries = len(rows.columns)
     for a in range(step.places.shape[1]):
         for k in range(entries):
             column = rows.columns[k]
             raised[a * entries + k] = step.places[column, a]
-            scaled[a * entries + k] = multiply(rows.values[k], small[step.factors[column, a]], field)
+            scaled[a * entries + k] = multiply(
+                rows.values[k], small[step.factors[column, a]], field
+            )
 
 
 def _prolonged(prolongation: pde.Prolongation, degree: int, rows: SparseRows) -> int:
@@ -167,8 +199,12 @@ def _prolonged(prolongation: pde.Prolongation, degree: int, rows: SparseRows) ->
 
 
 @compiled
-def _derive(state: np.uint64, factors: Indices, small: Words, directions: Words, values: Words, field: Field) -> None:
-    """values[k, m, a] = directions[k, a] * (the exponent of x_a in x_a m), the directions random."""
+def _derive(
+    state: np.uint64, factors: Indices, small: Words, directions: Words, values: Words, field: Field
+) -> None:
+    """values[k, m, a] = directions[k, a] * (the exponent of x_a in x_a m), the directions
+    random.
+    """
     for k in range(directions.shape[0]):
         for a in range(directions.shape[1]):
             state += GOLDEN
@@ -179,27 +215,37 @@ def _derive(state: np.uint64, factors: Indices, small: Words, directions: Words,
                 values[k, m, a] = multiply(directions[k, a], small[factors[m, a]], field)
 
 
-def _characters(prolongation: pde.Prolongation, degree: int, rows: SparseRows, seed: int) -> tuple[int, ...]:
-    """alpha_1, …, alpha_m: the number of new equations among D_k y = 0, with D_k the k-th random derivative.
+def _characters(
+    prolongation: pde.Prolongation, degree: int, rows: SparseRows, seed: int
+) -> tuple[int, ...]:
+    """alpha_1, …, alpha_m: the number of new equations among D_k y = 0, with D_k the k-th random
+    derivative.
 
     The equations for the coefficient of a monomial m in D y, m of one degree less.
     """
     prime, size = prolongation.local.prime, prolongation.size
     step = pde.raised_unknowns(prolongation.unknowns, degree - 1)
-    values, directions = np.empty((size, *step.places.shape), np.uint64), np.empty((size, size), np.uint64)
+    values, directions = (
+        np.empty((size, *step.places.shape), np.uint64),
+        np.empty((size, size), np.uint64),
+    )
     small = modular.small_numbers(prime, degree + prolongation.unknowns.most + 1)
     _derive(np.uint64(seed), step.factors, small, directions, values, modular.field_of(prime))
     echelon = Echelon(prime)
     echelon.widen(pde.count_of_degree(prolongation.unknowns, degree))
     echelon.insert(rows)
     columns = np.tile(step.places.ravel(), size)
-    dependent = echelon.insert(SparseRows(np.arange(0, len(columns) + 1, size), columns, values.ravel()))
+    dependent = echelon.insert(
+        SparseRows(np.arange(0, len(columns) + 1, size), columns, values.ravel())
+    )
     return tuple(int(k) for k in np.count_nonzero(~dependent.reshape(size, -1), axis=1))
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """The limits of prolongation: the highest order, a deadline (`now`), and the largest number of unknowns."""
+    """The limits of prolongation: the highest order, a deadline (`now`), and the largest number of
+    unknowns.
+    """
 
     order: int = 7
     deadline: float = float("inf")
@@ -207,7 +253,9 @@ class Limits:
 
 
 class Card(Protocol):
-    """A question: unknown functions, a matrix of their derivatives with a required rank, and the equations."""
+    """A question: unknown functions, a matrix of their derivatives with a required rank, and the
+    equations.
+    """
 
     @property
     def unknowns(self) -> pde.Unknowns: ...
@@ -220,17 +268,19 @@ class Card(Protocol):
         """Other matrices whose ranks are reported."""
 
     def at(self, seed: int, order: int) -> pde.LocalEquations:
-        """The equations at the random point of this seed, to this order; raises SingularPoint or TooLarge."""
+        """The equations at the random point of this seed, to this order; raises SingularPoint or
+        TooLarge.
+        """
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
     """Whether there is a solution of the required rank, or None with the reason, and the proof.
 
-    `rows` name the prolonged equations used for a no; `symbol` at `degree`, and `history`, D_0, D_1, … at each
-    order, are the involution data of a yes; `ranks` those of the matrix and of the others at the generic
-    solution; `points` the primes and seeds used. For a no by series along one solution, `along` is the last coefficient
-    used, and there is no order.
+    `rows` name the prolonged equations used for a no; `symbol` at `degree`, and `history`, D_0,
+    D_1, … at each order, are the involution data of a yes; `ranks` those of the matrix and of the
+    others at the generic solution; `points` the primes and seeds used. For a no by series along one
+    solution, `along` is the last coefficient used, and there is no order.
     """
 
     exists: bool | None
@@ -262,14 +312,16 @@ class Run:
 
 
 def settle(card: Card, seed: int, limits: Limits, progress: Progress) -> Finding:
-    """Decide if two points over two primes agree and no limit is reached; otherwise stay undetermined."""
+    """Decide if two points over two primes agree and no limit is reached; otherwise stay
+    undetermined.
+    """
     try:
         run = Run(card, 2 * seed, limits, progress)
         first = settle_once(run)
         if first.exists is None:
             return first
-        # The second run reaches the order of the first: it makes its series once, to that order, and immediately tests
-        # that the rows that were redundant there are redundant here.
+        # The second run reaches the order of the first: it makes its series once, to that order,
+        # and immediately tests that the rows that were redundant there are redundant here.
         again = Run(card, 2 * seed + 1, limits, progress, first.order)
         again.expected_rows = run.dependent_rows
         return _agreement(first, settle_once(again))
@@ -280,7 +332,11 @@ def settle(card: Card, seed: int, limits: Limits, progress: Progress) -> Finding
 
 
 def _agreement(first: Finding, second: Finding) -> Finding:
-    same = (first.exists, first.order, first.history) == (second.exists, second.order, second.history)
+    same = (first.exists, first.order, first.history) == (
+        second.exists,
+        second.order,
+        second.history,
+    )
     if second.exists is None or not same:
         return Finding(None, first.order, second.reason or "two random points gave two answers")
     return replace(first, points=(*first.points, *second.points))
@@ -320,12 +376,20 @@ def prolong(run: Run, seed: int) -> Finding:
         run.history.append(prolongation.dimensions)
         found = _negative(run, prolongation, seed) or _positive(run, prolongation, seed)
         if found:
-            return replace(found, history=tuple(run.history), points=points, ranks=_ranks(run, prolongation))
+            return replace(
+                found, history=tuple(run.history), points=points, ranks=_ranks(run, prolongation)
+            )
 
 
 def _stopped(run: Run, prolongation: pde.Prolongation, reason: str) -> Finding:
     """An undetermined finding, with the progress so far."""
-    return Finding(None, prolongation.order, reason, history=tuple(run.history), ranks=_ranks(run, prolongation))
+    return Finding(
+        None,
+        prolongation.order,
+        reason,
+        history=tuple(run.history),
+        ranks=_ranks(run, prolongation),
+    )
 
 
 def _ranks(run: Run, prolongation: pde.Prolongation) -> tuple[int, ...]:
@@ -365,12 +429,18 @@ def _negative(run: Run, prolongation: pde.Prolongation, seed: int) -> Finding | 
         others = [row for k, row in kept.items() if k != number]
         if rank_of_rows(prolongation, matrix, others, seed) < matrix.rank:
             del kept[number]
-    used = sorted({original for number in kept for original in prolongation.echelon.trace({number: 1})})
-    return Finding(False, prolongation.order, rows=tuple(prolongation.row_name(number) for number in used))
+    used = sorted(
+        {original for number in kept for original in prolongation.echelon.trace({number: 1})}
+    )
+    return Finding(
+        False, prolongation.order, rows=tuple(prolongation.row_name(number) for number in used)
+    )
 
 
 def _as_before(run: Run, degree: int) -> bool:
-    """Whether the order before left the same values of the matrix, one of the full rank among them."""
+    """Whether the order before left the same values of the matrix, one of the full rank among
+    them.
+    """
     return len(run.history) > degree + 1 and run.history[-1][degree] == run.history[-2][degree]
 
 
@@ -387,10 +457,11 @@ def _positive(run: Run, prolongation: pde.Prolongation, seed: int) -> Finding | 
 
 @dataclass(slots=True)
 class Coefficients:
-    """Series at random points; `write(order)` makes the program and its instructions for series to that order.
+    """Series at random points; `write(order)` makes the program and its instructions for series to
+    that order.
 
-    To prolong to an order takes series to `degree` of it. `written` is the order of prolongation that the
-    program serves, `constants` holds (prime, constants) for each seed.
+    To prolong to an order takes series to `degree` of it. `written` is the order of prolongation
+    that the program serves, `constants` holds (prime, constants) for each seed.
     """
 
     write: Callable[[int], tuple[SeriesProgram, Integers]]
@@ -401,7 +472,9 @@ class Coefficients:
     constants: dict[int, tuple[int, npt.NDArray[np.uint64]]] = field(default_factory=dict)
 
     def at(self, seed: int, order: int) -> tuple[int, Registers]:
-        """The prime and all registers; SingularPoint where a denominator vanishes, TooLarge for too many words."""
+        """The prime and all registers; SingularPoint where a denominator vanishes, TooLarge for too
+        many words.
+        """
         if self.program is None or order > self.written:
             self.written, self.constants = max(order, SECOND_ORDER), {}
             self.program = self.write(self.degree(self.written))
@@ -414,24 +487,33 @@ class Coefficients:
 
 
 def prolonged(card: Card, seed: int, order: int) -> pde.Prolongation:
-    """All rows up to the order at the point of this seed; SingularPoint where the coefficients have no value there."""
+    """All rows up to the order at the point of this seed; SingularPoint where the coefficients have
+    no value there.
+    """
     prolongation = pde.start(card.at(seed, order))
     for _ in range(order + 1):
         pde.advance(prolongation)
     return prolongation
 
 
-def solution_of(card: Card, prolongation: pde.Prolongation, degree: int, choose: Choice) -> dict[Unknown, int] | None:
-    """A solution of all rows, in the unknowns up to this degree; None where its matrix is below the rank asked for.
+def solution_of(
+    card: Card, prolongation: pde.Prolongation, degree: int, choose: Choice
+) -> dict[Unknown, int] | None:
+    """A solution of all rows, in the unknowns up to this degree; None where its matrix is below the
+    rank asked for.
 
     An unknown that is the pivot of a row follows from those before it, the others are chosen.
     """
-    names = [name for d in range(degree + 1) for name in pde.unknown_names(prolongation.unknowns, d)]
+    names = [
+        name for d in range(degree + 1) for name in pde.unknown_names(prolongation.unknowns, d)
+    ]
     prime, values = prolongation.local.prime, dict[int, int]()
     rows = {max(row): row for row in prolongation.echelon.rows_within(0, len(names)).values()}
     for column, name in enumerate(names):
         if column in rows:  # the entry of the pivot is 1
-            values[column] = -sum(x * values[k] for k, x in rows[column].items() if k != column) % prime
+            values[column] = (
+                -sum(x * values[k] for k, x in rows[column].items() if k != column) % prime
+            )
         else:
             values[column] = choose(name, prime) % prime
     if matrix_at(card.unknowns, card.matrix, values, prime).rank() < card.matrix.rank:

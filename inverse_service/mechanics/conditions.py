@@ -1,4 +1,5 @@
-"""The tensors N, Phi, nabla Phi, R of the inverse problem, over any commutative ring with the derivations of a system.
+"""The tensors N, Phi, nabla Phi, R of the inverse problem, over any commutative ring with the
+derivations of a system.
 
     Gamma = d/dt + v^i d/dq^i + f^i d/dv^i
     N     = -1/2 df/dv
@@ -7,10 +8,10 @@
     nabla T^i_kl = Gamma(T^i_kl) + N^i_m T^m_kl - T^i_ml N^m_k - T^i_km N^m_l
     R[T]^i_kl    = dT^i_k/dv^l - dT^i_l/dv^k                                     (R = R[Phi])
 
-They are exact expressions for display, with what follows where they leave one matrix, or power series about a point
-(`tensor_series`). Source: J. Douglas, Solution of
-the inverse problem of the calculus of variations, 1941; W. Sarlet, The Helmholtz conditions revisited, 1982; the sign
-of N in nabla is that of the definition of N here.
+They are exact expressions for display, with what follows where they leave one matrix, or power
+series about a point (`tensor_series`). Source: J. Douglas, Solution of the inverse problem of the
+calculus of variations, 1941; W. Sarlet, The Helmholtz conditions revisited, 1982; the sign of N in
+nabla is that of the definition of N here.
 """
 
 import itertools
@@ -96,7 +97,9 @@ def velocity_slopes(motion: Motion[S]) -> Tensor11[S]:
 
 def connection(motion: Motion[S]) -> Tensor11[S]:
     """N^i_j = -1/2 df^i/dv^j, shape (n, n)."""
-    return tuple(tuple(entry.scaled(Fraction(-1, 2)) for entry in row) for row in velocity_slopes(motion))
+    return tuple(
+        tuple(entry.scaled(Fraction(-1, 2)) for entry in row) for row in velocity_slopes(motion)
+    )
 
 
 def jacobi_endomorphism(motion: Motion[S]) -> Tensor11[S]:
@@ -105,7 +108,9 @@ def jacobi_endomorphism(motion: Motion[S]) -> Tensor11[S]:
     square = product(motion, slopes, slopes)
 
     def entry(i: int, j: int) -> S:
-        rest = motion.by_coordinate[j](motion.accelerations[i]).scaled(2) + square[i][j].scaled(Fraction(1, 2))
+        rest = motion.by_coordinate[j](motion.accelerations[i]).scaled(2) + square[i][j].scaled(
+            Fraction(1, 2)
+        )
         return motion.along(slopes[i][j]) - rest
 
     return tuple(tuple(entry(i, j) for j in span) for i in span)
@@ -114,7 +119,9 @@ def jacobi_endomorphism(motion: Motion[S]) -> Tensor11[S]:
 def nabla(motion: Motion[S], n: Tensor11[S], tensor: Tensor11[S]) -> Tensor11[S]:
     """nabla T = Gamma(T) + N T - T N, shape (n, n)."""
     span, plus, minus = range(motion.size), product(motion, n, tensor), product(motion, tensor, n)
-    return tuple(tuple(motion.along(tensor[i][j]) + plus[i][j] - minus[i][j] for j in span) for i in span)
+    return tuple(
+        tuple(motion.along(tensor[i][j]) + plus[i][j] - minus[i][j] for j in span) for i in span
+    )
 
 
 def nabla_of_curvature(motion: Motion[S], n: Tensor11[S], tensor: Tensor12[S]) -> Tensor12[S]:
@@ -126,7 +133,9 @@ def nabla_of_curvature(motion: Motion[S], n: Tensor11[S], tensor: Tensor12[S]) -
     span = range(motion.size)
 
     def entry(i: int, k: int, m: int) -> S:
-        plus = total(motion.along(tensor[i][k][m]), [_times(motion, n[i][j], tensor[j][k][m]) for j in span])
+        plus = total(
+            motion.along(tensor[i][k][m]), [_times(motion, n[i][j], tensor[j][k][m]) for j in span]
+        )
         minus = [_times(motion, tensor[i][j][m], n[j][k]) for j in span]
         minus += [_times(motion, tensor[i][k][j], n[j][m]) for j in span]
         return plus - total(motion.zero, minus)
@@ -189,7 +198,11 @@ def motion_in_ring(
     velocities = [ex.Velocity(name) for name in system.coordinates]
     n = len(coordinates)
     ring = exact_field.exact_ring(
-        [*system.accelerations, *trees], [ex.TIME, *coordinates, *velocities], orders, budget, further
+        [*system.accelerations, *trees],
+        [ex.TIME, *coordinates, *velocities],
+        orders,
+        budget,
+        further,
     )
     accelerations = tuple(ring.value(f) for f in system.accelerations)
     along = ring.along([ring.constant(1), *(ring.atoms[v] for v in velocities), *accelerations])
@@ -205,7 +218,9 @@ def conditions(system: SecondOrderSystem, time_limit: float = TIME_LIMIT) -> Ten
     """
     found = Tensors()
     try:
-        exact = motion_in_ring(system, 3, exact_field.Budget(bounds.TERMS, deadline.now() + time_limit))
+        exact = motion_in_ring(
+            system, 3, exact_field.Budget(bounds.TERMS, deadline.now() + time_limit)
+        )
         n = connection(exact.motion)
         found = replace(found, N=matrix_trees(exact.ring, n))
         phi = jacobi_endomorphism(exact.motion)
@@ -214,13 +229,19 @@ def conditions(system: SecondOrderSystem, time_limit: float = TIME_LIMIT) -> Ten
         bend = curvature(exact.motion, phi)
         return replace(found, R=tuple(matrix_trees(exact.ring, part) for part in bend))
     except exact_field.TooLarge as error:
-        missing = next(name for name in ("N", "Phi", "nabla_Phi", "R") if getattr(found, name) is None)
-        return replace(found, reason=f"{missing.replace('_', ' ')} and everything after it is omitted: {error}")
+        missing = next(
+            name for name in ("N", "Phi", "nabla_Phi", "R") if getattr(found, name) is None
+        )
+        return replace(
+            found, reason=f"{missing.replace('_', ' ')} and everything after it is omitted: {error}"
+        )
     except ZeroDivisionError as error:
         return replace(found, reason=f"the equations cannot be differentiated: {error}")
 
 
-def matrix_trees(ring: exact_field.ExactRing, matrix: tuple[tuple[exact_field.Quotient, ...], ...]) -> Matrix:
+def matrix_trees(
+    ring: exact_field.ExactRing, matrix: tuple[tuple[exact_field.Quotient, ...], ...]
+) -> Matrix:
     """Each entry as a tree; TooLarge where nobody would read them."""
     if sum(len(entry.numerator) for row in matrix for entry in row) > bounds.TERMS:
         raise exact_field.TooLarge(f"it has more than {bounds.TERMS} terms")
@@ -229,7 +250,9 @@ def matrix_trees(ring: exact_field.ExactRing, matrix: tuple[tuple[exact_field.Qu
 
 @dataclass(frozen=True, slots=True)
 class FactorSlopes:
-    """The derivatives of u, where a multiplier is g = e^u G: by v^k, along the motion, by q^k, and by t."""
+    """The derivatives of u, where a multiplier is g = e^u G: by v^k, along the motion, by q^k, and
+    by t.
+    """
 
     by_velocity: tuple[exact_field.Quotient, ...]
     along: exact_field.Quotient
@@ -238,7 +261,8 @@ class FactorSlopes:
 
 
 def factor_slopes(exact: MotionInRing, direction: Tensor11[exact_field.Quotient]) -> FactorSlopes:
-    """Those that (H1) and (H2) give for a regular G, shape (n, n), n > 1; ZeroDivisionError where it is singular.
+    """Those that (H1) and (H2) give for a regular G, shape (n, n), n > 1; ZeroDivisionError where
+    it is singular.
 
     u_(v^k) = mu_k = -sum_i (G^-1)^(ji) (dG_ij/dv^k - dG_ik/dv^j)   for any j other than k
     Gamma(u) = a                   a G = G N + (G N)^T - Gamma(G)
@@ -254,7 +278,11 @@ def factor_slopes(exact: MotionInRing, direction: Tensor11[exact_field.Quotient]
         inverse = matrices.solve_square(direction, [exact.ring.constant(int(i == j)) for i in span])
         if inverse is None:
             raise ZeroDivisionError("the matrix is singular")
-        mu.append(total(zero, [inverse[i] * (by[j](direction[i][k]) - by[k](direction[i][j])) for i in span]))
+        mu.append(
+            total(
+                zero, [inverse[i] * (by[j](direction[i][k]) - by[k](direction[i][j])) for i in span]
+            )
+        )
     i, j = next((i, j) for i in span for j in span if not direction[i][j].is_zero)
     turned = [direction[i][m] * half[m][j] + direction[j][m] * half[m][i] for m in span]
     a = (exact_field.sum_of(zero, turned) - motion.along(direction[i][j])) / direction[i][j]
@@ -265,39 +293,68 @@ def factor_slopes(exact: MotionInRing, direction: Tensor11[exact_field.Quotient]
     return FactorSlopes(tuple(mu), a, tuple(nu), tau)
 
 
-def one_matrix(system: SecondOrderSystem) -> tuple[Matrix, tuple[tuple[ex.Expression, ex.Expression], ...]] | None:
-    """(G, (variable, du by it), …) where g T = (g T)^T for T = Phi, nabla Phi leaves one matrix, g = e^u G.
+def one_matrix(
+    system: SecondOrderSystem,
+) -> tuple[Matrix, tuple[tuple[ex.Expression, ex.Expression], ...]] | None:
+    """(G, (variable, du by it), …) where g T = (g T)^T for T = Phi, nabla Phi leaves one matrix, g
+    = e^u G.
 
-    The derivatives by q, v, and t that are 0 are left out. None where more matrices are left, or a formula is too
-    large.
+    The derivatives by q, v, and t that are 0 are left out. None where more matrices are left, or a
+    formula is too large.
     """
     n = len(system.coordinates)
     places = list(itertools.combinations_with_replacement(range(n), 2))
     try:
-        exact = motion_in_ring(system, 6, exact_field.Budget(10 * bounds.TERMS, deadline.now() + TIME_LIMIT))
+        exact = motion_in_ring(
+            system, 6, exact_field.Budget(10 * bounds.TERMS, deadline.now() + TIME_LIMIT)
+        )
         ring, motion = exact.ring, exact.motion
         phi = jacobi_endomorphism(motion)
-        tensors, columns = (phi, nabla(motion, connection(motion), phi)), list[list[exact_field.Quotient]]()
+        tensors, columns = (
+            (phi, nabla(motion, connection(motion), phi)),
+            list[list[exact_field.Quotient]](),
+        )
         for place in places:
-            unit = tuple(tuple(ring.constant((min(i, j), max(i, j)) == place) for j in range(n)) for i in range(n))
+            unit = tuple(
+                tuple(ring.constant((min(i, j), max(i, j)) == place) for j in range(n))
+                for i in range(n)
+            )
             products = [product(motion, unit, tensor) for tensor in tensors]
-            columns.append([p[i][j] - p[j][i] for p in products for i, j in itertools.combinations(range(n), 2)])
-        found = list(matrices.null_space(list(zip(*columns, strict=True)), len(places), ring.constant(1)).values())
+            columns.append(
+                [
+                    p[i][j] - p[j][i]
+                    for p in products
+                    for i, j in itertools.combinations(range(n), 2)
+                ]
+            )
+        found = list(
+            matrices.null_space(
+                list(zip(*columns, strict=True)), len(places), ring.constant(1)
+            ).values()
+        )
         if len(found) != 1:
             return None
         entries = dict(zip(places, found[0], strict=True))
         g = tuple(tuple(entries[min(i, j), max(i, j)] for j in range(n)) for i in range(n))
         of = factor_slopes(exact, g)
         slopes, coordinates = [*of.by_coordinate, *of.by_velocity, of.by_time], system.coordinates
-        names: list[ex.Expression] = [*map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates), ex.TIME]
+        names: list[ex.Expression] = [
+            *map(ex.Symbol, coordinates),
+            *map(ex.Velocity, coordinates),
+            ex.TIME,
+        ]
         pairs = zip(names, slopes, strict=True)
-        return matrix_trees(ring, g), tuple((x, exact_field.quotient_tree(ring, u)) for x, u in pairs if not u.is_zero)
+        return matrix_trees(ring, g), tuple(
+            (x, exact_field.quotient_tree(ring, u)) for x, u in pairs if not u.is_zero
+        )
     except (exact_field.TooLarge, ZeroDivisionError):
         return None
 
 
 class TensorSeries(NamedTuple):
-    """The program of the series of X, N, and Phi about a point, and their registers in this order."""
+    """The program of the series of X, N, and Phi about a point, and their registers in this
+    order.
+    """
 
     program: dense_series.SeriesProgram
     field: tuple[dense_series.Series, ...]
@@ -305,8 +362,12 @@ class TensorSeries(NamedTuple):
     registers: npt.NDArray[np.int64]
 
 
-def tensor_series(variables: Sequence[modular.Variable], forces: Sequence[ex.Expression], order: int) -> TensorSeries:
-    """The program for f to order D at most in (t?, q, v), Phi to order D - 2; TooLarge if it needs too much memory."""
+def tensor_series(
+    variables: Sequence[modular.Variable], forces: Sequence[ex.Expression], order: int
+) -> TensorSeries:
+    """The program for f to order D at most in (t?, q, v), Phi to order D - 2; TooLarge if it needs
+    too much memory.
+    """
     program, field, motion = motion_of_series(variables, forces, order)
     tensors = connection(motion), jacobi_endomorphism(motion)
     entries = [entry for tensor in tensors for row in tensor for entry in row]
@@ -316,8 +377,12 @@ def tensor_series(variables: Sequence[modular.Variable], forces: Sequence[ex.Exp
 
 def motion_of_series(
     variables: Sequence[modular.Variable], forces: Sequence[ex.Expression], order: int
-) -> tuple[dense_series.SeriesProgram, tuple[dense_series.Series, ...], Motion[dense_series.Series]]:
-    """The program, X, and the motion about a point, for series to this order in the displacements (t?, q, v)."""
+) -> tuple[
+    dense_series.SeriesProgram, tuple[dense_series.Series, ...], Motion[dense_series.Series]
+]:
+    """The program, X, and the motion about a point, for series to this order in the displacements
+    (t?, q, v).
+    """
     program, size, n = dense_series.SeriesProgram(variables, order), len(variables), len(forces)
     rates = [*[ex.ONE] * (size - 2 * n), *variables[size - n :], *forces]
     field = tuple(dense_series.series_of(program, rate) for rate in rates)
@@ -329,11 +394,18 @@ def motion_of_series(
         return dense_series.along(enumerate(field), series)
 
     partials = tuple(map(partial, range(size)))[size - 2 * n :]
-    motion = Motion(field[size - n :], partials[:n], partials[n:], along, dense_series.Series(program))
+    motion = Motion(
+        field[size - n :], partials[:n], partials[n:], along, dense_series.Series(program)
+    )
     return program, field, motion
 
 
-def tensors_after(series: TensorSeries, found: dense_series.Registers) -> tuple[list[list[int]], list[list[int]]]:
+def tensors_after(
+    series: TensorSeries, found: dense_series.Registers
+) -> tuple[list[list[int]], list[list[int]]]:
     """(N, Phi) at the point of a run, each (n, n)."""
-    N, Phi = ([[found.value(entry.register) for entry in row] for row in tensor] for tensor in series.tensors)
+    N, Phi = (
+        [[found.value(entry.register) for entry in row] for row in tensor]
+        for tensor in series.tensors
+    )
     return N, Phi

@@ -1,12 +1,13 @@
-"""Momenta, velocity Hessian and Euler-Lagrange residual of a Lagrangian L(t, q, v); equations solved for accelerations.
+"""Momenta, velocity Hessian and Euler-Lagrange residual of a Lagrangian L(t, q, v); equations
+solved for accelerations.
 
-Derivatives are collected (like terms added, exact) but not simplified. The advice {method, order, alpha, reason} on the
-integrator that L asks for is seen from the formula alone.
+Derivatives are collected (like terms added, exact) but not simplified. The advice {method, order,
+alpha, reason} on the integrator that L asks for is seen from the formula alone.
 
-Whole equations linear in the accelerations, M(t, q, q') q'' = -b(t, q, q'), are solved with the exact inverse of M,
-block by block of its triangular form, over a ring of opaque atoms. Atoms may be related (sin^2 + cos^2 = 1), so what
-the inverse is divided by is also confirmed not to vanish at random real points, to 50 digits; each factor of the
-determinant is among these divisors.
+Whole equations linear in the accelerations, M(t, q, q') q'' = -b(t, q, q'), are solved with the
+exact inverse of M, block by block of its triangular form, over a ring of opaque atoms. Atoms may be
+related (sin^2 + cos^2 = 1), so what the inverse is divided by is also confirmed not to vanish at
+random real points, to 50 digits; each factor of the determinant is among these divisors.
 """
 
 from __future__ import annotations
@@ -54,18 +55,26 @@ def gradient(tree: ex.Expression, leaves: Iterable[Leaf]) -> dict[Leaf, ex.Expre
     return {leaf: ex.add(*terms) for leaf, terms in parts.items()}
 
 
-def linear_parts(tree: ex.Expression, leaves: type[L]) -> tuple[dict[L, ex.Expression], ex.Expression] | L:
-    """(a, b) of sum a_i u_i + b, u_i the leaves of this type; one of them where it occurs otherwise."""
+def linear_parts(
+    tree: ex.Expression, leaves: type[L]
+) -> tuple[dict[L, ex.Expression], ex.Expression] | L:
+    """(a, b) of sum a_i u_i + b, u_i the leaves of this type; one of them where it occurs
+    otherwise.
+    """
     nodes = list(ex.distinct_nodes((tree,)))
     found = dict.fromkeys(node for node in nodes if isinstance(node, leaves))
     slopes: dict[Leaf, ex.Expression] = gradient(tree, found)
     # sign(u) has the slope 0.
-    inner: list[ex.Expression] = [node for node in nodes if isinstance(node, ex.Apply | ex.Arbitrary)]
+    inner: list[ex.Expression] = [
+        node for node in nodes if isinstance(node, ex.Apply | ex.Arbitrary)
+    ]
     for part in ex.distinct_nodes([*slopes.values(), *inner]):
         if isinstance(part, leaves):
             return part
     still = dict(dict.fromkeys(found, ex.ZERO))
-    terms = (ex.substitute(term, still) if ex.holds(term, *found) else term for term in ex.summands(tree))
+    terms = (
+        ex.substitute(term, still) if ex.holds(term, *found) else term for term in ex.summands(tree)
+    )
     rest = ex.add(*terms)
     return {leaf: slopes.get(leaf, ex.ZERO) for leaf in found}, rest
 
@@ -79,13 +88,23 @@ def momenta(lagrangian: ex.Expression, coordinates: Sequence[str]) -> tuple[ex.E
 def hessian(lagrangian: ex.Expression, coordinates: Sequence[str]) -> Matrix:
     """g_ij = d2L/dv_i dv_j, (n, n), symmetric: each entry pair is the same tree."""
     rates = [ex.Velocity(name) for name in coordinates]
-    rows = [gradient(momentum, rates[: i + 1]) for i, momentum in enumerate(momenta(lagrangian, coordinates))]
-    table = [[collecting.collect(row.get(rate, ex.ZERO)) for rate in rates[: i + 1]] for i, row in enumerate(rows)]
-    return tuple(tuple(table[max(i, j)][min(i, j)] for j in range(len(rates))) for i in range(len(rates)))
+    rows = [
+        gradient(momentum, rates[: i + 1])
+        for i, momentum in enumerate(momenta(lagrangian, coordinates))
+    ]
+    table = [
+        [collecting.collect(row.get(rate, ex.ZERO)) for rate in rates[: i + 1]]
+        for i, row in enumerate(rows)
+    ]
+    return tuple(
+        tuple(table[max(i, j)][min(i, j)] for j in range(len(rates))) for i in range(len(rates))
+    )
 
 
 def hessian_at(
-    lagrangian: ex.Expression, coordinates: Sequence[str], point: Mapping[ex.Expression, mpmath.mpf] | None
+    lagrangian: ex.Expression,
+    coordinates: Sequence[str],
+    point: Mapping[ex.Expression, mpmath.mpf] | None,
 ) -> mpmath.matrix | None:
     """g at a real point to 30 digits, (n, n); None where it has no value there."""
     if point is None:
@@ -114,7 +133,9 @@ def euler_lagrange_residual(
     Zero along q'' = f exactly when its solutions are extremals. ValueError where the numbers of
     coordinates and accelerations differ.
     """
-    return tuple(map(collecting.collect, euler_lagrange_sums(lagrangian, coordinates, accelerations)))
+    return tuple(
+        map(collecting.collect, euler_lagrange_sums(lagrangian, coordinates, accelerations))
+    )
 
 
 def euler_lagrange_sums(
@@ -122,20 +143,26 @@ def euler_lagrange_sums(
 ) -> tuple[ex.Expression, ...]:
     """The residual as it comes, nothing collected: to be evaluated, not to be read."""
     pairs = zip(coordinates, accelerations, strict=True)
-    rates: list[tuple[ex.Symbol | ex.Velocity, ex.Expression]] = [(ex.Velocity(name), f) for name, f in pairs]
+    rates: list[tuple[ex.Symbol | ex.Velocity, ex.Expression]] = [
+        (ex.Velocity(name), f) for name, f in pairs
+    ]
     rates += [(ex.Symbol(name), ex.Velocity(name)) for name in coordinates]
     sums, forces = [], gradient(lagrangian, map(ex.Symbol, coordinates))
     for name, momentum in zip(coordinates, momenta(lagrangian, coordinates), strict=True):
         slopes = gradient(momentum, [ex.TIME, *(leaf for leaf, _ in rates)])
         terms = [slopes[leaf] * rate for leaf, rate in rates if leaf in slopes and rate != ex.ZERO]
-        sums.append(ex.add(*terms, slopes.get(ex.TIME, ex.ZERO), -forces.get(ex.Symbol(name), ex.ZERO)))
+        sums.append(
+            ex.add(*terms, slopes.get(ex.TIME, ex.ZERO), -forces.get(ex.Symbol(name), ex.ZERO))
+        )
     return tuple(sums)
 
 
 def advice_for_lagrangian(
     lagrangian: ex.Expression, coordinates: Sequence[str], walls: Iterable[ex.Expression] = ()
 ) -> dict[str, Any]:
-    """The advice for a regular L without constraints and forces; `walls` are formulas at whose zeros L ends."""
+    """The advice for a regular L without constraints and forces; `walls` are formulas at whose
+    zeros L ends.
+    """
     moving = {*map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates), ex.TIME}
     reached = dict.fromkeys(printing.to_text(wall) for wall in walls if moving & set(ex.walk(wall)))
     ends = _ENDS.format(" or ".join(reached)) if reached else ""
@@ -144,13 +171,25 @@ def advice_for_lagrangian(
     separable, masses = is_separable(lagrangian, coordinates), set[ex.Expression]()
     if separable:
         rates = [ex.Velocity(name) for name in coordinates]
-        slopes = (slope for p in momenta(lagrangian, coordinates) for slope in gradient(p, rates).values())
+        slopes = (
+            slope for p in momenta(lagrangian, coordinates) for slope in gradient(p, rates).values()
+        )
         masses = {node for slope in slopes for node in ex.walk(collecting.collect(slope))}
     if separable and not moving & masses:
-        return advice("stormer-verlet", 8, f"L is separable, so its steps are explicit and symplectic{why}{ends}")
-    but = "its masses depend on the time" if moving & masses == {ex.TIME} else "not quadratic in the velocities"
+        return advice(
+            "stormer-verlet",
+            8,
+            f"L is separable, so its steps are explicit and symplectic{why}{ends}",
+        )
+    but = (
+        "its masses depend on the time"
+        if moving & masses == {ex.TIME}
+        else "not quadratic in the velocities"
+    )
     form = f"separable, but {but}" if separable else "not separable"
-    return advice("variational", 8, f"L is {form}; the steps are implicit and symplectic{why}{ends}", "1/2")
+    return advice(
+        "variational", 8, f"L is {form}; the steps are implicit and symplectic{why}{ends}", "1/2"
+    )
 
 
 def advice_for_constraints(
@@ -158,18 +197,22 @@ def advice_for_constraints(
 ) -> dict[str, Any]:
     """The advice for a Lagrangian with nonholonomic constraints.
 
-    The method keeps the energy of regular motions for long, and nearly that of others, where the motion is
-    reversible: L is even in the velocities and the constraints are odd.
+    The method keeps the energy of regular motions for long, and nearly that of others, where the
+    motion is reversible: L is even in the velocities and the constraints are odd.
     """
     turned = {ex.Velocity(name): -ex.Velocity(name) for name in coordinates}
     why = f"and the energy drifts little, because the motion is reversible{_EXACT}"
     if collecting.collect(lagrangian - ex.substitute(lagrangian, turned)) != ex.ZERO:
         why = f"but the energy may drift, since L has terms of odd degree in the velocities{_EXACT}"
     if any(collecting.collect(one + ex.substitute(one, turned)) != ex.ZERO for one in constraints):
-        why = "but the energy is not constant, because constraints with velocity-free terms do work."
+        why = (
+            "but the energy is not constant, because constraints with velocity-free terms do work."
+        )
     if any(ex.holds(tree, ex.TIME) for tree in (lagrangian, *constraints)):
         why = "but L contains t, so the energy is not constant."
-    return advice("nonholonomic", 8, f"it keeps the discrete constraints to round-off, {why}", "1/2")
+    return advice(
+        "nonholonomic", 8, f"it keeps the discrete constraints to round-off, {why}", "1/2"
+    )
 
 
 def advice(method: str, order: int | None, reason: str, alpha: str | None = None) -> dict[str, Any]:
@@ -180,7 +223,11 @@ def advice(method: str, order: int | None, reason: str, alpha: str | None = None
 def is_separable(lagrangian: ex.Expression, coordinates: Sequence[str]) -> bool:
     """L = T(t, v) - V(t, q)."""
     rates, places = [*map(ex.Velocity, coordinates)], [*map(ex.Symbol, coordinates)]
-    mixed = [term for term in ex.summands(lagrangian) if ex.holds(term, *rates) and ex.holds(term, *places)]
+    mixed = [
+        term
+        for term in ex.summands(lagrangian)
+        if ex.holds(term, *rates) and ex.holds(term, *places)
+    ]
     slopes = gradient(ex.add(*mixed), rates).values()
     rest = (part for slope in slopes for part in gradient(slope, places).values())
     return all(collecting.collect(part) == ex.ZERO for part in rest)
@@ -188,7 +235,9 @@ def is_separable(lagrangian: ex.Expression, coordinates: Sequence[str]) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class LinearEquation:
-    """Coefficient of each coordinate's acceleration (missing: 0) and what is left; `pointer` is its place."""
+    """Coefficient of each coordinate's acceleration (missing: 0) and what is left; `pointer` is its
+    place.
+    """
 
     coefficients: Mapping[str, ex.Expression]
     rest: ex.Expression
@@ -196,18 +245,23 @@ class LinearEquation:
 
 
 def linear_equation(residual: ex.Expression, pointer: str = "") -> LinearEquation:
-    """The parts of residual = 0; InputError where an acceleration enters otherwise than linearly."""
+    """The parts of residual = 0; InputError where an acceleration enters otherwise than
+    linearly.
+    """
     parts = linear_parts(residual, ex.Acceleration)
     if not isinstance(parts, tuple):
         name = parts.coordinate
         detail = f"the acceleration {name}'' does not enter linearly: write the equation solved for {name}''."
         raise errors.InputError(detail, pointer)
-    return LinearEquation({leaf.coordinate: slope for leaf, slope in parts[0].items()}, parts[1], pointer)
+    return LinearEquation(
+        {leaf.coordinate: slope for leaf, slope in parts[0].items()}, parts[1], pointer
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class Solved:
-    """f with q'' = f, and what the equations are divided by for it that f does not show: M q'' = -b where det M != 0.
+    """f with q'' = f, and what the equations are divided by for it that f does not show: M q'' = -b
+    where det M != 0.
 
     x x'' = -x gives f = -1 and x, which is not 0 where the two say the same.
     """
@@ -216,7 +270,9 @@ class Solved:
     nonzero: tuple[ex.Expression, ...] = ()
 
 
-def solve_accelerations(equations: Sequence[LinearEquation], coordinates: Sequence[str]) -> tuple[ex.Expression, ...]:
+def solve_accelerations(
+    equations: Sequence[LinearEquation], coordinates: Sequence[str]
+) -> tuple[ex.Expression, ...]:
     """f with q'' = f, in the order of `coordinates`; errors as of `solve_lines`."""
     return solve_lines(equations, coordinates).accelerations
 
@@ -234,10 +290,14 @@ def solve_lines(equations: Sequence[LinearEquation], coordinates: Sequence[str])
     except exact_field.TooLarge as error:
         detail = f"the accelerations cannot be solved for, {error}: write the equations solved, or with fewer symbols."
         raise errors.LimitError(detail, "/equations") from None
-    written = [tree for equation in equations for tree in (*equation.coefficients.values(), equation.rest)]
+    written = [
+        tree for equation in equations for tree in (*equation.coefficients.values(), equation.rest)
+    ]
     found = tuple(writing.with_sums_as_in(solved[name], written) for name in coordinates)
     moving = {ex.TIME, *map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates)}
-    return Solved(found, unseen([one for one in divisors if not moving.isdisjoint(ex.walk(one))], found))
+    return Solved(
+        found, unseen([one for one in divisors if not moving.isdisjoint(ex.walk(one))], found)
+    )
 
 
 def _solve_blocks(
@@ -252,15 +312,22 @@ def _solve_blocks(
     atoms = (atom for equation in equations for atom in exact_field.opaque_atoms(equation.rest))
     solved, places = dict[str, ex.Expression](), {atom: place for place, atom in enumerate(atoms)}
     divisors = dict[int, ex.Expression]()
-    for block in graphs.components({column: pattern[row_of[column]] for column in range(len(pattern))}):
+    for block in graphs.components(
+        {column: pattern[row_of[column]] for column in range(len(pattern))}
+    ):
         chosen = [row_of[column] for column in block]
         rests = [_with_known(equations[row], solved) for row in chosen]
         matrix = [[rows[row][column] for column in block] for row in chosen]
         inverse = matrices.inverse(matrix, ring.constant(1))
         if inverse is None:
             raise _singular([coordinates[column] for column in block])
-        used = {index for row in (*inverse, *matrix) for entry in row for index, _ in entry.exponents}
-        found = {index: exact_field.polynomial_tree(ring, ring.field.denominators[index]) for index in used}
+        used = {
+            index for row in (*inverse, *matrix) for entry in row for index, _ in entry.exponents
+        }
+        found = {
+            index: exact_field.polynomial_tree(ring, ring.field.denominators[index])
+            for index in used
+        }
         if real_branch.vanishes(ex.multiply(*found.values())):
             raise _singular([coordinates[column] for column in block])
         divisors |= found
@@ -269,7 +336,9 @@ def _solve_blocks(
     return solved, list(divisors.values())
 
 
-def unseen(divisors: Sequence[ex.Expression], accelerations: Sequence[ex.Expression]) -> tuple[ex.Expression, ...]:
+def unseen(
+    divisors: Sequence[ex.Expression], accelerations: Sequence[ex.Expression]
+) -> tuple[ex.Expression, ...]:
     """Those that may be 0, by which no acceleration is divided, and of which none has a root."""
     if not divisors:
         return ()
@@ -292,7 +361,9 @@ def _row(
     try:
         return [ring.value(equation.coefficients.get(name, ex.ZERO)) for name in coordinates]
     except ZeroDivisionError:
-        raise errors.InputError("an equation divides by zero: remove the division.", equation.pointer) from None
+        raise errors.InputError(
+            "an equation divides by zero: remove the division.", equation.pointer
+        ) from None
 
 
 def _matched(
@@ -313,9 +384,13 @@ def _matched(
 
 
 def _with_known(equation: LinearEquation, solved: Mapping[str, ex.Expression]) -> ex.Expression:
-    """The terms without unknown accelerations, after substituting the accelerations of earlier blocks."""
+    """The terms without unknown accelerations, after substituting the accelerations of earlier
+    blocks.
+    """
     known = [(solved[name], c) for name, c in equation.coefficients.items() if name in solved]
-    return ex.add(equation.rest, *(_scaled(coefficient, acceleration) for acceleration, coefficient in known))
+    return ex.add(
+        equation.rest, *(_scaled(coefficient, acceleration) for acceleration, coefficient in known)
+    )
 
 
 def _scaled(coefficient: ex.Expression, expression: ex.Expression) -> ex.Expression:
@@ -355,7 +430,10 @@ def _gathered(plain: ex.Expression, places: Mapping[ex.Expression, int]) -> ex.E
 
 def _wrong_number(count: int, coordinates: Sequence[str]) -> errors.InputError:
     wanted = ", ".join(f"{name}''" for name in coordinates)
-    equations, number_of = ("1 equation is" if count == 1 else f"{count} equations are"), len(coordinates)
+    equations, number_of = (
+        ("1 equation is" if count == 1 else f"{count} equations are"),
+        len(coordinates),
+    )
     return errors.InputError(
         f"{equations} given for {number_of} acceleration{'s' * (number_of != 1)} ({wanted}): "
         "write one equation for each coordinate."

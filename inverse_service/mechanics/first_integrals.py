@@ -1,12 +1,15 @@
-"""First integrals of a motion, with or without constraints: F = sum c_a m_a with Gamma(F) = 0, which is linear in c.
+"""First integrals of a motion, with or without constraints: F = sum c_a m_a with Gamma(F) = 0,
+which is linear in c.
 
-The m_a are products of at most two momenta (or velocities, or linear forms that L holds squared) times functions of
-the coordinates: monomials, the sines and cosines of f and L, roots of the sums that they divide by, terms of the
-potential. At random points modulo a prime the c are the kernel of a matrix; where they hold parameters they are found
-again exactly, for the few terms of one integral, over the ring of the motion, and this is the proof that Gamma(F) = 0.
-Of all integrals those are given that are independent: the rank of their differentials at a point grows with each.
+The m_a are products of at most two momenta (or velocities, or linear forms that L holds squared)
+times functions of the coordinates: monomials, the sines and cosines of f and L, roots of the sums
+that they divide by, terms of the potential. At random points modulo a prime the c are the kernel of
+a matrix; where they hold parameters they are found again exactly, for the few terms of one
+integral, over the ring of the motion, and this is the proof that Gamma(F) = 0. Of all integrals
+those are given that are independent: the rank of their differentials at a point grows with each.
 
-Noether: for L the integral F = eta_i p_i - K belongs to the symmetry q_i -> q_i + s eta_i, eta_i = dF/dp_i.
+Noether: for L the integral F = eta_i p_i - K belongs to the symmetry q_i -> q_i + s eta_i, eta_i =
+dF/dp_i.
 """
 
 import itertools
@@ -26,10 +29,12 @@ from inverse_service.field import exact_field, flow, matrices, modular, tower
 from inverse_service.mechanics import euler_lagrange, second_order_system, writing
 
 Expression = ex.Expression
-# Terms of one ansatz, without and with constraints: 400 take 0.3 to 1 s; with more the degree of the functions of
-# position is lowered. The angular momentum in spherical coordinates needs 192 linear ones, found in 0.2 s.
+# Terms of one ansatz, without and with constraints: 400 take 0.3 to 1 s; with more the degree of
+# the functions of position is lowered. The angular momentum in spherical coordinates needs 192
+# linear ones, found in 0.2 s.
 _MOST_TERMS, _MOST_LINEAR, _MOST_WITH_CONSTRAINTS = 130, 200, 400
-# So many samples more than unknowns; points for one without roots that do not exist; doublings of their number.
+# So many samples more than unknowns; points for one without roots that do not exist; doublings of
+# their number.
 _SPARE, _DRAWN, _DOUBLED = 6, 64, 5
 # Coordinates beyond which only the energy and momenta are looked for.
 _MOST_COORDINATES = 12
@@ -45,7 +50,9 @@ _NO_RING = (exact_field.TooLarge, ZeroDivisionError, KeyError, errors.Irreducibl
 
 @dataclass(frozen=True, slots=True)
 class FirstIntegral:
-    """A function of (t, q, v) that is constant along the motion; `symmetry` is what Noether's theorem makes it from."""
+    """A function of (t, q, v) that is constant along the motion; `symmetry` is what Noether's
+    theorem makes it from.
+    """
 
     name: str
     expression: Expression
@@ -54,7 +61,9 @@ class FirstIntegral:
 
 @dataclass(frozen=True, slots=True)
 class _Ansatz:
-    """Forms (linear in the velocities), functions of t and q, and terms: the places of their forms and function."""
+    """Forms (linear in the velocities), functions of t and q, and terms: the places of their forms
+    and function.
+    """
 
     forms: tuple[Expression, ...]
     factors: tuple[Expression, ...]
@@ -65,7 +74,9 @@ class _Ansatz:
         return ex.multiply(*(self.forms[k] for k in forms), self.factors[factor])
 
 
-def motion_of(system: second_order_system.SecondOrderSystem) -> second_order_system.ConstrainedMotion:
+def motion_of(
+    system: second_order_system.SecondOrderSystem,
+) -> second_order_system.ConstrainedMotion:
     """A system without constraints as a motion."""
     names = system.coordinates
     return second_order_system.ConstrainedMotion(
@@ -82,8 +93,8 @@ def first_integrals(
 ) -> tuple[FirstIntegral, ...]:
     """Independent first integrals, the energy first, then momenta, linear ones, quadratic ones.
 
-    `lagrangian` is that of the motion, or of the system with constraints; those `proposed` come after the linear ones,
-    and are taken if they are conserved.
+    `lagrangian` is that of the motion, or of the system with constraints; those `proposed` come
+    after the linear ones, and are taken if they are conserved.
     """
     work = _Integrals(motion, lagrangian, seed, now() + time_limit)
     with suppress(*_NO_RING, OutOfTime, ValueError):
@@ -100,8 +111,8 @@ def higher_integrals(
 ) -> tuple[FirstIntegral, ...]:
     """The known integrals and those of this degree in the velocities that are independent of them.
 
-    The coefficients are products of letters of f, of growing total degree until one more integral is found. For systems
-    of which it is known that there is one: others are searched in vain.
+    The coefficients are products of letters of f, of growing total degree until one more integral
+    is found. For systems of which it is known that there is one: others are searched in vain.
     """
     work = _Integrals(motion, None, seed, now() + time_limit)
     with suppress(*_NO_RING, OutOfTime, ValueError):
@@ -128,18 +139,31 @@ class _Integrals:
         self.names = motion.coordinates
         self.constraints = dict(motion.on_constraints)
         self.free = tuple(map(ex.Velocity, motion.free))
-        self.positions, self.velocities = tuple(map(ex.Symbol, self.names)), tuple(map(ex.Velocity, self.names))
-        self.momenta = () if lagrangian is None else tuple(self._momentum(lagrangian, name) for name in motion.free)
-        # What varies along the motion; values of what does not, for which all roots of constants exist.
+        self.positions, self.velocities = (
+            tuple(map(ex.Symbol, self.names)),
+            tuple(map(ex.Velocity, self.names)),
+        )
+        self.momenta = (
+            ()
+            if lagrangian is None
+            else tuple(self._momentum(lagrangian, name) for name in motion.free)
+        )
+        # What varies along the motion; values of what does not, for which all roots of constants
+        # exist.
         self.moving: tuple[modular.Variable, ...] = (ex.TIME, *self.positions, *self.velocities)
         self.constants: dict[flow.Generator, int] = {}
         self.drawn: flow.Evaluation | None = None
         self.kept: list[FirstIntegral] = []
         self.functions: list[Expression] = []
-        # By forms: whether an integral without t, or t plus a function without t, is linear in them. The derivatives by
-        # t of an integral of an autonomous motion are integrals; the last one that is not constant is such a one.
+        # By forms: whether an integral without t, or t plus a function without t, is linear in
+        # them. The derivatives by t of an integral of an autonomous motion are integrals; the last
+        # one that is not constant is such a one.
         self.rises: dict[tuple[Expression, ...], bool] = {}
-        held = [*motion.free_accelerations, *motion.dependent_velocities, *([] if lagrangian is None else [lagrangian])]
+        held = [
+            *motion.free_accelerations,
+            *motion.dependent_velocities,
+            *([] if lagrangian is None else [lagrangian]),
+        ]
         self.moves = any(ex.holds(tree, ex.TIME) for tree in held)
         self.trees = held
         self.random = np.random.default_rng(seed)
@@ -151,15 +175,23 @@ class _Integrals:
         if len(self.names) <= _MOST_COORDINATES:
             frames = list(self._frames())
             for forms in frames:
-                if forms != self.momenta and any(not isinstance(form, ex.Velocity) for form in forms):
+                if forms != self.momenta and any(
+                    not isinstance(form, ex.Velocity) for form in forms
+                ):
                     for degree in (1, 2):
-                        self._search(self.units.ansatz(forms, degree, False, plain=True), degree, False)
-            frames = [one for one in frames if self.constraints or one in (self.momenta, self.velocities)]
+                        self._search(
+                            self.units.ansatz(forms, degree, False, plain=True), degree, False
+                        )
+            frames = [
+                one for one in frames if self.constraints or one in (self.momenta, self.velocities)
+            ]
             for degree, with_time in ((1, False), (2, False), (1, True)):
                 if degree == 2 and not with_time:
                     self._propose(proposed)
                 for forms in frames:
-                    if self._is_complete(with_time) or (with_time and (self.moves or len(forms) > 4 - degree)):
+                    if self._is_complete(with_time) or (
+                        with_time and (self.moves or len(forms) > 4 - degree)
+                    ):
                         break
                     if with_time and not self.rises.get(forms, True):
                         continue
@@ -168,7 +200,9 @@ class _Integrals:
 
     def _is_complete(self, with_time: bool) -> bool:
         """Whether there are as many as there can be: all solutions are known then."""
-        return len(self.kept) >= len(self.names) + len(self.free) - (not with_time and not self.moves)
+        return len(self.kept) >= len(self.names) + len(self.free) - (
+            not with_time and not self.moves
+        )
 
     def _evident(self) -> None:
         """The energy, and the momenta of coordinates that L does not hold."""
@@ -183,16 +217,29 @@ class _Integrals:
 
     @cached_property
     def energy(self) -> Expression:
-        """sum v p - L: the terms of L as they are where each is homogeneous in the velocities; of the others what
-        multiplies each logarithm or arctangent together, and what is left. 0 without L."""
-        velocities, lagrangian = self.velocities, ex.ZERO if self.lagrangian is None else self.lagrangian
-        moving = [a for a in ex.distinct_nodes((lagrangian,)) if isinstance(a, ex.Apply) and ex.holds(a, *velocities)]
+        """sum v p - L: the terms of L as they are where each is homogeneous in the velocities; of
+        the others what multiplies each logarithm or arctangent together, and what is left. 0
+        without L.
+        """
+        velocities, lagrangian = (
+            self.velocities,
+            ex.ZERO if self.lagrangian is None else self.lagrangian,
+        )
+        moving = [
+            a
+            for a in ex.distinct_nodes((lagrangian,))
+            if isinstance(a, ex.Apply) and ex.holds(a, *velocities)
+        ]
         letters = {a: ex.Symbol(f"_{place}") for place, a in enumerate(moving)}
         found: list[Expression] = []
         others: dict[Expression, list[Expression]] = {}
         for term in ex.summands(lagrangian):
-            work = ex.add(*(v * calculus.differentiate(term, v) for v in velocities if ex.holds(term, v)))
-            degree = next((d for d in (0, 1, 2, 3, 4) if collecting.collect(work - d * term) == ex.ZERO), None)
+            work = ex.add(
+                *(v * calculus.differentiate(term, v) for v in velocities if ex.holds(term, v))
+            )
+            degree = next(
+                (d for d in (0, 1, 2, 3, 4) if collecting.collect(work - d * term) == ex.ZERO), None
+            )
             if degree is not None:
                 found.append((degree - 1) * term)
                 continue
@@ -208,13 +255,17 @@ class _Integrals:
         return ex.add(*whole, *found)
 
     def _scale(self) -> None:
-        """Integrals tau H - eta_i p_i + K that belong to scalings of time and place, K quadratic."""
+        """Integrals tau H - eta_i p_i + K that belong to scalings of time and place, K
+        quadratic.
+        """
         if self.constraints or self.lagrangian is None:
             return
         q, n = self.positions, len(self.positions)
         nodes = ex.distinct_nodes(self.trees)
         powers = {e for node in nodes for base, e in ex.powers_of(node) if base == ex.TIME}
-        times = [ex.TIME**e for e in sorted({Fraction(0), *(e + k for e in powers for k in (-1, 0))})]
+        times = [
+            ex.TIME**e for e in sorted({Fraction(0), *(e + k for e in powers for k in (-1, 0))})
+        ]
         squares = [a * b for a, b in itertools.combinations_with_replacement(q, 2)]
         functions = [time * square for time in times for square in squares]
         factors = (ex.TIME, ex.TIME**2, *q, *(ex.TIME * a for a in q), *functions)
@@ -224,10 +275,18 @@ class _Integrals:
         self._search(_Ansatz((*self.momenta, self.energy), factors, tuple(terms)), 1, True)
 
     def _momentum(self, lagrangian: Expression, name: str) -> Expression:
-        """That of a free coordinate: dL/du, the dependent velocities being functions of the free ones."""
+        """That of a free coordinate: dL/du, the dependent velocities being functions of the free
+        ones.
+        """
         slopes: list[tuple[Expression, Expression]] = [(ex.Velocity(name), ex.ONE)]
-        slopes += [(v, calculus.differentiate(w, ex.Velocity(name))) for v, w in self.constraints.items()]
-        parts = (self._short(calculus.differentiate(lagrangian, v)) * slope for v, slope in slopes if slope != ex.ZERO)
+        slopes += [
+            (v, calculus.differentiate(w, ex.Velocity(name))) for v, w in self.constraints.items()
+        ]
+        parts = (
+            self._short(calculus.differentiate(lagrangian, v)) * slope
+            for v, slope in slopes
+            if slope != ex.ZERO
+        )
         return ex.add(*parts)
 
     def _propose(self, candidates: Iterable[FirstIntegral]) -> None:
@@ -244,15 +303,21 @@ class _Integrals:
                 self._keep(one, tree)
 
     def _on_constraints(self, tree: Expression) -> Expression:
-        return collecting.collect(ex.substitute(tree, self.constraints)) if self.constraints else tree
+        return (
+            collecting.collect(ex.substitute(tree, self.constraints)) if self.constraints else tree
+        )
 
     def _keep(self, one: FirstIntegral, tree: Expression) -> bool:
-        """Take it if it is independent of those before, by the gradients in q and v: d_t F follows from these."""
+        """Take it if it is independent of those before, by the gradients in q and v: d_t F follows
+        from these.
+        """
         rows = self._gradient_rows([*self.functions, tree])
         if rows is not None:
             if not _are_independent(rows):
                 return False
-        elif self.functions or not self._moves(tree):  # a root of a number that has none modulo the prime
+        elif self.functions or not self._moves(
+            tree
+        ):  # a root of a number that has none modulo the prime
             return False
         self.functions.append(tree)
         names = [each.name for each in self.kept]
@@ -260,14 +325,20 @@ class _Integrals:
         name = one.name if not same else f"{one.name} ({same + 1})"
         constants = tuple(map(ex.Symbol, self.motion.parameters))
         lead, *rest = ex.summands(writing.with_products_in_order(one.expression, constants))
-        self.kept.append(FirstIntegral(name, ex.add(writing.minus_inside(lead), *rest), one.symmetry))
+        self.kept.append(
+            FirstIntegral(name, ex.add(writing.minus_inside(lead), *rest), one.symmetry)
+        )
         return True
 
     def _gradient_rows(
         self, trees: Sequence[Expression], fixed: Mapping[flow.Generator, int] | None = None
     ) -> list[flow.Numbers] | None:
-        """The gradients in q and v at one point of the motion; None where the prime has none for all."""
-        points, jets = self._along(list(map(tower.to_kernels, trees)), _DRAWN, fixed, gradients=True)
+        """The gradients in q and v at one point of the motion; None where the prime has none for
+        all.
+        """
+        points, jets = self._along(
+            list(map(tower.to_kernels, trees)), _DRAWN, fixed, gradients=True
+        )
         if not points.good.any():
             return None
         first = int(np.argmax(points.good))
@@ -289,12 +360,16 @@ class _Integrals:
         moving: tuple[modular.Variable, ...] = (),
         gradients: bool = False,
     ) -> tuple[flow.Points, list[flow.Jet]]:
-        """Points of the motion, and for each tree its value and rate, or its gradients in q and v, at them.
+        """Points of the motion, and for each tree its value and rate, or its gradients in q and v,
+        at them.
 
-        Those of the search before serve again where they are enough, and with them what was evaluated there.
+        Those of the search before serve again where they are enough, and with them what was
+        evaluated there.
         """
         rates = {v: tower.to_kernels(w) for v, w in self.constraints.items()}
-        forces = dict(zip(self.free, map(tower.to_kernels, self.motion.free_accelerations), strict=True))
+        forces = dict(
+            zip(self.free, map(tower.to_kernels, self.motion.free_accelerations), strict=True)
+        )
         units = flow.Units.of([*kernels, *rates.values(), *forces.values()])
         if not gradients and (last := self.drawn) is not None and last.points.count >= count:
             points = last.points
@@ -327,7 +402,9 @@ class _Integrals:
         candidates = self._candidates(ansatz) if ansatz.terms else []
         if degree == 1 and not with_time and not self.moves:
             self.rises[ansatz.forms] = bool(candidates)
-            candidates = [one for one in candidates if ansatz.factors[ansatz.terms[max(one)][1]] != ex.TIME]
+            candidates = [
+                one for one in candidates if ansatz.factors[ansatz.terms[max(one)][1]] != ex.TIME
+            ]
         known, gradients = self._gradients(ansatz, candidates) or ([], [])
         for number, candidate in enumerate(candidates):
             if self._is_complete(with_time):
@@ -342,13 +419,18 @@ class _Integrals:
                 vector = self._exact(ansatz, list(candidate))
             except _NO_RING:
                 continue
-            if vector is not None and self._keep(*self._written(ansatz, vector, degree)) and gradients:
+            if (
+                vector is not None
+                and self._keep(*self._written(ansatz, vector, degree))
+                and gradients
+            ):
                 known.append(gradients[number])
 
     def _gradients(
         self, ansatz: _Ansatz, candidates: Sequence[Mapping[int, int]]
     ) -> tuple[list[flow.Numbers], list[flow.Numbers]] | None:
-        """The gradients in q and v of the functions found, and of the candidates, at one point; None without a point.
+        """The gradients in q and v of the functions found, and of the candidates, at one point;
+        None without a point.
 
         The constants have the values for which the candidates are conserved.
         """
@@ -360,7 +442,10 @@ class _Integrals:
         rows = self._gradient_rows([*self.functions, *map(ansatz.tree, places)], constants)
         if rows is None:
             return None
-        known, terms = rows[: len(self.functions)], dict(zip(places, rows[len(self.functions) :], strict=True))
+        known, terms = (
+            rows[: len(self.functions)],
+            dict(zip(places, rows[len(self.functions) :], strict=True)),
+        )
         found = []
         for candidate in candidates:
             total = np.zeros_like(rows[0])
@@ -370,7 +455,9 @@ class _Integrals:
         return known, found
 
     def _candidates(self, ansatz: _Ansatz) -> list[dict[int, int]]:
-        """The coefficients of the terms of each integral of a basis, at one value of the parameters."""
+        """The coefficients of the terms of each integral of a basis, at one value of the
+        parameters.
+        """
         kernels = [*map(tower.to_kernels, ansatz.forms), *map(tower.to_kernels, ansatz.factors)]
         wanted = len(ansatz.terms) + _SPARE
         count = max(_DRAWN, wanted + wanted // 4)
@@ -387,7 +474,9 @@ class _Integrals:
                     return []
             first = int(np.argmax(points.good))
             drawn = points.values.items()
-            self.constants = {key: int(x[first]) for key, x in drawn if not ex.holds(key[1], *self.moving)}
+            self.constants = {
+                key: int(x[first]) for key, x in drawn if not ex.holds(key[1], *self.moving)
+            }
         else:
             return []
         check(1 + wanted * wanted // 100)
@@ -401,12 +490,19 @@ class _Integrals:
 
         one = np.zeros((2, wanted), np.int64)
         one[0] = 1
-        powers = {key: reduce(product, (pairs[k] for k in key), one) for key in {key for key, _ in ansatz.terms}}
+        powers = {
+            key: reduce(product, (pairs[k] for k in key), one)
+            for key in {key for key, _ in ansatz.terms}
+        }
         of_forms = [one, *(powers[key] for key, _ in ansatz.terms)]
         of_factors = [one, *(pairs[forms + k] for _, k in ansatz.terms)]
         values = product(np.stack(of_forms, 1), np.stack(of_factors, 1))
         found = matrices.kernel_modulo(values[1, 1:].T, flow.PRIME).basis.tolist()
-        used = [place for place in range(len(ansatz.terms)) if any(int(vector[place]) for vector in found)]
+        used = [
+            place
+            for place in range(len(ansatz.terms))
+            if any(int(vector[place]) for vector in found)
+        ]
         if not used:
             return []
         # Terms that are combinations of 1 and of those before them add nothing.
@@ -417,16 +513,22 @@ class _Integrals:
 
     # Exact.
 
-    def _ring(self, trees: Sequence[Expression]) -> tuple[exact_field.ExactRing, exact_field.Derivation]:
+    def _ring(
+        self, trees: Sequence[Expression]
+    ) -> tuple[exact_field.ExactRing, exact_field.Derivation]:
         """A ring that holds the motion and the trees, and the derivation along the motion."""
         variables: list[ex.Symbol | ex.Velocity] = [ex.TIME, *self.positions, *self.free]
         motion = [*self.motion.free_accelerations, *self.motion.dependent_velocities]
-        ring = exact_field.exact_ring([*motion, *trees], variables, 1, exact_field.Budget(4_000, self.deadline))
+        ring = exact_field.exact_ring(
+            [*motion, *trees], variables, 1, exact_field.Budget(4_000, self.deadline)
+        )
         speeds = [self.constraints.get(ex.Velocity(name), ex.Velocity(name)) for name in self.names]
         drift = [ring.value(tree) for tree in (ex.ONE, *speeds, *self.motion.free_accelerations)]
         return ring, ring.along(drift)
 
-    def _exact(self, ansatz: _Ansatz, support: Sequence[int]) -> list[tuple[Expression, int]] | None:
+    def _exact(
+        self, ansatz: _Ansatz, support: Sequence[int]
+    ) -> list[tuple[Expression, int]] | None:
         """Constants c_a, which may hold parameters, with Gamma(sum c_a m_a) = 0."""
         trees = [self._on_constraints(ansatz.tree(place)) for place in support]
         ring, along = self._ring(trees)
@@ -441,16 +543,23 @@ class _Integrals:
     # For a reader.
 
     def _frames(self) -> Iterator[tuple[Expression, ...]]:
-        """What the integrals are polynomials in: momenta, velocities where these are not theirs, forms that L squares.
+        """What the integrals are polynomials in: momenta, velocities where these are not theirs,
+        forms that L squares.
 
-        In the field of a magnetic pole the momenta have a string where they are singular, the velocities have none.
+        In the field of a magnetic pole the momenta have a string where they are singular, the
+        velocities have none.
         """
         forms = () if self.lagrangian is None else _squared_forms(self.lagrangian)
         at_rest = (ex.substitute(p, dict.fromkeys(self.velocities, ex.ZERO)) for p in self.momenta)
         shifted = not self.constraints and any(p != ex.ZERO for p in at_rest)
         slopes = (calculus.differentiate(p, v) for p in self.momenta for v in self.velocities)
         fixed = not any(ex.holds(slope, *self.moving) for slope in slopes)
-        if fixed and not shifted and not self.constraints and all(form in self.velocities for form in forms):
+        if (
+            fixed
+            and not shifted
+            and not self.constraints
+            and all(form in self.velocities for form in forms)
+        ):
             forms = ()  # combinations of the momenta
         frames = [self.momenta, self.velocities if shifted or not self.momenta else (), forms]
         seen: set[frozenset[Expression]] = set()
@@ -481,11 +590,15 @@ class _Integrals:
             symmetry = self._symmetry(fields)
         return FirstIntegral(name, tree, symmetry), self._on_constraints(tree)
 
-    def _short(self, tree: Expression, cost: Callable[[Expression], int] = ex.node_count) -> Expression:
+    def _short(
+        self, tree: Expression, cost: Callable[[Expression], int] = ex.node_count
+    ) -> Expression:
         return writing.shorten(tree, exact_field.Budget(4_000, self.deadline), cost=cost)
 
     def _shortest(self, tree: Expression) -> Expression:
-        """The function written as it was made, collected, or factored, in all velocities or in the free ones."""
+        """The function written as it was made, collected, or factored, in all velocities or in the
+        free ones.
+        """
 
         def length(one: Expression) -> int:
             return len(printing.to_text(one))
@@ -493,12 +606,16 @@ class _Integrals:
         return min(
             (
                 self._short(one, length)
-                for one in dict.fromkeys((collecting.merge_powers(tree), self._on_constraints(tree)))
+                for one in dict.fromkeys(
+                    (collecting.merge_powers(tree), self._on_constraints(tree))
+                )
             ),
             key=length,
         )
 
-    def _field(self, ansatz: _Ansatz, vector: Sequence[tuple[Expression, int]], i: int) -> Expression:
+    def _field(
+        self, ansatz: _Ansatz, vector: Sequence[tuple[Expression, int]], i: int
+    ) -> Expression:
         """eta_i = dF/dp_i."""
         total = []
         for c, place in vector:
@@ -516,10 +633,16 @@ class _Integrals:
             if eta != ex.ZERO
         ]
         found = ", ".join(moved)
-        return found if len(found) <= _LONGEST_SYMMETRY and "s" not in (*self.names, *self.motion.parameters) else ""
+        return (
+            found
+            if len(found) <= _LONGEST_SYMMETRY and "s" not in (*self.names, *self.motion.parameters)
+            else ""
+        )
 
     def _name(self, fields: Sequence[Expression], otherwise: str) -> str:
-        moved = [(name, eta) for name, eta in zip(self.names, fields, strict=True) if eta != ex.ZERO]
+        moved = [
+            (name, eta) for name, eta in zip(self.names, fields, strict=True) if eta != ex.ZERO
+        ]
         listed = ", ".join(name for name, _ in moved)
         if all(not ex.holds(eta, ex.TIME, *self.positions, *self.free) for _, eta in moved):
             return f"momentum of {listed}" if len(moved) == 1 else f"momentum along {listed}"
@@ -533,9 +656,15 @@ class _Integrals:
 def _cleared(
     ring: exact_field.ExactRing, vector: Sequence[exact_field.Quotient], counted: Sequence[bool]
 ) -> list[exact_field.Quotient]:
-    """The vector times its common denominator, the numbers of its entries that are `counted` whole and coprime."""
+    """The vector times its common denominator, the numbers of its entries that are `counted` whole
+    and coprime.
+    """
     whole = matrices.numerators(ring, vector)
-    numbers = [exact_field.as_fraction(c) for one in itertools.compress(whole, counted) for c in one.coeffs()]
+    numbers = [
+        exact_field.as_fraction(c)
+        for one in itertools.compress(whole, counted)
+        for c in one.coeffs()
+    ]
     scale = 1 / (collecting.content_of(numbers) or Fraction(1))
     return [exact_field.Quotient(ring.field, one, ()).scaled(scale) for one in whole]
 
@@ -556,8 +685,12 @@ def _walk_outside(tree: Expression) -> Iterator[Expression]:
                 yield from _walk_outside(base)
 
 
-def _products_of(letters: Sequence[tuple[Expression, bool]], total: int) -> Iterator[list[Expression]]:
-    """The products of powers of letters, negative ones where allowed, whose exponents have this total size."""
+def _products_of(
+    letters: Sequence[tuple[Expression, bool]], total: int
+) -> Iterator[list[Expression]]:
+    """The products of powers of letters, negative ones where allowed, whose exponents have this
+    total size.
+    """
     if not letters:
         if not total:
             yield []
@@ -607,7 +740,10 @@ class _Units:
             if node.function in ("sin", "cos", "tan", "cot") and ex.holds(node, q)
         }
         inner = (
-            part for node in nodes if isinstance(node, ex.Sum | ex.Product | ex.Power) for part in ex.children(node)
+            part
+            for node in nodes
+            if isinstance(node, ex.Sum | ex.Product | ex.Power)
+            for part in ex.children(node)
         )
         plain = {part for part in inner if part in self.single}
         for name, q in zip(self.names, self.positions, strict=True):
@@ -622,7 +758,11 @@ class _Units:
             self._add(node)
         for one, table in self.single.items():
             angle = ex.Apply("sin", one), ex.Apply("cos", one)
-            if all(unit in table for unit in angle) and work.lagrangian is not None and ex.holds(work.lagrangian, one):
+            if (
+                all(unit in table for unit in angle)
+                and work.lagrangian is not None
+                and ex.holds(work.lagrangian, one)
+            ):
                 table.update({angle[0] ** -1: 1, angle[1] / angle[0]: 1})
 
     def _add(self, node: Expression) -> None:
@@ -646,14 +786,21 @@ class _Units:
             case ex.Apply("exp" | "log" | "atan") | ex.Arbitrary():
                 table[node] = 1
             case ex.Power(base, ex.Number(exponent)) if isinstance(base, ex.Sum):
-                # 1/2 is added only where the base has a square root: sqrt(x - y) and sqrt(y - x) share no point.
+                # 1/2 is added only where the base has a square root: sqrt(x - y) and sqrt(y - x)
+                # share no point.
                 halves = {Fraction(1, 2)} if exponent.denominator == 2 else set()
                 for e in halves | {exponent, exponent + 1, abs(exponent)} - {Fraction(0)}:
                     table[base**e] = 1 if abs(e) <= 1 else 2
-            case ex.Power(ex.Apply("sin" | "cos" as function, argument), ex.Number(exponent)) if exponent < 0:
+            case ex.Power(ex.Apply("sin" | "cos" as function, argument), ex.Number(exponent)) if (
+                exponent < 0
+            ):
                 other = ex.Apply("cos" if function == "sin" else "sin", argument)
-                table.update({ex.Apply(function, argument) ** -1: 1, other / ex.Apply(function, argument): 1})
-            case ex.Power(ex.Symbol() as q, ex.Number(exponent)) if exponent < 0 or exponent.denominator > 1:
+                table.update(
+                    {ex.Apply(function, argument) ** -1: 1, other / ex.Apply(function, argument): 1}
+                )
+            case ex.Power(ex.Symbol() as q, ex.Number(exponent)) if (
+                exponent < 0 or exponent.denominator > 1
+            ):
                 for e in {exponent, exponent + 1} - {Fraction(0)}:
                     table[q**e] = 1 if abs(e) <= 1 else 2
 
@@ -687,38 +834,63 @@ class _Units:
         lagrangian = self.work.lagrangian
         if lagrangian is None:
             return []
-        rest = collecting.collect(ex.substitute(lagrangian, dict.fromkeys(self.work.velocities, ex.ZERO)))
+        rest = collecting.collect(
+            ex.substitute(lagrangian, dict.fromkeys(self.work.velocities, ex.ZERO))
+        )
         parameters = {*map(ex.Symbol, self.work.motion.parameters)}
         plain = [
-            ex.multiply(*(f for f in ex.factors_of(term) if not isinstance(f, ex.Number) and f not in parameters))
+            ex.multiply(
+                *(
+                    f
+                    for f in ex.factors_of(term)
+                    if not isinstance(f, ex.Number) and f not in parameters
+                )
+            )
             for term in ex.summands(rest)
             if ex.holds(term, *self.positions)
         ]
         small = [tree for tree, d in self._factors(min(degree, 2), with_time) if d <= degree]
         return [tree * factor for tree in plain for factor in small]
 
-    def _inner(self, forms: tuple[Expression, ...], degree: int, with_time: bool) -> Iterator[list[Expression]]:
-        """The functions that products of forms are multiplied by: fewer ones where the first make too many terms."""
+    def _inner(
+        self, forms: tuple[Expression, ...], degree: int, with_time: bool
+    ) -> Iterator[list[Expression]]:
+        """The functions that products of forms are multiplied by: fewer ones where the first make
+        too many terms.
+        """
         if forms == self.work.momenta or any(isinstance(form, ex.Velocity) for form in forms):
-            yield from ([tree for tree, _ in self._factors(width, with_time)] for width in (2, 1, 0))
+            yield from (
+                [tree for tree, _ in self._factors(width, with_time)] for width in (2, 1, 0)
+            )
             return
         velocities = map(ex.Velocity, self.names)
         slopes = (
-            collecting.collect(calculus.differentiate(form, v)) for v, form in itertools.product(velocities, forms)
+            collecting.collect(calculus.differentiate(form, v))
+            for v, form in itertools.product(velocities, forms)
         )
         letters = list(dict.fromkeys(slope for slope in slopes if ex.holds(slope, *self.positions)))
         for width in range(degree, -1, -1):
-            choices = (itertools.combinations_with_replacement(letters, k) for k in range(width + 1))
+            choices = (
+                itertools.combinations_with_replacement(letters, k) for k in range(width + 1)
+            )
             yield [ex.multiply(*letters) for chosen in choices for letters in chosen]
 
-    def ansatz(self, forms: tuple[Expression, ...], degree: int, with_time: bool, plain: bool = False) -> _Ansatz:
-        """All terms of the degree, functions of position alone and, where f is not even in v, linear terms.
+    def ansatz(
+        self, forms: tuple[Expression, ...], degree: int, with_time: bool, plain: bool = False
+    ) -> _Ansatz:
+        """All terms of the degree, functions of position alone and, where f is not even in v,
+        linear terms.
 
-        `with_time`: powers of t are among the factors. `plain`: forms and their products have constant coefficients.
+        `with_time`: powers of t are among the factors. `plain`: forms and their products have
+        constant coefficients.
         """
-        keys: list[tuple[int, ...]] = list(itertools.combinations_with_replacement(range(len(forms)), degree))
+        keys: list[tuple[int, ...]] = list(
+            itertools.combinations_with_replacement(range(len(forms)), degree)
+        )
         keys += [(k,) for k in range(len(forms))] if degree == 2 and not self._is_even else []
-        inners: Iterator[list[Expression]] = iter([[ex.ONE]]) if plain else self._inner(forms, degree, with_time)
+        inners: Iterator[list[Expression]] = (
+            iter([[ex.ONE]]) if plain else self._inner(forms, degree, with_time)
+        )
         inner: list[Expression] = []
         for width in (2, 1, 0):
             inner = next(inners, inner)
@@ -731,7 +903,9 @@ class _Units:
             if len(terms) <= (max(self.most, _MOST_LINEAR) if degree == 1 else self.most):
                 if degree == 1 and not with_time and self._are_odd(forms):
                     terms = [(key, k) for key, k in terms if key]
-                order = sorted(terms, key=lambda term: (ex.node_count(factors[term[1]]), len(term[0])))
+                order = sorted(
+                    terms, key=lambda term: (ex.node_count(factors[term[1]]), len(term[0]))
+                )
                 if degree == 1 and not with_time and not self.work.moves:
                     order.append(((), len(factors)))
                     factors.append(ex.TIME)
@@ -739,7 +913,9 @@ class _Units:
         return _Ansatz(forms, (), ())
 
     def of_degree(self, velocities: tuple[Expression, ...], degree: int) -> Iterator[_Ansatz]:
-        """Products of velocities, to a degree, times products of letters of growing total degree."""
+        """Products of velocities, to a degree, times products of letters of growing total
+        degree.
+        """
         letters = self._letters()
         steps = 2 if self._is_even else 1
         keys = [
@@ -759,7 +935,11 @@ class _Units:
     def _letters(self) -> list[tuple[Expression, bool]]:
         """Coordinates and functions in f, each with whether its inverse is a letter, too."""
         forces = self.work.motion.free_accelerations
-        roots, inverted, functions = dict[Expression, int](), set[Expression](), dict[Expression, None]()
+        roots, inverted, functions = (
+            dict[Expression, int](),
+            set[Expression](),
+            dict[Expression, None](),
+        )
         for node in ex.distinct_nodes(forces):
             match node:
                 case ex.Power(base, ex.Number(exponent)) if not ex.has(node, ex.Velocity):
@@ -778,7 +958,9 @@ class _Units:
         return [(p, (p.base if isinstance(p, ex.Power) else p) in inverted) for p in found]
 
     def _polynomials(self) -> list[Expression]:
-        """Monomials in the coordinates to the degree of a polynomial potential and one, where they are few."""
+        """Monomials in the coordinates to the degree of a polynomial potential and one, where they
+        are few.
+        """
         plain = [q for q, table in self.single.items() if q in table]
         degree = 3
         for tree in self.work.trees:
@@ -794,12 +976,17 @@ class _Units:
         ]
 
     def _are_odd(self, forms: Sequence[Expression]) -> bool:
-        """Whether integrals linear in the forms have no other terms, because those change their sign backwards."""
+        """Whether integrals linear in the forms have no other terms, because those change their
+        sign backwards.
+        """
         both = (collecting.collect(ex.substitute(form, self.back) + form) for form in forms)
         return not self.work.constraints and self._is_even and all(tree == ex.ZERO for tree in both)
 
     @cached_property
     def _is_even(self) -> bool:
         """Whether the motion is the same backwards."""
-        turned = [collecting.collect(ex.substitute(f, self.back) - f) for f in self.work.motion.free_accelerations]
+        turned = [
+            collecting.collect(ex.substitute(f, self.back) - f)
+            for f in self.work.motion.free_accelerations
+        ]
         return not self.work.moves and all(tree == ex.ZERO for tree in turned)

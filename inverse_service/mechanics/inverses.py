@@ -1,30 +1,32 @@
-"""p = dL/dv solved for the velocities: L cut into blocks, quadratic ones inverted, then each family of others in turn.
+"""p = dL/dv solved for the velocities: L cut into blocks, quadratic ones inverted, then each family
+of others in turn.
 
-The parts of L are free of velocities, linear, and independent blocks; a candidate for an inverse is checked by the
-caller. Of a quadratic block L = v^T G v/2 it is v = G^-1 p, with H = p^T G^-1 p/2: G is inverted exactly over
-a ring of opaque atoms.
+The parts of L are free of velocities, linear, and independent blocks; a candidate for an inverse is
+checked by the caller. Of a quadratic block L = v^T G v/2 it is v = G^-1 p, with H = p^T G^-1 p/2: G
+is inverted exactly over a ring of opaque atoms.
 
-One velocity: F(v) = dL/dv = p is solved from the outside to the inside where v occurs in F once; else F may be a short
-polynomial in z, a power of v or exp(v). With z^d = y the equation is c_2 y^2 + c_1 y + c_0 = 0, or a cubic; its
-depressed form y^3 + a y = b is solved by y = 2 sqrt(a/3) sinh(asinh(3 sqrt(3/a) b/(2 a))/3) for a > 0 and, on the
-branch through y = 0, by y = 2 sqrt(-a/3) sin(asin(3 sqrt(-3/a) b/(2 a))/3) for a < 0 (Viete; Holmes, Math. Gazette 86
+One velocity: F(v) = dL/dv = p is solved from the outside to the inside where v occurs in F once;
+else F may be a short polynomial in z, a power of v or exp(v). With z^d = y the equation is c_2 y^2
++ c_1 y + c_0 = 0, or a cubic; its depressed form y^3 + a y = b is solved by y = 2 sqrt(a/3)
+sinh(asinh(3 sqrt(3/a) b/(2 a))/3) for a > 0 and, on the branch through y = 0, by y = 2 sqrt(-a/3)
+sin(asin(3 sqrt(-3/a) b/(2 a))/3) for a < 0 (Viete; Holmes, Math. Gazette 86
 (2002) 473).
 
-Elimination: in a small block one velocity is isolated in one momentum and put into the others: for L = Re(z log z) with
-z = x' + i y', p_y = -atan(y'/x') gives y', and then p_x = log|z| + 1 gives x'.
+Elimination: in a small block one velocity is isolated in one momentum and put into the others: for
+L = Re(z log z) with z = x' + i y', p_y = -atan(y'/x') gives y', and then p_x = log|z| + 1 gives x'.
 
-Linear forms: a block such as exp(x') + exp(x' + y') falls apart in other velocities y = M v. As p_v = M^T p_y, a
-transform in y with p_y = M^-T p_v gives H and v = M^-1 y.
+Linear forms: a block such as exp(x') + exp(x' + y') falls apart in other velocities y = M v. As p_v
+= M^T p_y, a transform in y with p_y = M^-T p_v gives H and v = M^-1 y.
 
-One quadratic form: L = F(S), relativistic, Finsler, radial quartic, with S = u^T G u/2 and u = v + h a shifted
-velocity, has p = F'(S) G u. Let R = p^T G^-1 p. For F = k sqrt(b + s S), H_u^2 = b (k^2 - 2 R/s); else, with signs e, d
-and w = sqrt(2 e S), f(w) = F(e w^2/2) is a problem in one velocity with momentum e d sqrt(e R), and
-u = d w G^-1 p/sqrt(e R). Last, H = H_u - p h.
+One quadratic form: L = F(S), relativistic, Finsler, radial quartic, with S = u^T G u/2 and u = v +
+h a shifted velocity, has p = F'(S) G u. Let R = p^T G^-1 p. For F = k sqrt(b + s S), H_u^2 = b (k^2
+- 2 R/s); else, with signs e, d and w = sqrt(2 e S), f(w) = F(e w^2/2) is a problem in one velocity
+with momentum e d sqrt(e R), and u = d w G^-1 p/sqrt(e R). Last, H = H_u - p h.
 
-Ratios: L = g(v_k) + v_k phi(u), w the other velocities (the rational family of the paper) and u = w/v_k, has
-p_w = phi'(u) and p_k = g'(v_k) + phi - u phi'(u). If phi* and g* are the Legendre transforms, then u = phi*'(p_w),
-v_k = g*'(p_k + phi*(p_w)) and H = g*(p_k + phi*(p_w)). For g = a v_k^2/2 and phi = u^T S u/2:
-H = (p_k + p_w^T S^-1 p_w/2)^2 / (2 a).
+Ratios: L = g(v_k) + v_k phi(u), w the other velocities (the rational family of the paper) and u =
+w/v_k, has p_w = phi'(u) and p_k = g'(v_k) + phi - u phi'(u). If phi* and g* are the Legendre
+transforms, then u = phi*'(p_w), v_k = g*'(p_k + phi*(p_w)) and H = g*(p_k + phi*(p_w)). For g = a
+v_k^2/2 and phi = u^T S u/2: H = (p_k + p_w^T S^-1 p_w/2)^2 / (2 a).
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -51,7 +53,9 @@ _S, _W, _PI_W = ex.Symbol("S of v"), ex.Velocity("w of v"), ex.Symbol("momentum 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A function of the velocities of `names`, expanded, without linear terms; `momenta` names each p."""
+    """A function of the velocities of `names`, expanded, without linear terms; `momenta` names each
+    p.
+    """
 
     function: ex.Expression
     names: tuple[str, ...]
@@ -69,7 +73,9 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """function = free + sum of linear[name] v_name + sum of the blocks' functions; `written` is a part of free."""
+    """function = free + sum of linear[name] v_name + sum of the blocks' functions; `written` is a
+    part of free.
+    """
 
     free: ex.Expression
     written: ex.Expression
@@ -84,7 +90,9 @@ def split(function: ex.Expression, names: Sequence[str], momenta: Mapping[str, e
     """
     terms = [part for term in ex.summands(function) for part in _apart(term, names)]
     plain = [term for term in terms if not writing.velocities_in(term, names)]
-    moving = collecting.expand(ex.add(*(term for term in terms if writing.velocities_in(term, names))))
+    moving = collecting.expand(
+        ex.add(*(term for term in terms if writing.velocities_in(term, names)))
+    )
     free: list[collecting.Term] = []
     linear: dict[str, list[collecting.Term]] = {}
     coupled: list[tuple[set[str], collecting.Term]] = []
@@ -98,7 +106,9 @@ def split(function: ex.Expression, names: Sequence[str], momenta: Mapping[str, e
         else:
             coupled.append((found, (monomial, value)))
     groups = second_order_system.connected(names, [found for found, _ in coupled])
-    functions = [collecting.terms_tree(term for found, term in coupled if found <= set(g)) for g in groups]
+    functions = [
+        collecting.terms_tree(term for found, term in coupled if found <= set(g)) for g in groups
+    ]
     blocks = tuple(Block(f, g, momenta) for f, g in zip(functions, groups, strict=True))
     slopes, written = {name: _short(found) for name, found in linear.items()}, ex.add(*plain)
     return Parts(ex.add(written, _short(free)), written, slopes, blocks)
@@ -117,7 +127,11 @@ def _apart(term: ex.Expression, names: Sequence[str]) -> list[ex.Expression]:
 
 def without(monomial: collecting.Monomial, names: Collection[str]) -> collecting.Monomial:
     """The monomial without its bare velocities of `names`."""
-    return tuple((base, e) for base, e in monomial if not (isinstance(base, ex.Velocity) and base.coordinate in names))
+    return tuple(
+        (base, e)
+        for base, e in monomial
+        if not (isinstance(base, ex.Velocity) and base.coordinate in names)
+    )
 
 
 def degrees(monomial: collecting.Monomial, names: Collection[str]) -> dict[str, Fraction] | None:
@@ -125,7 +139,9 @@ def degrees(monomial: collecting.Monomial, names: Collection[str]) -> dict[str, 
     if writing.velocities_in(collecting.monomial_tree(without(monomial, names)), names):
         return None
     bare = {base: exponent for base, exponent in monomial if isinstance(base, ex.Velocity)}
-    return {base.coordinate: exponent for base, exponent in bare.items() if base.coordinate in names}
+    return {
+        base.coordinate: exponent for base, exponent in bare.items() if base.coordinate in names
+    }
 
 
 def _short(terms: list[collecting.Term]) -> ex.Expression:
@@ -134,10 +150,11 @@ def _short(terms: list[collecting.Term]) -> ex.Expression:
 
 @dataclass(frozen=True, slots=True)
 class InverseBranch:
-    """v(t, q, p) and H(t, q, p) of a block, where every tree of `conditions` (in t, q, v, p) is positive.
+    """v(t, q, p) and H(t, q, p) of a block, where every tree of `conditions` (in t, q, v, p) is
+    positive.
 
-    A velocity may contain the velocity of another name of the block whose own formula contains none;
-    `resolved` puts that formula in.
+    A velocity may contain the velocity of another name of the block whose own formula contains
+    none; `resolved` puts that formula in.
     """
 
     velocities: tuple[ex.Expression, ...]
@@ -146,14 +163,18 @@ class InverseBranch:
 
     def changed(self, change: functions.Rule) -> "InverseBranch":
         """The branch with every formula changed."""
-        velocities, conditions = (tuple(map(change, trees)) for trees in (self.velocities, self.conditions))
+        velocities, conditions = (
+            tuple(map(change, trees)) for trees in (self.velocities, self.conditions)
+        )
         return InverseBranch(velocities, change(self.hamiltonian), conditions)
 
 
 Solver = Callable[[ex.Expression, Sequence[str], Mapping[str, ex.Symbol]], Iterator[InverseBranch]]
 
 
-def resolved(velocities: Sequence[ex.Expression], names: Sequence[str]) -> tuple[ex.Expression, ...]:
+def resolved(
+    velocities: Sequence[ex.Expression], names: Sequence[str]
+) -> tuple[ex.Expression, ...]:
     """The velocities of a branch over (t, q, p) alone: no Velocity of `names` is left."""
     table = dict(zip(map(ex.Velocity, names), velocities, strict=True))
     return tuple(ex.substitute(tree, table) for tree in velocities)
@@ -161,7 +182,9 @@ def resolved(velocities: Sequence[ex.Expression], names: Sequence[str]) -> tuple
 
 @dataclass(frozen=True, slots=True)
 class Inverse:
-    """adjugate / determinant without a common factor, and the quotients entry by entry; all (n, n)."""
+    """adjugate / determinant without a common factor, and the quotients entry by entry; all (n,
+    n).
+    """
 
     adjugate: Matrix
     determinant: ex.Expression
@@ -169,12 +192,18 @@ class Inverse:
 
 
 def quadratic_branches(block: Block) -> Iterator[InverseBranch]:
-    """The one inverse of a quadratic block; none where the block is not quadratic or G is singular."""
+    """The one inverse of a quadratic block; none where the block is not quadratic or G is
+    singular.
+    """
     matrix = form_matrix(collecting.expand(block.function), block.names)
     inverse = invert(matrix) if matrix else None
     if inverse:
-        velocities = tuple(_row_times(inverse, row, block.symbols) for row in range(len(block.names)))
-        yield InverseBranch(velocities, multiply_out(ex.HALF, quadratic_form(inverse, block.symbols)))
+        velocities = tuple(
+            _row_times(inverse, row, block.symbols) for row in range(len(block.names))
+        )
+        yield InverseBranch(
+            velocities, multiply_out(ex.HALF, quadratic_form(inverse, block.symbols))
+        )
 
 
 def form_matrix(terms: Sequence[collecting.Term], names: Sequence[str]) -> Matrix | None:
@@ -182,7 +211,11 @@ def form_matrix(terms: Sequence[collecting.Term], names: Sequence[str]) -> Matri
     table: dict[tuple[str, str], list[collecting.Term]] = {}
     for monomial, value in terms:
         found = degrees(monomial, names)
-        if found is None or sum(found.values()) != 2 or any(e not in (1, 2) for e in found.values()):
+        if (
+            found is None
+            or sum(found.values()) != 2
+            or any(e not in (1, 2) for e in found.values())
+        ):
             return None
         pair = [name for name, exponent in found.items() for _ in range(int(exponent))]
         scale = 2 if pair[0] == pair[1] else 1
@@ -192,9 +225,13 @@ def form_matrix(terms: Sequence[collecting.Term], names: Sequence[str]) -> Matri
 
 
 def invert(matrix: Sequence[Sequence[ex.Expression]]) -> Inverse | None:
-    """The exact inverse; None where the determinant is the zero polynomial or everything is too large."""
+    """The exact inverse; None where the determinant is the zero polynomial or everything is too
+    large.
+    """
     plain = [[writing.separated(entry) for entry in row] for row in matrix]
-    ring = exact_field.opaque_ring([entry for row in plain for entry in row], exact_field.Budget(bounds.TERMS))
+    ring = exact_field.opaque_ring(
+        [entry for row in plain for entry in row], exact_field.Budget(bounds.TERMS)
+    )
     try:
         inverse = matrices.inverse([list(map(ring.value, row)) for row in plain], ring.constant(1))
         if inverse is None:
@@ -204,17 +241,25 @@ def invert(matrix: Sequence[Sequence[ex.Expression]]) -> Inverse | None:
     except (exact_field.TooLarge, ZeroDivisionError):
         return None
     # As many numbers as possible are fractions: those are seen and taken out of brackets later.
-    contents = [collecting.content_of(map(exact_field.as_fraction, polynomial.coeffs())) for polynomial in above]
+    contents = [
+        collecting.content_of(map(exact_field.as_fraction, polynomial.coeffs()))
+        for polynomial in above
+    ]
     scale = collecting.content_of(1 / content for content in contents if content)
 
     def tree(element: exact_field.Quotient) -> ex.Expression:
-        return writing.trigonometric(collecting.merge_powers(exact_field.quotient_tree(ring, element)))
+        return writing.trigonometric(
+            collecting.merge_powers(exact_field.quotient_tree(ring, element))
+        )
 
     def square(elements: Sequence[exact_field.Quotient]) -> Matrix:
         trees, size = list(map(tree, elements)), len(matrix)
         return tuple(tuple(trees[k : k + size]) for k in range(0, size * size, size))
 
-    whole = [exact_field.Quotient(ring.field, polynomial, ()).scaled(scale) for polynomial in (*above, below)]
+    whole = [
+        exact_field.Quotient(ring.field, polynomial, ()).scaled(scale)
+        for polynomial in (*above, below)
+    ]
     return Inverse(square(whole[:-1]), tree(whole[-1]), square(entries))
 
 
@@ -235,7 +280,9 @@ def _row_times(inverse: Inverse, row: int, momenta: Sequence[ex.Symbol]) -> ex.E
 
 def _shorter(inverse: Inverse, linear: Callable[[Matrix], ex.Expression]) -> ex.Expression:
     """What is linear in G^-1: a sum of quotients, or one quotient where that is shorter."""
-    return writing.shortest([linear(inverse.entries), over(linear(inverse.adjugate), inverse.determinant)])
+    return writing.shortest(
+        [linear(inverse.entries), over(linear(inverse.adjugate), inverse.determinant)]
+    )
 
 
 def over(numerator: ex.Expression, denominator: ex.Expression) -> ex.Expression:
@@ -262,7 +309,9 @@ def occurrences(tree: ex.Expression, leaf: ex.Velocity) -> int:
 
 
 def isolate(tree: ex.Expression, leaf: ex.Velocity, known: Root) -> Iterator[Root]:
-    """All solutions of tree = known.value for the leaf; none where it does not occur exactly once."""
+    """All solutions of tree = known.value for the leaf; none where it does not occur exactly
+    once.
+    """
     if tree == leaf:
         yield known
     elif occurrences(tree, leaf) == 1:
@@ -270,7 +319,9 @@ def isolate(tree: ex.Expression, leaf: ex.Velocity, known: Root) -> Iterator[Roo
             yield from isolate(inner, leaf, Root(root.value, known.conditions + root.conditions))
 
 
-def peeled(tree: ex.Expression, leaf: ex.Velocity, target: ex.Expression) -> Iterator[tuple[ex.Expression, Root]]:
+def peeled(
+    tree: ex.Expression, leaf: ex.Velocity, target: ex.Expression
+) -> Iterator[tuple[ex.Expression, Root]]:
     """The part that holds the leaf, with each value of it for which the tree is the target."""
     match tree:
         case ex.Sum(terms):
@@ -289,7 +340,9 @@ def peeled(tree: ex.Expression, leaf: ex.Velocity, target: ex.Expression) -> Ite
             yield from ((argument, root) for root in _roots_of_function(function, argument, target))
 
 
-def roots_of_power(base: ex.Expression, exponent: ex.Expression, target: ex.Expression) -> Iterator[Root]:
+def roots_of_power(
+    base: ex.Expression, exponent: ex.Expression, target: ex.Expression
+) -> Iterator[Root]:
     """base with base^exponent = target; for odd exponents a form that is right for both signs."""
     if not isinstance(exponent, ex.Number) or exponent.value.denominator != 1:
         yield Root(target**exponent**-1)
@@ -305,7 +358,9 @@ def roots_of_power(base: ex.Expression, exponent: ex.Expression, target: ex.Expr
         yield Root(-root, (-base,))
 
 
-def _roots_of_function(function: str, argument: ex.Expression, target: ex.Expression) -> Iterator[Root]:
+def _roots_of_function(
+    function: str, argument: ex.Expression, target: ex.Expression
+) -> Iterator[Root]:
     """argument with function(argument) = target, on the branches next to zero."""
     row = functions.FUNCTION.get(function)
     if row is None or not row.solved:
@@ -315,19 +370,25 @@ def _roots_of_function(function: str, argument: ex.Expression, target: ex.Expres
         yield Root(root, (argument,))
         yield Root(-root, (-argument,))
     else:  # tan and sin are undone by atan and asin only for |argument| < pi/2
-        yield Root(root, (quarter_turn - argument, quarter_turn + argument) if row.family == "circular" else ())
+        yield Root(
+            root,
+            (quarter_turn - argument, quarter_turn + argument) if row.family == "circular" else (),
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class Laurent:
-    """sum of coefficients[e] generator^e; the generator is the velocity, exp of a multiple of it, or such
-    as log v with the velocity in it once."""
+    """sum of coefficients[e] generator^e; the generator is the velocity, exp of a multiple of it,
+    or such as log v with the velocity in it once.
+    """
 
     generator: ex.Expression
     coefficients: Mapping[Fraction, ex.Expression]
 
 
-def polynomial_roots(tree: ex.Expression, leaf: ex.Velocity, target: ex.Expression) -> Iterator[Root]:
+def polynomial_roots(
+    tree: ex.Expression, leaf: ex.Velocity, target: ex.Expression
+) -> Iterator[Root]:
     """The solutions of tree = target for the leaf, where the tree is such a polynomial."""
     laurent = laurent_polynomial(tree, leaf)
     if laurent is None:
@@ -340,7 +401,9 @@ def polynomial_roots(tree: ex.Expression, leaf: ex.Velocity, target: ex.Expressi
     if not step or max(table) - lowest > 3 * step:
         return
     unknown = laurent.generator**step
-    c = [table.get(lowest + k * step, ex.ZERO) for k in range(int((max(table) - lowest) / step) + 1)]
+    c = [
+        table.get(lowest + k * step, ex.ZERO) for k in range(int((max(table) - lowest) / step) + 1)
+    ]
     if len(c) == 2:
         yield from isolate(unknown, leaf, Root(-c[0] / c[1]))
     elif len(c) in (3, 4):
@@ -353,7 +416,9 @@ def laurent_polynomial(tree: ex.Expression, leaf: ex.Velocity) -> Laurent | None
     generators: set[ex.Expression] = set()
     table: dict[Fraction, list[collecting.Term]] = {}
     for monomial, value in collecting.expand(tree):
-        moving = [(base, e) for base, e in monomial if writing.velocities_in(base, [leaf.coordinate])]
+        moving = [
+            (base, e) for base, e in monomial if writing.velocities_in(base, [leaf.coordinate])
+        ]
         rest = tuple(pair for pair in monomial if pair not in moving)
         if len(moving) > 1 or (moving and not _is_generator(moving[0][0], leaf)):
             return None
@@ -370,7 +435,9 @@ def _is_generator(base: ex.Expression, leaf: ex.Velocity) -> bool:
         case ex.Apply("exp", argument):
             terms = collecting.expand(argument)
             is_monomial = len(terms) == 1 and collecting.monomial_tree(terms[0][0]) == argument
-            return is_monomial and degrees(terms[0][0], [leaf.coordinate]) == {leaf.coordinate: Fraction(1)}
+            return is_monomial and degrees(terms[0][0], [leaf.coordinate]) == {
+                leaf.coordinate: Fraction(1)
+            }
         case ex.Apply("log" | "atan" | "asinh" | "atanh"):
             return occurrences(base, leaf) == 1
         case _:
@@ -410,7 +477,9 @@ def _cubic(c: list[ex.Expression], y: ex.Expression) -> Iterator[Root]:
 
 
 def _tripled(k: ex.Expression, b: ex.Expression, inverse: str, function: str) -> ex.Expression:
-    """2 sqrt(k) sinh(asinh(b/(2 k^(3/2)))/3), for other functions likewise: z^3 + 3 k z = b by the triple angle."""
+    """2 sqrt(k) sinh(asinh(b/(2 k^(3/2)))/3), for other functions likewise: z^3 + 3 k z = b by the
+    triple angle.
+    """
     angle = ex.Apply(inverse, writing.simplified(b / (2 * k ** Fraction(3, 2))))
     third = ex.Apply(function, Fraction(1, 3) * angle)
     return 2 * ex.square_root(writing.simplified(k)) * third
@@ -426,15 +495,25 @@ def scalar_branches(block: Block, _: Solver) -> Iterator[InverseBranch]:
     by_momentum = list(_energies_by_momentum(block, rate, slope))
     for root in roots_for(slope, rate, momentum):
         velocity = writing.simplified(root.value)
-        trees, others = ([ex.substitute(tree, {rate: velocity}) for tree in some] for some in (energies, by_momentum))
-        trees += [*others, *(factored_inside(tree) for tree in others[:1] if ex.node_count(tree) <= bounds.LARGE)]
+        trees, others = (
+            [ex.substitute(tree, {rate: velocity}) for tree in some]
+            for some in (energies, by_momentum)
+        )
+        trees += [
+            *others,
+            *(factored_inside(tree) for tree in others[:1] if ex.node_count(tree) <= bounds.LARGE),
+        ]
         forms = [writing.simplified(tree) for tree in trees if ex.node_count(tree) <= bounds.LARGE]
         forms += [writing.with_cosines(factored_inside(form)) for form in forms]
         yield InverseBranch((velocity,), writing.shortest(forms or trees), root.conditions)
 
 
-def _energies_by_momentum(block: Block, rate: ex.Velocity, slope: ex.Expression) -> Iterator[ex.Expression]:
-    """p v - L with one term T of L written by p: T = (p - (L - T)') T/T', or with a logarithm of a quotient."""
+def _energies_by_momentum(
+    block: Block, rate: ex.Velocity, slope: ex.Expression
+) -> Iterator[ex.Expression]:
+    """p v - L with one term T of L written by p: T = (p - (L - T)') T/T', or with a logarithm of a
+    quotient.
+    """
     function, (momentum,) = block.function, block.symbols
     logs = _log_of_quotient(collecting.collect(slope), rate, momentum)
     if logs is not None:
@@ -451,7 +530,11 @@ def _energies_by_momentum(block: Block, rate: ex.Velocity, slope: ex.Expression)
 def roots_for(slope: ex.Expression, rate: ex.Velocity, momentum: ex.Expression) -> Iterator[Root]:
     """The solutions of slope = momentum for the velocity that are found in closed form."""
     collected = collecting.collect(slope)
-    once = [form for form in (collected, slope, writing.opaque_quotient(collected)) if occurrences(form, rate) == 1]
+    once = [
+        form
+        for form in (collected, slope, writing.opaque_quotient(collected))
+        if occurrences(form, rate) == 1
+    ]
     if once:
         yield from isolate(writing.shortest(once), rate, Root(momentum))
         return
@@ -461,7 +544,9 @@ def roots_for(slope: ex.Expression, rate: ex.Velocity, momentum: ex.Expression) 
     yield from _with_a_root(writing.simplified(slope), rate, Root(momentum))
 
 
-def _of_two_logarithms(slope: ex.Expression, rate: ex.Velocity, momentum: ex.Expression) -> Iterator[Root]:
+def _of_two_logarithms(
+    slope: ex.Expression, rate: ex.Velocity, momentum: ex.Expression
+) -> Iterator[Root]:
     """F = c (log A - log B) + r = p for A, B linear in v: A/B = exp((p - r)/c)."""
     found = _log_of_quotient(slope, rate, momentum)
     if found is not None:
@@ -476,13 +561,17 @@ def _log_of_quotient(
     """log A, log B and (p - r)/c for p = c (log A - log B) + r with c and r free of v."""
     parts: dict[ex.Apply | None, list[ex.Expression]] = {}
     for term in slope.terms if isinstance(slope, ex.Sum) else ():
-        logs = [node for node in ex.walk(term) if isinstance(node, ex.Apply) and node.function == "log"]
+        logs = [
+            node for node in ex.walk(term) if isinstance(node, ex.Apply) and node.function == "log"
+        ]
         held = [node for node in logs if occurrences(node, rate) == occurrences(term, rate) > 0]
         parts.setdefault(held[0] if held else None, []).append(term)
     rest = ex.add(*parts.pop(None, ()))
     if len(parts) != 2:
         return None
-    (over, c), (under, d) = ((node, writing.simplified(ex.add(*terms) / node)) for node, terms in parts.items() if node)
+    (over, c), (under, d) = (
+        (node, writing.simplified(ex.add(*terms) / node)) for node, terms in parts.items() if node
+    )
     if writing.simplified(c + d) != ex.ZERO:
         return None
     if real_branch.vanishes_at(rest, real_branch.sample_points([rest])):
@@ -490,8 +579,12 @@ def _log_of_quotient(
     return over, under, (momentum - writing.simplified(ex.substitute(rest, {rate: ex.ZERO}))) / c
 
 
-def _of_one_arctangent(slope: ex.Expression, rate: ex.Velocity, momentum: ex.Expression) -> Iterator[Root]:
-    """F = c atan A + r = p, where r is constant as one quotient of polynomials: A has roots of symbols."""
+def _of_one_arctangent(
+    slope: ex.Expression, rate: ex.Velocity, momentum: ex.Expression
+) -> Iterator[Root]:
+    """F = c atan A + r = p, where r is constant as one quotient of polynomials: A has roots of
+    symbols.
+    """
     terms = slope.terms if isinstance(slope, ex.Sum) else ()
     arcs = {
         node
@@ -517,10 +610,14 @@ def _linear_parts(tree: ex.Expression, rate: ex.Velocity) -> tuple[ex.Expression
 
 
 def _with_a_root(tree: ex.Expression, rate: ex.Velocity, known: Root) -> Iterator[Root]:
-    """F(u) = p for u that holds v in one square root besides: A + B sqrt(S) = 0 for the numerator of u - p'."""
+    """F(u) = p for u that holds v in one square root besides: A + B sqrt(S) = 0 for the numerator
+    of u - p'.
+    """
     if sum(1 for part in ex.children(tree) if occurrences(part, rate)) == 1:
         for inner, root in peeled(tree, rate, known.value):
-            yield from _with_a_root(inner, rate, Root(root.value, known.conditions + root.conditions))
+            yield from _with_a_root(
+                inner, rate, Root(root.value, known.conditions + root.conditions)
+            )
         return
     squared = _without_root(ex.multiply(*_numerator(tree - known.value, rate)), rate)
     for factor in _numerator(squared, rate):
@@ -529,22 +626,37 @@ def _with_a_root(tree: ex.Expression, rate: ex.Velocity, known: Root) -> Iterato
 
 
 def _numerator(tree: ex.Expression, rate: ex.Velocity) -> list[ex.Expression]:
-    """The bases of its factors that hold the velocity and something else, those under the line left out."""
+    """The bases of its factors that hold the velocity and something else, those under the line left
+    out.
+    """
     whole = writing.opaque_quotient(tree)
     bases = [base for base, e in ex.powers_of(whole) if e > 0]
-    leaves = [{node for node in ex.walk(base) if isinstance(node, ex.Symbol | ex.Velocity)} for base in bases]
-    return [base for base, held in zip(bases, leaves, strict=True) if rate in held and held != {rate}]
+    leaves = [
+        {node for node in ex.walk(base) if isinstance(node, ex.Symbol | ex.Velocity)}
+        for base in bases
+    ]
+    return [
+        base for base, held in zip(bases, leaves, strict=True) if rate in held and held != {rate}
+    ]
 
 
 def _without_root(tree: ex.Expression, rate: ex.Velocity) -> ex.Expression:
-    """A^2 - B^2 S for A + B sqrt(S), A, B and S polynomials in v; 0 where the tree is not of this kind."""
+    """A^2 - B^2 S for A + B sqrt(S), A, B and S polynomials in v; 0 where the tree is not of this
+    kind.
+    """
     plain: list[ex.Expression] = []
     rooted: dict[ex.Expression, list[ex.Expression]] = {}
     for term in collecting.expand(tree):
         factor = collecting.terms_tree([term])
-        powers = (node for node in ex.walk(factor) if isinstance(node, ex.Power) and node.exponent == ex.HALF)
+        powers = (
+            node
+            for node in ex.walk(factor)
+            if isinstance(node, ex.Power) and node.exponent == ex.HALF
+        )
         roots = [node for node in powers if occurrences(node, rate)]
-        (rooted.setdefault(roots[0], []) if roots else plain).append(factor / roots[0] if roots else factor)
+        (rooted.setdefault(roots[0], []) if roots else plain).append(
+            factor / roots[0] if roots else factor
+        )
     if len(rooted) != 1:
         return ex.ZERO
     ((root, terms),) = rooted.items()
@@ -555,11 +667,17 @@ def elimination_branches(block: Block) -> Iterator[InverseBranch]:
     """The branches of a block of two or three velocities; H is the energy p v - L at v(p)."""
     if not 1 < len(block.names) <= _LARGEST_BLOCK:
         return
-    functions = [writing.simplified(calculus.differentiate(block.function, v)) for v in block.velocities]
+    functions = [
+        writing.simplified(calculus.differentiate(block.function, v)) for v in block.velocities
+    ]
     energy = writing.simplified(ex.dot(block.velocities, functions) - block.function)
-    for rates, conditions in _solutions(list(zip(block.symbols, functions, strict=True)), block.velocities):
+    for rates, conditions in _solutions(
+        list(zip(block.symbols, functions, strict=True)), block.velocities
+    ):
         velocities = tuple(writing.simplified(rates[v]) for v in block.velocities)
-        yield InverseBranch(velocities, writing.simplified(ex.substitute(energy, rates)), conditions)
+        yield InverseBranch(
+            velocities, writing.simplified(ex.substitute(energy, rates)), conditions
+        )
 
 
 def _solutions(equations: Sequence[Equation], unknowns: Sequence[ex.Velocity]) -> Iterator[Solved]:
@@ -577,7 +695,9 @@ def _solutions(equations: Sequence[Equation], unknowns: Sequence[ex.Velocity]) -
 def _isolated(
     equations: Sequence[Equation], unknowns: Sequence[ex.Velocity]
 ) -> Iterator[tuple[ex.Velocity, Root, list[Equation]]]:
-    """One velocity isolated in one equation, and the other equations after substituting it; each holds another one."""
+    """One velocity isolated in one equation, and the other equations after substituting it; each
+    holds another one.
+    """
     for (momentum, function), v in product(equations, unknowns):
         left = [other for other in unknowns if other != v]
         for root in isolate(function, v, Root(momentum)):
@@ -595,7 +715,9 @@ def factored_inside(tree: ex.Expression) -> ex.Expression:
 
 
 def linear_branches(block: Block, solve: Solver) -> Iterator[InverseBranch]:
-    """The branches after a change to the linear forms under functions and powers, completed by velocities."""
+    """The branches after a change to the linear forms under functions and powers, completed by
+    velocities.
+    """
     found = _forms(block) if len(block.names) > 1 else ()
     units = tuple(tuple(ex.number(int(a == b)) for b in block.names) for a in block.names)
     if not found or set(found) <= set(units):
@@ -606,22 +728,32 @@ def linear_branches(block: Block, solve: Solver) -> Iterator[InverseBranch]:
             yield from _after_change(block, (*found, *chosen), inverse, solve)
 
 
-def _after_change(block: Block, forms: Sequence[Form], inverse: Inverse, solve: Solver) -> Iterator[InverseBranch]:
+def _after_change(
+    block: Block, forms: Sequence[Form], inverse: Inverse, solve: Solver
+) -> Iterator[InverseBranch]:
     """The branches with the forms in the place of velocities."""
     velocities, symbols = block.velocities, block.symbols
     old = {v: ex.dot(row, velocities) for v, row in zip(velocities, inverse.entries, strict=True)}
     new = {v: ex.dot(row, velocities) for v, row in zip(velocities, forms, strict=True)}
     columns = zip(*inverse.entries, strict=True)
-    momenta = {p: writing.simplified(ex.dot(column, symbols)) for p, column in zip(symbols, columns, strict=True)}
+    momenta = {
+        p: writing.simplified(ex.dot(column, symbols))
+        for p, column in zip(symbols, columns, strict=True)
+    }
     for branch in solve(ex.substitute(block.function, old), block.names, block.momenta):
         found = branch.changed(lambda tree: ex.substitute(tree, {**new, **momenta}))
         yield replace(
-            found, velocities=tuple(writing.simplified(ex.dot(row, found.velocities)) for row in inverse.entries)
+            found,
+            velocities=tuple(
+                writing.simplified(ex.dot(row, found.velocities)) for row in inverse.entries
+            ),
         )
 
 
 def _forms(block: Block) -> tuple[Form, ...]:
-    """The linear forms on which functions and powers depend, else that of one square; none where there are others."""
+    """The linear forms on which functions and powers depend, else that of one square; none where
+    there are others.
+    """
     found: dict[Form, None] = {}
     for monomial, _ in collecting.expand(block.function):
         forms = _forms_of(monomial, block.names)
@@ -631,13 +763,19 @@ def _forms(block: Block) -> tuple[Form, ...]:
     if not found:  # that of a square, (z' - y x')^2/2, is its slope by z'
         slopes = (calculus.differentiate(block.function, v) for v in block.velocities)
         linear = (linear_coefficients(slope, block.names) for slope in slopes)
-        found.update((form, None) for one in linear if one and len(one) > 1 and (form := _monic(one, block.names)))
+        found.update(
+            (form, None)
+            for one in linear
+            if one and len(one) > 1 and (form := _monic(one, block.names))
+        )
         return tuple(found)[:1]
     return tuple(found) if len(found) <= len(block.names) else ()
 
 
 def _forms_of(monomial: collecting.Monomial, names: Sequence[str]) -> list[Form] | None:
-    """The linear forms in the atoms of a term, bare velocities not counted; None where one is not linear."""
+    """The linear forms in the atoms of a term, bare velocities not counted; None where one is not
+    linear.
+    """
     exponent: dict[str, ex.Expression] = {}
     forms: list[Form | None] = []
     for base, power in monomial:
@@ -661,8 +799,12 @@ def _monic(coefficients: Mapping[str, ex.Expression] | None, names: Sequence[str
     return tuple(writing.simplified(coefficients.get(name, ex.ZERO) / first) for name in names)
 
 
-def linear_coefficients(tree: ex.Expression, names: Sequence[str]) -> Mapping[str, ex.Expression] | None:
-    """The coefficients of the velocities in a tree that is linear in them (free terms allowed), else None."""
+def linear_coefficients(
+    tree: ex.Expression, names: Sequence[str]
+) -> Mapping[str, ex.Expression] | None:
+    """The coefficients of the velocities in a tree that is linear in them (free terms allowed),
+    else None.
+    """
     parts = euler_lagrange.linear_parts(collecting.collect(tree), ex.Velocity)
     if not isinstance(parts, tuple):
         return None
@@ -703,7 +845,11 @@ def _candidates(block: Block) -> Iterator[ex.Expression]:
         if found is not None and sum(found.values()) == 2:
             second.append((monomial, value))
         for base, _ in monomial:
-            if isinstance(base, ex.Sum) and base not in seen and writing.velocities_in(base, block.names):
+            if (
+                isinstance(base, ex.Sum)
+                and base not in seen
+                and writing.velocities_in(base, block.names)
+            ):
                 seen.add(base)
                 yield base
     if second and len(second) < len(terms):
@@ -719,7 +865,9 @@ def _recognized(block: Block, form: ex.Expression) -> _Radial | None:
     matrix, slopes = parts
     shift = tuple(writing.simplified(ex.dot(row, slopes)) for row in inverse.entries)
     # The function of u, written with the velocities of v.
-    centered = ex.substitute(block.function, {v: v - h for v, h in zip(block.velocities, shift, strict=True)})
+    centered = ex.substitute(
+        block.function, {v: v - h for v, h in zip(block.velocities, shift, strict=True)}
+    )
     along = _along_a_ray(centered, block.names, matrix)
     if along is None:
         return None
@@ -729,7 +877,9 @@ def _recognized(block: Block, form: ex.Expression) -> _Radial | None:
     return _Radial(along, matrix, inverse, shift)
 
 
-def _quadratic_parts(form: ex.Expression, names: Sequence[str]) -> tuple[Matrix, list[ex.Expression]] | None:
+def _quadratic_parts(
+    form: ex.Expression, names: Sequence[str]
+) -> tuple[Matrix, list[ex.Expression]] | None:
     """(G, b) of c + b v + v^T G v/2."""
     quadratic: list[collecting.Term] = []
     linear: list[collecting.Term] = []
@@ -746,14 +896,21 @@ def _quadratic_parts(form: ex.Expression, names: Sequence[str]) -> tuple[Matrix,
     return matrix, [slopes.get(name, ex.ZERO) for name in names]
 
 
-def _along_a_ray(function: ex.Expression, names: Sequence[str], matrix: Matrix) -> ex.Expression | None:
-    """The function of S on the ray through e_i, or e_i + e_j, on which S is not zero; None where v is left."""
+def _along_a_ray(
+    function: ex.Expression, names: Sequence[str], matrix: Matrix
+) -> ex.Expression | None:
+    """The function of S on the ray through e_i, or e_i + e_j, on which S is not zero; None where v
+    is left.
+    """
     for i, j in product(range(len(names)), repeat=2):
         entry = matrix[i][i] if i == j else 2 * matrix[i][j] if i < j else ex.ZERO
         if entry == ex.ZERO or (i != j and matrix[i][i] != ex.ZERO):
             continue
         length = ex.square_root(2 * _S / entry)
-        ray = {ex.Velocity(name): length if place in (i, j) else ex.ZERO for place, name in enumerate(names)}
+        ray = {
+            ex.Velocity(name): length if place in (i, j) else ex.ZERO
+            for place, name in enumerate(names)
+        }
         return writing.simplified(ex.substitute(function, ray))
     return None
 
@@ -763,14 +920,23 @@ def _form_of_velocities(matrix: Matrix, names: Sequence[str]) -> ex.Expression:
     return ex.add(*(matrix[i][j] * ex.Velocity(a) * ex.Velocity(b) for (i, a), (j, b) in pairs))
 
 
-def _root_parts(function: ex.Expression) -> tuple[ex.Expression, ex.Expression, ex.Expression] | None:
+def _root_parts(
+    function: ex.Expression,
+) -> tuple[ex.Expression, ex.Expression, ex.Expression] | None:
     """(k, b, s) of k sqrt(b + s S), else None."""
     terms = collecting.expand(function)
-    roots = {pair for monomial, _ in terms for pair in monomial if pair[1] == ex.HALF.value and _holds_s(pair[0])}
+    roots = {
+        pair
+        for monomial, _ in terms
+        for pair in monomial
+        if pair[1] == ex.HALF.value and _holds_s(pair[0])
+    }
     if len(roots) != 1 or not all(roots <= {*monomial} for monomial, _ in terms):
         return None
     ((root, _),) = roots
-    factor = collecting.terms_tree([(tuple(p for p in monomial if p not in roots), c) for monomial, c in terms])
+    factor = collecting.terms_tree(
+        [(tuple(p for p in monomial if p not in roots), c) for monomial, c in terms]
+    )
     slope, start = calculus.differentiate(root, _S), ex.substitute(root, {_S: ex.ZERO})
     if _holds_s(factor) or _holds_s(slope) or start == ex.ZERO:
         return None
@@ -784,7 +950,9 @@ def _holds_s(tree: ex.Expression) -> bool:
 def _of_root(
     block: Block, radial: _Radial, k: ex.Expression, b: ex.Expression, s: ex.Expression
 ) -> Iterator[InverseBranch]:
-    """F = k sqrt(b + s S): H_u^2 = b (k^2 - 2 R/s), sign(H_u) = -sign(k b), u = -2 b G^-1 p/(s H_u)."""
+    """F = k sqrt(b + s S): H_u^2 = b (k^2 - 2 R/s), sign(H_u) = -sign(k b), u = -2 b G^-1 p/(s
+    H_u).
+    """
     momenta = block.symbols
     form = quadratic_form(radial.inverse, momenta)
     apart = b * k**2 + collecting.collect(-2 * b * form / s)
@@ -806,7 +974,9 @@ def _shifted(block: Block, shift: Sequence[ex.Expression], branch: InverseBranch
     return InverseBranch(
         tuple(writing.simplified(u - h) for u, h in zip(branch.velocities, shift, strict=True)),
         writing.shortest([plain, writing.simplified(plain)]),
-        tuple(writing.simplified(ex.substitute(condition, place)) for condition in branch.conditions),
+        tuple(
+            writing.simplified(ex.substitute(condition, place)) for condition in branch.conditions
+        ),
     )
 
 
@@ -820,13 +990,22 @@ def _of_length(block: Block, radial: _Radial, solve: Solver) -> Iterator[Inverse
     for e, d in product((1, -1), repeat=2):
         length = ex.square_root(writing.simplified(e * form))
         squared = Fraction(e, 2) * ex.Power(_W, ex.number(2))
-        for inner in solve(ex.substitute(radial.function, {_S: squared}), [_W.coordinate], {_W.coordinate: _PI_W}):
+        for inner in solve(
+            ex.substitute(radial.function, {_S: squared}), [_W.coordinate], {_W.coordinate: _PI_W}
+        ):
             known = {_PI_W: e * d * length}
-            w, energy = (ex.substitute(tree, known) for tree in (inner.velocities[0], inner.hamiltonian))
+            w, energy = (
+                ex.substitute(tree, known) for tree in (inner.velocities[0], inner.hamiltonian)
+            )
             rates = [d * w * length**-1 * ex.dot(row, momenta) for row in radial.inverse.entries]
             size = ex.square_root(e * whole)
-            slope = ex.substitute(calculus.differentiate(radial.function, _S), {_S: ex.HALF * whole})
-            conditions = [*(ex.substitute(c, {_W: size, **known}) for c in inner.conditions), d * slope]
+            slope = ex.substitute(
+                calculus.differentiate(radial.function, _S), {_S: ex.HALF * whole}
+            )
+            conditions = [
+                *(ex.substitute(c, {_W: size, **known}) for c in inner.conditions),
+                d * slope,
+            ]
             yield InverseBranch(tuple(rates), energy, (*conditions, e * whole))
 
 
@@ -844,7 +1023,9 @@ def ratio_branches(block: Block, solve: Solver) -> Iterator[InverseBranch]:
 
 
 def _ratio_parts(block: Block, pivot: str) -> tuple[ex.Expression, ex.Expression] | None:
-    """(g, phi(u)), u_j being written as the velocity of w_j; None where the block is not of the form."""
+    """(g, phi(u)), u_j being written as the velocity of w_j; None where the block is not of the
+    form.
+    """
     rate = ex.Velocity(pivot)
     others = [name for name in block.names if name != pivot]
     alone: list[collecting.Term] = []
@@ -854,7 +1035,9 @@ def _ratio_parts(block: Block, pivot: str) -> tuple[ex.Expression, ex.Expression
         rest = without(monomial, [pivot])
         if not writing.velocities_in(collecting.monomial_tree(monomial), others):
             alone.append((monomial, value))
-        elif (rate, Fraction(1)) in monomial and not writing.velocities_in(collecting.monomial_tree(rest), [pivot]):
+        elif (rate, Fraction(1)) in monomial and not writing.velocities_in(
+            collecting.monomial_tree(rest), [pivot]
+        ):
             homogeneous.append((rest, value))
         else:
             return None
@@ -863,12 +1046,25 @@ def _ratio_parts(block: Block, pivot: str) -> tuple[ex.Expression, ex.Expression
     return collecting.terms_tree(alone), collecting.terms_tree(homogeneous)
 
 
-def _with_ratios(block: Block, pivot: str, inner: InverseBranch, outer: InverseBranch) -> InverseBranch:
-    """The branch of v_k(p_k + phi*(p_w)) and w = v_k u(p_w), in which v_k is left as the velocity of the pivot."""
+def _with_ratios(
+    block: Block, pivot: str, inner: InverseBranch, outer: InverseBranch
+) -> InverseBranch:
+    """The branch of v_k(p_k + phi*(p_w)) and w = v_k u(p_w), in which v_k is left as the velocity
+    of the pivot.
+    """
     momentum, rate = block.momenta[pivot], ex.Velocity(pivot)
-    whole = outer.changed(lambda tree: ex.substitute(tree, {momentum: momentum + inner.hamiltonian}))
+    whole = outer.changed(
+        lambda tree: ex.substitute(tree, {momentum: momentum + inner.hamiltonian})
+    )
     others = [v for v in block.velocities if v != rate]
-    velocities = {v: u * rate for v, u in zip(others, inner.velocities, strict=True)} | {rate: whole.velocities[0]}
+    velocities = {v: u * rate for v, u in zip(others, inner.velocities, strict=True)} | {
+        rate: whole.velocities[0]
+    }
     ratios = {v: v / rate for v in others}
-    conditions = (*(ex.substitute(condition, ratios) for condition in inner.conditions), *whole.conditions)
-    return InverseBranch(tuple(velocities[v] for v in block.velocities), whole.hamiltonian, conditions)
+    conditions = (
+        *(ex.substitute(condition, ratios) for condition in inner.conditions),
+        *whole.conditions,
+    )
+    return InverseBranch(
+        tuple(velocities[v] for v in block.velocities), whole.hamiltonian, conditions
+    )

@@ -1,7 +1,9 @@
-"""The Legendre transform: p = dL/dv solved for v in closed form where that is possible, H = p v - L.
+"""The Legendre transform: p = dL/dv solved for v in closed form where that is possible, H = p v -
+L.
 
-Every closed form is checked at random real points with 40 digits before it is returned (`judge`); what does
-not pass is never returned. Where p = dL/dv has several inverses, `note` says on which one H holds.
+Every closed form is checked at random real points with 40 digits before it is returned (`judge`);
+what does not pass is never returned. Where p = dL/dv has several inverses, `note` says on which one
+H holds.
 """
 
 from __future__ import annotations
@@ -36,9 +38,9 @@ class LegendreTransform:
 
     `symbols[i]` is the momentum of coordinate i, as a rule Symbol("p_x") for x; `momenta[i]` is
     p_i(t, q, v), `velocities[i]` is v_i(t, q, p). `note` is empty where p = dL/dv has one inverse.
-    `chained` are the velocities before those of a pivot were put in: its Velocity may occur. Where there
-    are several inverses, this one holds where every tree of `conditions`, over (t, q, v, p), is positive,
-    those included that hold at all points it was checked at.
+    `chained` are the velocities before those of a pivot were put in: its Velocity may occur. Where
+    there are several inverses, this one holds where every tree of `conditions`, over (t, q, v, p),
+    is positive, those included that hold at all points it was checked at.
     """
 
     lagrangian: ex.Expression
@@ -53,11 +55,15 @@ class LegendreTransform:
 
     @property
     def positive(self) -> tuple[ex.Expression, ...]:
-        """What is > 0, over (t, q, v, p), where H belongs to L: the conditions and what the formula of H needs."""
+        """What is > 0, over (t, q, v, p), where H belongs to L: the conditions and what the formula
+        of H needs.
+        """
         return (
             ()
             if self.implicit
-            else tuple(dict.fromkeys((*self.conditions, *real_branch.own_requirements([self.hamiltonian]))))
+            else tuple(
+                dict.fromkeys((*self.conditions, *real_branch.own_requirements([self.hamiltonian])))
+            )
         )
 
 
@@ -74,7 +80,9 @@ class Claim:
 
 @dataclass(frozen=True, slots=True)
 class Judgment:
-    """At how many points a claim holds; where it does not hold everywhere, on which conditions it does."""
+    """At how many points a claim holds; where it does not hold everywhere, on which conditions it
+    does.
+    """
 
     holding: int
     conditions: tuple[ex.Expression, ...]
@@ -89,21 +97,28 @@ class _Chosen:
 
 
 def by_mass_matrix(transform: LegendreTransform) -> tuple[Matrix, ex.Expression] | None:
-    """M(t, q), (n, n), and V(t, q) with p = M v and H = p^T M^-1 p/2 + V; None for an H of another form.
+    """M(t, q), (n, n), and V(t, q) with p = M v and H = p^T M^-1 p/2 + V; None for an H of another
+    form.
 
-    The momenta are linear in the velocities without further terms, so L = v^T M v/2 - V with V = -L(v = 0).
+    The momenta are linear in the velocities without further terms, so L = v^T M v/2 - V with V =
+    -L(v = 0).
     """
     velocities = tuple(ex.Velocity(symbol.name.removeprefix("p_")) for symbol in transform.symbols)
-    moving = {node for p in transform.momenta for node in ex.walk(p) if isinstance(node, ex.Velocity)}
+    moving = {
+        node for p in transform.momenta for node in ex.walk(p) if isinstance(node, ex.Velocity)
+    }
     if transform.implicit or not moving <= {*velocities}:
         return None
     pairs = [*enumerate(transform.momenta)]
     rows = tuple(
-        tuple(_coefficient(transform.momenta[min(i, j)], velocities[max(i, j)]) for j, _ in pairs) for i, _ in pairs
+        tuple(_coefficient(transform.momenta[min(i, j)], velocities[max(i, j)]) for j, _ in pairs)
+        for i, _ in pairs
     )
     at_rest = dict.fromkeys(velocities, ex.ZERO)
     further = [collecting.collect(ex.substitute(p, at_rest)) for p in transform.momenta]
-    if any(tree != ex.ZERO for tree in further) or any(ex.has(entry, ex.Velocity) for row in rows for entry in row):
+    if any(tree != ex.ZERO for tree in further) or any(
+        ex.has(entry, ex.Velocity) for row in rows for entry in row
+    ):
         return None
     terms = ex.summands(transform.lagrangian)
     fixed = [ex.negated(term) for term in terms if not ex.has(term, ex.Velocity)]
@@ -135,8 +150,9 @@ def legendre(
 ) -> LegendreTransform:
     """The Legendre transform of L(t, q, v) where all trees of `positive` are > 0.
 
-    InputError where d2L/dv_i dv_j is singular everywhere. The search for an inverse of p = dL/dv starts nothing new
-    after `time_limit` seconds of processor time, and what has begun has as long again.
+    InputError where d2L/dv_i dv_j is singular everywhere. The search for an inverse of p = dL/dv
+    starts nothing new after `time_limit` seconds of processor time, and what has begun has as long
+    again.
     """
     began = deadline.now()
     reach = Reach(end=began + time_limit, last=began + 2 * time_limit)
@@ -144,16 +160,24 @@ def legendre(
     symbols, renamed = momentum_symbols(lagrangian, names)
     constants = _constants_of(lagrangian, names)
     # What is found is the same in whatever order the constants were typed.
-    plain = writing.with_products_in_order(lagrangian, sorted(constants, key=lambda symbol: symbol.name))
+    plain = writing.with_products_in_order(
+        lagrangian, sorted(constants, key=lambda symbol: symbol.name)
+    )
     functions = _momentum_functions(plain, names, constants)
     momenta = dict(zip(names, symbols, strict=True))
     parts = inverses.split(plain, names, momenta)
-    implicit = LegendreTransform(lagrangian, symbols, _energy(parts), functions, None, True, renamed)
+    implicit = LegendreTransform(
+        lagrangian, symbols, _energy(parts), functions, None, True, renamed
+    )
     points = real_branch.sample_points([plain, *functions], positive)
     if not points:
-        return _noted(implicit, "No real point of L was found to check a closed form at; H is given in the velocities.")
+        return _noted(
+            implicit,
+            "No real point of L was found to check a closed form at; H is given in the velocities.",
+        )
     if any(
-        real_branch.is_singular(euler_lagrange.hessian(block.function, block.names), points) for block in parts.blocks
+        real_branch.is_singular(euler_lagrange.hessian(block.function, block.names), points)
+        for block in parts.blocks
     ):
         raise _degenerate(implicit, parts, names, points)
     # Of many blocks each is judged at few points before the whole is judged at all.
@@ -162,31 +186,61 @@ def legendre(
     missing = [group for group, chosen in found.items() if chosen is None]
     if missing:
         return _without_closed_form(implicit, missing)
-    branches, table = [chosen for chosen in found.values() if chosen], momentum_shifts(parts.linear, momenta)
+    branches, table = (
+        [chosen for chosen in found.values() if chosen],
+        momentum_shifts(parts.linear, momenta),
+    )
     closed = _closed(implicit, names, parts, branches, table)
     claim = Claim(
-        lagrangian, names, dict(zip(symbols, functions, strict=True)), closed.velocities or (), closed.hamiltonian
+        lagrangian,
+        names,
+        dict(zip(symbols, functions, strict=True)),
+        closed.velocities or (),
+        closed.hamiltonian,
     )
-    conditions = [ex.substitute(condition, table) for chosen in branches for condition in chosen.judgment.conditions]
+    conditions = [
+        ex.substitute(condition, table)
+        for chosen in branches
+        for condition in chosen.judgment.conditions
+    ]
     if judge(claim, conditions, points) is None:
         return _without_closed_form(implicit, list(found))
     # Each block needs its own; few points would not show that of one in the presence of another.
-    every = [ex.substitute(condition, table) for chosen in branches for condition in chosen.branch.conditions]
+    every = [
+        ex.substitute(condition, table)
+        for chosen in branches
+        for condition in chosen.branch.conditions
+    ]
     every += signs_of_momenta(claim, table, positive, points)
-    return replace(_noted(closed, _branch_note(tuple(dict.fromkeys(conditions)), names)), conditions=tuple(every))
+    return replace(
+        _noted(closed, _branch_note(tuple(dict.fromkeys(conditions)), names)),
+        conditions=tuple(every),
+    )
 
 
-def momentum_symbols(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[tuple[ex.Symbol, ...], str]:
-    """p_x for each coordinate x, and a note; where that name is taken, momentum_x, momentum_x_2, …"""
-    taken = {node.name for node in ex.walk(lagrangian) if isinstance(node, ex.Symbol | ex.Arbitrary)} | set(names)
+def momentum_symbols(
+    lagrangian: ex.Expression, names: Sequence[str]
+) -> tuple[tuple[ex.Symbol, ...], str]:
+    """p_x for each coordinate x, and a note; where that name is taken, momentum_x, momentum_x_2,
+    …
+    """
+    taken = {
+        node.name for node in ex.walk(lagrangian) if isinstance(node, ex.Symbol | ex.Arbitrary)
+    } | set(names)
     symbols, notes = [], []
     for name in names:
-        choices = [f"p_{name}", f"momentum_{name}", *(f"momentum_{name}_{k}" for k in range(2, len(taken) + 3))]
+        choices = [
+            f"p_{name}",
+            f"momentum_{name}",
+            *(f"momentum_{name}_{k}" for k in range(2, len(taken) + 3)),
+        ]
         chosen = next(choice for choice in choices if choice not in taken)
         taken.add(chosen)
         symbols.append(ex.Symbol(chosen))
         if chosen != choices[0]:
-            notes.append(f"The momentum of {name} is called {chosen}, because {choices[0]} is in use.")
+            notes.append(
+                f"The momentum of {name} is called {chosen}, because {choices[0]} is in use."
+            )
     return tuple(symbols), " ".join(notes)
 
 
@@ -208,7 +262,9 @@ def _energy(parts: inverses.Parts) -> ex.Expression:
     for block in parts.blocks:
         slopes = euler_lagrange.gradient(block.function, block.velocities)
         works = [rate * slope for rate, slope in slopes.items()]
-        terms.append(writing.inside(writing.related(writing.simplified(ex.add(*works) - block.function))))
+        terms.append(
+            writing.inside(writing.related(writing.simplified(ex.add(*works) - block.function)))
+        )
     return ex.add(*terms[1:], terms[0])
 
 
@@ -220,7 +276,9 @@ def _of_blocks(
     found: dict[tuple[str, ...], _Chosen | None] = {}
     for block in given:
         alone = len(block.names) == 1
-        key = ex.substitute(block.function, {block.velocities[0]: _ANY}) if alone else block.function
+        key = (
+            ex.substitute(block.function, {block.velocities[0]: _ANY}) if alone else block.function
+        )
         if not alone or key not in known:
             known[key] = block, best(block)
         first, chosen = known[key]
@@ -232,7 +290,9 @@ def _renamed(chosen: _Chosen, first: inverses.Block, block: inverses.Block) -> _
     """The branch of the first block for another that is the same function of its velocity."""
     if first is block:
         return chosen
-    table: Table = dict(zip((*first.velocities, *first.symbols), (*block.velocities, *block.symbols), strict=True))
+    table: Table = dict(
+        zip((*first.velocities, *first.symbols), (*block.velocities, *block.symbols), strict=True)
+    )
     conditions = tuple(ex.substitute(tree, table) for tree in chosen.judgment.conditions)
     moved = chosen.branch.changed(lambda tree: ex.substitute(tree, table))
     return _Chosen(moved, replace(chosen.judgment, conditions=conditions))
@@ -258,7 +318,9 @@ def _best(
     reach: Reach,
     few: Sequence[real_branch.RealTable],
 ) -> _Chosen | None:
-    """A branch with conditions on constants and coordinates alone, then one that holds at most points, then short."""
+    """A branch with conditions on constants and coordinates alone, then one that holds at most
+    points, then short.
+    """
     functions = euler_lagrange.momenta(block.function, block.names)
     known = dict(zip(block.symbols, functions, strict=True))
     found: list[_Chosen] = []
@@ -272,8 +334,14 @@ def _best(
         if not judgment.conditions:
             return _Chosen(branch, judgment)
         # Of the points few may lie where the conditions hold: more are drawn there.
-        inside = [*positive, *(ex.substitute(condition, known) for condition in judgment.conditions)]
-        if judge(claim, (), real_branch.sample_points([block.function, *functions], inside)) is not None:
+        inside = [
+            *positive,
+            *(ex.substitute(condition, known) for condition in judgment.conditions),
+        ]
+        if (
+            judge(claim, (), real_branch.sample_points([block.function, *functions], inside))
+            is not None
+        ):
             found.append(_Chosen(branch, judgment))
 
     def preference(one: _Chosen) -> tuple[bool, int, int]:
@@ -284,7 +352,9 @@ def _best(
 
 
 def _with_variants(branches: Iterator[inverses.InverseBranch]) -> Iterator[inverses.InverseBranch]:
-    """Each branch after shorter forms of it that hold on parts of its domain only; all are checked."""
+    """Each branch after shorter forms of it that hold on parts of its domain only; all are
+    checked.
+    """
     for branch in branches:
         forms: list[Callable[[ex.Expression], ex.Expression]] = [
             writing.roots_apart,
@@ -301,26 +371,38 @@ def _with_variants(branches: Iterator[inverses.InverseBranch]) -> Iterator[inver
 
 
 def _closed(
-    implicit: LegendreTransform, names: Sequence[str], parts: inverses.Parts, chosen: Sequence[_Chosen], table: Table
+    implicit: LegendreTransform,
+    names: Sequence[str],
+    parts: inverses.Parts,
+    chosen: Sequence[_Chosen],
+    table: Table,
 ) -> LegendreTransform:
     """The blocks put together, each momentum less its linear term A_i by the table."""
     rates: dict[str, ex.Expression] = {}
     for block, found in zip(parts.blocks, chosen, strict=True):
-        rates.update(zip(block.names, (_placed(v, table) for v in found.branch.velocities), strict=True))
+        rates.update(
+            zip(block.names, (_placed(v, table) for v in found.branch.velocities), strict=True)
+        )
     chained = tuple(rates[name] for name in names)
-    energies = [writing.exponentials_above(_placed(found.branch.hamiltonian, table)) for found in chosen]
+    energies = [
+        writing.exponentials_above(_placed(found.branch.hamiltonian, table)) for found in chosen
+    ]
     plain = ex.add(*energies, ex.negated(parts.free))
     apart = ex.add(collecting.collect(ex.add(*energies)), ex.negated(parts.free))
     mixed = ex.add(
-        collecting.collect(ex.add(*energies, parts.written, ex.negated(parts.free))), ex.negated(parts.written)
+        collecting.collect(ex.add(*energies, parts.written, ex.negated(parts.free))),
+        ex.negated(parts.written),
     )
     short = writing.shortest([plain, apart, mixed, collecting.collect(plain)])
-    whole = moves.write(ENERGY, _Setting(implicit.lagrangian, implicit.symbols, tuple(names)), short)
+    whole = moves.write(
+        ENERGY, _Setting(implicit.lagrangian, implicit.symbols, tuple(names)), short
+    )
     return replace(
         implicit,
         hamiltonian=whole,
         velocities=tuple(
-            writing.joined(collecting.merge_powers(velocity)) for velocity in inverses.resolved(chained, names)
+            writing.joined(collecting.merge_powers(velocity))
+            for velocity in inverses.resolved(chained, names)
         ),
         implicit=False,
         chained=chained,
@@ -340,7 +422,9 @@ class _Setting:
         return [*map(ex.Symbol, self.names)]
 
 
-def _plain(function: Callable[[ex.Expression], ex.Expression]) -> Callable[[_Setting, ex.Expression], ex.Expression]:
+def _plain(
+    function: Callable[[ex.Expression], ex.Expression],
+) -> Callable[[_Setting, ex.Expression], ex.Expression]:
     """A function of the tree as one of setting and tree."""
     return lambda setting, tree: function(tree)
 
@@ -380,7 +464,11 @@ def _place(momenta: Sequence[ex.Symbol], term: ex.Expression) -> int:
     """Powers and products of momenta come first, as p^2/(2 m), and terms without momenta last."""
     held = [node for node in ex.walk(term) if ex.holds(node, *momenta)]
     several = sum(base in momenta for base, _ in ex.powers_of(term)) > 1
-    return 2 if not held else int(not several and not any(isinstance(node, ex.Power | ex.Apply) for node in held))
+    return (
+        2
+        if not held
+        else int(not several and not any(isinstance(node, ex.Power | ex.Apply) for node in held))
+    )
 
 
 def _constants_of(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[ex.Symbol, ...]:
@@ -403,16 +491,22 @@ def _noted(transform: LegendreTransform, note: str) -> LegendreTransform:
     return replace(transform, note=" ".join(part for part in (transform.note, note) if part))
 
 
-def _without_closed_form(implicit: LegendreTransform, groups: Sequence[Sequence[str]]) -> LegendreTransform:
+def _without_closed_form(
+    implicit: LegendreTransform, groups: Sequence[Sequence[str]]
+) -> LegendreTransform:
     what = f"No closed form of p = dL/dv was found for the velocities of {'; '.join(map(', '.join, groups))}."
-    return _noted(implicit, f"{what} H is given in the velocities, with the momenta as functions of them.")
+    return _noted(
+        implicit, f"{what} H is given in the velocities, with the momenta as functions of them."
+    )
 
 
 def _branch_note(conditions: Sequence[ex.Expression], names: Sequence[str]) -> str:
     if not conditions:
         return ""
     named = " and ".join(
-        dict.fromkeys(f"{printing.to_text(writing.sign_part(condition))} > 0" for condition in conditions)
+        dict.fromkeys(
+            f"{printing.to_text(writing.sign_part(condition))} > 0" for condition in conditions
+        )
     )
     if not any(writing.velocities_in(condition, names) for condition in conditions):
         return f"H is written for {named}."
@@ -420,11 +514,18 @@ def _branch_note(conditions: Sequence[ex.Expression], names: Sequence[str]) -> s
 
 
 def _degenerate(
-    implicit: LegendreTransform, parts: inverses.Parts, names: Sequence[str], points: Sequence[real_branch.RealTable]
+    implicit: LegendreTransform,
+    parts: inverses.Parts,
+    names: Sequence[str],
+    points: Sequence[real_branch.RealTable],
 ) -> errors.InputError:
     """The refusal of a Lagrangian whose momenta do not determine the velocities."""
     detail = "the Lagrangian is degenerate, its matrix d2L/dv_i dv_j is singular everywhere"
-    lost = [name for name in names if not any(writing.velocities_in(p, [name]) for p in implicit.momenta)]
+    lost = [
+        name
+        for name in names
+        if not any(writing.velocities_in(p, [name]) for p in implicit.momenta)
+    ]
     if lost:
         detail += f" (no momentum depends on the velocity of {', '.join(lost)})"
     elif real_branch.vanishes_at(implicit.hamiltonian + parts.free, points):
@@ -435,15 +536,21 @@ def _degenerate(
 def judge(
     claim: Claim, conditions: Sequence[ex.Expression], points: Sequence[real_branch.RealTable]
 ) -> Judgment | None:
-    """Where the claim holds; None unless it holds at three points at least and wherever the conditions do."""
+    """Where the claim holds; None unless it holds at three points at least and wherever the
+    conditions do.
+    """
     nodes = ex.distinct_nodes((*claim.velocities, claim.hamiltonian))
     calls = [node for node in nodes if isinstance(node, ex.Arbitrary)]
     holds, signs, needed = list[bool](), list[list[bool]](), list(range(len(conditions)))
     with mp.workdps(bounds.DIGITS):
         for point in points:
             known = _with_momenta(claim, point, calls)
-            signs.append([known is not None and real_branch.is_positive_at(c, known) for c in conditions])
-            holds.append(known is not None and (_holds(claim, known) or _holds_closer(claim, known, calls)))
+            signs.append(
+                [known is not None and real_branch.is_positive_at(c, known) for c in conditions]
+            )
+            holds.append(
+                known is not None and (_holds(claim, known) or _holds_closer(claim, known, calls))
+            )
             if all(signs[-1]) and not holds[-1]:
                 return None
     if not _is_right(holds, signs, needed):
@@ -455,9 +562,15 @@ def judge(
     return Judgment(sum(holds), tuple(conditions[place] for place in needed))
 
 
-def _is_right(holds: Sequence[bool], signs: Sequence[Sequence[bool]], needed: Sequence[int]) -> bool:
-    """Whether the claim holds at all points, three at least, at which the needed conditions hold."""
-    inside = [held for held, row in zip(holds, signs, strict=True) if all(row[place] for place in needed)]
+def _is_right(
+    holds: Sequence[bool], signs: Sequence[Sequence[bool]], needed: Sequence[int]
+) -> bool:
+    """Whether the claim holds at all points, three at least, at which the needed conditions
+    hold.
+    """
+    inside = [
+        held for held, row in zip(holds, signs, strict=True) if all(row[place] for place in needed)
+    ]
     return len(inside) >= _FEWEST_POINTS and all(inside)
 
 
@@ -472,31 +585,50 @@ def _with_momenta(
     return _with_equal_calls(calls, {**point, **momenta})
 
 
-def _with_equal_calls(calls: Sequence[ex.Arbitrary], point: real_branch.RealTable) -> real_branch.RealTable:
-    """The point with those calls valued whose arguments have the values of those of a call that is drawn."""
+def _with_equal_calls(
+    calls: Sequence[ex.Arbitrary], point: real_branch.RealTable
+) -> real_branch.RealTable:
+    """The point with those calls valued whose arguments have the values of those of a call that is
+    drawn.
+    """
     fresh = [call for call in calls if call not in point]
     drawn = [call for call in point if isinstance(call, ex.Arbitrary)] if fresh else []
     for call in fresh:
         same = [other for other in drawn if (other.name, other.orders) == (call.name, call.orders)]
-        equal = next((other for other in same if _are_equal(other.arguments, call.arguments, point)), None)
+        equal = next(
+            (other for other in same if _are_equal(other.arguments, call.arguments, point)), None
+        )
         if equal is not None:
             point[call] = point[equal]
     return point
 
 
-def _are_equal(left: Sequence[ex.Expression], right: Sequence[ex.Expression], point: real_branch.RealTable) -> bool:
+def _are_equal(
+    left: Sequence[ex.Expression], right: Sequence[ex.Expression], point: real_branch.RealTable
+) -> bool:
     """Whether the values agree to 40 digits, each pair."""
-    pairs = [(real_branch.value_at(a, point), real_branch.value_at(b, point)) for a, b in zip(left, right, strict=True)]
+    pairs = [
+        (real_branch.value_at(a, point), real_branch.value_at(b, point))
+        for a, b in zip(left, right, strict=True)
+    ]
     near = mpf(10) ** -bounds.AGREEING
-    return all(a is not None and b is not None and abs(a - b) <= near * (1 + abs(a)) for a, b in pairs)
+    return all(
+        a is not None and b is not None and abs(a - b) <= near * (1 + abs(a)) for a, b in pairs
+    )
 
 
-def _holds_closer(claim: Claim, point: real_branch.RealTable, calls: Sequence[ex.Arbitrary]) -> bool:
-    """The same with more digits, where digits seem to have been lost in differences of large numbers."""
+def _holds_closer(
+    claim: Claim, point: real_branch.RealTable, calls: Sequence[ex.Arbitrary]
+) -> bool:
+    """The same with more digits, where digits seem to have been lost in differences of large
+    numbers.
+    """
     if not _holds(claim, point, _ROUGH_DIGITS):
         return False
     with mp.workdps(_MOST_DIGITS):
-        leaves = [leaf for leaf in point if isinstance(leaf, ex.Symbol | ex.Velocity | ex.Arbitrary)]
+        leaves = [
+            leaf for leaf in point if isinstance(leaf, ex.Symbol | ex.Velocity | ex.Arbitrary)
+        ]
         fresh: real_branch.RealTable = {leaf: point[leaf] for leaf in leaves}
         closer = _with_momenta(claim, fresh, calls)
         return closer is not None and _holds(claim, closer)
@@ -524,17 +656,24 @@ def signs_of_momenta(
     positive: Sequence[ex.Expression],
     points: Sequence[real_branch.RealTable],
 ) -> tuple[ex.Expression, ...]:
-    """s (p - A) > 0, s = 1 or -1, for momenta p that have this sign where L is defined, if H has values beyond it.
+    """s (p - A) > 0, s = 1 or -1, for momenta p that have this sign where L is defined, if H has
+    values beyond it.
 
     x' = 4 p^2/9 of p = 3 sqrt(x')/2 has values for p < 0 as well, which belong to another motion.
     """
     is_restricted = any(ex.has(tree, ex.Velocity) for tree in positive)
     allows_all = not is_restricted and _is_polynomial_in_velocities(claim.lagrangian)
-    bounded = {p: tree for p, tree in claim.momenta.items() if not (allows_all and _is_affine(tree))}
+    bounded = {
+        p: tree for p, tree in claim.momenta.items() if not (allows_all and _is_affine(tree))
+    }
     if not bounded:
         return ()
     with mp.workdps(bounds.DIGITS):
-        known = [point for point in (_with_momenta(claim, point, []) for point in points) if point is not None]
+        known = [
+            point
+            for point in (_with_momenta(claim, point, []) for point in points)
+            if point is not None
+        ]
         return tuple(
             tree if sign > 0 else -tree
             for symbol in bounded
@@ -544,7 +683,9 @@ def signs_of_momenta(
 
 
 def _is_polynomial_in_velocities(tree: ex.Expression) -> bool:
-    """Whether velocities occur in no functions and only in positive integer powers: all their values are allowed."""
+    """Whether velocities occur in no functions and only in positive integer powers: all their
+    values are allowed.
+    """
     for node in ex.distinct_nodes((tree,)):
         match node:
             case ex.Power(_, ex.Number(exponent)) if exponent > 0 and exponent.denominator == 1:
@@ -557,7 +698,13 @@ def _is_polynomial_in_velocities(tree: ex.Expression) -> bool:
 def _is_affine(tree: ex.Expression) -> bool:
     """Whether a polynomial in the velocities is of degree 1, so that it takes all values."""
     for node in ex.distinct_nodes((tree,)):
-        factors = node.factors if isinstance(node, ex.Product) else (node, node) if isinstance(node, ex.Power) else ()
+        factors = (
+            node.factors
+            if isinstance(node, ex.Product)
+            else (node, node)
+            if isinstance(node, ex.Power)
+            else ()
+        )
         if sum(ex.has(factor, ex.Velocity) for factor in factors) > 1:
             return False
     return ex.has(tree, ex.Velocity)
@@ -566,7 +713,8 @@ def _is_affine(tree: ex.Expression) -> bool:
 def _sign_at(tree: ex.Expression, points: Sequence[real_branch.RealTable]) -> int:
     """1 or -1 where it has this sign at all points, else 0."""
     signs = {
-        int(mp.sign(number)) if (number := real_branch.value_at(tree, point)) is not None else 0 for point in points
+        int(mp.sign(number)) if (number := real_branch.value_at(tree, point)) is not None else 0
+        for point in points
     }
     return signs.pop() if len(signs) == 1 else 0
 
@@ -578,7 +726,9 @@ def _leaves_the_image(
     positive: Sequence[ex.Expression],
     points: Sequence[real_branch.RealTable],
 ) -> bool:
-    """Whether H and v(p) have values with the other sign of p - A, and p(v(p)) is never p where L is defined."""
+    """Whether H and v(p) have values with the other sign of p - A, and p(v(p)) is never p where L
+    is defined.
+    """
     wrong, near = False, mpf(10) ** -bounds.AGREEING
     for point in points:
         mirrored: real_branch.RealTable = {
@@ -588,8 +738,13 @@ def _leaves_the_image(
         rates = [real_branch.value_at(rate, dict(mirrored)) for rate in claim.velocities]
         if None in rates or real_branch.value_at(claim.hamiltonian, dict(mirrored)) is None:
             continue
-        there: real_branch.RealTable = {**mirrored, **dict(zip(map(ex.Velocity, claim.names), rates, strict=True))}
-        found = [(real_branch.value_at(p, there), mirrored[name]) for name, p in claim.momenta.items()]
+        there: real_branch.RealTable = {
+            **mirrored,
+            **dict(zip(map(ex.Velocity, claim.names), rates, strict=True)),
+        }
+        found = [
+            (real_branch.value_at(p, there), mirrored[name]) for name, p in claim.momenta.items()
+        ]
         is_image = all(a is not None and abs(a - b) <= near * (1 + abs(b)) for a, b in found)
         if is_image and all(real_branch.is_positive_at(condition, there) for condition in positive):
             return False
@@ -599,7 +754,9 @@ def _leaves_the_image(
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """How deep blocks may be split into smaller problems, and when (`now`) nothing new begins and all ends."""
+    """How deep blocks may be split into smaller problems, and when (`now`) nothing new begins and
+    all ends.
+    """
 
     depth: int = 4
     end: float = float("inf")
@@ -640,10 +797,14 @@ def solve(
         rates = {
             name: ex.substitute(tree, table)
             for block, branch in zip(parts.blocks, choice, strict=True)
-            for name, tree in zip(block.names, inverses.resolved(branch.velocities, block.names), strict=True)
+            for name, tree in zip(
+                block.names, inverses.resolved(branch.velocities, block.names), strict=True
+            )
         }
         energies = [ex.substitute(branch.hamiltonian, table) for branch in choice]
-        conditions = tuple(ex.substitute(condition, table) for branch in choice for condition in branch.conditions)
+        conditions = tuple(
+            ex.substitute(condition, table) for branch in choice for condition in branch.conditions
+        )
         velocities = tuple(rates[name] for name in names)
         yield inverses.InverseBranch(velocities, ex.add(*energies, -parts.free), conditions)
 
@@ -667,7 +828,9 @@ def momentum_shifts(
 
 @dataclass(frozen=True, slots=True)
 class _PhaseSpace:
-    """Velocities of pivots stay in `first` and are replaced by `last`; `harmless` trees vanish nowhere."""
+    """Velocities of pivots stay in `first` and are replaced by `last`; `harmless` trees vanish
+    nowhere.
+    """
 
     first: Table
     last: Table
@@ -680,9 +843,9 @@ def constraint_images(
 ) -> tuple[ex.Expression, ...]:
     """The constraints w(t, q, v) = 0 as functions of (t, q, p) that vanish at the same points.
 
-    Denominators are cleared, and factors dropped that vanish nowhere on the domain of L: parameters,
-    exponentials, denominators of L and radicands of its roots. Where the transform is implicit
-    the constraints stay in the velocities. Values: one tree for each constraint.
+    Denominators are cleared, and factors dropped that vanish nowhere on the domain of L:
+    parameters, exponentials, denominators of L and radicands of its roots. Where the transform is
+    implicit the constraints stay in the velocities. Values: one tree for each constraint.
     """
     if transform.velocities is None:
         return tuple(map(writing.simplified, constraints))
@@ -694,21 +857,38 @@ def _phase_space(
     transform: LegendreTransform, velocities: Sequence[ex.Expression], coordinates: Sequence[str]
 ) -> _PhaseSpace:
     rates = [ex.Velocity(name) for name in coordinates]
-    pivots = {node for rate in transform.chained for node in ex.walk(rate) if isinstance(node, ex.Velocity)}
+    pivots = {
+        node
+        for rate in transform.chained
+        for node in ex.walk(rate)
+        if isinstance(node, ex.Velocity)
+    }
     chained = zip(rates, transform.chained, strict=True)
     first: Table = {leaf: rate for leaf, rate in chained if leaf not in pivots}
     last: Table = dict(zip(rates, velocities, strict=True))
-    variables: frozenset[ex.Expression] = frozenset([*map(ex.Symbol, coordinates), *transform.symbols, *rates, ex.TIME])
-    held = [rule([transform.lagrangian]) for rule in (real_branch.poles, real_branch.own_requirements)]
+    variables: frozenset[ex.Expression] = frozenset(
+        [*map(ex.Symbol, coordinates), *transform.symbols, *rates, ex.TIME]
+    )
+    held = [
+        rule([transform.lagrangian]) for rule in (real_branch.poles, real_branch.own_requirements)
+    ]
     divisors = [ex.substitute(tree, first) for trees in held for tree in trees]
-    harmless = frozenset(_key(factor) for tree in divisors for factor, _ in ex.powers_of(writing.opaque_quotient(tree)))
+    harmless = frozenset(
+        _key(factor)
+        for tree in divisors
+        for factor, _ in ex.powers_of(writing.opaque_quotient(tree))
+    )
     return _PhaseSpace(first, last, variables, harmless)
 
 
 def _image(constraint: ex.Expression, place: _PhaseSpace) -> ex.Expression:
-    """The numerator without its harmless factors; the pivots' velocities are substituted at the end."""
+    """The numerator without its harmless factors; the pivots' velocities are substituted at the
+    end.
+    """
     kept = []
-    for factor, exponent in ex.powers_of(writing.opaque_quotient(ex.substitute(constraint, place.first))):
+    for factor, exponent in ex.powers_of(
+        writing.opaque_quotient(ex.substitute(constraint, place.first))
+    ):
         if factor == ex.ZERO:
             return ex.ZERO
         if exponent > 0 and not _is_harmless(factor, place):

@@ -1,9 +1,10 @@
 """The list of moves by which a finished formula is brought into the form in which people write it.
 
-A move is a function of a subject (a system, a Lagrangian) and a tree, with a name and with what it keeps (`Holds`). The
-moves of a table are made in its order (`write`); of a table of forms, each is tried and the cheapest kept (`cheapest`).
-Tables: GAUGES, FORMS and STYLE of `search.tidy` for L, ENERGY of `mechanics.legendre` for H. A move can be switched off
-by its name (`without`), and `counted` counts what each changes: `python -m benchmarks moves` prints both.
+A move is a function of a subject (a system, a Lagrangian) and a tree, with a name and with what it
+keeps (`Holds`). The moves of a table are made in its order (`write`); of a table of forms, each is
+tried and the cheapest kept (`cheapest`). Tables: GAUGES, FORMS and STYLE of `search.tidy` for L,
+ENERGY of `mechanics.legendre` for H. A move can be switched off by its name (`without`), and
+`counted` counts what each changes: `python -m benchmarks moves` prints both.
 """
 
 from __future__ import annotations
@@ -33,7 +34,9 @@ class Holds(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Move(Generic[Subject]):
-    """A step in the writing of a formula; its name is unique among all moves and forms of the table."""
+    """A step in the writing of a formula; its name is unique among all moves and forms of the
+    table.
+    """
 
     name: str
     holds: Holds
@@ -42,7 +45,8 @@ class Move(Generic[Subject]):
 
 @dataclass(frozen=True, slots=True)
 class Form(Generic[Subject]):
-    """One of several ways to write a formula, which may come in variants; the cheapest of all is kept.
+    """One of several ways to write a formula, which may come in variants; the cheapest of all is
+    kept.
 
     `of_terms`: the result depends on the terms of the tree alone, not on how they are written.
     """
@@ -54,7 +58,9 @@ class Form(Generic[Subject]):
 
 
 _off: ContextVar[frozenset[str]] = ContextVar("moves that are switched off", default=frozenset())
-_changes: ContextVar[Counter[object] | None] = ContextVar("how often each move changes a tree", default=None)
+_changes: ContextVar[Counter[object] | None] = ContextVar(
+    "how often each move changes a tree", default=None
+)
 
 
 @contextmanager
@@ -84,7 +90,9 @@ def write(
     tree: ex.Expression,
     failures: tuple[type[Exception], ...] = (),
 ) -> ex.Expression:
-    """The tree after all moves, in their order; one that raises one of the `failures` is left out."""
+    """The tree after all moves, in their order; one that raises one of the `failures` is left
+    out.
+    """
     for move in moves:
         if move.name not in _off.get():
             with suppress(*failures):
@@ -102,7 +110,9 @@ def cheapest(
     admit: Callable[[ex.Expression], bool] = lambda form: True,
     failures: tuple[type[Exception], ...] = (),
 ) -> ex.Expression:
-    """The tree, or the first of the cheapest forms that are admitted, powers merged, if that costs less."""
+    """The tree, or the first of the cheapest forms that are admitted, powers merged, if that costs
+    less.
+    """
     found: dict[ex.Expression, Form[Subject]] = {}
     for form in forms:
         if form.name not in _off.get():

@@ -1,15 +1,19 @@
-"""What a nonholonomic motion keeps: an invariant measure with a density N(q), and scaled velocities.
+"""What a nonholonomic motion keeps: an invariant measure with a density N(q), and scaled
+velocities.
 
-Distributions of vector fields on (t, q): brackets, Frobenius, and the equations X_k(phi) = h_k. A row is the
-components of a field in the variables (t or not, then q), followed by the value h that a function phi is to have along
-it; h = 0 where only the distribution matters.
+Distributions of vector fields on (t, q): brackets, Frobenius, and the equations X_k(phi) = h_k. A
+row is the components of a field in the variables (t or not, then q), followed by the value h that a
+function phi is to have along it; h = 0 where only the distribution matters.
 
-Constraints on velocities may be constraints on positions in disguise (Frobenius). The distribution of the constraints
-is closed under brackets; k constraints of which j survive as the annihilator of the closure are j holonomic ones and k
-- j nonholonomic ones. Constraints with a velocity-free term or with t are treated on (t, q), with the field d/dt +
+Constraints on velocities may be constraints on positions in disguise (Frobenius). The distribution
+of the constraints is closed under brackets; k constraints of which j survive as the annihilator of
+the closure are j holonomic ones and k
+- j nonholonomic ones. Constraints with a velocity-free term or with t are treated on (t, q), with
+  the field d/dt +
 drift.
 
-The logarithm of N is a function with a given differential: a sum of logarithms and simple terms (`potential`).
+The logarithm of N is a function with a given differential: a sum of logarithms and simple terms
+(`potential`).
 """
 
 from __future__ import annotations
@@ -46,14 +50,20 @@ class Potential:
 
     def exponential(self, ring: ExactRing) -> ex.Expression:
         """exp(phi) as a tree."""
-        factors = [turned(readable(ring, element)) ** readable(ring, value) for value, element in self.logarithms]
+        factors = [
+            turned(readable(ring, element)) ** readable(ring, value)
+            for value, element in self.logarithms
+        ]
         if not self.rest.is_zero:
             factors.append(ex.Apply("exp", readable(ring, self.rest)))
         return joined(ex.multiply(*factors))
 
     def tree(self, ring: ExactRing) -> ex.Expression:
         """phi as a tree."""
-        logs = [readable(ring, value) * ex.Apply("log", readable(ring, e)) for value, e in self.logarithms]
+        logs = [
+            readable(ring, value) * ex.Apply("log", readable(ring, e))
+            for value, e in self.logarithms
+        ]
         return ex.add(*logs, readable(ring, self.rest))
 
     def plus_logarithm(self, factors: Sequence[tuple[Fraction, Quotient]]) -> Potential:
@@ -67,14 +77,20 @@ class Potential:
                     break
             else:
                 table.append((value, element))
-        return Potential(tuple((value, element) for value, element in table if not value.is_zero), self.rest)
+        return Potential(
+            tuple((value, element) for value, element in table if not value.is_zero), self.rest
+        )
 
     def made_positive(self, ring: ExactRing, table: real_branch.RealTable | None) -> Potential:
-        """The same function up to a constant with positive arguments of the logarithms at a real point."""
+        """The same function up to a constant with positive arguments of the logarithms at a real
+        point.
+        """
         if table is None:
             return self
         pairs = ((c, readable(ring, element), element) for c, element in self.logarithms)
-        kept = tuple((c, -element if _is_negative(tree, table) else element) for c, tree, element in pairs)
+        kept = tuple(
+            (c, -element if _is_negative(tree, table) else element) for c, tree, element in pairs
+        )
         return Potential(kept, self.rest)
 
 
@@ -85,8 +101,11 @@ def _is_negative(tree: ex.Expression, table: real_branch.RealTable) -> bool:
         return False
 
 
-def potential(ring: ExactRing, variables: Sequence[int], form: Sequence[Quotient]) -> Potential | None:
-    """phi with d phi / d variables[i] = form[i], found among logarithms of denominators and simple terms.
+def potential(
+    ring: ExactRing, variables: Sequence[int], form: Sequence[Quotient]
+) -> Potential | None:
+    """phi with d phi / d variables[i] = form[i], found among logarithms of denominators and simple
+    terms.
 
     `variables` are indices of variables of the ring. None where no phi of this kind exists.
     """
@@ -96,39 +115,64 @@ def potential(ring: ExactRing, variables: Sequence[int], form: Sequence[Quotient
     places = sorted({index for slope in form for index, _ in slope.exponents})
     divisors = [Quotient(ring.field, ring.field.denominators[place], ()) for place in places]
     columns = [[partial(element) / element for partial in partials] for element in divisors]
-    # Residues that contain symbols are searched among logarithms only: with all terms the elimination would be long.
+    # Residues that contain symbols are searched among logarithms only: with all terms the
+    # elimination would be long.
     simple: list[Quotient] = []
     found = _combination(ring, columns, form)
     if found is None:
         simple = _simple_terms(ring, variables, form)[: bounds.SMALL]
-        found = _combination(ring, [*columns, *([partial(term) for partial in partials] for term in simple)], form)
+        found = _combination(
+            ring, [*columns, *([partial(term) for partial in partials] for term in simple)], form
+        )
     if found is None:
         return None
-    logs = tuple((value, element) for value, element in zip(found, divisors, strict=False) if not value.is_zero)
+    logs = tuple(
+        (value, element)
+        for value, element in zip(found, divisors, strict=False)
+        if not value.is_zero
+    )
     rest = ring.constant(0)
     for value, term in zip(found[len(divisors) :], simple, strict=True):
         rest = rest + term * value
     return Potential(logs, rest)
 
 
-def _simple_terms(ring: ExactRing, variables: Sequence[int], form: Sequence[Quotient]) -> list[Quotient]:
-    """For each term of each slope: itself, times the variable, and with one function changed for another."""
-    functions = [index for index, tree in ring.trees.items() if isinstance(tree, ex.Apply | ex.Arbitrary)]
+def _simple_terms(
+    ring: ExactRing, variables: Sequence[int], form: Sequence[Quotient]
+) -> list[Quotient]:
+    """For each term of each slope: itself, times the variable, and with one function changed for
+    another.
+    """
+    functions = [
+        index for index, tree in ring.trees.items() if isinstance(tree, ex.Apply | ex.Arbitrary)
+    ]
     found: dict[tuple[tuple[int, ...], Exponents], Quotient] = {}
     for variable, slope in zip(variables, form, strict=True):
-        own = next(index for index, known in ring.trees.items() if known == ring.variables[variable])
+        own = next(
+            index for index, known in ring.trees.items() if known == ring.variables[variable]
+        )
         for exponents, _ in slope.numerator.terms():
             base = [int(e) for e in exponents]
-            for key in itertools.product(map(tuple, _changes(ring, base, own, functions)), _lowered(slope.exponents)):
+            for key in itertools.product(
+                map(tuple, _changes(ring, base, own, functions)), _lowered(slope.exponents)
+            ):
                 if key not in found:
-                    numerator = ring.field.reduce(ring.field.context.from_dict({key[0]: flint.fmpq(1)}))
+                    numerator = ring.field.reduce(
+                        ring.field.context.from_dict({key[0]: flint.fmpq(1)})
+                    )
                     found[key] = ring.field.quotient(numerator, key[1])
     varying = [term for term in found.values() if term.constant_value is None]
-    return [term for term in varying if not any(term.numerator.degrees()[index] for index in ring.undefined)]
+    return [
+        term
+        for term in varying
+        if not any(term.numerator.degrees()[index] for index in ring.undefined)
+    ]
 
 
 def _lowered(exponents: Exponents) -> list[Exponents]:
-    """The exponents of a denominator, and those with one multiple factor less: 1/p^2 comes from 1/p."""
+    """The exponents of a denominator, and those with one multiple factor less: 1/p^2 comes from
+    1/p.
+    """
     less = [
         tuple((place, power - (place == chosen)) for place, power in exponents)
         for chosen, multiple in exponents
@@ -137,17 +181,25 @@ def _lowered(exponents: Exponents) -> list[Exponents]:
     return [exponents, *less]
 
 
-def _changes(ring: ExactRing, base: list[int], own: int, functions: Sequence[int]) -> list[list[int]]:
+def _changes(
+    ring: ExactRing, base: list[int], own: int, functions: Sequence[int]
+) -> list[list[int]]:
     changes = [list(base), [e + (k == own) for k, e in enumerate(base)]]
     for old in functions:
         if base[old]:
-            others = [new for new in functions if new != old and _is_related(ring.trees[new], ring.trees[old])]
+            others = [
+                new
+                for new in functions
+                if new != old and _is_related(ring.trees[new], ring.trees[old])
+            ]
             changes += [[e - (k == old) + (k == new) for k, e in enumerate(base)] for new in others]
     return changes
 
 
 def _is_related(primitive: ex.Expression, slope: ex.Expression) -> bool:
-    """Whether the one may be, up to a factor, a derivative of the other: sin and cos of one angle, A and A'."""
+    """Whether the one may be, up to a factor, a derivative of the other: sin and cos of one angle,
+    A and A'.
+    """
     match primitive, slope:
         case [ex.Apply(_, inner), ex.Apply(_, outer)]:
             return inner == outer
@@ -160,23 +212,30 @@ def _is_related(primitive: ex.Expression, slope: ex.Expression) -> bool:
 def _combination(
     ring: ExactRing, columns: Sequence[Sequence[Quotient]], target: Sequence[Quotient]
 ) -> list[Quotient] | None:
-    """Constant c with sum c_k columns[k] = target, rational where that will do; None if there is none."""
+    """Constant c with sum c_k columns[k] = target, rational where that will do; None if there is
+    none.
+    """
     vector = next(rational_null_vectors(ring, [*columns, target]), None)
     if vector is not None and vector[-1]:
         return [ring.constant(-value) for value in vector[:-1]]
     return matrices.solution(ring, columns, target) if len(columns) <= bounds.COLUMNS else None
 
 
-def rational_null_vectors(ring: ExactRing, columns: Sequence[Sequence[Quotient]]) -> Iterator[list[Fraction]]:
+def rational_null_vectors(
+    ring: ExactRing, columns: Sequence[Sequence[Quotient]]
+) -> Iterator[list[Fraction]]:
     """A basis of the rational c with sum_k c_k columns[k] = 0, entry by entry.
 
-    Each has a 1 in a column that depends on those before it, the last such column first, and 0 in the others of them.
+    Each has a 1 in a column that depends on those before it, the last such column first, and 0 in
+    the others of them.
     """
     rows: dict[tuple[int, tuple[int, ...]], dict[int, Fraction]] = {}
     for place, entries in enumerate(zip(*columns, strict=True)):
         for k, numerator in enumerate(matrices.numerators(ring, entries)):
             for exponents, coefficient in numerator.terms():
-                rows.setdefault((place, tuple(int(e) for e in exponents)), {})[k] = as_fraction(coefficient)
+                rows.setdefault((place, tuple(int(e) for e in exponents)), {})[k] = as_fraction(
+                    coefficient
+                )
     table = [[row.get(k, Fraction(0)) for k in range(len(columns))] for row in rows.values()]
     yield from reversed(matrices.kernel(table, len(columns)))
 
@@ -187,8 +246,14 @@ def factors_of(ring: ExactRing, element: Quotient) -> list[tuple[Fraction, Quoti
     table: dict[int, Fraction] = {index: Fraction(exponent) for index, exponent in powers}
     for index, exponent in element.exponents:
         table[index] = table.get(index, Fraction(0)) - exponent
-    pairs = [(e, Quotient(ring.field, ring.field.denominators[index], ())) for index, e in table.items() if e]
-    partials = [ring.partial(k) for k in range(len(ring.variables))]  # a parameter is constant in t, q and v
+    pairs = [
+        (e, Quotient(ring.field, ring.field.denominators[index], ()))
+        for index, e in table.items()
+        if e
+    ]
+    partials = [
+        ring.partial(k) for k in range(len(ring.variables))
+    ]  # a parameter is constant in t, q and v
     return [(e, element) for e, element in pairs if not all(by(element).is_zero for by in partials)]
 
 
@@ -196,8 +261,9 @@ def factors_of(ring: ExactRing, element: Quotient) -> list[tuple[Fraction, Quoti
 class Closure:
     """The smallest involutive distribution that holds some fields.
 
-    `rows` are its fields with a leading 1 in the columns `pivots`, each with its value last; `growth`
-    are the ranks met; `consistent` is False where the brackets require a value of the zero field.
+    `rows` are its fields with a leading 1 in the columns `pivots`, each with its value last;
+    `growth` are the ranks met; `consistent` is False where the brackets require a value of the zero
+    field.
     """
 
     rows: tuple[Field, ...]
@@ -209,8 +275,8 @@ class Closure:
 def involutive_closure(partials: Sequence[Partial], fields: Sequence[Field]) -> Closure:
     """Brackets are added until nothing new appears, at most as many times as there are variables.
 
-    With X(phi) = h and Y(phi) = k the bracket has the value X(k) - Y(h); where a combination of fields
-    vanishes and its value does not, no phi exists (`consistent` False).
+    With X(phi) = h and Y(phi) = k the bracket has the value X(k) - Y(h); where a combination of
+    fields vanishes and its value does not, no phi exists (`consistent` False).
     """
     width = len(partials)
     found = matrices.reduced_rows(fields, range(width))
@@ -219,7 +285,9 @@ def involutive_closure(partials: Sequence[Partial], fields: Sequence[Field]) -> 
     while True:
         # [X, Y], and X(k) - Y(h) as the last entry.
         brackets = [
-            tuple(_along(partials, x, b) - _along(partials, y, a) for a, b in zip(x, y, strict=True))
+            tuple(
+                _along(partials, x, b) - _along(partials, y, a) for a, b in zip(x, y, strict=True)
+            )
             for x, y in combinations(found.rows, 2)
         ]
         fresh = [row for row in brackets if not all(entry.is_zero for entry in row)]
@@ -235,7 +303,9 @@ def involutive_closure(partials: Sequence[Partial], fields: Sequence[Field]) -> 
 
 def _along(partials: Sequence[Partial], field: Field, element: Quotient) -> Quotient:
     components = zip(field[:-1], partials, strict=True)
-    terms = [component * partial(element) for component, partial in components if not component.is_zero]
+    terms = [
+        component * partial(element) for component, partial in components if not component.is_zero
+    ]
     return sum_of(element - element, terms)
 
 
@@ -260,7 +330,8 @@ def gradient(partials: Sequence[Partial], closure: Closure) -> tuple[Quotient, .
 
 @dataclass(frozen=True, slots=True)
 class Integrability:
-    """`integrable` of the `count` constraints are holonomic; `growth` are the ranks of the derived flag.
+    """`integrable` of the `count` constraints are holonomic; `growth` are the ranks of the derived
+    flag.
 
     `integrals` are functions of (t, q) that the constraints keep constant, those that were found in
     closed form; at most `integrable` of them.
@@ -280,7 +351,9 @@ def integrability(parts: Geometry, choice: Frame) -> Integrability:
     """The holonomic part of the constraints; TooLarge where brackets grow beyond the budget."""
     first = 0 if needs_time(parts, choice) else 1
     variables = list(range(first, 1 + parts.size))
-    closure = involutive_closure([parts.ring.partial(k) for k in variables], fields(parts, choice, first == 0))
+    closure = involutive_closure(
+        [parts.ring.partial(k) for k in variables], fields(parts, choice, first == 0)
+    )
     lost = [place for place in range(len(variables)) if place not in closure.pivots]
     integrals = [_integral(parts, variables, closure, place) for place in lost]
     found = tuple(tree for tree in integrals if tree is not None)
@@ -291,14 +364,18 @@ def integrability(parts: Geometry, choice: Frame) -> Integrability:
 def needs_time(parts: Geometry, choice: Frame) -> bool:
     """Whether the constraints move: a velocity-free term, or t in a coefficient."""
     entries = [*choice.drift, *(entry for row in choice.basis for entry in row)]
-    return any(not drift.is_zero for drift in choice.drift) or any(not parts.by_time(e).is_zero for e in entries)
+    return any(not drift.is_zero for drift in choice.drift) or any(
+        not parts.by_time(e).is_zero for e in entries
+    )
 
 
-def fields(parts: Geometry, choice: Frame, with_time: bool, values: Sequence[Quotient] = ()) -> list[Field]:
+def fields(
+    parts: Geometry, choice: Frame, with_time: bool, values: Sequence[Quotient] = ()
+) -> list[Field]:
     """The columns of the frame as rows of components, each with its value (0 where none is given).
 
-    `with_time` puts the component of d/dt first and adds the field d/dt + drift at the end; its value
-    is the last one given.
+    `with_time` puts the component of d/dt first and adds the field d/dt + drift at the end; its
+    value is the last one given.
     """
     zero, one = parts.zero, parts.ring.constant(1)
     given = [*values, *[zero] * (len(choice.free) + 1 - len(values))]
@@ -308,8 +385,12 @@ def fields(parts: Geometry, choice: Frame, with_time: bool, values: Sequence[Quo
     return [*found, (one, *choice.drift, given[-1])] if with_time else found
 
 
-def _integral(parts: Geometry, variables: Sequence[int], closure: Closure, lost: int) -> ex.Expression | None:
-    """The function whose differential is dx_lost - sum of row[lost] dx_pivot, if it is closed and simple."""
+def _integral(
+    parts: Geometry, variables: Sequence[int], closure: Closure, lost: int
+) -> ex.Expression | None:
+    """The function whose differential is dx_lost - sum of row[lost] dx_pivot, if it is closed and
+    simple.
+    """
     slopes = {pivot: -row[lost] for pivot, row in zip(closure.pivots, closure.rows, strict=True)}
     slopes[lost] = parts.ring.constant(1)
     form = [slopes.get(place, parts.zero) for place in range(len(variables))]
@@ -327,7 +408,11 @@ def _scales(parts: Geometry, form: Sequence[Quotient]) -> list[Quotient]:
     for slope in form:
         if not slope.is_zero:
             elements = [element for _, element in factors_of(ring, slope)]
-            scales += [other for element in elements for other in (element, element.inverse(), element * element)]
+            scales += [
+                other
+                for element in elements
+                for other in (element, element.inverse(), element * element)
+            ]
     return scales[: 2 * bounds.CANDIDATES]
 
 
@@ -335,8 +420,8 @@ def _scales(parts: Geometry, form: Sequence[Quotient]) -> list[Quotient]:
 class MeasureDensity:
     """A function of q, up to a constant factor, that makes a volume invariant.
 
-    `momenta` is the density N of the volume dq dp, p_j = dL_c/du_j the momenta of the free velocities
-    (the paper's N); `velocities` is the density N det G of the volume dq du.
+    `momenta` is the density N of the volume dq dp, p_j = dL_c/du_j the momenta of the free
+    velocities (the paper's N); `velocities` is the density N det G of the volume dq du.
     """
 
     status: Status
@@ -362,14 +447,20 @@ def measure_density(motion: EliminatedMotion) -> MeasureDensity:
         return MeasureDensity("does_not_exist" if found == "contradiction" else "not_found")
     inertia = matrices.determinant(motion.inertia, parts.ring.constant(1))
     less = [(-exponent, element) for exponent, element in factors_of(parts.ring, inertia)]
-    table = parts.real_point([parts.tree(element) for element in (*motion.accelerations, *motion.velocities)])
+    table = parts.real_point(
+        [parts.tree(element) for element in (*motion.accelerations, *motion.velocities)]
+    )
     momenta, velocities = found.plus_logarithm(less).made_positive(parts.ring, table), found
     return MeasureDensity(
-        "found", momenta.exponential(parts.ring), velocities.made_positive(parts.ring, table).exponential(parts.ring)
+        "found",
+        momenta.exponential(parts.ring),
+        velocities.made_positive(parts.ring, table).exponential(parts.ring),
     )
 
 
-def _linear_parts(motion: EliminatedMotion, element: Quotient) -> tuple[list[Quotient] | None, Quotient]:
+def _linear_parts(
+    motion: EliminatedMotion, element: Quotient
+) -> tuple[list[Quotient] | None, Quotient]:
     """(d_k, d_0) with element = d_k(q) u_k + d_0(q); None where it is not of this form."""
     parts, free = motion.geometry, motion.frame.free
     slopes = [parts.by_velocity(k, element) for k in free]
@@ -394,7 +485,9 @@ def _solved(
 
 
 def scaled_velocities(motion: EliminatedMotion) -> Iterator[FirstIntegral]:
-    """exp(phi(q)) u_j where u_j' = -u_j phi', for each free velocity that only stretches along the motion."""
+    """exp(phi(q)) u_j where u_j' = -u_j phi', for each free velocity that only stretches along the
+    motion.
+    """
     parts, choice = motion.geometry, motion.frame
     if needs_time(parts, choice):
         return
@@ -416,4 +509,6 @@ def _still_divides(motion: EliminatedMotion, ratio: Quotient) -> bool:
     """Whether a velocity is left in the denominator."""
     owner = motion.geometry.ring.field
     elements = [Quotient(owner, owner.denominators[index], ()) for index, _ in ratio.exponents]
-    return any(not motion.geometry.by_velocity(k, e).is_zero for e in elements for k in motion.frame.free)
+    return any(
+        not motion.geometry.by_velocity(k, e).is_zero for e in elements for k in motion.frame.free
+    )

@@ -1,31 +1,36 @@
-"""The class L = (I_1 r1'^2 + I_2 r2'^2 + sum I_a s_a'^2)/2 - V, s_a' = -A_a(r1) r2', seen by its structure.
+"""The class L = (I_1 r1'^2 + I_2 r2'^2 + sum I_a s_a'^2)/2 - V, s_a' = -A_a(r1) r2', seen by its
+structure.
 
-With N = (I_2 + sum I_a A_a^2)^(-1/2) and K = sum I_a A_a A_a' its motion without V is r1'' = 0, r2'' = -N^2 K r1' r2',
-and w = (r2', s_1', …, s_k') = c u(r1) with u = N (1, -A_1, …, -A_k) and c constant.
+With N = (I_2 + sum I_a A_a^2)^(-1/2) and K = sum I_a A_a A_a' its motion without V is r1'' = 0,
+r2'' = -N^2 K r1' r2', and w = (r2', s_1', …, s_k') = c u(r1) with u = N (1, -A_1, …, -A_k) and c
+constant.
 
-Associated systems are second-order systems whose motion on the constraints is that one; forces without velocities stay:
+Associated systems are second-order systems whose motion on the constraints is that one; forces
+without velocities stay:
 
-    first    the accelerations as they come, all velocities written by the free ones
-    second   in s'', where s' = c(q) u_j with one free velocity u_j, each term with u_j has s'/c in its place
+    first    the accelerations as they come, all velocities written by the free ones second   in
+    s'', where s' = c(q) u_j with one free velocity u_j, each term with u_j has s'/c in its place
     third    w' = r1' M(r1) w with M skew for the masses, a rotation
 
-Without a force the last two are variational. With D = diag(I_2, I_a), a symmetric regular S(r1) with S u = constant,
-and F the places that are not coupled:
+Without a force the last two are variational. With D = diag(I_2, I_a), a symmetric regular S(r1)
+with S u = constant, and F the places that are not coupled:
 
     w' = r1' M w, M = -S^-1 S',  L = I_1 r1'^2/2 + sum over F of I_i w_i^2/2 + w^T S w/(2 r1'),
     H = (p_r1 + p^T S^-1 p/2)^2/(2 I_1) + sum over F of p_i^2/(2 I_i).
 
     second   S = diag(1/u_i), F empty (L1 of Proposition 1), or F = {r2} where N is constant (L2)
-    third    S a reflection in the metric D, F the constant entries of u; J are the others, e the first of J:
-             two in J     S = ((I_e u_e, I_j u_j), (I_j u_j, -I_j u_e)), rational in u
-             more in J    S_ej = sqrt(I_e) I_j u_j, the others as in `_fill_space`; regular where
+    third    S a reflection in the metric D, F the constant entries of u; J are the others, e the
+    first of J:
+             two in J     S = ((I_e u_e, I_j u_j), (I_j u_j, -I_j u_e)), rational in u more in J
+             S_ej = sqrt(I_e) I_j u_j, the others as in `_fill_space`; regular where
                           sqrt(I_e) u_e > -sqrt(rho)
 
-rho = sum over J of I_i u_i^2 is constant, and S u = (rho, 0, …, 0) up to a constant, so that the image of the
-constraints is linear in the momenta. With one in J, u would be constant too. These are proposals: nothing is claimed of
-them until the checker has confirmed them. Source: T. Mestdag, A. M. Bloch, O. E. Fernandez, Hamiltonization and
-geometric integration of nonholonomic mechanical systems, 2009, Propositions 1 and 2; the rotation is derived here (for
-one constraint in T. Mestdag's systems see docs/explanation/constrained-systems.md).
+rho = sum over J of I_i u_i^2 is constant, and S u = (rho, 0, …, 0) up to a constant, so that the
+image of the constraints is linear in the momenta. With one in J, u would be constant too. These are
+proposals: nothing is claimed of them until the checker has confirmed them. Source: T. Mestdag, A.
+M. Bloch, O. E. Fernandez, Hamiltonization and geometric integration of nonholonomic mechanical
+systems, 2009, Propositions 1 and 2; the rotation is derived here (for one constraint in T.
+Mestdag's systems see docs/explanation/constrained-systems.md).
 """
 
 from collections.abc import Iterable, Sequence
@@ -34,19 +39,33 @@ from fractions import Fraction
 from typing import Literal
 
 from inverse_service.expressions import calculus, collecting
-from inverse_service.expressions.tree import HALF, ZERO, Expression, Number, Symbol, Velocity, add, number, square_root
+from inverse_service.expressions.tree import (
+    HALF,
+    ZERO,
+    Expression,
+    Number,
+    Symbol,
+    Velocity,
+    add,
+    number,
+    square_root,
+)
 from inverse_service.field.exact_field import Quotient, TooLarge, sum_of
 from inverse_service.mechanics import euler_lagrange, legendre, nonholonomic_integrals, writing
-from inverse_service.mechanics.constrained_motion import EliminatedMotion, Frame, Geometry, frames, open_places
+from inverse_service.mechanics.constrained_motion import (
+    EliminatedMotion,
+    Frame,
+    Geometry,
+    frames,
+    open_places,
+)
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Matrix = list[list[Expression]]
 
 Kind = Literal["first", "second", "third"]
 KINDS: tuple[Kind, ...] = ("first", "second", "third")
-_FIRST = (
-    "The accelerations as d'Alembert's principle gives them, with the dependent velocities written by the free ones."
-)
+_FIRST = "The accelerations as d'Alembert's principle gives them, with the dependent velocities written by the free ones."
 
 _Rows = Sequence[Sequence[Expression]]
 
@@ -91,14 +110,20 @@ class PaperClass:
     @property
     def inverse_square_density(self) -> Quotient:
         """1/N^2 = I_2 + sum I_a A_a^2."""
-        terms = [mass * entry * entry for mass, entry in zip(self.masses, self.directions, strict=True)]
+        terms = [
+            mass * entry * entry for mass, entry in zip(self.masses, self.directions, strict=True)
+        ]
         return sum_of(self.geometry.zero, terms)
 
     @property
     def density(self) -> Expression:
-        """N up to a constant factor, in its simplest form: 1 where it is constant, cos(phi) for A = tan(phi)."""
+        """N up to a constant factor, in its simplest form: 1 where it is constant, cos(phi) for A =
+        tan(phi).
+        """
         ring, square = self.geometry.ring, self.inverse_square_density
-        found = nonholonomic_integrals.potential(ring, [1 + self.r1], [-(self.slope_of_density / square)])
+        found = nonholonomic_integrals.potential(
+            ring, [1 + self.r1], [-(self.slope_of_density / square)]
+        )
         whole = self.geometry.tree(square) ** Fraction(-1, 2)
         if found is None:
             return whole
@@ -107,7 +132,10 @@ class PaperClass:
     @property
     def slope_of_density(self) -> Quotient:
         """K = sum I_a A_a A_a'."""
-        terms = [mass * slope * self.by_r1(slope) for mass, slope in zip(self.masses[1:], self.slopes, strict=True)]
+        terms = [
+            mass * slope * self.by_r1(slope)
+            for mass, slope in zip(self.masses[1:], self.slopes, strict=True)
+        ]
         return sum_of(self.geometry.zero, terms)
 
     def by_r1(self, element: Quotient) -> Quotient:
@@ -125,10 +153,16 @@ def recognized(parts: Geometry) -> tuple[PaperClass | None, str]:
         return None, reason
     if parts.size - len(parts.rows) != 2:
         count = parts.size - len(parts.rows)
-        return None, f"the constraints leave {count} free velocit{'y' if count == 1 else 'ies'}, but the class has two"
+        return (
+            None,
+            f"the constraints leave {count} free velocit{'y' if count == 1 else 'ies'}, but the class has two",
+        )
     found = [member for choice in frames(parts) for member in _members(parts, choice)]
     if not found:
-        return None, "the constraints are not of the form s' = -A(r1) r2' with one r1 and one r2 for all of them"
+        return (
+            None,
+            "the constraints are not of the form s' = -A(r1) r2' with one r1 and one r2 for all of them",
+        )
     return next((member for member in found if member.force_fits), found[0]), ""
 
 
@@ -155,11 +189,15 @@ def _members(parts: Geometry, choice: Frame) -> list[PaperClass]:
         r1, r2 = choice.free[place], choice.free[1 - place]
         column_r1 = [choice.basis[k][place] for k in choice.dependent]
         slopes = tuple(-choice.basis[k][1 - place] for k in choice.dependent)
-        if any(not entry.is_zero for entry in column_r1) or not all(_only(parts, slope, r1) for slope in slopes):
+        if any(not entry.is_zero for entry in column_r1) or not all(
+            _only(parts, slope, r1) for slope in slopes
+        ):
             continue
         masses = tuple(parts.mass[k][k] for k in (r2, *choice.dependent))
         force, fits = parts.depends_on_position(parts.potential), _only(parts, parts.potential, r2)
-        found.append(PaperClass(parts, choice, r1, r2, parts.mass[r1][r1], masses, slopes, force, fits))
+        found.append(
+            PaperClass(parts, choice, r1, r2, parts.mass[r1][r1], masses, slopes, force, fits)
+        )
     return found
 
 
@@ -171,7 +209,9 @@ def _only(parts: Geometry, element: Quotient, place: int) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Rotation:
-    """M, S, and its inverse over the coordinates `moving` of a member; `turning` are the places J."""
+    """M, S, and its inverse over the coordinates `moving` of a member; `turning` are the places
+    J.
+    """
 
     turning: tuple[int, ...]
     generator: _Rows
@@ -180,7 +220,9 @@ class Rotation:
 
 
 def rotation(member: PaperClass) -> Rotation:
-    """The rotation of a member of the class; the zero matrix where u is constant (integrable constraints)."""
+    """The rotation of a member of the class; the zero matrix where u is constant (integrable
+    constraints).
+    """
     r1, masses = Symbol(member.names[member.r1]), member.weights
     square = member.inverse_square_density
     entries = enumerate(member.directions)  # u_i = N (1, -A)_i is constant where (u_i^2)' = 0
@@ -210,10 +252,15 @@ def _fill_space(
     generator: Matrix, form: Matrix, turning: Sequence[int], masses: Sequence[Expression], u: Sequence[Expression],
     r1: Symbol,
 ) -> None:  # fmt: skip
-    """M and S on the places J: a reflection that takes u to a multiple of the first unit vector of J."""
+    """M and S on the places J: a reflection that takes u to a multiple of the first unit vector of
+    J.
+    """
     first, others = turning[0], turning[1:]
     rho = writing.tidied(add(*(masses[k] * u[k] ** 2 for k in turning)))
-    norm, root = collecting.collect(square_root(rho)), collecting.collect(square_root(masses[first]))
+    norm, root = (
+        collecting.collect(square_root(rho)),
+        collecting.collect(square_root(masses[first])),
+    )
     height = root * u[first]
     below = norm + height
     for k in others:
@@ -282,33 +329,49 @@ class AssociatedSystem:
     explanation: str
 
 
-def associated(motion: EliminatedMotion, member: PaperClass | None, reason: str, kind: Kind) -> AssociatedSystem:
-    """One associated system of the motion; `reason` says why the system is outside the class, if it is."""
+def associated(
+    motion: EliminatedMotion, member: PaperClass | None, reason: str, kind: Kind
+) -> AssociatedSystem:
+    """One associated system of the motion; `reason` says why the system is outside the class, if it
+    is.
+    """
     if kind == "first":
         return _defined(motion, kind, map(motion.geometry.tree, motion.accelerations), _FIRST)
     if kind == "second":
         return _second(motion, member)
     if member is None:
-        return AssociatedSystem(kind, None, f"The third system is defined only in the paper's class: {reason}.")
+        return AssociatedSystem(
+            kind, None, f"The third system is defined only in the paper's class: {reason}."
+        )
     return _third(motion, member)
 
 
-def with_multiples(base: AssociatedSystem, multiples: Sequence[Expression], name: str) -> AssociatedSystem:
-    """f plus what a user adds to each acceleration; that it vanishes on the constraints is not tested here."""
+def with_multiples(
+    base: AssociatedSystem, multiples: Sequence[Expression], name: str
+) -> AssociatedSystem:
+    """f plus what a user adds to each acceleration; that it vanishes on the constraints is not
+    tested here.
+    """
     if base.system is None:
         return base
     system = base.system
     summed = tuple(f + extra for f, extra in zip(system.accelerations, multiples, strict=True))
     title = f"{system.name}, with multiples of the constraints"
     changed = replace(system, accelerations=summed, name=title)
-    return AssociatedSystem(name, changed, f"{base.explanation} The given multiples of the constraints are added.")
+    return AssociatedSystem(
+        name, changed, f"{base.explanation} The given multiples of the constraints are added."
+    )
 
 
-def _defined(motion: EliminatedMotion, kind: str, trees: Iterable[Expression], explanation: str) -> AssociatedSystem:
+def _defined(
+    motion: EliminatedMotion, kind: str, trees: Iterable[Expression], explanation: str
+) -> AssociatedSystem:
     """The associated system with these accelerations."""
     given, accelerations = motion.geometry.system, tuple(trees)
     title = f"{given.name}, {kind} associated system" if given.name else f"{kind} associated system"
-    system = SecondOrderSystem(given.coordinates, accelerations, given.parameters, given.functions, title)
+    system = SecondOrderSystem(
+        given.coordinates, accelerations, given.parameters, given.functions, title
+    )
     places = open_places(motion.geometry, motion.frame, accelerations, motion.inertia)
     return AssociatedSystem(kind, replace(system, nonzero=places), explanation)
 
@@ -326,13 +389,23 @@ def _second(motion: EliminatedMotion, member: PaperClass | None) -> AssociatedSy
             return AssociatedSystem("second", None, f"The second system is not defined: {reason}.")
         if columns:
             free = choice.free[columns[0]]
-            accelerations[place] = _replaced(motion, accelerations[place], free, place, row[columns[0]])
-    plain = "In s'' = ... each term with the free velocity that s' is a multiple of has s' in its place"
-    rest = " (the paper's rule, used outside its class)." if member is None else ": r1' r2' = -r1' s'/A."
+            accelerations[place] = _replaced(
+                motion, accelerations[place], free, place, row[columns[0]]
+            )
+    plain = (
+        "In s'' = ... each term with the free velocity that s' is a multiple of has s' in its place"
+    )
+    rest = (
+        " (the paper's rule, used outside its class)."
+        if member is None
+        else ": r1' r2' = -r1' s'/A."
+    )
     return _defined(motion, "second", map(parts.tree, accelerations), plain + rest)
 
 
-def _replaced(motion: EliminatedMotion, element: Quotient, free: int, place: int, ratio: Quotient) -> Quotient:
+def _replaced(
+    motion: EliminatedMotion, element: Quotient, free: int, place: int, ratio: Quotient
+) -> Quotient:
     """One factor u_free of each term becomes s'/ratio."""
     parts = motion.geometry
     speed = parts.velocity(free)
@@ -350,13 +423,17 @@ def _third(motion: EliminatedMotion, member: PaperClass) -> AssociatedSystem:
     forces = [parts.tree(_velocity_free(motion, element)) for element in motion.accelerations]
     turned = rotation(member)
     masses = member.weights
-    if len(turned.turning) > 2 and any(isinstance(mass, Number) and mass.value < 0 for mass in masses):
+    if len(turned.turning) > 2 and any(
+        isinstance(mass, Number) and mass.value < 0 for mass in masses
+    ):
         text = "The third system is not defined: with three and more turning velocities all masses have to be positive."
         return AssociatedSystem("third", None, text)
     names = parts.system.coordinates
     rate, speeds = Velocity(names[member.r1]), [Velocity(names[place]) for place in member.moving]
     for place, row in zip(member.moving, turned.generator, strict=True):
-        terms = (writing.tidied(entry * rate * speed) for entry, speed in zip(row, speeds, strict=True))
+        terms = (
+            writing.tidied(entry * rate * speed) for entry, speed in zip(row, speeds, strict=True)
+        )
         trees[place] = add(*terms) + forces[place]
     text = _explanation([names[member.moving[place]] for place in turned.turning], names[member.r1])
     return _defined(motion, "third", trees, text)
@@ -374,9 +451,11 @@ def _velocity_free(motion: EliminatedMotion, element: Quotient) -> Quotient:
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """The Legendre transform of a Lagrangian, the image of the constraints in phase space, and where it comes from.
+    """The Legendre transform of a Lagrangian, the image of the constraints in phase space, and
+    where it comes from.
 
-    `images` is empty where u is constant and nothing is coupled, and for equations without constraints.
+    `images` is empty where u is constant and nothing is coupled, and for equations without
+    constraints.
     """
 
     source: str
@@ -385,9 +464,11 @@ class Proposal:
 
 
 def propose_lagrangians(member: PaperClass, kind: str) -> tuple[Proposal, ...]:
-    """The proposals for one kind of associated system; none for the first, and none where there is a force.
+    """The proposals for one kind of associated system; none for the first, and none where there is
+    a force.
 
-    There are also none where they would be too large or where the time of the member's ring is over.
+    There are also none where they would be too large or where the time of the member's ring is
+    over.
     """
     if member.has_force or kind not in ("second", "third"):
         return ()
@@ -395,7 +476,11 @@ def propose_lagrangians(member: PaperClass, kind: str) -> tuple[Proposal, ...]:
         if kind == "second":
             return _of_second(member)
         turned = rotation(member)
-        return (_proposal(member, "Lagrangian of the rotation", turned.form, turned.inverse, turned.turning),)
+        return (
+            _proposal(
+                member, "Lagrangian of the rotation", turned.form, turned.inverse, turned.turning
+            ),
+        )
     except (TooLarge, ZeroDivisionError):
         return ()
 
@@ -415,10 +500,14 @@ def _of_second(member: PaperClass) -> tuple[Proposal, ...]:
     first = _proposal(member, "first Lagrangian of Proposition 1", form, inverse, everything)
     if not member.slope_of_density.is_zero:
         return (first,)
-    return first, _proposal(member, "second Lagrangian of Proposition 1", form, inverse, everything[1:])
+    return first, _proposal(
+        member, "second Lagrangian of Proposition 1", form, inverse, everything[1:]
+    )
 
 
-def _proposal(member: PaperClass, label: str, form: _Rows, inverse: _Rows, coupled: Sequence[int]) -> Proposal:
+def _proposal(
+    member: PaperClass, label: str, form: _Rows, inverse: _Rows, coupled: Sequence[int]
+) -> Proposal:
     moving, masses = [Velocity(member.names[place]) for place in member.moving], member.weights
     free = [place for place in range(len(moving)) if place not in coupled]
     rate = Velocity(member.names[member.r1])
@@ -430,7 +519,9 @@ def _proposal(member: PaperClass, label: str, form: _Rows, inverse: _Rows, coupl
     return Proposal(label, transform, _images(member, form, coupled, transform))
 
 
-def _quadratic(matrix: _Rows, vector: Sequence[Expression], places: Sequence[int]) -> list[Expression]:
+def _quadratic(
+    matrix: _Rows, vector: Sequence[Expression], places: Sequence[int]
+) -> list[Expression]:
     """The terms of x^T M x / 2 over some places."""
     terms = []
     for position, i in enumerate(places):
@@ -442,32 +533,42 @@ def _quadratic(matrix: _Rows, vector: Sequence[Expression], places: Sequence[int
 def _transform(
     member: PaperClass, lagrangian: Expression, inverse: _Rows, coupled: Sequence[int]
 ) -> legendre.LegendreTransform:
-    """H and v(q, p) written down; r1' = (p_r1 + p^T S^-1 p/2)/I_1, w = r1' S^-1 p, w_i = p_i/I_i on F."""
+    """H and v(q, p) written down; r1' = (p_r1 + p^T S^-1 p/2)/I_1, w = r1' S^-1 p, w_i = p_i/I_i on
+    F.
+    """
     symbols, note = legendre.momentum_symbols(lagrangian, member.names)
     p = [symbols[place] for place in member.moving]
     mass, masses = member.geometry.tree(member.mass_of_r1), member.weights
-    inner = add(symbols[member.r1], *(writing.tidied(term) for term in _quadratic(inverse, p, coupled)))
+    inner = add(
+        symbols[member.r1], *(writing.tidied(term) for term in _quadratic(inverse, p, coupled))
+    )
     rate = inner / mass
     velocities: dict[int, Expression] = {member.r1: rate}
     energies = [HALF * inner**2 / mass]
     for i, place in enumerate(member.moving):
         if i in coupled:
-            turned = add(*(writing.tidied(inverse[i][j] * p[j]) for j in coupled if inverse[i][j] != ZERO))
+            turned = add(
+                *(writing.tidied(inverse[i][j] * p[j]) for j in coupled if inverse[i][j] != ZERO)
+            )
             velocities[place] = turned * rate
         else:
             velocities[place] = p[i] / masses[i]
             energies.append(HALF * p[i] ** 2 / masses[i])
     found = tuple(velocities[place] for place in range(len(member.names)))
     functions = tuple(map(writing.tidied, euler_lagrange.momenta(lagrangian, member.names)))
-    return legendre.LegendreTransform(lagrangian, symbols, add(*energies), functions, found, False, note, found)
+    return legendre.LegendreTransform(
+        lagrangian, symbols, add(*energies), functions, found, False, note, found
+    )
 
 
 def _images(
     member: PaperClass, form: _Rows, coupled: Sequence[int], transform: legendre.LegendreTransform
 ) -> tuple[Expression, ...]:
-    """The constraints in phase space: p_w is parallel to S u on the coupled places, p_i = I_i u_i c on the free ones.
+    """The constraints in phase space: p_w is parallel to S u on the coupled places, p_i = I_i u_i c
+    on the free ones.
 
-    With e the first coupled place: p_i - (Su)_i/(Su)_e p_e, and I_1 p_i - I_i u_i/(Su)_e (p_r1 + ...) p_e.
+    With e the first coupled place: p_i - (Su)_i/(Su)_e p_e, and I_1 p_i - I_i u_i/(Su)_e (p_r1 +
+    ...) p_e.
     """
     p = [transform.symbols[place] for place in member.moving]
     if not coupled:

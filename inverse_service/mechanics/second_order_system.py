@@ -1,8 +1,10 @@
-"""The system q'' = f(t, q, q') as data, the sets where it is one formula, and how it is read from a document.
+"""The system q'' = f(t, q, q') as data, the sets where it is one formula, and how it is read from a
+document.
 
-On each open set where its roots of squares are single formulas it is a branch. First-order pairs q' = h(t, q, p),
-p' = F(t, q, p), h affine in p and solvable for it, are read as q'' = f(t, q, q'): with p = p(t, q, q') from the first
-equations, f = dh/dt + dh/dq q' + dh/dp F. Hamilton's equations of a regular H quadratic in the momenta are such pairs.
+On each open set where its roots of squares are single formulas it is a branch. First-order pairs q'
+= h(t, q, p), p' = F(t, q, p), h affine in p and solvable for it, are read as q'' = f(t, q, q'):
+with p = p(t, q, q') from the first equations, f = dh/dt + dh/dq q' + dh/dp F. Hamilton's equations
+of a regular H quadratic in the momenta are such pairs.
 """
 
 import re
@@ -48,19 +50,25 @@ _Equation = tuple[ex.Expression, ex.Expression, str]  # left side, right side, p
 _Others = tuple[tuple[str, ex.Expression], ...]
 # y_xx, dxdt, dtheta: derivatives to the writer; delta and damping are names
 _DERIVATIVE = re.compile(rf"_(\w)\1$|^dd?(?:[a-z]|{'|'.join(GREEK_NAMES)})_?\d*(?:dt)?$|^diff$")
-_ACCELERATION = re.compile(r"([a-z]\w*?)_?(?:dd|pp)|dd([a-z]\w*)|[dD]2([a-z]\w*?)(?:dt2)?")  # xdd, ddx, d2x, d2xdt2
+_ACCELERATION = re.compile(
+    r"([a-z]\w*?)_?(?:dd|pp)|dd([a-z]\w*)|[dD]2([a-z]\w*?)(?:dt2)?"
+)  # xdd, ddx, d2x, d2xdt2
 DEFINITION, HELD_FIXED = "a definition", "a coordinate that is held fixed"
 ROOT = ", of the positive root"
-_AS_VARIANT = re.compile(r"\\(phi|theta|rho|epsilon|kappa|sigma|pi)(?![a-z])")  # \varphi is read as phi
+_AS_VARIANT = re.compile(
+    r"\\(phi|theta|rho|epsilon|kappa|sigma|pi)(?![a-z])"
+)  # \varphi is read as phi
 _DEFINES = re.compile(r"(:?==?|\\[a-z]+|.)")
 _END_OF_TEXT = re.compile(
-    r"\\(?:quad|qquad|text|mbox|[,;]).*$|[\s.,;$]*(?:\\(?:\]|\)|end\s*\{\w+\*?\})\s*)*[\s.,;$]*$", re.DOTALL
+    r"\\(?:quad|qquad|text|mbox|[,;]).*$|[\s.,;$]*(?:\\(?:\]|\)|end\s*\{\w+\*?\})\s*)*[\s.,;$]*$",
+    re.DOTALL,
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """Where the accelerations of a system are those of other formulas, `given`: where all of `positive` are > 0.
+    """Where the accelerations of a system are those of other formulas, `given`: where all of
+    `positive` are > 0.
 
     Where they are `unsolved`, `given` are the equations E(t, q, q', q'') = 0 that determine them.
     `roots` pairs each root of them with what it is there; one within another comes before it.
@@ -108,8 +116,14 @@ class SecondOrderSystem:
 
     @property
     def letters(self) -> tuple[ex.Symbol, ...]:
-        """The accelerations where they are symbols, as in a system that is too long to be solved for them."""
-        return tuple(f for f in self.accelerations if isinstance(f, ex.Symbol)) if self.is_unsolved else ()
+        """The accelerations where they are symbols, as in a system that is too long to be solved
+        for them.
+        """
+        return (
+            tuple(f for f in self.accelerations if isinstance(f, ex.Symbol))
+            if self.is_unsolved
+            else ()
+        )
 
     @property
     def is_unsolved(self) -> bool:
@@ -118,10 +132,19 @@ class SecondOrderSystem:
 
     @property
     def positive(self) -> tuple[ex.Expression, ...]:
-        """What is positive on the branch, squares of `nonzero` among them, of what names this system has."""
+        """What is positive on the branch, squares of `nonzero` among them, of what names this
+        system has.
+        """
         names = {"t", "pi", *self.coordinates, *self.parameters}
-        found = (*(() if self.branch is None else self.branch.positive), *(tree**2 for tree in self.nonzero))
-        return tuple(tree for tree in found if all(_name(node) in names for node in ex.walk(tree) if _name(node)))
+        found = (
+            *(() if self.branch is None else self.branch.positive),
+            *(tree**2 for tree in self.nonzero),
+        )
+        return tuple(
+            tree
+            for tree in found
+            if all(_name(node) in names for node in ex.walk(tree) if _name(node))
+        )
 
     @property
     def given(self) -> tuple[ex.Expression, ...]:
@@ -131,11 +154,13 @@ class SecondOrderSystem:
 
 @dataclass(frozen=True, slots=True)
 class ConstrainedMotion:
-    """The equations over (t, q, u): s' = w for the `dependent` coordinates, u' = F for the velocities u of the `free`.
+    """The equations over (t, q, u): s' = w for the `dependent` coordinates, u' = F for the
+    velocities u of the `free`.
 
     `dependent_velocities[i]` is the velocity of coordinate dependent[i] (first-order equations),
-    `free_accelerations[i]` the acceleration of free[i] (second-order equations). None of `nonzero` is 0: elsewhere
-    the constraints are dependent, or L is singular on them, and they leave the motion open.
+    `free_accelerations[i]` the acceleration of free[i] (second-order equations). None of `nonzero`
+    is 0: elsewhere the constraints are dependent, or L is singular on them, and they leave the
+    motion open.
     """
 
     coordinates: tuple[str, ...]
@@ -155,19 +180,31 @@ class ConstrainedMotion:
     @property
     def on_constraints(self) -> dict[ex.Expression, ex.Expression]:
         """The dependent velocities by the free ones."""
-        return {ex.Velocity(name): w for name, w in zip(self.dependent, self.dependent_velocities, strict=True)}
+        return {
+            ex.Velocity(name): w
+            for name, w in zip(self.dependent, self.dependent_velocities, strict=True)
+        }
 
     def rate(self, tree: ex.Expression) -> ex.Expression:
         """The derivative along the motion of a function of t, q and the free velocities."""
-        speeds = [(ex.Symbol(q), self.on_constraints.get(ex.Velocity(q), ex.Velocity(q))) for q in self.coordinates]
-        return along(tree, [*speeds, *zip(map(ex.Velocity, self.free), self.free_accelerations, strict=True)])
+        speeds = [
+            (ex.Symbol(q), self.on_constraints.get(ex.Velocity(q), ex.Velocity(q)))
+            for q in self.coordinates
+        ]
+        return along(
+            tree, [*speeds, *zip(map(ex.Velocity, self.free), self.free_accelerations, strict=True)]
+        )
 
 
-def unsolved_system(names: Names, equations: Sequence[ex.Expression], name: str = "") -> SecondOrderSystem:
+def unsolved_system(
+    names: Names, equations: Sequence[ex.Expression], name: str = ""
+) -> SecondOrderSystem:
     """The system of E(t, q, q', q'') = 0, with symbols named like x'' as its accelerations."""
     letters = tuple(ex.Symbol(f"{coordinate}''") for coordinate in names.coordinates)
     branch = Branch(tuple(equations), unsolved=True)
-    return SecondOrderSystem(names.coordinates, letters, names.parameters, tuple(names.functions.items()), name, branch)
+    return SecondOrderSystem(
+        names.coordinates, letters, names.parameters, tuple(names.functions.items()), name, branch
+    )
 
 
 def _name(node: ex.Expression) -> str:
@@ -177,7 +214,10 @@ def _name(node: ex.Expression) -> str:
 
 
 def system_of(
-    coordinates: Sequence[str], accelerations: Sequence[ex.Expression], parameters: Sequence[str], functions: Functions
+    coordinates: Sequence[str],
+    accelerations: Sequence[ex.Expression],
+    parameters: Sequence[str],
+    functions: Functions,
 ) -> SecondOrderSystem:
     """The system, with those of the functions that occur in it."""
     nodes = ex.distinct_nodes(accelerations)
@@ -187,15 +227,20 @@ def system_of(
 
 
 def branches_of(system: SecondOrderSystem) -> tuple[SecondOrderSystem, ...]:
-    """The system itself, where it has one formula everywhere, or one for each of the cases that have a real point.
+    """The system itself, where it has one formula everywhere, or one for each of the cases that
+    have a real point.
 
     At most `MOST_COUNTED` are made.
     """
     if system.branch is not None:
         return (system,)
     found = tuple(one for one, reached in _cases(system) if reached)
-    if not found or (len(found) > 1 and len({(one.accelerations, _squares(one)) for one in found}) == 1):
-        formulas = found[0].accelerations if found else system.accelerations  # |u|^2 is u^2 on both sides
+    if not found or (
+        len(found) > 1 and len({(one.accelerations, _squares(one)) for one in found}) == 1
+    ):
+        formulas = (
+            found[0].accelerations if found else system.accelerations
+        )  # |u|^2 is u^2 on both sides
         return (replace(system, accelerations=formulas, branch=Branch(system.accelerations)),)
     return _default_first(system, found) if len(found) > 1 else found
 
@@ -204,14 +249,28 @@ def _squares(system: SecondOrderSystem) -> tuple[ex.Expression, ...]:
     return tuple(collecting.collect(tree**2) for tree in system.nonzero)
 
 
-def _default_first(system: SecondOrderSystem, branches: tuple[SecondOrderSystem, ...]) -> tuple[SecondOrderSystem, ...]:
-    """First comes the branch of a point with positive parameters, else of any, that one formula would be taken at."""
-    kernels, parameters = tuple(map(tower.to_kernels, system.accelerations)), [*map(ex.Symbol, system.parameters)]
+def _default_first(
+    system: SecondOrderSystem, branches: tuple[SecondOrderSystem, ...]
+) -> tuple[SecondOrderSystem, ...]:
+    """First comes the branch of a point with positive parameters, else of any, that one formula
+    would be taken at.
+    """
+    kernels, parameters = (
+        tuple(map(tower.to_kernels, system.accelerations)),
+        [*map(ex.Symbol, system.parameters)],
+    )
     table = real_branch.first_real_point(kernels, _variables(system), (parameters, ()))
-    return tuple(sorted(branches, key=lambda one: table is None or not real_branch.are_positive(one.positive, table)))
+    return tuple(
+        sorted(
+            branches,
+            key=lambda one: table is None or not real_branch.are_positive(one.positive, table),
+        )
+    )
 
 
-def with_values(system: SecondOrderSystem, values: Mapping[ex.Expression, ex.Expression]) -> SecondOrderSystem:
+def with_values(
+    system: SecondOrderSystem, values: Mapping[ex.Expression, ex.Expression]
+) -> SecondOrderSystem:
     """The system with these values of its parameters, which may hold others."""
     forces = tuple(collecting.collect(ex.substitute(f, dict(values))) for f in system.given)
     left = tuple(name for name in system.parameters if ex.Symbol(name) not in values)
@@ -227,42 +286,66 @@ def on_branch(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
 
 def unreached(system: SecondOrderSystem) -> tuple[SecondOrderSystem, ...]:
     """The cases of signs that may have a real point, of which none was found."""
-    return () if system.branch is not None else tuple(one for one, reached in _cases(system) if not reached)
+    return (
+        ()
+        if system.branch is not None
+        else tuple(one for one, reached in _cases(system) if not reached)
+    )
 
 
 @lru_cache(maxsize=16)
 def _cases(system: SecondOrderSystem) -> tuple[tuple[SecondOrderSystem, bool], ...]:
-    """The system on each case of signs, and whether a real point of it is known; without those seen to be empty.
+    """The system on each case of signs, and whether a real point of it is known; without those seen
+    to be empty.
 
-    Where one of `nonzero` is 0 all over a case, the equations as given leave a motion open there: it is no case.
+    Where one of `nonzero` is 0 all over a case, the equations as given leave a motion open there:
+    it is no case.
     """
     found, number = [], len(system.accelerations)
-    for case in islice(real_branch.sign_cases((*system.accelerations, *system.nonzero)), 4 * MOST_COUNTED):
+    for case in islice(
+        real_branch.sign_cases((*system.accelerations, *system.nonzero)), 4 * MOST_COUNTED
+    ):
         nonzero = tuple(map(collecting.collect, case.formulas[number:]))
         if ex.ZERO in nonzero:
             continue
         reached = not case.positive or _has_point(system, case)
-        if reached or not real_branch.is_empty([*case.positive, *real_branch.own_requirements(case.formulas)]):
+        if reached or not real_branch.is_empty(
+            [*case.positive, *real_branch.own_requirements(case.formulas)]
+        ):
             branch = Branch(system.accelerations, case.positive, case.roots)
-            solved = tuple(map(collecting.collect, case.formulas[:number])) if case.roots else system.accelerations
-            found.append((replace(system, accelerations=solved, nonzero=nonzero, branch=branch), reached))
+            solved = (
+                tuple(map(collecting.collect, case.formulas[:number]))
+                if case.roots
+                else system.accelerations
+            )
+            found.append(
+                (replace(system, accelerations=solved, nonzero=nonzero, branch=branch), reached)
+            )
         if sum(reached for _, reached in found) == MOST_COUNTED:
             break
     return tuple(found)
 
 
-def on_side(system: SecondOrderSystem, positive: Sequence[ex.Expression]) -> SecondOrderSystem | None:
-    """A system where these trees are positive too; None where they are seen not to be so at once."""
+def on_side(
+    system: SecondOrderSystem, positive: Sequence[ex.Expression]
+) -> SecondOrderSystem | None:
+    """A system where these trees are positive too; None where they are seen not to be so at
+    once.
+    """
     branch = system.branch or Branch(system.accelerations)
     whole = tuple(dict.fromkeys((*branch.positive, *positive)))
-    if real_branch.is_empty([*system.positive, *positive, *real_branch.own_requirements(system.accelerations)]):
+    if real_branch.is_empty(
+        [*system.positive, *positive, *real_branch.own_requirements(system.accelerations)]
+    ):
         return None
     return replace(system, branch=replace(branch, positive=whole))
 
 
 def _has_point(system: SecondOrderSystem, case: real_branch.Case) -> bool:
     kernels = tuple(map(tower.to_kernels, case.formulas))
-    return real_branch.find_real_point(kernels, _variables(system), _SEED, case.positive) is not None
+    return (
+        real_branch.find_real_point(kernels, _variables(system), _SEED, case.positive) is not None
+    )
 
 
 def _variables(system: SecondOrderSystem) -> list[modular.Variable]:
@@ -282,7 +365,9 @@ def connected(names: Sequence[_Name], links: Iterable[set[_Name]]) -> list[tuple
 
 @dataclass(frozen=True, slots=True)
 class Pairs:
-    """The coordinates, the acceleration of each, and what the other names are by the equations, p = p(t, q, q')."""
+    """The coordinates, the acceleration of each, and what the other names are by the equations, p =
+    p(t, q, q').
+    """
 
     coordinates: tuple[str, ...]
     accelerations: tuple[ex.Expression, ...]
@@ -290,22 +375,32 @@ class Pairs:
 
 
 def from_pairs(
-    equations: Sequence[tuple[ex.Expression, ex.Expression]], coordinates: Sequence[str], preferred: Sequence[str] = ()
+    equations: Sequence[tuple[ex.Expression, ex.Expression]],
+    coordinates: Sequence[str],
+    preferred: Sequence[str] = (),
 ) -> Pairs:
-    """The second-order system of u' = …, one equation for each of `coordinates`; InputError where there is none.
+    """The second-order system of u' = …, one equation for each of `coordinates`; InputError where
+    there is none.
 
-    `preferred` are the names that are to be coordinates, where the writer said so; else they are those whose
-    derivatives are momenta and nothing else (x' = v), else those that are called neither p nor v, else the first half
-    in the order of the equations, else, where no name says what it is, another half: y of x' = y^2, y' = -x.
+    `preferred` are the names that are to be coordinates, where the writer said so; else they are
+    those whose derivatives are momenta and nothing else (x' = v), else those that are called
+    neither p nor v, else the first half in the order of the equations, else, where no name says
+    what it is, another half: y of x' = y^2, y' = -x.
     """
     slopes = _slopes(equations, coordinates)
     order = tuple(slopes)
     half = len(order) // 2
     if len(order) != 2 * half or set(order) != set(coordinates):
         raise errors.InputError(NOT_PAIRS, "/equations")
-    plain = tuple(name for name in order if slopes[name] in {ex.Symbol(other) for other in order if other != name})
+    plain = tuple(
+        name
+        for name in order
+        if slopes[name] in {ex.Symbol(other) for other in order if other != name}
+    )
     named = tuple(name for name in order if not is_momentum(name, order))
-    halves = combinations(order, half) if half <= MOST_PAIRS and len(named) != half else [order[:half]]
+    halves = (
+        combinations(order, half) if half <= MOST_PAIRS and len(named) != half else [order[:half]]
+    )
     for chosen in (tuple(preferred), plain, named, *halves):
         if len(chosen) == half and set(chosen) <= set(order) and (found := _solved(slopes, chosen)):
             return found
@@ -317,7 +412,9 @@ def from_pairs(
 def _slopes(
     equations: Sequence[tuple[ex.Expression, ex.Expression]], coordinates: Sequence[str]
 ) -> dict[str, ex.Expression]:
-    """What each derivative is, in the order of the equations; InputError for one that is not u' = … ."""
+    """What each derivative is, in the order of the equations; InputError for one that is not u' = …
+    .
+    """
     found: dict[str, ex.Expression] = {}
     for left, right in equations:
         parts = euler_lagrange.linear_parts(left - right, ex.Velocity)
@@ -329,23 +426,33 @@ def _slopes(
 
 
 def _solved(slopes: Mapping[str, ex.Expression], chosen: tuple[str, ...]) -> Pairs | None:
-    """The system for these coordinates; None where their equations cannot be solved for the other names."""
+    """The system for these coordinates; None where their equations cannot be solved for the other
+    names.
+    """
     momenta = [name for name in slopes if name not in chosen]
     unknowns = {ex.Symbol(name): ex.Acceleration(name) for name in momenta}
     try:
-        linear = [euler_lagrange.linear_equation(ex.substitute(slopes[q], unknowns) - ex.Velocity(q)) for q in chosen]
+        linear = [
+            euler_lagrange.linear_equation(ex.substitute(slopes[q], unknowns) - ex.Velocity(q))
+            for q in chosen
+        ]
         values = euler_lagrange.solve_accelerations(linear, momenta)
     except errors.InputError:
         return None
     known = dict(zip(map(ex.Symbol, momenta), values, strict=True))
-    rates = [(ex.Symbol(name), ex.Velocity(name) if name in chosen else slope) for name, slope in slopes.items()]
+    rates = [
+        (ex.Symbol(name), ex.Velocity(name) if name in chosen else slope)
+        for name, slope in slopes.items()
+    ]
     moving: list[ex.Expression] = [ex.TIME, *map(ex.Symbol, chosen), *map(ex.Velocity, chosen)]
     found = tuple(_cancelled(ex.substitute(along(slopes[q], rates), known), moving) for q in chosen)
     return Pairs(chosen, found, tuple(zip(momenta, values, strict=True)))
 
 
 def _cancelled(tree: ex.Expression, moving: Collection[ex.Expression]) -> ex.Expression:
-    """The tree with each base once in a product: c x' for c m x'/m; a pole in what moves stays one."""
+    """The tree with each base once in a product: c x' for c m x'/m; a pole in what moves stays
+    one.
+    """
     inner = ex.rebuild(tree, lambda part: _cancelled(part, moving))
     above, below = dict[ex.Expression, Fraction](), dict[ex.Expression, Fraction]()
     for base, exponent in _powers(inner):
@@ -355,7 +462,9 @@ def _cancelled(tree: ex.Expression, moving: Collection[ex.Expression]) -> ex.Exp
         total = above[base] + below[base]
         if total < 0 or not (ex.holds(base, *moving) or ex.has(base, ex.Arbitrary)):
             above[base], below[base] = max(total, Fraction(0)), min(total, Fraction(0))
-    return ex.multiply(*(base**exponent for side in (above, below) for base, exponent in side.items() if exponent))
+    return ex.multiply(
+        *(base**exponent for side in (above, below) for base, exponent in side.items() if exponent)
+    )
 
 
 def _powers(tree: ex.Expression) -> Iterator[tuple[ex.Expression, Fraction]]:
@@ -379,10 +488,10 @@ def read_system(
     """The system q'' = f of a document.
 
     `coordinates` left out are the keys of `equations`, or the names with two primes in it, in their
-    order. `equations` gives each acceleration, or whole equations (a list, or a text) that are solved
-    for the accelerations; first-order pairs x' = h, p' = F are turned into such. Parameters with a value
-    and names in `where` are replaced exactly. InputError with JSON
-    pointer and column for anything that is wrong, LimitError for more than `LIMITS.coordinates`.
+    order. `equations` gives each acceleration, or whole equations (a list, or a text) that are
+    solved for the accelerations; first-order pairs x' = h, p' = F are turned into such. Parameters
+    with a value and names in `where` are replaced exactly. InputError with JSON pointer and column
+    for anything that is wrong, LimitError for more than `LIMITS.coordinates`.
     """
     declared = document_names.Declared(coordinates, parameters, functions or {}, where or {})
     return solved_system(read_given(declared, equations), name)
@@ -390,9 +499,11 @@ def read_system(
 
 @dataclass(frozen=True, slots=True)
 class GivenEquations:
-    """What a document says before anything is solved: its names, parameters with a value left out, and its equations.
+    """What a document says before anything is solved: its names, parameters with a value left out,
+    and its equations.
 
-    These are left and right side with their pointer; `others` are formulas for names that first-order pairs contain.
+    These are left and right side with their pointer; `others` are formulas for names that
+    first-order pairs contain.
     """
 
     names: Names
@@ -432,15 +543,21 @@ def read_given(declared: document_names.Declared, equations: Equations) -> Given
         raise
 
 
-def _read_lines(declared: document_names.Declared, equations: Equations, rates: bool) -> GivenEquations:
-    """The same; with `rates`, p = m x' beside p' = -k x defines a name whose rate is that of its formula."""
+def _read_lines(
+    declared: document_names.Declared, equations: Equations, rates: bool
+) -> GivenEquations:
+    """The same; with `rates`, p = m x' beside p' = -k x defines a name whose rate is that of its
+    formula.
+    """
     texts = _texts(equations)
     defined = {} if isinstance(equations, Mapping) else _definitions(texts, declared, rates)
     if rates and defined.keys() == _definitions(texts, declared).keys():
         raise errors.InputError(NOT_PAIRS, "/equations")
     where = {name: formula for name, (formula, _) in defined.items()}
     try:
-        return _read_with(replace(declared, where={**declared.where, **where}), texts, equations, rates)
+        return _read_with(
+            replace(declared, where={**declared.where, **where}), texts, equations, rates
+        )
     except errors.InputError as error:
         typed = {f"/where/{escaped(name)}": pointer for name, (_, pointer) in defined.items()}
         raise error.placed(typed.get(error.pointer, error.pointer)) from None
@@ -459,7 +576,9 @@ def _read_with(
     names = known.remaining()
     if not pairs:
         return GivenEquations(names, tuple(found))
-    system = from_pairs([(left, right) for left, right, _ in found], names.coordinates, declared.coordinates or ())
+    system = from_pairs(
+        [(left, right) for left, right, _ in found], names.coordinates, declared.coordinates or ()
+    )
     names = replace(names, coordinates=system.coordinates)
     check_clashes(names)
     trees = zip(system.coordinates, system.accelerations, strict=True)
@@ -468,12 +587,16 @@ def _read_with(
 
 
 def _canonical_equations(text: str) -> str:
-    """; x' = dH/dp; p' = -dH/dx for H = … alone, each momentum having its coordinate; else nothing."""
+    """; x' = dH/dp; p' = -dH/dx for H = … alone, each momentum having its coordinate; else
+    nothing.
+    """
     named = document_names.HAMILTONIAN.match(reader.without_words(text).replace(";", " "))
     tokens = reader.tokens_if_any(text, Names(guesses=True)) if named else []
     found = list(dict.fromkeys(token.text for token in walk(tokens) if token.kind == "name"))
     pairs = {name: _partner(name, found) for name in found if re.fullmatch(r"p(?:_\w+|\d)?", name)}
-    alone = sum(token.is_operator("=") for token in tokens) == 1 and not document_names.derivatives(tokens)
+    alone = sum(token.is_operator("=") for token in tokens) == 1 and not document_names.derivatives(
+        tokens
+    )
     if named is None or not (alone and all(pairs.values())):
         return ""
     equations = [pair for p, q in pairs.items() for pair in ((q, "", p), (p, "-", q))]
@@ -501,7 +624,9 @@ def _partner(momentum: str, names: Sequence[str]) -> str:
     if below and not below.isdigit():
         return below
     known = (
-        ("q", "x", "r", "y", "theta", "phi") if not below else (f"q_{below}", f"q{below}", f"x_{below}", f"x{below}")
+        ("q", "x", "r", "y", "theta", "phi")
+        if not below
+        else (f"q_{below}", f"q{below}", f"x_{below}", f"x{below}")
     )
     return next((name for name in known if name in names), "")
 
@@ -513,9 +638,12 @@ def _definitions(
 
     With each its formula, at the columns of the text that has it, and the pointer of that text.
 
-    InputError for a definition of a name that has its own equation, and for a second derivative spelled as a name.
+    InputError for a definition of a name that has its own equation, and for a second derivative
+    spelled as a name.
     """
-    names = Names(tuple(declared.coordinates or ()), tuple(declared.named_parameters()), guesses=True)
+    names = Names(
+        tuple(declared.coordinates or ()), tuple(declared.named_parameters()), guesses=True
+    )
     found: dict[str, tuple[str, str]] = {}
     for pointer, text in texts.items():
         try:
@@ -526,39 +654,66 @@ def _definitions(
             first, *rest = group.tokens
             _refuse_acceleration_as_name(first, rest, names, pointer)
             moves = names.role(first.text) or _DERIVATIVE.search(first.text)
-            elsewhere = {token.text for other in groups if other != group for token in walk(other.tokens)}
+            elsewhere = {
+                token.text for other in groups if other != group for token in walk(other.tokens)
+            }
             # r^2 = x^2 + y^2, where r is in another equation
             squared = _is_squared(group.tokens) * (first.text in elsewhere)
             called = _is_called(group.tokens)
             rest = rest[squared or called :]
-            is_definition = first.kind == "name" and not first.order and rest and rest[0].is_operator("=") and not moves
+            is_definition = (
+                first.kind == "name"
+                and not first.order
+                and rest
+                and rest[0].is_operator("=")
+                and not moves
+            )
             if not is_definition or document_names.moving_names(rest, 2):  # F = m*x'' moves x
                 continue
-            rated = document_names.moving_names(rest, 1) and any(_moves(each, first.text, 1) for each in texts.values())
+            rated = document_names.moving_names(rest, 1) and any(
+                _moves(each, first.text, 1) for each in texts.values()
+            )
             if rated and not rates:
                 continue  # p = m*x' next to p' = -k*x
             if not rated and first.text != "L" and not any(map(_moves, texts.values())):
                 continue  # what is missing is the motion
-            is_lagrangian = first.text == "L" and not rated and "L" not in elsewhere  # and no length
+            is_lagrangian = (
+                first.text == "L" and not rated and "L" not in elsewhere
+            )  # and no length
             _refuse_definition(first, rest, is_lagrangian, texts, pointer)
             if len(rest) > 1:
                 before = text[first.column - 1 : rest[0].column - 1]
-                _, sign, formula = _DEFINES.split(text[rest[0].column - 1 : group.end_column - 1], 1)
+                _, sign, formula = _DEFINES.split(
+                    text[rest[0].column - 1 : group.end_column - 1], 1
+                )
                 formula = _END_OF_TEXT.sub("", formula)
                 root = ("\\sqrt{%s}" if reader.is_latex(text) else "sqrt(%s)") if squared else "%s"
                 name = before.rstrip(" &") if called else first.text
                 before_root = " " * (rest[0].column - 1 + len(sign) - root.index("%"))
-                found[name.replace("\\left", "").replace("\\right", "")] = before_root + root % formula, pointer
-                fixed = looks_like_a_coordinate(first.text) and [token.kind for token in rest[1:]] == ["number"]
+                found[name.replace("\\left", "").replace("\\right", "")] = (
+                    before_root + root % formula,
+                    pointer,
+                )
+                fixed = looks_like_a_coordinate(first.text) and [
+                    token.kind for token in rest[1:]
+                ] == ["number"]
                 meant = HELD_FIXED if fixed else DEFINITION + ROOT * bool(squared)
                 reader.note(f"{before}{sign}{formula.rstrip()}", meant)
     return found
 
 
-def _refuse_acceleration_as_name(first: Token, rest: Sequence[Token], names: Names, pointer: str) -> None:
+def _refuse_acceleration_as_name(
+    first: Token, rest: Sequence[Token], names: Names, pointer: str
+) -> None:
     """InputError for xdd = … or d2xdt2 = …, which mean x'' = …."""
     moved = _ACCELERATION.fullmatch(first.text)
-    if moved and not first.order and not names.role(first.text) and rest and rest[0].is_operator("="):
+    if (
+        moved
+        and not first.order
+        and not names.role(first.text)
+        and rest
+        and rest[0].is_operator("=")
+    ):
         meant = f"{next(filter(None, moved.groups()))}''"
         what, span = f"{first.text} is read as a name; it occurs", (first.column, rest[0].column)
         instead = f"write {meant} for a second derivative"
@@ -568,11 +723,15 @@ def _refuse_acceleration_as_name(first: Token, rest: Sequence[Token], names: Nam
 def _refuse_definition(
     name: Token, rest: Sequence[Token], is_lagrangian: bool, texts: Mapping[str, str], pointer: str
 ) -> None:
-    """InputError for a definition that belongs to another part of the document, or of a name with its own equation."""
+    """InputError for a definition that belongs to another part of the document, or of a name with
+    its own equation.
+    """
     what, instead = f"{name.text} = … is a definition, not an equation of motion; it occurs", ""
     if is_lagrangian:
         instead = 'write it in the document as "lagrangian": "…"'
-    elif any(_moves(each, name.text) for each in texts.values()):  # a definition would leave its own equation
+    elif any(
+        _moves(each, name.text) for each in texts.values()
+    ):  # a definition would leave its own equation
         instead = f"leave out the equation with {name.text}'' and put {name.text} into the others"
     if instead:
         raise refusals.refusal(what, name.column, instead).at(pointer)
@@ -586,12 +745,16 @@ def _is_squared(tokens: Sequence[Token]) -> int:
 def _is_called(tokens: Sequence[Token]) -> int:
     """How many tokens after a name are its arguments, in V(x, y) = …; else 0."""
     inside = at(tokens, 1).inside
-    named = all((token.kind == "name" and not token.order) or token.is_operator(",") for token in inside)
+    named = all(
+        (token.kind == "name" and not token.order) or token.is_operator(",") for token in inside
+    )
     return int(named and at(tokens, 1).is_bracket() and at(tokens, 2).is_operator("="))
 
 
 def _moves(text: str, name: str = "", order: int = 2) -> bool:
-    """Whether a name of the text has a derivative in time; with `name`, whether this has so many."""
+    """Whether a name of the text has a derivative in time; with `name`, whether this has so
+    many.
+    """
     try:
         moving = document_names.moving_names(reader.read_tokens(text), order if name else 1)
         return name in moving if name else bool(moving)
@@ -602,8 +765,12 @@ def _moves(text: str, name: str = "", order: int = 2) -> bool:
 def _are_pairs(texts: Mapping[str, str], declared: document_names.Declared) -> bool:
     """Whether no name has two derivatives, and at least two have one."""
     named = (*declared.named_parameters(), *map(document_names.defined_name, declared.where))
-    names = document_names.with_products(Names((), named, dict.fromkeys(declared.functions, ())), declared, texts)
-    names = replace(names, guesses=True)  # al'' of declared coordinates is no product; others are refused later
+    names = document_names.with_products(
+        Names((), named, dict.fromkeys(declared.functions, ())), declared, texts
+    )
+    names = replace(
+        names, guesses=True
+    )  # al'' of declared coordinates is no product; others are refused later
     return (
         not document_names.inferred_coordinates(texts, names, 2)
         and len(document_names.inferred_coordinates(texts, names, 1)) > 1
@@ -628,8 +795,14 @@ def _read(equations: Equations, texts: Mapping[str, str], names: Names) -> list[
     if isinstance(equations, Mapping):
         return _keyed_equations(equations, texts, names)
     if not isinstance(equations, str):
-        document_names.bounded(list(equations), "/equations", "equations", refusals.LIMITS.coordinates)
-    return [equation for pointer, text in texts.items() for equation in _whole_equations(text, names, pointer)]
+        document_names.bounded(
+            list(equations), "/equations", "equations", refusals.LIMITS.coordinates
+        )
+    return [
+        equation
+        for pointer, text in texts.items()
+        for equation in _whole_equations(text, names, pointer)
+    ]
 
 
 def _whole_equations(text: str, names: Names, pointer: str) -> list[_Equation]:
@@ -637,8 +810,14 @@ def _whole_equations(text: str, names: Names, pointer: str) -> list[_Equation]:
         groups = reader.split_equations(text, names)
         if len(groups) > refusals.LIMITS.coordinates:
             most = refusals.LIMITS.coordinates
-            raise errors.LimitError(f"there are {len(groups)} equations: the limit is {most}; write fewer.")
-        return [(*reader.read_equation(group, names), pointer) for group in groups if not _defines(group.tokens, names)]
+            raise errors.LimitError(
+                f"there are {len(groups)} equations: the limit is {most}; write fewer."
+            )
+        return [
+            (*reader.read_equation(group, names), pointer)
+            for group in groups
+            if not _defines(group.tokens, names)
+        ]
 
 
 def _defines(tokens: Sequence[Token], names: Names) -> bool:
@@ -650,16 +829,26 @@ def _defines(tokens: Sequence[Token], names: Names) -> bool:
         and ex.Symbol(names.spelling(tokens[0].text)) in names.definitions
     )
     whole = any(token.is_operator("=") for token in equals)
-    return defined and whole and not document_names.moving_names(tokens, 2)  # F = m*x'' is an equation beside F = -k*x
+    return (
+        defined and whole and not document_names.moving_names(tokens, 2)
+    )  # F = m*x'' is an equation beside F = -k*x
 
 
-def _keyed_equations(keys: Iterable[str], texts: Mapping[str, str], names: Names) -> list[_Equation]:
+def _keyed_equations(
+    keys: Iterable[str], texts: Mapping[str, str], names: Names
+) -> list[_Equation]:
     found: dict[str, _Equation] = {}
     for key, (pointer, text) in zip(keys, texts.items(), strict=True):
         coordinate = document_names.key_coordinate(key, names, pointer)
         if coordinate in found:
-            raise errors.InputError(f"there are two equations for {coordinate}: remove one.", pointer)
-        found[coordinate] = (ex.Acceleration(coordinate), _right_side(text, coordinate, names, pointer), pointer)
+            raise errors.InputError(
+                f"there are two equations for {coordinate}: remove one.", pointer
+            )
+        found[coordinate] = (
+            ex.Acceleration(coordinate),
+            _right_side(text, coordinate, names, pointer),
+            pointer,
+        )
     for coordinate in names.coordinates:
         if coordinate not in found:
             raise errors.InputError(
@@ -679,17 +868,25 @@ def _right_side(text: str, coordinate: str, names: Names, pointer: str) -> ex.Ex
             return tree
         groups = reader.split_equations(text, names)
         if len(groups) != 1:
-            raise errors.InputError("several equations occur here: write only the acceleration.", column=1)
+            raise errors.InputError(
+                "several equations occur here: write only the acceleration.", column=1
+            )
         left, right = reader.read_equation(groups[0], names)
         if left != ex.Acceleration(coordinate):
-            raise errors.InputError(f"the left side is not {coordinate}'': write only the acceleration.", column=1)
+            raise errors.InputError(
+                f"the left side is not {coordinate}'': write only the acceleration.", column=1
+            )
         return right
 
 
 def _solved_for(found: Sequence[_Equation], coordinates: tuple[str, ...]) -> euler_lagrange.Solved:
-    explicit = {left.coordinate: right for left, right, _ in found if isinstance(left, ex.Acceleration)}
+    explicit = {
+        left.coordinate: right for left, right, _ in found if isinstance(left, ex.Acceleration)
+    }
     solved = not any(ex.has(right, ex.Acceleration) for right in explicit.values())
     if solved and len(explicit) == len(found) == len(coordinates):
         return euler_lagrange.Solved(tuple(explicit[coordinate] for coordinate in coordinates))
-    residuals = [euler_lagrange.linear_equation(left - right, pointer) for left, right, pointer in found]
+    residuals = [
+        euler_lagrange.linear_equation(left - right, pointer) for left, right, pointer in found
+    ]
     return euler_lagrange.solve_lines(residuals, coordinates)

@@ -1,18 +1,21 @@
-"""Formulas as people write them: every function returns an equal tree, a shorter one where it finds one.
+"""Formulas as people write them: every function returns an equal tree, a shorter one where it finds
+one.
 
-Of elements of a ring and of products (`readable` and what follows): a term for each product of velocities, tan for
-sin/cos, joined sums.
+Of elements of a ring and of products (`readable` and what follows): a term for each product of
+velocities, tan for sin/cos, joined sums.
 
-Angles in which the parts of a system are short (`by_short_angles`): a - b for a where functions of a - b occur. A
-polynomial in the sines and cosines of angles u is a sum of waves exp(i (w, u)), w integers. In another basis of the
-angles a wave with the coordinates w takes prod_k (|w_k| + 1) monomials. A wheel at the angle b behind a wheel at the
-angle a brings sin(a) cos(b) - cos(a) sin(b): one monomial in a - b, and its powers many in a and b.
+Angles in which the parts of a system are short (`by_short_angles`): a - b for a where functions of
+a - b occur. A polynomial in the sines and cosines of angles u is a sum of waves exp(i (w, u)), w
+integers. In another basis of the angles a wave with the coordinates w takes prod_k (|w_k| + 1)
+monomials. A wheel at the angle b behind a wheel at the angle a brings sin(a) cos(b) - cos(a)
+sin(b): one monomial in a - b, and its powers many in a and b.
 
-Of whole trees (`simplified`, `shortest_form`): collected, as one factored quotient, or as sums of squares, whichever is
-smaller. Sums in some variables (velocities, momenta) are written with squares of linear forms and powers of quadratic
-forms. v^T G v/2 = sum c_a (linear form)_a^2, one variable after another: with a v^2 + b v + r, b linear in the others,
-a (v + b/(2 a))^2 + r - b^2/(4 a). Where a = c s^2 with a monomial s, c (s v + b/(2 c s))^2 needs no division by s.
-A part that is homogeneous of a degree above two is factored: (x'^2 + y'^2)^2.
+Of whole trees (`simplified`, `shortest_form`): collected, as one factored quotient, or as sums of
+squares, whichever is smaller. Sums in some variables (velocities, momenta) are written with squares
+of linear forms and powers of quadratic forms. v^T G v/2 = sum c_a (linear form)_a^2, one variable
+after another: with a v^2 + b v + r, b linear in the others, a (v + b/(2 a))^2 + r - b^2/(4 a).
+Where a = c s^2 with a monomial s, c (s v + b/(2 c s))^2 needs no division by s. A part that is
+homogeneous of a degree above two is factored: (x'^2 + y'^2)^2.
 """
 
 import math
@@ -35,7 +38,8 @@ Wave = tuple[int, ...]
 Terms = dict[collecting.Monomial, Fraction]
 Power = tuple[ex.Expression, Fraction]
 _MOST_PRODUCTS = 64
-# Terms of a quotient that is still made shorter, which takes 1 ms a term; a longer one is not read by people.
+# Terms of a quotient that is still made shorter, which takes 1 ms a term; a longer one is not read
+# by people.
 _MOST_TERMS = 200
 # Terms met on the way (`Budget`) in one quotient, and in exact work on one tree among many.
 _WORK, _WORK_ON_ONE = 150_000, 20_000
@@ -43,15 +47,17 @@ _WORK, _WORK_ON_ONE = 150_000, 20_000
 _MOST_ORDERS, _MOST_FACTORED = 24, 60
 # A 1 that makes a polynomial homogeneous, by a name that no formula can hold.
 _UNIT = ex.Symbol("a unit")
-# Coefficients of waves are found modulo a prime, in which the imaginary unit is a residue; a wave that is lost to
-# chance makes formulas longer at most.
+# Coefficients of waves are found modulo a prime, in which the imaginary unit is a residue; a wave
+# that is lost to chance makes formulas longer at most.
 _PRIME = 1_000_000_009
 _IMAGINARY = pow(13, (_PRIME - 1) // 4, _PRIME)
 _HALF = pow(2, -1, _PRIME)
 
 
 def readable(ring: exact_field.ExactRing, element: exact_field.Quotient) -> ex.Expression:
-    """The element as one quotient, or as a sum over the products of velocities, whichever is shorter."""
+    """The element as one quotient, or as a sum over the products of velocities, whichever is
+    shorter.
+    """
     if len(element.numerator) > _MOST_TERMS:
         return exact_field.quotient_tree(ring, element)
     whole = _in_order(joined(exact_field.quotient_tree(ring, element)))
@@ -62,17 +68,23 @@ def readable(ring: exact_field.ExactRing, element: exact_field.Quotient) -> ex.E
     return min([apart, whole], key=ex.node_count)
 
 
-def velocity_parts(ring: exact_field.ExactRing, element: exact_field.Quotient) -> list[exact_field.Quotient]:
-    """The parts with the same powers of all velocities in the numerator, the highest powers first."""
+def velocity_parts(
+    ring: exact_field.ExactRing, element: exact_field.Quotient
+) -> list[exact_field.Quotient]:
+    """The parts with the same powers of all velocities in the numerator, the highest powers
+    first.
+    """
     places = [index for index, tree in ring.trees.items() if isinstance(tree, ex.Velocity)]
     parts = element.parts(places)
     return [parts[powers] for powers in sorted(parts, key=lambda powers: (-sum(powers), powers))]
 
 
 def joined(tree: ex.Expression) -> ex.Expression:
-    """The tree with sin(u)^k cos(u)^-k as tan(u)^k, and u^k w^k as (u w)^k where the product of the sums is shorter.
+    """The tree with sin(u)^k cos(u)^-k as tan(u)^k, and u^k w^k as (u w)^k where the product of the
+    sums is shorter.
 
-    Roots are put together where both radicands are positive on the whole line: the domain stays what it is.
+    Roots are put together where both radicands are positive on the whole line: the domain stays
+    what it is.
     """
     inner = ex.rebuild(tree, joined)
     if not isinstance(inner, ex.Product):
@@ -82,7 +94,9 @@ def joined(tree: ex.Expression) -> ex.Expression:
         table[base] = table.get(base, Fraction(0)) + exponent
     while found := next(_replacements(table), None):
         left, right, both = found
-        table = {both if base == left else base: value for base, value in table.items() if base != right}
+        table = {
+            both if base == left else base: value for base, value in table.items() if base != right
+        }
     return ex.multiply(*(base**exponent for base, exponent in table.items()))
 
 
@@ -97,20 +111,31 @@ def _replacements(
             yield one, other, both
 
 
-def _both(table: Mapping[ex.Expression, Fraction], one: ex.Expression, other: ex.Expression) -> ex.Expression | None:
-    """A replacement of both bases, with the exponent of the first; None where no replacement is shorter."""
+def _both(
+    table: Mapping[ex.Expression, Fraction], one: ex.Expression, other: ex.Expression
+) -> ex.Expression | None:
+    """A replacement of both bases, with the exponent of the first; None where no replacement is
+    shorter.
+    """
     match one, other:
         case [ex.Apply(above, argument), ex.Apply(below, same)] if (
             argument == same and (above, below) in functions.QUOTIENTS
         ):
             fits = table[one] == -table[other] and table[one] > 0
             found: ex.Expression = ex.Apply(functions.QUOTIENTS[above, below], argument)
-        case [ex.Sum(left), ex.Sum(right)] if table[one] == table[other] and len(left) * len(right) <= _MOST_PRODUCTS:
+        case [ex.Sum(left), ex.Sum(right)] if (
+            table[one] == table[other] and len(left) * len(right) <= _MOST_PRODUCTS
+        ):
             found = collecting.terms_tree(
-                sorted(collecting.expand(one * other), key=lambda term: -sum(exponent for _, exponent in term[0]))
+                sorted(
+                    collecting.expand(one * other),
+                    key=lambda term: -sum(exponent for _, exponent in term[0]),
+                )
             )
             is_shorter = isinstance(found, ex.Sum) and len(found.terms) < len(left) + len(right) - 1
-            fits = is_shorter and (table[one].denominator == 1 or all(map(real_branch.is_positive, (one, other))))
+            fits = is_shorter and (
+                table[one].denominator == 1 or all(map(real_branch.is_positive, (one, other)))
+            )
         case _:
             return None
     return found if fits and found not in table else None
@@ -119,7 +144,9 @@ def _both(table: Mapping[ex.Expression, Fraction], one: ex.Expression, other: ex
 def _in_order(tree: ex.Expression) -> ex.Expression:
     """Numbers and symbols of each product first, then functions, then velocities."""
     inner = ex.rebuild(tree, _in_order)
-    return ex.multiply(*sorted(inner.factors, key=_place)) if isinstance(inner, ex.Product) else inner
+    return (
+        ex.multiply(*sorted(inner.factors, key=_place)) if isinstance(inner, ex.Product) else inner
+    )
 
 
 def with_products_in_order(
@@ -128,15 +155,21 @@ def with_products_in_order(
     momenta: Collection[ex.Symbol] = (),
     kept: Container[ex.Expression] = (),
 ) -> ex.Expression:
-    """Products as people write them: exp(c t), constants as given, coordinates, functions, brackets, velocities.
+    """Products as people write them: exp(c t), constants as given, coordinates, functions,
+    brackets, velocities.
 
-    Functions and brackets that hold velocities, or momenta, come last. Parts that are `kept` stay as they are.
+    Functions and brackets that hold velocities, or momenta, come last. Parts that are `kept` stay
+    as they are.
     """
     places = {symbol: place for place, symbol in enumerate(constants)}
 
     def place(factor: ex.Expression) -> tuple[int, int]:
         base, _ = _power_of(factor)
-        held = [node for node in ex.walk(base) if isinstance(node, ex.Symbol | ex.Velocity | ex.Arbitrary)]
+        held = [
+            node
+            for node in ex.walk(base)
+            if isinstance(node, ex.Symbol | ex.Velocity | ex.Arbitrary)
+        ]
         moving = any(isinstance(node, ex.Velocity) or node in momenta for node in held)
         if not held:
             return 0, 0
@@ -151,13 +184,19 @@ def with_products_in_order(
 
     def ordered(part: ex.Expression) -> ex.Expression:
         inner = part if part in kept else ex.rebuild(part, ordered)
-        return ex.multiply(*sorted(inner.factors, key=place)) if isinstance(inner, ex.Product) else inner
+        return (
+            ex.multiply(*sorted(inner.factors, key=place))
+            if isinstance(inner, ex.Product)
+            else inner
+        )
 
     return ordered(tree)
 
 
 def with_sums_as_in(tree: ex.Expression, models: Sequence[ex.Expression]) -> ex.Expression:
-    """The tree with each sum that a model has as the model has it: (u - 1)^2 for (-u + 1)^2 beside u - 1 too."""
+    """The tree with each sum that a model has as the model has it: (u - 1)^2 for (-u + 1)^2 beside
+    u - 1 too.
+    """
 
     def key_of(node: ex.Sum) -> frozenset[tuple[ex.Expression, int]]:
         return frozenset(Counter(node.terms).items())  # u + u is not u
@@ -171,7 +210,10 @@ def with_sums_as_in(tree: ex.Expression, models: Sequence[ex.Expression]) -> ex.
                 return sums.get(key_of(part), part)
             case ex.Power(ex.Sum(terms) as base, ex.Number(value)) if value % 2 == 0:
                 turned = ex.add(*map(ex.negated, terms))
-                return ex.Power(sums.get(key_of(turned), base) if isinstance(turned, ex.Sum) else base, part.exponent)
+                return ex.Power(
+                    sums.get(key_of(turned), base) if isinstance(turned, ex.Sum) else base,
+                    part.exponent,
+                )
             case _:
                 return part
 
@@ -186,11 +228,23 @@ def with_one_coefficient(tree: ex.Expression, letters: Collection[ex.Expression]
     groups = dict[ex.Expression, list[ex.Expression]]()
     for term in ex.summands(tree):
         factors = ex.factors_of(term)
-        squares = [f for f in factors if isinstance(f, ex.Power) and f.exponent == ex.TWO and ex.holds(f, *letters)]
+        squares = [
+            f
+            for f in factors
+            if isinstance(f, ex.Power) and f.exponent == ex.TWO and ex.holds(f, *letters)
+        ]
         sums = [f for f in factors if isinstance(f, ex.Sum)]
-        outside = [f for f in factors if f in sums or isinstance(f, ex.Number) or not (sums or f in squares)]
+        outside = [
+            f
+            for f in factors
+            if f in sums or isinstance(f, ex.Number) or not (sums or f in squares)
+        ]
         coefficient = ex.multiply(*outside)
-        plain = len(squares) != 1 or isinstance(coefficient, ex.Number) or ex.holds(coefficient, *letters)
+        plain = (
+            len(squares) != 1
+            or isinstance(coefficient, ex.Number)
+            or ex.holds(coefficient, *letters)
+        )
         inside = term if plain else ex.multiply(*(f for f in factors if f not in outside))
         groups.setdefault(ex.ONE if plain else coefficient, []).append(inside)
     return ex.add(*(coefficient * ex.add(*parts) for coefficient, parts in groups.items()))
@@ -210,11 +264,15 @@ def _place(factor: ex.Expression) -> int:
 
 
 def quotient(
-    tree: ex.Expression, budget: exact_field.Budget, symbols: Sequence[ex.Symbol | ex.Velocity] | None = None
+    tree: ex.Expression,
+    budget: exact_field.Budget,
+    symbols: Sequence[ex.Symbol | ex.Velocity] | None = None,
 ) -> ex.Expression:
-    """The tree over one denominator, both factored, all relations used; as it is where that is too large.
+    """The tree over one denominator, both factored, all relations used; as it is where that is too
+    large.
 
-    `symbols` are its variables in the order used for polynomials; by default those that occur in it.
+    `symbols` are its variables in the order used for polynomials; by default those that occur in
+    it.
     """
     try:
         return exact_field.shortest_tree(*_in_ring(tree, budget, symbols))
@@ -223,10 +281,14 @@ def quotient(
 
 
 def _in_ring(
-    tree: ex.Expression, budget: exact_field.Budget, symbols: Sequence[ex.Symbol | ex.Velocity] | None = None
+    tree: ex.Expression,
+    budget: exact_field.Budget,
+    symbols: Sequence[ex.Symbol | ex.Velocity] | None = None,
 ) -> tuple[exact_field.ExactRing, exact_field.Quotient]:
     """The tree as an element of the ring of its formulas."""
-    held = dict.fromkeys(node for node in ex.walk(tree) if isinstance(node, ex.Symbol | ex.Velocity))
+    held = dict.fromkeys(
+        node for node in ex.walk(tree) if isinstance(node, ex.Symbol | ex.Velocity)
+    )
     symbols = list(held) if symbols is None else symbols
     ring = exact_field.exact_ring([tree], symbols, 0, budget, spare=True, slopes=False)
     return ring, ring.value(tree)
@@ -242,7 +304,9 @@ def shorten(
     return min((tree, collecting.collect(tree), quotient(tree, budget, symbols)), key=cost)
 
 
-def collected_inside(tree: ex.Expression, cost: Callable[[ex.Expression], int] = ex.node_count) -> ex.Expression:
+def collected_inside(
+    tree: ex.Expression, cost: Callable[[ex.Expression], int] = ex.node_count
+) -> ex.Expression:
     """Every sum collected by itself where that makes it cheaper."""
     tree = ex.rebuild(tree, lambda part: collected_inside(part, cost))
     return min(tree, collecting.collect(tree), key=cost) if isinstance(tree, ex.Sum) else tree
@@ -250,7 +314,9 @@ def collected_inside(tree: ex.Expression, cost: Callable[[ex.Expression], int] =
 
 @lru_cache(maxsize=1024)
 def tidied(tree: ex.Expression) -> ex.Expression:
-    """The tree as one exact quotient, roots and trigonometric functions reduced; as it is where that is too large."""
+    """The tree as one exact quotient, roots and trigonometric functions reduced; as it is where
+    that is too large.
+    """
     try:
         return readable(*_in_ring(tree, exact_field.Budget(work=_WORK)))
     except (exact_field.TooLarge, ZeroDivisionError):
@@ -258,9 +324,13 @@ def tidied(tree: ex.Expression) -> ex.Expression:
 
 
 def much_shorter(tree: ex.Expression) -> ex.Expression:
-    """A long tree, as one that was multiplied out, in the form of `tidied` where that has at most half of the nodes."""
+    """A long tree, as one that was multiplied out, in the form of `tidied` where that has at most
+    half of the nodes.
+    """
     size = ex.node_count(tree)
-    return other if size > bounds.NODES and 2 * ex.node_count(other := tidied(tree)) <= size else tree
+    return (
+        other if size > bounds.NODES and 2 * ex.node_count(other := tidied(tree)) <= size else tree
+    )
 
 
 # Signs and numbers of a finished formula.
@@ -281,9 +351,13 @@ def _with_squares_joined(tree: ex.Expression) -> ex.Expression:
     for term, k in list(places.items()):
         for base, exponent in ex.powers_of(term) if term in places else ():
             if isinstance(base, ex.Apply) and base.function in ("sin", "cos") and exponent == 2:
-                partner = ex.negated(ex.multiply(*(factor for factor in ex.factors_of(term) if factor != base**2)))
+                partner = ex.negated(
+                    ex.multiply(*(factor for factor in ex.factors_of(term) if factor != base**2))
+                )
                 if partner in places:
-                    terms[k] = partner * ex.Apply(functions.SQUARES[base.function][0], base.argument) ** 2
+                    terms[k] = (
+                        partner * ex.Apply(functions.SQUARES[base.function][0], base.argument) ** 2
+                    )
                     terms[places.pop(partner)] = ex.ZERO
                     del places[term]
                     break
@@ -296,32 +370,50 @@ def turned(tree: ex.Expression) -> ex.Expression:
         case ex.Product((ex.Number(value), *rest)) if value < 0:
             place = next((k for k, factor in enumerate(rest) if isinstance(factor, ex.Sum)), None)
             if place is not None:
-                return ex.multiply(ex.number(-value), *rest[:place], ex.negated(rest[place]), *rest[place + 1 :])
+                return ex.multiply(
+                    ex.number(-value), *rest[:place], ex.negated(rest[place]), *rest[place + 1 :]
+                )
     return tree
 
 
 def minus_inside(tree: ex.Expression, others: Sequence[ex.Expression] = ()) -> ex.Expression:
-    """Each term -(a - b) c of a sum as (b - a) c, -c/(a - b) as c/(b - a); likewise where more terms are negative.
+    """Each term -(a - b) c of a sum as (b - a) c, -c/(a - b) as c/(b - a); likewise where more
+    terms are negative.
 
     Not where a - b is in a term that is not negative, too.
     """
     if isinstance(tree, ex.Sum):
-        return ex.add(*(minus_inside(term, [one for one in tree.terms if not is_negative(one)]) for term in tree.terms))
+        return ex.add(
+            *(
+                minus_inside(term, [one for one in tree.terms if not is_negative(one)])
+                for term in tree.terms
+            )
+        )
     match tree:
         case ex.Product((ex.Number(value), *factors)) if value < 0:
             for place, factor in enumerate(factors):
-                base, exponent = (factor.base, factor.exponent) if isinstance(factor, ex.Power) else (factor, ex.ONE)
+                base, exponent = (
+                    (factor.base, factor.exponent)
+                    if isinstance(factor, ex.Power)
+                    else (factor, ex.ONE)
+                )
                 is_kept = any(ex.holds(other, base) for other in others)
                 if not isinstance(base, ex.Sum) or is_kept or not _is_half_negative(base):
                     continue
                 if isinstance(exponent, ex.Number) and exponent.value % 2 == 1:
-                    turned = ex.add(*sorted(map(ex.negate, base.terms), key=is_negative)) ** exponent
-                    return ex.multiply(ex.number(-value), *factors[:place], turned, *factors[place + 1 :])
+                    turned = (
+                        ex.add(*sorted(map(ex.negate, base.terms), key=is_negative)) ** exponent
+                    )
+                    return ex.multiply(
+                        ex.number(-value), *factors[:place], turned, *factors[place + 1 :]
+                    )
     return tree
 
 
 def roots_upright(tree: ex.Expression) -> ex.Expression:
-    """1/sqrt(-a/(b - c)) as sqrt((c - b)/a): no quotient whose denominator is a sum under a root in a denominator."""
+    """1/sqrt(-a/(b - c)) as sqrt((c - b)/a): no quotient whose denominator is a sum under a root in
+    a denominator.
+    """
     tree = ex.rebuild(tree, roots_upright)
     match tree:
         case ex.Power(base, ex.Number(e)) if e < 0 and e.denominator > 1:
@@ -330,15 +422,22 @@ def roots_upright(tree: ex.Expression) -> ex.Expression:
                 negative = any(isinstance(part, ex.Number) and part.value < 0 for part, _ in powers)
                 parts = [part if k == -1 else part**-k for part, k in powers]
                 if negative:
-                    place = next(n for n, (part, k) in enumerate(powers) if isinstance(part, ex.Sum) and k == -1)
-                    parts = [ex.negated(part) if n == place else part for n, part in enumerate(parts)]
+                    place = next(
+                        n
+                        for n, (part, k) in enumerate(powers)
+                        if isinstance(part, ex.Sum) and k == -1
+                    )
+                    parts = [
+                        ex.negated(part) if n == place else part for n, part in enumerate(parts)
+                    ]
                     parts.append(ex.number(-1))
                 return ex.multiply(*parts) ** -e
     return tree
 
 
 def numbers_outside(tree: ex.Expression) -> ex.Expression:
-    """(x^2/2 + 3 y^2/2)/z as (x^2 + 3 y^2)/(2 z): no denominator in a bracket, no minus that all of its terms have.
+    """(x^2/2 + 3 y^2/2)/z as (x^2 + 3 y^2)/(2 z): no denominator in a bracket, no minus that all of
+    its terms have.
 
     Under an exponent, only a denominator that all terms have is taken out.
     """
@@ -356,24 +455,36 @@ def numbers_outside(tree: ex.Expression) -> ex.Expression:
 
 
 def plain_quotients(tree: ex.Expression) -> ex.Expression:
-    """18 (c u v - u^2/3 - v^2/3)/(c^2 - 16) as 6 (u^2 + v^2 - 3 c u v)/(16 - c^2), and (2 u - 4 v)/6 as (u - 2 v)/3.
+    """18 (c u v - u^2/3 - v^2/3)/(c^2 - 16) as 6 (u^2 + v^2 - 3 c u v)/(16 - c^2), and (2 u - 4
+    v)/6 as (u - 2 v)/3.
 
-    Fractions in a bracket above a line, or that the number in front takes away; minus signs of two brackets at once.
+    Fractions in a bracket above a line, or that the number in front takes away; minus signs of two
+    brackets at once.
     """
     tree = ex.rebuild(tree, plain_quotients)
     if not isinstance(tree, ex.Product):
         return tree
     number = ex.coefficient(tree)
     powers = ex.powers_of(ex.multiply(*tree.factors[isinstance(tree.factors[0], ex.Number) :]))
-    sums = {k: base.terms for k, (base, e) in enumerate(powers) if isinstance(base, ex.Sum) and e % 2 == 1}
+    sums = {
+        k: base.terms
+        for k, (base, e) in enumerate(powers)
+        if isinstance(base, ex.Sum) and e % 2 == 1
+    }
     surplus = {k: 2 * sum(map(is_negative, terms)) - len(terms) for k, terms in sums.items()}
     ordered = iter(sorted(sums, key=lambda k: -surplus[k]))
     for one, other in zip(ordered, ordered, strict=False):
         if surplus[one] + surplus[other] > 0:
             sums |= {k: tuple(map(ex.negate, sums[k][::-1])) for k in (one, other)}
     for k, terms in sums.items():
-        share = Fraction(math.lcm(*(ex.coefficient(term).denominator for term in terms)) if powers[k][1] == 1 else 1)
-        share = share if number.numerator % share == 0 or min(e for _, e in powers) < 0 else Fraction(1)
+        share = Fraction(
+            math.lcm(*(ex.coefficient(term).denominator for term in terms))
+            if powers[k][1] == 1
+            else 1
+        )
+        share = (
+            share if number.numerator % share == 0 or min(e for _, e in powers) < 0 else Fraction(1)
+        )
         below = number.denominator if powers[k][1] == 1 else 1
         share /= math.gcd(below, *((share * ex.coefficient(term)).numerator for term in terms))
         number /= share
@@ -382,19 +493,27 @@ def plain_quotients(tree: ex.Expression) -> ex.Expression:
 
 
 def _content(tree: ex.Sum, is_whole: bool) -> Fraction:
-    """What makes the coefficients integers without a common factor, if they are not; -1 if all are negative."""
+    """What makes the coefficients integers without a common factor, if they are not; -1 if all are
+    negative.
+    """
     found = [ex.coefficient(term) for term in tree.terms]
     below = math.lcm(*(value.denominator for value in found))
     sign = -1 if all(value < 0 for value in found) else 1
     if below == 1 or not (is_whole or all(value.denominator == below for value in found)):
         return Fraction(sign)
-    return Fraction(sign * below, math.gcd(*(value.numerator for value in found)) if is_whole else 1)
+    return Fraction(
+        sign * below, math.gcd(*(value.numerator for value in found)) if is_whole else 1
+    )
 
 
 def _is_half_negative(tree: ex.Sum) -> bool:
-    """Whether most of its terms have a minus sign, or half of them and no number is without one, as it is in 1 - mu."""
+    """Whether most of its terms have a minus sign, or half of them and no number is without one, as
+    it is in 1 - mu.
+    """
     surplus = 2 * sum(map(is_negative, tree.terms)) - len(tree.terms)
-    return surplus > 0 or (surplus == 0 and not any(isinstance(t, ex.Number) and t.value > 0 for t in tree.terms))
+    return surplus > 0 or (
+        surplus == 0 and not any(isinstance(t, ex.Number) and t.value > 0 for t in tree.terms)
+    )
 
 
 def is_negative(term: ex.Expression) -> bool:
@@ -402,7 +521,9 @@ def is_negative(term: ex.Expression) -> bool:
 
 
 def by_short_angles(
-    trees: Sequence[ex.Expression], ring: exact_field.ExactRing, elements: Iterable[exact_field.Quotient]
+    trees: Sequence[ex.Expression],
+    ring: exact_field.ExactRing,
+    elements: Iterable[exact_field.Quotient],
 ) -> list[ex.Expression] | None:
     """The trees in the angles that make the elements short; None where the angles of the ring do.
 
@@ -436,7 +557,9 @@ def by_short_angles(
 def _angle_of(tree: ex.Expression, functions: Container[str]) -> ex.Expression | None:
     """The argument of one of the functions, if it is an angle without functions."""
     match tree:
-        case ex.Apply(name, angle) if name in functions and not ex.has(angle, ex.Apply | ex.Arbitrary | ex.Power):
+        case ex.Apply(name, angle) if name in functions and not ex.has(
+            angle, ex.Apply | ex.Arbitrary | ex.Power
+        ):
             return angle
     return None
 
@@ -448,7 +571,9 @@ def _size(waves: Iterable[Wave]) -> tuple[int, int]:
 
 
 def _shorter(waves: Sequence[Wave], choices: Iterable[Wave]) -> tuple[int, Wave] | None:
-    """The best of the choices in the place of a vector of the basis; None where no exchange makes the waves shorter."""
+    """The best of the choices in the place of a vector of the basis; None where no exchange makes
+    the waves shorter.
+    """
     sizes = {
         (place, wave): _size(_exchanged(waves, place, wave))
         for wave in choices
@@ -460,7 +585,9 @@ def _shorter(waves: Sequence[Wave], choices: Iterable[Wave]) -> tuple[int, Wave]
 
 
 def _sum(wave: Wave, angles: Sequence[ex.Expression]) -> ex.Expression:
-    return collecting.collect(ex.add(*(turns * angle for turns, angle in zip(wave, angles, strict=True))))
+    return collecting.collect(
+        ex.add(*(turns * angle for turns, angle in zip(wave, angles, strict=True)))
+    )
 
 
 def _opposite(wave: Wave) -> Wave:
@@ -478,9 +605,13 @@ def _exchanged(waves: Sequence[Wave], place: int, new: Wave) -> list[Wave]:
 
 
 def _waves_of(
-    ring: exact_field.ExactRing, angles: Sequence[ex.Expression], elements: Iterable[exact_field.Quotient]
+    ring: exact_field.ExactRing,
+    angles: Sequence[ex.Expression],
+    elements: Iterable[exact_field.Quotient],
 ) -> set[Wave]:
-    """The waves of the numerators, each of a pair of opposite ones, at random values of all other generators."""
+    """The waves of the numerators, each of a pair of opposite ones, at random values of all other
+    generators.
+    """
     places = {tree: index for index, tree in ring.trees.items()}
     pairs = [(places[ex.Apply("sin", angle)], places[ex.Apply("cos", angle)]) for angle in angles]
     circular, drawn = {index for pair in pairs for index in pair}, random.Random(1)
@@ -517,7 +648,9 @@ def _powers(sine: int, cosine: int) -> dict[int, int]:
     return found
 
 
-def _sine_and_cosine(turns: Wave, angles: Sequence[ex.Expression]) -> tuple[ex.Expression, ex.Expression]:
+def _sine_and_cosine(
+    turns: Wave, angles: Sequence[ex.Expression]
+) -> tuple[ex.Expression, ex.Expression]:
     """Of a sum of angles, by the addition theorems."""
     sine: ex.Expression = ex.ZERO
     cosine: ex.Expression = ex.ONE
@@ -531,17 +664,25 @@ def _sine_and_cosine(turns: Wave, angles: Sequence[ex.Expression]) -> tuple[ex.E
 
 def velocities_in(tree: ex.Expression, names: Collection[str]) -> set[str]:
     """The coordinates among `names` whose velocities occur."""
-    return {node.coordinate for node in ex.walk(tree) if isinstance(node, ex.Velocity) and node.coordinate in names}
+    return {
+        node.coordinate
+        for node in ex.walk(tree)
+        if isinstance(node, ex.Velocity) and node.coordinate in names
+    }
 
 
 def separated(tree: ex.Expression) -> ex.Expression:
     """The tree expanded, exponentials as powers of atoms so that quotients of them cancel."""
-    return ex.add(*(value * collecting.separate_tree(monomial) for monomial, value in collecting.expand(tree)))
+    return ex.add(
+        *(value * collecting.separate_tree(monomial) for monomial, value in collecting.expand(tree))
+    )
 
 
 @lru_cache(maxsize=512)
 def opaque_quotient(tree: ex.Expression) -> ex.Expression:
-    """The tree as one factored quotient of polynomials in atoms; as it is where that is too large."""
+    """The tree as one factored quotient of polynomials in atoms; as it is where that is too
+    large.
+    """
     plain = separated(tree)
     if ex.node_count(plain) > bounds.TERMS:
         return tree
@@ -553,13 +694,20 @@ def opaque_quotient(tree: ex.Expression) -> ex.Expression:
 
 
 def shortest(forms: Sequence[ex.Expression]) -> ex.Expression:
-    """The smallest of some equal trees; of those of the same size the first with the fewest terms."""
-    return min(forms, key=lambda form: (ex.node_count(form), len(form.terms) if isinstance(form, ex.Sum) else 1))
+    """The smallest of some equal trees; of those of the same size the first with the fewest
+    terms.
+    """
+    return min(
+        forms,
+        key=lambda form: (ex.node_count(form), len(form.terms) if isinstance(form, ex.Sum) else 1),
+    )
 
 
 @lru_cache(maxsize=512)
 def simplified(tree: ex.Expression) -> ex.Expression:
-    """The shortest of: the tree as it is, collected, as one quotient; with sin^2 = 1 - cos^2 where both occur."""
+    """The shortest of: the tree as it is, collected, as one quotient; with sin^2 = 1 - cos^2 where
+    both occur.
+    """
     collected, merged = collecting.collect(tree), collecting.merge_powers(tree)
     forms = [collected, merged]
     if _is_monomial(collected):  # as momenta and energies of many masses are
@@ -574,12 +722,16 @@ def simplified(tree: ex.Expression) -> ex.Expression:
 
 
 def related(tree: ex.Expression) -> ex.Expression:
-    """A long tree as one quotient, with the relations among its roots and functions used, where that is shorter."""
+    """A long tree as one quotient, with the relations among its roots and functions used, where
+    that is shorter.
+    """
     return tree if ex.node_count(tree) <= bounds.NODES else shortest([tree, exact_quotient(tree)])
 
 
 def exact_quotient(tree: ex.Expression) -> ex.Expression:
-    """The tree as one factored quotient in which all relations are used; as it is where that is too large."""
+    """The tree as one factored quotient in which all relations are used; as it is where that is too
+    large.
+    """
     return quotient(tree, exact_field.Budget(bounds.EXPANSION, deadline.end(), _WORK_ON_ONE))
 
 
@@ -617,22 +769,33 @@ def trigonometric(tree: ex.Expression) -> ex.Expression:
 def with_cosines(tree: ex.Expression) -> ex.Expression:
     """The tree with 1/cos^2 for 1 + tan^2."""
     match ex.rebuild(tree, with_cosines):
-        case ex.Sum((ex.Power(ex.Apply("tan", u), ex.TWO), ex.ONE) | (ex.ONE, ex.Power(ex.Apply("tan", u), ex.TWO))):
+        case ex.Sum(
+            (ex.Power(ex.Apply("tan", u), ex.TWO), ex.ONE)
+            | (ex.ONE, ex.Power(ex.Apply("tan", u), ex.TWO))
+        ):
             return ex.Apply("cos", u) ** -2
         case inner:
             return inner
 
 
 def _without_squares(tree: ex.Expression) -> Iterator[ex.Expression]:
-    """The tree with the squares of sines, and with those of cosines, written by the other function."""
+    """The tree with the squares of sines, and with those of cosines, written by the other
+    function.
+    """
     nodes = {node for node in ex.walk(tree) if isinstance(node, ex.Apply)}
     for function, other in (("sin", "cos"), ("cos", "sin")):
-        both = {n.argument for n in nodes if n.function == function and ex.Apply(other, n.argument) in nodes}
+        both = {
+            n.argument
+            for n in nodes
+            if n.function == function and ex.Apply(other, n.argument) in nodes
+        }
         if both:
             yield _squares_replaced(tree, function, other, both)
 
 
-def _squares_replaced(tree: ex.Expression, function: str, other: str, both: Collection[ex.Expression]) -> ex.Expression:
+def _squares_replaced(
+    tree: ex.Expression, function: str, other: str, both: Collection[ex.Expression]
+) -> ex.Expression:
     known: dict[ex.Expression, ex.Expression] = {}  # parts that occur often are replaced once
 
     def replaced(part: ex.Expression) -> ex.Expression:
@@ -640,7 +803,9 @@ def _squares_replaced(tree: ex.Expression, function: str, other: str, both: Coll
             deadline.check(0)
             known[part] = ex.rebuild(part, replaced)
             match known[part]:
-                case ex.Power(ex.Apply(name, argument), ex.Number(value)) if name == function and argument in both:
+                case ex.Power(ex.Apply(name, argument), ex.Number(value)) if (
+                    name == function and argument in both
+                ):
                     whole = value.numerator // 2 if value.denominator == 1 and value > 1 else 0
                     square = 1 - ex.Apply(other, argument) ** 2
                     known[part] = square**whole * ex.Apply(name, argument) ** (value - 2 * whole)
@@ -650,14 +815,18 @@ def _squares_replaced(tree: ex.Expression, function: str, other: str, both: Coll
 
 
 def roots_apart(tree: ex.Expression) -> ex.Expression:
-    """The tree with (u w)^r = u^r w^r and (u^a)^r = u^(a r), which is wrong where a factor is negative."""
+    """The tree with (u w)^r = u^r w^r and (u^a)^r = u^(a r), which is wrong where a factor is
+    negative.
+    """
     apart = _apart(tree)
     return tree if apart == tree else simplified(apart)
 
 
 def _apart(tree: ex.Expression) -> ex.Expression:
     match ex.rebuild(tree, _apart):
-        case ex.Power(ex.Product(factors), exponent) as inner if not exact_field.is_integer_power(inner):
+        case ex.Power(ex.Product(factors), exponent) as inner if not exact_field.is_integer_power(
+            inner
+        ):
             return ex.multiply(*(_apart(factor**exponent) for factor in factors))
         case ex.Power(ex.Power(base, ex.Number(value)), ex.Number(exponent)):
             return base ** (value * exponent)
@@ -666,7 +835,9 @@ def _apart(tree: ex.Expression) -> ex.Expression:
 
 
 def cancelled(sign: int, tree: ex.Expression) -> ex.Expression:
-    """The tree with sqrt(u^2) = sign u, atan(tan u) = u and log(exp u) = u, which hold on one branch only; shorter."""
+    """The tree with sqrt(u^2) = sign u, atan(tan u) = u and log(exp u) = u, which hold on one
+    branch only; shorter.
+    """
     found = _cancelled(tree, sign)
     return tree if found == tree else simplified(found)
 
@@ -680,10 +851,14 @@ def _cancelled(tree: ex.Expression, sign: int) -> ex.Expression:
             return ex.multiply(*(factor**e for factor in factors))
         case ex.Power(ex.Product(factors), ex.Number(e)) if e.denominator == 2:
             roots = [_root_of_square(factor) for factor in factors]
-            rest = ex.multiply(*(factor for factor, root in zip(factors, roots, strict=True) if root is None))
+            rest = ex.multiply(
+                *(factor for factor, root in zip(factors, roots, strict=True) if root is None)
+            )
             whole = ex.multiply(ex.number(sign), *(root for root in roots if root is not None))
             return whole**e.numerator * rest**e if any(roots) else inner
-        case ex.Power(ex.Power() as square, ex.Number(e)) if e.denominator == 2 and (root := _root_of_square(square)):
+        case ex.Power(ex.Power() as square, ex.Number(e)) if e.denominator == 2 and (
+            root := _root_of_square(square)
+        ):
             return (sign * root) ** e.numerator
         case ex.Power(ex.Sum() as base, ex.Number(e)) if e.denominator == 2 and not isinstance(
             short := opaque_quotient(one_square(base)), ex.Sum
@@ -729,7 +904,8 @@ def _sign_factor(factor: ex.Expression) -> ex.Expression:
 
 
 def short_forms(tree: ex.Expression, letters: Collection[ex.Expression]) -> Iterator[ex.Expression]:
-    """The tree with its quadratic part in `letters` as sums of squares, or its parts of higher degree as powers.
+    """The tree with its quadratic part in `letters` as sums of squares, or its parts of higher
+    degree as powers.
 
     Terms that are not polynomial in `letters` are unchanged. A long quadratic part has no squares.
     """
@@ -748,52 +924,79 @@ def short_forms(tree: ex.Expression, letters: Collection[ex.Expression]) -> Iter
     if len(quadratic) > bounds.SMALL:
         return
     higher = [
-        min(as_power([*part.items()]), ex.add(*_by_pairs(part, list(letters), d)), key=ex.node_count)
+        min(
+            as_power([*part.items()]), ex.add(*_by_pairs(part, list(letters), d)), key=ex.node_count
+        )
         for d, some in parts.items()
         if (part := {key: value for key, value in some.items() if value})
     ]
     own = [v for v in letters if any(v in dict(key) for key in quadratic)]
     mixed = [v for v in own if any(dict(key).get(v) == 1 for key in quadratic)]
-    whole, apart = ([*_grouped(quadratic, with_divisors).values()] for with_divisors in (False, True))
+    whole, apart = (
+        [*_grouped(quadratic, with_divisors).values()] for with_divisors in (False, True)
+    )
     for groups in [whole, *([apart] if len(whole) < len(apart) else [])]:
-        yield ex.add(*(part for group in groups for part in _by_pairs(group, own, 2)), *higher, *rest)
+        yield ex.add(
+            *(part for group in groups for part in _by_pairs(group, own, 2)), *higher, *rest
+        )
         for order in islice(permutations(mixed), _MOST_ORDERS if mixed else 0):
             squares = [square for group in groups for square in _squares(group, order)]
             yield ex.add(*squares, *higher, *rest)
 
 
 @lru_cache(maxsize=1024)
-def sums_of_squares(tree: ex.Expression, letters: tuple[ex.Expression, ...]) -> tuple[ex.Expression, ...]:
-    """Those forms in which what takes the place of terms of the tree has one sign: -k (a - b)^2/2, as of springs.
+def sums_of_squares(
+    tree: ex.Expression, letters: tuple[ex.Expression, ...]
+) -> tuple[ex.Expression, ...]:
+    """Those forms in which what takes the place of terms of the tree has one sign: -k (a - b)^2/2,
+    as of springs.
 
-    x^2 + 4 x y + y^2 has no such form: (x + 2 y)^2 - 3 y^2 is a difference. x^2 - 2 x + 1 is (x - 1)^2.
+    x^2 + 4 x y + y^2 has no such form: (x + 2 y)^2 - 3 y^2 is a difference. x^2 - 2 x + 1 is (x -
+    1)^2.
     """
     kept, terms = ex.summands(tree), collecting.expand(tree)
-    found, degrees = [*short_forms(tree, letters)], [_degree(monomial, letters) for monomial, _ in terms]
+    found, degrees = (
+        [*short_forms(tree, letters)],
+        [_degree(monomial, letters) for monomial, _ in terms],
+    )
     if set(degrees) == {0, 1, 2}:
         parts = (
-            collecting.terms_tree([term]) * _UNIT ** (2 - (d or 0)) for term, d in zip(terms, degrees, strict=True)
+            collecting.terms_tree([term]) * _UNIT ** (2 - (d or 0))
+            for term, d in zip(terms, degrees, strict=True)
         )
-        found += [ex.substitute(form, {_UNIT: ex.ONE}) for form in short_forms(ex.add(*parts), [*letters, _UNIT])]
+        found += [
+            ex.substitute(form, {_UNIT: ex.ONE})
+            for form in short_forms(ex.add(*parts), [*letters, _UNIT])
+        ]
 
     def has_one_sign(form: ex.Expression) -> bool:
         new = [term for term in ex.summands(form) if term not in kept]
-        even = [term for term in new if all(e % 2 == 0 for p, e in ex.powers_of(term) if isinstance(p, ex.Sum))]
+        even = [
+            term
+            for term in new
+            if all(e % 2 == 0 for p, e in ex.powers_of(term) if isinstance(p, ex.Sum))
+        ]
         return len({ex.coefficient(term) < 0 for term in even}) <= 1
 
     return tuple(filter(has_one_sign, found))
 
 
 def _over_shared_sums(tree: ex.Expression, letters: Collection[ex.Expression]) -> ex.Expression:
-    """Terms with `letters`, and sums that they share taken out where these vary: (x^2 + y^2) (x'^2 + y'^2)/2."""
+    """Terms with `letters`, and sums that they share taken out where these vary: (x^2 + y^2) (x'^2
+    + y'^2)/2.
+    """
     groups: dict[frozenset[Power], list[list[Power]]] = {}
     for term in ex.summands(tree):
         powers = ex.powers_of(term)
         shared: list[Power] = [
-            (p, e) for p, e in powers if isinstance(p, ex.Sum | ex.Apply) and not ex.holds(p, *letters)
+            (p, e)
+            for p, e in powers
+            if isinstance(p, ex.Sum | ex.Apply) and not ex.holds(p, *letters)
         ]
         # Sums of masses have no functions and no powers, and stay with their velocities.
-        varies = any(isinstance(node, ex.Apply | ex.Power) for p, _ in shared for node in ex.walk(p))
+        varies = any(
+            isinstance(node, ex.Apply | ex.Power) for p, _ in shared for node in ex.walk(p)
+        )
         key = frozenset(shared) if varies and ex.holds(term, *letters) else frozenset()
         groups.setdefault(key, []).append(powers)
     found = []
@@ -823,7 +1026,9 @@ def _degree(monomial: collecting.Monomial, letters: Collection[ex.Expression]) -
 
 
 def _grouped(terms: Terms, with_divisors: bool) -> dict[collecting.Monomial, Terms]:
-    """The terms by their exponentials, which no form divides or multiplies, and by their divisors."""
+    """The terms by their exponentials, which no form divides or multiplies, and by their
+    divisors.
+    """
     groups: dict[collecting.Monomial, Terms] = {}
     for monomial, value in terms.items():
         outer = tuple((p, e) for p, e in monomial
@@ -832,7 +1037,9 @@ def _grouped(terms: Terms, with_divisors: bool) -> dict[collecting.Monomial, Ter
     return groups
 
 
-def _times(left: collecting.Monomial, right: collecting.Monomial, power: int = 1) -> collecting.Monomial:
+def _times(
+    left: collecting.Monomial, right: collecting.Monomial, power: int = 1
+) -> collecting.Monomial:
     table = dict(left)
     for base, exponent in right:
         table[base] = table.get(base, Fraction(0)) + power * exponent
@@ -840,7 +1047,9 @@ def _times(left: collecting.Monomial, right: collecting.Monomial, power: int = 1
 
 
 def _squares(terms: Terms, order: Sequence[ex.Expression]) -> list[ex.Expression]:
-    """The quadratic form as a sum of squares as far as the coefficients of squares are single monomials."""
+    """The quadratic form as a sum of squares as far as the coefficients of squares are single
+    monomials.
+    """
     left, found = dict(terms), list[ex.Expression]()
     for v in order:
         square = {key: value for key, value in left.items() if dict(key).get(v) == 2}
@@ -858,34 +1067,52 @@ def _squares(terms: Terms, order: Sequence[ex.Expression]) -> list[ex.Expression
         form |= {_times(k, _times(rest, root), -1): c for k, c in half.items()}
         found.append(
             ex.multiply(
-                ex.number(value), collecting.terms_tree([(rest, Fraction(1))]), collecting.terms_tree(form.items()) ** 2
+                ex.number(value),
+                collecting.terms_tree([(rest, Fraction(1))]),
+                collecting.terms_tree(form.items()) ** 2,
             )
         )
         remaining = dict(collecting.expand(collecting.terms_tree(left.items()) - found[-1]))
-        left = {k: remaining[k] for k in dict.fromkeys([*left, *remaining]) if k in remaining}  # in their order
+        left = {
+            k: remaining[k] for k in dict.fromkeys([*left, *remaining]) if k in remaining
+        }  # in their order
     return [*found, collecting.terms_tree(left.items())]
 
 
 def _by_pairs(terms: Terms, letters: Sequence[ex.Expression], degree: int) -> list[ex.Expression]:
-    """All mixed terms in two of the letters as a power of their sum or difference: k ((x - y)^4 + (y - z)^4)/4."""
+    """All mixed terms in two of the letters as a power of their sum or difference: k ((x - y)^4 +
+    (y - z)^4)/4.
+    """
     left = {_times(key, ()): value for key, value in terms.items()}
     powers = dict[tuple[collecting.Monomial, Fraction], list[ex.Expression]]()
     for key, value in list(left.items()):
         pair = [v for v in letters if v in dict(key)]
-        if not 2 <= degree <= bounds.POWER or len(pair) != 2 or dict(key)[pair[1]] != 1 or key not in left:
+        if (
+            not 2 <= degree <= bounds.POWER
+            or len(pair) != 2
+            or dict(key)[pair[1]] != 1
+            or key not in left
+        ):
             continue
         v, w = pair
         outside = tuple(item for item in key if item[0] not in pair)
         for sign in (1, -1):
             c = sign * value / degree
             binomial = {
-                _times(outside, ((v, Fraction(degree - k)), (w, Fraction(k)))): c * math.comb(degree, k) * sign**k
+                _times(outside, ((v, Fraction(degree - k)), (w, Fraction(k)))): c
+                * math.comb(degree, k)
+                * sign**k
                 for k in range(degree + 1)
             }
             own = left.get(_times(outside, ((v, Fraction(degree)),)), Fraction(0))
-            if (degree > 2 or own * c > 0) and all(left.get(one) == binomial[one] for one in [*binomial][1:-1]):
+            if (degree > 2 or own * c > 0) and all(
+                left.get(one) == binomial[one] for one in [*binomial][1:-1]
+            ):
                 powers.setdefault((outside, c), []).append((v + sign * w) ** degree)
-                left = {k: left.get(k, Fraction(0)) - binomial.get(k, Fraction(0)) for k in {**left, **binomial}}
+                left = {
+                    k: left.get(k, Fraction(0)) - binomial.get(k, Fraction(0))
+                    for k in {**left, **binomial}
+                }
                 left = {k: value for k, value in left.items() if value}
                 break
     for (outside, c), some in powers.items():
@@ -894,14 +1121,17 @@ def _by_pairs(terms: Terms, letters: Sequence[ex.Expression], degree: int) -> li
                 some.append(v**degree)
                 del left[key]
     found = [
-        c * collecting.terms_tree([(outside, Fraction(1))]) * ex.add(*some) for (outside, c), some in powers.items()
+        c * collecting.terms_tree([(outside, Fraction(1))]) * ex.add(*some)
+        for (outside, c), some in powers.items()
     ]
     return [*found, collecting.terms_tree(left.items())]
 
 
 def _split_square(monomial: collecting.Monomial) -> tuple[collecting.Monomial, collecting.Monomial]:
     """(s, r) with monomial = s^2 r, s with integer exponents."""
-    root = tuple((base, Fraction(int(e) // 2)) for base, e in monomial if e.denominator == 1 and e >= 2)
+    root = tuple(
+        (base, Fraction(int(e) // 2)) for base, e in monomial if e.denominator == 1 and e >= 2
+    )
     return root, _times(monomial, root, -2)
 
 
@@ -918,7 +1148,9 @@ def as_power(terms: Sequence[collecting.Term]) -> ex.Expression:
 
 
 def _factors(terms: Sequence[collecting.Term]) -> list[tuple[ex.Expression, int]] | None:
-    """The squarefree factors of a polynomial in powers of its letters, 1/sqrt(u) of u, each with its multiplicity."""
+    """The squarefree factors of a polynomial in powers of its letters, 1/sqrt(u) of u, each with
+    its multiplicity.
+    """
     exponents: dict[ex.Expression, list[Fraction]] = {}
     for place, (monomial, _) in enumerate(terms):
         for base, e in monomial:
@@ -933,7 +1165,9 @@ def _factors(terms: Sequence[collecting.Term]) -> list[tuple[ex.Expression, int]
     context = fmpq_mpoly_ctx.get(tuple(f"a{k}" for k in range(len(units))))
     rows = zip(*exponents.values(), strict=True)
     table = {
-        tuple(int(e / unit) for e, (_, unit) in zip(row, units, strict=True)): fmpq(c.numerator, c.denominator)
+        tuple(int(e / unit) for e, (_, unit) in zip(row, units, strict=True)): fmpq(
+            c.numerator, c.denominator
+        )
         for row, (_, c) in zip(rows, terms, strict=True)
     }
     _, factors = context.from_dict(table).factor_squarefree()
@@ -941,7 +1175,11 @@ def _factors(terms: Sequence[collecting.Term]) -> list[tuple[ex.Expression, int]
     for factor, k in factors:
         parts = [
             (
-                tuple((base, int(e) * unit) for (base, unit), e in zip(units, powers, strict=True) if e),
+                tuple(
+                    (base, int(e) * unit)
+                    for (base, unit), e in zip(units, powers, strict=True)
+                    if e
+                ),
                 exact_field.as_fraction(value),
             )
             for powers, value in factor.to_dict().items()
@@ -957,13 +1195,19 @@ def _by_constants(
         dict[collecting.Monomial, Terms](),
         [term for term in ex.summands(tree) if not ex.holds(term, *letters)],
     )
-    for monomial, value in collecting.expand(ex.add(*(term for term in ex.summands(tree) if term not in rest))):
-        constants = tuple((p, e) for p, e in monomial if isinstance(p, ex.Symbol) and p not in (*letters, *others))
+    for monomial, value in collecting.expand(
+        ex.add(*(term for term in ex.summands(tree) if term not in rest))
+    ):
+        constants = tuple(
+            (p, e) for p, e in monomial if isinstance(p, ex.Symbol) and p not in (*letters, *others)
+        )
         groups.setdefault(constants, {})[_times(monomial, constants, -1)] = value
     found = list[ex.Expression]()
     for key, terms in groups.items():
         outside = collecting.terms_tree([(key, Fraction(1))])
-        inner = collecting.terms_tree(collecting.expand(one_square(collecting.terms_tree(terms.items()))))
+        inner = collecting.terms_tree(
+            collecting.expand(one_square(collecting.terms_tree(terms.items())))
+        )
         short = min([inner, *short_forms(inner, letters)], key=ex.node_count)
         found += [outside * term for term in ex.summands(short)]
     return ex.add(*found, *rest)
@@ -972,21 +1216,34 @@ def _by_constants(
 def proper_quotients(
     tree: ex.Expression, letters: Collection[ex.Expression], others: Collection[ex.Expression]
 ) -> ex.Expression:
-    """c v w + r v w/D for (c D + r) v w/D where r has fewer terms; v and w are letters, c holds none and no others."""
+    """c v w + r v w/D for (c D + r) v w/D where r has fewer terms; v and w are letters, c holds
+    none and no others.
+    """
     groups, found = dict[collecting.Monomial, list[collecting.Term]](), list[ex.Expression]()
     for monomial, value in collecting.expand(tree):
-        outer = tuple(item for item in monomial if item[0] in letters or isinstance(item[0], ex.Sum))
+        outer = tuple(
+            item for item in monomial if item[0] in letters or isinstance(item[0], ex.Sum)
+        )
         groups.setdefault(outer, []).append((_times(monomial, outer, -1), value))
     for outer, inner in groups.items():
-        divisors = [p for p, e in outer if e == -1 and isinstance(p, ex.Sum)] if _degree(outer, letters) == 2 else []
+        divisors = (
+            [p for p, e in outer if e == -1 and isinstance(p, ex.Sum)]
+            if _degree(outer, letters) == 2
+            else []
+        )
         forms: list[tuple[int, ex.Expression, collecting.Monomial, Sequence[collecting.Term]]] = [
             (len(inner), ex.ZERO, outer, inner)
         ]
         for divisor in divisors:
             ratios = [
-                (_times(key, other, -1), a / b) for (key, a), (other, b) in product(inner, collecting.expand(divisor))
+                (_times(key, other, -1), a / b)
+                for (key, a), (other, b) in product(inner, collecting.expand(divisor))
             ]
-            fixed = [(key, c) for key, c in ratios if not any(ex.holds(p, *letters, *others) for p, _ in key)]
+            fixed = [
+                (key, c)
+                for key, c in ratios
+                if not any(ex.holds(p, *letters, *others) for p, _ in key)
+            ]
             for c in dict.fromkeys(collecting.terms_tree([one]) for one in fixed):
                 rest = collecting.expand(collecting.terms_tree(inner) - c * divisor)
                 forms.append((len(rest), c, _times(outer, ((divisor, Fraction(1)),)), rest))
@@ -1003,9 +1260,9 @@ def shortest_form(
 ) -> ex.Expression:
     """The tree itself, or the shortest of its forms where one is shorter.
 
-    One of them has outside what all terms with `letters` share, and inside squares of sums in `others`:
-    (x^2 + y^2 + 1) (p^2 + q^2 + (x p + y q)^2)/2. In another, the terms with one product of constants are squares:
-    (cos(u) p + sin(u) q)^2/(2 A) + (cos(u) q - sin(u) p)^2/(2 B).
+    One of them has outside what all terms with `letters` share, and inside squares of sums in
+    `others`: (x^2 + y^2 + 1) (p^2 + q^2 + (x p + y q)^2)/2. In another, the terms with one product
+    of constants are squares: (cos(u) p + sin(u) q)^2/(2 A) + (cos(u) q - sin(u) p)^2/(2 B).
     """
     forms = [tree, *short_forms(tree, letters), _by_constants(tree, letters, others)]
     forms += short_forms(proper_quotients(tree, letters, others), letters)
@@ -1016,7 +1273,10 @@ def shortest_form(
     if common:
         parts = (ex.multiply(*(p**e for p, e in term if (p, e) not in common)) for term in powers)
         inner = collecting.terms_tree(collecting.expand(ex.add(*parts)))
-        short = min([inner, *short_forms(inner, letters), *sums_of_squares(inner, tuple(others))], key=ex.node_count)
+        short = min(
+            [inner, *short_forms(inner, letters), *sums_of_squares(inner, tuple(others))],
+            key=ex.node_count,
+        )
         rest = (term for term in ex.summands(tree) if term not in terms)
         whole = numbers_outside(ex.multiply(*(p**e for p, e in common), short))
         forms.append(ex.add(whole, *rest))

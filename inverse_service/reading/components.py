@@ -1,9 +1,10 @@
-r"""Split matrices and vectors of LaTeX into components: tokens in, tokens out, one equation for each row.
+r"""Split matrices and vectors of LaTeX into components: tokens in, tokens out, one equation for
+each row.
 
-\begin{pmatrix} a & b \\ c & d \end{pmatrix} arrives as [a & b; c & d] and multiplies columns; \mathbf{r} or \vec{r} is
-a token of the kind "vector" whose components an equation gives, \mathbf{r} = (x, y, z). Dots, |r|, r^2, \cdot, and
-\times are accepted. A scalar before or after a matrix multiplies each row. In plain text, r = (x, y, z) makes every r a
-vector.
+\begin{pmatrix} a & b \\ c & d \end{pmatrix} arrives as [a & b; c & d] and multiplies columns;
+\mathbf{r} or \vec{r} is a token of the kind "vector" whose components an equation gives, \mathbf{r}
+= (x, y, z). Dots, |r|, r^2, \cdot, and \times are accepted. A scalar before or after a matrix
+multiplies each row. In plain text, r = (x, y, z) makes every r a vector.
 """
 
 from collections.abc import Collection, Sequence
@@ -35,11 +36,17 @@ Value = list[list[Tokens]]  # rows of cells; a scalar is one cell
 
 
 def by_components(tokens: Tokens, latex: bool) -> Tokens:
-    """The tokens with each matrix or vector equation replaced by its rows; InputError if shapes differ."""
+    """The tokens with each matrix or vector equation replaced by its rows; InputError if shapes
+    differ.
+    """
     for place, token in enumerate(tokens):
         beside = tokens[place + 1 : place + 4], tokens[max(place - 3, 0) : place]
         if token.text in _JOINS and any(map(_is_given, beside)):
-            tokens = [*tokens[:place], replace(token, kind="operator", text=";"), *tokens[place + 1 :]]
+            tokens = [
+                *tokens[:place],
+                replace(token, kind="operator", text=";"),
+                *tokens[place + 1 :],
+            ]
     statements = tk.split_at(";,", tokens)
     if latex and (alone := _only_vector(tokens)):
         note(alone, "each component of the vector")
@@ -49,7 +56,9 @@ def by_components(tokens: Tokens, latex: bool) -> Tokens:
         return tokens
     tokens = _with_vectors(tokens, named)
     last = max((place for place, token in enumerate(tokens) if token.is_operator("=")), default=0)
-    parts = tk.split(tokens, lambda at, token: token.is_operator(";") or (token.is_operator(",") and at < last))
+    parts = tk.split(
+        tokens, lambda at, token: token.is_operator(";") or (token.is_operator(",") and at < last)
+    )
     statements, vectors = [part for part, _ in parts if part], dict[str, list[Tokens]]()
     for statement in tuple(statements):
         if _is_given(statement):
@@ -64,7 +73,11 @@ def by_components(tokens: Tokens, latex: bool) -> Tokens:
     found: Tokens = []
     for statement in statements:
         try:
-            rows = _Reader(vectors, statement[0]).equations(statement) if _holds_many(statement) else [statement]
+            rows = (
+                _Reader(vectors, statement[0]).equations(statement)
+                if _holds_many(statement)
+                else [statement]
+            )
         except (ValueError, IndexError):
             raise fault("shapes", statement[0].column) from None
         for row in rows:
@@ -73,17 +86,24 @@ def by_components(tokens: Tokens, latex: bool) -> Tokens:
 
 
 def _only_vector(tokens: Tokens) -> str:
-    """The r of \\ddot{\\vec r} = -k \\vec r, a vector whose components obey one equation each; else nothing.
+    """The r of \\ddot{\\vec r} = -k \\vec r, a vector whose components obey one equation each; else
+    nothing.
 
     Each term is a scalar times this vector or one of its derivatives, so the components do not mix.
     """
-    vectors = {token.text for token in tk.walk(tokens) if token.kind == "vector" and token.text != "0"}
-    if len(vectors) != 1 or any(token.is_bracket("[") or token.text == "|" for token in tk.walk(tokens)):
+    vectors = {
+        token.text for token in tk.walk(tokens) if token.kind == "vector" and token.text != "0"
+    }
+    if len(vectors) != 1 or any(
+        token.is_bracket("[") or token.text == "|" for token in tk.walk(tokens)
+    ):
         return ""
     name = next(iter(vectors))
     terms = [term for term in tk.split_at("+-=;,", tokens) if term and tk.spelled(term) != "0"]
     linear = all(
-        sum(token.kind == "vector" for token in term) == 1 == sum(token.kind == "vector" for token in tk.walk(term))
+        sum(token.kind == "vector" for token in term)
+        == 1
+        == sum(token.kind == "vector" for token in tk.walk(term))
         and not any(token.kind == "name" and token.text == name for token in tk.walk(term))
         and not _is_raised(term)
         for term in terms
@@ -120,8 +140,13 @@ def _holds_many(tokens: Line) -> bool:
 def _is_given(statement: Tokens) -> bool:
     r"""Whether this is \mathbf{r} = (x, y, z) with scalar components that do not contain r."""
     name = tk.at(statement, 0)
-    shape = [(token.kind, token.text) for token in statement[1:]] == [("operator", "="), ("bracket", "(")]
-    parts = tk.split_at(",", statement[2].inside) if shape and not _holds_many(statement[1:]) else []
+    shape = [(token.kind, token.text) for token in statement[1:]] == [
+        ("operator", "="),
+        ("bracket", "("),
+    ]
+    parts = (
+        tk.split_at(",", statement[2].inside) if shape and not _holds_many(statement[1:]) else []
+    )
     own = name.kind == "name" and name.text in {token.text for part in parts for token in part}
     return len(parts) > 1 and all(parts) and name.kind in ("name", "vector") and not own
 
@@ -168,14 +193,22 @@ class _Reader:
     def _sum(self, line: Line) -> Value:
         line = _with_lengths(line)
         inner = ("*", "/", "^")  # a sign after them belongs to a factor or an exponent
-        parts = tk.split(line, lambda k, one: one.is_operator("+", "-") and not tk.at(line, k - 1).is_operator(*inner))
+        parts = tk.split(
+            line,
+            lambda k, one: one.is_operator("+", "-") and not tk.at(line, k - 1).is_operator(*inner),
+        )
         total: Value | None = None
         for (part, _), sign in zip(parts, [None, *(sign for _, sign in parts)], strict=False):
             if not part and sign is None and len(parts) > 1:
                 continue  # -v
-            value = [[[sign, *_bracketed(cell)] if sign else cell for cell in row] for row in self._term(part)]
+            value = [
+                [[sign, *_bracketed(cell)] if sign else cell for cell in row]
+                for row in self._term(part)
+            ]
             pairs = zip(total or value, value, strict=True)
-            total = [[a + b for a, b in zip(*rows, strict=True)] for rows in pairs] if total else value
+            total = (
+                [[a + b for a, b in zip(*rows, strict=True)] for rows in pairs] if total else value
+            )
         return total or []
 
     def _term(self, line: Line) -> Value:
@@ -224,7 +257,9 @@ class _Reader:
     def _scaled(self, scalar: Tokens, value: Value) -> Value:
         if not scalar:
             return value
-        differential = scalar[0].text in ("d", tk.TOTAL) and (len(scalar) == 1 or scalar[1].text == "^")  # d^2 r
+        differential = scalar[0].text in ("d", tk.TOTAL) and (
+            len(scalar) == 1 or scalar[1].text == "^"
+        )  # d^2 r
         sign = [] if differential else [self._sign("*")]
         return [[[*scalar, *sign, *_bracketed(cell)] for cell in row] for row in value]
 
@@ -239,7 +274,10 @@ class _Reader:
             left = [[row[0] for row in left]]
         if len(left) == len(left[0]) == 1 and len(right) > 1:
             return self._scaled(_bracketed(left[0][0]), right)
-        return [[self._scalar_product(row, column) for column in zip(*right, strict=True)] for row in left]
+        return [
+            [self._scalar_product(row, column) for column in zip(*right, strict=True)]
+            for row in left
+        ]
 
     def _scalar_product(self, left: Sequence[Tokens], right: Sequence[Tokens]) -> Tokens:
         plus, times = map(self._sign, "+*")
@@ -247,7 +285,9 @@ class _Reader:
         return [token for a, b in pairs for token in (plus, *_bracketed(a), times, *_bracketed(b))]
 
     def _factor(self, token: Token) -> Value | None:
-        """A matrix, a vector with its dots, or a bracket or length that contains one; None for any other token."""
+        """A matrix, a vector with its dots, or a bracket or length that contains one; None for any
+        other token.
+        """
         if token.kind == "vector":
             return self._components(token)
         if not _holds_many([token]):
@@ -260,7 +300,10 @@ class _Reader:
             upper, slash, lower = token.inside
             [[below]] = self._sum(lower.inside)
             under = replace(lower, inside=tuple(below))
-            over = [[replace(upper, inside=tuple(cell)) for cell in row] for row in self._sum(upper.inside)]
+            over = [
+                [replace(upper, inside=tuple(cell)) for cell in row]
+                for row in self._sum(upper.inside)
+            ]
             return [[[replace(token, inside=(cell, slash, under))] for cell in row] for row in over]
         value = self._sum(token.inside)
         if token.text == "|":
@@ -269,7 +312,9 @@ class _Reader:
         return value
 
     def _components(self, vector: Token) -> Value:
-        """The components of a vector, each with the vector's dots; InputError if a dotted component is a formula."""
+        """The components of a vector, each with the vector's dots; InputError if a dotted component
+        is a formula.
+        """
         parts = [[self._zero()]] if vector.text == "0" else self._vectors.get(vector.text)
         if parts is None:
             raise fault("vector", vector.column)
@@ -288,7 +333,9 @@ def _with_lengths(line: Line) -> Tokens:
     for place, (part, bar) in enumerate(parts):
         before = parts[place - 1][1] if place % 2 else None
         if before and bar and _holds_many(part):
-            found[-1:] = [Token("bracket", "|", before.column, before.space_before, inside=tuple(part))]
+            found[-1:] = [
+                Token("bracket", "|", before.column, before.space_before, inside=tuple(part))
+            ]
         else:
             found += [*part, bar] if bar else part
     return found

@@ -1,7 +1,7 @@
 r"""Convert LaTeX to the tokens of the plain-text grammar, each with its column in the original.
 
-Commands, letters, and signs become tokens. Each pair of braces or brackets then becomes one token. The line of tokens
-is read from left to right, each command together with its arguments.
+Commands, letters, and signs become tokens. Each pair of braces or brackets then becomes one token.
+The line of tokens is read from left to right, each command together with its arguments.
 """
 
 import re
@@ -14,7 +14,18 @@ from inverse_service.errors import InputError
 from inverse_service.expressions import letters
 from inverse_service.expressions.refusals import LIMITS, at_most, fault, refusal, shorten
 from inverse_service.reading import components, names as nm, prose, tokens as plain
-from inverse_service.reading.tokens import CASES, FACTOR, FRACTION, MATRIX, PARTIAL, TOTAL, Line, Token, Tokens, bracket
+from inverse_service.reading.tokens import (
+    CASES,
+    FACTOR,
+    FRACTION,
+    MATRIX,
+    PARTIAL,
+    TOTAL,
+    Line,
+    Token,
+    Tokens,
+    bracket,
+)
 
 _NO_LETTER = "(?![A-Za-z])"
 _SPACE = nm.pattern("latex", "space", spaces="".join(letters.SPACES))
@@ -24,9 +35,13 @@ _CASES = re.compile(rf"\\(begin|end)\s*\{{\s*(array|d?cases){_COLUMNS}")
 _CONDITIONS, _CONNECTIVES = nm.meanings("cases"), nm.meanings("connectives")
 _ROW_SPACE = r"(?:\s*\[\s*-?[0-9.]+\s*(?:pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\])?"
 _COMMAND = re.compile(rf"\\(?:(operatorname\*|[A-Za-z]+)|(\\){_ROW_SPACE}|(.))", re.DOTALL)
-_MARKED_LETTER = re.compile(f"[A-Za-z{''.join(letters.GREEK)}][{''.join((*letters.DOTS, *letters.SUBSCRIPTS))}]+")
+_MARKED_LETTER = re.compile(
+    f"[A-Za-z{''.join(letters.GREEK)}][{''.join((*letters.DOTS, *letters.SUBSCRIPTS))}]+"
+)
 # Upright fonts, in which several letters are one name; \\bar{x} is the name x_bar.
-_FONTS = frozenset(("mathrm", "operatorname", "operatorname*", "textrm", "textnormal", "text", "mbox", "mathit"))
+_FONTS = frozenset(
+    ("mathrm", "operatorname", "operatorname*", "textrm", "textnormal", "text", "mbox", "mathit")
+)
 _ACCENTS = {"bar": "bar", "tilde": "tilde", "widetilde": "tilde"}
 _SCRIPTS = frozenset(("mathcal", "mathscr", "mathfrak", "mathsf"))
 _SCRIPTED = re.compile(r"\\(?:mathcal|mathscr|mathfrak|mathsf)\s*\{\s*([A-NP-Za-z])\s*\}")
@@ -34,12 +49,26 @@ _ANY_COMMAND = re.compile(r"\\[A-Za-z]+")
 _RUN, _DIGITS = re.compile("[A-Za-z0-9]+"), re.compile("[0-9]+")
 _WORDS = nm.FUNCTIONS | nm.DERIVATIVE_NAMES | nm.REFUSED.keys()
 _FRACTIONS = ("frac", "tfrac", "dfrac", "cfrac", "flatfrac", "sfrac", "nicefrac")
-# Commands of the packages physics, derivative, diffcoeff, commath, siunitx, and mathtools, by what they do.
+# Commands of the packages physics, derivative, diffcoeff, commath, siunitx, and mathtools, by what
+# they do.
 _OF_PACKAGES = nm.meanings("packages")
 _ARROWS = frozenset(("to", "rightarrow", "rightharpoonup", "vec"))
 # Words that are commands without their backslash rather than products of letters.
 _COMMANDS = frozenset(
-    ("dot", "ddot", "cdot", "times", "left", "right", "partial", "mathrm", "text", "quad", "qquad", *_FRACTIONS[:3])
+    (
+        "dot",
+        "ddot",
+        "cdot",
+        "times",
+        "left",
+        "right",
+        "partial",
+        "mathrm",
+        "text",
+        "quad",
+        "qquad",
+        *_FRACTIONS[:3],
+    )
 ) | {*components.BOLD} - {"bm"}
 _SIGNS = nm.meanings("commands")
 _PRODUCTS = {"cdot": plain.DOT, "times": plain.CROSS}
@@ -48,7 +77,9 @@ _PRODUCTS |= dict.fromkeys(("cross", "cp", "crossproduct"), plain.CROSS)
 # Words that have their usual meaning in \text too.
 _IN_TEXT = frozenset((*plain.JOINING, *plain.CONDITIONAL, "const", "constant"))
 # Words that are not products of letters; they are refused unless they join two formulas.
-_ENGLISH = {word for word, reason in nm.REFUSED_UNLESS_DECLARED.items() if reason.problem == "is a word"}
+_ENGLISH = {
+    word for word, reason in nm.REFUSED_UNLESS_DECLARED.items() if reason.problem == "is a word"
+}
 _TENSORS = frozenset(("Gamma", "g", "R", "T", "F", "eta", "h", "delta", "epsilon", "varepsilon"))
 _REASONS = nm.reasons("commands")
 _DELIMITER = re.compile(rf"\\(left|right){_NO_LETTER}\s*\\?([A-Za-z]+|.|\Z)", re.DOTALL)
@@ -68,12 +99,17 @@ def _cases(rows: Tokens, whole: Token) -> Tokens:
             cells = plain.split_at("&", row)
             meant = [(_CONDITIONS.get(token.text), token) for token in _without_comma(cells[-1])]
             last = [
-                replace(token, kind="operator", text=sign) if sign else token for sign, token in meant if sign != ""
+                replace(token, kind="operator", text=sign) if sign else token
+                for sign, token in meant
+                if sign != ""
             ]
             first = [*_without_comma(cells[0]), comma] if len(cells) > 1 else []
             pieces += [comma, replace(whole, text="(", value=Fraction(0), inside=(*first, *last))]
     name = Token("name", "piecewise", whole.column, True)
-    return [name, replace(whole, text="(", space_before=True, value=Fraction(0), inside=tuple(pieces[1:]))]
+    return [
+        name,
+        replace(whole, text="(", space_before=True, value=Fraction(0), inside=tuple(pieces[1:])),
+    ]
 
 
 def _without_comma(cell: Tokens) -> Tokens:
@@ -88,7 +124,9 @@ def _blank(space: re.Match[str]) -> str:
 
 
 def _without_frames(text: str) -> str:
-    r"""The text without the frame of a list of equations: \left\{ … \right., and cases or an array without pieces."""
+    r"""The text without the frame of a list of equations: \left\{ … \right., and cases or an array
+    without pieces.
+    """
     opened: list[re.Match[str]] = []
     marks = [*_DELIMITER.finditer(text), *_CASES.finditer(text)]
     for mark in sorted(marks, key=re.Match.start):
@@ -111,7 +149,9 @@ def _blanked(text: str, marks: Sequence[re.Match[str]]) -> str:
 
 
 def _raw(text: str, place: int, space: bool, names: nm.Names) -> tuple[Tokens, int]:
-    """The tokens that begin here, including commands, and the place after them; a refused sign has the kind "fault"."""
+    """The tokens that begin here, including commands, and the place after them; a refused sign has
+    the kind "fault".
+    """
     sign, column = text[place], place + 1
     if sign == "\\":
         return _raw_command(text, place, space, names)
@@ -120,7 +160,9 @@ def _raw(text: str, place: int, space: bool, names: nm.Names) -> tuple[Tokens, i
     if marked := _MARKED_LETTER.match(text, place):
         return plain.next_tokens(text[: marked.end()], place, space)[0], marked.end()
     if sign in letters.GREEK or sign == letters.SCRIPT_L:
-        return [Token("name", _letter(letters.GREEK.get(sign, "ell"), names), column, space)], column
+        return [
+            Token("name", _letter(letters.GREEK.get(sign, "ell"), names), column, space)
+        ], column
     if sign.isascii() and sign.isalpha():
         word = _word(text, place, names)
         return [Token("name", _letter(word, names), column, space)], place + len(word)
@@ -134,7 +176,9 @@ def _raw(text: str, place: int, space: bool, names: nm.Names) -> tuple[Tokens, i
         found, place = plain.next_tokens(text, place, space)
     except InputError:
         return [Token("fault", sign, column, space)], column
-    return [replace(token, text={"[": "(", "]": ")"}.get(token.text, token.text)) for token in found], place
+    return [
+        replace(token, text={"[": "(", "]": ")"}.get(token.text, token.text)) for token in found
+    ], place
 
 
 def _letter(name: str, names: nm.Names) -> str:
@@ -149,7 +193,9 @@ def _word(text: str, place: int, names: nm.Names) -> str:
     for size in range(len(word), 1, -1):
         part = word[:size]
         whole = size == len(word) and (part in _WORDS | _ENGLISH or prose.is_word(part))
-        command = part in _COMMANDS or (size > 2 and part in letters.LETTER_COMMANDS)  # alpha for \alpha
+        command = part in _COMMANDS or (
+            size > 2 and part in letters.LETTER_COMMANDS
+        )  # alpha for \alpha
         if whole or command or names.role(part) or names.derivative(part):
             return part
     return word[0]
@@ -194,7 +240,9 @@ class _Line(plain.TokenStream):
     In `cells` of a matrix, & is a separator; in part of a name (`named`), digits count as letters.
     """
 
-    def __init__(self, line: Line, text: str, names: nm.Names, cells: bool = False, named: bool = False) -> None:
+    def __init__(
+        self, line: Line, text: str, names: nm.Names, cells: bool = False, named: bool = False
+    ) -> None:
         super().__init__(line, plain.at(line, len(line)))
         self._text = text
         self._names = names
@@ -269,7 +317,9 @@ class _Line(plain.TokenStream):
         name = self._with_subscript(name)
         at_most(len(name), LIMITS.name_characters, "a name has too many characters", token.column)
         primed = token.column * (order > 0)
-        self._found.append(replace(token, kind=kind, text=name, value=Fraction(0), order=order, primed=primed))
+        self._found.append(
+            replace(token, kind=kind, text=name, value=Fraction(0), order=order, primed=primed)
+        )
 
     def _shown(self, token: Token) -> str:
         """The command at a place."""
@@ -283,22 +333,34 @@ class _Line(plain.TokenStream):
             piece = replace(piece, inside=piece.inside[1:])  # V_{,x} is V_x
         subscript = self._joined([piece, self.take()] if piece.kind == "command" else [piece])
         if not subscript:
-            key = "comma in a subscript" if plain.at(piece.inside, 0).is_operator(",") else "subscript"
+            key = (
+                "comma in a subscript"
+                if plain.at(piece.inside, 0).is_operator(",")
+                else "subscript"
+            )
             raise fault(key, underscore.column, name=name)
         glued = self._named and subscript.isdigit() and name[-1].isalpha()  # k_{B_1} is k_B1
         return f"{name}{subscript}" if glued else f"{name}_{subscript}"
 
     def _joined(self, line: Line) -> str:
-        """The name that letters, digits, and names form, in braces or not; empty if the line contains anything else."""
+        """The name that letters, digits, and names form, in braces or not; empty if the line
+        contains anything else.
+        """
         inside = line[0].inside if len(line) == 1 and line[0].is_bracket("{") else line
         parts = _Line(inside, self._text, self._names, self._cells, named=True).read()
         whole = all(part.kind == "name" and not part.order for part in parts)
         return "".join(part.text for part in parts) if whole else ""
 
     def _braces(self, token: Token) -> Tokens:
-        """{ … } as a bracket; { } is empty, a single name in braces is that name, {a \\over b} is \\frac{a}{b}."""
+        """{ … } as a bracket; { } is empty, a single name in braces is that name, {a \\over b} is
+        \\frac{a}{b}.
+        """
         first = plain.at(token.inside, 0)
-        over = [place for place, part in enumerate(token.inside) if part.kind == "command" and part.text == "over"]
+        over = [
+            place
+            for place, part in enumerate(token.inside)
+            if part.kind == "command" and part.text == "over"
+        ]
         if over:
             above, below = token.inside[: over[0]], token.inside[over[0] + 1 :]
             parts = [self._inside(replace(token, inside=part)) for part in (above, below)]
@@ -314,9 +376,13 @@ class _Line(plain.TokenStream):
             return inner
         return [self._enclosed(inner, token)] if inner else []
 
-    def _enclosed(self, inner: Tokens, opening: Token, value: Fraction = Fraction(0), space: bool = True) -> Token:
+    def _enclosed(
+        self, inner: Tokens, opening: Token, value: Fraction = Fraction(0), space: bool = True
+    ) -> Token:
         """A bracket that ends with the token taken last."""
-        return replace(bracket(inner, opening, value, space), end=self._last.end or self._last.column)
+        return replace(
+            bracket(inner, opening, value, space), end=self._last.end or self._last.column
+        )
 
     def _quotient(self, above: Tokens, below: Tokens, here: Token) -> Token:
         over, under = bracket(above, here, space=False), self._enclosed(below, here, space=False)
@@ -328,7 +394,9 @@ class _Line(plain.TokenStream):
             self._found.append(self._quotient(self._argument(token), self._argument(token), token))
         elif name == "sqrt":
             self._root(token)
-        elif name in nm.FUNCTIONS and (not self._named or name in ("max", "min")):  # g/l\sin x is g/l sin x
+        elif name in nm.FUNCTIONS and (
+            not self._named or name in ("max", "min")
+        ):  # g/l\sin x is g/l sin x
             self._name(replace(token, kind="name", space_before=True))
             self._power_in_square_brackets()
         elif name in ("dot", "ddot"):
@@ -355,7 +423,9 @@ class _Line(plain.TokenStream):
             if not reason and name in nm.REFUSED:
                 raise nm.refused(what, nm.REFUSED[name], token.column)
             what = "this environment is not accepted" if name in ("begin", "end") else what
-            raise refusal(what, token.column, reason.instead if reason else "write the formula without it")
+            raise refusal(
+                what, token.column, reason.instead if reason else "write the formula without it"
+            )
 
     def _scripted(self, command: Token) -> str:
         r"""The J of \mathcal{J}, or "" if the letter also occurs in another font."""
@@ -421,13 +491,17 @@ class _Line(plain.TokenStream):
 
     def _of_package(self, what: str, token: Token) -> None:
         """A command of a package; see `packages` in `words.toml`."""
-        braces = self.ahead.is_bracket("{") + (self.ahead.is_bracket("{") and self.look(1).is_bracket("{"))
+        braces = self.ahead.is_bracket("{") + (
+            self.ahead.is_bracket("{") and self.look(1).is_bracket("{")
+        )
         match what:
             case "over":
                 self._overset(token)
             case "d/dt":
                 sign = Token("operator", TOTAL, token.column, token.space_before)
-                self._found.append(self._quotient([sign], [sign, Token("name", "t", token.column)], token))
+                self._found.append(
+                    self._quotient([sign], [sign, Token("name", "t", token.column)], token)
+                )
             case "derivative" | "partial derivative":
                 self._derivative(token, PARTIAL if what[0] == "p" else TOTAL)
             case "differential" if braces < 2 and not self._order_follows(1):
@@ -475,12 +549,18 @@ class _Line(plain.TokenStream):
             groups.append(self._argument(token))
         operand, variables = (groups[0], groups[1:]) if len(groups) > 1 else ([], groups)
         d = Token("operator", sign, token.column)
-        power = [Token("operator", "^", token.column), bracket(order, token, space=False)] if order else []
+        power = (
+            [Token("operator", "^", token.column), bracket(order, token, space=False)]
+            if order
+            else []
+        )
         if len(variables) > 1 and not order:
             power = plain.nested(plain.written(f"^({len(variables)})", token))
         operand = operand if len(operand) < 2 else [bracket(operand, token)]
         below = [part for variable in variables for part in (d, *variable)]
-        self._found.append(self._quotient([d, *power, *operand], [*below, *(power if order else [])], token))
+        self._found.append(
+            self._quotient([d, *power, *operand], [*below, *(power if order else [])], token)
+        )
 
     def _differential(self, token: Token) -> None:
         r"""\dd{x}, \dd x, \dd[2]{x}, and \diff t as the upright d of a derivative."""
@@ -502,7 +582,9 @@ class _Line(plain.TokenStream):
             raise fault("sign above a letter", token.column)
 
     def _with_unit(self, token: Token, unit: bool = True) -> None:
-        r"""The number of \SI{9.81}{\metre\per\second\squared}; its unit is left out, which is noted."""
+        r"""The number of \SI{9.81}{\metre\per\second\squared}; its unit is left out, which is
+        noted.
+        """
         if self._is_square(self.ahead):
             self.take()
         number = self._argument(token)
@@ -513,7 +595,8 @@ class _Line(plain.TokenStream):
     def _note_unit(self, token: Token, unit: Token) -> None:
         if unit.is_bracket("{") and unit.inside:
             plain.note(
-                self._text[token.column - 1 : unit.end], f"without the unit {self._text[unit.column : unit.end - 1]}"
+                self._text[token.column - 1 : unit.end],
+                f"without the unit {self._text[unit.column : unit.end - 1]}",
             )
 
     def _power_in_square_brackets(self) -> None:
@@ -557,7 +640,9 @@ class _Line(plain.TokenStream):
             raise fault("second power", self.ahead.column)
 
     def _refuse_exponent(self, raised: Token) -> None:
-        """InputError for q^{1}, a component; x^23, which TeX sets as x^2 3; f^{(2)}, a derivative or component."""
+        """InputError for q^{1}, a component; x^23, which TeX sets as x^2 3; f^{(2)}, a derivative
+        or component.
+        """
         base, one, bracketed = plain.at(self._found, len(self._found) - 1), raised, False
         while len(one.inside) == 1:
             bracketed |= one.is_bracket()
@@ -568,7 +653,9 @@ class _Line(plain.TokenStream):
         if raised is one and one.kind == "number" and len(one.text) > 1:
             raise fault("power of several digits", raised.column)
         plain_part = bracketed and one.kind in ("number", "name") and not one.inside
-        if plain_part and base.kind != "number" and base.text not in ("e", "E"):  # e^{(x)} is exp(x)
+        if (
+            plain_part and base.kind != "number" and base.text not in ("e", "E")
+        ):  # e^{(x)} is exp(x)
             raise fault("power in brackets", raised.column + 1, kind_of=one.kind)
 
     def _refuse_indices(self, caret: Token) -> None:
@@ -578,17 +665,27 @@ class _Line(plain.TokenStream):
         both = [self.ahead, *self.part(self.position + 2, self.position + 2 + lowered)]
         indices = [token.text for token in plain.walk(both) if token.kind != "bracket"]
         moving = {*self._names.coordinates} or {"x", "y", "z", "r", "t", "theta", "phi"}
-        if base in _TENSORS and len(indices) > 1 and {*indices} <= moving | {"t", "mu", "nu", "i", "j", "k"}:
+        if (
+            base in _TENSORS
+            and len(indices) > 1
+            and {*indices} <= moving | {"t", "mu", "nu", "i", "j", "k"}
+        ):
             raise fault("tensor", caret.column, name=base)
 
 
 def _with_factors_apart(line: Iterable[Token]) -> Tokens:
-    """The tokens with a space before each bracket around a sum: r(r - 2M) is a product, f(x - y) may not be one."""
+    """The tokens with a space before each bracket around a sum: r(r - 2M) is a product, f(x - y)
+    may not be one.
+    """
     found: Tokens = []
     for token in line:
         sums = token.is_bracket() and any(part.is_operator("+", "-") for part in token.inside)
         before = plain.at(found, len(found) - 1)
-        apart = sums and before.kind in ("name", "number", "bracket") and before.text not in nm.FUNCTION_LETTERS
+        apart = (
+            sums
+            and before.kind in ("name", "number", "bracket")
+            and before.text not in nm.FUNCTION_LETTERS
+        )
         inside = tuple(_with_factors_apart(token.inside))
         found.append(replace(token, space_before=token.space_before or apart, inside=inside))
     return found

@@ -14,7 +14,14 @@ from typing import Literal, NamedTuple
 
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.functions import FUNCTION, STEP, Rule
-from inverse_service.expressions.letters import ALIKE, DOTS, GREEK, LETTER_COMMANDS, SCRIPT_L, SUBSCRIPTS
+from inverse_service.expressions.letters import (
+    ALIKE,
+    DOTS,
+    GREEK,
+    LETTER_COMMANDS,
+    SCRIPT_L,
+    SUBSCRIPTS,
+)
 from inverse_service.expressions.pieces import step
 from inverse_service.expressions.refusals import LIMITS, fault, joined, refusal, shorten
 from inverse_service.expressions.tree import Apply, Expression, Number, number, square_root
@@ -28,7 +35,9 @@ _REASONS = (_ROOM / "refused.ndjson").read_text(encoding="utf-8")
 
 
 class Reason(NamedTuple):
-    """The problem with a word, what to write instead, the member that could declare it, and replacement texts."""
+    """The problem with a word, what to write instead, the member that could declare it, and
+    replacement texts.
+    """
 
     problem: str = ""
     instead: str = ""
@@ -40,10 +49,15 @@ def reasons(kind: str) -> dict[str, Reason]:
     """The reasons by word, for words of one kind; WORD in a sentence is replaced by the word."""
     rows = [row for row in map(json.loads, _REASONS.splitlines()) if row.pop("of") == kind]
     pairs = [(word, row) for row in rows for word in row.pop("words")]
-    return {word: Reason(**{**row, "instead": row["instead"].replace("WORD", word)}) for word, row in pairs}
+    return {
+        word: Reason(**{**row, "instead": row["instead"].replace("WORD", word)})
+        for word, row in pairs
+    }
 
 
-WORDS: dict[str, dict[str, list[str]]] = tomllib.loads((_ROOM / "words.toml").read_text(encoding="utf-8"))
+WORDS: dict[str, dict[str, list[str]]] = tomllib.loads(
+    (_ROOM / "words.toml").read_text(encoding="utf-8")
+)
 
 
 def meanings(kind: str) -> dict[str, str]:
@@ -55,7 +69,9 @@ _PATTERNS = tomllib.loads((_ROOM / "patterns.toml").read_text(encoding="utf-8"))
 
 
 def pattern(of: str, name: str, **parts: str) -> re.Pattern[str]:
-    """The expression of this name in a table of `patterns.toml`; <<part>> in it is one of the parts or another name."""
+    """The expression of this name in a table of `patterns.toml`; <<part>> in it is one of the parts
+    or another name.
+    """
 
     def text_of(name: str) -> str:
         text = parts.get(name) or "".join(map(str.strip, _PATTERNS[of][name].splitlines()))
@@ -71,12 +87,17 @@ DERIVATIVE_NAMES = frozenset(("diff", "Derivative"))
 PIECEWISE = frozenset(("piecewise", "Piecewise"))
 ELLIPTIC = ("sn", "cn", "dn")
 # Names of special functions that denote constants if no argument follows.
-MAY_BE_CONSTANTS = frozenset(("J0", "J1", "Y0", "Y1", "Ai", "Bi", "Si", "Ci", "Ei", "Li", *ELLIPTIC))
+MAY_BE_CONSTANTS = frozenset(
+    ("J0", "J1", "Y0", "Y1", "Ai", "Bi", "Si", "Ci", "Ei", "Li", *ELLIPTIC)
+)
 REFUSED = reasons("names")
-# Documents may declare these names. If undeclared, they are refused with a better reason than "unknown".
+# Documents may declare these names. If undeclared, they are refused with a better reason than
+# "unknown".
 REFUSED_UNLESS_DECLARED = reasons("undeclared names")
 # Short function names that also serve as coordinates: th for theta.
-MAY_BE_DECLARED = frozenset(("th", "ch", "sh", "tg", "tgh", "cotan", "cotg", "arch", "arsh", "arth", "arctg"))
+MAY_BE_DECLARED = frozenset(
+    ("th", "ch", "sh", "tg", "tgh", "cotan", "cotg", "arch", "arsh", "arth", "arctg")
+)
 Role = Literal["coordinate", "parameter", "function"]
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
 _LATEX_NAME = re.compile(r"\\?([A-Za-z]+[0-9]*)(?:_\{?\\?([A-Za-z0-9]+)\}?)?")
@@ -86,7 +107,9 @@ _LONGEST_PRODUCT = 20
 _COORDINATE_LETTERS = frozenset(("x", "y", "z", "r", "s", "q", "tau"))
 _LETTER = re.compile("[A-Za-z](?:_?[0-9]+)?")
 ENDINGS = ("sinh", "cosh", "tanh", "sqrt", "sin", "cos", "tan", "cot", "exp", "log", "ln")
-_CALLED_INSIDE = re.compile(rf"((?:{_LETTER.pattern}){{1,5}}?)({'|'.join(ENDINGS)})([0-9]*)([A-Za-z]\w*)?")
+_CALLED_INSIDE = re.compile(
+    rf"((?:{_LETTER.pattern}){{1,5}}?)({'|'.join(ENDINGS)})([0-9]*)([A-Za-z]\w*)?"
+)
 _OF_NUMBERS = ("sqrt", "cbrt", "ln", "log")
 GREEK_NAMES = frozenset(GREEK.values())
 FUNCTION_LETTERS = frozenset("fFhHUVW")  # functions if a bracket follows without a space
@@ -95,7 +118,8 @@ MAY_BE_FUNCTIONS = frozenset("fFgGhHpPuUvVwW") | {"phi", "Phi", "psi", "Psi", "c
 POTENTIALS = frozenset(("U", "V", "Omega"))
 _CALLED_WITH_A_NUMBER = re.compile(r"(ln|[A-Za-z]{3,}?)([0-9]+)([A-Za-z]*)")  # sqrt2, sin2x
 _NUMBERED = re.compile(r"([A-Za-z]+)_?([0-9]+)")
-# Greek names within a run of letters. Capitals count only if they differ from Latin letters: Mu in GMu is M and u.
+# Greek names within a run of letters. Capitals count only if they differ from Latin letters: Mu in
+# GMu is M and u.
 _GREEK_IN_RUNS = {name for name in GREEK_NAMES if name.islower()} | {
     *("Gamma", "Delta", "Theta", "Lambda", "Sigma", "Phi", "Psi", "Omega")
 }
@@ -110,21 +134,39 @@ def _magnitude(u: Expression) -> Expression:
 # Functions that are formulas of others, with the numbers at which they have a value.
 _COMPOSED: dict[str, tuple[Rule, Callable[[Fraction], bool], str]] = {
     "sqrt": (square_root, lambda u: u >= 0, "a number that is not negative"),
-    "cbrt": (lambda u: u ** Fraction(1, 3), lambda u: u >= 0, "a number that is not negative, as in -cbrt(8)"),
+    "cbrt": (
+        lambda u: u ** Fraction(1, 3),
+        lambda u: u >= 0,
+        "a number that is not negative, as in -cbrt(8)",
+    ),
     "abs": (_magnitude, lambda u: True, ""),
     "sign": (lambda u: u / _magnitude(u), bool, "a number other than 0"),
-    "log10": (lambda u: Apply("log", u) / Apply("log", number(10)), lambda u: u > 0, "a positive number"),
-    "log2": (lambda u: Apply("log", u) / Apply("log", number(2)), lambda u: u > 0, "a positive number"),
+    "log10": (
+        lambda u: Apply("log", u) / Apply("log", number(10)),
+        lambda u: u > 0,
+        "a positive number",
+    ),
+    "log2": (
+        lambda u: Apply("log", u) / Apply("log", number(2)),
+        lambda u: u > 0,
+        "a positive number",
+    ),
 }
 _DOMAINS = {name: (holds, wanted) for name, (_, holds, wanted) in _COMPOSED.items()}
-_DOMAINS |= {name: (row.holds, row.wanted) for name, row in FUNCTION.items() if row.holds is not None}
-FUNCTIONS = FUNCTION.keys() | ALIASES.keys() | _COMPOSED.keys() | _EXTREMES.keys() | PIECEWISE | {STEP}
+_DOMAINS |= {
+    name: (row.holds, row.wanted) for name, row in FUNCTION.items() if row.holds is not None
+}
+FUNCTIONS = (
+    FUNCTION.keys() | ALIASES.keys() | _COMPOSED.keys() | _EXTREMES.keys() | PIECEWISE | {STEP}
+)
 
 RESERVED = (FUNCTIONS | DERIVATIVE_NAMES | REFUSED.keys() | {"t", "pi"}) - MAY_BE_DECLARED
 
 
 def call(function: str, arguments: list[Expression], column: int) -> Expression:
-    """Apply a function of FUNCTIONS; InputError for a wrong number of arguments or a number outside its domain."""
+    """Apply a function of FUNCTIONS; InputError for a wrong number of arguments or a number outside
+    its domain.
+    """
     function = ALIASES.get(function, function)
     if function == "log" and len(arguments) == 2:
         return call("log", arguments[:1], column) / call("log", arguments[1:], column)
@@ -135,23 +177,37 @@ def call(function: str, arguments: list[Expression], column: int) -> Expression:
     if len(arguments) != 1:
         raise fault("several arguments", column, name=function, count=len(arguments))
     if not is_defined(function, arguments[0]):
-        raise fault("number outside the domain", column, name=function, wanted=_DOMAINS[function][1])
+        raise fault(
+            "number outside the domain", column, name=function, wanted=_DOMAINS[function][1]
+        )
     if function == STEP:
         return step(arguments[0], column)
-    return _COMPOSED[function][0](arguments[0]) if function in _COMPOSED else Apply(function, arguments[0])
+    return (
+        _COMPOSED[function][0](arguments[0])
+        if function in _COMPOSED
+        else Apply(function, arguments[0])
+    )
 
 
 def is_defined(function: str, argument: Expression) -> bool:
     """False if the argument is a number at which the function has no real value."""
-    return function not in _DOMAINS or not isinstance(argument, Number) or _DOMAINS[function][0](argument.value)
+    return (
+        function not in _DOMAINS
+        or not isinstance(argument, Number)
+        or _DOMAINS[function][0](argument.value)
+    )
 
 
 def reason_against(name: str, column: int, arguments: str = '["u"]') -> InputError | None:
-    """The error for a well-known name that formulas cannot use, or None; sn(u, k) has two `arguments`."""
+    """The error for a well-known name that formulas cannot use, or None; sn(u, k) has two
+    `arguments`.
+    """
     if name.startswith("log_"):
         return fault("base of log", column)
     plain = name.replace("_", "")  # J_0
-    reason = REFUSED.get(name) or REFUSED_UNLESS_DECLARED.get(plain if plain in MAY_BE_CONSTANTS else name)
+    reason = REFUSED.get(name) or REFUSED_UNLESS_DECLARED.get(
+        plain if plain in MAY_BE_CONSTANTS else name
+    )
     if not reason:
         return None
     instead = reason.instead.replace('["u"]', arguments)
@@ -160,17 +216,20 @@ def reason_against(name: str, column: int, arguments: str = '["u"]') -> InputErr
 
 def refused(what: str, reason: Reason, column: int) -> InputError:
     """The error for this reason."""
-    return refusal(f"{what}; it occurs", column, reason.instead, tuple(reason.offers), declare=reason.declare)
+    return refusal(
+        f"{what}; it occurs", column, reason.instead, tuple(reason.offers), declare=reason.declare
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class Names:
     """Declared names; `functions` maps each arbitrary function to the names that it depends on.
 
-    `time` says whether `t` may occur. `pi` is always available; `e` and `E` mean exp(1) unless declared. `definitions`
-    maps parameters defined by a formula to that formula, which is used to differentiate them. `guesses`: undeclared
-    names are allowed. `splits`: runs of letters that are products, such as kx. `forms`: dz is the velocity of z, as in
-    dz - y dx = 0. `energy`: 1/2m x'^2 is a kinetic energy.
+    `time` says whether `t` may occur. `pi` is always available; `e` and `E` mean exp(1) unless
+    declared. `definitions` maps parameters defined by a formula to that formula, which is used to
+    differentiate them. `guesses`: undeclared names are allowed. `splits`: runs of letters that are
+    products, such as kx. `forms`: dz is the velocity of z, as in dz - y dx = 0. `energy`: 1/2m x'^2
+    is a kinetic energy.
     """
 
     coordinates: tuple[str, ...] = ()
@@ -184,7 +243,16 @@ class Names:
     energy: bool = False
 
     def __hash__(self) -> int:
-        return hash((self.coordinates, self.parameters, *self.functions, *self.splits, self.forms, self.energy))
+        return hash(
+            (
+                self.coordinates,
+                self.parameters,
+                *self.functions,
+                *self.splits,
+                self.forms,
+                self.energy,
+            )
+        )
 
     def role(self, name: str) -> Role | None:
         """The role in which the name is declared, or None."""
@@ -202,7 +270,9 @@ class Names:
         return (*self.coordinates, *self.parameters, *self.functions)
 
     def spelling(self, name: str) -> str:
-        """The declared name meant: `r_1` is r1, and phi is varphi, if only the latter is declared."""
+        """The declared name meant: `r_1` is r1, and phi is varphi, if only the latter is
+        declared.
+        """
         if self.role(name):
             return name
         plain = _plain(_ascii(name))
@@ -210,12 +280,21 @@ class Names:
         return alike[0] if len(alike) == 1 else name
 
     def derivative(self, name: str, known: bool = True) -> tuple[str, int] | None:
-        """(x, order) for x_dot, xdot, x_ddot, x_dot_dot, x being a coordinate or, if not `known`, any name; else None.
+        """(x, order) for x_dot, xdot, x_ddot, x_dot_dot, x being a coordinate or, if not `known`,
+        any name; else None.
 
         Also None for a name that is itself declared.
         """
-        stems = [(name.removesuffix(end), order) for end, order in DOTTED.items() if name.endswith(end) and name != end]
-        moving = [(self.spelling(stem), order) for stem, order in stems if self.spelling(stem) in self.coordinates]
+        stems = [
+            (name.removesuffix(end), order)
+            for end, order in DOTTED.items()
+            if name.endswith(end) and name != end
+        ]
+        moving = [
+            (self.spelling(stem), order)
+            for stem, order in stems
+            if self.spelling(stem) in self.coordinates
+        ]
         found = moving or ([] if known else stems)
         return found[0] if found and self.role(self.spelling(name)) is None else None
 
@@ -228,7 +307,8 @@ def _plain(name: str) -> str:
 def unknown_name(name: str, names: Names, column: int, follows: str = "") -> InputError:
     """The error for an undeclared name: how to declare it, and what may have been meant.
 
-    `follows` is the text of the next token: "(" after a function, or a prime, which a suggested replacement keeps.
+    `follows` is the text of the next token: "(" after a function, or a prime, which a suggested
+    replacement keeps.
     """
     known = reason_against(name, column)
     if known is not None and (follows == "(" or name.replace("_", "") not in MAY_BE_CONSTANTS):
@@ -240,7 +320,11 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
         return fault("unknown product with a prime", column, factors=meant[-1], **words)
     if follows[:1] == "'" and follows != "'(" and name in FUNCTION_LETTERS and names.coordinates:
         return fault(
-            "prime of an unknown function", column, (column, column + len(name) + 1), by=names.coordinates[0], **words
+            "prime of an unknown function",
+            column,
+            (column, column + len(name) + 1),
+            by=names.coordinates[0],
+            **words,
         )
     if follows[:1] == "'":
         return fault("unknown name with a prime", column, **words)
@@ -248,7 +332,14 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
         known_functions = sorted(FUNCTIONS | set(names.functions))
         close = misspelt(name) or difflib.get_close_matches(name.lower(), known_functions, 1)
         hint = f" (did you mean {close[0]}?)" if close else ""
-        return fault("unknown function", column, (column, column + len(name)), tuple(close), hint=hint, **words)
+        return fault(
+            "unknown function",
+            column,
+            (column, column + len(name)),
+            tuple(close),
+            hint=hint,
+            **words,
+        )
     alike = [*names.declared(), *(FUNCTIONS if len(name) > 2 else ())]
     meant = (*difflib.get_close_matches(name, alike, 1, 0.7), *readings(name, names))
     if meant:
@@ -258,18 +349,33 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
     return fault("unknown name", column, **words)
 
 
-def undeclared(name: str, column: int, meant: tuple[str, ...], span: tuple[int, int] | None = None) -> InputError:
-    """The error for a name, with possible meanings of the name or of the text in the span: omega0 for omga0 too."""
+def undeclared(
+    name: str, column: int, meant: tuple[str, ...], span: tuple[int, int] | None = None
+) -> InputError:
+    """The error for a name, with possible meanings of the name or of the text in the span: omega0
+    for omga0 too.
+    """
     stem = name.rstrip("0123456789")
-    greek = [] if stem in GREEK_NAMES or len(stem) < 4 else difflib.get_close_matches(stem, GREEK_NAMES, 1, 0.85)
+    greek = (
+        []
+        if stem in GREEK_NAMES or len(stem) < 4
+        else difflib.get_close_matches(stem, GREEK_NAMES, 1, 0.85)
+    )
     meant = (*(letter + name[len(stem) :] for letter in greek), *meant)
     return fault(
-        "name with other meanings", column, span, meant, shown=shorten(name), hint=" or ".join(dict.fromkeys(meant))
+        "name with other meanings",
+        column,
+        span,
+        meant,
+        shown=shorten(name),
+        hint=" or ".join(dict.fromkeys(meant)),
     )
 
 
 def ask_for_the_time(name: str, column: int, coordinates: Sequence[str]) -> InputError:
-    """The error for a name such as x without an equation: it may be the independent variable or a coordinate."""
+    """The error for a name such as x without an equation: it may be the independent variable or a
+    coordinate.
+    """
     named = f"t, or {coordinates[0]}''({name})" if coordinates else "t"
     return fault("variable without an equation", column, shown=shorten(name), named=named)
 
@@ -282,15 +388,18 @@ def looks_like_a_coordinate(name: str) -> bool:
 
 def is_momentum(name: str, names: Sequence[str]) -> bool:
     """Whether the name is usually a momentum or velocity: p, p_x, v_x or vx."""
-    return name in ("p", "v") or any(name in (f"{letter}_{q}", f"{letter}{q}") for letter in "pv" for q in names)
+    return name in ("p", "v") or any(
+        name in (f"{letter}_{q}", f"{letter}{q}") for letter in "pv" for q in names
+    )
 
 
 def readings(name: str, names: Names) -> tuple[str, ...]:
-    """Interpretations of an undeclared name as known names and a letter: kx as k*x, sinx as sin(x), omegat as omega*t.
+    """Interpretations of an undeclared name as known names and a letter: kx as k*x, sinx as sin(x),
+    omegat as omega*t.
 
-    A letter may have a number (k1x); next to a coordinate there may be two letters (mgx). dx is usually x', and both
-    interpretations are returned; x_t is x'; V_x is a derivative if V is or may be a function of x; a Greek letter is a
-    name.
+    A letter may have a number (k1x); next to a coordinate there may be two letters (mgx). dx is
+    usually x', and both interpretations are returned; x_t is x'; V_x is a derivative if V is or may
+    be a function of x; a Greek letter is a name.
     """
     head, _, below = name.partition("_")
     if head in names.coordinates and below in ("t", "tt"):
@@ -311,22 +420,33 @@ def readings(name: str, names: Names) -> tuple[str, ...]:
 
 
 def misspelt(name: str) -> list[str]:
-    """Functions whose letters are in another order or that have one letter more: sin for isn, cos for cs."""
+    """Functions whose letters are in another order or that have one letter more: sin for isn, cos
+    for cs.
+    """
     return [
         known
         for known in ENDINGS
         if len(known) > 2
-        and (sorted(name) == sorted(known) or name in [known[:k] + known[k + 1 :] for k in range(len(known))])
+        and (
+            sorted(name) == sorted(known)
+            or name in [known[:k] + known[k + 1 :] for k in range(len(known))]
+        )
     ][:1]
 
 
 def split_at_function(name: str, names: Names) -> tuple[str, ...]:
-    """m, g and cos for mgcos if an argument follows; q, cos, 2 and t for qcos2t; empty without a function.
+    """m, g and cos for mgcos if an argument follows; q, cos, 2 and t for qcos2t; empty without a
+    function.
 
     Also empty for asin or dsin, and if the argument of the function is not a known name.
     """
     match = _CALLED_INSIDE.fullmatch(name)
-    if match is None or match[1] in ("a", "d", "D") or match[1].lower() in ("ar", "arc") or names.role(name):
+    if (
+        match is None
+        or match[1] in ("a", "d", "D")
+        or match[1].lower() in ("ar", "arc")
+        or names.role(name)
+    ):
         return ()
     before, function, digits, rest = match.groups("")
     known = names.role(rest) or rest in (*GREEK_NAMES, "t", "")
@@ -345,7 +465,9 @@ def factors_of(name: str) -> tuple[str, ...]:
 
 
 def _parts(name: str, names: Names) -> list[str]:
-    """The known names and letters that form an undeclared name; empty if it may be a single name."""
+    """The known names and letters that form an undeclared name; empty if it may be a single
+    name.
+    """
     if name in GREEK_NAMES or len(name) > _LONGEST_PRODUCT:
         return []
     known = {*names.declared(), "t", "pi", "ln"} | {word for word in FUNCTIONS if len(word) > 2}
@@ -357,10 +479,11 @@ def _parts(name: str, names: Names) -> list[str]:
 
 
 def only_split(name: str, names: Names) -> tuple[str, ...]:
-    """The factors of a run of letters that is clearly a product, kx, omegat, mgx, sinx; otherwise empty.
+    """The factors of a run of letters that is clearly a product, kx, omegat, mgx, sinx; otherwise
+    empty.
 
-    Not clear: dx and Dx may be derivatives, xm and rs names with an index; asinx contains two functions, and sinc is
-    one.
+    Not clear: dx and Dx may be derivatives, xm and rs names with an index; asinx contains two
+    functions, and sinc is one.
     """
     if "_" in name:
         ends = (known for known in names.coordinates if "_" in known and name[1:] == known)
@@ -374,7 +497,11 @@ def only_split(name: str, names: Names) -> tuple[str, ...]:
         return (called[1], called[2], *(part for part in inner if part)) if inner else ()
     cut = _parts(name, names)
     known = {*names.declared(), "t", "pi"}
-    letters = [part for part in cut if part not in known and part not in FUNCTIONS and part not in GREEK_NAMES]
+    letters = [
+        part
+        for part in cut
+        if part not in known and part not in FUNCTIONS and part not in GREEK_NAMES
+    ]
     moving = {*names.coordinates, "t"}
     doubtful = (
         name[0] == "d"
@@ -387,7 +514,9 @@ def only_split(name: str, names: Names) -> tuple[str, ...]:
 
 
 def _cut(word: str, known: Collection[str]) -> tuple[int, list[str]]:
-    """The minimum number of single letters, and the shortest split with that number; no parts if there is no split."""
+    """The minimum number of single letters, and the shortest split with that number; no parts if
+    there is no split.
+    """
     best: dict[int, tuple[int, list[str]]] = {0: (0, [])}
     for end in range(1, len(word) + 1):
         cuts = []
@@ -420,10 +549,15 @@ def escaped(key: str) -> str:
 
 
 def declared_name(text: str, pointer: str, what: str = "name") -> str:
-    r"""The name in ASCII (Greek letters and \theta, r_{1} as words); InputError if it cannot be declared."""
+    r"""The name in ASCII (Greek letters and \theta, r_{1} as words); InputError if it cannot be
+    declared.
+    """
     name = _ascii(text)
     if len(text) > LIMITS.name_characters or len(name) > LIMITS.name_characters:
-        raise LimitError(f"a {what} has more than {LIMITS.name_characters} characters: choose a shorter one.", pointer)
+        raise LimitError(
+            f"a {what} has more than {LIMITS.name_characters} characters: choose a shorter one.",
+            pointer,
+        )
     if not _NAME.fullmatch(name):
         raise fault("not a name", pointer, text=shorten(text), what=what)
     if name in RESERVED:
@@ -444,11 +578,19 @@ def _ascii(text: str) -> str:
 
 
 def check_clashes(names: Names, keyed_parameters: bool = False) -> None:
-    """InputError for a name that is declared twice or denotes the derivative or momentum of another."""
+    """InputError for a name that is declared twice or denotes the derivative or momentum of
+    another.
+    """
     seen: dict[str, str] = {}
-    members = {"coordinates": names.coordinates, "parameters": names.parameters, "functions": tuple(names.functions)}
+    members = {
+        "coordinates": names.coordinates,
+        "parameters": names.parameters,
+        "functions": tuple(names.functions),
+    }
     keyed = ("functions", "parameters")[: 1 + keyed_parameters]
-    for member, place, name in ((key, *pair) for key, found in members.items() for pair in enumerate(found)):
+    for member, place, name in (
+        (key, *pair) for key, found in members.items() for pair in enumerate(found)
+    ):
         pointer = f"/{member}/{name if member in keyed else place}"
         if name in seen:
             raise fault("name declared twice", pointer, name=name)
@@ -457,7 +599,13 @@ def check_clashes(names: Names, keyed_parameters: bool = False) -> None:
         for taken in (f"{coordinate}_dot", f"{coordinate}_ddot", f"p_{coordinate}"):
             if taken in seen:
                 meaning = "momentum" if taken.startswith("p_") else "derivative"
-                raise fault("name of a derivative", seen[taken], name=taken, meaning=meaning, coordinate=coordinate)
+                raise fault(
+                    "name of a derivative",
+                    seen[taken],
+                    name=taken,
+                    meaning=meaning,
+                    coordinate=coordinate,
+                )
 
 
 def refuse_two_spellings(texts: Mapping[str, str], declared: tuple[str, ...] = ()) -> None:
@@ -467,12 +615,16 @@ def refuse_two_spellings(texts: Mapping[str, str], declared: tuple[str, ...] = (
         for found in _WORD.finditer(text):
             spelling = _spelling(found.group(), "\\" in text)
             name = ALIKE.get(spelling, spelling)
-            both = {variant for variant, plain in ALIKE.items() if plain == name} & set(declared) and name in declared
+            both = {variant for variant, plain in ALIKE.items() if plain == name} & set(
+                declared
+            ) and name in declared
             if name not in ALIKE.values() or both:
                 continue
             if seen.setdefault(name, spelling) != spelling:
                 first, second = sorted((seen[name], spelling), key=len)
-                raise fault("letters that look alike", found.start() + 1, first=first, second=second).at(pointer)
+                raise fault(
+                    "letters that look alike", found.start() + 1, first=first, second=second
+                ).at(pointer)
 
 
 def _spelling(word: str, latex: bool) -> str:
@@ -485,7 +637,9 @@ def _spelling(word: str, latex: bool) -> str:
 
 
 def letter(character: str) -> tuple[str, int] | None:
-    """The ASCII name of a character and the number of dots over it (x with two dots: ("x", 2)), or None."""
+    """The ASCII name of a character and the number of dots over it (x with two dots: ("x", 2)), or
+    None.
+    """
     if character.isascii():
         return (character, 0) if character.isalnum() or character == "_" else None
     if character in _MEANT:

@@ -1,10 +1,12 @@
-r"""Convert other notations for formulas to this package's grammar, tokens in, tokens out, without evaluation.
+r"""Convert other notations for formulas to this package's grammar, tokens in, tokens out, without
+evaluation.
 
-SymPy's text (`x(t).diff(t, 2)`, `Eq(a, b)`, the calls of `srepr`), Mathematica (`x''[t] == -Sin[x[t]]`,
-`D[u, {t, 2}]`, `Derivative[2][x][t]`, Plus, Times, Power), Maple (`diff(x(t), t$2)`, `(D@@2)(x)(t)`), Maxima
-(`'diff(x, t, 2)`), Modelica (`der(x)`); and derivatives written with d in plain text and LaTeX: dx/dt, d^2x/dt^2,
-\frac{d}{dt}(m x'), (d/dt)^2 x, dV(x)/dx, (r^2 x')'. A LaTeX fraction arrives as ((above)/(below)) with its first
-bracket marked FRACTION, so that one parser handles all of them.
+SymPy's text (`x(t).diff(t, 2)`, `Eq(a, b)`, the calls of `srepr`), Mathematica (`x''[t] ==
+-Sin[x[t]]`, `D[u, {t, 2}]`, `Derivative[2][x][t]`, Plus, Times, Power), Maple (`diff(x(t), t$2)`,
+`(D@@2)(x)(t)`), Maxima (`'diff(x, t, 2)`), Modelica (`der(x)`); and derivatives written with d in
+plain text and LaTeX: dx/dt, d^2x/dt^2, \frac{d}{dt}(m x'), (d/dt)^2 x, dV(x)/dx, (r^2 x')'. A LaTeX
+fraction arrives as ((above)/(below)) with its first bracket marked FRACTION, so that one parser
+handles all of them.
 """
 
 import re
@@ -29,7 +31,9 @@ _CLEAR = ("=", "+", "-", ",", ";", ")", "&", "<", ">")
 
 
 def in_our_words(tokens: Tokens, names: Names) -> Tokens:
-    """The same formulas in this package's notation; tokens that already have it are returned unchanged."""
+    """The same formulas in this package's notation; tokens that already have it are returned
+    unchanged.
+    """
     mathematica = _is_mathematica(tokens)
     if not mathematica:
         tokens = programs.as_equations(tokens, names)
@@ -39,12 +43,20 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     written = tokens
     if marks & {*_HEADS, ".", "@", "Piecewise", "diff", "D2"}:
         tokens = _rewritten(tokens, names)
-    if "I" in marks and names.role("I") is None and (mathematica or tokens != written or marks & DERIVATIVE_NAMES):
-        raise fault("imaginary unit", next(token.column for token in tk.walk(tokens) if token.text == "I"))
+    if (
+        "I" in marks
+        and names.role("I") is None
+        and (mathematica or tokens != written or marks & DERIVATIVE_NAMES)
+    ):
+        raise fault(
+            "imaginary unit", next(token.column for token in tk.walk(tokens) if token.text == "I")
+        )
     last = len(tokens) - 1 - at(tokens, len(tokens) - 1).is_operator(";")
     given, whole = tokens[: max(last, 0)], at(tokens, last)  # [eq1, eq2] and sys := {eq1, eq2};
     labelled = len(given) == 2 and given[0].kind == "name" and given[1].is_operator("=")
-    alone = not given or (labelled and (given[1].value == tk.GIVEN or whole.is_bracket() or whole.is_bracket("[")))
+    alone = not given or (
+        labelled and (given[1].value == tk.GIVEN or whole.is_bracket() or whole.is_bracket("["))
+    )
     if alone and not whole.order and any(token.is_operator("=") for token in whole.inside):
         tokens = [*given, *whole.inside] if not given or given[1].value else [*whole.inside]
         if given and not given[1].value:
@@ -54,14 +66,22 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
 
 def _with_indices(tokens: Tokens, names: Names) -> Tokens:
     """x[1]'' as x_1'' if x always has a numeric index: in a text with x[t], x[0] is a value."""
-    alone = {line[k].text for line, k, _ in tk.places(tokens) if line[k].kind == "name" and not _is_indexed(line, k)}
+    alone = {
+        line[k].text
+        for line, k, _ in tk.places(tokens)
+        if line[k].kind == "name" and not _is_indexed(line, k)
+    }
     known = FUNCTIONS | {word for word in _HEADS if word.isalpha()} | set(names.functions) | alone
 
     def with_indices(line: Line) -> Tokens:
         found: Tokens = []
         for place, token in enumerate(line):
             before = at(line, place - 1)
-            if _is_indexed(line, place - 1) and not before.text[:1].isupper() and before.text not in known:
+            if (
+                _is_indexed(line, place - 1)
+                and not before.text[:1].isupper()
+                and before.text not in known
+            ):
                 text = f"{before.text}_{token.inside[0].text}"
                 found[-1] = replace(before, text=text, order=token.order, primed=token.primed)
             else:
@@ -80,7 +100,9 @@ def _is_indexed(line: Line, place: int) -> bool:
 
 
 def with_subscripts(line: Line, names: Names) -> Tokens:
-    """V[1,0] for the V_x, and V[1,1] for the V_xy, of a declared function V of x and y; each is noted."""
+    """V[1,0] for the V_x, and V[1,1] for the V_xy, of a declared function V of x and y; each is
+    noted.
+    """
     if not names.functions:
         return [*line]
     found: Tokens = []
@@ -103,8 +125,14 @@ def with_subscripts(line: Line, names: Names) -> Tokens:
 
 def _is_mathematica(tokens: Tokens) -> bool:
     """Whether x[t] or Sin[u] occurs."""
-    brackets = [(at(line, k - 1).text, line[k]) for line, k, _ in tk.places(tokens) if line[k].is_bracket("[")]
-    return any(head != _small(head) or at(bracket.inside, 0).text == "t" for head, bracket in brackets)
+    brackets = [
+        (at(line, k - 1).text, line[k])
+        for line, k, _ in tk.places(tokens)
+        if line[k].is_bracket("[")
+    ]
+    return any(
+        head != _small(head) or at(bracket.inside, 0).text == "t" for head, bracket in brackets
+    )
 
 
 def _with_round_brackets(line: Line, names: Names, mathematica: bool) -> Tokens:
@@ -140,7 +168,11 @@ def _small(name: str) -> str:
     if name == "Log":
         return name  # Log[b, x] is log(x, b)
     known = _CAPITALS.get(name) or name.lower()
-    return known if name in _CAPITALS or (known in FUNCTIONS and name != known and name.istitle()) else name
+    return (
+        known
+        if name in _CAPITALS or (known in FUNCTIONS and name != known and name.istitle())
+        else name
+    )
 
 
 def _rewritten(line: Line, names: Names) -> Tokens:
@@ -149,14 +181,24 @@ def _rewritten(line: Line, names: Names) -> Tokens:
     while place < len(line):
         token, after = line[place], at(line, place + 1)
         power = re.fullmatch(r"D@@(\d+)", tk.spelled(token.inside))
-        called = token.kind == "name" and token.text in _HEADS and not names.role(token.text) and after.is_bracket()
+        called = (
+            token.kind == "name"
+            and token.text in _HEADS
+            and not names.role(token.text)
+            and after.is_bracket()
+        )
         if token.is_operator("."):
             place = _after_dot(line, place, found, names)
         elif power:
             place = _derivative_of(line, place + 1, int(power[1]), found)
         elif token.text == "D" and not names.role("D") and (order := _positions(after)):
             place = _derivative_of(line, place + 2, order, found)
-        elif token.text == "D2" and _begins(found) and not names.role("D2") and len(after.inside) == 1:
+        elif (
+            token.text == "D2"
+            and _begins(found)
+            and not names.role("D2")
+            and len(after.inside) == 1
+        ):
             place = _derivative_of(line, place + 1, 2, found)  # Julia's D2 = Differential(t)^2
         elif called and not (token.text == "D" and _is_factor(after)):
             place = _called(line, place, found, names)
@@ -173,7 +215,9 @@ def _begins(found: Line) -> bool:
 
 
 def _positions(bracket: Token) -> int:
-    """How many positions the [1, 1] of Maple's D[1, 1](x) lists, or the [0, 0] of Sage's; 0 for anything else."""
+    """How many positions the [1, 1] of Maple's D[1, 1](x) lists, or the [0, 0] of Sage's; 0 for
+    anything else.
+    """
     places = [token.text for token in bracket.inside if not token.is_operator(",")]
     first = {*places} in ({"0"}, {"1"})
     return len(places) if first and bracket.is_bracket("[") else 0
@@ -193,7 +237,11 @@ def _after_dot(line: Line, place: int, found: Tokens, names: Names) -> int:
     called = at(found, len(found) - 1).is_bracket() and at(found, len(found) - 2).kind == "name"
     start = max(0, len(found) - 1 - called)
     inside = _joined([found[start:], _rewritten(variables.inside, names)], ",", method)
-    found[start:] = [replace(method, space_before=True), tk.bracket(inside, method, space=False), *_primes(variables)]
+    found[start:] = [
+        replace(method, space_before=True),
+        tk.bracket(inside, method, space=False),
+        *_primes(variables),
+    ]
     return place + 3
 
 
@@ -210,7 +258,11 @@ def _derivative_of(line: Line, place: int, order: int, found: Tokens) -> int:
     """(x) after D or Derivative[2] as x with primes; the following (t) is converted separately."""
     operand = at(line, place)
     order += operand.order
-    while len(operand.inside) == 2 and operand.inside[0].text == "D" and operand.inside[1].is_bracket():  # D(D(x))
+    while (
+        len(operand.inside) == 2
+        and operand.inside[0].text == "D"
+        and operand.inside[1].is_bracket()
+    ):  # D(D(x))
         operand, order = operand.inside[1], order + 1
     name = operand.inside[0] if operand.is_bracket() and len(operand.inside) == 1 else operand
     if name.kind != "name" or name is operand or name.order:
@@ -220,7 +272,9 @@ def _derivative_of(line: Line, place: int, order: int, found: Tokens) -> int:
 
 
 def _is_factor(bracket: Token) -> bool:
-    """Whether the bracket after a D is a factor, as in D (1 - exp(-x))^2, rather than the operand of a derivative."""
+    """Whether the bracket after a D is a factor, as in D (1 - exp(-x))^2, rather than the operand
+    of a derivative.
+    """
     inside = bracket.inside
     return len(inside) > 1 and len(tk.split_at(",", inside)) == 1 and inside[0].text != "D"
 
@@ -228,7 +282,8 @@ def _is_factor(bracket: Token) -> bool:
 def _called(line: Line, place: int, found: Tokens, names: Names) -> int:
     """Convert the call that begins here to this package's notation; return the place after it.
 
-    D(x)(t) is x'(t), Derivative[2][x][t] is x''(t), and ModelingToolkit's Differential(t)(u) is diff(u, t).
+    D(x)(t) is x'(t), Derivative[2][x][t] is x''(t), and ModelingToolkit's Differential(t)(u) is
+    diff(u, t).
     """
     head, given = line[place : place + 2]
     arguments, after = [part for part in tk.split_at(",", given.inside) if part], place + 2
@@ -268,11 +323,18 @@ def _pairs(whole: Tokens) -> Tokens:
 
 def _joined(parts: Sequence[Tokens], sign: str, at: Token | None = None) -> Tokens:
     """The parts with the sign between them."""
-    return [token for k, part in enumerate(parts) if part for token in [_sign(sign, at or part[0])] * bool(k) + part]
+    return [
+        token
+        for k, part in enumerate(parts)
+        if part
+        for token in [_sign(sign, at or part[0])] * bool(k) + part
+    ]
 
 
 def _converted(head: Token, parts: Sequence[Tokens]) -> Tokens:
-    """The call in this package's notation, by its kind in `words.toml`; ValueError or IndexError if it does not fit."""
+    """The call in this package's notation, by its kind in `words.toml`; ValueError or IndexError if
+    it does not fit.
+    """
     match kind := _HEADS[head.text]:
         case "name":  # Symbol('x', positive=True) and Function('x') are x
             quote, name = parts[0]
@@ -288,11 +350,16 @@ def _converted(head: Token, parts: Sequence[Tokens]) -> Tokens:
             [listed], *rest = parts
             otherwise = rest[0] if rest else [Token("number", "0", head.column)]
             last = tk.bracket([*otherwise, _sign(",", head), _sign("true", head)], head)
-            return [replace(head, text="piecewise"), tk.bracket([*listed.inside, _sign(",", head), last], head)]
+            return [
+                replace(head, text="piecewise"),
+                tk.bracket([*listed.inside, _sign(",", head), last], head),
+            ]
         case "=":
             left, right = parts
             return _joined([left, right], "=")
-        case "+" | "*" | "^" | "/" | ",":  # Add(a, b) as (a + b), Rational(1, 2) as (1/2), List(a, b) as (a, b)
+        case (
+            "+" | "*" | "^" | "/" | ","
+        ):  # Add(a, b) as (a + b), Rational(1, 2) as (1/2), List(a, b) as (a, b)
             if head.text == "Integer" and [len(part) for part in parts] == [1]:
                 return parts[0]
             if kind in "+*^":
@@ -308,7 +375,9 @@ def _converted(head: Token, parts: Sequence[Tokens]) -> Tokens:
             for part in more:
                 tk.note(tk.source(part))
             return [tk.bracket(first, head, tk.FACTOR)] if len(first) > 1 else first
-        case "diff" if len(parts) == 2 and [token.kind for token in parts[1]] == ["number"]:  # diff(x, 2)
+        case "diff" if len(parts) == 2 and [token.kind for token in parts[1]] == [
+            "number"
+        ]:  # diff(x, 2)
             parts = [parts[0], [Token("name", "t", head.column)], parts[1]]
         case "rate":  # Modelica's der(u) is diff(u, t)
             [operand] = parts
@@ -320,7 +389,9 @@ def _converted(head: Token, parts: Sequence[Tokens]) -> Tokens:
 
 @dataclass(frozen=True, slots=True)
 class _Quotient:
-    """d^k u/dx…: the tokens of u (none for an operator), one variable per order, and the place after the quotient."""
+    """d^k u/dx…: the tokens of u (none for an operator), one variable per order, and the place
+    after the quotient.
+    """
 
     operand: Tokens
     variables: tuple[Token, ...]
@@ -330,7 +401,8 @@ class _Quotient:
 
 
 def with_derivatives(line: Line, names: Names, beyond: Token | None = None) -> Tokens:
-    """The tokens with each derivative as primes on its name or as diff( ); ambiguous ones are refused later.
+    """The tokens with each derivative as primes on its name or as diff( ); ambiguous ones are
+    refused later.
 
     `beyond` is the token after the bracket that holds the line.
     """
@@ -345,7 +417,9 @@ def with_derivatives(line: Line, names: Names, beyond: Token | None = None) -> T
             continue
         place += 1
         if token.inside:
-            token = replace(token, inside=tuple(with_derivatives(token.inside, names, at(line, place))))
+            token = replace(
+                token, inside=tuple(with_derivatives(token.inside, names, at(line, place)))
+            )
         found.append(token)
     return found
 
@@ -353,7 +427,9 @@ def with_derivatives(line: Line, names: Names, beyond: Token | None = None) -> T
 def _derivative(
     line: Line, place: int, names: Names, beyond: Token | None = None, depth: int = 0
 ) -> tuple[Tokens, int] | None:
-    """The derivative that begins here, in this package's grammar, and the place after it; None if there is none."""
+    """The derivative that begins here, in this package's grammar, and the place after it; None if
+    there is none.
+    """
     token = line[place]
     if token.is_operator(tk.NABLA):
         return _gradient(line, place, names)
@@ -362,7 +438,9 @@ def _derivative(
             return power
         if token.order and (at(line, place - 1).kind != "name" or token.space_before):
             inner = with_derivatives([replace(token, order=0)], names)
-            return _carried_out(inner, [Token("name", "t", token.end)] * token.order, token), place + 1
+            return _carried_out(
+                inner, [Token("name", "t", token.end)] * token.order, token
+            ), place + 1
     quotient = _quotient(line, place, names)
     if quotient is None:
         _refuse_fraction(token, names)
@@ -370,7 +448,10 @@ def _derivative(
     if at(line, quotient.after).is_operator("^") and not quotient.fraction:
         if not quotient.operand or names.role(token.text) or at(quotient.operand, 0).order:
             return None
-        written, span = tk.source(line[place : quotient.after]), (token.column, line[quotient.after - 1].span[1])
+        written, span = (
+            tk.source(line[place : quotient.after]),
+            (token.column, line[quotient.after - 1].span[1]),
+        )
         raise fault("power of a quotient", token.column, span, written=written)
     if not quotient.operand:
         return _applied(line, quotient, place, names, depth)
@@ -378,7 +459,9 @@ def _derivative(
 
 
 def _gradient(line: Line, place: int, names: Names) -> tuple[Tokens, int]:
-    """The gradient of V as diff(V, x) if there is one coordinate; V itself if no coordinate is known yet."""
+    """The gradient of V as diff(V, x) if there is one coordinate; V itself if no coordinate is
+    known yet.
+    """
     sign, name = line[place], at(line, place + 1)
     if name.kind != "name" or len(names.coordinates) > 1:
         raise fault("gradient", sign.column)
@@ -413,7 +496,9 @@ def _of_operand(
         known = {names.role_meant(name.text), names.role(by[0])} == {"coordinate"}
         return (_slope(name, variables[0], first), after) if known else None
     if in_time and not declared:
-        primed = replace(first, kind="name", text=name.text, inside=(), value=Fraction(0), primed=first.column)
+        primed = replace(
+            first, kind="name", text=name.text, inside=(), value=Fraction(0), primed=first.column
+        )
         return [replace(primed, order=len(by) + name.order)], after
     if name.order:
         return None
@@ -421,9 +506,13 @@ def _of_operand(
     outside = beyond if after == len(line) else None  # (dV/dx)(x)
     follows = outside or at(line, after)
     at_point = _is_point(follows, variables)
-    unclear = declared and quotient.fraction and (outside or not at_point) and not follows.is_fraction()
+    unclear = (
+        declared and quotient.fraction and (outside or not at_point) and not follows.is_fraction()
+    )
     if follows.is_bracket() and (unclear or (guessed and outside and at_point)):
-        raise fault("bracket after a derivative", follows.column, name=name.text, by=variables[0].text)
+        raise fault(
+            "bracket after a derivative", follows.column, name=name.text, by=variables[0].text
+        )
     if declared or guessed:
         point = [follows] if at_point and not outside else []
         operand = [name, *(point if role != "parameter" else [])]
@@ -433,12 +522,22 @@ def _of_operand(
             return None
         slope = f"diff({name.text}({', '.join(names.coordinates) or by[0]}), {', '.join(by)})"
         typed = None if quotient.fraction else (first.column, line[after - 1].span[1])
-        raise fault("slope of a name", first.column, typed, name=name.text, by=by[0], slope=slope, typed=typed)
+        raise fault(
+            "slope of a name",
+            first.column,
+            typed,
+            name=name.text,
+            by=by[0],
+            slope=slope,
+            typed=typed,
+        )
     return None
 
 
 def _is_point(follows: Token, variables: Line) -> bool:
-    """Whether the bracket after a derivative by these variables is the point (x, y) at which it is evaluated."""
+    """Whether the bracket after a derivative by these variables is the point (x, y) at which it is
+    evaluated.
+    """
     listed = tk.spelled(follows.inside).split(",")
     named = follows.is_bracket() and all(map(str.isidentifier, listed))
     return named and {variable.text for variable in variables} <= {*listed}
@@ -446,11 +545,16 @@ def _is_point(follows: Token, variables: Line) -> bool:
 
 def _slope(name: Token, by: Token, at: Token) -> Tokens:
     """(y'/x') for the dy/dx of a constraint."""
-    primed = [replace(word, column=at.column, space_before=False, order=1, primed=at.column) for word in (name, by)]
+    primed = [
+        replace(word, column=at.column, space_before=False, order=1, primed=at.column)
+        for word in (name, by)
+    ]
     return [tk.bracket([primed[0], _sign("/", at), primed[1]], at, tk.FACTOR)]
 
 
-def _applied(line: Line, quotient: _Quotient, place: int, names: Names, depth: int) -> tuple[Tokens, int] | None:
+def _applied(
+    line: Line, quotient: _Quotient, place: int, names: Names, depth: int
+) -> tuple[Tokens, int] | None:
     """d/dt ( u ) as diff(u, t); also d/dt x' if no following factor could belong to the operand."""
     ends = quotient.after >= len(line) and (not quotient.fraction or names.role("d"))
     operand = None if ends else _differentiated(line, quotient, names, depth)
@@ -463,7 +567,9 @@ def _applied(line: Line, quotient: _Quotient, place: int, names: Names, depth: i
     return _carried_out(inner, quotient.variables, line[place]), after
 
 
-def _differentiated(line: Line, quotient: _Quotient, names: Names, depth: int) -> tuple[Tokens, int] | None:
+def _differentiated(
+    line: Line, quotient: _Quotient, names: Names, depth: int
+) -> tuple[Tokens, int] | None:
     """The operand of an operator: a bracket, a derivative, or a name without a following factor."""
     place = quotient.after
     if place == len(line):
@@ -475,12 +581,18 @@ def _differentiated(line: Line, quotient: _Quotient, names: Names, depth: int) -
     whole = first.is_bracket() and not first.is_fraction()
     if not whole and first.kind != "name" and not quotient.fraction and first.kind != "number":
         return None
-    called = not whole and first.kind == "name" and _are_arguments(at(line, place + 1), first, names)
+    called = (
+        not whole and first.kind == "name" and _are_arguments(at(line, place + 1), first, names)
+    )
     after = place + 1 + called
     following = at(line, after)
     ends = following.kind == "end" or following.is_operator(*_CLEAR)
-    multiplied = following.is_operator("*", "/") or (following.is_fraction() and _quotient(line, after, names))
-    clear = (whole and not first.order) or (first.kind == "name" and (ends or (called and multiplied)))
+    multiplied = following.is_operator("*", "/") or (
+        following.is_fraction() and _quotient(line, after, names)
+    )
+    clear = (whole and not first.order) or (
+        first.kind == "name" and (ends or (called and multiplied))
+    )
     if following.is_operator("^") or not clear:
         raise fault("end of a derivative", following.column or first.column, by=variable)
     return with_derivatives(first.inside if whole else line[place:after], names), after
@@ -491,7 +603,10 @@ def _are_arguments(after: Token, name: Token, names: Names) -> bool:
     if not after.is_bracket() or after.is_fraction() or after.order:
         return False
     role = names.role_meant(name.text)
-    plain = all(token.kind in ("name", "bracket") or token.is_operator(",") for token in tk.walk(after.inside))
+    plain = all(
+        token.kind in ("name", "bracket") or token.is_operator(",")
+        for token in tk.walk(after.inside)
+    )
     called = role == "function" or (role is None and plain and not after.space_before)
     return called or tk.spelled(after.inside) == "t"
 
@@ -512,7 +627,9 @@ def _quotient(line: Line, place: int, names: Names) -> _Quotient | None:
     return _Quotient(operand, below[0], after if fraction else below[1], partial, fraction)
 
 
-def _above(line: Line, place: int, names: Names, fraction: bool) -> tuple[int, bool, Tokens, int] | None:
+def _above(
+    line: Line, place: int, names: Names, fraction: bool
+) -> tuple[int, bool, Tokens, int] | None:
     """The order of d^k u, whether it is partial, the tokens of u, and the place after it."""
     first = at(line, place)
     known = names.role(first.text) is not None and not (fraction and first.text == "d")
@@ -528,7 +645,11 @@ def _above(line: Line, place: int, names: Names, fraction: bool) -> tuple[int, b
         return order, first.text == tk.PARTIAL, [], after
     after += not word
     follows = at(line, after)
-    if operand[0].kind == "name" and follows.is_bracket() and not (follows.is_fraction() or follows.order):
+    if (
+        operand[0].kind == "name"
+        and follows.is_bracket()
+        and not (follows.is_fraction() or follows.order)
+    ):
         operand, after = [*operand, follows], after + 1
     return order, first.text == tk.PARTIAL, operand, after
 
@@ -542,8 +663,12 @@ def _power(line: Line, place: int) -> tuple[int, int]:
     return (int(raised.text), place + 2) if found else (1, place)
 
 
-def _below(line: Line, place: int, order: int, fraction: bool) -> tuple[tuple[Token, ...], int] | None:
-    """The variables of dt^2, dt2, d t, dx dy, whose orders add up to `order`, and the place after them."""
+def _below(
+    line: Line, place: int, order: int, fraction: bool
+) -> tuple[tuple[Token, ...], int] | None:
+    """The variables of dt^2, dt2, d t, dx dy, whose orders add up to `order`, and the place after
+    them.
+    """
     found: Tokens = []
     while len(found) < order and place < len(line):
         first, digit = line[place], ""
@@ -572,24 +697,37 @@ def _below(line: Line, place: int, order: int, fraction: bool) -> tuple[tuple[To
     return (tuple(found), place) if len(found) == order else None
 
 
-def _power_of_operator(line: Line, place: int, names: Names, depth: int) -> tuple[Tokens, int] | None:
+def _power_of_operator(
+    line: Line, place: int, names: Names, depth: int
+) -> tuple[Tokens, int] | None:
     """(d/dt)^2 u as diff(u, t, t)."""
     inside = line[place].inside
     operator = _quotient(inside, 0, names) if inside else None
     power, after = _power(line, place + 1)
-    if operator is None or operator.operand or operator.after != len(inside) or names.role("d") or after == place + 1:
+    if (
+        operator is None
+        or operator.operand
+        or operator.after != len(inside)
+        or names.role("d")
+        or after == place + 1
+    ):
         return None
     raised = _Quotient([], operator.variables * power, after, operator.partial, operator.fraction)
     return _applied(line, raised, place, names, depth)
 
 
 def _refuse_fraction(token: Token, names: Names) -> None:
-    r"""InputError for a fraction such as \frac{d V k}{dx}, in which d would be read as a common factor."""
+    r"""InputError for a fraction such as \frac{d V k}{dx}, in which d would be read as a common
+    factor.
+    """
     if not token.is_fraction() or names.role("d"):
         return
     above, below = token.inside[0].inside, token.inside[2].inside
     differential = len(above) > 1 and (above[0].text == "d" or above[0].is_operator(tk.TOTAL))
-    variable = next((k for order in range(1, 4) if (k := _below(below, 0, order, True)) and k[1] == len(below)), None)
+    variable = next(
+        (k for order in range(1, 4) if (k := _below(below, 0, order, True)) and k[1] == len(below)),
+        None,
+    )
     if differential and variable:
         by, column = variable[0][0].text, token.column
         if any(token.is_operator("^") for token in above[2:]) and by == "t":
@@ -598,7 +736,9 @@ def _refuse_fraction(token: Token, names: Names) -> None:
 
 
 def _carried_out(inner: Line, variables: Line, at: Token, total: bool = False) -> Tokens:
-    """diff(u, x, …) with all tokens at column `at`; `total` marks dV/dr of a V that depends on r alone."""
+    """diff(u, x, …) with all tokens at column `at`; `total` marks dV/dr of a V that depends on r
+    alone.
+    """
     if not inner:
         raise tk.unexpected(at, "what is differentiated")
     by = [[Token("name", variable.text, at.column)] for variable in variables]

@@ -1,16 +1,15 @@
 """Parse the tokens of a formula: precedence, products without a sign, functions, derivatives.
 
-    formula    = term {("+" | "-") term}
-    term       = signs factor {("*" signs | "/" signs | nothing) factor}
-    factor     = base ["^" signs factor]                      right associative, tighter than a sign
-    base       = number | "(" formula ")" | "|" formula "|" | name | name primes | function
-    function   = name ["^" base] ( "(" formula {"," formula} ")" | [number] factor )
+    formula    = term {("+" | "-") term} term       = signs factor {("*" signs | "/" signs |
+    nothing) factor} factor     = base ["^" signs factor]                      right associative,
+    tighter than a sign base       = number | "(" formula ")" | "|" formula "|" | name | name primes
+    | function function   = name ["^" base] ( "(" formula {"," formula} ")" | [number] factor )
                | "piecewise" "(" piece {"," piece} ")",  piece = "(" formula "," condition ")"
-    condition  = both {"|" both},  both = one {"&" one}
-    one        = "~" one | "true" | "(" condition ")" | formula ("<" | ">") formula {("<" | ">") formula}
+    condition  = both {"|" both},  both = one {"&" one} one        = "~" one | "true" | "("
+    condition ")" | formula ("<" | ">") formula {("<" | ">") formula}
 
-If "nothing" may mean something other than a product (a/b c, x(y + 1), sin x y, x^2y), the parser raises an error that
-shows both ways to write the formula. `limits.depth` bounds the recursion.
+If "nothing" may mean something other than a product (a/b c, x(y + 1), sin x y, x^2y), the parser
+raises an error that shows both ways to write the formula. `limits.depth` bounds the recursion.
 """
 
 import itertools
@@ -25,7 +24,14 @@ from functools import reduce
 from inverse_service import errors
 from inverse_service.expressions import calculus, tree as ex
 from inverse_service.expressions.pieces import either, piecewise, step
-from inverse_service.expressions.refusals import LIMITS, at_most, fault, limit_passed, refusal, shorten
+from inverse_service.expressions.refusals import (
+    LIMITS,
+    at_most,
+    fault,
+    limit_passed,
+    refusal,
+    shorten,
+)
 from inverse_service.reading import names as nm, tokens as tk
 from inverse_service.reading.tokens import Token, Tokens, at, note
 
@@ -33,9 +39,13 @@ _BITS_PER_DIGIT = 3.3219280948873626
 _LARGEST_FACTORIAL = 20
 _RADIUS = ex.Symbol("r")  # in r/r^3, often a vector and its length
 _EXPONENTIAL = ex.Apply("exp", ex.ONE)
-OF_SECOND_ORDER = "write equations of second order. Those of a Lagrangian L(t, q, q') have no higher derivatives"
+OF_SECOND_ORDER = (
+    "write equations of second order. Those of a Lagrangian L(t, q, q') have no higher derivatives"
+)
 _OPERAND, _PIECE = "a number, a name or '('", "a piece such as (x^2, x > 0)"
-_KINETIC = re.compile(r"p\w*\^\(?2\)?/2(?!\d)")  # of p^2/2m and p_phi^2/2ml^2, which are divided by m
+_KINETIC = re.compile(
+    r"p\w*\^\(?2\)?/2(?!\d)"
+)  # of p^2/2m and p_phi^2/2ml^2, which are divided by m
 _SQUARE = re.compile(r"1|.+\^\(?2\)?")  # under a root, of which nothing would be left
 _OF_ANGLES = frozenset(("sin", "cos", "tan", "cot"))
 # sin x^2 is sin(x^2), and its other meaning is noted.
@@ -43,21 +53,29 @@ _RAISED_APART = _OF_ANGLES | {"sinh", "cosh", "tanh", "log", "ln"}
 
 
 def _checked(value: Fraction, column: int) -> Fraction:
-    """The number; LimitError for too many digits, so that every accepted formula can be parsed again."""
+    """The number; LimitError for too many digits, so that every accepted formula can be parsed
+    again.
+    """
     if max(abs(value.numerator), value.denominator) >= 10**LIMITS.digits:
-        raise limit_passed("a number that is computed here has too many digits", column, LIMITS.digits)
+        raise limit_passed(
+            "a number that is computed here has too many digits", column, LIMITS.digits
+        )
     return value
 
 
 def product(factors: Sequence[ex.Expression], column: int) -> ex.Expression:
     """The product; LimitError if its coefficient becomes too long at any step."""
-    reduce(lambda total, factor: _checked(total * ex.coefficient(factor), column), factors, Fraction(1))
+    reduce(
+        lambda total, factor: _checked(total * ex.coefficient(factor), column), factors, Fraction(1)
+    )
     return ex.multiply(*factors)
 
 
 def sum_of(terms: Sequence[ex.Expression], column: int) -> ex.Expression:
     """The sum; LimitError if its constant becomes too long at any step."""
-    parts = [part for term in terms for part in (term.terms if isinstance(term, ex.Sum) else (term,))]
+    parts = [
+        part for term in terms for part in (term.terms if isinstance(term, ex.Sum) else (term,))
+    ]
     numbers = [part.value for part in parts if isinstance(part, ex.Number)]
     reduce(lambda total, number: _checked(total + number, column), numbers, Fraction(0))
     return ex.add(*terms)
@@ -71,7 +89,9 @@ def reciprocal(expression: ex.Expression, column: int) -> ex.Expression:
 
 
 def raised(base: ex.Expression, exponent: ex.Expression, column: int) -> ex.Expression:
-    """base ^ exponent, with e^u as exp(u); InputError or LimitError if it is too large or has no real value."""
+    """base ^ exponent, with e^u as exp(u); InputError or LimitError if it is too large or has no
+    real value.
+    """
     if base == _EXPONENTIAL:
         return ex.Apply("exp", exponent)
     if isinstance(base, ex.Number) and base.value < 0 and not isinstance(exponent, ex.Number):
@@ -102,8 +122,12 @@ def _check_numbers(base: Fraction, exponent: Fraction, column: int) -> None:
         instead = root if exponent.denominator % 2 else "write another base or exponent"
         raise fault("power of a negative number", column, instead=instead)
     bits = max(base.numerator.bit_length(), base.denominator.bit_length()) - 1
-    if bits * float(abs(exponent)) > LIMITS.digits * _BITS_PER_DIGIT:  # known before the power is computed
-        raise limit_passed("a number that is computed here has too many digits", column, LIMITS.digits)
+    if (
+        bits * float(abs(exponent)) > LIMITS.digits * _BITS_PER_DIGIT
+    ):  # known before the power is computed
+        raise limit_passed(
+            "a number that is computed here has too many digits", column, LIMITS.digits
+        )
 
 
 def check_depth(expression: ex.Expression, column: int = 1) -> ex.Expression:
@@ -125,7 +149,9 @@ class Variable:
     column: int
 
 
-def carry_out(expression: ex.Expression, variables: Sequence[Variable], names: nm.Names) -> ex.Expression:
+def carry_out(
+    expression: ex.Expression, variables: Sequence[Variable], names: nm.Names
+) -> ex.Expression:
     """The derivative: along the motion (x -> x' -> x'') if the variable is t, otherwise partial."""
     order = sum(variable.times for variable in variables)
     at_most(order, LIMITS.derivative_order, "a derivative is too high", variables[0].column)
@@ -136,24 +162,36 @@ def carry_out(expression: ex.Expression, variables: Sequence[Variable], names: n
     return expression
 
 
-def _defined(expression: ex.Expression, variables: Sequence[Variable], names: nm.Names) -> ex.Expression:
-    """The operand with the formulas of its names substituted; InputError for the derivative of a constant."""
+def _defined(
+    expression: ex.Expression, variables: Sequence[Variable], names: nm.Names
+) -> ex.Expression:
+    """The operand with the formulas of its names substituted; InputError for the derivative of a
+    constant.
+    """
     for variable in variables:
         if isinstance(variable.node, ex.Symbol) and variable.node in names.definitions:
             raise fault("derivative by a defined name", variable.column, name=variable.node.name)
     others = {*names.definitions, *(variable.node for variable in variables)}
-    if isinstance(expression, ex.Symbol) and expression.name in names.parameters and expression not in others:
+    if (
+        isinstance(expression, ex.Symbol)
+        and expression.name in names.parameters
+        and expression not in others
+    ):
         raise fault("derivative of a constant", variables[0].column, name=expression.name)
     return ex.substitute(expression, dict(names.definitions)) if names.definitions else expression
 
 
 def _once(expression: ex.Expression, variable: Variable, names: nm.Names) -> ex.Expression:
     nodes = ex.node_count(expression)
-    at_most(nodes, LIMITS.derivative_nodes, "the formula to differentiate is too large", variable.column)
+    at_most(
+        nodes, LIMITS.derivative_nodes, "the formula to differentiate is too large", variable.column
+    )
     if variable.node != ex.TIME:
         return check_depth(calculus.differentiate(expression, variable.node), variable.column)
     try:
-        return check_depth(calculus.differentiate_in_time(expression, names.coordinates), variable.column)
+        return check_depth(
+            calculus.differentiate_in_time(expression, names.coordinates), variable.column
+        )
     except ValueError:
         raise fault("third derivative", variable.column, instead=OF_SECOND_ORDER) from None
 
@@ -164,7 +202,13 @@ def _refuse_two_meanings(function: ex.Arbitrary, column: int) -> None:
         return
     orders = ",".join(str(int(argument == ex.TIME)) for argument in function.arguments)
     arguments = ", ".join(node.name for node in function.arguments if isinstance(node, ex.Symbol))
-    raise fault("partial or total derivative", column, name=function.name, orders=orders, arguments=arguments)
+    raise fault(
+        "partial or total derivative",
+        column,
+        name=function.name,
+        orders=orders,
+        arguments=arguments,
+    )
 
 
 class FormulaParser(tk.TokenStream):
@@ -201,7 +245,11 @@ class FormulaParser(tk.TokenStream):
         if bracket.order:
             raise _prime(bracket)
         outer = self._tokens, self.position, self._bars, self._depth
-        self._tokens, self.position, self._bars = [*bracket.inside, Token("end", ")", bracket.end)], 0, False
+        self._tokens, self.position, self._bars = (
+            [*bracket.inside, Token("end", ")", bracket.end)],
+            0,
+            False,
+        )
         try:
             yield
             if self.ahead.kind != "end":
@@ -241,10 +289,11 @@ class FormulaParser(tk.TokenStream):
         return [ex.MINUS_ONE] if negative else []
 
     def _operation(self, previous: str | None, start: int, slash: int) -> str | None:
-        """'*', '/', '' for an implicit product, or None at the end of the term; '/' before the m of p^2/2m.
+        """'*', '/', '' for an implicit product, or None at the end of the term; '/' before the m of
+        p^2/2m.
 
-        The term begins at `start`, and `slash` is the place before its last factor, which follows the operation
-        `previous`.
+        The term begins at `start`, and `slash` is the place before its last factor, which follows
+        the operation `previous`.
         """
         if token := self.take_operator("*", "/"):
             return token.text
@@ -262,10 +311,12 @@ class FormulaParser(tk.TokenStream):
         return _starts_factor(token) or (token.is_operator("|") and not self._bars)
 
     def _ends_quotient(self, start: int, slash: int) -> bool:
-        """Whether a/b ends before the next factor: yes in 3/2 y^3, 1/(2 m) p, g/l sin x, no in k/m x, 1/2x.
+        """Whether a/b ends before the next factor: yes in 3/2 y^3, 1/(2 m) p, g/l sin x, no in k/m
+        x, 1/2x.
 
-        A single number in the denominator ends it if the numerator has only numbers or a coordinate follows. A bracket
-        or a function call in the denominator ends it too, as does a following function.
+        A single number in the denominator ends it if the numerator has only numbers or a coordinate
+        follows. A bracket or a function call in the denominator ends it too, as does a following
+        function.
         """
         ahead = self.ahead
         name = self._names.spelling(ahead.text) if ahead.kind == "name" else ""
@@ -273,7 +324,10 @@ class FormulaParser(tk.TokenStream):
         if self._names.energy and self._is_half(start, slash, role):
             if role == "parameter" and not ahead.space_before:
                 over, under = self.source(start, slash - 1), self.source(slash)
-                note(f"{over}/{under}{ahead.text}", f"({over}/{under})*{ahead.text}, not {over}/({under}*{ahead.text})")
+                note(
+                    f"{over}/{under}{ahead.text}",
+                    f"({over}/{under})*{ahead.text}, not {over}/({under}*{ahead.text})",
+                )
             return True
         if not ahead.space_before:
             return False
@@ -285,13 +339,24 @@ class FormulaParser(tk.TokenStream):
         moves = role == "coordinate" or name == "t"
         if moves and self._is_apart(start, slash):
             return True
-        numbers = all(token.kind in ("number", "bracket") or token.is_operator("*", "^") for token in tk.walk(above))
-        return len(below) == 1 and below[0].kind == "number" and (numbers or moves or ahead.is_bracket())
+        numbers = all(
+            token.kind in ("number", "bracket") or token.is_operator("*", "^")
+            for token in tk.walk(above)
+        )
+        return (
+            len(below) == 1
+            and below[0].kind == "number"
+            and (numbers or moves or ahead.is_bracket())
+        )
 
     def _is_apart(self, start: int, slash: int) -> bool:
         """Whether blanks join k/m, not m x, in k/m x'; the other interpretation is noted."""
         sign, below = self._tokens[slash - 1], self.part(slash)
-        glued = not sign.space_before and not below[0].space_before and below[0].kind in ("name", "number")
+        glued = (
+            not sign.space_before
+            and not below[0].space_before
+            and below[0].kind in ("name", "number")
+        )
         if not glued or any(token.space_before for token in below):
             return False
         over, under = self.source(start, slash - 1), self.source(slash)
@@ -300,7 +365,9 @@ class FormulaParser(tk.TokenStream):
         return True
 
     def _is_half(self, start: int, slash: int, role: nm.Role | None) -> bool:
-        """Whether this is 1/2m, m/2x'^2, m/2 l^2, or m/2(x'^2 + y'^2) in a Lagrangian; 1/2r^2 may be 1/(2 r^2)."""
+        """Whether this is 1/2m, m/2x'^2, m/2 l^2, or m/2(x'^2 + y'^2) in a Lagrangian; 1/2r^2 may
+        be 1/(2 r^2).
+        """
         ahead = self.ahead
         over, under = self.source(start, slash - 1), self.source(slash)
         bracket = ahead.is_bracket() and tk.moves(ahead.inside)
@@ -324,7 +391,9 @@ class FormulaParser(tk.TokenStream):
         if not before.is_operator("^") or ahead.space_before:
             return
         if last.kind == "number" and not self._multiplies(ahead):
-            raise fault("end of a numeric exponent", column, (last.column, column), number=last.text)
+            raise fault(
+                "end of a numeric exponent", column, (last.column, column), number=last.text
+            )
         if last.kind == ahead.kind == "name" and not last.order and not self._is_function(ahead):
             raise self._unclear_exponent(last)
 
@@ -340,19 +409,31 @@ class FormulaParser(tk.TokenStream):
         return fault("end of an exponent", self.ahead.column, span, written="*".join(glued))
 
     def _multiplies(self, ahead: Token) -> bool:
-        """Whether a coordinate after a power of a name or bracket is a factor: yes in w^2x, no in e^2x, x^2n, k**2x."""
+        """Whether a coordinate after a power of a name or bracket is a factor: yes in w^2x, no in
+        e^2x, x^2n, k**2x.
+        """
         distance = -2 - self.look(-2).is_operator("-")
         base, caret, number = (self.look(place) for place in (distance - 1, distance, -1))
         euler = base.text in ("e", "E") and self._names.role(base.text) is None
         return (
-            self._moves(ahead) and base.kind != "number" and not euler and number.column == caret.column - distance - 1
+            self._moves(ahead)
+            and base.kind != "number"
+            and not euler
+            and number.column == caret.column - distance - 1
         )
 
     def _unclear_quotient(self, start: int, slash: int) -> errors.InputError:
         """The error for a/b c, with both interpretations if the following factors can be parsed."""
         place, column = self.position, self.ahead.column
-        rest, over, under = self._source_of_factors(), self.source(start, slash - 1), self.source(slash, place)
-        span, rest = (self._tokens[start].column, self.ahead.column), None if "|" in over + under else rest
+        rest, over, under = (
+            self._source_of_factors(),
+            self.source(start, slash - 1),
+            self.source(slash, place),
+        )
+        span, rest = (
+            (self._tokens[start].column, self.ahead.column),
+            None if "|" in over + under else rest,
+        )
         return fault("end of a quotient", column, span, over=over, under=under, rest=rest)
 
     def _factor(self) -> ex.Expression:
@@ -385,7 +466,11 @@ class FormulaParser(tk.TokenStream):
 
     def _base(self) -> ex.Expression:
         token = self.take()
-        if token.kind == "number" and token.value in range(_LARGEST_FACTORIAL + 1) and self.take_operator("!"):
+        if (
+            token.kind == "number"
+            and token.value in range(_LARGEST_FACTORIAL + 1)
+            and self.take_operator("!")
+        ):
             return ex.number(math.factorial(int(token.value)))
         if token.kind == "number":
             return ex.number(token.value)
@@ -452,7 +537,9 @@ class FormulaParser(tk.TokenStream):
             with self._nested():
                 return 1 - self._one_condition()
         ahead = self.ahead
-        if ahead.is_bracket() and any(token.is_operator("<", ">", "~", "&", "true") for token in tk.walk([ahead])):
+        if ahead.is_bracket() and any(
+            token.is_operator("<", ">", "~", "&", "true") for token in tk.walk([ahead])
+        ):
             with self._inside(self.take()):
                 return self._condition()
         return self._inequality()
@@ -478,7 +565,14 @@ class FormulaParser(tk.TokenStream):
                 inside = tk.source([opening])
                 inner = inside if len(opening.inside) > 1 else inside[1:-1]
                 span = (token.column, self.look(1).column)
-                raise fault("time after an angle", opening.column, span, name=token.text, inner=inner, inside=inside)
+                raise fault(
+                    "time after an angle",
+                    opening.column,
+                    span,
+                    name=token.text,
+                    inner=inner,
+                    inside=inside,
+                )
         else:
             result = nm.call(token.text, [self._bare_argument(token)], token.column)
         return raised(result, exponent, token.column) if exponent else result
@@ -495,8 +589,12 @@ class FormulaParser(tk.TokenStream):
             raise self._unclear_inverse(token, caret, is_one and len(power) == 2, 1 if depth else 2)
         return self._base()
 
-    def _unclear_inverse(self, token: Token, caret: Token, is_one: bool, length: int) -> errors.InputError:
-        """The error for sin^-1, a power of `length` tokens, with both interpretations if the argument can be parsed."""
+    def _unclear_inverse(
+        self, token: Token, caret: Token, is_one: bool, length: int
+    ) -> errors.InputError:
+        """The error for sin^-1, a power of `length` tokens, with both interpretations if the
+        argument can be parsed.
+        """
         name = token.text
         for _ in range(length):
             self.take()
@@ -506,7 +604,13 @@ class FormulaParser(tk.TokenStream):
         argument = self.source(place)
         known = argument and is_one and f"a{name}" in nm.FUNCTIONS
         called = (argument if argument.startswith("(") else f"({argument})") if known else None
-        return fault("inverse function", caret.column, (token.column, self.ahead.column), name=name, called=called)
+        return fault(
+            "inverse function",
+            caret.column,
+            (token.column, self.ahead.column),
+            name=name,
+            called=called,
+        )
 
     def _bare_argument(self, token: Token) -> ex.Expression:
         """The argument of sin x, sin 2x, sin x^2; InputError if more factors could belong to it."""
@@ -519,10 +623,15 @@ class FormulaParser(tk.TokenStream):
             argument = self._factor()
             if self._tokens[start + 1].is_operator("^") and token.text in _RAISED_APART:
                 inner = _plainly(self.source(start))
-                note(f"{token.text} {inner}", f"{token.text}({inner}), not a power of {token.text}({ahead.text})")
+                note(
+                    f"{token.text} {inner}",
+                    f"{token.text}({inner}), not a power of {token.text}({ahead.text})",
+                )
             following, whole = self.ahead, self._bare_product(start)
             if whole and not (ahead.kind == "number" and token.text in ("sqrt", "cbrt")):
-                argument = product([argument, *(self._factor() for _ in range(whole))], ahead.column)
+                argument = product(
+                    [argument, *(self._factor() for _ in range(whole))], ahead.column
+                )
                 if self.look(-1).text == "t" and not self.ahead.is_operator("/", "(", "^"):
                     return argument  # cos w t x is cos(w t) x
             elif ahead.kind == "number" and _starts_factor(following) and not self._bare_ends():
@@ -532,7 +641,9 @@ class FormulaParser(tk.TokenStream):
         after, of_number = self.ahead, ahead.kind == "number" and self.position == start + 1
         signs = ("/", "*") if of_number else ("/",)  # sin 2*x usually means sin(2*x)
         divides = after.text == "/" and self._is_function(self.look(1))  # sin x/cos x
-        if (after.is_operator(*signs) and not divides) or (_starts_factor(after) and not self._bare_ends()):
+        if (after.is_operator(*signs) and not divides) or (
+            _starts_factor(after) and not self._bare_ends()
+        ):
             raise self._unclear_end(token, start)
         rooted = token.text == "sqrt" and _SQUARE.fullmatch(self.source(start))
         if rooted and after.is_operator("+", "-"):  # the line above the sum was lost
@@ -540,13 +651,18 @@ class FormulaParser(tk.TokenStream):
         return argument
 
     def _bare_product(self, start: int) -> int:
-        """The number of names that clearly belong to a bare argument after its first factor: cos w t, sin 2kx.
+        """The number of names that clearly belong to a bare argument after its first factor: cos w
+        t, sin 2kx.
 
-        These are constants up to the time, or up to a coordinate if there are no spaces or the first factor is a Latin
-        letter.
+        These are constants up to the time, or up to a coordinate if there are no spaces or the
+        first factor is a Latin letter.
         """
         first = self._tokens[start]
-        if self.position != start + 1 or first.order or (first.kind == "name" and not self._is_constant(first)):
+        if (
+            self.position != start + 1
+            or first.order
+            or (first.kind == "name" and not self._is_constant(first))
+        ):
             return 0
         latin, glued = first.kind == "name" and first.text not in nm.GREEK_NAMES, True
         for place in itertools.count():
@@ -575,7 +691,8 @@ class FormulaParser(tk.TokenStream):
         return self._names.role_meant(token.text) == "parameter" or token.text in ("pi", "Pi")
 
     def _unclear_end(self, token: Token, start: int) -> errors.InputError:
-        """The error for sin a b, sin a/b, and sqrt 1 - x/a, with both interpretations if they can be parsed.
+        """The error for sin a b, sin a/b, and sqrt 1 - x/a, with both interpretations if they can
+        be parsed.
 
         sin 2 x has only one.
         """
@@ -587,10 +704,14 @@ class FormulaParser(tk.TokenStream):
         inner, first = self.source(start, end), self._tokens[start]
         both = first.kind != "number" or written or name in ("sqrt", "cbrt")
         meant = (f"({inner}){sign}{rest}", f"({inner}{sign}{rest})")[not both :]
-        return fault("end of an argument", column, (first.column, self.ahead.column), meant, name=name)
+        return fault(
+            "end of an argument", column, (first.column, self.ahead.column), meant, name=name
+        )
 
     def _source_of_factors(self, whole: bool = False) -> str | None:
-        """Consume the factors, or the whole term, ahead and return their text; None if they cannot be parsed."""
+        """Consume the factors, or the whole term, ahead and return their text; None if they cannot
+        be parsed.
+        """
         place = self.position
         try:
             if whole:
@@ -603,7 +724,8 @@ class FormulaParser(tk.TokenStream):
         return found if found and "|" not in found else None
 
     def _bare_ends(self) -> bool:
-        """Whether a bare argument ends here: before an operator, another function, or a velocity, also one in brackets.
+        """Whether a bare argument ends here: before an operator, another function, or a velocity,
+        also one in brackets.
 
         An angle named by a Greek letter also ends it before a sum: sin phi (a - b).
         """
@@ -611,8 +733,15 @@ class FormulaParser(tk.TokenStream):
         if ahead.is_bracket():
             moves = any(each.order and self._moves(each) for each in tk.walk(ahead.inside))
             angle = self._names.spelling(self.look(-1).text)
-            greek = angle.rstrip("_0123456789") in nm.GREEK_NAMES and self._names.role(angle) == "coordinate"
-            sums = greek and ahead.space_before and any(part.is_operator("+", "-") for part in ahead.inside[1:])
+            greek = (
+                angle.rstrip("_0123456789") in nm.GREEK_NAMES
+                and self._names.role(angle) == "coordinate"
+            )
+            sums = (
+                greek
+                and ahead.space_before
+                and any(part.is_operator("+", "-") for part in ahead.inside[1:])
+            )
             return moves or (sums and not self._group_has_time())
         if ahead.kind != "name":
             return ahead.kind != "number"
@@ -649,9 +778,13 @@ class FormulaParser(tk.TokenStream):
 
     def _euler(self, token: Token) -> ex.Expression:
         """exp(1) if it is raised to a formula; e alone or e^2 may be a charge."""
-        signs = itertools.takewhile(lambda k: self.look(k).is_operator("+", "-"), itertools.count(1))
+        signs = itertools.takewhile(
+            lambda k: self.look(k).is_operator("+", "-"), itertools.count(1)
+        )
         exponent = tk.walk([self.look(1 + len(list(signs)))])
-        kinds = [each.kind for each in exponent if not (each.is_bracket() or each.is_operator("+", "-"))]
+        kinds = [
+            each.kind for each in exponent if not (each.is_bracket() or each.is_operator("+", "-"))
+        ]
         if token.order or not self.ahead.is_operator("^") or kinds == ["number"]:
             raise fault("Euler's number", token.column, name=token.text)
         return _EXPONENTIAL
@@ -665,7 +798,12 @@ class FormulaParser(tk.TokenStream):
             guessed = self._names.guesses and node != ex.PI
             if guessed and (nm.looks_like_a_coordinate(name) or name in nm.GREEK_NAMES):
                 raise fault("prime of a guessed constant", token.column, name=name)
-            raise fault("prime of a constant", token.primed, (token.column, token.primed + token.order), name=name)
+            raise fault(
+                "prime of a constant",
+                token.primed,
+                (token.column, token.primed + token.order),
+                name=name,
+            )
         if ahead.is_bracket() and not ahead.space_before and self._are_its_names(node):
             self.take()
         elif ahead.is_bracket() and not ahead.space_before and self._is_factor(token):
@@ -676,15 +814,27 @@ class FormulaParser(tk.TokenStream):
         elif ahead.is_bracket() and not ahead.space_before:
             if len(tk.split_at(",", ahead.inside)) > 1:
                 raise fault("arguments of a constant", token.column, name=name)
-            key = "constant before a bracket" if self._is_constant(token) and node != ex.PI else "name before a bracket"
+            key = (
+                "constant before a bracket"
+                if self._is_constant(token) and node != ex.PI
+                else "name before a bracket"
+            )
             raise fault(key, ahead.column, (ahead.column, ahead.column + 1), name=name)
         return node
 
     def _are_its_names(self, node: ex.Expression) -> bool:
-        """Whether the bracket ahead lists every coordinate in the formula of a name: V(x, y) for V = x^2 y."""
+        """Whether the bracket ahead lists every coordinate in the formula of a name: V(x, y) for V
+        = x^2 y.
+        """
         inside, formula = self.ahead.inside, self._names.definitions.get(node)
-        listed = {self._names.spelling(token.text) for token in inside if not token.is_operator(",")}
-        names = {part.name for part in ex.walk(formula) if isinstance(part, ex.Symbol)} if formula else set()
+        listed = {
+            self._names.spelling(token.text) for token in inside if not token.is_operator(",")
+        }
+        names = (
+            {part.name for part in ex.walk(formula) if isinstance(part, ex.Symbol)}
+            if formula
+            else set()
+        )
         moving = {"t", *self._names.coordinates}
         return formula is not None and names & moving <= listed <= moving
 
@@ -704,14 +854,23 @@ class FormulaParser(tk.TokenStream):
         return found
 
     def _is_factor(self, token: Token) -> bool:
-        """Whether the bracket after a name is clearly a factor: mu(1 - x^2), R(cos phi), J(x')^2."""
+        """Whether the bracket after a name is clearly a factor: mu(1 - x^2), R(cos phi),
+        J(x')^2.
+        """
         bracket = self.ahead
         inside, first = [*tk.walk(bracket.inside)], at(bracket.inside, 0)
-        squared = len(bracket.inside) > 1 or self.look(1).is_operator("^")  # gamma(x') x' may be a function
-        sums = any(part.order > 1 - squared for part in bracket.inside) or first.text in nm.FUNCTIONS
+        squared = len(bracket.inside) > 1 or self.look(1).is_operator(
+            "^"
+        )  # gamma(x') x' may be a function
+        sums = (
+            any(part.order > 1 - squared for part in bracket.inside) or first.text in nm.FUNCTIONS
+        )
         sums = sums or any(part.is_operator("+", "-") for part in bracket.inside[1:])
         moving = tk.moves(bracket.inside)  # epsilon(cos t - x') is a product
-        if any(part.is_operator(",") or (part.text == "t" != token.text and not moving) for part in inside):
+        if any(
+            part.is_operator(",") or (part.text == "t" != token.text and not moving)
+            for part in inside
+        ):
             return False
         constant = all(map(self._is_constant, (part for part in inside if part.kind == "name")))
         weight = token.text in ("g", "G") and (constant or self.look(-2).text in ("m", "M"))
@@ -724,11 +883,15 @@ class FormulaParser(tk.TokenStream):
         ahead = self.ahead
         touches = self._opens_arguments() and not ahead.space_before
         if touches and [each.kind for each in ahead.inside] == ["number"]:
-            raise fault("initial value", token.column, name=name, value=shorten(ahead.inside[0].text))
+            raise fault(
+                "initial value", token.column, name=name, value=shorten(ahead.inside[0].text)
+            )
         if self._opens_arguments() and self._group_has_time():
             key = "delay after a space" if ahead.space_before else "delay"
             raise fault(key, ahead.column, (ahead.column, ahead.column + 1), name=name)
-        return self._single((ex.Symbol(name), ex.Velocity(name), ex.Acceleration(name))[token.order], token)
+        return self._single(
+            (ex.Symbol(name), ex.Velocity(name), ex.Acceleration(name))[token.order], token
+        )
 
     def _opens_arguments(self) -> bool:
         return self.ahead.is_bracket() and not self.ahead.value
@@ -741,16 +904,27 @@ class FormulaParser(tk.TokenStream):
         return self._opens_arguments() and [token.text for token in self.ahead.inside] == ["t"]
 
     def _group_has_time(self) -> bool:
-        """Whether the bracket ahead contains t and no coordinate: x(t - tau) is a delay, x' (t - y) a product."""
+        """Whether the bracket ahead contains t and no coordinate: x(t - tau) is a delay, x' (t - y)
+        a product.
+        """
         bracket = self.ahead
-        found = [(line, place) for line, place, _ in tk.places([bracket]) if line[place].text == "t"]
-        timed = any(len(line) > 1 and at(line, place - 1).text != "," for line, place in found)  # not diff(y, t), y(t)
+        found = [
+            (line, place) for line, place, _ in tk.places([bracket]) if line[place].text == "t"
+        ]
+        timed = any(
+            len(line) > 1 and at(line, place - 1).text != "," for line, place in found
+        )  # not diff(y, t), y(t)
         return timed and not any(map(self._moves, tk.walk([bracket])))
 
     def _arbitrary(self, name: str, token: Token) -> ex.Expression:
         declared = self._names.functions[name]
         orders = self._orders(token, name, len(declared))
-        at_most(sum(orders), LIMITS.derivative_order, f"a derivative of {name} is too high", token.column)
+        at_most(
+            sum(orders),
+            LIMITS.derivative_order,
+            f"a derivative of {name} is too high",
+            token.column,
+        )
         column, exponent = self.ahead.column, None
         if self.take_operator("^"):
             exponent = self._exponent()
@@ -758,21 +932,39 @@ class FormulaParser(tk.TokenStream):
         return found if exponent is None else raised(found, exponent, column)
 
     def _called(
-        self, name: str, declared: tuple[str, ...], orders: tuple[int, ...], token: Token, power: ex.Expression | None
+        self,
+        name: str,
+        declared: tuple[str, ...],
+        orders: tuple[int, ...],
+        token: Token,
+        power: ex.Expression | None,
     ) -> ex.Expression:
-        """A with the arguments that follow, or else with its declared arguments; A^2(x) is the square of A(x)."""
+        """A with the arguments that follow, or else with its declared arguments; A^2(x) is the
+        square of A(x).
+        """
         ahead = self.ahead
         if not self._opens_arguments():
-            moving = [self._names.derivative(argument) for argument in declared]  # A(x, x_dot) depends on x'
+            moving = [
+                self._names.derivative(argument) for argument in declared
+            ]  # A(x, x_dot) depends on x'
             pairs = zip(declared, moving, strict=True)
-            return ex.Arbitrary(name, tuple(ex.Velocity(u[0]) if u else ex.Symbol(a) for a, u in pairs), orders)
+            return ex.Arbitrary(
+                name, tuple(ex.Velocity(u[0]) if u else ex.Symbol(a) for a, u in pairs), orders
+            )
         if power == ex.number(-1):
             raise fault("inverse of a declared function", ahead.column, name=name)
         if power is not None and ahead.space_before:
-            raise fault("bracket after a power", ahead.column, name=name, arguments=", ".join(declared))
+            raise fault(
+                "bracket after a power", ahead.column, name=name, arguments=", ".join(declared)
+            )
         arguments = self._listed(self.take())
         if len(arguments) != len(declared):
-            words = {"name": name, "found": len(arguments), "count": len(declared), "arguments": ", ".join(declared)}
+            words = {
+                "name": name,
+                "found": len(arguments),
+                "count": len(declared),
+                "arguments": ", ".join(declared),
+            }
             raise fault("number of arguments", token.column, **words)
         return ex.Arbitrary(name, tuple(arguments), orders)
 
@@ -807,7 +999,9 @@ class FormulaParser(tk.TokenStream):
                 variables.append(self._variable())
         if not variables:
             raise fault("derivative without a variable", token.column, name=token.text)
-        if any(variable.node == ex.TIME for variable in variables) and isinstance(expression, ex.Arbitrary):
+        if any(variable.node == ex.TIME for variable in variables) and isinstance(
+            expression, ex.Arbitrary
+        ):
             _refuse_two_meanings(expression, token.column)
         return carry_out(expression, variables, self._names)
 
@@ -836,7 +1030,9 @@ class FormulaParser(tk.TokenStream):
 
 
 def _is_frequency(bracket: Token) -> bool:
-    """Whether the bracket of cos(2 omega + epsilon) t contains a frequency rather than the time or a moving angle."""
+    """Whether the bracket of cos(2 omega + epsilon) t contains a frequency rather than the time or
+    a moving angle.
+    """
     words = {token.text.partition("_")[0] for token in tk.walk([bracket]) if token.kind == "name"}
     return bool(words & {"omega", "Omega", "nu"}) and "t" not in words
 
@@ -860,10 +1056,16 @@ def parse_tokens(tokens: Tokens, end_column: int, names: nm.Names) -> ex.Express
     for line, place, _ in tk.places(tokens):  # before any name is looked up
         token, before, after = line[place], at(line, place - 1), at(line, place + 1)
         twice = token.is_operator(*"*/^") and before.is_operator(*"+-*/^")  # x +* 3
-        sum_of = token.is_operator("+") or (token.is_operator("-") and after.space_before)  # x'^ + y'^2, not e^-x
-        if twice or (sum_of and before.is_operator("^") and (after.kind != "number" or after.space_before)):
+        sum_of = token.is_operator("+") or (
+            token.is_operator("-") and after.space_before
+        )  # x'^ + y'^2, not e^-x
+        if twice or (
+            sum_of and before.is_operator("^") and (after.kind != "number" or after.space_before)
+        ):
             raise tk.unexpected(token, _OPERAND)
     try:
         return FormulaParser(tokens, end_column, names).formula()
-    except RecursionError:  # only if the caller is itself deeply nested, since the depth limit leaves ample room
+    except (
+        RecursionError
+    ):  # only if the caller is itself deeply nested, since the depth limit leaves ample room
         raise fault("deep formula", 1) from None

@@ -1,14 +1,12 @@
-"""Right-hand sides and shorthand of numerical programs, rewritten as equations: tokens in, tokens out.
+"""Right-hand sides and shorthand of numerical programs, rewritten as equations: tokens in, tokens
+out.
 
-| program | text | equations |
-| --- | --- | --- |
-| MATLAB, Octave | `@(t, q) [q(2); -sin(q(1))]` | q_1' = q_2; q_2' = -sin(q_1) |
-| MATLAB, Octave | `dydt(1) = y(2); dydt(2) = -y(1)`, `dydt = [y(2); -y(1)]` | y_1' = y_2; y_2' = -y_1 |
-| MATLAB `dsolve` | `D2x + 2*Dx + x = 0` | x'' + 2 x' + x = 0 |
-| Julia, Python | `du[1] = u[2]; du[2] = -u[1]`, `dydt[0] = y[1]` | u_1' = u_2; u_2' = -u_1 |
-| heyoka | `[(x, v), (v, -sin(x))]` | x' = v; v' = -sin(x) |
-| SymPy | `(x.diff(t, 2) + x, y.diff(t, 2) + y)` | x'' + x; y'' + y |
-| any with `==` | `eqn = diff(x, t, 2) == -x` | x'' = -x |
+| program | text | equations | | --- | --- | --- | | MATLAB, Octave | `@(t, q) [q(2); -sin(q(1))]` |
+q_1' = q_2; q_2' = -sin(q_1) | | MATLAB, Octave | `dydt(1) = y(2); dydt(2) = -y(1)`, `dydt = [y(2);
+-y(1)]` | y_1' = y_2; y_2' = -y_1 | | MATLAB `dsolve` | `D2x + 2*Dx + x = 0` | x'' + 2 x' + x = 0 |
+| Julia, Python | `du[1] = u[2]; du[2] = -u[1]`, `dydt[0] = y[1]` | u_1' = u_2; u_2' = -u_1 | |
+heyoka | `[(x, v), (v, -sin(x))]` | x' = v; v' = -sin(x) | | SymPy | `(x.diff(t, 2) + x, y.diff(t,
+2) + y)` | x'' + x; y'' + y | | any with `==` | `eqn = diff(x, t, 2) == -x` | x'' = -x |
 """
 
 import re
@@ -25,7 +23,8 @@ _SHORT = re.compile(r"D([2-9])?([A-Za-z]\w*)")
 _RATES = re.compile(r"d([A-Za-z]\w*?)(?:_?d(?P<by>[a-z]))?|([A-Za-z]\w*?)_?dot")
 _SOLVER = re.compile(r"\s*(?:\w+\s*=\s*)?dsolve\s*\(((?:\s*'[^']*'\s*,?)+)\)\s*;?\s*")
 _QUOTED = re.compile(r"'([^']*)'")
-# The words around the formulas of a function in Python, MATLAB, or Julia, and the label of a command in Maxima.
+# The words around the formulas of a function in Python, MATLAB, or Julia, and the label of a
+# command in Maxima.
 _AROUND = re.compile(
     r"^[ \t]*def[ \t]+\w+[ \t]*\([^()]*\)[ \t]*:|^[ \t]*return\b(?=[ \t]*[\[(n])|^[ \t]*return[ \t]+\w+[ \t]*$"
     r"|^[ \t]*function\b[^\n]*$|^[ \t]*end[ \t]*;?[ \t]*$|^[ \t]*\w+[ \t]*:(?=[ \t]*(?:ode2|desolve)\b)",
@@ -35,9 +34,11 @@ _ARRAYS = ("array", "SVector", "zeros", "ones")
 
 
 def without_frames(formula: str) -> str:
-    """The formula without the words of a program around it, which become blanks, so that columns stay correct.
+    """The formula without the words of a program around it, which become blanks, so that columns
+    stay correct.
 
-    dsolve('D2x = -x', 'x(0) = 1', 't') is its equations, and def f(t, y): return [y[1], -y[0]] the list.
+    dsolve('D2x = -x', 'x(0) = 1', 't') is its equations, and def f(t, y): return [y[1], -y[0]] the
+    list.
     """
     call = _SOLVER.fullmatch(formula)
     if call is None:
@@ -63,7 +64,9 @@ def as_equations(tokens: Tokens, names: Names) -> Tokens:
 
 
 def _without_label_of_equality(tokens: Tokens) -> Tokens:
-    """The tokens without the eqn = of eqn = diff(x, t, 2) == -x, and without the a, b = of a, b = Eq(...), Eq(...)."""
+    """The tokens without the eqn = of eqn = diff(x, t, 2) == -x, and without the a, b = of a, b =
+    Eq(...), Eq(...).
+    """
     found: Tokens = []
     first = next((place for place, token in enumerate(tokens) if token.is_operator("=")), 0)
     labels, calls = tk.split_at(",", tokens[:first]), tk.split_at(",", tokens[first + 1 :])
@@ -74,7 +77,13 @@ def _without_label_of_equality(tokens: Tokens) -> Tokens:
         label, equal, rest = at(line, 0), at(line, 1), line[2:]
         second = any(token.is_operator("=") and token.value == tk.EQUALITY for token in rest)
         second = second or _is_equation_call(rest)
-        if label.kind == "name" and not label.order and equal.is_operator("=") and not equal.value and second:
+        if (
+            label.kind == "name"
+            and not label.order
+            and equal.is_operator("=")
+            and not equal.value
+            and second
+        ):
             tk.note(f"{label.text} =")
             line = rest
         found += [*line, *([end] if end else [])]
@@ -89,16 +98,26 @@ def _is_equation_call(line: Line) -> bool:
 
 def _with_primes(tokens: Tokens, names: Names) -> Tokens:
     """x'' for MATLAB's D2x and, in a text that has one, x' for Dx."""
-    short = [token for token in tk.walk(tokens) if token.kind == "name" and not names.role(token.text)]
-    second = {match[2] for token in short if (match := _SHORT.fullmatch(token.text)) and match[1] == "2"}
+    short = [
+        token for token in tk.walk(tokens) if token.kind == "name" and not names.role(token.text)
+    ]
+    second = {
+        match[2] for token in short if (match := _SHORT.fullmatch(token.text)) and match[1] == "2"
+    }
     words = {token.text for token in short}
 
     def with_primes(line: Line) -> Tokens:
         found: Tokens = []
         for token in line:
-            match = _SHORT.fullmatch(token.text) if token.kind == "name" and not names.role(token.text) else None
+            match = (
+                _SHORT.fullmatch(token.text)
+                if token.kind == "name" and not names.role(token.text)
+                else None
+            )
             if match and not token.order and (match[1] or match[2] in words | second):
-                found.append(replace(token, text=match[2], order=int(match[1] or 1), primed=token.column))
+                found.append(
+                    replace(token, text=match[2], order=int(match[1] or 1), primed=token.column)
+                )
             else:
                 found.append(tk.within(token, with_primes))
         return found
@@ -144,8 +163,14 @@ class _Array:
         """The tokens with the name y_1 for the entry y(1) or y[1]."""
         found: Tokens = []
         for place, token in enumerate(line):
-            if found and (index := _index(line, place - 1)) is not None and line[place - 1].text == self.name:
-                found[-1] = replace(line[place - 1], text=self.entry(index), order=token.order, primed=token.primed)
+            if (
+                found
+                and (index := _index(line, place - 1)) is not None
+                and line[place - 1].text == self.name
+            ):
+                found[-1] = replace(
+                    line[place - 1], text=self.entry(index), order=token.order, primed=token.primed
+                )
             else:
                 found.append(tk.within(token, self.with_names))
         return found
@@ -155,8 +180,14 @@ def _index(line: Line, place: int) -> int | None:
     """The k of the y(k) or y[k] here; else None."""
     name, bracket = at(line, place), at(line, place + 1)
     inside = bracket.inside
-    indexed = name.kind == "name" and not name.order and bracket.kind == "bracket" and len(inside) == 1
-    return int(inside[0].text) if indexed and inside[0].kind == "number" and inside[0].text.isdigit() else None
+    indexed = (
+        name.kind == "name" and not name.order and bracket.kind == "bracket" and len(inside) == 1
+    )
+    return (
+        int(inside[0].text)
+        if indexed and inside[0].kind == "number" and inside[0].text.isdigit()
+        else None
+    )
 
 
 def _entries(tokens: Line) -> Iterator[tuple[str, int, Token]]:
@@ -189,7 +220,9 @@ def _of_handle(tokens: Tokens, names: Names) -> Tokens | None:
     before = tk.spelled(tokens[:place])
     given = [token.text for token in arguments.inside if not token.is_operator(",")]
     after = tk.spelled(tokens[place + 3 :]).strip(";")
-    timed = len(given) > 1 and (given[0] == "t" or given[0] not in {token.text for token in tk.walk([body])})
+    timed = len(given) > 1 and (
+        given[0] == "t" or given[0] not in {token.text for token in tk.walk([body])}
+    )
     if not timed or not body.is_bracket("[") or after or not re.fullmatch(r"(\w+=)?", before):
         return None
     components = _components(body)
@@ -205,9 +238,17 @@ def _of_pairs(tokens: Tokens, names: Names) -> Tokens | None:
     labelled = at(tokens, 0).kind == "name" and at(tokens, 1).is_operator("=")
     whole = at(tokens, 2 * labelled)
     listed = whole.inside if whole.is_bracket("[") and len(tokens) == 2 * labelled + 1 else ()
-    pairs = [part[0].inside for part in tk.split_at(",", listed) if len(part) == 1 and part[0].is_bracket()]
+    pairs = [
+        part[0].inside
+        for part in tk.split_at(",", listed)
+        if len(part) == 1 and part[0].is_bracket()
+    ]
     halves = [[half for half in tk.split_at(",", pair) if half] for pair in pairs]
-    if len(halves) < 2 or len(halves) != len(tk.split_at(",", listed)) or any(len(half) != 2 for half in halves):
+    if (
+        len(halves) < 2
+        or len(halves) != len(tk.split_at(",", listed))
+        or any(len(half) != 2 for half in halves)
+    ):
         return None
     if any(len(first) != 1 or first[0].kind != "name" or first[0].order for first, _ in halves):
         return None
@@ -229,11 +270,20 @@ def _of_rates(tokens: Tokens, names: Names) -> Tokens | None:
         sign, body = at(statement, 1 + (index is not None)), statement[2 + (index is not None) :]
         if at(body, 0).text in _ARRAYS[2:] and len(body) == 2:
             continue  # dydt = zeros(2, 1)
-        if name not in arrays or names.role(statement[0].text) or not sign.is_operator("=") or not body:
+        if (
+            name not in arrays
+            or names.role(statement[0].text)
+            or not sign.is_operator("=")
+            or not body
+        ):
             return None
         array = _Array.of(name, tokens)
         if index is not None:
-            first = array if any(other == name and k == 0 for other, k, _ in _entries(tokens)) else _Array(name, 1)
+            first = (
+                array
+                if any(other == name and k == 0 for other, k, _ in _entries(tokens))
+                else _Array(name, 1)
+            )
             rates = {k for other, k, _ in _entries(tokens) if other == statement[0].text}
             first = _Array(name, 0) if 0 in rates else first
             found.append([*_rate(statement[0], first.entry(index)), *first.with_names(body)])
@@ -254,31 +304,56 @@ def _of_list(tokens: Tokens, names: Names) -> Tokens | None:
         left, *right = tk.split_at("=", statements[0])
         listed = left[0].inside if len(left) == 1 and left[0].is_bracket() else left
         parts = tk.split_at(",", listed)
-        if len(right) != 1 or [token.kind for token in right[0]] != ["name"] or any(len(part) != 1 for part in parts):
+        if (
+            len(right) != 1
+            or [token.kind for token in right[0]] != ["name"]
+            or any(len(part) != 1 for part in parts)
+        ):
             return None
         unpacked = [part[0].text for part in parts]
     whole = last[-1] if last else at(last, 0)
-    if [token.text for token in last[:-1]][-1:] == ["array"] and whole.is_bracket() and len(whole.inside) == 1:
+    if (
+        [token.text for token in last[:-1]][-1:] == ["array"]
+        and whole.is_bracket()
+        and len(whole.inside) == 1
+    ):
         whole = whole.inside[0]  # np.array([...])
-    elif len(last) != 1 and not (len(last) == 3 and last[0].kind == "name" and last[1].is_operator("=")):
+    elif len(last) != 1 and not (
+        len(last) == 3 and last[0].kind == "name" and last[1].is_operator("=")
+    ):
         return None
     components = _components(whole) if whole.kind == "bracket" else []
-    if len(components) < 2 or any(token.is_operator("=") or token.order for token in tk.walk([whole])):
+    if len(components) < 2 or any(
+        token.is_operator("=") or token.order for token in tk.walk([whole])
+    ):
         return None
     if unpacked:
         pairs = zip(unpacked, components, strict=True) if len(unpacked) == len(components) else ()
         return _joined([[*_rate(part[0], name), *part] for name, part in pairs]) or None
     arrays = {_Array.of(name, whole.inside) for name, _, _ in _entries(whole.inside)}
-    sizes = {array: max(k for name, k, _ in _entries(whole.inside) if name == array.name) for array in arrays}
-    fitting = [array for array in arrays if sizes[array] - array.first + 1 == len(components)] or [*arrays]
+    sizes = {
+        array: max(k for name, k, _ in _entries(whole.inside) if name == array.name)
+        for array in arrays
+    }
+    fitting = [array for array in arrays if sizes[array] - array.first + 1 == len(components)] or [
+        *arrays
+    ]
     return _of_array(fitting[0], components) if len(fitting) == 1 else None
 
 
 def _of_expressions(tokens: Tokens, names: Names) -> Tokens | None:
     """(x'' + x, y'' + y) and [x'' + x, y'' + y], lists of expressions that are zero."""
     whole = at(tokens, 0)
-    if len(tokens) != 1 or whole.kind != "bracket" or whole.order or any(t.is_operator("=") for t in tk.walk(tokens)):
+    if (
+        len(tokens) != 1
+        or whole.kind != "bracket"
+        or whole.order
+        or any(t.is_operator("=") for t in tk.walk(tokens))
+    ):
         return None
     parts = tk.split_at(",", whole.inside)
-    second = [any(token.order > 1 or token.text in DERIVATIVE_NAMES for token in tk.walk(part)) for part in parts]
+    second = [
+        any(token.order > 1 or token.text in DERIVATIVE_NAMES for token in tk.walk(part))
+        for part in parts
+    ]
     return [*whole.inside] if len(parts) > 1 and all(second) else None

@@ -1,13 +1,16 @@
-r"""Remove the words around the formulas of a text: sentences, titles, equation numbers, and statements about sets.
+r"""Remove the words around the formulas of a text: sentences, titles, equation numbers, and
+statements about sets.
 
-    text    = clause {separator clause}        ; , line ends, \quad, : ? and the period of a sentence separate
-    clause  = {piece}                          a word; a remark, \text{words} or (words); a sign, = + '; or a name, m, 2
-    run     = word {name} word ...             words of a clause with nothing but names between them
+    text    = clause {separator clause}        ; , line ends, \quad, : ? and the period of a
+    sentence separate clause  = {piece}                          a word; a remark, \text{words} or
+    (words); a sign, = + '; or a name, m, 2 run     = word {name} word ...             words of a
+    clause with nothing but names between them
 
-A run is a sentence if it has a word such as "is" or "the", and a title if it has several words at an end of its clause.
-Both are removed, a sentence together with the names next to it, as is a clause without = that contains a word or ends
-with a colon. Everything else remains: a single word may be a name, and the parser asks about it if it would be a
-factor. Separators and blanks replace the removed text, so that columns stay correct.
+A run is a sentence if it has a word such as "is" or "the", and a title if it has several words at
+an end of its clause. Both are removed, a sentence together with the names next to it, as is a
+clause without = that contains a word or ends with a colon. Everything else remains: a single word
+may be a name, and the parser asks about it if it would be a factor. Separators and blanks replace
+the removed text, so that columns stay correct.
 
 What is removed, or read differently from how it is written, is noted for the reader of the answer.
 """
@@ -23,7 +26,9 @@ from inverse_service.reading.tokens import note
 
 _WORDS = {kind: frozenset(words) for kind, words in nm.WORDS["sentences"].items()}
 # Words that make a sentence, that can begin a clause alone, and that a formula may follow.
-_OF_SENTENCES, BEGINNINGS, _OPENERS = (_WORDS[kind] for kind in ("sentences", "beginnings", "openers"))
+_OF_SENTENCES, BEGINNINGS, _OPENERS = (
+    _WORDS[kind] for kind in ("sentences", "beginnings", "openers")
+)
 SHORTEST_WORD = 4  # letters from which on a word is unlikely to be a product of constants
 _BINDING = nm.pattern("prose", "binding")
 _CONSTANT = re.compile(r"\b(?:is|are)\s+(?:an?\s+)?const(?:ant)?s?$")  # h = r^2 phi' is constant
@@ -33,15 +38,21 @@ _OF_RUNS = ("word", "remark", "numbered", "wrapped", "short")
 _CLOSING = {"(": ")", "[": "]", "{": "}", "\\{": "\\}", "\\(": "\\)", "\\[": "\\]"}
 _OF_LETTERS = sorted((*letters.LETTER_COMMANDS, *nm.FUNCTIONS), key=len, reverse=True)
 _PRODUCT = re.compile(
-    "[A-Za-z]{0,3}(?:%s)(?:[A-Za-z]{0,2}|%s)" % (("|".join(w for w in _OF_LETTERS if len(w) > 2),) * 2)
+    "[A-Za-z]{0,3}(?:%s)(?:[A-Za-z]{0,2}|%s)"
+    % (("|".join(w for w in _OF_LETTERS if len(w) > 2),) * 2)
 )
 _COMMENT = re.compile(r"(?<!\\)%.*")
 _COMPARES = re.compile(r"[=<>\u2264\u2265]|\\(?:le|ge|ne|equiv)")
 # $x'' = -x$ next to words or other formulas; not Maple's t$2.
-MATHEMATICS = re.compile(r"(?<![\w)\\])(\$\$?)([^$]+)\1(?!\w)|(?<!\\)(?<!\\!)\\[(\[]((?:[^\\]|\\[^()\[\]])*)\\[)\]]")
+MATHEMATICS = re.compile(
+    r"(?<![\w)\\])(\$\$?)([^$]+)\1(?!\w)|(?<!\\)(?<!\\!)\\[(\[]((?:[^\\]|\\[^()\[\]])*)\\[)\]]"
+)
 _JOINED = re.compile(r"\b(?:and|with|where)(?=\s+\\[^;,.]*=)")
 ITEM = re.compile(r"\((?:[a-h]|[ivx]+)\)")  # (a), (ii)
-_FIRST_ITEM, _ITEM_INSIDE = re.compile(r"\s*\([ai]\)\s"), re.compile(r"\s\((?:[b-h]|i[iv]i?)\)(?=\s)")
+_FIRST_ITEM, _ITEM_INSIDE = (
+    re.compile(r"\s*\([ai]\)\s"),
+    re.compile(r"\s\((?:[b-h]|i[iv]i?)\)(?=\s)"),
+)
 _SETS = nm.pattern("prose", "sets")
 _ALLOWED = nm.pattern("prose", "allowed")
 _COUNTED = nm.pattern("prose", "counted")
@@ -49,7 +60,9 @@ _COUNTED = nm.pattern("prose", "counted")
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A piece of a text: its kind (a group of `_PIECES` or "remark"), its place, and the pieces inside it."""
+    """A piece of a text: its kind (a group of `_PIECES` or "remark"), its place, and the pieces
+    inside it.
+    """
 
     kind: str
     start: int
@@ -60,20 +73,30 @@ class Piece:
 
 
 def without_words(text: str, latex: bool, declared: Container[str] = ()) -> str:
-    """The text with its words replaced by separators and blanks at the same columns; each removal is noted."""
+    """The text with its words replaced by separators and blanks at the same columns; each removal
+    is noted.
+    """
 
     def left_out(match: re.Match[str]) -> str:
         note(match[0].strip())
         return ";".ljust(len(match[0]))
 
     text = _COMMENT.sub(lambda match: left_out(match).replace(";", " "), text) if latex else text
-    text = _ITEM_INSIDE.sub(lambda item: ";".ljust(len(item[0])), text) if _FIRST_ITEM.match(text) else text
-    text = _COUNTED.sub(lambda match: match[1].ljust(len(match[0])), _ALLOWED.sub(_allowed, _mathematics(text)))
+    text = (
+        _ITEM_INSIDE.sub(lambda item: ";".ljust(len(item[0])), text)
+        if _FIRST_ITEM.match(text)
+        else text
+    )
+    text = _COUNTED.sub(
+        lambda match: match[1].ljust(len(match[0])), _ALLOWED.sub(_allowed, _mathematics(text))
+    )
     text = _SETS.sub(left_out, text)
     found = [*text]
     for start, end, said in _left_out(text, declared):
         found[start:end] = ";".ljust(end - start)
-        words = " ".join(re.sub(r"\\text\w*\s*\{|\\mbox\s*\{|[{}]", " ", text[start:end]).split()).strip(" ,;")
+        words = " ".join(
+            re.sub(r"\\text\w*\s*\{|\\mbox\s*\{|[{}]", " ", text[start:end]).split()
+        ).strip(" ,;")
         if said:
             note(words)
     return "".join(found)
@@ -83,15 +106,26 @@ def _allowed(match: re.Match[str]) -> str:
     """The equations of a distribution, at their columns."""
     kept = "form" if match["form"] else "equations"
     start, end = match.start(kept) - match.start(), match.end(kept) - match.start()
-    return ("0=" if match["form"] else ";").ljust(start) + match[0][start:end] + ";".ljust(len(match[0]) - end)
+    return (
+        ("0=" if match["form"] else ";").ljust(start)
+        + match[0][start:end]
+        + ";".ljust(len(match[0]) - end)
+    )
 
 
 def _mathematics(formula: str) -> str:
-    """The formula between dollar signs; of several, or of one next to words, only equations and comparisons."""
+    """The formula between dollar signs; of several, or of one next to words, only equations and
+    comparisons.
+    """
     parts = [*MATHEMATICS.finditer(formula)]
     outside = " ".join(MATHEMATICS.sub(" ", formula).split()).strip(".,; ")
     alone = len(parts) == 1 and not outside
-    kept = [part.span(k) for part in parts for k in (2, 3) if part[k] and (alone or _COMPARES.search(part[k]))]
+    kept = [
+        part.span(k)
+        for part in parts
+        for k in (2, 3)
+        if part[k] and (alone or _COMPARES.search(part[k]))
+    ]
     if parts and re.search(r"=\s*[^\s;$]", outside) and "$" not in outside:
         return _JOINED.sub(lambda word: ";".ljust(len(word[0])), formula.replace("$", " "))
     if not kept or "$" in outside:
@@ -115,7 +149,11 @@ def _scanned(text: str) -> tuple[Piece, ...]:
         if kind == "word" and not is_word(shown):
             shown = re.split("[-\u2010\u2013'\u2019]", shown)[0]
         if kind != "space":
-            found.append(Piece(kind, place, place + len(shown), shown, (), kind == "mark" or _is_dotted(shown)))
+            found.append(
+                Piece(
+                    kind, place, place + len(shown), shown, (), kind == "mark" or _is_dotted(shown)
+                )
+            )
         place += len(shown)
     return tuple(found)
 
@@ -131,7 +169,14 @@ def _nested(pieces: Sequence[Piece], text: str) -> list[Piece]:
         elif piece.kind == "closing" and outer and _CLOSING[outer[-1][0].text] == piece.text:
             opening, before = outer.pop()
             marked = any(each.marked for each in line)
-            whole = Piece("opening", opening.start, piece.end, text[opening.start : piece.end], tuple(line), marked)
+            whole = Piece(
+                "opening",
+                opening.start,
+                piece.end,
+                text[opening.start : piece.end],
+                tuple(line),
+                marked,
+            )
             before.append(whole)
             line = before
         else:
@@ -143,20 +188,32 @@ def _nested(pieces: Sequence[Piece], text: str) -> list[Piece]:
 
 @lru_cache(maxsize=4096)
 def is_word(text: str) -> bool:
-    """Whether the text is a word of a language, not a name, a function, or a product such as mgl or sintheta."""
+    """Whether the text is a word of a language, not a name, a function, or a product such as mgl or
+    sintheta.
+    """
     plain = re.sub("['\u2019]s$", "", text)
     parts = re.split("[-\u2010\u2013]", plain)
     if len(parts) > 1:
         return all(is_word(part) or part.lower() in _WORDS["prefixes"] for part in parts)
     if plain.lower() in _OF_SENTENCES | BEGINNINGS or (plain != text and len(plain) > 2):
         return True
-    known = plain in nm.FUNCTIONS | nm.DERIVATIVE_NAMES | nm.REFUSED.keys() | letters.LETTER_COMMANDS.keys()
+    known = (
+        plain
+        in nm.FUNCTIONS | nm.DERIVATIVE_NAMES | nm.REFUSED.keys() | letters.LETTER_COMMANDS.keys()
+    )
     if not plain.isascii():  # Painlevé, but not Greek letters
         symbols = any(letter in letters.GREEK for letter in plain) or all(map(nm.letter, plain))
         return len(plain) > 2 and not symbols
-    if known or len(plain) < SHORTEST_WORD or not plain.isalpha() or not (plain.islower() or plain.istitle()):
+    if (
+        known
+        or len(plain) < SHORTEST_WORD
+        or not plain.isalpha()
+        or not (plain.islower() or plain.istitle())
+    ):
         return False
-    product = _PRODUCT.fullmatch(plain) or plain.endswith("dot") or re.search("[xyz]{2}|[wxyz]{3}", plain)
+    product = (
+        _PRODUCT.fullmatch(plain) or plain.endswith("dot") or re.search("[xyz]{2}|[wxyz]{3}", plain)
+    )
     return not product and re.search("[aeiouy]", plain.lower()) is not None
 
 
@@ -174,7 +231,9 @@ def _left_out(text: str, declared: Container[str]) -> Iterator[tuple[int, int, b
     holds = any(piece.kind == "relation" for clause, _ in clauses for piece in clause)
     gone = [_is_gone(clause, end, holds, text) for clause, end in clauses]
     commas = [end is not None and end.text == "," for _, end in clauses]
-    alone = [holds and len(clause) == 1 and clause[0].kind in ("word", "name") for clause, _ in clauses]
+    alone = [
+        holds and len(clause) == 1 and clause[0].kind in ("word", "name") for clause, _ in clauses
+    ]
     for place in reversed(range(len(clauses) - 1)):
         gone[place] |= alone[place] and commas[place] and gone[place + 1]
     for place, (clause, end) in enumerate(clauses):
@@ -185,7 +244,9 @@ def _left_out(text: str, declared: Container[str]) -> Iterator[tuple[int, int, b
             yield from _listed(clause) if commas[place] and gone[place + 1] else ()
             yield from _runs(clause, text)
         sign = end.text.strip()[:1] if end else ""
-        goes_on = gone[place] or (place + 1 < len(clauses) and _has(clauses[place + 1][0], "relation"))
+        goes_on = gone[place] or (
+            place + 1 < len(clauses) and _has(clauses[place + 1][0], "relation")
+        )
         starts = _ENDED.match(text, end.start) if end and end.kind == "frame" else None
         if starts:
             yield starts.start(), starts.end(), False
@@ -203,12 +264,24 @@ def _names_among(pieces: Sequence[Piece], text: str, declared: Container[str]) -
     for place, piece in enumerate(pieces):
         if piece.kind != "word":
             continue
-        before, after = pieces[place - 1] if place else None, pieces[place + 1] if place + 1 < len(pieces) else None
-        apart = after and after.text in ("-", "+", "\u2212") and text[after.end : after.end + 1].strip()  # is -sin(x)
+        before, after = (
+            pieces[place - 1] if place else None,
+            pieces[place + 1] if place + 1 < len(pieces) else None,
+        )
+        apart = (
+            after and after.text in ("-", "+", "\u2212") and text[after.end : after.end + 1].strip()
+        )  # is -sin(x)
         glued = after if after and after.start == piece.end else None
         touches = glued and (glued.kind in ("mark", "opening", "number") or glued.text == "_")
-        signed = any(beside and beside.kind in ("sign", "relation") for beside in (before, None if apart else after))
-        behind = before and before.end == piece.start and (before.kind in ("number", "mark") or before.text == "_")
+        signed = any(
+            beside and beside.kind in ("sign", "relation")
+            for beside in (before, None if apart else after)
+        )
+        behind = (
+            before
+            and before.end == piece.start
+            and (before.kind in ("number", "mark") or before.text == "_")
+        )
         if touches or signed or behind or piece.text in declared:
             found.add(piece.text)
     return found
@@ -219,9 +292,16 @@ def _as_remark(piece: Piece, before: Sequence[Piece], named: Collection[str], te
     if piece.kind == "word" and (piece.text in named or not is_word(piece.text)):
         return replace(piece, kind="name")
     last = before[-1] if before else None
-    argument = last and last.end == piece.start and last.kind in ("name", "word", "opening", "sign", "mark")
+    argument = (
+        last
+        and last.end == piece.start
+        and last.kind in ("name", "word", "opening", "sign", "mark")
+    )
     if piece.kind == "opening" and not argument:
-        kinds = {each.kind if each.inside else _as_remark(each, (), named, text).kind for each in piece.inside}
+        kinds = {
+            each.kind if each.inside else _as_remark(each, (), named, text).kind
+            for each in piece.inside
+        }
         if kinds & {"word", "numbered"} and not kinds & {"relation", "sign", "mark"}:
             return replace(piece, kind="remark", inside=())
     return piece
@@ -237,9 +317,15 @@ def _is_dotted(word: str) -> bool:
 
 
 def _is_gone(clause: Sequence[Piece], end: Piece | None, holds: bool, text: str) -> bool:
-    """Whether the whole clause is removed: a label, a clause of words without =, or a number after dots."""
+    """Whether the whole clause is removed: a label, a clause of words without =, or a number after
+    dots.
+    """
     said = text[clause[0].start : clause[-1].end] if clause else ""
-    meaning = clause[2:] if len(clause) > 3 and clause[1].kind == "relation" and not clause[0].marked else ()
+    meaning = (
+        clause[2:]
+        if len(clause) > 3 and clause[1].kind == "relation" and not clause[0].marked
+        else ()
+    )
     if meaning and all(piece.kind in ("word", "name") and is_word(piece.text) for piece in meaning):
         return True  # I = moment of inertia
     if not clause or _has(clause, "relation", "mark"):
@@ -252,7 +338,9 @@ def _is_gone(clause: Sequence[Piece], end: Piece | None, holds: bool, text: str)
     kept = clause[0].text[:1] != "(" or _has(clause[0].inside, "relation", "sign", "mark")
     only = len(clause) == 1 and holds and (clause[0].kind in ("remark", "numbered") or not kept)
     signed = _has(clause, "sign") and not _is_sentence(clause)
-    return (only and not _BINDING.search(said)) or bool(holds and words and not signed and not _BINDING.search(said))
+    return (only and not _BINDING.search(said)) or bool(
+        holds and words and not signed and not _BINDING.search(said)
+    )
 
 
 def _is_sentence(run: Sequence[Piece]) -> bool:
@@ -269,21 +357,34 @@ def _runs(clause: Sequence[Piece], text: str) -> Iterator[tuple[int, int, bool]]
             place += 1
             continue
         last = place
-        while place < len(clause) and clause[place].kind in (*_OF_RUNS, "name", "number") and not clause[place].marked:
+        while (
+            place < len(clause)
+            and clause[place].kind in (*_OF_RUNS, "name", "number")
+            and not clause[place].marked
+        ):
             defined = clause[place + 2].kind == "relation" if place + 2 < len(clause) else False
-            article = clause[place].text in ("a", "A") and last == place - 1 and defined  # Find a L = ...
+            article = (
+                clause[place].text in ("a", "A") and last == place - 1 and defined
+            )  # Find a L = ...
             last = place if article or clause[place].kind not in ("name", "number") else last
             place += 1
         place = last + 1
         follows = place < len(clause) and clause[place].kind != "relation"
         if follows and place - first > 1 and clause[place - 1].kind == "word":
-            place -= clause[place - 2].text.lower() in _OPENERS and clause[place - 1].text.lower() not in _OF_SENTENCES
+            place -= (
+                clause[place - 2].text.lower() in _OPENERS
+                and clause[place - 1].text.lower() not in _OF_SENTENCES
+            )
         before, run, after = clause[:first], clause[first:place], clause[place:]
         if not _is_left_out(before, run, after, text):
             continue
         sentence = _is_sentence(run)
         start, end = run[0].start, run[-1].end
-        if before and not _has(before, "relation", "sign", "mark") and (sentence or before[-1].text in ("a", "A")):
+        if (
+            before
+            and not _has(before, "relation", "sign", "mark")
+            and (sentence or before[-1].text in ("a", "A"))
+        ):
             start = before[0].start
         if after and not _has(after, "relation", "sign", "mark") and sentence:
             end = after[-1].end
@@ -291,21 +392,40 @@ def _runs(clause: Sequence[Piece], text: str) -> Iterator[tuple[int, int, bool]]
 
 
 def _listed(clause: Sequence[Piece]) -> Iterator[tuple[int, int, bool]]:
-    """The place of the "with a" that begins a list, as in x'' = -a x + b y with a, b real constants."""
-    if len(clause) > 2 and clause[-2].text in ("with", "where", "and") and clause[-1].kind == "name":
+    """The place of the "with a" that begins a list, as in x'' = -a x + b y with a, b real
+    constants.
+    """
+    if (
+        len(clause) > 2
+        and clause[-2].text in ("with", "where", "and")
+        and clause[-1].kind == "name"
+    ):
         yield clause[-2].start, clause[-1].end, True
 
 
-def _is_left_out(before: Sequence[Piece], run: Sequence[Piece], after: Sequence[Piece], text: str) -> bool:
+def _is_left_out(
+    before: Sequence[Piece], run: Sequence[Piece], after: Sequence[Piece], text: str
+) -> bool:
     """Whether a run is a sentence, a title at an end of its clause, or a remark."""
     words = [piece for piece in run if piece.kind == "word"]
     said = text[run[0].start : run[-1].end]
-    if _BINDING.search(said if before else said.removesuffix(" for")):  # the equation of motion for L = ...
+    if _BINDING.search(
+        said if before else said.removesuffix(" for")
+    ):  # the equation of motion for L = ...
         return False
     if not words:
-        wrapped = [re.sub(r"^\\\w+\s*\{|\}$", "", piece.text).strip() for piece in run if piece.kind == "wrapped"]
-        long = any(" " in each or each.endswith((":", ".", ")")) or ITEM.fullmatch(each) for each in wrapped)
-        return long or run[0].kind == "short" or (len(wrapped) < len(run) and not (before and after))
+        wrapped = [
+            re.sub(r"^\\\w+\s*\{|\}$", "", piece.text).strip()
+            for piece in run
+            if piece.kind == "wrapped"
+        ]
+        long = any(
+            " " in each or each.endswith((":", ".", ")")) or ITEM.fullmatch(each)
+            for each in wrapped
+        )
+        return (
+            long or run[0].kind == "short" or (len(wrapped) < len(run) and not (before and after))
+        )
     article = not before or (len(before) == 1 and before[0].text in ("a", "A"))
     if len(words) > 1:
         return _is_sentence(run) or article or not after

@@ -14,8 +14,23 @@ from functools import lru_cache
 from inverse_service import errors
 from inverse_service.expressions import functions, tree as ex
 from inverse_service.expressions.refusals import fault, most_characters, shorten
-from inverse_service.reading import components, latex, notations, parser, programs, prose, tokens as tk
-from inverse_service.reading.names import FUNCTIONS, GREEK_NAMES, MAY_BE_FUNCTIONS, Names, pattern, written_product
+from inverse_service.reading import (
+    components,
+    latex,
+    notations,
+    parser,
+    programs,
+    prose,
+    tokens as tk,
+)
+from inverse_service.reading.names import (
+    FUNCTIONS,
+    GREEK_NAMES,
+    MAY_BE_FUNCTIONS,
+    Names,
+    pattern,
+    written_product,
+)
 from inverse_service.reading.tokens import Line, Token, at
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
@@ -43,7 +58,9 @@ _DOTS_APART = re.compile(r"(?<=\w)( +)([\u0307\u0308]+)")
 
 
 def _refuse_lost_backslashes(formula: str) -> None:
-    r"""InputError for a form feed followed by rac, which JSON and Python make of \frac with a single backslash."""
+    r"""InputError for a form feed followed by rac, which JSON and Python make of \frac with a
+    single backslash.
+    """
     if lost := _LOST_BACKSLASH.search(formula):
         sign, rest = filter(None, lost.groups())
         column, meant = lost.end() - len(rest), f"\\{_LOST[sign]}{rest}"
@@ -53,7 +70,12 @@ def _refuse_lost_backslashes(formula: str) -> None:
 def is_latex(formula: str) -> bool:
     """Whether the formula is parsed as LaTeX."""
     braces = "{" in formula and not _OF_PROGRAMS.search(formula)
-    return "\\" in formula or braces or formula.lstrip().startswith("$") or bool(prose.MATHEMATICS.search(formula))
+    return (
+        "\\" in formula
+        or braces
+        or formula.lstrip().startswith("$")
+        or bool(prose.MATHEMATICS.search(formula))
+    )
 
 
 def read_formula(formula: str, names: Names) -> ex.Expression:
@@ -79,9 +101,13 @@ def without_accelerations(tree: ex.Expression, what: str, pointer: str) -> ex.Ex
 
 
 def read_condition(condition: str, names: Names) -> ex.Expression:
-    """A - B for A > B and A != B, B - A for A < B: positive, or nonzero, where the condition of an answer is true."""
+    """A - B for A > B and A != B, B - A for A < B: positive, or nonzero, where the condition of an
+    answer is true.
+    """
     left, sign, right = re.split(r" (!=|>|<) ", condition)
-    sides = [read_formula(side, names) for side in ((right, left) if sign == "<" else (left, right))]
+    sides = [
+        read_formula(side, names) for side in ((right, left) if sign == "<" else (left, right))
+    ]
     return sides[0] if sides[1] == ex.ZERO else sides[0] - sides[1]
 
 
@@ -99,7 +125,9 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
 
 
 def has_too_many_parts(formula: str) -> bool:
-    """Whether a text is longer in parts than the limit: found by the first step of reading, before all others."""
+    """Whether a text is longer in parts than the limit: found by the first step of reading, before
+    all others.
+    """
     try:
         _scanned(formula, Names())
     except errors.InputError as error:
@@ -110,7 +138,9 @@ def has_too_many_parts(formula: str) -> bool:
 # A document is parsed many times for its names.
 @lru_cache(maxsize=64)
 def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[str, str]]:
-    """The tokens and the notes about them; the last argument, the length limit, is only a cache key."""
+    """The tokens and the notes about them; the last argument, the length limit, is only a cache
+    key.
+    """
     with noted() as notes:
         if _is_our_own(formula, names.declared()):
             tokens, is_tex = _with_products(tk.tokenize(formula, names.declared()), names), False
@@ -126,15 +156,23 @@ def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[s
 
 
 def _is_our_own(formula: str, declared: Collection[str]) -> bool:
-    """Whether a text has no words and no notation of others; d is no name here, because it may be a derivative."""
-    if not _OWN_SIGNS.fullmatch(formula) or any(side.count("(") != side.count(")") for side in formula.split("=")):
+    """Whether a text has no words and no notation of others; d is no name here, because it may be a
+    derivative.
+    """
+    if not _OWN_SIGNS.fullmatch(formula) or any(
+        side.count("(") != side.count(")") for side in formula.split("=")
+    ):
         return False
     words = set(re.findall(r"[A-Za-z]\w*", formula)).difference(declared)
-    return all((len(word) == 1 and word not in "dD") or word in functions.FUNCTION for word in words)
+    return all(
+        (len(word) == 1 and word not in "dD") or word in functions.FUNCTION for word in words
+    )
 
 
 def _translated(formula: str, names: Names) -> tuple[list[Token], str, bool]:
-    """The tokens in our notation, the text without words at the same columns, and whether it is LaTeX."""
+    """The tokens in our notation, the text without words at the same columns, and whether it is
+    LaTeX.
+    """
     scanned, formula, is_tex = _scanned(formula, names)
     in_our_words = notations.with_derivatives if is_tex else notations.in_our_words
     tokens = in_our_words(_with_products(components.by_components(scanned, is_tex), names), names)
@@ -142,24 +180,48 @@ def _translated(formula: str, names: Names) -> tuple[list[Token], str, bool]:
 
 
 def _scanned(formula: str, names: Names) -> tuple[list[Token], str, bool]:
-    """The tokens as they are written, the text without words at the same columns, and whether it is LaTeX."""
+    """The tokens as they are written, the text without words at the same columns, and whether it is
+    LaTeX.
+    """
     _refuse_lost_backslashes(formula)
     formula = programs.without_frames(_GREEK_OF_MATHEMATICA.sub(_greek, formula))
-    is_tex, formula = is_latex(formula), _with_dots_after_letters(without_words(formula, names.declared()))
-    formula = _RAISED_FIRST.sub(r"\2\1", _BY_INDEX.sub(lambda index: index[1].ljust(len(index[0])), formula))
-    return (latex.tokenize(formula, names) if is_tex else tk.tokenize(formula, names.declared())), formula, is_tex
+    is_tex, formula = (
+        is_latex(formula),
+        _with_dots_after_letters(without_words(formula, names.declared())),
+    )
+    formula = _RAISED_FIRST.sub(
+        r"\2\1", _BY_INDEX.sub(lambda index: index[1].ljust(len(index[0])), formula)
+    )
+    return (
+        (latex.tokenize(formula, names) if is_tex else tk.tokenize(formula, names.declared())),
+        formula,
+        is_tex,
+    )
 
 
 def _ask_about_primes(tokens: Line, energy: bool, latex: bool) -> None:
-    """InputError for the I' of a Lagrangian that also has dots: the prime may be a mark or a derivative by a position.
+    """InputError for the I' of a Lagrangian that also has dots: the prime may be a mark or a
+    derivative by a position.
 
     Also for theta' in an equation in which theta has two dots.
     """
-    words = [(line[place], at(line, place + 1)) for line, place, _ in tk.places(tokens) if line[place].kind == "name"]
-    dotted = {token.text for token, _ in words if token.primed == token.column and (energy or token.order > 1)}
+    words = [
+        (line[place], at(line, place + 1))
+        for line, place, _ in tk.places(tokens)
+        if line[place].kind == "name"
+    ]
+    dotted = {
+        token.text
+        for token, _ in words
+        if token.primed == token.column and (energy or token.order > 1)
+    }
     for token, after in words:
         again = token.text in dotted and token.order == 1
-        if token.primed > token.column and not after.is_bracket() and (again or (energy and dotted)):
+        if (
+            token.primed > token.column
+            and not after.is_bracket()
+            and (again or (energy and dotted))
+        ):
             name, span = token.text, (token.column, token.primed + token.order)
             meant = (f"{name}_1", *((f"{name}_{{dot}}" if latex else f"{name}_dot",) * again))
             raise fault("prime next to dots", token.column, span, meant, name=name)
@@ -176,15 +238,21 @@ def _with_forms(tokens: Line, names: Names, moves: bool) -> list[Token]:
             found += [Token("operator", "*", token.column)] * times
             found.append(Token("number", "1", token.column, True, Fraction(1)))
         elif names.role_meant(name) == "coordinate":
-            found += [*factor, Token("name", name, token.column, True, OF_A_FORM, order=1, primed=token.column)]
+            found += [
+                *factor,
+                Token("name", name, token.column, True, OF_A_FORM, order=1, primed=token.column),
+            ]
         else:
             whole = tk.within(token, lambda inside: _with_forms(inside, names, moves))
             found += [whole, *tokens[place + 1 : place + length]]
     return found
 
 
-def differentials(tokens: Line, names: Names, moves: bool) -> Iterator[tuple[int, int, list[Token], str]]:
-    """(place, number of tokens, factor, name) of each dz, y dx, and ydx; each other token separately, without a name.
+def differentials(
+    tokens: Line, names: Names, moves: bool
+) -> Iterator[tuple[int, int, list[Token], str]]:
+    """(place, number of tokens, factor, name) of each dz, y dx, and ydx; each other token
+    separately, without a name.
 
     The d is a constant in d theta', and in d x with a space if anything `moves`.
     """
@@ -192,7 +260,12 @@ def differentials(tokens: Line, names: Names, moves: bool) -> Iterator[tuple[int
     while place < len(tokens):
         token, following = tokens[place], at(tokens, place + 1)
         name, length, factor = "", 1, list[Token]()
-        if token.kind == "name" and "d" in token.text and not token.order and names.role(token.text) is None:
+        if (
+            token.kind == "name"
+            and "d" in token.text
+            and not token.order
+            and names.role(token.text) is None
+        ):
             before, _, name = token.text.partition("d")
             known = names.role_meant(before) is not None or len(before) == 1
             factor = [replace(token, text=before)] * bool(before)
@@ -232,20 +305,33 @@ def _ask_about_displacements(tokens: Line, names: Names) -> None:
         return
     for delta, moving in itertools.pairwise(tk.walk(tokens)):
         if delta.text == "delta" and names.role_meant(moving.text) == "coordinate":
-            raise fault("virtual displacement", delta.column, (delta.column, moving.span[1]), name=moving.text)
+            raise fault(
+                "virtual displacement",
+                delta.column,
+                (delta.column, moving.span[1]),
+                name=moving.text,
+            )
 
 
 def _without_labels(tokens: list[Token], names: Names) -> list[Token]:
     """The tokens without the eq := of eq := x'' = -x; the omission is noted.
 
-    The name of a form, as in mu = sin(theta) dx - cos(theta) dy or phi = z' - y x' = 0, is omitted too.
+    The name of a form, as in mu = sin(theta) dx - cos(theta) dy or phi = z' - y x' = 0, is omitted
+    too.
     """
     found: list[Token] = []
     for line, end in tk.split(tokens, lambda _, token: token.is_operator(";", ",")):
         equal = 1 + (names.forms and at(line, 1).is_bracket())  # phi(q, q') = ... too
         rest = line[equal + 1 :]
-        if at(line, 0).kind == "name" and not line[0].order and rest and line[equal].is_operator("="):
-            given = line[equal].value == tk.GIVEN and any(token.is_operator("=") for token in tk.walk(rest))
+        if (
+            at(line, 0).kind == "name"
+            and not line[0].order
+            and rest
+            and line[equal].is_operator("=")
+        ):
+            given = line[equal].value == tk.GIVEN and any(
+                token.is_operator("=") for token in tk.walk(rest)
+            )
             last = len(rest) > 2 and tk.spelled(rest[-2:]) == "=0"
             form = any(token.order and token.value == OF_A_FORM for token in tk.walk(rest))
             held = (
@@ -256,49 +342,73 @@ def _without_labels(tokens: list[Token], names: Names) -> list[Token]:
             )
             if given or held:
                 note(f"{line[0].text} {':' * given}=", LEFT_OUT)
-                line = rest if given or last else [Token("number", "0", line[0].column), *line[equal:]]
+                line = (
+                    rest if given or last else [Token("number", "0", line[0].column), *line[equal:]]
+                )
         found += [*line, *([end] if end else [])]
     return found
 
 
 def tokens_if_any(formula: str, names: Names) -> list[Token]:
-    """The tokens; empty for a formula that cannot be tokenized, whose error is reported when it is parsed."""
+    """The tokens; empty for a formula that cannot be tokenized, whose error is reported when it is
+    parsed.
+    """
     with suppress(errors.InputError):
         return read_tokens(formula, names)
     return []
 
 
 def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[Token]:
-    """The tokens without initial conditions, equation numbers, and conditions such as k > 0; each omission is noted.
+    """The tokens without initial conditions, equation numbers, and conditions such as k > 0; each
+    omission is noted.
 
-    `where` and `with` between an equation and a definition are separators. Comparisons are omitted only next to
-    equations.
+    `where` and `with` between an equation and a definition are separators. Comparisons are omitted
+    only next to equations.
     """
     marks = {token.text for token in tk.walk(tokens)}
     tokens = _with_definitions_apart(tokens) if "=" in marks else tokens
     if not (marks & {*tk.COMPARED, *_JOINS, *_CONSTANT, "="} or names.energy):
         return tokens
 
-    joins = {place for place, token in enumerate(tokens) if token.kind == "name" and _joins(tokens, place, names)}
-    apart = [Token("operator", ";", token.column) if k in joins else token for k, token in enumerate(tokens)]
+    joins = {
+        place
+        for place, token in enumerate(tokens)
+        if token.kind == "name" and _joins(tokens, place, names)
+    }
+    apart = [
+        Token("operator", ";", token.column) if k in joins else token
+        for k, token in enumerate(tokens)
+    ]
     groups = tk.split(apart, lambda _, token: token.is_operator(";", ","))
     equations = any(_has(group, "=") and not _is_initial(group) for group, _ in groups)
     found: list[Token] = []
     for place, (group, end) in enumerate(groups):
-        rest = itertools.dropwhile(lambda pair: len(pair[0]) == 1, groups[place + 1 :])  # m, k, b > 0
+        rest = itertools.dropwhile(
+            lambda pair: len(pair[0]) == 1, groups[place + 1 :]
+        )  # m, k, b > 0
         following = next(rest, ([], None))[0]
         group = _without_condition(group, formula)
-        listed = end is not None and end.is_operator(",") and len(group) == 1 and _is_condition(following)
+        listed = (
+            end is not None
+            and end.is_operator(",")
+            and len(group) == 1
+            and _is_condition(following)
+        )
         omitted = bool(group) and (_is_initial(group) or _is_number(group))
         if equations and (omitted or (group and (_is_condition(group) or listed))):
             stop = end.column - 1 if end is not None else len(formula)
             typed = formula[group[0].column - 1 : stop].strip(" \t\n$.,;")
-            whole = all(typed.count(opening) == typed.count(closing) for opening, closing in tk.CLOSING.items())
+            whole = all(
+                typed.count(opening) == typed.count(closing)
+                for opening, closing in tk.CLOSING.items()
+            )
             note(typed if whole else tk.source(group), LEFT_OUT if omitted else CONDITION)
             group = []
         equal = group and (names.energy or _has(group, "="))
         found += _without_number(group, formula, names) if equal else group
-        found += [end] if end is not None and (group or not found) else []  # a word that begins `rest` is a remark
+        found += (
+            [end] if end is not None and (group or not found) else []
+        )  # a word that begins `rest` is a remark
     return found
 
 
@@ -308,14 +418,20 @@ def _with_definitions_apart(tokens: list[Token]) -> list[Token]:
     for token in tokens:
         inside = token.inside if token.is_bracket() and token.space_before else ()
         if inside and inside[0].kind == "name" and _has(inside, "="):
-            found += [Token("operator", ";", token.column), *inside, Token("operator", ";", token.end)]
+            found += [
+                Token("operator", ";", token.column),
+                *inside,
+                Token("operator", ";", token.end),
+            ]
         else:
             found.append(token)
     return found
 
 
 def _joins(tokens: Line, place: int, names: Names) -> bool:
-    """Whether the token is a word such as "where" that joins a definition or a condition to an equation."""
+    """Whether the token is a word such as "where" that joins a definition or a condition to an
+    equation.
+    """
     wanted = _JOINS.get(tokens[place].text, ())
     if not wanted or names.role(tokens[place].text):
         return False
@@ -332,15 +448,26 @@ def _has(group: Line, *signs: str) -> bool:
 
 def _is_condition(group: Line) -> bool:
     """Whether it is k > 0 or 0 < k < 1."""
-    return _has(group, *tk.COMPARED) and not _has(group, "=") and not any(token.text in _BRANCHES for token in group)
+    return (
+        _has(group, *tk.COMPARED)
+        and not _has(group, "=")
+        and not any(token.text in _BRANCHES for token in group)
+    )
 
 
 def _without_condition(group: list[Token], formula: str) -> list[Token]:
     """The equation without a following (k > 0) that contains no moving names."""
     last, before = at(group, len(group) - 1), at(group, len(group) - 2)
-    apart = len(group) > 1 and last.is_bracket() and last.space_before and not before.is_operator(*"+-*/^=")
+    apart = (
+        len(group) > 1
+        and last.is_bracket()
+        and last.space_before
+        and not before.is_operator(*"+-*/^=")
+    )
     moving = {token.text for token in tk.walk(group) if token.order and token.kind == "name"}
-    if not (apart and _is_condition(last.inside)) or moving & {token.text for token in tk.walk(last.inside)}:
+    if not (apart and _is_condition(last.inside)) or moving & {
+        token.text for token in tk.walk(last.inside)
+    }:
         return group
     note(formula[last.column : last.end - 1], CONDITION)
     return group[:-1]
@@ -349,8 +476,12 @@ def _without_condition(group: list[Token], formula: str) -> list[Token]:
 def _is_initial(group: Line) -> bool:
     """Whether it is x(0) = 1, x'(t_0) = v, x = x(t), or k = const."""
     first, rest = at(group, 0), tk.spelled(group[1:])
-    said = rest.startswith("=") and rest.endswith(("isconstant", "isaconstant"))  # h = r^2 phi' is constant
-    if not first.order and (said or rest in (f"={first.text}(t)", *(f"={word}" for word in _CONSTANT))):
+    said = rest.startswith("=") and rest.endswith(
+        ("isconstant", "isaconstant")
+    )  # h = r^2 phi' is constant
+    if not first.order and (
+        said or rest in (f"={first.text}(t)", *(f"={word}" for word in _CONSTANT))
+    ):
         return True
     timed = re.match(r"\((?:t_?[0-9]|-?[0-9.]*\*?pi(?:/[0-9]+)?|-?[0-9.]+(?:/[0-9]+)?)\)=", rest)
     return first.kind == "name" and timed is not None
@@ -364,8 +495,12 @@ def _without_number(group: list[Token], formula: str, names: Names) -> list[Toke
     if item or (first.kind == "number" and first.text.endswith(".") and second.space_before):
         note(tk.spelled(group[:1]), LEFT_OUT)
         return group[1:]
-    if re.fullmatch(r"\d+\.\d+\s\s+", formula[first.column - 1 : second.column - 1]):  # 6.3  y'' + y = 0
-        raise fault("number or factor", first.column, (first.column, second.column), number=first.text)
+    if re.fullmatch(
+        r"\d+\.\d+\s\s+", formula[first.column - 1 : second.column - 1]
+    ):  # 6.3  y'' + y = 0
+        raise fault(
+            "number or factor", first.column, (first.column, second.column), number=first.text
+        )
     if len(group) < 2 or not _is_number([number]):
         return group
     before, shown = group[-2], tk.spelled([number])
@@ -398,11 +533,15 @@ def _is_number(group: Line) -> bool:
 
 
 def _with_products(tokens: Line, names: Names) -> list[Token]:
-    """The tokens with x'' for x_ddot and the runs of letters in `names.splits` split, with brackets after functions."""
+    """The tokens with x'' for x_ddot and the runs of letters in `names.splits` split, with brackets
+    after functions.
+    """
     found: list[Token] = []
     for place, token in enumerate(tokens):
         if token.kind == "name" and (dotted := names.derivative(token.text, known=False)):
-            token = replace(token, text=dotted[0], order=token.order + dotted[1], primed=token.column)
+            token = replace(
+                token, text=dotted[0], order=token.order + dotted[1], primed=token.column
+            )
         parts = names.splits.get(token.text, ()) if token.kind == "name" else ()
         if not parts:
             found.append(tk.within(token, lambda inside: _with_products(inside, names)))
@@ -413,8 +552,14 @@ def _with_products(tokens: Line, names: Names) -> list[Token]:
         for part in reversed(parts):
             column -= len(part)
             kind: tk.Kind = "number" if part.isdigit() else "name"
-            one = Token(kind, part, column, False, Fraction(part) if part.isdigit() else Fraction(0))
-            function = part in FUNCTIONS and names.role(part) is None and not at(tokens, place + 1).is_operator("^")
+            one = Token(
+                kind, part, column, False, Fraction(part) if part.isdigit() else Fraction(0)
+            )
+            function = (
+                part in FUNCTIONS
+                and names.role(part) is None
+                and not at(tokens, place + 1).is_operator("^")
+            )
             if product and function and not token.order:
                 product = [one, tk.bracket(product, product[0], space=False)]
             else:
@@ -426,7 +571,8 @@ def _with_products(tokens: Line, names: Names) -> list[Token]:
 
 
 def _with_dots_after_letters(formula: str) -> str:
-    """The formula with dots moved after their letters: texts copied from a PDF have \u00a8x or x\u00a8 for x''.
+    """The formula with dots moved after their letters: texts copied from a PDF have \u00a8x or
+    x\u00a8 for x''.
 
     InputError for m\u00a8x alone, because the dots may belong to either letter.
     """
@@ -443,8 +589,14 @@ def _with_dots_after_letters(formula: str) -> str:
 
 
 def without_words(formula: str, declared: Collection[str] = ()) -> str:
-    """The formula with the words around it replaced by separators and blanks; each removal is noted."""
-    return formula if _is_our_own(formula, declared) else prose.without_words(formula, is_latex(formula), declared)
+    """The formula with the words around it replaced by separators and blanks; each removal is
+    noted.
+    """
+    return (
+        formula
+        if _is_our_own(formula, declared)
+        else prose.without_words(formula, is_latex(formula), declared)
+    )
 
 
 def _greek(match: re.Match[str]) -> str:
@@ -462,29 +614,43 @@ class EquationTokens:
 
 
 def split_equations(formula: str, names: Names) -> list[EquationTokens]:
-    """One entry for each nonempty equation; ; or line ends or commas outside brackets separate equations.
+    """One entry for each nonempty equation; ; or line ends or commas outside brackets separate
+    equations.
 
-    The entries are tokens, so that each equation can raise its own error. InputError if commas separate parts of which
-    only some have an =.
+    The entries are tokens, so that each equation can raise its own error. InputError if commas
+    separate parts of which only some have an =.
     """
     tokens = read_tokens(formula, names)
     _refuse_bullets(tokens, formula)
     parts = tk.split(tokens, lambda _, token: token.is_operator(";", ","))
     commas = [end for _, end in parts if end is not None and end.is_operator(",")]
-    groups = [EquationTokens(tuple(part), end.column if end else len(formula) + 1) for part, end in parts]
+    groups = [
+        EquationTokens(tuple(part), end.column if end else len(formula) + 1) for part, end in parts
+    ]
     found = [group for group in groups if group.tokens]
-    if commas and len({any(token.is_operator("=") for token in group.tokens) for group in found}) > 1:
+    if (
+        commas
+        and len({any(token.is_operator("=") for token in group.tokens) for group in found}) > 1
+    ):
         raise fault("comma in an equation", commas[0].column)
     return found
 
 
 def _refuse_bullets(tokens: Line, formula: str) -> None:
-    """InputError for lines that all begin with "- ", usually a bullet; -x'' = x in one line is accepted."""
+    """InputError for lines that all begin with "- ", usually a bullet; -x'' = x in one line is
+    accepted.
+    """
 
-    parts = tk.split(tokens, lambda _, token: token.is_operator(";") and formula[token.column - 1] == "\n")
+    parts = tk.split(
+        tokens, lambda _, token: token.is_operator(";") and formula[token.column - 1] == "\n"
+    )
     full = [line for line, _ in parts if line]
     listed = (line[0].is_operator("-") and line[1:] and line[1].space_before for line in full)
-    if len(full) > 1 and all(listed) and all(any(token.is_operator("=") for token in line) for line in full):
+    if (
+        len(full) > 1
+        and all(listed)
+        and all(any(token.is_operator("=") for token in line) for line in full)
+    ):
         raise fault("bullets", full[0][0].column)
 
 
@@ -495,12 +661,15 @@ def read_equation(equation: EquationTokens, names: Names) -> tuple[ex.Expression
     if len(ends) > 1:
         raise fault("second =", ends[1])
     columns = [*ends, equation.end_column]
-    sides = [parser.parse_tokens(part, end, names) for (part, _), end in zip(parts, columns, strict=True)]
+    sides = [
+        parser.parse_tokens(part, end, names) for (part, _), end in zip(parts, columns, strict=True)
+    ]
     return sides[0], sides[1] if ends else ex.ZERO
 
 
 def refuse_remark(line: Line, place: int, alone: Collection[str]) -> None:
-    """InputError for a word next to a factor that is not meant as one, such as damping, unless it is in `alone`.
+    """InputError for a word next to a factor that is not meant as one, such as damping, unless it
+    is in `alone`.
 
     Also for the drag of (drag -b x'), and for (spring) after an equation and (a) before one.
     """
@@ -516,7 +685,11 @@ def refuse_remark(line: Line, place: int, alone: Collection[str]) -> None:
         short = ["*".join(token.text)] * (len(token.text) <= prose.SHORTEST_WORD + 1)
         meant = (*(f"{'*' * behind}{name}{'*' * ahead}" for name in (token.text, *short)), " ")
         raise fault("word as a factor", token.column, token.span, meant, shown=shown)
-    if not token.is_bracket() or tk.moves(token.inside) or {each.kind for each in token.inside} != {"name"}:
+    if (
+        not token.is_bracket()
+        or tk.moves(token.inside)
+        or {each.kind for each in token.inside} != {"name"}
+    ):
         return
     begins = _is_edge(before) and after.kind == "name"
     power = before.is_bracket() and at(line, place - 2).is_operator("^")
@@ -527,11 +700,15 @@ def refuse_remark(line: Line, place: int, alone: Collection[str]) -> None:
 
 
 def alone(lines: Iterable[Line]) -> set[str]:
-    """The names that occur between signs, have primes, or occur twice, and are therefore not remarks."""
+    """The names that occur between signs, have primes, or occur twice, and are therefore not
+    remarks.
+    """
     found, once = set[str](), set[str]()
     for line, place, _ in (each for tokens in lines for each in tk.places(tokens)):
         name, beside = line[place], (at(line, place - 1), at(line, place + 1))
-        signs = all(token.kind in ("end", "operator") for token in beside) and not _is_signed_term(line, place)
+        signs = all(token.kind in ("end", "operator") for token in beside) and not _is_signed_term(
+            line, place
+        )
         if name.kind == "name" and (signs or name.order or name.text in once):
             found.add(name.text)
         once.add(name.text)
@@ -539,9 +716,16 @@ def alone(lines: Iterable[Line]) -> set[str]:
 
 
 def _is_signed_term(line: Line, place: int) -> bool:
-    """Whether a term with its own sign follows the name at the beginning of a bracket: the -b x' of (drag -b x')."""
+    """Whether a term with its own sign follows the name at the beginning of a bracket: the -b x' of
+    (drag -b x').
+    """
     sign, after = at(line, place + 1), at(line, place + 2)
-    apart = sign.is_operator("-", "+") and sign.space_before and after.kind != "end" and not after.space_before
+    apart = (
+        sign.is_operator("-", "+")
+        and sign.space_before
+        and after.kind != "end"
+        and not after.space_before
+    )
     return apart and place == 0 and line[place].kind == "name"
 
 

@@ -23,7 +23,9 @@ from inverse_service.errors import InputError
 from inverse_service.expressions import letters, refusals
 from inverse_service.reading.names import Reason, letter, meanings, pattern, reasons
 
-Kind = Literal["number", "name", "prime", "operator", "bracket", "newline", "end", "vector", "command", "fault"]
+Kind = Literal[
+    "number", "name", "prime", "operator", "bracket", "newline", "end", "vector", "command", "fault"
+]
 FACTOR, FRACTION, MATRIX, CASES = map(Fraction, range(1, 5))
 DOT, CROSS = Fraction(1), Fraction(2)
 GIVEN, EQUALITY = Fraction(1), Fraction(2)
@@ -39,7 +41,9 @@ JOINING, CONDITIONAL = (
 )
 END = "an operator or the end"
 NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
-_GROUPED = re.compile(r"[0-9]+(?:_[0-9]+)+|[0-9]{1,3}(?:['\u2019][0-9]{3})+(?![0-9])")  # 1_000, 1'000
+_GROUPED = re.compile(
+    r"[0-9]+(?:_[0-9]+)+|[0-9]{1,3}(?:['\u2019][0-9]{3})+(?![0-9])"
+)  # 1_000, 1'000
 _OTHER_BASE = re.compile(r"0[xX][0-9A-Fa-f]+\b|0[bB][01]+\b|0[oO][0-7]+\b")
 _ASCII_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _SUPERSCRIPTS = letters.SUPERSCRIPTS | {letters.SUPERSCRIPT_MINUS: "-", "\u207f": "n"}
@@ -47,15 +51,28 @@ _RAISED = re.compile(rf"\u207f|{letters.SUPERSCRIPT_MINUS}?[{''.join(letters.SUP
 _ROOTS = {"\u221a": "sqrt", "\u221b": "cbrt"}
 COMPARED = ("<", ">", "\u2260")
 _IN_A_FORMULA, _AFTER_A_FORMULA = reasons("signs in a formula"), reasons("signs after a formula")
-_SIGNS = {sign: sign for sign in "+-*/^()[]{},=;|!<>\u2260" + PARTIAL + TOTAL + NABLA} | meanings("signs")
-# The signs that join conditions in a piecewise formula. Answers hold on open sets, so <= is parsed as <.
+_SIGNS = {sign: sign for sign in "+-*/^()[]{},=;|!<>\u2260" + PARTIAL + TOTAL + NABLA} | meanings(
+    "signs"
+)
+# The signs that join conditions in a piecewise formula. Answers hold on open sets, so <= is parsed
+# as <.
 _PIECEWISE = re.compile(r"\b[Pp]iecewise\s*[(\[]")
-_CONDITION = re.compile(r"<=|>=|&&|\|\|(?=\s)|[<>&~\u2264\u2265]|\b(?:and|or|not|true|True|otherwise)\b", re.ASCII)
+_CONDITION = re.compile(
+    r"<=|>=|&&|\|\|(?=\s)|[<>&~\u2264\u2265]|\b(?:and|or|not|true|True|otherwise)\b", re.ASCII
+)
 _EQUALITY = re.compile(r"!?={1,2}|\u2260")
 _CONDITION_SIGNS = meanings("conditions")
 _REASONS, _REFUSED_SIGNS = reasons("characters"), reasons("signs")
 _OTHER_PROGRAMS = pattern("tokens", "other_programs")
-_OTHER_SIGNS = {"times": ",", "end": ";", "nothing": "", "dot": ".", "power": "@", "handle": "@", None: ""}
+_OTHER_SIGNS = {
+    "times": ",",
+    "end": ";",
+    "nothing": "",
+    "dot": ".",
+    "power": "@",
+    "handle": "@",
+    None: "",
+}
 _OTHERWISE = Reason("", "use letters, digits, + - * / ^ ( ) , = and '")
 LEFT_OUT = "left out"
 _NOTES: ContextVar[dict[str, str] | None] = ContextVar("notes", default=None)
@@ -63,7 +80,9 @@ _NOTES: ContextVar[dict[str, str] | None] = ContextVar("notes", default=None)
 
 @contextmanager
 def noted() -> Iterator[dict[str, str]]:
-    """Collect texts that are interpreted differently from how they were typed (kx as k*x), and omitted lines."""
+    """Collect texts that are interpreted differently from how they were typed (kx as k*x), and
+    omitted lines.
+    """
     notes: dict[str, str] = {}
     mark = _NOTES.set(notes)
     try:
@@ -82,12 +101,12 @@ def note(text: str, meant: str = LEFT_OUT) -> None:
 class Token:
     """One token; `column` counts from 1 in the original text.
 
-    A bracket is one token that contains the tokens `inside`; `end` is the column of its closing sign. `order` counts
-    the primes after a name or a bracket, and `primed` is the column of the first prime. `value` is the value of a
-    number; for a prime, the order of the derivative; for a bracket, FACTOR if it cannot contain arguments and FRACTION
-    for ((above)/(below)) of LaTeX; for *, DOT or CROSS if LaTeX has \\cdot or \\times; for =, GIVEN if the text has :=
-    and EQUALITY if it has ==.
-    The operators are + - * / ^ , = ; |, and also < > & ~ true in conditions of pieces.
+    A bracket is one token that contains the tokens `inside`; `end` is the column of its closing
+    sign. `order` counts the primes after a name or a bracket, and `primed` is the column of the
+    first prime. `value` is the value of a number; for a prime, the order of the derivative; for a
+    bracket, FACTOR if it cannot contain arguments and FRACTION for ((above)/(below)) of LaTeX; for
+    *, DOT or CROSS if LaTeX has \\cdot or \\times; for =, GIVEN if the text has := and EQUALITY if
+    it has ==. The operators are + - * / ^ , = ; |, and also < > & ~ true in conditions of pieces.
     """
 
     kind: Kind
@@ -123,7 +142,9 @@ _BEYOND = Token("end", "", 0)
 
 
 def at(tokens: Line, place: int) -> Token:
-    """The token at this place, or an end mark beyond either end, so that callers need no bounds check."""
+    """The token at this place, or an end mark beyond either end, so that callers need no bounds
+    check.
+    """
     return tokens[place] if 0 <= place < len(tokens) else _BEYOND
 
 
@@ -133,17 +154,22 @@ def bracket(inside: Line, at: Token, value: Fraction = Fraction(0), space: bool 
 
 
 def nested(tokens: Line, primes: bool = True) -> Tokens:
-    """The tokens with each pair of brackets joined into one token and, with `primes`, primes joined to the token they
-    follow.
+    """The tokens with each pair of brackets joined into one token and, with `primes`, primes joined
+    to the token they follow.
 
-    InputError for an unmatched bracket, LimitError for brackets nested too deeply. No equation ends in brackets, so
-    line ends inside them are dropped. Maxima's quote in 'diff(x, t) is not a prime.
+    InputError for an unmatched bracket, LimitError for brackets nested too deeply. No equation ends
+    in brackets, so line ends inside them are dropped. Maxima's quote in 'diff(x, t) is not a prime.
     """
     outer: list[tuple[Token, Tokens]] = []
     line: Tokens = []
     for place, token in enumerate(tokens):
         if token.is_operator(*CLOSING):
-            refusals.at_most(len(outer) + 1, refusals.LIMITS.depth, "the formula is nested too deeply", token.column)
+            refusals.at_most(
+                len(outer) + 1,
+                refusals.LIMITS.depth,
+                "the formula is nested too deeply",
+                token.column,
+            )
             outer.append((token, line))
             line = []
         elif token.is_operator(*CLOSING.values()):
@@ -152,7 +178,11 @@ def nested(tokens: Line, primes: bool = True) -> Tokens:
             opening, before = outer.pop()
             if CLOSING[opening.text] != token.text:
                 closes = any(CLOSING[other.text] == token.text for other, _ in outer)
-                raise never_closed(opening) if closes else unexpected(token, f"'{CLOSING[opening.text]}'")
+                raise (
+                    never_closed(opening)
+                    if closes
+                    else unexpected(token, f"'{CLOSING[opening.text]}'")
+                )
             line = [*before, replace(opening, kind="bracket", inside=tuple(line), end=token.column)]
         elif token.kind == "prime" and at(tokens, place + 1).text == "diff":
             continue
@@ -169,13 +199,17 @@ def add_prime(line: Tokens, prime: Token) -> None:
     """Join the prime to the name or bracket before it; if there is none, append it as a token."""
     last = at(line, len(line) - 1)
     if last.kind in ("name", "bracket", "vector"):
-        line[-1] = replace(last, order=last.order + int(prime.value), primed=last.primed or prime.column)
+        line[-1] = replace(
+            last, order=last.order + int(prime.value), primed=last.primed or prime.column
+        )
     else:
         line.append(prime)
 
 
 def places(line: Line, outer: Token = _BEYOND) -> Iterator[tuple[Line, int, Token]]:
-    """Every token as its line, its place there, and the token before the bracket around the line."""
+    """Every token as its line, its place there, and the token before the bracket around the
+    line.
+    """
     for place, token in enumerate(line):
         yield line, place, outer
         if token.inside:
@@ -221,7 +255,9 @@ def source(tokens: Iterable[Token]) -> str:
     """The tokens as a text that can be parsed."""
     found = ""
     for token in flat(tokens):
-        glued = found[-1:].isalnum() and token.kind in ("name", "number") and not found[-1:].isdigit()
+        glued = (
+            found[-1:].isalnum() and token.kind in ("name", "number") and not found[-1:].isdigit()
+        )
         found += f"{' ' * (token.space_before or glued)}{token.text}"
     return found.strip()
 
@@ -250,8 +286,8 @@ def split_at(signs: str, tokens: Line) -> list[Tokens]:
 def with_line_ends(tokens: Line, latex: bool = False) -> Tokens:
     """The tokens with a ; for each line end between two equations, without the other line ends.
 
-    No equation ends next to an operator that lacks an operand. In LaTeX, a formula may be broken anywhere and a wide
-    gap counts as a line end, so each side must also contain an =.
+    No equation ends next to an operator that lacks an operand. In LaTeX, a formula may be broken
+    anywhere and a wide gap counts as a line end, so each side must also contain an =.
     """
     found: Tokens = []
     equals = False
@@ -270,8 +306,17 @@ def with_line_ends(tokens: Line, latex: bool = False) -> Tokens:
 def _is_between(before: Line, after: Line, latex: bool) -> bool:
     """Whether the equation before a line end is complete and the next line begins another one."""
     text = itertools.dropwhile(lambda token: token.kind == "newline", after)
-    line = list(itertools.takewhile(lambda token: token.kind != "newline" and not token.is_operator(";"), text))
-    if not before or not line or before[-1].is_operator(*_EXPECTS_MORE) or line[0].is_operator(*_GOES_ON):
+    line = list(
+        itertools.takewhile(
+            lambda token: token.kind != "newline" and not token.is_operator(";"), text
+        )
+    )
+    if (
+        not before
+        or not line
+        or before[-1].is_operator(*_EXPECTS_MORE)
+        or line[0].is_operator(*_GOES_ON)
+    ):
         return False
     equals = any(token.is_operator("=") for token in line)
     if latex:
@@ -280,15 +325,22 @@ def _is_between(before: Line, after: Line, latex: bool) -> bool:
 
 
 def refuse_decimal_commas(tokens: Line) -> None:
-    """InputError for 1,5, which may be a decimal comma or two numbers; the orders in B[1,0] are accepted."""
+    """InputError for 1,5, which may be a decimal comma or two numbers; the orders in B[1,0] are
+    accepted.
+    """
     for token in tokens:
         if token.inside and token.text != "[":
             refuse_decimal_commas(token.inside)
     for before, comma, after in zip(tokens, tokens[1:], tokens[2:], strict=False):
         numbers = before.kind == after.kind == "number"
         if comma.is_operator(",") and numbers and not after.space_before:
-            meant = tuple(f"{before.text}{mark}{after.text}" for mark in (".", "")[: 1 + (len(after.text) == 3)])
-            raise refusals.fault("decimal comma", comma.column, (before.column, after.span[1]), meant)
+            meant = tuple(
+                f"{before.text}{mark}{after.text}"
+                for mark in (".", "")[: 1 + (len(after.text) == 3)]
+            )
+            raise refusals.fault(
+                "decimal comma", comma.column, (before.column, after.span[1]), meant
+            )
 
 
 def never_closed(opening: Token) -> InputError:
@@ -296,12 +348,17 @@ def never_closed(opening: Token) -> InputError:
     if opening.value == MATRIX:
         return refusals.fault("open matrix", opening.column)
     return refusals.fault(
-        "open bracket", opening.column, sign=opening.text, closing=CLOSING.get(opening.text, opening.text)
+        "open bracket",
+        opening.column,
+        sign=opening.text,
+        closing=CLOSING.get(opening.text, opening.text),
     )
 
 
 class TokenStream:
-    """A position in a line of tokens; the `end` mark of a bracket has the text of its closing sign."""
+    """A position in a line of tokens; the `end` mark of a bracket has the text of its closing
+    sign.
+    """
 
     __slots__ = ("_tokens", "position")
 
@@ -341,7 +398,9 @@ def unexpected(token: Token, wanted: str) -> InputError:
     """The error for a token that cannot follow here."""
     if token.kind == "end" and not token.text:
         return refusals.fault("end of the formula", token.column, wanted=wanted)
-    known = _IN_A_FORMULA.get(token.text) or (_AFTER_A_FORMULA.get(token.text) if wanted == END else None)
+    known = _IN_A_FORMULA.get(token.text) or (
+        _AFTER_A_FORMULA.get(token.text) if wanted == END else None
+    )
     if known and token.kind != "name":
         return refusals.refusal(known.problem, token.column, known.instead)
     if wanted == END and (opening := _OPENING.get(token.text)):
@@ -359,7 +418,9 @@ def check_length(text: str) -> None:
 
 
 def tokenize(text: str, known: Container[str] = ()) -> Tokens:
-    """The tokens of a plain-text formula; InputError or LimitError with the column of the first fault."""
+    """The tokens of a plain-text formula; InputError or LimitError with the column of the first
+    fault.
+    """
     check_length(text)
     plain = text.rstrip()
     if plain.endswith(".") and not plain[-2:-1].isdecimal() and plain != ".":
@@ -372,23 +433,34 @@ def tokenize(text: str, known: Container[str] = ()) -> Tokens:
         if text[place] == "#":
             end = text.find("\n", place)
             return [], len(text) if end < 0 else end
-        if conditions and _EQUALITY.match(text, place) and text.count("(", 0, place) > text.count(")", 0, place):
+        if (
+            conditions
+            and _EQUALITY.match(text, place)
+            and text.count("(", 0, place) > text.count(")", 0, place)
+        ):
             raise refusals.fault("equation in a condition", place + 1)
         if conditions and (sign := _CONDITION.match(text, place)):
-            return [Token("operator", _CONDITION_SIGNS.get(sign[0], sign[0]), place + 1, space)], sign.end()
+            return [
+                Token("operator", _CONDITION_SIGNS.get(sign[0], sign[0]), place + 1, space)
+            ], sign.end()
         return next_tokens(text, place, space, known)
 
     return with_line_ends(nested(scan(text, 0, len(text), step)))
 
 
 def written(text: str, at: Token) -> Tokens:
-    """The tokens of a text that replaces the token `at`, all at its column, with brackets not joined."""
+    """The tokens of a text that replaces the token `at`, all at its column, with brackets not
+    joined.
+    """
     found = scan(text, 0, len(text), lambda text, place, space: next_tokens(text, place, space))
     return [replace(token, column=at.column) for token in found]
 
 
-def scan(text: str, place: int, stop: int, step: Callable[[str, int, bool], tuple[Tokens, int]]) -> Tokens:
-    """Apply `step` repeatedly from `place` to `stop`. It takes a place and whether a space precedes it.
+def scan(
+    text: str, place: int, stop: int, step: Callable[[str, int, bool], tuple[Tokens, int]]
+) -> Tokens:
+    """Apply `step` repeatedly from `place` to `stop`. It takes a place and whether a space precedes
+    it.
 
     It returns the tokens there (none for a space) and the place after them.
     """
@@ -399,34 +471,46 @@ def scan(text: str, place: int, stop: int, step: Callable[[str, int, bool], tupl
         tokens += found
         space = not found or found[-1].kind == "newline"
         column = tokens[-1].column if tokens else 1
-        refusals.at_most(len(tokens), refusals.most_tokens(), "the formula has too many parts", column)
+        refusals.at_most(
+            len(tokens), refusals.most_tokens(), "the formula has too many parts", column
+        )
     return tokens
 
 
-def next_tokens(text: str, place: int, space: bool, known: Container[str] = ()) -> tuple[Tokens, int]:
+def next_tokens(
+    text: str, place: int, space: bool, known: Container[str] = ()
+) -> tuple[Tokens, int]:
     """The tokens that begin at `place`, which is not a space, and the place after them."""
     character = text[place]
     above, slash, below = unicodedata.normalize("NFKC", character).partition("\u2044")
     if slash and below:  # \u00bd is 1\u20442
-        return [Token("number", character, place + 1, space, Fraction(int(above), int(below)))], place + 1
+        return [
+            Token("number", character, place + 1, space, Fraction(int(above), int(below)))
+        ], place + 1
     if character == "\n":
         return [Token("newline", character, place + 1, space)], place + 1
     if based := _OTHER_BASE.match(text, place):
         raise refusals.fault("other base", place + 1, number=based[0])
     if grouped := _GROUPED.match(text, place):
         digits = re.sub(r"\D", "", grouped[0])
-        raise refusals.fault("grouped digits", place + 1, (place + 1, grouped.end() + 1), digits=digits)
+        raise refusals.fault(
+            "grouped digits", place + 1, (place + 1, grouped.end() + 1), digits=digits
+        )
     number = NUMBER.match(text, place)
     if number:
         return [number_token(number.group(), place + 1, space)], number.end()
     if character in letters.PRIMES:
-        return [Token("prime", character, place + 1, space, Fraction(letters.PRIMES[character]))], place + 1
+        return [
+            Token("prime", character, place + 1, space, Fraction(letters.PRIMES[character]))
+        ], place + 1
     if character in _SUPERSCRIPTS:
         raised = _RAISED.match(text, place)
         if raised is None:
             raise refusals.fault("raised minus", place + 1)
         digits = "".join(map(_SUPERSCRIPTS.__getitem__, raised[0]))
-        return written(f"^({digits})", Token("name", "", place + 1)), raised.end()  # x^(2) for x\u00b2
+        return written(
+            f"^({digits})", Token("name", "", place + 1)
+        ), raised.end()  # x^(2) for x\u00b2
     if character in _ROOTS:
         return [Token("name", _ROOTS[character], place + 1, space)], place + 1
     found = letter(character)
@@ -436,7 +520,9 @@ def next_tokens(text: str, place: int, space: bool, known: Container[str] = ()) 
 
 
 def number_token(text: str, column: int, space: bool) -> Token:
-    """An exact decimal (0.1 is 1/10); LimitError for too many digits or too large a power of ten."""
+    """An exact decimal (0.1 is 1/10); LimitError for too many digits or too large a power of
+    ten.
+    """
     mantissa, _, exponent = text.lower().partition("e")
     digits, most = sum(map(str.isdigit, mantissa)), refusals.LIMITS.decimal_exponent
     refusals.at_most(digits, refusals.LIMITS.digits, "a number has too many digits", column)
@@ -449,8 +535,9 @@ def number_token(text: str, column: int, space: bool) -> Token:
 def _name(text: str, place: int, space: bool, known: Container[str]) -> tuple[Tokens, int]:
     """The names in a run of letters, each followed by a prime for the dots over it.
 
-    In such a run, a Greek letter, the script l, and a letter with dots are separate names unless the whole run is
-    declared, because alpha x may be written without a space. An ASCII run is one name.
+    In such a run, a Greek letter, the script l, and a letter with dots are separate names unless
+    the whole run is declared, because alpha x may be written without a space. An ASCII run is one
+    name.
     """
     ascii_name = _ASCII_NAME.match(text, place)
     end = ascii_name.end() if ascii_name else place
@@ -460,13 +547,19 @@ def _name(text: str, place: int, space: bool, known: Container[str]) -> tuple[To
         runs, end = _long_name(text, place, known)
     found: Tokens = []
     for name, order, start in runs:
-        refusals.at_most(len(name), refusals.LIMITS.name_characters, "a name has too many characters", start + 1)
+        refusals.at_most(
+            len(name), refusals.LIMITS.name_characters, "a name has too many characters", start + 1
+        )
         primed = (start + 1) * (order > 0)
-        found.append(Token("name", name, start + 1, space and start == place, order=order, primed=primed))
+        found.append(
+            Token("name", name, start + 1, space and start == place, order=order, primed=primed)
+        )
     return found, end
 
 
-def _long_name(text: str, place: int, known: Container[str]) -> tuple[list[tuple[str, int, int]], int]:
+def _long_name(
+    text: str, place: int, known: Container[str]
+) -> tuple[list[tuple[str, int, int]], int]:
     """(name, order, place) of each name in a run with non-ASCII signs, and the end of the run."""
     signs: list[tuple[str, int, int]] = []
     end = place
@@ -482,10 +575,16 @@ def _long_name(text: str, place: int, known: Container[str]) -> tuple[list[tuple
         before, times, start = runs[-1] if runs else ("_", 0, at)
         below = "_" in before or name[0] == "_"
         greek = len(name) > 1 or len((letter(text[start]) or ("", 0))[0]) > 1 or times
-        if not runs or (not name.isdigit() and not before.endswith("_") and (order or (greek and not below))):
+        if not runs or (
+            not name.isdigit() and not before.endswith("_") and (order or (greek and not below))
+        ):
             runs.append((name, order, at))
         else:
-            runs[-1] = (before + (name[1:] if "_" in before and name[0] == "_" else name), times + order, start)
+            runs[-1] = (
+                before + (name[1:] if "_" in before and name[0] == "_" else name),
+                times + order,
+                start,
+            )
     return runs, end
 
 
@@ -499,7 +598,9 @@ def _operator(text: str, place: int, space: bool) -> tuple[Tokens, int]:
             value = {":=": GIVEN, "==": EQUALITY}.get(text[place : place + size], Fraction(0))
             return [Token("operator", sign, column, space, value)], place + size
     if other := _OTHER_PROGRAMS.match(text, place):
-        return [Token("operator", each, column, space) for each in _OTHER_SIGNS[other.lastgroup]], other.end()
+        return [
+            Token("operator", each, column, space) for each in _OTHER_SIGNS[other.lastgroup]
+        ], other.end()
     what = f"the character {_described(text[place])} is not accepted"
     reason = _REASONS.get(text[place], _OTHERWISE)
     raise refusals.refusal(what, column, reason.instead, tuple(reason.offers), (column, column + 1))

@@ -1,9 +1,10 @@
-"""Systems over the complex and the dual numbers: q'' = f is z'' = F(z, z') for numbers z = x + i y, i^2 = -1 or 0.
+"""Systems over the complex and the dual numbers: q'' = f is z'' = F(z, z') for numbers z = x + i y,
+i^2 = -1 or 0.
 
-They are those for which a constant matrix J with J^2 = -1 or 0 commutes with all f_q and f_v: F is holomorphic. If
-L(z, z') is a Lagrangian of z'' = F, both parts of it are Lagrangians of the real system, since the Euler-Lagrange
-expressions of Re L by x are those of L, and by y those of i L. If F has constants with i, a parameter stands for i
-while L is found; L is an analytic function of it.
+They are those for which a constant matrix J with J^2 = -1 or 0 commutes with all f_q and f_v: F is
+holomorphic. If L(z, z') is a Lagrangian of z'' = F, both parts of it are Lagrangians of the real
+system, since the Euler-Lagrange expressions of Re L by x are those of L, and by y those of i L. If
+F has constants with i, a parameter stands for i while L is found; L is an analytic function of it.
 """
 
 from collections.abc import Sequence
@@ -35,7 +36,9 @@ class Unit:
         return ex.add(a * c, self.square * (b * d)), ex.add(a * d, b * c)
 
     def parts(self, tree: ex.Expression, known: dict[ex.Expression, Pair]) -> Pair:
-        """The parts of a function of numbers, from those of its leaves; NoParts if they are not known."""
+        """The parts of a function of numbers, from those of its leaves; NoParts if they are not
+        known.
+        """
         if tree not in known:
             known[tree] = self._parts(tree, known)
         return known[tree]
@@ -100,9 +103,11 @@ class Unit:
 
 @dataclass(frozen=True, slots=True)
 class Structure:
-    """Coordinates of a system over the numbers with `unit`: q = sum of x_j w_j + y_j J w_j, z_j = x_j + `size` i y_j.
+    """Coordinates of a system over the numbers with `unit`: q = sum of x_j w_j + y_j J w_j, z_j =
+    x_j + `size` i y_j.
 
-    `columns` are w_1, J w_1, w_2, …, as rows, and `rows` the inverse of the matrix with these columns.
+    `columns` are w_1, J w_1, w_2, …, as rows, and `rows` the inverse of the matrix with these
+    columns.
     """
 
     unit: Unit
@@ -112,34 +117,47 @@ class Structure:
 
 
 def structure_of(p: Sequence[Sequence[Fraction]]) -> Structure | None:
-    """The numbers over which a system is defined with which the matrix commutes; None if its square is not constant.
+    """The numbers over which a system is defined with which the matrix commutes; None if its square
+    is not constant.
 
-    J is the matrix without its trace; J^2 = c < 0 makes complex numbers, J^2 = 0 dual ones if J has half the full rank.
+    J is the matrix without its trace; J^2 = c < 0 makes complex numbers, J^2 = 0 dual ones if J has
+    half the full rank.
     """
     n = len(p)
     if n % 2:
         return None
     trace = sum((p[k][k] for k in range(n)), Fraction(0)) / n
     j = [[p[i][k] - trace * (i == k) for k in range(n)] for i in range(n)]
-    square = [[sum((j[i][m] * j[m][k] for m in range(n)), Fraction(0)) for k in range(n)] for i in range(n)]
+    square = [
+        [sum((j[i][m] * j[m][k] for m in range(n)), Fraction(0)) for k in range(n)]
+        for i in range(n)
+    ]
     c = square[0][0]
     if c > 0 or any(square[i][k] != c * (i == k) for i in range(n) for k in range(n)):
         return None
     columns: list[tuple[Fraction, ...]] = []
     for k in range(n):
         pair = [tuple(Fraction(i == k) for i in range(n)), tuple(row[k] for row in j)]
-        if len(matrices.echelon_of([list(row) for row in (*columns, *pair)], n)) == len(columns) + 2:
+        if (
+            len(matrices.echelon_of([list(row) for row in (*columns, *pair)], n))
+            == len(columns) + 2
+        ):
             columns += pair
     if len(columns) < n:
         return None
-    beside = [[column[i] for column in columns] + [Fraction(i == k) for k in range(n)] for i in range(n)]
+    beside = [
+        [column[i] for column in columns] + [Fraction(i == k) for k in range(n)] for i in range(n)
+    ]
     rows = tuple(tuple(line[n:]) for _, line in matrices.echelon_of(beside, 2 * n))
     size = tm.collected(ex.number(-c) ** Fraction(1, 2)) if c else ex.ONE
     return Structure(Unit(-1 if c else 0), size, tuple(columns), rows)
 
 
-def system_over(structure: Structure, system: SecondOrderSystem) -> tuple[SecondOrderSystem, ex.Symbol]:
-    """z'' = F(z, z') in the coordinates of w_1, w_2, …, with their names, and the parameter that stands for i.
+def system_over(
+    structure: Structure, system: SecondOrderSystem
+) -> tuple[SecondOrderSystem, ex.Symbol]:
+    """z'' = F(z, z') in the coordinates of w_1, w_2, …, with their names, and the parameter that
+    stands for i.
 
     F is known from its values for real z.
     """
@@ -153,11 +171,16 @@ def system_over(structure: Structure, system: SecondOrderSystem) -> tuple[Second
             parts = zip(structure.columns[::2], own, strict=True)
             table[kind(name)] = ex.add(*(ex.number(column[k]) * kind(z) for column, z in parts))
     real = [ex.substitute(f, table) for f in system.accelerations]
-    forces = [ex.add(*(ex.number(c) * f for c, f in zip(row, real, strict=True))) for row in structure.rows]
+    forces = [
+        ex.add(*(ex.number(c) * f for c, f in zip(row, real, strict=True)))
+        for row in structure.rows
+    ]
     whole = []
     for x, y in zip(forces[::2], forces[1::2], strict=True):
         imaginary = tm.collected(collecting.collect(y))
-        whole.append(tm.collected(collecting.collect(x)) + ex.Symbol(letter) * structure.size * imaginary)
+        whole.append(
+            tm.collected(collecting.collect(x)) + ex.Symbol(letter) * structure.size * imaginary
+        )
     parameters = (*system.parameters, letter)
     held = any(ex.holds(f, ex.Symbol(letter)) for f in whole)
     made = replace(system, coordinates=own, accelerations=tuple(whole), branch=None, nonzero=())
@@ -167,7 +190,8 @@ def system_over(structure: Structure, system: SecondOrderSystem) -> tuple[Second
 def parts_of(
     structure: Structure, system: SecondOrderSystem, letter: ex.Symbol, lagrangian: ex.Expression
 ) -> list[ex.Expression]:
-    """The parts of a Lagrangian of `system_over` in the coordinates of the system, shorter ones first.
+    """The parts of a Lagrangian of `system_over` in the coordinates of the system, shorter ones
+    first.
 
     For dual numbers only the part of i is regular. None if they are not known.
     """
@@ -175,7 +199,12 @@ def parts_of(
     for j, z in enumerate(system.coordinates[::2]):
         for kind in (ex.Symbol, ex.Velocity):
             x, y = (
-                ex.add(*(ex.number(c) * kind(name) for c, name in zip(row, system.coordinates, strict=True)))
+                ex.add(
+                    *(
+                        ex.number(c) * kind(name)
+                        for c, name in zip(row, system.coordinates, strict=True)
+                    )
+                )
                 for row in structure.rows[2 * j : 2 * j + 2]
             )
             known[kind(z)] = x, structure.size * y

@@ -1,28 +1,32 @@
-"""Antiderivatives in one variable, formulas over one denominator with their roots, and functions with a given gradient.
+"""Antiderivatives in one variable, formulas over one denominator with their roots, and functions
+with a given gradient.
 
-There are four levels. `primitive` integrates one sum in one variable. `antiderivative` also tries substitutions, after
-which it calls `primitive`. `Integrator.integral` integrates a slope in one variable: first each term by the power rule,
-then the remaining terms together by `primitive`, then one by one by `antiderivative`. `Integrator.function_of`
-integrates a gradient.
+There are four levels. `primitive` integrates one sum in one variable. `antiderivative` also tries
+substitutions, after which it calls `primitive`. `Integrator.integral` integrates a slope in one
+variable: first each term by the power rule, then the remaining terms together by `primitive`, then
+one by one by `antiderivative`. `Integrator.function_of` integrates a gradient.
 
-A sum is integrated by linear algebra over candidates whose derivatives may contain its terms (`primitive`). For a power
-of a generator p that is quadratic in the variable v, with p' = dp/dv, p'', and D = 2 p p'' - p'^2, which is free of v,
+A sum is integrated by linear algebra over candidates whose derivatives may contain its terms
+(`primitive`). For a power of a generator p that is quadratic in the variable v, with p' = dp/dv,
+p'', and D = 2 p p'' - p'^2, which is free of v,
 
     d/dv (p' p^e) = (1 + 2 e) p'' p^e - e D p^(e-1)
 steps through the powers, down from p^(3/2) and up from p^(-5/2) or 1/p^2, until only these remain:
     d/dv atan(p'/sqrt D) = sqrt(D)/(2 p),    d/dv log(p' + sqrt(2 p'' p)) = sqrt(p''/(2 p)).
-If D < 0, atanh(p'/sqrt(-D)), as logarithms, replaces the first; if p'' < 0, asin replaces the second.
-So 1/(x^2 + y^2) leads to atan(x/y)/y, 1/sqrt(x^2 + y^2) to log(x + sqrt(x^2 + y^2)), and the inverse cube of
-the distance to z/((x^2 + y^2) sqrt(x^2 + y^2 + z^2)).
+If D < 0, atanh(p'/sqrt(-D)), as logarithms, replaces the first; if p'' < 0, asin replaces the
+second. So 1/(x^2 + y^2) leads to atan(x/y)/y, 1/sqrt(x^2 + y^2) to log(x + sqrt(x^2 + y^2)), and
+the inverse cube of the distance to z/((x^2 + y^2) sqrt(x^2 + y^2 + z^2)).
 
-A gradient is integrated one variable at a time: the derivatives of an integral over one variable are subtracted from
-the other slopes, and the differences no longer depend on that variable (Poincare's lemma). Terms are grouped by their
-factors that are not powers of the variable: the integral of c u^e du/dx is c u^(e+1)/(e+1), never expanded, so that a
-potential is finite wherever the force is. A constant field becomes W (x y' - y x')/2 if the forces are invariant under
-rotations or couple its coordinates. Any other field is integrated along a coordinate on which it depends, so that
-cyclic coordinates stay cyclic.
+A gradient is integrated one variable at a time: the derivatives of an integral over one variable
+are subtracted from the other slopes, and the differences no longer depend on that variable
+(Poincare's lemma). Terms are grouped by their factors that are not powers of the variable: the
+integral of c u^e du/dx is c u^(e+1)/(e+1), never expanded, so that a potential is finite wherever
+the force is. A constant field becomes W (x y' - y x')/2 if the forces are invariant under rotations
+or couple its coordinates. Any other field is integrated along a coordinate on which it depends, so
+that cyclic coordinates stay cyclic.
 
-The potentials of A_i(t, q) v_i - V(t, q) with given Euler-Lagrange expressions follow in the same way:
+The potentials of A_i(t, q) v_i - V(t, q) with given Euler-Lagrange expressions follow in the same
+way:
 
     E_i = (d_j A_i - d_i A_j) v_j + d_t A_i + d_i V
 """
@@ -50,8 +54,12 @@ _NAMES = ("F", "G", "H", "K", "P", "Q", "S", "U", "W", "Z")
 ONE_TERM: tm.Terms = {tm.EMPTY: Fraction(1)}
 
 
-def factored_tree(tree: ex.Expression, variables: Sequence[ex.Symbol | ex.Velocity]) -> ex.Expression:
-    """The tree over its common denominator as a product of factors; TooManyTerms if that is large."""
+def factored_tree(
+    tree: ex.Expression, variables: Sequence[ex.Symbol | ex.Velocity]
+) -> ex.Expression:
+    """The tree over its common denominator as a product of factors; TooManyTerms if that is
+    large.
+    """
     try:
         return exact_field.factored([tree], [ex.TIME, *variables], exact_field.Budget.long())[0]
     except (exact_field.TooLarge, ZeroDivisionError, KeyError) as problem:
@@ -64,12 +72,18 @@ def reading_weight(tree: ex.Expression) -> int:
 
 
 def _node_weight(node: ex.Expression) -> int:
-    if isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number) and node.exponent.value.denominator > 1:
+    if (
+        isinstance(node, ex.Power)
+        and isinstance(node.exponent, ex.Number)
+        and node.exponent.value.denominator > 1
+    ):
         return 30
     return 8 if isinstance(node, ex.Apply) else 1
 
 
-def lightest_form(tree: ex.Expression, variables: Sequence[ex.Symbol | ex.Velocity]) -> ex.Expression:
+def lightest_form(
+    tree: ex.Expression, variables: Sequence[ex.Symbol | ex.Velocity]
+) -> ex.Expression:
     """The tree, its expansion, or its factored form, whichever has the least weight."""
     return writing.shorten(tree, exact_field.Budget.long(), [ex.TIME, *variables], reading_weight)
 
@@ -96,13 +110,21 @@ def even_root(radicand: ex.Expression) -> tuple[ex.Expression, ex.Expression]:
 
 
 def extracted_root(tree: ex.Expression) -> ex.Expression:
-    """A square root of a product with the squares among its factors taken out; its sign is arbitrary."""
+    """A square root of a product with the squares among its factors taken out; its sign is
+    arbitrary.
+    """
     outside, inside = even_root(tree)
     terms = tm.terms_of(inside)
-    number, rest = even_root(ex.number(tm.split_content(terms)[0])) if len(terms) > 1 else (ex.ONE, ex.ZERO)
+    number, rest = (
+        even_root(ex.number(tm.split_content(terms)[0])) if len(terms) > 1 else (ex.ONE, ex.ZERO)
+    )
     if rest != ex.ONE:
         return outside * ex.square_root(tm.tree_of(terms))
-    return outside * number * ex.square_root(tm.tree_of(tm.multiply_terms(terms, tm.terms_of(number**-2))))
+    return (
+        outside
+        * number
+        * ex.square_root(tm.tree_of(tm.multiply_terms(terms, tm.terms_of(number**-2))))
+    )
 
 
 def rational_solution(
@@ -113,7 +135,9 @@ def rational_solution(
         return None
     sides = [*columns, right]
     rows = list(dict.fromkeys(key for side in sides for key in side))
-    table = matrices.echelon_of([[side.get(key, Fraction(0)) for side in sides] for key in rows], len(sides))
+    table = matrices.echelon_of(
+        [[side.get(key, Fraction(0)) for side in sides] for key in rows], len(sides)
+    )
     found = [Fraction(0)] * len(columns)
     for pivot, row in table:
         if pivot == len(columns):
@@ -123,7 +147,9 @@ def rational_solution(
 
 
 def in_one_square(terms: tm.Terms) -> tm.Terms:
-    """The terms with 1/cos(u)^k - 1/cos(u)^(k - 2) for sin(u)^2/cos(u)^k and so on, so that equal terms look equal."""
+    """The terms with 1/cos(u)^k - 1/cos(u)^(k - 2) for sin(u)^2/cos(u)^k and so on, so that equal
+    terms look equal.
+    """
     return tm.weighted_sum((_of_one_square(key), value) for key, value in terms.items())
 
 
@@ -141,11 +167,15 @@ def _of_one_square(key: tm.Monomial) -> tm.Terms:
 
 
 def _proper(terms: tm.Terms, x: modular.Variable) -> tm.Terms:
-    """The terms `in_one_square`, with x - a x/(x^2 + a) for x^3/(x^2 + a), so that no such power multiplies its sum.
+    """The terms `in_one_square`, with x - a x/(x^2 + a) for x^3/(x^2 + a), so that no such power
+    multiplies its sum.
 
     Of a sum and its constant multiples, only one remains a generator.
     """
-    left, result = in_one_square(tm.sum_of(_with_one_sum(key, value) for key, value in terms.items())), tm.Terms()
+    left, result = (
+        in_one_square(tm.sum_of(_with_one_sum(key, value) for key, value in terms.items())),
+        tm.Terms(),
+    )
     while left:
         deadline.check()
         key = max(left, key=lambda one: tm.exponent_of(one, x))
@@ -170,10 +200,16 @@ def _with_one_sum(key: tm.Monomial, value: Fraction) -> tm.Terms:
 
 @lru_cache(maxsize=1024)
 def _primitive_sum(tree: ex.Sum) -> tuple[int, tm.Monomial, ex.Expression]:
-    """(1 or -1, a monomial, a sum) with product the tree; the sum divides by no symbol and begins with a plus."""
+    """(1 or -1, a monomial, a sum) with product the tree; the sum divides by no symbol and begins
+    with a plus.
+    """
     terms = tm.terms_of(tree)
     tables = list(map(dict, terms))
-    lowest = {letter: min(table.get(letter, Fraction(0)) for table in tables) for table in tables for letter in table}
+    lowest = {
+        letter: min(table.get(letter, Fraction(0)) for table in tables)
+        for table in tables
+        for letter in table
+    }
     outside = frozenset((p, e) for p, e in lowest.items() if e < 0 and isinstance(p, ex.Symbol))
     terms = tm.multiply_by(terms, outside, -1)
     sign = -1 if terms[min(terms, key=tm.rank)] < 0 else 1
@@ -181,7 +217,9 @@ def _primitive_sum(tree: ex.Sum) -> tuple[int, tm.Monomial, ex.Expression]:
 
 
 def _divided(key: tm.Monomial, x: modular.Variable) -> tm.Terms | None:
-    """The monomial with x^d = (D - r)/c for a generator D = c x^d + r with constant c; None if there is no such D."""
+    """The monomial with x^d = (D - r)/c for a generator D = c x^d + r with constant c; None if
+    there is no such D.
+    """
     power = tm.exponent_of(key, x)
     for letter in dict(key):
         if not 2 <= power <= _HIGHEST or not isinstance(letter, ex.Sum) or not ex.holds(letter, x):
@@ -200,7 +238,9 @@ def _divided(key: tm.Monomial, x: modular.Variable) -> tm.Terms | None:
 def quadratic_candidates(
     key: tm.Monomial, variable: modular.Variable, table: real_branch.RealTable | None = None
 ) -> Iterator[tm.Monomial]:
-    """Candidates for the antiderivative of the monomial without constant factors, real at the point of a table."""
+    """Candidates for the antiderivative of the monomial without constant factors, real at the point
+    of a table.
+    """
     for letter, e in key:
         whole = e.denominator == 1 and e < 0
         if isinstance(letter, ex.Sum) and abs(e) <= bounds.POWER and (whole or e.denominator == 2):
@@ -209,7 +249,11 @@ def quadratic_candidates(
 
 
 def _of_letter(
-    key: tm.Monomial, letter: ex.Sum, e: Fraction, x: modular.Variable, table: real_branch.RealTable | None
+    key: tm.Monomial,
+    letter: ex.Sum,
+    e: Fraction,
+    x: modular.Variable,
+    table: real_branch.RealTable | None,
 ) -> Iterator[tm.Monomial]:
     slope = tm.letter_derivative(letter, x)
     second = tm.derivative_of_terms(slope, x)
@@ -217,7 +261,9 @@ def _of_letter(
         return
     rest = tm.times(key, frozenset([(letter, e)]), -1)
     for exponent, power_of_d in _steps(e):
-        outer = tm.times(tm.times(rest, frozenset([(letter, exponent)])), monomial_of(D**power_of_d))
+        outer = tm.times(
+            tm.times(rest, frozenset([(letter, exponent)])), monomial_of(D**power_of_d)
+        )
         yield from (tm.times(outer, part) for part in slope)
     if e == Fraction(-3, 2):
         return  # 1 + 2 e is zero on the way up, so nothing remains
@@ -228,11 +274,17 @@ def _of_letter(
         inner = ex.Apply("atanh" if falling else "atan", lightest_form(p / root, ()))
         function = tm.times(monomial_of(1 / root), tm.monomial(inner))
     elif falling:
-        function = tm.monomial(ex.Apply("asin", lightest_form(p / extracted_root(ex.negated(D)), ())))
+        function = tm.monomial(
+            ex.Apply("asin", lightest_form(p / extracted_root(ex.negated(D)), ()))
+        )
     else:
-        function = tm.monomial(ex.Apply("log", _primitive_part(p + extracted_root(2 * bend) * ex.square_root(letter))))
+        function = tm.monomial(
+            ex.Apply("log", _primitive_part(p + extracted_root(2 * bend) * ex.square_root(letter)))
+        )
     last = tm.times(rest, monomial_of(D ** math.floor(e + 1)))
-    for k in range(3 if e in (-1, -_HALF) else 1):  # the variable itself may occur in the monomial: v/p, v^2/p
+    for k in range(
+        3 if e in (-1, -_HALF) else 1
+    ):  # the variable itself may occur in the monomial: v/p, v^2/p
         yield tm.times(tm.times(last, tm.monomial(x), -k), function)
 
 
@@ -247,14 +299,18 @@ def _discriminant(letter: ex.Sum, x: modular.Variable) -> ex.Expression:
 
 
 def _steps(e: Fraction) -> list[tuple[Fraction, int]]:
-    """(power of p, power of D) of the terms p' p^… D^…, up to the last negative power or down to the last positive."""
+    """(power of p, power of D) of the terms p' p^… D^…, up to the last negative power or down to
+    the last positive.
+    """
     if e < 0:
         return [(e + k, -k) for k in range(1, bounds.POWER + 1) if e + k < 0]
     return [(e - k, k) for k in range(bounds.POWER + 1) if e - k > 0]
 
 
 def _is_negative(tree: ex.Expression, table: real_branch.RealTable | None) -> bool:
-    """Whether the tree is negative at the real point or, without a point, all its terms have a minus sign."""
+    """Whether the tree is negative at the real point or, without a point, all its terms have a
+    minus sign.
+    """
     if table is not None:
         return real_branch.real_sign(tree, table) < 0
     return all(value < 0 for value in tm.terms_of(tree).values())
@@ -278,20 +334,27 @@ def _primitive_part(tree: ex.Expression) -> ex.Expression:
 def primitive(
     x: modular.Variable, wanted: tm.Terms, table: real_branch.RealTable | None = None
 ) -> ex.Expression | None:
-    """A sum of monomials with the derivative `wanted` by x, by linear algebra over candidate monomials.
+    """A sum of monomials with the derivative `wanted` by x, by linear algebra over candidate
+    monomials.
 
-    The coefficients are rational if possible; otherwise they contain generators without x. The result is real at the
-    point of a table; None if none is found. Fractions come first, with one denominator as partial fractions, with many
-    terms as logarithms; then candidates in a few rounds, each for the terms that the candidates of the last one add.
+    The coefficients are rational if possible; otherwise they contain generators without x. The
+    result is real at the point of a table; None if none is found. Fractions come first, with one
+    denominator as partial fractions, with many terms as logarithms; then candidates in a few
+    rounds, each for the terms that the candidates of the last one add.
     """
     if _has_function_without_slope((letter for key in wanted for letter, _ in key), x):
         return None
     columns: dict[tm.Monomial, tm.Terms] = {}
     wanted = _proper(wanted, x)
-    poles = {p for key in wanted for p, e in key if e < 0 and isinstance(p, ex.Sum) and ex.holds(p, x)}
+    poles = {
+        p for key in wanted for p, e in key if e < 0 and isinstance(p, ex.Sum) and ex.holds(p, x)
+    }
     if len(poles) == 1 and (found := _by_partial_fractions(x, wanted)) is not None:
         return found  # the steps below divide by the discriminant of the sum, which is slow if it contains symbols
-    if len(wanted) > bounds.FEW and (found := _by_logarithms(x, wanted, sorted(poles, key=ex.node_count))) is not None:
+    if (
+        len(wanted) > bounds.FEW
+        and (found := _by_logarithms(x, wanted, sorted(poles, key=ex.node_count))) is not None
+    ):
         return found
     fresh, most = list(wanted), 2 * bounds.COLUMNS + 4 * len(wanted)
     for _ in range(bounds.FEW):
@@ -306,7 +369,9 @@ def primitive(
         fresh = [key for m in added for key in columns[m]]
         rational = rational_solution(list(columns.values()), wanted)
         if rational is not None:
-            return _in_logarithms(tm.tree_of({m: a for m, a in zip(columns, rational, strict=True) if a}))
+            return _in_logarithms(
+                tm.tree_of({m: a for m, a in zip(columns, rational, strict=True) if a})
+            )
         found = _with_constants(x, columns, wanted)
         if found is not None:
             return _in_logarithms(found)
@@ -318,9 +383,15 @@ def _has_function_without_slope(trees: Iterable[ex.Expression], x: modular.Varia
 
     Such a formula has no elementary antiderivative: with f in it, its slope contains f'.
     """
-    found = [node for node in ex.distinct_nodes(trees) if isinstance(node, ex.Arbitrary) and ex.holds(node, x)]
+    found = [
+        node
+        for node in ex.distinct_nodes(trees)
+        if isinstance(node, ex.Arbitrary) and ex.holds(node, x)
+    ]
     derived = {node.name for node in found if any(node.orders)}
-    return not any(isinstance(node, ex.Integral) for node in found) and any(node.name not in derived for node in found)
+    return not any(isinstance(node, ex.Integral) for node in found) and any(
+        node.name not in derived for node in found
+    )
 
 
 def _in_logarithms(tree: ex.Expression) -> ex.Expression:
@@ -334,49 +405,77 @@ def _in_logarithms(tree: ex.Expression) -> ex.Expression:
     return ex.substitute(tree, table) if table else tree
 
 
-def _by_logarithms(x: modular.Variable, wanted: tm.Terms, poles: Sequence[ex.Expression]) -> ex.Expression | None:
-    """sum c_p log p over denominators p, by the relations of a ring: one fraction of sines of one angle is short in
-    one variable only."""
+def _by_logarithms(
+    x: modular.Variable, wanted: tm.Terms, poles: Sequence[ex.Expression]
+) -> ex.Expression | None:
+    """sum c_p log p over denominators p, by the relations of a ring: one fraction of sines of one
+    angle is short in one variable only.
+    """
     trees = [tm.tree_of(wanted), *(calculus.differentiate(p, x) / p for p in poles)]
     with suppress(exact_field.TooLarge, errors.IrreducibleAtoms, ZeroDivisionError, KeyError):
         ring = exact_field.exact_ring(trees, [x], 1, exact_field.Budget.short())
         right, *columns = ([ring.value(tree)] for tree in trees)
         if (found := matrices.solution(ring, columns, right)) is not None:
-            return ex.dot((exact_field.quotient_tree(ring, c) for c in found), (ex.Apply("log", p) for p in poles))
+            return ex.dot(
+                (exact_field.quotient_tree(ring, c) for c in found),
+                (ex.Apply("log", p) for p in poles),
+            )
     return None
 
 
-def _with_constants(x: modular.Variable, columns: Iterable[tm.Monomial], wanted: tm.Terms) -> ex.Expression | None:
+def _with_constants(
+    x: modular.Variable, columns: Iterable[tm.Monomial], wanted: tm.Terms
+) -> ex.Expression | None:
     """The sum with coefficients from the field of the generators without x."""
     varying = dict.fromkeys(frozenset(item for item in m if ex.holds(item[0], x)) for m in columns)
     plain = {m: _proper(tm.derivative_of_terms({m: Fraction(1)}, x), x) for m in varying if m}
     if not plain or len(varying) > bounds.COLUMNS:
         return None
-    found = _combination([tm.grouped(terms, lambda letter: ex.holds(letter, x)) for terms in (*plain.values(), wanted)])
-    return None if found is None else ex.add(*(c * tm.monomial_tree(list(plain)[k]) for k, c in found))
+    found = _combination(
+        [
+            tm.grouped(terms, lambda letter: ex.holds(letter, x))
+            for terms in (*plain.values(), wanted)
+        ]
+    )
+    return (
+        None if found is None else ex.add(*(c * tm.monomial_tree(list(plain)[k]) for k, c in found))
+    )
 
 
-def _combination(sides: Sequence[Mapping[tm.Monomial, tm.Terms]]) -> list[tuple[int, ex.Expression]] | None:
-    """(k, c_k) with sum_k c_k sides[k] = sides[-1], c_k in the field of the generators of the coefficients."""
+def _combination(
+    sides: Sequence[Mapping[tm.Monomial, tm.Terms]],
+) -> list[tuple[int, ex.Expression]] | None:
+    """(k, c_k) with sum_k c_k sides[k] = sides[-1], c_k in the field of the generators of the
+    coefficients.
+    """
     trees = [
-        [tm.tree_of(side.get(key, {})) for side in sides] for key in dict.fromkeys(k for side in sides for k in side)
+        [tm.tree_of(side.get(key, {})) for side in sides]
+        for key in dict.fromkeys(k for side in sides for k in side)
     ]
     try:
         budget = exact_field.Budget.short()
-        ring = exact_field.exact_ring([tree for row in trees for tree in row], [], 0, budget, slopes=False)
-        found = matrices.reduced_rows([[ring.value(tree) for tree in row] for row in trees], range(len(sides)))
+        ring = exact_field.exact_ring(
+            [tree for row in trees for tree in row], [], 0, budget, slopes=False
+        )
+        found = matrices.reduced_rows(
+            [[ring.value(tree) for tree in row] for row in trees], range(len(sides))
+        )
     except (exact_field.TooLarge, ZeroDivisionError):
         return None
     if len(sides) - 1 in found.pivots:
         return None
-    return [(k, exact_field.quotient_tree(ring, row[-1])) for k, row in zip(found.pivots, found.rows, strict=True)]
+    return [
+        (k, exact_field.quotient_tree(ring, row[-1]))
+        for k, row in zip(found.pivots, found.rows, strict=True)
+    ]
 
 
 def _by_partial_fractions(x: modular.Variable, wanted: tm.Terms) -> ex.Expression | None:
-    """sum c_p log p + c_q atan(q') + (c_j + d_j x) p^-j + c_k x^k over the irreducible factors p, q of denominators.
+    """sum c_p log p + c_q atan(q') + (c_j + d_j x) p^-j + c_k x^k over the irreducible factors p, q
+    of denominators.
 
-    Everything free of x is constant. All integrals of rational functions whose denominators have factors of degree 1
-    and 2 in x have this form.
+    Everything free of x is constant. All integrals of rational functions whose denominators have
+    factors of degree 1 and 2 in x have this form.
     """
     wanted = tm.sum_of(_with_factors(key, value, x) for key, value in wanted.items())
     poles = dict[ex.Expression, int]()
@@ -392,7 +491,9 @@ def _by_partial_fractions(x: modular.Variable, wanted: tm.Terms) -> ex.Expressio
     def by_generators(terms: tm.Terms) -> dict[tm.Monomial, tm.Terms]:
         """The terms over the common denominator, grouped by their x-dependent factors."""
         terms = tm.sum_of(_with_one_sum(key, value) for key, value in terms.items())
-        numerator = ex.add(*(value * tm.monomial_tree(tm.times(key, whole)) for key, value in terms.items()))
+        numerator = ex.add(
+            *(value * tm.monomial_tree(tm.times(key, whole)) for key, value in terms.items())
+        )
         return tm.grouped(tm.terms_of(numerator), lambda letter: ex.holds(letter, x))
 
     right = by_generators(wanted)
@@ -403,10 +504,16 @@ def _by_partial_fractions(x: modular.Variable, wanted: tm.Terms) -> ex.Expressio
         primitives += [frozenset([(letter, Fraction(-j))]) for j in range(1, most)]
         degrees = [tm.exponent_of(key, x) for key in tm.terms_of(letter)]
         if max(degrees) == 2 and min(degrees) >= 0:
-            primitives += [frozenset([(x, Fraction(1)), (letter, Fraction(-j))]) for j in range(1, most)]
+            primitives += [
+                frozenset([(x, Fraction(1)), (letter, Fraction(-j))]) for j in range(1, most)
+            ]
             primitives += [*quadratic_candidates(frozenset([(letter, Fraction(-1))]), x)][:1]
-    found = _combination([*(by_generators(tm.derivative_of_terms({m: Fraction(1)}, x)) for m in primitives), right])
-    return None if found is None else ex.add(*(c * tm.monomial_tree(primitives[k]) for k, c in found))
+    found = _combination(
+        [*(by_generators(tm.derivative_of_terms({m: Fraction(1)}, x)) for m in primitives), right]
+    )
+    return (
+        None if found is None else ex.add(*(c * tm.monomial_tree(primitives[k]) for k, c in found))
+    )
 
 
 def _with_factors(key: tm.Monomial, value: Fraction, x: modular.Variable) -> tm.Terms:
@@ -414,20 +521,34 @@ def _with_factors(key: tm.Monomial, value: Fraction, x: modular.Variable) -> tm.
     found: tm.Terms = {key: value}
     for letter, e in key:
         if isinstance(letter, ex.Sum) and e < 0 and e.denominator == 1 and ex.holds(letter, x):
-            rest = tm.sum_of({tm.times(k, frozenset([(letter, e)]), -1): a} for k, a in found.items())
+            rest = tm.sum_of(
+                {tm.times(k, frozenset([(letter, e)]), -1): a} for k, a in found.items()
+            )
             found = tm.multiply_terms(rest, tm.power_of_factors(tm.terms_of(letter), e))
     return tm.sum_of(_with_one_sum(k, a) for k, a in found.items())
 
 
 def antiderivative(
-    system: SecondOrderSystem, slope: ex.Expression, variable: modular.Variable, table: real_branch.RealTable | None
+    system: SecondOrderSystem,
+    slope: ex.Expression,
+    variable: modular.Variable,
+    table: real_branch.RealTable | None,
 ) -> ex.Expression | None:
     """An elementary antiderivative of a formula in one variable; None if none is found."""
     names = fresh_names(system, slope)
     letter, inner, deeper = (ex.Symbol(next(names)) for _ in range(3))
-    plain = writing.joined(ex.substitute(slope if table is None else real_form(slope, table), {variable: letter}))
-    forms = [(plain, letter, letter), *((form, inner, w) for form, w in _substitutions(plain, letter, inner))]
-    forms += [(form, deeper, ex.substitute(w, {x: of})) for g, x, of in forms for form, w in _by_roots(g, x, deeper)]
+    plain = writing.joined(
+        ex.substitute(slope if table is None else real_form(slope, table), {variable: letter})
+    )
+    forms = [
+        (plain, letter, letter),
+        *((form, inner, w) for form, w in _substitutions(plain, letter, inner)),
+    ]
+    forms += [
+        (form, deeper, ex.substitute(w, {x: of}))
+        for g, x, of in forms
+        for form, w in _by_roots(g, x, deeper)
+    ]
     for form, name, meant in forms:
         with suppress(tm.TooManyTerms, exact_field.TooLarge, ZeroDivisionError):
             found = primitive(name, tm.terms_of(form))
@@ -436,9 +557,17 @@ def antiderivative(
     return None
 
 
-def _by_roots(slope: ex.Expression, x: ex.Symbol, w: ex.Symbol) -> Iterator[tuple[ex.Expression, ex.Expression]]:
-    """(g, w) with slope = g(w) w' and w = (a x + b)^(1/q), if the slope contains a root of a x + b."""
-    powers = [node for node in ex.distinct_nodes((slope,)) if isinstance(node, ex.Power) and ex.holds(node, x)]
+def _by_roots(
+    slope: ex.Expression, x: ex.Symbol, w: ex.Symbol
+) -> Iterator[tuple[ex.Expression, ex.Expression]]:
+    """(g, w) with slope = g(w) w' and w = (a x + b)^(1/q), if the slope contains a root of a x +
+    b.
+    """
+    powers = [
+        node
+        for node in ex.distinct_nodes((slope,))
+        if isinstance(node, ex.Power) and ex.holds(node, x)
+    ]
     roots = [(node, node.exponent.value) for node in powers if isinstance(node.exponent, ex.Number)]
     for base in dict.fromkeys(node.base for node, e in roots if e.denominator > 1):
         rate = calculus.differentiate(base, x)
@@ -446,7 +575,10 @@ def _by_roots(slope: ex.Expression, x: ex.Symbol, w: ex.Symbol) -> Iterator[tupl
             q = math.lcm(*(e.denominator for node, e in roots if node.base == base))
             values = {node: w ** (q * e) for node, e in roots if node.base == base}
             place = {x: (w**q - ex.substitute(base, {x: ex.ZERO})) / rate}
-            yield q * w ** (q - 1) / rate * ex.substitute(ex.substitute(slope, values), place), base ** Fraction(1, q)
+            yield (
+                q * w ** (q - 1) / rate * ex.substitute(ex.substitute(slope, values), place),
+                base ** Fraction(1, q),
+            )
 
 
 def _substitutions(
@@ -454,10 +586,12 @@ def _substitutions(
 ) -> Iterator[tuple[ex.Expression, ex.Expression]]:
     """(g, w) with slope = g(w(x)) w'(x), g in the symbol `inner`.
 
-    w is x^2, a function of x that occurs, sin^2, sin, cos, tan (Bioche's rules) or tan(u/2) (Weierstrass) of an angle
-    u, or exp(u) for hyperbolic functions.
+    w is x^2, a function of x that occurs, sin^2, sin, cos, tan (Bioche's rules) or tan(u/2)
+    (Weierstrass) of an angle u, or exp(u) for hyperbolic functions.
     """
-    functions = dict.fromkeys(node for node in ex.walk(slope) if isinstance(node, ex.Apply) and x in ex.walk(node))
+    functions = dict.fromkeys(
+        node for node in ex.walk(slope) if isinstance(node, ex.Apply) and x in ex.walk(node)
+    )
     for w in (x**2, *functions):
         outer = collecting.merge_powers(slope / calculus.differentiate(w, x))
         table: dict[ex.Expression, ex.Expression] = {w: inner}
@@ -465,13 +599,17 @@ def _substitutions(
             exponents = {
                 node: node.exponent.value / 2
                 for node in ex.walk(outer)
-                if isinstance(node, ex.Power) and node.base == x and isinstance(node.exponent, ex.Number)
+                if isinstance(node, ex.Power)
+                and node.base == x
+                and isinstance(node.exponent, ex.Number)
             }
             table = {node: inner**half for node, half in exponents.items() if half.denominator == 1}
         form = ex.substitute(outer, table)
         if x not in ex.walk(form):
             yield form, w
-    for angle in dict.fromkeys(node.argument for node in functions if node.function in elementary.CIRCULAR):
+    for angle in dict.fromkeys(
+        node.argument for node in functions if node.function in elementary.CIRCULAR
+    ):
         yield from _circular(slope, x, angle, inner)
     exponential = [node for node in functions if node.function in ("exp", "sinh", "cosh", "tanh")]
     for u in dict.fromkeys(node.argument for node in exponential):
@@ -481,9 +619,12 @@ def _substitutions(
             if isinstance(multiple, ex.Number) and multiple.value.denominator == 1:
                 w = inner**multiple
                 rising, falling = ex.HALF * (w + 1 / w), ex.HALF * (w - 1 / w)
-                values[node] = {"exp": w, "cosh": rising, "sinh": falling, "tanh": (w**2 - 1) / (w**2 + 1)}[
-                    node.function
-                ]
+                values[node] = {
+                    "exp": w,
+                    "cosh": rising,
+                    "sinh": falling,
+                    "tanh": (w**2 - 1) / (w**2 + 1),
+                }[node.function]
         form = ex.substitute(slope / (inner * calculus.differentiate(u, x)), values)
         if x not in ex.walk(form):
             yield form, ex.Apply("exp", u)
@@ -492,7 +633,9 @@ def _substitutions(
 def _circular(
     slope: ex.Expression, x: ex.Symbol, angle: ex.Expression, w: ex.Symbol
 ) -> Iterator[tuple[ex.Expression, ex.Expression]]:
-    """The substitutions for functions of one angle, whose sine and cosine have squares rational in each other."""
+    """The substitutions for functions of one angle, whose sine and cosine have squares rational in
+    each other.
+    """
     sine, cosine, tangent = (ex.Apply(name, angle) for name in ("sin", "cos", "tan"))
     others = {"tan": sine / cosine, "cot": cosine / sine, "sec": 1 / cosine, "csc": 1 / sine}
     plain = ex.substitute(slope, {ex.Apply(name, angle): value for name, value in others.items()})
@@ -514,7 +657,9 @@ def _circular(
         yield form, ex.Apply("tan", ex.HALF * angle)
 
 
-def _with_squares(tree: ex.Expression, squares: Mapping[ex.Expression, ex.Expression]) -> ex.Expression:
+def _with_squares(
+    tree: ex.Expression, squares: Mapping[ex.Expression, ex.Expression]
+) -> ex.Expression:
     """The tree with these replacements for the squares of functions, in all even powers."""
     match tree:
         case ex.Power(base, ex.Number(e)) if base in squares and e.denominator == 1 and e % 2 == 0:
@@ -523,10 +668,11 @@ def _with_squares(tree: ex.Expression, squares: Mapping[ex.Expression, ex.Expres
 
 
 def real_form(tree: ex.Expression, table: real_branch.RealTable) -> ex.Expression:
-    """The tree in a form that is real at the point: log(-u) for log(u) if u < 0, sqrt(-u)*sqrt(-w) for sqrt(u)*sqrt(w).
+    """The tree in a form that is real at the point: log(-u) for log(u) if u < 0, sqrt(-u)*sqrt(-w)
+    for sqrt(u)*sqrt(w).
 
-    The first changes it by a constant. In the second, sqrt(u)*sqrt(w) represents sqrt(u*w) next to integer powers of u.
-    Odd roots of u < 0 are those of -u with their sign.
+    The first changes it by a constant. In the second, sqrt(u)*sqrt(w) represents sqrt(u*w) next to
+    integer powers of u. Odd roots of u < 0 are those of -u with their sign.
     """
     with suppress(calculus.NoRealValue, errors.IrreducibleAtoms):
         return tree if real_branch.is_defined([tree], table) else _turned(tree, table)
@@ -537,7 +683,11 @@ def _turned(tree: ex.Expression, table: real_branch.RealTable) -> ex.Expression:
     tree = ex.rebuild(tree, lambda part: _turned(part, table))
     if isinstance(tree, ex.Integral):
         return replace(tree, slopes=tuple(slope and _turned(slope, table) for slope in tree.slopes))
-    if isinstance(tree, ex.Apply) and tree.function == "log" and real_branch.real_sign(tree.argument, table) < 0:
+    if (
+        isinstance(tree, ex.Apply)
+        and tree.function == "log"
+        and real_branch.real_sign(tree.argument, table) < 0
+    ):
         return ex.Apply("log", ex.negated(tree.argument))
     match tree:
         case ex.Power(base, ex.Number(e)) if (
@@ -546,7 +696,8 @@ def _turned(tree: ex.Expression, table: real_branch.RealTable) -> ex.Expression:
             return ex.number((-1) ** (e.numerator % 2)) * ex.negated(base) ** e
     factors = tree.factors if isinstance(tree, ex.Product) else ()
     halves: dict[ex.Expression, ex.Expression] = {
-        factor: ex.negated(factor.base) ** factor.exponent * (-1) ** (math.floor(factor.exponent.value) % 2)
+        factor: ex.negated(factor.base) ** factor.exponent
+        * (-1) ** (math.floor(factor.exponent.value) % 2)
         for factor in factors
         if isinstance(factor, ex.Power)
         and isinstance(factor.exponent, ex.Number)
@@ -560,16 +711,20 @@ def _turned(tree: ex.Expression, table: real_branch.RealTable) -> ex.Expression:
 def fresh_names(system: SecondOrderSystem, *trees: ex.Expression) -> Iterator[str]:
     """Unused names for functions."""
     used = {*system.names.declared()}
-    used |= {node.name for tree in trees for node in ex.walk(tree) if isinstance(node, ex.Arbitrary)}
-    yield from (name for name in (*_NAMES, *(f"F_{k}" for k in range(1, 1_000))) if name not in used)
+    used |= {
+        node.name for tree in trees for node in ex.walk(tree) if isinstance(node, ex.Arbitrary)
+    }
+    yield from (
+        name for name in (*_NAMES, *(f"F_{k}" for k in range(1, 1_000))) if name not in used
+    )
 
 
 @dataclass(slots=True)
 class Integrator:
     """Integrate over the coordinates of one system.
 
-    With `integral_signs`, nonelementary integrals are left unevaluated instead of ending the attempt.
-    `table` is a real point at which the results must be real.
+    With `integral_signs`, nonelementary integrals are left unevaluated instead of ending the
+    attempt. `table` is a real point at which the results must be real.
     """
 
     system: SecondOrderSystem
@@ -580,7 +735,9 @@ class Integrator:
     def __post_init__(self) -> None:
         self.names = fresh_names(self.system)
 
-    def function_of(self, variables: Sequence[modular.Variable], slopes: Sequence[tm.Terms]) -> tm.Terms | None:
+    def function_of(
+        self, variables: Sequence[modular.Variable], slopes: Sequence[tm.Terms]
+    ) -> tm.Terms | None:
         """phi with d phi/d variables[i] = slopes[i]; None if there is none, or none is found."""
         if not _is_closed(variables, slopes):
             return None
@@ -603,8 +760,13 @@ class Integrator:
         return None if any(rest) and not all(is_zero(terms) for terms in rest) else total
 
     def with_hessian(self, entries: Sequence[tm.Terms]) -> tm.Terms | None:
-        """An elementary function with these second derivatives by the velocities, in the order 11, 12, … 1n, 22, …."""
-        plain, velocities = Integrator(self.system, self.table), list(map(ex.Velocity, self.system.coordinates))
+        """An elementary function with these second derivatives by the velocities, in the order 11,
+        12, … 1n, 22, ….
+        """
+        plain, velocities = (
+            Integrator(self.system, self.table),
+            list(map(ex.Velocity, self.system.coordinates)),
+        )
         places = range(len(velocities))
         entry = dict(zip(combinations_with_replacement(places, 2), entries, strict=True))
         momenta = list[tm.Terms]()
@@ -618,14 +780,18 @@ class Integrator:
     def _sum_of_named_integrals(
         self, variables: Sequence[modular.Variable], slopes: Sequence[tm.Terms], k: int
     ) -> tm.Terms:
-        """The function with these closed slopes as named integrals, with constant factors outside the integral sign."""
+        """The function with these closed slopes as named integrals, with constant factors outside
+        the integral sign.
+        """
         rest = [self.in_normal_form(terms) for terms in slopes]
         moving = {q: terms for q, terms in zip(variables, rest, strict=True) if terms}
         if len(moving) > 1:  # one function of all of them, such as G(x - y) with the force F(x - y)
             parameters = set(map(ex.Symbol, self.system.parameters))
             common = frozenset.intersection(*(key for terms in moving.values() for key in terms))
             constants: tm.Monomial = frozenset(item for item in common if item[0] in parameters)
-            inside = {q: tm.tree_of(tm.multiply_by(terms, constants, -1)) for q, terms in moving.items()}
+            inside = {
+                q: tm.tree_of(tm.multiply_by(terms, constants, -1)) for q, terms in moving.items()
+            }
             return tm.multiply_terms({constants: Fraction(1)}, self.named_integral(inside))
         return tm.sum_of(
             tm.multiply_terms(beside, self.named_integral({variables[k]: tm.tree_of(inner)}))
@@ -633,11 +799,17 @@ class Integrator:
         )
 
     def in_normal_form(self, terms: tm.Terms) -> tm.Terms:
-        """The sum over one denominator, simplified by relations among its generators; 0 if it vanishes."""
+        """The sum over one denominator, simplified by relations among its generators; 0 if it
+        vanishes.
+        """
         if is_zero(terms):
             return {}
         with suppress(tm.TooManyTerms):
-            return tm.terms_of(writing.quotient(tm.tree_of(terms), exact_field.Budget.short(), self.system.variables))
+            return tm.terms_of(
+                writing.quotient(
+                    tm.tree_of(terms), exact_field.Budget.short(), self.system.variables
+                )
+            )
         return terms
 
     def integral(
@@ -673,22 +845,32 @@ class Integrator:
         return total, left
 
     def _cancelled(self, terms: tm.Terms) -> tm.Terms:
-        """The terms with the coefficient of each product of constants and functions over its own denominator.
+        """The terms with the coefficient of each product of constants and functions over its own
+        denominator.
 
         a x (x - 1)/(x^2 (x - 1)) is a/x. If there are roots, the products are those of roots.
         """
         groups: dict[tm.Monomial, tm.Terms] = {}
         for key, value in terms.items():
-            roots = frozenset((p, e % 1) for p, e in key if isinstance(p, ex.Sum) and e.denominator > 1)
+            roots = frozenset(
+                (p, e % 1) for p, e in key if isinstance(p, ex.Sum) and e.denominator > 1
+            )
             groups.setdefault(roots, {})[tm.times(key, roots, -1)] = value
         if not any(groups):
             parameters = set(map(ex.Symbol, self.system.parameters))
-            groups = tm.grouped(terms, lambda letter: letter in parameters or isinstance(letter, ex.Apply))
-        parts = [tm.multiply_terms({key: Fraction(1)}, self.in_normal_form(inner)) for key, inner in groups.items()]
+            groups = tm.grouped(
+                terms, lambda letter: letter in parameters or isinstance(letter, ex.Apply)
+            )
+        parts = [
+            tm.multiply_terms({key: Fraction(1)}, self.in_normal_form(inner))
+            for key, inner in groups.items()
+        ]
         return tm.sum_of(parts)
 
     def named_integral(self, known: Mapping[modular.Variable, ex.Expression]) -> tm.Terms:
-        """One function F of all variables in these slopes, its derivatives; the other derivatives are unspecified."""
+        """One function F of all variables in these slopes, its derivatives; the other derivatives
+        are unspecified.
+        """
         names = (ex.TIME, *map(ex.Symbol, self.system.coordinates))
         others = [name for name in names if any(ex.holds(slope, name) for slope in known.values())]
         arguments = tuple(dict.fromkeys([*others, *known]))
@@ -696,20 +878,27 @@ class Integrator:
         return tm.terms_of(ex.Integral(next(self.names), arguments, (0,) * len(arguments), slopes))
 
     def exponential(self, logarithm: tm.Terms) -> tm.Terms:
-        """exp of a sum: c log(u) with constant c gives u^c, or (-u)^c if u is negative at the real point."""
+        """exp of a sum: c log(u) with constant c gives u^c, or (-u)^c if u is negative at the real
+        point.
+        """
         product: tm.Terms = dict(ONE_TERM)
         varying = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
         coefficients: dict[ex.Apply, tm.Terms] = {}
         rest = tm.Terms()
         for key, value in logarithm.items():
-            log = next((p for p, e in key if isinstance(p, ex.Apply) and p.function == "log" and e == 1), None)
+            log = next(
+                (p for p, e in key if isinstance(p, ex.Apply) and p.function == "log" and e == 1),
+                None,
+            )
             if log is None:
                 rest[key] = value
             else:
                 coefficients.setdefault(log, {})[key - {(log, Fraction(1))}] = value
         exponents: dict[ex.Expression, tm.Terms] = {}
         for log, coefficient in coefficients.items():
-            if any(tm.depends_on(coefficient, name) for name in varying):  # x^2/(x^2 + 1) + 1/(x^2 + 1) is 1
+            if any(
+                tm.depends_on(coefficient, name) for name in varying
+            ):  # x^2/(x^2 + 1) + 1/(x^2 + 1) is 1
                 coefficient = self.in_normal_form(coefficient)
             if any(tm.depends_on(coefficient, name) for name in varying):
                 rest = tm.add_terms(rest, tm.multiply_by(coefficient, tm.monomial(log)))
@@ -719,27 +908,41 @@ class Integrator:
         for base, exponent in exponents.items():
             groups.setdefault(tm.tree_of(exponent), []).append(tm.positive_form(base, self.table))
         for power, bases in groups.items():
-            together = tm.collected(ex.multiply(*bases))  # sqrt(1 - x^2) for sqrt(1 - x) sqrt(1 + x)
+            together = tm.collected(
+                ex.multiply(*bases)
+            )  # sqrt(1 - x^2) for sqrt(1 - x) sqrt(1 + x)
             is_root = isinstance(power, ex.Number) and power.value.denominator > 1
             shorter = is_root and ex.node_count(together) < ex.node_count(ex.multiply(*bases))
             for base in [together] if shorter else bases:
                 product = tm.multiply_terms(product, tm.terms_of(base**power))
-        return tm.multiply_terms(product, tm.terms_of(ex.Apply("exp", tm.tree_of(rest)))) if rest else product
+        return (
+            tm.multiply_terms(product, tm.terms_of(ex.Apply("exp", tm.tree_of(rest))))
+            if rest
+            else product
+        )
 
     def linear_terms(self, wanted: Sequence[tm.Terms]) -> tm.Terms | None:
-        """A_i v_i - V with these Euler-Lagrange expressions, one for each coordinate; None if none is found."""
+        """A_i v_i - V with these Euler-Lagrange expressions, one for each coordinate; None if none
+        is found.
+        """
         names = self.system.coordinates
         symbols = [ex.Symbol(name) for name in names]
-        # An expression may be affine in the velocities only after simplification by relations among generators.
+        # An expression may be affine in the velocities only after simplification by relations among
+        # generators.
         velocities = list(map(ex.Velocity, names))
-        rest = [self.in_normal_form(w) if tm.affine_parts(w, velocities) is None else w for w in wanted]
+        rest = [
+            self.in_normal_form(w) if tm.affine_parts(w, velocities) is None else w for w in wanted
+        ]
         total = tm.Terms()
         for i, j in combinations(range(len(names)), 2):
             magnetic = _round_potential(names, rest, i, j)
             if magnetic is not None:
                 total = tm.add_terms(total, tm.terms_of(magnetic))
                 own = expressions_without_acceleration(names, tm.terms_of(magnetic))
-                rest = [self.in_normal_form(tm.add_terms(w, part, -1)) for w, part in zip(rest, own, strict=True)]
+                rest = [
+                    self.in_normal_form(tm.add_terms(w, part, -1))
+                    for w, part in zip(rest, own, strict=True)
+                ]
         fields: dict[tuple[int, int], tm.Terms] = {}
         slopes = list[tm.Terms]()
         for i, terms in enumerate(rest):
@@ -748,11 +951,14 @@ class Integrator:
                 return None
             slopes.append(parts[0])
             fields |= {(i, j): part for j, part in enumerate(parts[1]) if part}
-        if not all(is_zero(tm.add_terms(field, fields.get((j, i), {}))) for (i, j), field in fields.items()):
+        if not all(
+            is_zero(tm.add_terms(field, fields.get((j, i), {}))) for (i, j), field in fields.items()
+        ):
             return None
         # Keep one of two forms of the same field, such as (2 + sqrt(5))^(1/3) and (1 + sqrt(5))/2.
         fields = {
-            (i, j): tm.scaled(fields[j, i], -1) if (j, i) in fields and i > j else f for (i, j), f in fields.items()
+            (i, j): tm.scaled(fields[j, i], -1) if (j, i) in fields and i > j else f
+            for (i, j), f in fields.items()
         }
         potential = self._vector_potential(fields, slopes)
         if potential is None:
@@ -767,12 +973,13 @@ class Integrator:
     def _vector_potential(
         self, fields: dict[tuple[int, int], tm.Terms], slopes: Sequence[tm.Terms]
     ) -> dict[int, tm.Terms] | None:
-        """A_i with d_j A_i - d_i A_j = fields[i, j] and the symmetries of `slopes`, the other terms.
+        """A_i with d_j A_i - d_i A_j = fields[i, j] and the symmetries of `slopes`, the other
+        terms.
 
-        A constant field is integrated along rays if the forces are invariant or coupled. Else one coordinate q_k at a
-        time is finished: fields[i, k] is integrated over q_k for each i, which gives a part of A_i, and the slopes of
-        this part are subtracted from the other fields. The coordinate on which most fields depend comes first, so that
-        cyclic ones stay cyclic.
+        A constant field is integrated along rays if the forces are invariant or coupled. Else one
+        coordinate q_k at a time is finished: fields[i, k] is integrated over q_k for each i, which
+        gives a part of A_i, and the slopes of this part are subtracted from the other fields. The
+        coordinate on which most fields depend comes first, so that cyclic ones stay cyclic.
         """
         symbols = [ex.Symbol(name) for name in self.system.coordinates]
         ordered = sorted(pair for pair in fields if pair[0] < pair[1])
@@ -785,9 +992,15 @@ class Integrator:
         found, done = dict[int, tm.Terms](), set[int]()
         rest = {pair: dict(terms) for pair, terms in fields.items()}
         while rest := {pair: terms for pair, terms in rest.items() if terms and not is_zero(terms)}:
-            held = {k: sum(tm.depends_on(terms, q) for terms in rest.values()) for k, q in enumerate(symbols)}
+            held = {
+                k: sum(tm.depends_on(terms, q) for terms in rest.values())
+                for k, q in enumerate(symbols)
+            }
             order = sorted({j for pair in rest for j in pair}, key=lambda k: (-held[k], k))
-            for k in (*order, order[0]):  # the first one under an integral sign if all leave something
+            for k in (
+                *order,
+                order[0],
+            ):  # the first one under an integral sign if all leave something
                 parts = {i: self.integral(rest[i, k], symbols[k]) for i, j in rest if j == k}
                 if not any(left for _, left in parts.values()):
                     break
@@ -804,7 +1017,8 @@ class Integrator:
                         rest[i, m] = tm.add_terms(rest.get((i, m), {}), slope, -1)
                         rest[m, i] = tm.add_terms(rest.get((m, i), {}), slope)
             done.add(k)
-            # A field with sources (d_i F_jk + d_j F_ki + d_k F_ij != 0) depends on finished coordinates.
+            # A field with sources (d_i F_jk + d_j F_ki + d_k F_ij != 0) depends on finished
+            # coordinates.
             if any(done & {*pair} and not is_zero(terms) for pair, terms in rest.items()):
                 return None
             rest = {pair: terms for pair, terms in rest.items() if not done & {*pair}}
@@ -823,14 +1037,27 @@ def expressions_without_acceleration(names: Sequence[str], terms: tm.Terms) -> l
     return found
 
 
-def _round_potential(names: Sequence[str], wanted: Sequence[tm.Terms], i: int, j: int) -> ex.Expression | None:
-    """A(s) (x y' - y x') for the terms B y' of E_x, -B x' of E_y if B depends on x and y only through s = x^2 + y^2.
+def _round_potential(
+    names: Sequence[str], wanted: Sequence[tm.Terms], i: int, j: int
+) -> ex.Expression | None:
+    """A(s) (x y' - y x') for the terms B y' of E_x, -B x' of E_y if B depends on x and y only
+    through s = x^2 + y^2.
 
-    It is regular where B is: B = -2 (s A)', and s A is the integral of -x B over x at y = 0, from the axis if possible.
+    It is regular where B is: B = -2 (s A)', and s A is the integral of -x B over x at y = 0, from
+    the axis if possible.
     """
-    x, y, v, w = ex.Symbol(names[i]), ex.Symbol(names[j]), ex.Velocity(names[i]), ex.Velocity(names[j])
+    x, y, v, w = (
+        ex.Symbol(names[i]),
+        ex.Symbol(names[j]),
+        ex.Velocity(names[i]),
+        ex.Velocity(names[j]),
+    )
     field = tm.coefficient(wanted[i], tm.monomial(w))
-    if not field or not _is_round(field, x, y) or tm.add_terms(field, tm.coefficient(wanted[j], tm.monomial(v))):
+    if (
+        not field
+        or not _is_round(field, x, y)
+        or tm.add_terms(field, tm.coefficient(wanted[j], tm.monomial(v)))
+    ):
         return None
     square, s = x**2 + y**2, ex.Symbol("a square")
     turn, beside = y * v - x * w, ex.substitute(tm.tree_of(field), {y: ex.ZERO})
@@ -841,26 +1068,41 @@ def _round_potential(names: Sequence[str], wanted: Sequence[tm.Terms], i: int, j
     if flux is None:
         return None
     if is_even:
-        from_axis = writing.quotient((flux - ex.substitute(flux, {s: ex.ZERO})) / s, exact_field.Budget.short())
+        from_axis = writing.quotient(
+            (flux - ex.substitute(flux, {s: ex.ZERO})) / s, exact_field.Budget.short()
+        )
         if ex.ZERO not in ex.walk(ex.substitute(from_axis, {s: ex.ZERO})):
             return ex.substitute(from_axis, {s: square}) * turn
-    table = {x**2: square, ex.Apply("log", x): ex.HALF * ex.Apply("log", square), x: ex.square_root(square), s: square}
+    table = {
+        x**2: square,
+        ex.Apply("log", x): ex.HALF * ex.Apply("log", square),
+        x: ex.square_root(square),
+        s: square,
+    }
     return ex.substitute(flux, table) * square**-1 * turn
 
 
 def _is_round(field: tm.Terms, x: ex.Symbol, y: ex.Symbol) -> bool:
     """Whether the field depends on x^2 + y^2, and on x and y only through it: x B_y = y B_x."""
     slopes = [tm.derivative_of_terms(field, variable) for variable in (x, y)]
-    turned = [tm.multiply_by(slope, tm.monomial(q)) for slope, q in zip(slopes, (y, x), strict=True)]
+    turned = [
+        tm.multiply_by(slope, tm.monomial(q)) for slope, q in zip(slopes, (y, x), strict=True)
+    ]
     return bool(slopes[0]) and turned[0] == turned[1]
 
 
 def _outside(slope: tm.Terms, variable: modular.Variable) -> list[tuple[tm.Terms, tm.Terms]]:
-    """(c, g) with slope = sum of c g; c is free of the variable, g has no other factors, no two c are multiples."""
+    """(c, g) with slope = sum of c g; c is free of the variable, g has no other factors, no two c
+    are multiples.
+    """
     pairs: list[tuple[tm.Terms, tm.Terms]] = []
     for key, beside in tm.grouped(slope, lambda letter: ex.holds(letter, variable)).items():
         for known, inner in pairs:
-            ratios = {beside[one] / known[one] for one in known} if known.keys() == beside.keys() else set()
+            ratios = (
+                {beside[one] / known[one] for one in known}
+                if known.keys() == beside.keys()
+                else set()
+            )
             if len(ratios) == 1:
                 inner[key] = ratios.pop()
                 break
@@ -879,7 +1121,9 @@ def _is_closed(variables: Sequence[modular.Variable], slopes: Sequence[tm.Terms]
 
 
 def is_zero(terms: tm.Terms) -> bool:
-    """Whether the sum vanishes, possibly by relations among its generators: tested at random points."""
+    """Whether the sum vanishes, possibly by relations among its generators: tested at random
+    points.
+    """
     if len(terms) < 2:
         return not terms
     try:
@@ -889,12 +1133,16 @@ def is_zero(terms: tm.Terms) -> bool:
 
 
 def power_rule(own: tm.Monomial, beside: tm.Terms, x: modular.Variable) -> tm.Terms | None:
-    """The integral of own * beside over x if the integrand is a power of x, or c u^e du/dx with u^e = own."""
+    """The integral of own * beside over x if the integrand is a power of x, or c u^e du/dx with u^e
+    = own.
+    """
     if not own:
         total, logarithm = tm.Terms(), tm.monomial(ex.Apply("log", x))
         for key, value in beside.items():
             e, raised = tm.exponent_of(key, x), tm.times(key, tm.monomial(x))
-            total[tm.times(raised, logarithm) if e == -1 else raised] = value if e == -1 else value / (e + 1)
+            total[tm.times(raised, logarithm) if e == -1 else raised] = (
+                value if e == -1 else value / (e + 1)
+            )
         return total
     if len(own) != 1:
         return None
@@ -908,19 +1156,31 @@ def power_rule(own: tm.Monomial, beside: tm.Terms, x: modular.Variable) -> tm.Te
     return tm.multiply_terms(factor, {raised: Fraction(1) if e == -1 else 1 / (e + 1)})
 
 
-def _is_turned(symbols: Sequence[ex.Symbol], slopes: Sequence[tm.Terms], pairs: Sequence[tuple[int, int]]) -> bool:
-    """Whether the potential is invariant when these pairs of coordinates are rotated, or scaled one up, one down."""
+def _is_turned(
+    symbols: Sequence[ex.Symbol], slopes: Sequence[tm.Terms], pairs: Sequence[tuple[int, int]]
+) -> bool:
+    """Whether the potential is invariant when these pairs of coordinates are rotated, or scaled one
+    up, one down.
+    """
 
     def moment(slope: int, arm: int) -> tm.Terms:
         return tm.multiply_by(slopes[slope], tm.monomial(symbols[arm]))
 
-    turning = tm.weighted_sum(part for i, j in pairs for part in ((moment(j, i), 1), (moment(i, j), -1)))
-    scaling = tm.weighted_sum(part for i, j in pairs for part in ((moment(i, i), 1), (moment(j, j), -1)))
+    turning = tm.weighted_sum(
+        part for i, j in pairs for part in ((moment(j, i), 1), (moment(i, j), -1))
+    )
+    scaling = tm.weighted_sum(
+        part for i, j in pairs for part in ((moment(i, i), 1), (moment(j, j), -1))
+    )
     return is_zero(turning) or is_zero(scaling)
 
 
-def _along_rays(fields: dict[tuple[int, int], tm.Terms], symbols: Sequence[ex.Symbol]) -> dict[int, tm.Terms] | None:
-    """A_i = q_j int_0^1 s F_ij(s q) ds of constant fields (Poincare's homotopy); None for other fields."""
+def _along_rays(
+    fields: dict[tuple[int, int], tm.Terms], symbols: Sequence[ex.Symbol]
+) -> dict[int, tm.Terms] | None:
+    """A_i = q_j int_0^1 s F_ij(s q) ds of constant fields (Poincare's homotopy); None for other
+    fields.
+    """
     if any(tm.depends_on(terms, symbol) for terms in fields.values() for symbol in symbols):
         return None
     found: dict[int, tm.Terms] = {}

@@ -1,14 +1,16 @@
-"""The rows of the ansatz: functions of the velocities times functions of position, by increasing weight.
+"""The rows of the ansatz: functions of the velocities times functions of position, by increasing
+weight.
 
-One place (t, q) shows which functions of the velocities can occur in a multiplier: for g = sum_k c_k(t, q)
-Hessian(s_k), the coefficients and their derivatives are numbers at this place, and (H2), (H3) are linear in them for
-every v. Functions s_k with c_k = 0 in all solutions are dropped before coefficients are guessed. If no solution is
-regular, no ansatz with these shapes contains a Lagrangian. The remaining functions are multiplied by short products of
-generators of f. If the Hessian of a combination is a multiplier, its Euler-Lagrange expressions are affine in the
+One place (t, q) shows which functions of the velocities can occur in a multiplier: for g = sum_k
+c_k(t, q) Hessian(s_k), the coefficients and their derivatives are numbers at this place, and (H2),
+(H3) are linear in them for every v. Functions s_k with c_k = 0 in all solutions are dropped before
+coefficients are guessed. If no solution is regular, no ansatz with these shapes contains a
+Lagrangian. The remaining functions are multiplied by short products of generators of f. If the
+Hessian of a combination is a multiplier, its Euler-Lagrange expressions are affine in the
 velocities: they equal those of a term A_i(t, q) v_i - V(t, q), which integration yields.
 
-The factor e^(ct) follows from the divergence of f: (H2) gives Gamma(log det g) = 2 tr N = -div_v f, so that n c is the
-constant part of -div_v f.
+The factor e^(ct) follows from the divergence of f: (H2) gives Gamma(log det g) = 2 tr N = -div_v f,
+so that n c is the constant part of -div_v f.
 """
 
 import itertools
@@ -32,8 +34,8 @@ from inverse_service.field.modular import Variable, variables_in
 from inverse_service.mechanics import second_order_system
 from inverse_service.search import ansatz, antiderivatives, terms as tm
 
-# Functions of t that multiply terms. With 4 or 12 a system of three rates (e^(-t), e^(2 t/3), e^(3 t/2)) has
-# no L: four omit one of them, and twelve leave too little room for the other factors.
+# Functions of t that multiply terms. With 4 or 12 a system of three rates (e^(-t), e^(2 t/3), e^(3
+# t/2)) has no L: four omit one of them, and twelve leave too little room for the other factors.
 _MOST_IN_TIME = 6
 _POWERS = tuple(Fraction(e, 2) for e in (1, 3, 4, 5, 6, 8, -2, -4))
 _ROOTS = tuple(Fraction(e, 2) for e in (1, -1, 2, -2, 3, -3, 4))
@@ -41,8 +43,12 @@ _HALVES = (Fraction(1, 2), Fraction(-1, 2))
 NAME = "the given terms"
 
 
-def integrating_factor(material: tm.Material, c: tm.Terms, variable: ex.Symbol) -> tm.Monomial | None:
-    """exp(-int c d variable) if it is a product of powers of generators and exponentials, else None."""
+def integrating_factor(
+    material: tm.Material, c: tm.Terms, variable: ex.Symbol
+) -> tm.Monomial | None:
+    """exp(-int c d variable) if it is a product of powers of generators and exponentials, else
+    None.
+    """
     table, phi, rest = material.analysis.real_point, tm.EMPTY, tm.Terms()
     integrator = antiderivatives.Integrator(material.analysis.system, table)
     with suppress(tm.TooManyTerms):
@@ -50,17 +56,25 @@ def integrating_factor(material: tm.Material, c: tm.Terms, variable: ex.Symbol) 
         for key, value in logarithm.items() if logarithm is not None else ():
             match [*key]:
                 case [(ex.Apply("log", ex.Sum() as base), power)] if power == 1:
-                    phi = tm.times(phi, tm.monomial(tm.positive_form(base, table)), value)  # not expanded
+                    phi = tm.times(
+                        phi, tm.monomial(tm.positive_form(base, table)), value
+                    )  # not expanded
                 case _:
                     rest[key] = value
         found = None if logarithm is None else integrator.exponential(rest)
-        return tm.times(tm.EMPTY, tm.times(phi, next(iter(found))), -1) if found and len(found) == 1 else None
+        return (
+            tm.times(tm.EMPTY, tm.times(phi, next(iter(found))), -1)
+            if found and len(found) == 1
+            else None
+        )
     return None
 
 
 @lru_cache(maxsize=256)
 def _integral_of(
-    system: second_order_system.SecondOrderSystem, c: frozenset[tuple[tm.Monomial, Fraction]], variable: ex.Symbol
+    system: second_order_system.SecondOrderSystem,
+    c: frozenset[tuple[tm.Monomial, Fraction]],
+    variable: ex.Symbol,
 ) -> tm.Terms | None:
     """int c d variable, cached because both questions and several rows need it."""
     return antiderivatives.Integrator(system).function_of([variable], [dict(c)])
@@ -73,7 +87,11 @@ def divergence_factor(material: tm.Material) -> tm.Monomial | None:
     rate = tm.weighted_sum((slope, Fraction(-1, motion.size)) for slope in slopes)
     moving = material.analysis.system.variables
     constant = {key: c for key, c in rate.items() if not tm.depends_on([key], *moving)}
-    return next(iter(tm.terms_of(ex.Apply("exp", tm.tree_of(constant) * ex.TIME))), None) if constant else None
+    return (
+        next(iter(tm.terms_of(ex.Apply("exp", tm.tree_of(constant) * ex.TIME))), None)
+        if constant
+        else None
+    )
 
 
 def excludes_factor_of_time(system: second_order_system.SecondOrderSystem) -> bool:
@@ -83,7 +101,9 @@ def excludes_factor_of_time(system: second_order_system.SecondOrderSystem) -> bo
     """
     velocities = [ex.Velocity(name) for name in system.coordinates]
     slopes = [[calculus.differentiate(f, v) for v in velocities] for f in system.accelerations]
-    turned = [ex.dot(row, velocities) - 2 * f for row, f in zip(slopes, system.accelerations, strict=True)]
+    turned = [
+        ex.dot(row, velocities) - 2 * f for row, f in zip(slopes, system.accelerations, strict=True)
+    ]
     with suppress(errors.InputError):
         divergence = ex.add(ex.ZERO, *(row[i] for i, row in enumerate(slopes)))
         return real_branch.vanishes(divergence) or all(map(real_branch.vanishes, turned))
@@ -136,7 +156,9 @@ def find_factors(material: tm.Material) -> Factors:
     for i in range(material.motion.size):
         single[tm.times(across.get(i, tm.EMPTY), along.get(i, tm.EMPTY), 2)] = None
     inverted = [tm.times(tm.EMPTY, factor, -1) for factor in single]
-    chosen = tuple(dict.fromkeys([*sorted(single, key=tm.rank), *sorted(inverted, key=tm.rank)]))[: bounds.CANDIDATES]
+    chosen = tuple(dict.fromkeys([*sorted(single, key=tm.rank), *sorted(inverted, key=tm.rank)]))[
+        : bounds.CANDIDATES
+    ]
     return Factors(along, across, tuple(ordered)[:_MOST_IN_TIME], chosen)
 
 
@@ -163,8 +185,8 @@ def _exponents(letter: ex.Expression, seen: set[Fraction]) -> list[Fraction]:
 
 
 def position_monomials(material: tm.Material, degree: int, room: float = inf) -> list[tm.Monomial]:
-    """Products of at most `degree` generators of position: sums with inverses and roots, other generators with powers
-    as in f.
+    """Products of at most `degree` generators of position: sums with inverses and roots, other
+    generators with powers as in f.
 
     Products of three or more generators are added only while there are at most `room` in all.
     """
@@ -187,7 +209,9 @@ def position_monomials(material: tm.Material, degree: int, room: float = inf) ->
 
 
 def functions_of_velocities(material: tm.Material) -> list[tm.Monomial]:
-    """v_i v_j and v_i v_j / v_k, powers and logarithms of one velocity, and the functions that f contains."""
+    """v_i v_j and v_i v_j / v_k, powers and logarithms of one velocity, and the functions that f
+    contains.
+    """
     own = (shape for v in material.motion.velocities for shape in single(v))
     return tm.distinct([*quadratic(material), *quotients(material), *own, *of_letters(material)])
 
@@ -200,7 +224,9 @@ def polynomials(material: tm.Material) -> list[tm.Monomial]:
 
 
 def roots_of_constants(material: tm.Material) -> list[tm.Monomial]:
-    """v_i v_j and 1 times roots of constant velocities and of their combinations in f, such as w^2 + k."""
+    """v_i v_j and 1 times roots of constant velocities and of their combinations in f, such as w^2
+    + k.
+    """
     constant = constant_velocities(material)
     moving: set[ex.Expression] = {*material.motion.coordinates, *material.motion.velocities}
     sums = [
@@ -210,12 +236,18 @@ def roots_of_constants(material: tm.Material) -> list[tm.Monomial]:
     ]
     made = tm.distinct([*map(tm.monomial, sums), tm.monomial(*sums)]) if sums else []
     kept = list(map(tm.monomial, constant))
-    rooted = [tm.times(tm.EMPTY, key, e) for key in (*kept, *products([tm.EMPTY, *kept], made)) for e in _HALVES]
+    rooted = [
+        tm.times(tm.EMPTY, key, e)
+        for key in (*kept, *products([tm.EMPTY, *kept], made))
+        for e in _HALVES
+    ]
     return [*quadratic(material), *products([tm.EMPTY, *quadratic(material)], rooted)]
 
 
 def complex_logarithms(material: tm.Material) -> list[tm.Monomial]:
-    """v_i v_j, and the parts of z' log z' for two velocities as one complex z': z'' = -(U_y + i U_x) z' has them."""
+    """v_i v_j, and the parts of z' log z' for two velocities as one complex z': z'' = -(U_y + i
+    U_x) z' has them.
+    """
     found: list[tm.Monomial] = []
     for v, w in itertools.combinations(material.motion.velocities, 2):
         modulus = ex.Apply("log", v**2 + w**2)
@@ -232,7 +264,10 @@ def quadratic(material: tm.Material) -> list[tm.Monomial]:
 def powers(material: tm.Material, degree: int) -> list[tm.Monomial]:
     """Products of `degree` velocities."""
     velocities = material.motion.velocities
-    return [tm.monomial(*chosen) for chosen in itertools.combinations_with_replacement(velocities, degree)]
+    return [
+        tm.monomial(*chosen)
+        for chosen in itertools.combinations_with_replacement(velocities, degree)
+    ]
 
 
 def quotients(material: tm.Material) -> list[tm.Monomial]:
@@ -250,17 +285,25 @@ def quotients(material: tm.Material) -> list[tm.Monomial]:
 
 def constant_velocities(material: tm.Material) -> list[ex.Velocity]:
     """The velocities that are constant along the motion."""
-    return [v for v, f in zip(material.motion.velocities, material.motion.forces, strict=True) if not f]
+    return [
+        v for v, f in zip(material.motion.velocities, material.motion.forces, strict=True) if not f
+    ]
 
 
 def single(velocity: ex.Expression) -> list[tm.Monomial]:
     """Powers of v, log v, and v log v."""
     log = ex.Apply("log", velocity)
-    return [tm.monomial(velocity, log), tm.monomial(log), *(frozenset([(velocity, e)]) for e in _POWERS)]
+    return [
+        tm.monomial(velocity, log),
+        tm.monomial(log),
+        *(frozenset([(velocity, e)]) for e in _POWERS),
+    ]
 
 
 def of_letters(material: tm.Material) -> list[tm.Monomial]:
-    """Powers, logarithms, and exponentials of the generators of f with velocities, and these times a velocity."""
+    """Powers, logarithms, and exponentials of the generators of f with velocities, and these times
+    a velocity.
+    """
     shapes: list[tm.Monomial] = exponentials(material)
     for letter in tm.moving_letters(material):
         if isinstance(letter, ex.Sum):
@@ -282,11 +325,17 @@ def exponentials(material: tm.Material) -> list[tm.Monomial]:
             with suppress(tm.TooManyTerms):
                 keys += list(tm.terms_of(letter))
     for key in keys:
-        part: tm.Monomial = frozenset((p, e) for p, e in key if ex.is_exponential(p) and tm.has_velocity(p))
+        part: tm.Monomial = frozenset(
+            (p, e) for p, e in key if ex.is_exponential(p) and tm.has_velocity(p)
+        )
         if part:
             found[part] = None
             found[tm.times(tm.EMPTY, part, -1)] = None
-            found.update(dict.fromkeys(frozenset([(p, Fraction(s))]) for p, _ in part for s in (1, -1, 2, -2)))
+            found.update(
+                dict.fromkeys(
+                    frozenset([(p, Fraction(s))]) for p, _ in part for s in (1, -1, 2, -2)
+                )
+            )
     return tm.distinct(list(found))
 
 
@@ -302,7 +351,8 @@ def with_potential(
     combination: Mapping[tm.Monomial, Fraction],
     integrator: antiderivatives.Integrator | None = None,
 ) -> tm.Terms:
-    """The combination, whose Hessian is a multiplier, plus the A_i(t, q) v_i - V(t, q) that make it a Lagrangian.
+    """The combination, whose Hessian is a multiplier, plus the A_i(t, q) v_i - V(t, q) that make it
+    a Lagrangian.
 
     Its Euler-Lagrange expressions are affine in the velocities. Empty if no A and V are found.
     """
@@ -311,12 +361,19 @@ def with_potential(
 
     def residuals() -> list[tm.Terms]:
         written = replace(motion, forces=tuple(map(tm.terms_of, system.accelerations)))
-        momenta = [tm.along(written, tm.derivative_of_terms(combination, v)) for v in motion.velocities]
+        momenta = [
+            tm.along(written, tm.derivative_of_terms(combination, v)) for v in motion.velocities
+        ]
         slopes = [tm.derivative_of_terms(combination, q) for q in motion.coordinates]
-        return [tm.add_terms(slope, momentum, -1) for slope, momentum in zip(slopes, momenta, strict=True)]
+        return [
+            tm.add_terms(slope, momentum, -1)
+            for slope, momentum in zip(slopes, momenta, strict=True)
+        ]
 
     def over_one_denominator() -> list[tm.Terms]:
-        return tm.over_one_denominator(list(map(tm.tree_of, residuals())), system.variables, exact_field.Budget.long())
+        return tm.over_one_denominator(
+            list(map(tm.tree_of, residuals())), system.variables, exact_field.Budget.long()
+        )
 
     # Few terms are integrated one by one. Over one denominator, terms that are not affine cancel.
     for wanted in (residuals, over_one_denominator):
@@ -332,7 +389,8 @@ def with_potential(
 class Possible:
     """The shapes that can occur in a regular multiplier, and properties of their coefficients.
 
-    `fixed` lists, for each shape, the variables among t and the coordinates on which its coefficient never depends.
+    `fixed` lists, for each shape, the variables among t and the coordinates on which its
+    coefficient never depends.
     """
 
     shapes: list[tm.Monomial]
@@ -340,7 +398,9 @@ class Possible:
 
     def may_have(self, factor: tm.Monomial, shape: tm.Monomial) -> bool:
         """Whether a function of t and the coordinates can occur in the coefficient of a shape."""
-        return self.fixed.get(shape, frozenset()).isdisjoint(name for p, _ in factor for name in variables_in(p))
+        return self.fixed.get(shape, frozenset()).isdisjoint(
+            name for p, _ in factor for name in variables_in(p)
+        )
 
 
 def possible_shapes(material: tm.Material, shapes: Sequence[tm.Monomial], seed: int) -> Possible:
@@ -370,22 +430,35 @@ def _possible_shapes(material: tm.Material, shapes: Sequence[tm.Monomial], seed:
 
 
 def _fixed(material: tm.Material, solution: Sequence[int], count: int) -> list[frozenset[Variable]]:
-    """For each of `count` shapes, the variables among t and the coordinates by which the derivative of its coefficient
-    is 0.
+    """For each of `count` shapes, the variables among t and the coordinates by which the derivative
+    of its coefficient is 0.
 
-    A derivative that is 0 in a random solution is 0 in all solutions, at this place and so at almost all places.
+    A derivative that is 0 in a random solution is 0 in all solutions, at this place and so at
+    almost all places.
     """
-    names: list[Variable] = [*([ex.TIME] if material.motion.with_time else []), *material.motion.coordinates]
+    names: list[Variable] = [
+        *([ex.TIME] if material.motion.with_time else []),
+        *material.motion.coordinates,
+    ]
     rates = {name: solution[(k + 1) * count : (k + 2) * count] for k, name in enumerate(names)}
     return [frozenset(name for name in names if not rates[name][shape]) for shape in range(count)]
 
 
 def _random_solution(
-    material: tm.Material, table: ansatz.LetterTable, matrix: Words, hessians: Words, generator: random.Random
+    material: tm.Material,
+    table: ansatz.LetterTable,
+    matrix: Words,
+    hessians: Words,
+    generator: random.Random,
 ) -> list[int]:
-    """The coefficients of the shapes of one group, followed by their derivatives, in a random solution at one place."""
+    """The coefficients of the shapes of one group, followed by their derivatives, in a random
+    solution at one place.
+    """
     motion, prime = material.motion, table.prime
-    rates = [[1] * motion.with_time + [point.variable(v) for v in motion.velocities] for point in table.points]
+    rates = [
+        [1] * motion.with_time + [point.variable(v) for v in motion.velocities]
+        for point in table.points
+    ]
     samples, count, n, _ = hessians.shape
     rows = np.zeros((samples, n * n, 1 + len(rates[0]), count), np.uint64)
     rows[:, :, 0] = matrix.reshape(samples, n * n, count)
@@ -397,10 +470,16 @@ def _random_solution(
     return matrices.random_null_vector(rows.reshape(samples * n * n, -1), prime, generator)
 
 
-def _used(shapes: Sequence[tm.Monomial], weights: Sequence[int], hessians: Words, prime: int) -> list[tm.Monomial]:
-    """The shapes with a nonzero coefficient in a random solution; none if its g is singular, since then every g is."""
+def _used(
+    shapes: Sequence[tm.Monomial], weights: Sequence[int], hessians: Words, prime: int
+) -> list[tm.Monomial]:
+    """The shapes with a nonzero coefficient in a random solution; none if its g is singular, since
+    then every g is.
+    """
     n = hessians.shape[1]
-    g = nmod_mat(1, len(weights), weights, prime) * nmod_mat(len(weights), n * n, hessians.ravel().tolist(), prime)
+    g = nmod_mat(1, len(weights), weights, prime) * nmod_mat(
+        len(weights), n * n, hessians.ravel().tolist(), prime
+    )
     if nmod_mat(n, n, g.entries(), prime).rank() < n:
         return []
     return [shape for shape, c in zip(shapes, weights, strict=True) if c]
@@ -408,9 +487,11 @@ def _used(shapes: Sequence[tm.Monomial], weights: Sequence[int], hessians: Words
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """A row of the ansatz: functions of the velocities, and the number of terms to form with functions of position.
+    """A row of the ansatz: functions of the velocities, and the number of terms to form with
+    functions of position.
 
-    If `given`, `shapes` are complete terms; those without a Hessian accompany every choice of the others.
+    If `given`, `shapes` are complete terms; those without a Hessian accompany every choice of the
+    others.
     """
 
     name: str
@@ -420,11 +501,15 @@ class Family:
     given: bool = False
 
 
-def kinetic_terms(material: tm.Material, family: Family, factors: Factors, seed: int) -> Iterator[list[tm.Monomial]]:
-    """The terms of an ansatz that have a Hessian, simple ones first; none if they cannot form a regular multiplier.
+def kinetic_terms(
+    material: tm.Material, family: Family, factors: Factors, seed: int
+) -> Iterator[list[tm.Monomial]]:
+    """The terms of an ansatz that have a Hessian, simple ones first; none if they cannot form a
+    regular multiplier.
 
-    Systems of several coordinates have few multipliers, so constant coefficients come before functions of position. A
-    logarithm is defined for some velocities only, so terms without logarithms come first.
+    Systems of several coordinates have few multipliers, so constant coefficients come before
+    functions of position. A logarithm is defined for some velocities only, so terms without
+    logarithms come first.
     """
     shapes = [key for key in family.shapes(material) if not tm.is_affine(key)]
     if family.given:
@@ -437,25 +522,44 @@ def kinetic_terms(material: tm.Material, family: Family, factors: Factors, seed:
         return
     if material.motion.size > 1:
         yield [
-            shape for shape in chosen if not any(isinstance(p, ex.Apply) and not ex.is_exponential(p) for p, _ in shape)
+            shape
+            for shape in chosen
+            if not any(isinstance(p, ex.Apply) and not ex.is_exponential(p) for p, _ in shape)
         ]
     yield _with_functions(material, family, factors, possible, chosen)
 
 
 def _with_functions(
-    material: tm.Material, family: Family, factors: Factors, possible: Possible, chosen: Sequence[tm.Monomial]
+    material: tm.Material,
+    family: Family,
+    factors: Factors,
+    possible: Possible,
+    chosen: Sequence[tm.Monomial],
 ) -> list[tm.Monomial]:
     """The shapes times functions of t and of position."""
     in_time = factors.in_time
-    # For one coordinate every f has a Lagrangian, so most searches end with long rows, which have found none there.
+    # For one coordinate every f has a Lagrangian, so most searches end with long rows, which have
+    # found none there.
     terms = family.terms if material.motion.size > 1 else min(family.terms, bounds.SMALL)
     room = max(bounds.CANDIDATES, terms // (len(chosen) * len(in_time)))
     functions = products(in_time, _functions_of_position(material, factors, room))
-    pairs = [(m, shape) for m in functions for shape in chosen if possible.may_have(m, shape)][: 2 * family.terms]
-    pairs += [(m, shape) for shape in chosen for m in _fitted(material, factors, shape) if possible.may_have(m, shape)]
+    pairs = [(m, shape) for m in functions for shape in chosen if possible.may_have(m, shape)][
+        : 2 * family.terms
+    ]
+    pairs += [
+        (m, shape)
+        for shape in chosen
+        for m in _fitted(material, factors, shape)
+        if possible.may_have(m, shape)
+    ]
     if material.motion.with_time and not material.position_letters:
-        # If f contains no position, first integrals can be linear in t: x'' = x'^2 conserves 1/x' + t.
-        pairs += [(tm.monomial(ex.TIME), shape) for shape in chosen if possible.may_have(tm.monomial(ex.TIME), shape)]
+        # If f contains no position, first integrals can be linear in t: x'' = x'^2 conserves 1/x' +
+        # t.
+        pairs += [
+            (tm.monomial(ex.TIME), shape)
+            for shape in chosen
+            if possible.may_have(tm.monomial(ex.TIME), shape)
+        ]
     found = tm.distinct([tm.times(m, shape) for m, shape in pairs])
     return [key for key in found if is_admissible(material, key) and not tm.is_affine(key)]
 
@@ -466,10 +570,14 @@ def _functions_of_position(material: tm.Material, factors: Factors, room: int) -
     others = position_monomials(material, 4, 2 * room)
     # A coordinate that does not occur in f can still occur in L.
     plain = [
-        tm.monomial(*some) for d in (1, 2) for some in combinations_with_replacement(material.motion.coordinates, d)
+        tm.monomial(*some)
+        for d in (1, 2)
+        for some in combinations_with_replacement(material.motion.coordinates, d)
     ]
     # The antiderivative of log(x) holds x log(x).
-    inverse = [p for p in material.position_letters if isinstance(p, ex.Apply) and p.function == "log"]
+    inverse = [
+        p for p in material.position_letters if isinstance(p, ex.Apply) and p.function == "log"
+    ]
     raised = [tm.monomial(p, p.argument) for p in inverse if isinstance(p.argument, ex.Symbol)]
     found = dict.fromkeys([*fitted, *raised, *others, *plain, *products(fitted, plain)])
     return list(found)[: max(room, len(fitted))]
@@ -489,7 +597,10 @@ def _fitted(material: tm.Material, factors: Factors, shape: tm.Monomial) -> Iter
 def label(family: Family, terms: Sequence[tm.Monomial]) -> str:
     """The displayed name of the ansatz in which these kinetic terms were found."""
     kinetic = [key for key in terms if not tm.is_affine(key)]
-    degrees, moving = set(map(tm.velocity_degree, kinetic)), [tm.split_velocities(key)[1] for key in kinetic]
+    degrees, moving = (
+        set(map(tm.velocity_degree, kinetic)),
+        [tm.split_velocities(key)[1] for key in kinetic],
+    )
     if family.name == NAME:
         return NAME
     if None not in degrees:
@@ -501,10 +612,12 @@ def label(family: Family, terms: Sequence[tm.Monomial]) -> str:
 
 
 def own_family(given: Sequence[ex.Expression]) -> Family | None:
-    """The ansatz of the monomials of the given terms, each with its own coefficient; None without terms.
+    """The ansatz of the monomials of the given terms, each with its own coefficient; None without
+    terms.
 
-    As for any family, the search adds potentials and linear terms, so that kinetic terms are enough; given ones
-    accompany every choice. A term whose expansion would be long is one generator.
+    As for any family, the search adds potentials and linear terms, so that kinetic terms are
+    enough; given ones accompany every choice. A term whose expansion would be long is one
+    generator.
     """
     monomials: dict[tm.Monomial, None] = {}
     for term in given:

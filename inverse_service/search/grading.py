@@ -1,11 +1,12 @@
 """The scalings and reflections of a motion, and the products of its generators of one degree.
 
-A scaling multiplies each generator, and the time, by a power of a number; a reflection by 1 or -1. If it maps motions
-to motions, the conditions on L split into one set for each degree: the parts of a Lagrangian that are homogeneous are
-Lagrangians, or vanish. So the products of generators are tried one degree at a time, some hundred instead of
-thousands. All scalings are the null space of the exponents of the terms of the equations: each term of an equation for
-x'' has the weight of x and twice that of 1/t. A generator that is a function of others, such as sin(x), has the
-weight 0, and x too; a reflection may change the sign of x and sin(x).
+A scaling multiplies each generator, and the time, by a power of a number; a reflection by 1 or -1.
+If it maps motions to motions, the conditions on L split into one set for each degree: the parts of
+a Lagrangian that are homogeneous are Lagrangians, or vanish. So the products of generators are
+tried one degree at a time, some hundred instead of thousands. All scalings are the null space of
+the exponents of the terms of the equations: each term of an equation for x'' has the weight of x
+and twice that of 1/t. A generator that is a function of others, such as sin(x), has the weight 0,
+and x too; a reflection may change the sign of x and sin(x).
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -22,7 +23,8 @@ from inverse_service.expressions import tree as ex
 from inverse_service.search import terms as tm
 
 Integers = npt.NDArray[np.int64]
-# A linear combination of the unknown weights: of symbols, of exponentials, and of 1/t, whose key is TIME.
+# A linear combination of the unknown weights: of symbols, of exponentials, and of 1/t, whose key is
+# TIME.
 Form = dict[ex.Expression, Fraction]
 _ODD = {"sin", "tan", "sinh", "tanh", "asin", "atan", "asinh", "atanh"}
 _EVEN = {"cos", "cosh", "abs"}
@@ -38,7 +40,9 @@ def _sum(left: Form, right: Form, factor: Fraction | int = 1) -> Form:
 
 @dataclass(slots=True)
 class _Weights:
-    """The weights of generators as forms, and the forms that have to vanish; modulo 2 for reflections."""
+    """The weights of generators as forms, and the forms that have to vanish; modulo 2 for
+    reflections.
+    """
 
     is_reflection: bool
     zero: list[Form] = field(default_factory=list)
@@ -85,22 +89,29 @@ class _Weights:
 
 @dataclass(frozen=True, slots=True)
 class Gradings:
-    """The weights of each symbol, of 1/t (under TIME), and of exponentials, (letters, gradings), for both kinds."""
+    """The weights of each symbol, of 1/t (under TIME), and of exponentials, (letters, gradings),
+    for both kinds.
+    """
 
     scalings: Mapping[ex.Expression, tuple[int, ...]]
     reflections: Mapping[ex.Expression, tuple[int, ...]]
 
     def degrees_of(self, keys: Sequence[tm.Monomial]) -> Integers:
-        """The degree of each product in each scaling, in multiples of 1/12, and reflection, (products, gradings)."""
+        """The degree of each product in each scaling, in multiples of 1/12, and reflection,
+        (products, gradings).
+        """
         scaled = [self._degree(key, self.scalings, _Weights(False)) for key in keys]
         turned = [self._degree(key, self.reflections, _Weights(True)) for key in keys]
         whole = [
-            [*map(int, (12 * x for x in a)), *(int(x) % 2 for x in b)] for a, b in zip(scaled, turned, strict=True)
+            [*map(int, (12 * x for x in a)), *(int(x) % 2 for x in b)]
+            for a, b in zip(scaled, turned, strict=True)
         ]
         return np.array(whole, np.int64).reshape(len(keys), -1)
 
     @staticmethod
-    def _degree(key: tm.Monomial, table: Mapping[ex.Expression, tuple[int, ...]], weights: _Weights) -> list[Fraction]:
+    def _degree(
+        key: tm.Monomial, table: Mapping[ex.Expression, tuple[int, ...]], weights: _Weights
+    ) -> list[Fraction]:
         count = len(next(iter(table.values()), ()))
         total = [Fraction(0)] * count
         for unknown, factor in weights.of_product(key).items():
@@ -110,7 +121,9 @@ class Gradings:
 
 
 def gradings_of(equations: Iterable[tuple[Form, Iterable[tm.Monomial]]]) -> Gradings:
-    """All scalings and reflections of equations, each a weight that the terms of a sum must have."""
+    """All scalings and reflections of equations, each a weight that the terms of a sum must
+    have.
+    """
     given = [(weight, list(terms)) for weight, terms in equations]
     tables = []
     for is_reflection in (False, True):
@@ -124,7 +137,9 @@ def gradings_of(equations: Iterable[tuple[Form, Iterable[tm.Monomial]]]) -> Grad
         ]
         whole = [[int(x * lcm(*(y.denominator for y in row))) for x in row] for row in rows]
         basis, nullity = (nmod_mat(whole, 2) if is_reflection else fmpz_mat(whole)).nullspace()
-        tables.append({x: tuple(int(basis[i, k]) for k in range(nullity)) for i, x in enumerate(unknowns)})
+        tables.append(
+            {x: tuple(int(basis[i, k]) for k in range(nullity)) for i, x in enumerate(unknowns)}
+        )
     return Gradings(*tables)
 
 
@@ -161,16 +176,20 @@ class Block:
 def products_by_degree(
     blocks: Sequence[Block], gradings: Gradings, limits: Mapping[str, int], most: int, longest: int
 ) -> Iterator[list[tm.Monomial]]:
-    """The products of powers of the blocks of each degree, simple ones first; degrees with simple Hessians come first.
+    """The products of powers of the blocks of each degree, simple ones first; degrees with simple
+    Hessians come first.
 
-    The positive exponents of the blocks of a kind have at most the sum in `limits`. Degrees without a product that has
-    a Hessian, or with more than `longest` products, are omitted; TooManyTerms for more than `most` products in all.
+    The positive exponents of the blocks of a kind have at most the sum in `limits`. Degrees without
+    a product that has a Hessian, or with more than `longest` products, are omitted; TooManyTerms
+    for more than `most` products in all.
     """
     table = np.zeros((1, 0), np.int64)
     counts = {kind: np.zeros(1, np.int64) for kind in limits}
     for block in blocks:
         steps, before = np.arange(len(block.exponents)), len(table)
-        table = np.concatenate([np.repeat(table, len(steps), 0), np.tile(steps, before)[:, None]], 1)
+        table = np.concatenate(
+            [np.repeat(table, len(steps), 0), np.tile(steps, before)[:, None]], 1
+        )
         counts = {kind: np.repeat(count, len(steps)) for kind, count in counts.items()}
         if block.kind in limits:
             counts[block.kind] += np.array([max(0, int(e)) for e in block.exponents])[table[:, -1]]
@@ -183,7 +202,9 @@ def products_by_degree(
     for k, block in enumerate(blocks):
         powers = [tm.times(tm.EMPTY, block.product, e) for e in block.exponents]
         degrees = degrees + gradings.degrees_of(powers)[table[:, k]]
-        sizes += np.array([int(abs(2 * Fraction(e)) + 3 * (e < 0)) for e in block.exponents])[table[:, k]]
+        sizes += np.array([int(abs(2 * Fraction(e)) + 3 * (e < 0)) for e in block.exponents])[
+            table[:, k]
+        ]
         bends += np.array(list(map(block.curvature, block.exponents)))[table[:, k]]
     reflected = len(next(iter(gradings.reflections.values()), ()))
     if reflected:
@@ -191,7 +212,11 @@ def products_by_degree(
     _, places = np.unique(degrees, axis=0, return_inverse=True)
     order = np.lexsort((sizes, places.reshape(-1)))
     parts = np.split(order, np.cumsum(np.bincount(places.reshape(-1)))[:-1])
-    simple = [(int(sizes[part][bends[part] > 1].min()), len(part), part) for part in parts if (bends[part] > 1).any()]
+    simple = [
+        (int(sizes[part][bends[part] > 1].min()), len(part), part)
+        for part in parts
+        if (bends[part] > 1).any()
+    ]
     for _, count, part in sorted(simple, key=lambda item: item[:2]):
         if count <= longest:
             yield list(dict.fromkeys(_product(blocks, table[row]) for row in part))
@@ -199,4 +224,6 @@ def products_by_degree(
 
 def _product(blocks: Sequence[Block], row: Integers) -> tm.Monomial:
     chosen = ((block.product, block.exponents[k]) for block, k in zip(blocks, row, strict=True))
-    return reduce(lambda total, item: tm.times(total, *item) if item[1] else total, chosen, tm.EMPTY)
+    return reduce(
+        lambda total, item: tm.times(total, *item) if item[1] else total, chosen, tm.EMPTY
+    )

@@ -1,7 +1,9 @@
-"""Lagrangians of systems whose equations have one factor in common, q'' = P(q, q') q': their paths are straight lines.
+"""Lagrangians of systems whose equations have one factor in common, q'' = P(q, q') q': their paths
+are straight lines.
 
-They are sought among the products of P, its roots, velocities and generators of position, one degree at a time in the
-scalings of f: P^2 for Funk's metric, P^4/R^2 with the root R in P for Berwald's.
+They are sought among the products of P, its roots, velocities and generators of position, one
+degree at a time in the scalings of f: P^2 for Funk's metric, P^4/R^2 with the root R in P for
+Berwald's.
 """
 
 from __future__ import annotations
@@ -21,7 +23,9 @@ _LIMITS = {"velocity": 2, "root": 1}
 
 
 def common_factor(material: tm.Material) -> tm.Monomial | None:
-    """P with f_i = P v_i for each i, up to a number; None without one, or if no function of velocities occurs."""
+    """P with f_i = P v_i for each i, up to a number; None without one, or if no function of
+    velocities occurs.
+    """
     pairs = zip(material.motion.forces, material.motion.velocities, strict=True)
     quotients = [tm.multiply_by(f, tm.monomial(v), -1) for f, v in pairs]
     first = quotients[0]
@@ -42,19 +46,29 @@ def propose(material: tm.Material, seed: int) -> Iterator[ex.Expression]:
         return
     items = (item for f in motion.forces for key in f for item in key)
     roots = dict.fromkeys(p for p, e in items if e.denominator > 1 and tm.has_velocity(p))
-    blocks = [grading.Block(tm.monomial(v), range(3), "velocity", moves=True) for v in motion.velocities]
+    blocks = [
+        grading.Block(tm.monomial(v), range(3), "velocity", moves=True) for v in motion.velocities
+    ]
     blocks.append(grading.Block(factor, range(-2, 5), bends=True))
-    blocks += [grading.Block(tm.monomial(p), [Fraction(k, 2) for k in range(-4, 2)], "root", bends=True) for p in roots]
+    blocks += [
+        grading.Block(tm.monomial(p), [Fraction(k, 2) for k in range(-4, 2)], "root", bends=True)
+        for p in roots
+    ]
     sums = [p for p in material.position_letters if isinstance(p, ex.Sum)]
     blocks += [grading.Block(tm.monomial(p), range(-2, 1)) for p in sums]
     pairs = zip(material.analysis.system.coordinates, motion.forces, strict=True)
     gradings = grading.gradings_of(grading.second_order(*pair) for pair in pairs)
     sampler = ansatz.sampler_of(
-        material.analysis, [tm.times(tm.EMPTY, b.product, e) for b in blocks for e in b.exponents if e]
+        material.analysis,
+        [tm.times(tm.EMPTY, b.product, e) for b in blocks for e in b.exponents if e],
     )
     known = list[ansatz.Combination]()
-    for terms in grading.products_by_degree(blocks, gradings, _LIMITS, _MOST_PRODUCTS, bounds.SMALL):
-        space = ansatz.solve_multiplier(sampler, [key for key in terms if not tm.is_affine(key)], seed)
+    for terms in grading.products_by_degree(
+        blocks, gradings, _LIMITS, _MOST_PRODUCTS, bounds.SMALL
+    ):
+        space = ansatz.solve_multiplier(
+            sampler, [key for key in terms if not tm.is_affine(key)], seed
+        )
         known += space.combinations
         if space.combinations:
             found = replace(space, combinations=tuple(known))

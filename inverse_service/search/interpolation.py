@@ -1,13 +1,14 @@
-"""Interpolate a vector of polynomials known up to a factor at points modulo a prime (Zippel 1979, projectively).
+"""Interpolate a vector of polynomials known up to a factor at points modulo a prime (Zippel 1979,
+projectively).
 
-The vector (v_1 : ... : v_m) is proportional to one polynomial vector (P_1, ..., P_m): with a reference entry r, the
-unknown coefficients solve v_e P_r(x) - v_r P_e(x) = 0, and no denominator is needed. First, the least degree with a fit
-is found for each variable, with the others fixed. Then the variables are added one at a time: the current support is
-multiplied by powers of the new variable, and zero coefficients are dropped. The least degrees make the vector
-primitive.
+The vector (v_1 : ... : v_m) is proportional to one polynomial vector (P_1, ..., P_m): with a
+reference entry r, the unknown coefficients solve v_e P_r(x) - v_r P_e(x) = 0, and no denominator is
+needed. First, the least degree with a fit is found for each variable, with the others fixed. Then
+the variables are added one at a time: the current support is multiplied by powers of the new
+variable, and zero coefficients are dropped. The least degrees make the vector primitive.
 
-The basis for an angle is c^a s^b with b <= 1, and for any other variable its powers. Coefficients are divided by one of
-them and reconstructed as rational numbers. The caller must verify the result.
+The basis for an angle is c^a s^b with b <= 1, and for any other variable its powers. Coefficients
+are divided by one of them and reconstructed as rational numbers. The caller must verify the result.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -23,14 +24,16 @@ from inverse_service.field import flow, matrices, modular
 from inverse_service.field.flow import PRIME, Generator, Numbers, Points, Units, generator_tree
 from inverse_service.search.terms import Monomial, Terms, add_terms, monomial_tree, terms_of, times
 
-# Limits on the degree in one variable, the unknown coefficients, and the draws for one batch of points.
+# Limits on the degree in one variable, the unknown coefficients, and the draws for one batch of
+# points.
 _DEGREE, _UNKNOWNS, _DRAWS = 12, 1_200, 9
 # Points for the degree in one variable.
 _BLOCK = 24
 # The largest numerator and denominator that one prime of 31 bits determines.
 _LARGEST = 32_767
 Power = tuple[int, int]
-# The vector at points with these generators fixed, (entries, points), and the good points themselves.
+# The vector at points with these generators fixed, (entries, points), and the good points
+# themselves.
 Given = Mapping[Generator, int | Numbers]
 Values = Callable[[Given, int], tuple[Numbers, Points]]
 
@@ -41,14 +44,17 @@ class NoFit(ArithmeticError):
 
 @dataclass(slots=True)
 class Interpolation:
-    """The vector as polynomials; `polynomials[e]` maps exponents of all variables to coefficients."""
+    """The vector as polynomials; `polynomials[e]` maps exponents of all variables to
+    coefficients.
+    """
 
     values: Values
     variables: Sequence[Generator]
     units: Units
 
     def terms(self) -> list[Terms]:
-        """The entries as sums of products of generators, with integer coefficients without a common factor.
+        """The entries as sums of products of generators, with integer coefficients without a common
+        factor.
 
         `support` holds, for each entry, the products of powers of the variables that are `done`.
         """
@@ -65,9 +71,14 @@ class Interpolation:
                 if degrees[variable] == 0:
                     continue
                 done.append(variable)
-                # A root is no factor twice, and where one is a factor already, the degree may be less.
+                # A root is no factor twice, and where one is a factor already, the degree may be
+                # less.
                 root = _radicand(variable, self.units)
-                shared = [k for k, one in enumerate(done[:-1]) if root and _radicand(one, self.units) == root]
+                shared = [
+                    k
+                    for k, one in enumerate(done[:-1])
+                    if root and _radicand(one, self.units) == root
+                ]
                 for degree in range(0 if shared else degrees[variable], degrees[variable] + 1):
                     candidates = [
                         [(*one, power) for power in _basis(variable, degree, self.units) for one in products
@@ -93,7 +104,9 @@ class Interpolation:
                 return values, points
         raise NoFit("too few points")
 
-    def _degrees(self, entries: Sequence[int], fixed: Mapping[Generator, int]) -> dict[Generator, int]:
+    def _degrees(
+        self, entries: Sequence[int], fixed: Mapping[Generator, int]
+    ) -> dict[Generator, int]:
         """The least degree in each variable with the others fixed, all from one batch of points."""
         block, generator = _BLOCK, np.random.default_rng(sum(fixed.values()) % PRIME)
         total = block * len(self.variables)
@@ -108,9 +121,13 @@ class Interpolation:
         for place, variable in enumerate(self.variables):
             mine = np.flatnonzero(own == place)
             for degree in range(_DEGREE + 1):
-                basis = [[(power,) for power in _basis(variable, degree, self.units)] for _ in entries]
+                basis = [
+                    [(power,) for power in _basis(variable, degree, self.units)] for _ in entries
+                ]
                 if _needed(basis) <= len(mine):
-                    fits = _fits(basis, entries, values, _product_values(basis, [variable], points), mine)
+                    fits = _fits(
+                        basis, entries, values, _product_values(basis, [variable], points), mine
+                    )
                 else:
                     fits = self._kernel(basis, entries, [variable], _without(fixed, [variable]))
                 if fits:
@@ -133,12 +150,19 @@ class Interpolation:
             raise NoFit("too many unknown coefficients")
         count = _needed(candidates)
         values, points = self.drawn(others, count)
-        return _fits(candidates, entries, values, _product_values(candidates, done, points), np.arange(count))
+        return _fits(
+            candidates, entries, values, _product_values(candidates, done, points), np.arange(count)
+        )
 
     def _entries(
-        self, support: Sequence[Sequence[tuple[Power, ...]]], vector: Sequence[int], done: Sequence[Generator]
+        self,
+        support: Sequence[Sequence[tuple[Power, ...]]],
+        vector: Sequence[int],
+        done: Sequence[Generator],
     ) -> list[Terms]:
-        """The entries with these products of powers and coefficients, scaled so that the first coefficient is 1."""
+        """The entries with these products of powers and coefficients, scaled so that the first
+        coefficient is 1.
+        """
         unit = pow(vector[0], -1, PRIME)
         numbers = [modular.reconstruct(value * unit % PRIME, PRIME, _LARGEST) for value in vector]
         if None in numbers:
@@ -164,7 +188,9 @@ def _split(
     if len(kernel) != 1:
         raise NoFit("the vector is not the only one in its support")
     values = iter(kernel[0])
-    return [[one for one in products if next(values)] for products in candidates], list(filter(None, kernel[0]))
+    return [[one for one in products if next(values)] for products in candidates], list(
+        filter(None, kernel[0])
+    )
 
 
 def _without(fixed: Mapping[Generator, int], done: Sequence[Generator]) -> dict[Generator, int]:
@@ -172,7 +198,9 @@ def _without(fixed: Mapping[Generator, int], done: Sequence[Generator]) -> dict[
 
 
 def _needed(candidates: Sequence[Sequence[tuple[Power, ...]]]) -> int:
-    """The number of points that determines all coefficients: each point gives one equation per entry."""
+    """The number of points that determines all coefficients: each point gives one equation per
+    entry.
+    """
     least = min(map(len, candidates))
     together = -(-sum(map(len, candidates)) // max(1, len(candidates) - 1))
     return max(together, least + max(map(len, candidates))) + 4
@@ -212,7 +240,9 @@ def _fits(
         for j, one in enumerate(candidates[reference]):
             block[:, starts[reference] + j] = values[e][chosen] * powers[one][chosen] % PRIME
         for j, one in enumerate(candidates[k]):
-            block[:, starts[k] + j] = (PRIME - values[entries[reference]][chosen]) * powers[one][chosen] % PRIME
+            block[:, starts[k] + j] = (
+                (PRIME - values[entries[reference]][chosen]) * powers[one][chosen] % PRIME
+            )
         blocks.append(block)
     return kernel_of(np.concatenate(blocks))
 
@@ -231,7 +261,10 @@ def _basis(variable: Generator, degree: int, units: Units) -> list[Power]:
 
 def basis_monomials(variable: Generator, units: Units) -> tuple[Monomial, Monomial]:
     """The two generators of a variable as monomials."""
-    tree, second = generator_tree(variable, units), ex.power(_radicand(variable, units) or ex.ONE, ex.HALF)
+    tree, second = (
+        generator_tree(variable, units),
+        ex.power(_radicand(variable, units) or ex.ONE, ex.HALF),
+    )
     if variable[0] == "angle" and isinstance(tree, ex.Apply):
         second = ex.Apply("sin", tree.argument)
     return _monomial(tree), _monomial(second)

@@ -1,9 +1,11 @@
-"""Try the rungs, methods and rows of the ansatz, by increasing cost until one gives a regular Lagrangian.
+"""Try the rungs, methods and rows of the ansatz, by increasing cost until one gives a regular
+Lagrangian.
 
-`RUNGS` is the whole ladder in its order. What a rung costs, which systems it accepts, and after which one the search
-ends are data there; how many Lagrangians of a method are kept is in `_first_verified`, and of a row of the ansatz in
-`ansatz.best_members`. A rung is skipped if it costs more than the caller allows, if its method does not fit the
-system, or if all terms of its row have been tried.
+`RUNGS` is the whole ladder in its order. What a rung costs, which systems it accepts, and after
+which one the search ends are data there; how many Lagrangians of a method are kept is in
+`_first_verified`, and of a row of the ansatz in `ansatz.best_members`. A rung is skipped if it
+costs more than the caller allows, if its method does not fit the system, or if all terms of its row
+have been tried.
 """
 
 import itertools
@@ -38,7 +40,8 @@ from inverse_service.search import (
 )
 from inverse_service.statements.stages import ANSATZ, METHOD, Progress, Stage
 
-# The least and the greatest number of coordinates; kernels of matrices at points are cheap for a few.
+# The least and the greatest number of coordinates; kernels of matrices at points are cheap for a
+# few.
 ANY, ONE, SEVERAL, FEW = (1, math.inf), (1, 1), (2, math.inf), (2, 8)
 
 
@@ -48,9 +51,10 @@ class Method:
 
     `sizes` are the least and the greatest number of coordinates.
 
-    `propose(material, seed)` yields regular Lagrangians, simplest first. The search verifies them unless the method is
-    `exact`. `reason` explains in a sentence how such a Lagrangian is derived. A method `for_both` proposes the same for
-    L(q, v) and L(t, q, v). If a method is `last`, no later rung can find more for the systems that it fits.
+    `propose(material, seed)` yields regular Lagrangians, simplest first. The search verifies them
+    unless the method is `exact`. `reason` explains in a sentence how such a Lagrangian is derived.
+    A method `for_both` proposes the same for L(q, v) and L(t, q, v). If a method is `last`, no
+    later rung can find more for the systems that it fits.
     """
 
     name: str
@@ -72,7 +76,9 @@ Rung = Method | families.Family
 
 
 def _lift_first(
-    smaller_systems: Callable[[tm.Material, int], Iterator[reductions.Smaller]], material: tm.Material, seed: int
+    smaller_systems: Callable[[tm.Material, int], Iterator[reductions.Smaller]],
+    material: tm.Material,
+    seed: int,
 ) -> Sequence[ex.Expression]:
     """The Lagrangians lifted from those of the first smaller systems for which this succeeds."""
     for smaller in smaller_systems(material, seed):
@@ -124,7 +130,9 @@ RUNGS: tuple[Rung, ...] = (
         "constant factors that are self-adjoint; integration gives `L`.",
         accepts=linear_systems.is_linear,
     ),
-    families.Family("quadratic in the velocities, short factors", 2, families.quadratic, bounds.SMALL),
+    families.Family(
+        "quadratic in the velocities, short factors", 2, families.quadratic, bounds.SMALL
+    ),
     Method(
         "blocks in sums of the coordinates",
         2.05,
@@ -180,8 +188,12 @@ RUNGS: tuple[Rung, ...] = (
         "`M(u, x, dx/du)`. `L = u' M(u, x, x'/u') + S(u, u')`, where `S` is a Lagrangian of `u`.",
         accepts=reductions.has_coordinate_as_time,
     ),
-    families.Family("functions of velocities, short factors", 4, families.functions_of_velocities, bounds.SMALL),
-    families.Family("quadratic, roots of constant velocities", 4.1, families.roots_of_constants, bounds.SMALL),
+    families.Family(
+        "functions of velocities, short factors", 4, families.functions_of_velocities, bounds.SMALL
+    ),
+    families.Family(
+        "quadratic, roots of constant velocities", 4.1, families.roots_of_constants, bounds.SMALL
+    ),
     Method(
         "constant sums of velocities",
         4.5,
@@ -200,7 +212,9 @@ RUNGS: tuple[Rung, ...] = (
         accepts=one_coordinate.applies,
     ),
     families.Family("products of up to four velocities", 7, families.polynomials, bounds.LARGE),
-    families.Family("logarithms and arctangents of two velocities", 9, families.complex_logarithms, bounds.SMALL),
+    families.Family(
+        "logarithms and arctangents of two velocities", 9, families.complex_logarithms, bounds.SMALL
+    ),
     Method(
         "one coordinate, a function of the velocity",
         9.5,
@@ -215,21 +229,30 @@ REASONS = {rung.name: rung.reason for rung in RUNGS if isinstance(rung, Method)}
 
 
 def holds_numerically(analysis: deciding.Analysis, tree: ex.Expression, seed: int) -> bool:
-    """Whether the Euler-Lagrange expressions vanish to 50 digits and g is regular at two points near a real one."""
+    """Whether the Euler-Lagrange expressions vanish to 50 digits and g is regular at two points
+    near a real one.
+    """
     system, generator = analysis.system, random.Random(seed)
     residuals = euler_lagrange.euler_lagrange_sums(tree, system.coordinates, system.accelerations)
     form = euler_lagrange.hessian(tree, system.coordinates)
     nodes = ex.distinct_nodes((*residuals, *itertools.chain(*form)))
     functions = [node for node in nodes if isinstance(node, ex.Arbitrary)]
-    other = real_branch.find_real_point([*system.accelerations, tree], deciding.variables_of(system), seed)
+    other = real_branch.find_real_point(
+        [*system.accelerations, tree], deciding.variables_of(system), seed
+    )
     for table in filter(None, (analysis.real_point, other)):
         with mpmath.workdps(bounds.DIGITS), suppress(calculus.NoRealValue):
             for _ in range(2):
-                # Near the given point, hence on the same branch of all roots; function values are independent
-                # generators.
-                near = {name: value * (1 + _random_fraction(generator) / 10**5) for name, value in table.items()}
+                # Near the given point, hence on the same branch of all roots; function values are
+                # independent generators.
+                near = {
+                    name: value * (1 + _random_fraction(generator) / 10**5)
+                    for name, value in table.items()
+                }
                 point = {node: _random_fraction(generator) for node in functions} | near
-                entries = mpmath.matrix([[calculus.evaluate(entry, point) for entry in row] for row in form])
+                entries = mpmath.matrix(
+                    [[calculus.evaluate(entry, point) for entry in row] for row in form]
+                )
                 is_regular = sum(euler_lagrange.inertia(entries) or ()) == len(system.coordinates)
                 if not (is_regular and all(real_branch.is_small(one, point) for one in residuals)):
                     return False
@@ -244,7 +267,9 @@ def _random_fraction(generator: random.Random) -> mpmath.mpf:
 
 @dataclass(slots=True)
 class _Search:
-    """The state of a search: its material, the rungs tried, and the terms of the ansatz without a Lagrangian."""
+    """The state of a search: its material, the rungs tried, and the terms of the ansatz without a
+    Lagrangian.
+    """
 
     material: tm.Material
     seed: int
@@ -263,21 +288,28 @@ def search(
     holds: Callable[[ex.Expression], bool] = lambda _: True,
     highest: float = math.inf,
 ) -> tidy.SearchOutcome:
-    """The result of the first rung that gives a regular Lagrangian, or the rungs tried; the caller's terms come first.
+    """The result of the first rung that gives a regular Lagrangian, or the rungs tried; the
+    caller's terms come first.
 
-    Rungs that cost more than `highest` are skipped. Lagrangians before the first one that `holds` are dropped.
+    Rungs that cost more than `highest` are skipped. Lagrangians before the first one that `holds`
+    are dropped.
     """
     tried: list[tuple[str, int]] = []
     with suppress(OutOfTime, tm.TooManyTerms):
         if "material" not in analysis.proposals:
-            analysis.proposals["material"] = tm.gather_material(tidy.with_plain_forces(analysis), with_time)
+            analysis.proposals["material"] = tm.gather_material(
+                tidy.with_plain_forces(analysis), with_time
+            )
         material = tm.for_question(analysis.proposals["material"], with_time)
         analysis, state = material.analysis, _Search(material, seed, progress, tried)
         own = families.own_family(own_terms)
         for rung in (*([own] if own else []), *(rung for rung in RUNGS if rung.cost <= highest)):
             check()
             found = attempt(state, rung)
-            if found is not None and (kept := _first_that_holds(found, analysis, holds)) is not None:
+            if (
+                found is not None
+                and (kept := _first_that_holds(found, analysis, holds)) is not None
+            ):
                 return tidy.SearchOutcome(kept, tuple(tried))
             if isinstance(rung, Method) and rung.last and rung.fits(material):
                 break
@@ -287,13 +319,19 @@ def search(
 def _first_that_holds(
     found: tidy.Found, analysis: deciding.Analysis, holds: Callable[[ex.Expression], bool]
 ) -> tidy.Found | None:
-    """The Lagrangians from the first one that holds on; each is shortened unless the short form does not hold."""
+    """The Lagrangians from the first one that holds on; each is shortened unless the short form
+    does not hold.
+    """
     table = analysis.real_point or {}
     for k, tree in enumerate(found.lagrangians):
         forms = (tidy.tidied(tree, analysis.system), tree)
-        for form in dict.fromkeys(antiderivatives.real_form(one, table) if table else one for one in forms):
+        for form in dict.fromkeys(
+            antiderivatives.real_form(one, table) if table else one for one in forms
+        ):
             if holds(form):
-                others = (tidy.tidied(other, analysis.system) for other in found.lagrangians[k + 1 :])
+                others = (
+                    tidy.tidied(other, analysis.system) for other in found.lagrangians[k + 1 :]
+                )
                 trees = tuple(dict.fromkeys((form, *others)))
                 return replace(found, lagrangians=trees, parts=() if k else found.parts)
     return None
@@ -311,7 +349,11 @@ def attempt(state: _Search, rung: Rung) -> tidy.Found | None:
         if rung.name not in known:
             trees = rung.propose(state.material, state.seed)
             known[rung.name] = tuple(trees) if rung.for_both else trees
-        asked = (tree for tree in known[rung.name] if state.material.motion.with_time or not ex.holds(tree, ex.TIME))
+        asked = (
+            tree
+            for tree in known[rung.name]
+            if state.material.motion.with_time or not ex.holds(tree, ex.TIME)
+        )
         proposed = tuple(asked if rung.exact else _first_verified(state, asked))
     except (*ansatz.NO_POINTS, errors.InputError, ArithmeticError, KeyError):
         known.setdefault(rung.name, ())  # it fails for both questions
@@ -335,7 +377,9 @@ def _by_ansatz(state: _Search, family: families.Family) -> tidy.Found | None:
     state.progress(Stage(ANSATZ, family.name))
     if state.factors is None and not family.given:
         state.factors = families.find_factors(state.material)
-    for terms in families.kinetic_terms(state.material, family, state.factors or families.NO_FACTORS, state.seed):
+    for terms in families.kinetic_terms(
+        state.material, family, state.factors or families.NO_FACTORS, state.seed
+    ):
         if terms and set(terms) <= state.terms_tried:
             continue
         state.terms_tried.update(terms)
@@ -349,17 +393,23 @@ def _by_ansatz(state: _Search, family: families.Family) -> tidy.Found | None:
 def _solve_ansatz(
     material: tm.Material, family: families.Family, terms: Sequence[tm.Monomial], seed: int
 ) -> tidy.Found | None:
-    """Compute the multipliers in the span of the terms, then Lagrangians for the simplest regular ones."""
+    """Compute the multipliers in the span of the terms, then Lagrangians for the simplest regular
+    ones.
+    """
     if not terms:
         return None
     try:
         sampler = ansatz.sampler_of(material.analysis, terms)
         if material.analysis.system.parameters:
-            space = ansatz.solve_multiplier_over_parameters(sampler, ansatz.occurring_terms(sampler, terms, seed))
+            space = ansatz.solve_multiplier_over_parameters(
+                sampler, ansatz.occurring_terms(sampler, terms, seed)
+            )
         else:
             space = ansatz.solve_multiplier(sampler, terms, seed)
         best = ansatz.best_members(space, seed, partial(families.with_potential, material))
-        parts = [families.with_potential(material, part) for member in best[:1] for part in member.parts]
+        parts = [
+            families.with_potential(material, part) for member in best[:1] for part in member.parts
+        ]
     except (*ansatz.NO_POINTS, exact_field.TooLarge, tm.TooManyTerms):
         return None
     if not best:

@@ -2,11 +2,13 @@
 
 With N = C/2 and Phi = 2 K - C^2/2 such a multiplier satisfies
     g' = T(g) = g N + (g N)^T,        g Phi symmetric,
-hence g [N, Phi], g [N, [N, Phi]], … symmetric. The symmetric matrices with all these properties are the greatest
-T-invariant space V on which g Phi is symmetric, and g(t) = e^(tT) g(0) with g(0) in V (Sarlet, Engels and Bahar 1982).
-The rates of e^(tT) are means of two eigenvalues of C: a single rate a, or a pair a +- sqrt(d):
-    g(t) = e^(at) sum_k t^k (T - a)^k g(0)/k!,                                    (T - a)^m g(0) = 0,
-    g(t) = e^(at) (cosh(sqrt(d) t) + sinh(sqrt(d) t)/sqrt(d) (T - a)) g(0),       ((T - a)^2 - d) g(0) = 0.
+hence g [N, Phi], g [N, [N, Phi]], … symmetric. The symmetric matrices with all these properties are
+the greatest T-invariant space V on which g Phi is symmetric, and g(t) = e^(tT) g(0) with g(0) in V
+(Sarlet, Engels and Bahar 1982). The rates of e^(tT) are means of two eigenvalues of C: a single
+rate a, or a pair a +- sqrt(d):
+    g(t) = e^(at) sum_k t^k (T - a)^k g(0)/k!,                                    (T - a)^m g(0) =
+    0, g(t) = e^(at) (cosh(sqrt(d) t) + sinh(sqrt(d) t)/sqrt(d) (T - a)) g(0),       ((T - a)^2 - d)
+    g(0) = 0.
 The equations times g are self-adjoint. V is computed exactly over the field of the parameters.
 """
 
@@ -50,7 +52,9 @@ def is_linear(material: tm.Material) -> bool:
 
 
 def propose(material: tm.Material, seed: int) -> Iterator[ex.Expression]:
-    """Regular Lagrangians with such multipliers, definite and short ones first; L(q, q') if g' = 0."""
+    """Regular Lagrangians with such multipliers, definite and short ones first; L(q, q') if g' =
+    0.
+    """
     system, table = material.analysis.system, material.analysis.real_point
     if table is None:
         return
@@ -83,9 +87,14 @@ def _rates(damping: row_factors.Table) -> Iterator[Rate]:
 def eigenvalues_of(trees: Sequence[Sequence[ex.Expression]]) -> list[Rate]:
     """(a, 0) for each factor x - a of det(trees - x), and (a, d) for each pair a +- sqrt(d)."""
     constants = [entry for row in trees for entry in row]
-    ring = exact_field.exact_ring(constants, (), 0, exact_field.Budget.long(), further=(_EIGENVALUE,))
+    ring = exact_field.exact_ring(
+        constants, (), 0, exact_field.Budget.long(), further=(_EIGENVALUE,)
+    )
     x, one = ring.atoms[_EIGENVALUE], ring.constant(1)
-    matrix = [[ring.value(c) - (x if i == j else one - one) for j, c in enumerate(row)] for i, row in enumerate(trees)]
+    matrix = [
+        [ring.value(c) - (x if i == j else one - one) for j, c in enumerate(row)]
+        for i, row in enumerate(trees)
+    ]
     (place,) = (k for k, degree in enumerate(x.numerator.degrees()) if degree)
     eigenvalues = list[Rate]()
     for factor, _ in exact_field.factor_polynomial(matrices.determinant(matrix, one).numerator)[1]:
@@ -101,7 +110,9 @@ def eigenvalues_of(trees: Sequence[Sequence[ex.Expression]]) -> list[Rate]:
 
 @dataclass(frozen=True, slots=True)
 class Multiplier:
-    """g(t) = sum of phi(t) G over the pairs (phi, G); `row` contains the entries of g(0) and of g(0) K."""
+    """g(t) = sum of phi(t) G over the pairs (phi, G); `row` contains the entries of g(0) and of
+    g(0) K.
+    """
 
     parts: tuple[tuple[ex.Expression, Array], ...]
     row: tuple[exact_field.Quotient, ...]
@@ -109,13 +120,17 @@ class Multiplier:
     @property
     def size(self) -> int:
         """The number of terms in all entries."""
-        return row_factors.term_count(self.row) + sum(row_factors.term_count(g.flat) for _, g in self.parts[1:])
+        return row_factors.term_count(self.row) + sum(
+            row_factors.term_count(g.flat) for _, g in self.parts[1:]
+        )
 
 
 def _multipliers(
     material: tm.Material, ring: exact_field.ExactRing, tables: Sequence[Array], rate: Rate
 ) -> Iterator[Multiplier]:
-    """The multipliers of one rate, for g(0) with many zeros in g(0) or in g(0) K; `tables` are 1, K, and C."""
+    """The multipliers of one rate, for g(0) with many zeros in g(0) or in g(0) K; `tables` are 1,
+    K, and C.
+    """
     one, stiffness, damping = tables
     a, d = map(ring.value, rate)
     n, connection = len(one), _scaled(damping, Fraction(1, 2))
@@ -141,7 +156,8 @@ def _multipliers(
     images = images if d.is_zero else [moved(moved(g)) - g * d for g in images]
     weights = matrices.null_vectors(ring, [list(g.flat) for g in images])
     starts = [
-        sum((g * w for g, w in zip(space, vector, strict=True)), start=one * ring.constant(0)) for vector in weights
+        sum((g * w for g, w in zip(space, vector, strict=True)), start=one * ring.constant(0))
+        for vector in weights
     ]
     rows = [[*g.flat, *(g @ stiffness).flat] for g in starts]
     last = sorted(range(n * n), key=lambda k: k % (n + 1) == 0)  # the entries on the diagonal
@@ -158,8 +174,12 @@ def _multipliers(
         yield Multiplier(tuple(parts), primitive)
 
 
-def _functions_of_time(a: ex.Expression, d: ex.Expression, table: real_branch.RealTable) -> Iterator[ex.Expression]:
-    """e^(at) t^k/k! or, for the pair of rates, e^(at) cosh(sqrt(d) t) and e^(at) sinh(sqrt(d) t)/sqrt(d)."""
+def _functions_of_time(
+    a: ex.Expression, d: ex.Expression, table: real_branch.RealTable
+) -> Iterator[ex.Expression]:
+    """e^(at) t^k/k! or, for the pair of rates, e^(at) cosh(sqrt(d) t) and e^(at) sinh(sqrt(d)
+    t)/sqrt(d).
+    """
     growth = ex.Apply("exp", a * ex.TIME)
     if d == ex.ZERO:
         yield from (Fraction(1, factorial(k)) * ex.TIME**k * growth for k in count())
@@ -176,7 +196,9 @@ def _scaled(array: Array, factor: Fraction) -> Array:
 def _regular_sums(
     ring: exact_field.ExactRing, multipliers: Sequence[Multiplier], table: real_branch.RealTable
 ) -> list[list[tm.Terms]]:
-    """Regular g, tested at t = 0 and real parameter values: definite ones first, then those with few terms."""
+    """Regular g, tested at t = 0 and real parameter values: definite ones first, then those with
+    few terms.
+    """
     size = isqrt(len(multipliers[0].row) // 2) if multipliers else 0
     known = {one.row: one for one in multipliers}
     ordered = sorted(known.values(), key=lambda one: (not _is_diagonal(one), one.size))
@@ -193,10 +215,16 @@ def _regular_sums(
             for phi, g, w in parts:
                 for place, entry in enumerate(g.flat):
                     tree = phi * exact_field.quotient_tree(ring, entry)
-                    total[place] = tm.add_terms(total[place], tm.terms_of(tree), w if values[-1] > 0 else -w)
+                    total[place] = tm.add_terms(
+                        total[place], tm.terms_of(tree), w if values[-1] > 0 else -w
+                    )
             changes = any(len(ordered[k].parts) > 1 for _, k in used)  # its sign may, too
             mixed = not all(_is_diagonal(ordered[k]) for _, k in used)
-            rank = changes or bool(values[0] < 0 < values[-1]), mixed, sum(ordered[k].size for _, k in used)
+            rank = (
+                changes or bool(values[0] < 0 < values[-1]),
+                mixed,
+                sum(ordered[k].size for _, k in used),
+            )
             found.append((rank, total))
     return [g for _, g in sorted(found, key=lambda one: one[0])]
 
@@ -205,7 +233,11 @@ def _is_diagonal(multiplier: Multiplier) -> bool:
     return all(entry.is_zero for (i, j), entry in np.ndenumerate(multiplier.parts[0][1]) if i != j)
 
 
-def _numeric(ring: exact_field.ExactRing, matrix: Array, table: real_branch.RealTable) -> NDArray[np.float64]:
+def _numeric(
+    ring: exact_field.ExactRing, matrix: Array, table: real_branch.RealTable
+) -> NDArray[np.float64]:
     trees = (exact_field.quotient_tree(ring, entry) for entry in matrix.flat)
     with mpmath.workdps(bounds.DIGITS):
-        return np.array([float(calculus.evaluate(tree, table)) for tree in trees]).reshape(matrix.shape)
+        return np.array([float(calculus.evaluate(tree, table)) for tree in trees]).reshape(
+            matrix.shape
+        )

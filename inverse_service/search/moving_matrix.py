@@ -1,14 +1,15 @@
-"""Find multipliers that depend on the velocities: g = phi G with a unique matrix G(t, q, v) allowed by the conditions.
+"""Find multipliers that depend on the velocities: g = phi G with a unique matrix G(t, q, v) allowed
+by the conditions.
 
-If the conditions for Phi, nabla Phi, … at one velocity allow one matrix up to a factor, but those at several velocities
-over one (t, q) allow none, G is interpolated in the velocities as well. With phi = phi_2(t, q) prod P_a^(e_a), P_a
-factors of f and of G, (H1) is linear in the exponents:
+If the conditions for Phi, nabla Phi, … at one velocity allow one matrix up to a factor, but those
+at several velocities over one (t, q) allow none, G is interpolated in the velocities as well. With
+phi = phi_2(t, q) prod P_a^(e_a), P_a factors of f and of G, (H1) is linear in the exponents:
 
     sum over a of e_a (G_ik d_j log P_a - G_ij d_k log P_a) = d_k G_ij - d_j G_ik,  d_j = d/dv_j,
 
-and random points modulo a prime determine them. phi_2 is computed as for a matrix free of the velocities
-(`one_matrix`). The momenta of L have the slopes g_i1, …, g_in in the velocities, and L has the momenta as its slopes,
-so two integrations of closed forms give L.
+and random points modulo a prime determine them. phi_2 is computed as for a matrix free of the
+velocities (`one_matrix`). The momenta of L have the slopes g_i1, …, g_in in the velocities, and L
+has the momenta as its slopes, so two integrations of closed forms give L.
 """
 
 from collections.abc import Sequence
@@ -27,14 +28,18 @@ _POINTS = 8
 
 
 def propose(material: tm.Material, seed: int) -> list[ex.Expression]:
-    """The Lagrangian with this multiplier, which the caller must verify; empty if none exists or none is found."""
+    """The Lagrangian with this multiplier, which the caller must verify; empty if none exists or
+    none is found.
+    """
     search = one_matrix.OneMatrix.at_one_velocity(material.analysis.system, seed)
     found = None if search is None else _lagrangian(search, material)
     return [] if found is None else [found]
 
 
 def _lagrangian(search: one_matrix.OneMatrix, material: tm.Material) -> ex.Expression | None:
-    """L from G: the factors prod P_a^(e_a), then phi_2, then two integrations over the velocities, then A and V."""
+    """L from G: the factors prod P_a^(e_a), then phi_2, then two integrations over the velocities,
+    then A and V.
+    """
     variables = search.variables(moving=True)
     matrix = interpolation.Interpolation(search.matrix_values, variables, search.units).terms()
     factor = _moving_factor(search, material, matrix)
@@ -43,37 +48,64 @@ def _lagrangian(search: one_matrix.OneMatrix, material: tm.Material) -> ex.Expre
     integrator = antiderivatives.Integrator(search.system, material.analysis.real_point)
     shaped = search.oriented([tm.multiply_terms(terms, factor) for terms in matrix], integrator)
     scale = search.scale(shaped, [v for v in variables if not tm.has_velocity(v[1])], integrator)
-    kinetic = None if scale is None else _multiple_of_root(search, shaped, factor) or integrator.with_hessian(shaped)
+    kinetic = (
+        None
+        if scale is None
+        else _multiple_of_root(search, shaped, factor) or integrator.with_hessian(shaped)
+    )
     if scale is None or kinetic is None:
         return None
     found = families.with_potential(material, tm.multiply_terms(scale, kinetic))
     return tm.tree_of(found) if found else None
 
 
-def _multiple_of_root(search: one_matrix.OneMatrix, matrix: Sequence[tm.Terms], factor: tm.Terms) -> tm.Terms | None:
+def _multiple_of_root(
+    search: one_matrix.OneMatrix, matrix: Sequence[tm.Terms], factor: tm.Terms
+) -> tm.Terms | None:
     """L = c(t, q) P^(1/2) if phi = P^(-3/2), as for sqrt(1 - v^2); integration would be long.
 
-    c is the quotient of one entry of phi G by that of the Hessian of P^(1/2); None if it contains velocities.
+    c is the quotient of one entry of phi G by that of the Hessian of P^(1/2); None if it contains
+    velocities.
     """
     names = search.system.coordinates
     ((powers, _),) = factor.items()
-    rooted: tm.Monomial = frozenset((p, Fraction(2)) for p, e in powers if isinstance(p, ex.Sum) and e.denominator > 1)
+    rooted: tm.Monomial = frozenset(
+        (p, Fraction(2)) for p, e in powers if isinstance(p, ex.Sum) and e.denominator > 1
+    )
     if not rooted:
         return None
     root = tm.monomial_tree(tm.times(powers, rooted))
-    (i, j), wanted = next((pair, terms) for pair, terms in zip(search.pairs, matrix, strict=True) if terms)
-    bend = calculus.differentiate(calculus.differentiate(root, ex.Velocity(names[i])), ex.Velocity(names[j]))
+    (i, j), wanted = next(
+        (pair, terms) for pair, terms in zip(search.pairs, matrix, strict=True) if terms
+    )
+    bend = calculus.differentiate(
+        calculus.differentiate(root, ex.Velocity(names[i])), ex.Velocity(names[j])
+    )
     if bend == ex.ZERO:
         return None
-    ratio = writing.quotient(tm.tree_of(wanted) / bend, exact_field.Budget.long(), search.system.variables)
-    return None if tm.has_velocity(ratio) else tm.multiply_terms(tm.terms_of(ratio), tm.terms_of(root))
+    ratio = writing.quotient(
+        tm.tree_of(wanted) / bend, exact_field.Budget.long(), search.system.variables
+    )
+    return (
+        None if tm.has_velocity(ratio) else tm.multiply_terms(tm.terms_of(ratio), tm.terms_of(root))
+    )
 
 
-def _moving_factor(search: one_matrix.OneMatrix, material: tm.Material, matrix: Sequence[tm.Terms]) -> tm.Terms | None:
-    """prod P_a^(e_a) with the exponents that satisfy (H1); the P_a are velocities, and factors of f and of G."""
+def _moving_factor(
+    search: one_matrix.OneMatrix, material: tm.Material, matrix: Sequence[tm.Terms]
+) -> tm.Terms | None:
+    """prod P_a^(e_a) with the exponents that satisfy (H1); the P_a are velocities, and factors of f
+    and of G.
+    """
     trees = [tm.tree_of(terms) for terms in matrix]
     real_point = material.analysis.real_point
-    sums = [p for tree in trees if tree != ex.ZERO for p in tm.irreducible_factors(tree) if tm.has_velocity(p)]
+    sums = [
+        p
+        for tree in trees
+        if tree != ex.ZERO
+        for p in tm.irreducible_factors(tree)
+        if tm.has_velocity(p)
+    ]
     letters = [
         *material.motion.velocities,
         *tm.moving_letters(material),
@@ -92,7 +124,10 @@ def _moving_factor(search: one_matrix.OneMatrix, material: tm.Material, matrix: 
     for i, (j, k) in product(range(n), combinations(range(n), 2)):
         (g, by_g), (h, by_h) = (slopes[place[min(i, m), max(i, m)]] for m in (k, j))
         known = (slopes[factor] for factor in factors)
-        row = [(g * slope[j] - h * slope[k] % PRIME) % PRIME * inverses(value) % PRIME for value, slope in known]
+        row = [
+            (g * slope[j] - h * slope[k] % PRIME) % PRIME * inverses(value) % PRIME
+            for value, slope in known
+        ]
         rows.append([*row, (by_h[k] - by_g[j]) % PRIME])
     table = np.array(rows).transpose(0, 2, 1)[:, good].reshape(-1, len(factors) + 1)
     for vector in interpolation.kernel_of(table):
@@ -101,5 +136,7 @@ def _moving_factor(search: one_matrix.OneMatrix, material: tm.Material, matrix: 
             found = [modular.reconstruct(value * unit % PRIME, PRIME, 99) for value in vector[:-1]]
             if None not in found:
                 powers = zip(factors, found, strict=True)
-                return tm.terms_of(ex.multiply(*(p ** ex.number(e or Fraction(0)) for p, e in powers)))
+                return tm.terms_of(
+                    ex.multiply(*(p ** ex.number(e or Fraction(0)) for p, e in powers))
+                )
     return None

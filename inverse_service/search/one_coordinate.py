@@ -1,15 +1,18 @@
-"""Lagrangians for one coordinate from Jacobi's last multiplier, which satisfies Gamma(g) + g df/dv = 0 for x'' = f.
+"""Lagrangians for one coordinate from Jacobi's last multiplier, which satisfies Gamma(g) + g df/dv
+= 0 for x'' = f.
 
-Multipliers are products of Darboux polynomials of Gamma = v d/dx + f d/dv: with g = phi(x) P(x, v)^e the equation
+Multipliers are products of Darboux polynomials of Gamma = v d/dx + f d/dv: with g = phi(x) P(x,
+v)^e the equation
 
     e Gamma(P) + (df/dv + Gamma(log phi)) P = 0
 
-is linear in P for given phi and e. P is a polynomial in v whose set of terms is closed under adding terms that cancel
-residuals, and the equations are solved at random points modulo a prime. The multipliers tried are such powers of one
-polynomial, powers of its irreducible factors, and those suggested by the factors of f itself. Two integrations give K
-with d2K/dv2 = g. Then E(K) = f K_vv + v K_vx + K_vt - K_x is free of v, since dE/dv = Gamma(g) + g df/dv = 0, and L = K
-+ U with dU/dx = E(K) satisfies the Euler-Lagrange equation. Source: G. Darboux, 1878; M. J. Prelle, M. F. Singer, 1983;
-L. G. S. Duarte, S. E. S. Duarte, L. A. C. P. da Mota, J. E. F. Skea, 2001.
+is linear in P for given phi and e. P is a polynomial in v whose set of terms is closed under adding
+terms that cancel residuals, and the equations are solved at random points modulo a prime. The
+multipliers tried are such powers of one polynomial, powers of its irreducible factors, and those
+suggested by the factors of f itself. Two integrations give K with d2K/dv2 = g. Then E(K) = f K_vv +
+v K_vx + K_vt - K_x is free of v, since dE/dv = Gamma(g) + g df/dv = 0, and L = K + U with dU/dx =
+E(K) satisfies the Euler-Lagrange equation. Source: G. Darboux, 1878; M. J. Prelle, M. F. Singer,
+1983; L. G. S. Duarte, S. E. S. Duarte, L. A. C. P. da Mota, J. E. F. Skea, 2001.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,7 +30,12 @@ from inverse_service.search import ansatz, antiderivatives, families, terms as t
 
 # The exponents tried for a polynomial of degree 1 or 2 in v.
 _EXPONENTS = {
-    1: tuple(map(Fraction, ("-3", "-2", "-1", "-4", "-3/2", "-1/2", "-5", "-5/2", "-4/3", "-5/3", "1", "2"))),
+    1: tuple(
+        map(
+            Fraction,
+            ("-3", "-2", "-1", "-4", "-3/2", "-1/2", "-5", "-5/2", "-4/3", "-5/3", "1", "2"),
+        )
+    ),
     2: tuple(map(Fraction, ("-1", "-3/2", "-1/2", "-2", "-5/2", "1", "1/2"))),
 }
 _HIGHEST = max(_EXPONENTS)
@@ -37,7 +45,9 @@ _MOST_TERMS_OF_FORCE = 30
 
 @dataclass(frozen=True, slots=True)
 class LastMultiplier:
-    """g = factor * product of base^exponent; only the bases, polynomials in v, contain the velocity."""
+    """g = factor * product of base^exponent; only the bases, polynomials in v, contain the
+    velocity.
+    """
 
     factor: tm.Monomial
     moving: tuple[tuple[ex.Expression, ex.Expression], ...]
@@ -64,14 +74,21 @@ def _darboux_powers(
 
     products = ansatz.monomial_values(table.values, letters, candidates, prime)
     independent = matrices.pivots(products, prime)  # without 1 where it is sin^2 + cos^2
-    candidates, values = [candidates[k] for k in independent], products[:, independent].astype(object)
+    candidates, values = (
+        [candidates[k] for k in independent],
+        products[:, independent].astype(object),
+    )
     rates = np.array(list(map(along, candidates)), object).T
     for e, group in phis.items():
         for phi in group:
-            wanted = np.array([slope + rate for slope, rate in zip(slopes, along(phi), strict=True)], object)
+            wanted = np.array(
+                [slope + rate for slope, rate in zip(slopes, along(phi), strict=True)], object
+            )
             # e Gamma(P) + (df/dv + Gamma(log phi)) P = 0 for the terms of P.
             rows = values * (modular.number_value(e, prime) * rates + wanted[:, None]) % prime
-            for terms in ansatz.null_combinations(matrices.kernel_modulo(rows.astype(np.uint64), prime), candidates):
+            for terms in ansatz.null_combinations(
+                matrices.kernel_modulo(rows.astype(np.uint64), prime), candidates
+            ):
                 with suppress(tm.TooManyTerms):
                     yield _in_factors(material, phi, tm.tree_of(terms), e)
 
@@ -79,15 +96,20 @@ def _darboux_powers(
 def _position_factors(factors: families.Factors, degree: Fraction) -> list[tm.Monomial]:
     """1, and the factors that accompany v^degree if f has a term c(x) v^2, times functions of t.
 
-    With y' = E x', E = exp(-int c dx), a factor P(x, y')^e of a multiplier for y gives E^(2 + e) for x.
+    With y' = E x', E = exp(-int c dx), a factor P(x, y')^e of a multiplier for y gives E^(2 + e)
+    for x.
     """
     own = factors.along.get(0, tm.EMPTY)
     fitted = [tm.EMPTY, tm.times(tm.EMPTY, own, 2 + degree), tm.times(tm.EMPTY, own, 2)]
-    return list(dict.fromkeys(tm.times(phi, in_time) for phi in fitted for in_time in factors.in_time[:3]))
+    return list(
+        dict.fromkeys(tm.times(phi, in_time) for phi in fitted for in_time in factors.in_time[:3])
+    )
 
 
 def _candidate_terms(material: tm.Material, degree: int) -> list[tm.Monomial]:
-    """v^degree and the terms B(x) v^j that can cancel residuals of previous terms, simple ones first."""
+    """v^degree and the terms B(x) v^j that can cancel residuals of previous terms, simple ones
+    first.
+    """
     motion = material.motion
     velocity = motion.velocities[0]
     slope = tm.derivative_of_terms(motion.forces[0], velocity)
@@ -96,19 +118,31 @@ def _candidate_terms(material: tm.Material, degree: int) -> list[tm.Monomial]:
     for _ in range(bounds.FEW):
         added: dict[tm.Monomial, None] = {}
         for key in fresh:
-            added.update(dict.fromkeys(m for m in _cancelling(material, key, slope, degree) if m not in found))
+            added.update(
+                dict.fromkeys(
+                    m for m in _cancelling(material, key, slope, degree) if m not in found
+                )
+            )
         fresh = sorted(added, key=tm.rank)[: bounds.COLUMNS - len(found)]
         found.update(dict.fromkeys(fresh))
     return sorted(found, key=tm.rank)
 
 
-def _cancelling(material: tm.Material, key: tm.Monomial, slope: tm.Terms, degree: int) -> list[tm.Monomial]:
-    """The results of `_raised` that are polynomials of at most this degree, with t only if L may contain it."""
+def _cancelling(
+    material: tm.Material, key: tm.Monomial, slope: tm.Terms, degree: int
+) -> list[tm.Monomial]:
+    """The results of `_raised` that are polynomials of at most this degree, with t only if L may
+    contain it.
+    """
     known: dict[tm.Monomial, list[tm.Monomial]] = material.shared.setdefault("cancelling", {})
     if key not in known:
         known[key] = _raised(material, key, slope)
     motion = material.motion
-    own = known[key] if motion.with_time else [m for m in known[key] if not tm.depends_on([m], ex.TIME)]
+    own = (
+        known[key]
+        if motion.with_time
+        else [m for m in known[key] if not tm.depends_on([m], ex.TIME)]
+    )
     return [m for m in own if _is_polynomial(m, degree)]
 
 
@@ -118,17 +152,33 @@ def _raised(material: tm.Material, key: tm.Monomial, slope: tm.Terms) -> list[tm
     x, velocity = motion.coordinates[0], motion.velocities[0]
     divisors = [tm.split_velocities(part) for part in slope]
     found: dict[tm.Monomial, None] = {}
-    for term in {**tm.along(motion, {key: Fraction(1)}), **tm.multiply_terms({key: Fraction(1)}, slope)}:
+    for term in {
+        **tm.along(motion, {key: Fraction(1)}),
+        **tm.multiply_terms({key: Fraction(1)}, slope),
+    }:
         position, moving = tm.split_velocities(term)
         lowered = tm.times(moving, tm.monomial(velocity), -1)
         if _is_polynomial(lowered):
             found.update(
-                dict.fromkeys([lowered, *(tm.times(m, lowered) for m in tm.antiderivative_candidates(position, x))])
+                dict.fromkeys(
+                    [
+                        lowered,
+                        *(tm.times(m, lowered) for m in tm.antiderivative_candidates(position, x)),
+                    ]
+                )
             )
         if motion.with_time and _is_polynomial(moving):
-            found.update(dict.fromkeys(tm.times(m, moving) for m in tm.antiderivative_candidates(position, ex.TIME)))
+            found.update(
+                dict.fromkeys(
+                    tm.times(m, moving) for m in tm.antiderivative_candidates(position, ex.TIME)
+                )
+            )
         quotients = ((part, tm.times(moving, power, -1)) for part, power in divisors)
-        found.update((tm.times(position, part, -1) | rest, None) for part, rest in quotients if _is_polynomial(rest))
+        found.update(
+            (tm.times(position, part, -1) | rest, None)
+            for part, rest in quotients
+            if _is_polynomial(rest)
+        )
     return list(found)
 
 
@@ -138,19 +188,25 @@ def _is_polynomial(key: tm.Monomial, degree: int = _HIGHEST) -> bool:
     return found is not None and found <= degree
 
 
-def _last_multipliers(material: tm.Material, factors: families.Factors, seed: int) -> list[LastMultiplier]:
+def _last_multipliers(
+    material: tm.Material, factors: families.Factors, seed: int
+) -> list[LastMultiplier]:
     """Distinct multipliers in factored form that pass `_may_hold`, few factors first.
 
-    If df/dv = 0, multipliers are first integrals and g = 1 is one of them; no other avoids the integral of f that g = 1
-    requires.
+    If df/dv = 0, multipliers are first integrals and g = 1 is one of them; no other avoids the
+    integral of f that g = 1 requires.
     """
-    found = dict.fromkeys(LastMultiplier(phi, ()) for phi in _position_factors(factors, Fraction(0)) if phi)
+    found = dict.fromkeys(
+        LastMultiplier(phi, ()) for phi in _position_factors(factors, Fraction(0)) if phi
+    )
     powers = dict[LastMultiplier, None]()
     if not tm.derivative_of_terms(material.motion.forces[0], material.motion.velocities[0]):
         found[LastMultiplier(tm.EMPTY, ())] = None
     else:
         for degree in _EXPONENTS:
-            with suppress(errors.IrreducibleAtoms, modular.SingularPoint, tm.TooManyTerms, ValueError):
+            with suppress(
+                errors.IrreducibleAtoms, modular.SingularPoint, tm.TooManyTerms, ValueError
+            ):
                 powers |= dict.fromkeys(_darboux_powers(material, factors, seed, degree))
     if moving := _moving_factors(material):
         found[LastMultiplier(tm.EMPTY, tuple((base, ex.negated(e)) for base, e in moving))] = None
@@ -159,8 +215,14 @@ def _last_multipliers(material: tm.Material, factors: families.Factors, seed: in
 
 
 def _may_hold(material: tm.Material, multiplier: LastMultiplier) -> bool:
-    """Whether Gamma(log g) + df/dv is 0 at the real point, a necessary condition, and the factors are short."""
-    (x,), (v,), (f,) = material.motion.coordinates, material.motion.velocities, material.analysis.system.accelerations
+    """Whether Gamma(log g) + df/dv is 0 at the real point, a necessary condition, and the factors
+    are short.
+    """
+    (x,), (v,), (f,) = (
+        material.motion.coordinates,
+        material.motion.velocities,
+        material.analysis.system.accelerations,
+    )
     factors = [(tm.monomial_tree(multiplier.factor), ex.ONE), *multiplier.moving]
     if max(ex.node_count(base) for base, _ in factors) > 2 * bounds.NODES:
         return False
@@ -183,14 +245,18 @@ def _in_factors(
     moving = []
     for base, e in ex.powers_of(antiderivatives.factored_tree(polynomial, [x, v])):
         if tm.has_velocity(base):
-            moving.append((tm.tree_of(tm.shortest_in_angles(tm.terms_of(base))), ex.number(e * exponent)))
+            moving.append(
+                (tm.tree_of(tm.shortest_in_angles(tm.terms_of(base))), ex.number(e * exponent))
+            )
         elif not isinstance(base, ex.Number) and ex.holds(base, x, ex.TIME):
             phi = tm.times(phi, antiderivatives.monomial_of(base), e * exponent)
     return LastMultiplier(phi, tuple(moving))
 
 
 def _moving_factors(material: tm.Material) -> list[tuple[ex.Expression, ex.Expression]]:
-    """(base, exponent) of the factors of f that contain v; 1/F is a multiplier of f = F(v) G(t, x)."""
+    """(base, exponent) of the factors of f that contain v; 1/F is a multiplier of f = F(v) G(t,
+    x).
+    """
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     try:
         force = antiderivatives.factored_tree(material.analysis.system.accelerations[0], [x, v])
@@ -202,7 +268,9 @@ def _moving_factors(material: tm.Material) -> list[tuple[ex.Expression, ex.Expre
 
 
 def propose_function_of_velocity(material: tm.Material, seed: int) -> list[ex.Expression]:
-    """L with g = phi(t, x)/F(v) for the first suitable F; quadratures give phi, K with K_vv = g, and the potential."""
+    """L with g = phi(t, x)/F(v) for the first suitable F; quadratures give phi, K with K_vv = g,
+    and the potential.
+    """
     for function in _functions_of_velocity(material):
         with suppress(tm.TooManyTerms):
             found = _of_function(material, function)
@@ -212,15 +280,22 @@ def propose_function_of_velocity(material: tm.Material, seed: int) -> list[ex.Ex
 
 
 def _functions_of_velocity(material: tm.Material) -> Iterator[ex.Expression]:
-    """Candidates for F: the factors of f that contain only v, and the v-dependent part of each term of f."""
+    """Candidates for F: the factors of f that contain only v, and the v-dependent part of each term
+    of f.
+    """
     x = material.motion.coordinates[0]
-    found = [ex.multiply(*(base**e for base, e in _moving_factors(material) if not ex.holds(base, x, ex.TIME)))]
+    found = [
+        ex.multiply(
+            *(base**e for base, e in _moving_factors(material) if not ex.holds(base, x, ex.TIME))
+        )
+    ]
     found += [tm.monomial_tree(tm.split_velocities(key)[1]) for key in material.motion.forces[0]]
     yield from dict.fromkeys(tree for tree in found if not ex.holds(tree, x, ex.TIME))
 
 
 def _of_function(material: tm.Material, function: ex.Expression) -> ex.Expression | None:
-    """phi (v P - Q) + int phi G dx for f = F (G - A P - B Q), where P' = 1/F, Q' = v/F, A = phi_t/phi, B = phi_x/phi.
+    """phi (v P - Q) + int phi G dx for f = F (G - A P - B Q), where P' = 1/F, Q' = v/F, A =
+    phi_t/phi, B = phi_x/phi.
 
     1/F is a multiplier of f = F G; A(t) and B(x) follow from F d(f/F)/dv = -(A + B v).
     """
@@ -230,9 +305,15 @@ def _of_function(material: tm.Material, function: ex.Expression) -> ex.Expressio
     rate = antiderivatives.factored_tree(function * (-calculus.differentiate(rest, v)), [x, v])
     along = antiderivatives.factored_tree(calculus.differentiate(rate, v), [x, v])
     in_time = antiderivatives.factored_tree(rate - v * along, [x, v])
-    if ex.holds(along, v, ex.TIME) or ex.holds(in_time, v, x) or (in_time != ex.ZERO and not material.motion.with_time):
+    if (
+        ex.holds(along, v, ex.TIME)
+        or ex.holds(in_time, v, x)
+        or (in_time != ex.ZERO and not material.motion.with_time)
+    ):
         return None
-    integrator = antiderivatives.Integrator(system, material.analysis.real_point, integral_signs=True)
+    integrator = antiderivatives.Integrator(
+        system, material.analysis.real_point, integral_signs=True
+    )
     phi = antiderivatives.ONE_TERM
     for c, q in ((in_time, ex.TIME), (along, x)):
         logarithm = integrator.function_of([q], [tm.terms_of(c)])
@@ -245,7 +326,9 @@ def _of_function(material: tm.Material, function: ex.Expression) -> ex.Expressio
         found = antiderivatives.antiderivative(system, plain, v, material.analysis.real_point)
         if found is None and c != ex.ZERO:
             return None
-        integral = ex.Integral(next(integrator.names), (v,), (0,), (plain,)) if found is None else found
+        integral = (
+            ex.Integral(next(integrator.names), (v,), (0,), (plain,)) if found is None else found
+        )
         integrals.append(integral)
         rest = rest + c * integral
     force = tm.terms_of(tm.tree_of(phi) * antiderivatives.factored_tree(rest, [x, v]))
@@ -258,13 +341,20 @@ def _of_function(material: tm.Material, function: ex.Expression) -> ex.Expressio
 
 def applies(material: tm.Material) -> bool:
     """Whether f has moderate size and a real point."""
-    return len(material.motion.forces[0]) <= _MOST_TERMS_OF_FORCE and material.analysis.real_point is not None
+    return (
+        len(material.motion.forces[0]) <= _MOST_TERMS_OF_FORCE
+        and material.analysis.real_point is not None
+    )
 
 
 def propose(material: tm.Material, seed: int) -> Sequence[ex.Expression]:
-    """Lagrangians whose multiplier is a product of Darboux factors, simplest first; unverified candidates."""
+    """Lagrangians whose multiplier is a product of Darboux factors, simplest first; unverified
+    candidates.
+    """
     found: dict[ex.Expression, None] = {}
-    for multiplier in _last_multipliers(material, families.find_factors(material), seed)[: bounds.CANDIDATES]:
+    for multiplier in _last_multipliers(material, families.find_factors(material), seed)[
+        : bounds.CANDIDATES
+    ]:
         deadline.check()
         lagrangian = lagrangian_of(material, multiplier)
         if lagrangian is not None:
@@ -277,10 +367,15 @@ def lagrangian_of(material: tm.Material, multiplier: LastMultiplier) -> ex.Expre
     motion, point = material.motion, material.analysis.real_point
     if point is None:
         return None
-    integrator, (velocity,) = antiderivatives.Integrator(material.analysis.system, point), motion.velocities
+    integrator, (velocity,) = (
+        antiderivatives.Integrator(material.analysis.system, point),
+        motion.velocities,
+    )
     with suppress(calculus.NoRealValue, errors.IrreducibleAtoms, tm.TooManyTerms):
         bases = [tm.positive_form(base, point) ** e for base, e in multiplier.moving]
-        slope: tm.Terms | None = tm.terms_of(ex.multiply(tm.monomial_tree(multiplier.factor), *bases))
+        slope: tm.Terms | None = tm.terms_of(
+            ex.multiply(tm.monomial_tree(multiplier.factor), *bases)
+        )
         for _ in range(2):
             slope = None if slope is None else integrator.function_of([velocity], [slope])
         # Terms linear in the velocity are left to the potential: they may be total derivatives.
@@ -291,8 +386,12 @@ def lagrangian_of(material: tm.Material, multiplier: LastMultiplier) -> ex.Expre
     return None
 
 
-def _with_positive_hessian(lagrangian: tm.Terms, velocity: ex.Velocity, point: real_branch.RealTable) -> ex.Expression:
-    """The simpler of L and its multiple with simple coefficients, with a positive Hessian at the point."""
+def _with_positive_hessian(
+    lagrangian: tm.Terms, velocity: ex.Velocity, point: real_branch.RealTable
+) -> ex.Expression:
+    """The simpler of L and its multiple with simple coefficients, with a positive Hessian at the
+    point.
+    """
     tree = min(
         tm.tree_of(lagrangian),
         tm.tree_of(ansatz.with_simple_coefficients(lagrangian)),

@@ -1,26 +1,29 @@
-"""Find the Lagrangian of a unique matrix allowed by the algebraic conditions: compute G(t, q) and phi with g = phi G.
+"""Find the Lagrangian of a unique matrix allowed by the algebraic conditions: compute G(t, q) and
+phi with g = phi G.
 
-At points modulo a prime, the conditions g T = (g T)^T for T = Phi, nabla Phi, … at several velocities over one (t, q)
-determine one vector of entries G_11 : … : G_nn, which is interpolated as a whole. For any nonzero entry e of G, (H2)
-reads
+At points modulo a prime, the conditions g T = (g T)^T for T = Phi, nabla Phi, … at several
+velocities over one (t, q) determine one vector of entries G_11 : … : G_nn, which is interpolated as
+a whole. For any nonzero entry e of G, (H2) reads
 
     S = Gamma(log phi) = ((G N + N^T G)_e - Gamma G_e)/G_e = Q_k v_k + T.
 
-In most systems S = 0 and phi = 1. If one entry of g is constant, phi is 1/G_e; otherwise (1 : Q : T) is interpolated
-and integrated. The remaining terms of L are A_i v_i - V with
+In most systems S = 0 and phi = 1. If one entry of g is constant, phi is 1/G_e; otherwise (1 : Q :
+T) is interpolated and integrated. The remaining terms of L are A_i v_i - V with
 
-    d_i V = -phi W_i,  d_i A_j - d_j A_i = phi F_ij,  W = G f at v = 0,  F = G f_v + d_t G + T G at v = 0,
+    d_i V = -phi W_i,  d_i A_j - d_j A_i = phi F_ij,  W = G f at v = 0,  F = G f_v + d_t G + T G at
+    v = 0,
 
 where (1 : W : F) is interpolated as well, because determinants of mass matrices cancel in it.
 
-The conditions can allow more than one matrix: for carts with pendulums, the multipliers are M_t g + p p^T with a
-conserved momentum p. G is then the matrix of least degree, as in textbooks. With the constants fixed, (H2) and (H3) are
-linear in the coefficients of
+The conditions can allow more than one matrix: for carts with pendulums, the multipliers are M_t g +
+p p^T with a conserved momentum p. G is then the matrix of least degree, as in textbooks. With the
+constants fixed, (H2) and (H3) are linear in the coefficients of
 
-    g_ij = sum of c_ijm m(t, q),  m a product of at most `degree` generators: cos, sin of angles, coordinates.
+    g_ij = sum of c_ijm m(t, q),  m a product of at most `degree` generators: cos, sin of angles,
+    coordinates.
 
-If the solution at the least degree with a solution is unique, its terms are kept, and their coefficients are
-interpolated as one vector in the constants.
+If the solution at the least degree with a solution is unique, its terms are kept, and their
+coefficients are interpolated as one vector in the constants.
 """
 
 from __future__ import annotations
@@ -37,7 +40,16 @@ import numpy as np
 from inverse_service import deadline, errors
 from inverse_service.expressions import calculus, tree as ex
 from inverse_service.field import exact_field, real_branch, tower
-from inverse_service.field.flow import PRIME, Flow, Generator, Numbers, Points, Units, inverses, matrix_product
+from inverse_service.field.flow import (
+    PRIME,
+    Flow,
+    Generator,
+    Numbers,
+    Points,
+    Units,
+    inverses,
+    matrix_product,
+)
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import antiderivatives, families, interpolation, terms as tm
 
@@ -48,14 +60,18 @@ Column = tuple[int, tm.Monomial]
 
 
 def propose(material: tm.Material, seed: int) -> list[ex.Expression]:
-    """The Lagrangian of phi G with one matrix G(t, q), which the caller must verify; empty if none is found."""
+    """The Lagrangian of phi G with one matrix G(t, q), which the caller must verify; empty if none
+    is found.
+    """
     system, table = material.analysis.system, material.analysis.real_point
     search = OneMatrix.of(system, seed)
     if search is None:
         return []
     entries = search.matrix()
     for integral_signs in (False, True):
-        found = search.lagrangian(material, antiderivatives.Integrator(system, table, integral_signs), entries)
+        found = search.lagrangian(
+            material, antiderivatives.Integrator(system, table, integral_signs), entries
+        )
         if found is not None:
             return [found]
     return []
@@ -63,7 +79,9 @@ def propose(material: tm.Material, seed: int) -> list[ex.Expression]:
 
 @dataclass(slots=True)
 class OneMatrix:
-    """A system at points modulo the prime; `pairs` are the index pairs of the entries of symmetric matrices."""
+    """A system at points modulo the prime; `pairs` are the index pairs of the entries of symmetric
+    matrices.
+    """
 
     system: SecondOrderSystem
     forces: tuple[ex.Expression, ...]
@@ -78,7 +96,8 @@ class OneMatrix:
     def of(cls, system: SecondOrderSystem, seed: int) -> OneMatrix | None:
         """The search, or None if the conditions allow no matrix free of the velocities.
 
-        Velocities over one (t, q) are added while the dimension falls, at least two and at most n (or 3).
+        Velocities over one (t, q) are added while the dimension falls, at least two and at most n
+        (or 3).
         """
         found = cls._with_one_velocity(system, seed)
         found.kernel = len(found.pairs) + 1
@@ -91,7 +110,9 @@ class OneMatrix:
 
     @classmethod
     def at_one_velocity(cls, system: SecondOrderSystem, seed: int) -> OneMatrix | None:
-        """The search, or None unless one velocity allows exactly one matrix, and several over one (t, q) allow none."""
+        """The search, or None unless one velocity allows exactly one matrix, and several over one
+        (t, q) allow none.
+        """
         found = cls._with_one_velocity(system, seed)
         found.tensors += 1
         found.velocities = 2
@@ -105,20 +126,31 @@ class OneMatrix:
         forces = tuple(map(tower.to_kernels, system.accelerations))
         n = len(forces)
         pairs = [(i, j) for i in range(n) for j in range(i, n)]
-        return cls(system, forces, Units.of(forces), np.random.default_rng(seed), pairs, tensors=1 if n == 2 else 2)
+        return cls(
+            system,
+            forces,
+            Units.of(forces),
+            np.random.default_rng(seed),
+            pairs,
+            tensors=1 if n == 2 else 2,
+        )
 
     def points(self, fixed: interpolation.Given, count: int) -> Points:
         return Points(self.system.coordinates, self.units, count, self.random, fixed)
 
     def dimension(self, more: int = 0) -> int:
-        """The dimension of the matrices that the conditions allow at a random place, with `more` additional tensors."""
+        """The dimension of the matrices that the conditions allow at a random place, with `more`
+        additional tensors.
+        """
         for k in range(12):  # points with many roots are few
             kernels, points = self._kernels({}, 4 << min(k, 6), more)
             if points.good.any():
                 return len(kernels[0])
         raise interpolation.NoFit("no point")
 
-    def _kernels(self, fixed: interpolation.Given, count: int, more: int = 0) -> tuple[list[list[list[int]]], Points]:
+    def _kernels(
+        self, fixed: interpolation.Given, count: int, more: int = 0
+    ) -> tuple[list[list[list[int]]], Points]:
         """The kernel of the conditions at each good point."""
         n, base, depth = len(self.forces), self.points(fixed, count), self.tensors + more
         batches, good = list[list[Numbers]](), base.good
@@ -127,13 +159,19 @@ class OneMatrix:
             _, tensors = Flow(points, self.forces, depth + 1).tensors(depth)
             batches.append(tensors)
             good = good & points.good
-            base.values |= {key: value for key, value in points.values.items() if key not in base.values}
+            base.values |= {
+                key: value for key, value in points.values.items() if key not in base.values
+            }
         base.good = good
-        rows = np.concatenate([self.conditions(tensor) for batch in batches for tensor in batch], axis=1)
+        rows = np.concatenate(
+            [self.conditions(tensor) for batch in batches for tensor in batch], axis=1
+        )
         return [interpolation.kernel_of(rows[k]) for k in np.flatnonzero(good)], base
 
     def unit_products(self, tensor: Numbers) -> Numbers:
-        """E T for the symmetric matrix E with ones in each entry of `pairs`, (points, entries, n, n)."""
+        """E T for the symmetric matrix E with ones in each entry of `pairs`, (points, entries, n,
+        n).
+        """
         units = np.zeros((len(self.pairs), *tensor.shape[1:]), np.int64)
         for unit, (i, j) in zip(units, self.pairs, strict=True):
             unit[i, j] = unit[j, i] = 1
@@ -152,11 +190,13 @@ class OneMatrix:
         kept = [k for k, kernel in enumerate(kernels) if len(kernel) == 1]
         where = np.flatnonzero(points.good)[kept]
         points.good = np.isin(np.arange(points.count), where)
-        return np.array([kernels[k][0] for k in kept], np.int64).reshape(len(kept), len(self.pairs)).T, points
+        return np.array([kernels[k][0] for k in kept], np.int64).reshape(
+            len(kept), len(self.pairs)
+        ).T, points
 
     def variables(self, moving: bool = False) -> list[Generator]:
-        """The generators of functions of t and q, and of the velocities if `moving`. Angles come first, then
-        exponentials, velocities, coordinates, and finally parameters.
+        """The generators of functions of t and q, and of the velocities if `moving`. Angles come
+        first, then exponentials, velocities, coordinates, and finally parameters.
         """
         points = self.points({}, 1)
         Flow(points, self.forces, 2)
@@ -167,7 +207,9 @@ class OneMatrix:
                 return 2
             return {"angle": 0, "exp": 1}.get(generator[0], 3 if generator[1] in own else 4)
 
-        used = [one for one in points.values if one[0] != "variable" or one[1] not in self.units.roots]
+        used = [
+            one for one in points.values if one[0] != "variable" or one[1] not in self.units.roots
+        ]
         return sorted((one for one in used if moving or not tm.has_velocity(one[1])), key=rank)
 
     def matrix(self) -> list[tm.Terms]:
@@ -177,7 +219,10 @@ class OneMatrix:
         return interpolation.Interpolation(self.matrix_values, self.variables(), self.units).terms()
 
     def lagrangian(
-        self, material: tm.Material, integrator: antiderivatives.Integrator, entries: Sequence[tm.Terms]
+        self,
+        material: tm.Material,
+        integrator: antiderivatives.Integrator,
+        entries: Sequence[tm.Terms],
     ) -> ex.Expression | None:
         """The Lagrangian whose Hessian is this matrix times a factor that is computed."""
         variables = self.variables()
@@ -188,24 +233,43 @@ class OneMatrix:
         velocities = list(map(ex.Velocity, self.system.coordinates))
         kinetic = tm.Terms()
         for (i, j), terms in zip(self.pairs, matrix, strict=True):
-            square, weight = tm.monomial(velocities[i], velocities[j]), Fraction(1, 2 if i == j else 1)
-            kinetic = tm.add_terms(kinetic, tm.multiply_by(tm.shortest_in_angles(terms), square, factor=weight))
+            square, weight = (
+                tm.monomial(velocities[i], velocities[j]),
+                Fraction(1, 2 if i == j else 1),
+            )
+            kinetic = tm.add_terms(
+                kinetic, tm.multiply_by(tm.shortest_in_angles(terms), square, factor=weight)
+            )
         try:
             wanted = self._wanted(matrix, variables, phi)
         except interpolation.NoFit:  # where f has roots
             found = families.with_potential(material, tm.multiply_terms(phi, kinetic), integrator)
             return tm.tree_of(found) if found else None
         rest = integrator.linear_terms([tm.multiply_terms(phi, w) for w in wanted])
-        return None if rest is None else ex.add(tm.tree_of(phi) * tm.tree_of(kinetic), tm.tree_of(rest))
+        return (
+            None
+            if rest is None
+            else ex.add(tm.tree_of(phi) * tm.tree_of(kinetic), tm.tree_of(rest))
+        )
 
-    def oriented(self, matrix: Sequence[tm.Terms], integrator: antiderivatives.Integrator) -> list[tm.Terms]:
-        """The matrix with its first nonzero diagonal entry positive at rest or, if that fails, at the real point."""
-        entry = next((m for (i, j), m in zip(self.pairs, matrix, strict=True) if i == j and m), matrix[0])
+    def oriented(
+        self, matrix: Sequence[tm.Terms], integrator: antiderivatives.Integrator
+    ) -> list[tm.Terms]:
+        """The matrix with its first nonzero diagonal entry positive at rest or, if that fails, at
+        the real point.
+        """
+        entry = next(
+            (m for (i, j), m in zip(self.pairs, matrix, strict=True) if i == j and m), matrix[0]
+        )
         tree = tm.tree_of(entry)
-        zeros: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): ex.ZERO for name in self.system.coordinates}
+        zeros: dict[ex.Expression, ex.Expression] = {
+            ex.Velocity(name): ex.ZERO for name in self.system.coordinates
+        }
         for form in (ex.substitute(tree, zeros), tree):
             with suppress(calculus.NoRealValue, errors.IrreducibleAtoms, ZeroDivisionError):
-                if integrator.table is not None and (sign := real_branch.real_sign(form, integrator.table)):
+                if integrator.table is not None and (
+                    sign := real_branch.real_sign(form, integrator.table)
+                ):
                     return [tm.scaled(terms, sign) for terms in matrix]
         return list(matrix)
 
@@ -218,7 +282,9 @@ class OneMatrix:
                 values[:, :, i, j] = values[:, :, j, i] = flow.tree(tm.tree_of(terms)).data[0]
         return flow, values
 
-    def _rates(self, points: Points, matrix: Sequence[tm.Terms]) -> tuple[Numbers, Numbers, Numbers]:
+    def _rates(
+        self, points: Points, matrix: Sequence[tm.Terms]
+    ) -> tuple[Numbers, Numbers, Numbers]:
         """(G, Gamma G, G N + N^T G) at the points, (points, n, n)."""
         flow, values = self._at(points, matrix, 2)
         by_velocity, _ = flow.slopes()
@@ -226,13 +292,17 @@ class OneMatrix:
         return values[0], values[1], (half + half.transpose(0, 2, 1)) % PRIME
 
     def scale(
-        self, matrix: Sequence[tm.Terms], variables: Sequence[Generator], integrator: antiderivatives.Integrator
+        self,
+        matrix: Sequence[tm.Terms],
+        variables: Sequence[Generator],
+        integrator: antiderivatives.Integrator,
     ) -> tm.Terms | None:
         """The factor phi(t, q) with (H2) for phi G; None if there is none, or none is found.
 
-        Three cases: (H2) holds for G itself, so phi = 1. An entry of phi G is constant, because (G N + N^T G)_e = 0
-        for it, so phi = 1/G_e. Else S = Gamma(log phi) = T + Q_k v_k is formed from one entry; it must be affine in
-        the velocities, and d log phi = T dt + Q_k dq_k is interpolated and integrated.
+        Three cases: (H2) holds for G itself, so phi = 1. An entry of phi G is constant, because (G
+        N + N^T G)_e = 0 for it, so phi = 1/G_e. Else S = Gamma(log phi) = T + Q_k v_k is formed
+        from one entry; it must be affine in the velocities, and d log phi = T dt + Q_k dq_k is
+        interpolated and integrated.
         """
         points = self.points({}, 12)
         _, along, turned = self._rates(points, matrix)
@@ -263,22 +333,33 @@ class OneMatrix:
             level = level - sum(v * slope % PRIME for v, slope in zip(start, slopes, strict=True))
             return np.array([np.ones(count, np.int64), level % PRIME, *slopes])[:, good], first
 
-        start, step = ([self.random.integers(2, PRIME - 2, points.count) for _ in range(n)] for _ in range(2))
-        along_a_line = [points.again([(v + k * w) % PRIME for v, w in zip(start, step, strict=True)]) for k in range(3)]
+        start, step = (
+            [self.random.integers(2, PRIME - 2, points.count) for _ in range(n)] for _ in range(2)
+        )
+        along_a_line = [
+            points.again([(v + k * w) % PRIME for v, w in zip(start, step, strict=True)])
+            for k in range(3)
+        ]
         first, second, third = map(rate, along_a_line)
         bent = (first - 2 * second + third) % PRIME  # 0 if S is affine in the velocities
         if bent[np.all([one.good for one in along_a_line], axis=0)].any():
             return None
         below, *above = interpolation.Interpolation(form, variables, self.units).terms()
         names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
-        logarithm = integrator.function_of(names, tm.divided(above, below, names, exact_field.Budget.long()))
+        logarithm = integrator.function_of(
+            names, tm.divided(above, below, names, exact_field.Budget.long())
+        )
         return None if logarithm is None else integrator.exponential(logarithm)
 
-    def _wanted(self, matrix: Sequence[tm.Terms], variables: Sequence[Generator], phi: tm.Terms) -> list[tm.Terms]:
+    def _wanted(
+        self, matrix: Sequence[tm.Terms], variables: Sequence[Generator], phi: tm.Terms
+    ) -> list[tm.Terms]:
         """-(W_i + F_ij v_j), the Euler-Lagrange expressions of A_i v_i - V divided by phi."""
         n = len(self.forces)
         places = list(combinations(range(n), 2))
-        drag = tm.collected(calculus.differentiate(tm.tree_of(phi), ex.TIME) / tm.tree_of(phi))  # d_t log phi
+        drag = tm.collected(
+            calculus.differentiate(tm.tree_of(phi), ex.TIME) / tm.tree_of(phi)
+        )  # d_t log phi
 
         def form(fixed: interpolation.Given, count: int) -> tuple[Numbers, Points]:
             points = self.points(fixed, count).again([np.zeros(count, np.int64)] * n)
@@ -297,7 +378,9 @@ class OneMatrix:
 
         below, *above = interpolation.Interpolation(form, variables, self.units).terms()
         names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
-        above = list(map(tm.shortest_in_angles, tm.divided(above, below, names, exact_field.Budget.long())))
+        above = list(
+            map(tm.shortest_in_angles, tm.divided(above, below, names, exact_field.Budget.long()))
+        )
         wanted = [tm.scaled(terms, -1) for terms in above[:n]]
         for (i, j), terms in zip(places, above[n:], strict=True):
             deadline.check()
@@ -331,20 +414,29 @@ def lowest_matrix(search: OneMatrix) -> list[tm.Terms]:
 
 
 def _monomials(own: Sequence[Generator], search: OneMatrix, degree: int) -> list[tm.Monomial]:
-    """Products of generators of at most `degree` different variables; an angle occurs only in its sine and cosine."""
+    """Products of generators of at most `degree` different variables; an angle occurs only in its
+    sine and cosine.
+    """
     angles = {what for kind, what in own if kind == "angle"}
     used = [v for v in own if not (v[0] == "variable" and v[1] in angles)]
     found: dict[tm.Monomial, None] = {tm.EMPTY: None}
     for size in range(1, degree + 1):
         for chosen in combinations(used, size):
-            letters = [[letter for letter in interpolation.basis_monomials(v, search.units) if letter] for v in chosen]
+            letters = [
+                [letter for letter in interpolation.basis_monomials(v, search.units) if letter]
+                for v in chosen
+            ]
             for some in product(*letters):
                 found[reduce(tm.times, some)] = None
     return list(found)
 
 
-def _interpolated(search: OneMatrix, support: Sequence[Column], constants: Sequence[Generator]) -> list[tm.Terms]:
-    """The coefficients of the columns of the support as one vector in the constants, interpolated."""
+def _interpolated(
+    search: OneMatrix, support: Sequence[Column], constants: Sequence[Generator]
+) -> list[tm.Terms]:
+    """The coefficients of the columns of the support as one vector in the constants,
+    interpolated.
+    """
 
     def values(given: interpolation.Given, count: int) -> tuple[Numbers, Points]:
         points = search.points(given, count)
@@ -352,7 +444,9 @@ def _interpolated(search: OneMatrix, support: Sequence[Column], constants: Seque
         vectors = _coefficients(search, support, own, count)
         good = [k for k, kernel in enumerate(vectors) if len(kernel) == 1]
         points.good = np.isin(np.arange(count), good)
-        return np.array([vectors[k][0] for k in good], np.int64).reshape(len(good), len(support)).T, points
+        return np.array([vectors[k][0] for k in good], np.int64).reshape(
+            len(good), len(support)
+        ).T, points
 
     coefficients = interpolation.Interpolation(values, constants, search.units).terms()
     matrix: list[tm.Terms] = [{} for _ in search.pairs]
@@ -364,14 +458,17 @@ def _interpolated(search: OneMatrix, support: Sequence[Column], constants: Seque
 def _coefficients(
     search: OneMatrix, columns: Sequence[Column], given: interpolation.Given, count: int
 ) -> list[list[list[int]]]:
-    """The coefficients of sums of these columns that satisfy (H2) and (H3), for each of `count` values of the given
-    generators; all others are random, at enough points for every value.
+    """The coefficients of sums of these columns that satisfy (H2) and (H3), for each of `count`
+    values of the given generators; all others are random, at enough points for every value.
     """
     n = len(search.forces)
     entries = len(search.pairs)
     each = entries + n * (n - 1) // 2
     places = -(-len(columns) // each) + 3
-    wide = {key: np.repeat(np.broadcast_to(np.asarray(v, np.int64), count), 2 * places) for key, v in given.items()}
+    wide = {
+        key: np.repeat(np.broadcast_to(np.asarray(v, np.int64), count), 2 * places)
+        for key, v in given.items()
+    }
     points = search.points(wide, 2 * places * count)
     flow = Flow(points, search.forces, 2)
     connection, (tensor,) = flow.tensors(1)

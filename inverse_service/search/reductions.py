@@ -1,8 +1,9 @@
-"""Reduce a system to blocks that share no coordinates or no sums of coordinates, or to one with a coordinate as time.
+"""Reduce a system to blocks that share no coordinates or no sums of coordinates, or to one with a
+coordinate as time.
 
-In sums u = C q with constants C, a system decouples if the rows of C span left invariant subspaces of all f_q and f_v.
-They are those of a constant P with two eigenvalues that commutes with all f_q and f_v, which gives linear equations for
-P.
+In sums u = C q with constants C, a system decouples if the rows of C span left invariant subspaces
+of all f_q and f_v. They are those of a constant P with two eigenvalues that commutes with all f_q
+and f_v, which gives linear equations for P.
 """
 
 import math
@@ -20,7 +21,13 @@ from inverse_service.expressions import calculus, collecting, tree as ex
 from inverse_service.field import exact_field, flow, matrices, tower
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, connected
-from inverse_service.search import algebras, antiderivatives, interpolation, linear_systems, terms as tm
+from inverse_service.search import (
+    algebras,
+    antiderivatives,
+    interpolation,
+    linear_systems,
+    terms as tm,
+)
 
 Table = list[list[ex.Expression]]
 Matrix = npt.NDArray[np.object_]
@@ -30,7 +37,8 @@ _POINTS, _SEED = 8, 1
 
 @dataclass(frozen=True, slots=True)
 class Smaller:
-    """Systems whose Lagrangians L(q, q'), or L(t, q, q') for those `with_time`, yield Lagrangians of the given system.
+    """Systems whose Lagrangians L(q, q'), or L(t, q, q') for those `with_time`, yield Lagrangians
+    of the given system.
 
     `lift` takes the Lagrangians of each system, simplest first.
     """
@@ -41,7 +49,9 @@ class Smaller:
 
 
 def decoupled_blocks(system: SecondOrderSystem) -> list[SecondOrderSystem]:
-    """The blocks of the system: within a block, coordinates occur in each other's equations, directly or indirectly."""
+    """The blocks of the system: within a block, coordinates occur in each other's equations,
+    directly or indirectly.
+    """
     pairs = zip(system.coordinates, system.accelerations, strict=True)
     links = ({name} | _coordinates_in(f, system.coordinates) for name, f in pairs)
     return [_block(system, group) for group in connected(system.coordinates, links)]
@@ -55,14 +65,20 @@ def _coordinates_in(tree: ex.Expression, names: Sequence[str]) -> set[str]:
 def _block(system: SecondOrderSystem, group: Collection[str]) -> SecondOrderSystem:
     kept = [k for k, name in enumerate(system.coordinates) if name in group]
     coordinates = tuple(system.coordinates[k] for k in kept)
-    return replace(system, coordinates=coordinates, accelerations=tuple(system.accelerations[k] for k in kept))
+    return replace(
+        system, coordinates=coordinates, accelerations=tuple(system.accelerations[k] for k in kept)
+    )
 
 
 def _with_fewest_coordinates(material: tm.Material) -> SecondOrderSystem:
-    """The system with f_i in factored form if fewer coordinates occur in that: (u x - v x)/(u - v) is x."""
+    """The system with f_i in factored form if fewer coordinates occur in that: (u x - v x)/(u - v)
+    is x.
+    """
     system = material.analysis.system
     pairs = zip(system.accelerations, map(tm.tree_of, material.motion.forces), strict=True)
-    forces = tuple(min(pair, key=lambda tree: len(_coordinates_in(tree, system.coordinates))) for pair in pairs)
+    forces = tuple(
+        min(pair, key=lambda tree: len(_coordinates_in(tree, system.coordinates))) for pair in pairs
+    )
     return replace(system, accelerations=forces)
 
 
@@ -79,7 +95,9 @@ def into_blocks(material: tm.Material, seed: int) -> Iterator[Smaller]:
 
 
 def _sum_of(system: SecondOrderSystem, trees: Sequence[ex.Expression]) -> ex.Expression:
-    """The sum of the Lagrangians of blocks, with integrals renamed because several blocks may have an F."""
+    """The sum of the Lagrangians of blocks, with integrals renamed because several blocks may have
+    an F.
+    """
     fresh, used, found = antiderivatives.fresh_names(system, *trees), set[str](), []
     for tree in trees:
         own = {node.name for node in certify.walk_integrals(tree)}
@@ -90,7 +108,11 @@ def _sum_of(system: SecondOrderSystem, trees: Sequence[ex.Expression]) -> ex.Exp
 
 
 def _renamed(tree: ex.Expression, names: Mapping[str, str]) -> ex.Expression:
-    named = replace(tree, name=names.get(tree.name, tree.name)) if isinstance(tree, ex.Integral) else tree
+    named = (
+        replace(tree, name=names.get(tree.name, tree.name))
+        if isinstance(tree, ex.Integral)
+        else tree
+    )
     return ex.rebuild(named, lambda part: _renamed(part, names))
 
 
@@ -100,7 +122,9 @@ def has_sums(material: tm.Material) -> bool:
 
 
 def _may_decouple(material: tm.Material) -> bool:
-    """Whether matrices P other than multiples of 1 commute with f_q and f_v at points modulo a prime; cached."""
+    """Whether matrices P other than multiples of 1 commute with f_q and f_v at points modulo a
+    prime; cached.
+    """
     proposals = material.analysis.proposals
     if "may decouple" not in proposals:
         proposals["may decouple"] = _commute_at_points(material)
@@ -110,12 +134,18 @@ def _may_decouple(material: tm.Material) -> bool:
 def _commute_at_points(material: tm.Material) -> bool:
     system = material.analysis.system
     n = len(system.coordinates)
-    forces, random = tuple(map(tower.to_kernels, system.accelerations)), np.random.default_rng(_SEED)
+    forces, random = (
+        tuple(map(tower.to_kernels, system.accelerations)),
+        np.random.default_rng(_SEED),
+    )
     fixed: dict[flow.Generator, int] = {
-        ("variable", ex.Symbol(name)): int(random.integers(2, flow.PRIME)) for name in system.parameters
+        ("variable", ex.Symbol(name)): int(random.integers(2, flow.PRIME))
+        for name in system.parameters
     }
     points = flow.Points(system.coordinates, flow.Units.of(forces), _POINTS, random, fixed)
-    jacobians = np.concatenate([part[0][points.good] for part in flow.Flow(points, forces, 1).slopes()])
+    jacobians = np.concatenate(
+        [part[0][points.good] for part in flow.Flow(points, forces, 1).slopes()]
+    )
     unit = np.eye(n, dtype=np.int64)
     # P J - J P, with P flattened by rows.
     rows = [np.kron(unit, j.T) - np.kron(j, unit) for j in jacobians]
@@ -123,24 +153,37 @@ def _commute_at_points(material: tm.Material) -> bool:
 
 
 def _commuting(material: tm.Material) -> tuple[exact_field.ExactRing, list[Matrix]]:
-    """A basis of the constant matrices P that commute with f_q and f_v at all points, over a ring; cached."""
+    """A basis of the constant matrices P that commute with f_q and f_v at all points, over a ring;
+    cached.
+    """
     proposals = material.analysis.proposals
     if "commuting" not in proposals:
         system, n = material.analysis.system, material.motion.size
         variables = [kind(name) for kind in (ex.Symbol, ex.Velocity) for name in system.coordinates]
-        slopes = [calculus.differentiate(f, variable) for f, variable in product(system.accelerations, variables)]
+        slopes = [
+            calculus.differentiate(f, variable)
+            for f, variable in product(system.accelerations, variables)
+        ]
         ring = exact_field.exact_ring(slopes, system.variables, 0, exact_field.Budget.long())
         jacobians = np.split(np.array(list(map(ring.value, slopes))).reshape(n, 2 * n), 2, axis=1)
         zero, one = ring.constant(0), ring.constant(1)
-        units = [np.array([one if k == place else zero for k in range(n * n)]).reshape(n, n) for place in range(n * n)]
+        units = [
+            np.array([one if k == place else zero for k in range(n * n)]).reshape(n, n)
+            for place in range(n * n)
+        ]
         columns = [[entry for j in jacobians for entry in (e @ j - j @ e).flat] for e in units]
-        proposals["commuting"] = ring, [np.array(p).reshape(n, n) for p in matrices.null_vectors(ring, columns)]
+        proposals["commuting"] = (
+            ring,
+            [np.array(p).reshape(n, n) for p in matrices.null_vectors(ring, columns)],
+        )
     found: tuple[exact_field.ExactRing, list[Matrix]] = proposals["commuting"]
     return found
 
 
 def into_sums(material: tm.Material, seed: int) -> Iterator[Smaller]:
-    """The two parts of the system in sums of the coordinates; each sum is named after a coordinate."""
+    """The two parts of the system in sums of the coordinates; each sum is named after a
+    coordinate.
+    """
     if not _may_decouple(material):
         return
     given, found = _commuting(material)
@@ -152,7 +195,9 @@ def into_sums(material: tm.Material, seed: int) -> Iterator[Smaller]:
                 continue  # complex, or real for some parameters only
             eigenvalue = value + tm.collected(spread ** Fraction(1, 2)) if spread.value else value
             entries = [entry for row in trees for entry in row]
-            ring = exact_field.exact_ring([*entries, eigenvalue], (), 0, exact_field.Budget.long(), slopes=False)
+            ring = exact_field.exact_ring(
+                [*entries, eigenvalue], (), 0, exact_field.Budget.long(), slopes=False
+            )
             zero, one = ring.constant(0), ring.constant(1)
             identity = np.array([[one if i == j else zero for j in range(n)] for i in range(n)])
             matrix = np.array([[ring.value(entry) for entry in row] for row in trees])
@@ -168,14 +213,18 @@ def into_sums(material: tm.Material, seed: int) -> Iterator[Smaller]:
 
 
 def over_numbers(material: tm.Material, seed: int) -> Iterator[Smaller]:
-    """The system as one of half as many complex or dual coordinates (`algebras`); L is a part of its Lagrangian."""
+    """The system as one of half as many complex or dual coordinates (`algebras`); L is a part of
+    its Lagrangian.
+    """
     if not _may_decouple(material):
         return
     system = material.analysis.system
     for p in _commuting(material)[1]:
         entries = [[entry.constant_value for entry in row] for row in p.tolist()]
         numbers = [[x for x in row if x is not None] for row in entries]
-        structure = algebras.structure_of(numbers) if all(len(row) == len(p) for row in numbers) else None
+        structure = (
+            algebras.structure_of(numbers) if all(len(row) == len(p) for row in numbers) else None
+        )
         if structure is not None:
             yield _over(system, structure, material.motion.with_time)
 
@@ -184,13 +233,17 @@ def _over(system: SecondOrderSystem, structure: algebras.Structure, with_time: b
     smaller, letter = algebras.system_over(structure, system)
 
     def lift(found: Sequence[Sequence[ex.Expression]]) -> list[ex.Expression]:
-        return [tree for one in found[0] for tree in algebras.parts_of(structure, system, letter, one)]
+        return [
+            tree for one in found[0] for tree in algebras.parts_of(structure, system, letter, one)
+        ]
 
     return Smaller((smaller,), (with_time,), lift)
 
 
 def with_constant_sums(material: tm.Material, seed: int) -> Iterator[Smaller]:
-    """The system in sums of the coordinates: those with constant velocities, and sums orthogonal to them."""
+    """The system in sums of the coordinates: those with constant velocities, and sums orthogonal to
+    them.
+    """
     forces, n = material.motion.forces, material.motion.size
     rows = [[f.get(key, Fraction(0)) for f in forces] for key in dict.fromkeys(chain(*forces))]
     constant = matrices.kernel(rows, n)
@@ -202,7 +255,9 @@ def with_constant_sums(material: tm.Material, seed: int) -> Iterator[Smaller]:
     ]
     beside = [row + [Fraction(i == k) for k in range(n)] for i, row in enumerate(forms)]
     inverse = [line[n:] for _, line in matrices.echelon_of(beside, 2 * n)]
-    numbers, back = ([list[ex.Expression](map(ex.number, row)) for row in table] for table in (forms, inverse))
+    numbers, back = (
+        [list[ex.Expression](map(ex.number, row)) for row in table] for table in (forms, inverse)
+    )
     yield _in_forms(material, numbers, back, n)
 
 
@@ -211,22 +266,32 @@ def _trees(ring: exact_field.ExactRing, rows: Sequence[Sequence[exact_field.Quot
 
 
 def _in_forms(material: tm.Material, forms: Table, inverse: Table, first: int) -> Smaller:
-    """The blocks of the first forms and of the others, if any; each form is named after the coordinate in its place."""
+    """The blocks of the first forms and of the others, if any; each form is named after the
+    coordinate in its place.
+    """
     system, blocks = material.analysis.system, list[SecondOrderSystem]()
     names, places = system.coordinates, range(len(system.coordinates))
     forces = [ex.add(*map(ex.multiply, form, system.accelerations)) for form in forms]
     for chosen in filter(None, (places[:first], places[first:])):
         own = tuple(names[k] for k in chosen)
         table = _substitution(names, [[row[k] for k in chosen] for row in inverse], own)
-        accelerations = tuple(tm.collected(collecting.collect(ex.substitute(forces[k], table))) for k in chosen)
-        blocks.append(replace(system, coordinates=own, accelerations=accelerations, branch=None, nonzero=()))
+        accelerations = tuple(
+            tm.collected(collecting.collect(ex.substitute(forces[k], table))) for k in chosen
+        )
+        blocks.append(
+            replace(system, coordinates=own, accelerations=accelerations, branch=None, nonzero=())
+        )
     back, timed = _substitution(names, forms, names), (material.motion.with_time,) * len(blocks)
     return Smaller(
-        tuple(blocks), timed, lambda found: [ex.substitute(_sum_of(system, [one[0] for one in found]), back)]
+        tuple(blocks),
+        timed,
+        lambda found: [ex.substitute(_sum_of(system, [one[0] for one in found]), back)],
     )
 
 
-def _substitution(names: Sequence[str], forms: Table, others: Sequence[str]) -> dict[ex.Expression, ex.Expression]:
+def _substitution(
+    names: Sequence[str], forms: Table, others: Sequence[str]
+) -> dict[ex.Expression, ex.Expression]:
     """The coordinates and velocities `names` as linear forms of those in `others`."""
     kinds: tuple[Callable[[str], ex.Expression], ...] = (ex.Symbol, ex.Velocity)
     return {
@@ -244,16 +309,20 @@ def has_coordinate_as_time(material: tm.Material) -> bool:
 def along_a_coordinate(material: tm.Material, seed: int) -> Iterator[Smaller]:
     """With u as time, x'' = F(u, x, dx/du): L = u' M(u, x, x'/u') + S(u, u').
 
-    u' M, homogeneous of degree 1, gives the equations of the paths alone (Noether's second theorem: the equation of u
-    follows from those of x), and S is a Lagrangian of u, whose equation contains no other coordinate. L is regular if M
-    and S are.
+    u' M, homogeneous of degree 1, gives the equations of the paths alone (Noether's second theorem:
+    the equation of u follows from those of x), and S is a Lagrangian of u, whose equation contains
+    no other coordinate. L is regular if M and S are.
     """
-    for u, paths, own in sorted(_along(material), key=lambda found: sum(map(ex.node_count, found[1].accelerations))):
+    for u, paths, own in sorted(
+        _along(material), key=lambda found: sum(map(ex.node_count, found[1].accelerations))
+    ):
         yield Smaller((paths, own), (True, material.motion.with_time), partial(_homogeneous, u))
 
 
 def _along(material: tm.Material) -> Iterator[tuple[str, SecondOrderSystem, SecondOrderSystem]]:
-    """(u, the system of dx/du, that of u) for each coordinate u with u'' = f_u(u, u') such that paths have no u'."""
+    """(u, the system of dx/du, that of u) for each coordinate u with u'' = f_u(u, u') such that
+    paths have no u'.
+    """
     system = material.analysis.system
     names = system.coordinates
     if system.depends_on_time or is_decoupled(material):
@@ -266,12 +335,18 @@ def _along(material: tm.Material) -> Iterator[tuple[str, SecondOrderSystem, Seco
         forces = []
         for x, force in zip(names, system.accelerations, strict=True):
             if x != u:
-                along = collecting.collect((ex.substitute(force, table) - ex.Velocity(x) * f) / rate**2)
+                along = collecting.collect(
+                    (ex.substitute(force, table) - ex.Velocity(x) * f) / rate**2
+                )
                 is_free = not ex.holds(along, rate)
-                forces.append(along if is_free else writing.quotient(along, exact_field.Budget.short()))
+                forces.append(
+                    along if is_free else writing.quotient(along, exact_field.Budget.short())
+                )
         if not any(ex.holds(force, rate) for force in forces):
             timed = tuple(ex.substitute(force, {ex.Symbol(u): ex.TIME}) for force in forces)
-            functions = tuple((name, tuple("t" if x == u else x for x in held)) for name, held in system.functions)
+            functions = tuple(
+                (name, tuple("t" if x == u else x for x in held)) for name, held in system.functions
+            )
             plain = replace(system, branch=None, nonzero=(), functions=functions)
             paths = replace(plain, coordinates=others, accelerations=timed)
             yield u, paths, replace(plain, coordinates=(u,), accelerations=(f,))
@@ -283,5 +358,7 @@ def _homogeneous(u: str, found: Sequence[Sequence[ex.Expression]]) -> list[ex.Ex
     for tree in found[0]:
         velocities = [node for node in ex.walk(tree) if isinstance(node, ex.Velocity)]
         table = {v: v / rate for v in velocities}
-        lagrangians.append(tm.collected(rate * ex.substitute(tree, {**table, ex.TIME: ex.Symbol(u)})))
+        lagrangians.append(
+            tm.collected(rate * ex.substitute(tree, {**table, ex.TIME: ex.Symbol(u)}))
+        )
     return [one + found[1][0] for one in lagrangians]

@@ -1,12 +1,15 @@
-"""Sums of Laurent monomials in generators, the motion written as such sums, and the generators of f.
+"""Sums of Laurent monomials in generators, the motion written as such sums, and the generators of
+f.
 
-A generator (`letter` in the code) is any tree (x, x', sin(x), x^2 + y^2, A(r1), exp(x)); a monomial is a product of
-generators with rational exponents; terms map monomials to rational coefficients. No relations among generators are
-assumed: an identity found here is true, but one not found may be true as well.
+A generator (`letter` in the code) is any tree (x, x', sin(x), x^2 + y^2, A(r1), exp(x)); a monomial
+is a product of generators with rational exponents; terms map monomials to rational coefficients. No
+relations among generators are assumed: an identity found here is true, but one not found may be
+true as well.
 
-The candidates for the shortest form of a polynomial in cos u, sin u, cos w, … are the polynomial itself, sin^2 in place
-of 1 - cos^2 in one of the angles, and a sum of sines and cosines of sums of angles (cos(u - w) for cos u cos w + sin u
-sin w). The material of a search is f as terms, with the generators from which the ansätze are built.
+The candidates for the shortest form of a polynomial in cos u, sin u, cos w, … are the polynomial
+itself, sin^2 in place of 1 - cos^2 in one of the angles, and a sum of sines and cosines of sums of
+angles (cos(u - w) for cos u cos w + sin u sin w). The material of a search is f as terms, with the
+generators from which the ansätze are built.
 """
 
 from collections import defaultdict
@@ -33,7 +36,8 @@ Terms = dict[Monomial, Fraction]
 
 EMPTY: Monomial = frozenset()
 _LARGEST_FACTORED = 10**15
-# The largest power of one function that is expanded in multiple angles, and the largest number of waves per product.
+# The largest power of one function that is expanded in multiple angles, and the largest number of
+# waves per product.
 _POWERS, _WAVES = 4, 256
 
 
@@ -83,7 +87,10 @@ def depends_on(keys: Iterable[Monomial], *variables: ex.Expression) -> bool:
 
 
 def multiply_by(
-    terms: Mapping[Monomial, Fraction], key: Monomial, exponent: Fraction | int = 1, factor: Fraction | int = 1
+    terms: Mapping[Monomial, Fraction],
+    key: Monomial,
+    exponent: Fraction | int = 1,
+    factor: Fraction | int = 1,
 ) -> Terms:
     """The terms times key^exponent and a number."""
     return {times(other, key, exponent): value * factor for other, value in terms.items()}
@@ -111,7 +118,11 @@ def _without_whole_powers(terms: Terms) -> Terms:
     """The terms with 3 sqrt(3) for sqrt(3)^3, so that roots of numbers have no integer powers."""
     parts = list[Terms]()
     for key, value in terms.items():
-        wholes = [(letter, Fraction(int(e))) for letter, e in key if isinstance(letter, ex.Number) and abs(e) >= 1]
+        wholes = [
+            (letter, Fraction(int(e)))
+            for letter, e in key
+            if isinstance(letter, ex.Number) and abs(e) >= 1
+        ]
         for number, e in wholes:
             value *= number.value ** int(e)
         parts.append({times(key, frozenset(wholes), -1) if wholes else key: value})
@@ -156,7 +167,8 @@ def _bounded(terms: Terms) -> Terms:
 def terms_of(expression: ex.Expression) -> Terms:
     """The expanded tree; TooManyTerms if the expansion is large.
 
-    Sums under negative or fractional powers are generators; for 1/(x^2 + 2 x y + y^2) the generator is x + y.
+    Sums under negative or fractional powers are generators; for 1/(x^2 + 2 x y + y^2) the generator
+    is x + y.
     """
     match expression:
         case ex.Number(value):
@@ -183,10 +195,13 @@ def terms_of(expression: ex.Expression) -> Terms:
             return terms_of(ex.multiply(*(ex.Apply(name, argument) ** e for name, e in pairs if e)))
         case ex.Apply(function, ex.Sum() as argument) if functions.parity(function):
             return _with_leading_plus(function, terms_of(argument))
-        case ex.Apply(function, ex.Product((ex.Number(factor), *_)) as argument) if factor < 0 and functions.parity(
-            function
+        case ex.Apply(function, ex.Product((ex.Number(factor), *_)) as argument) if (
+            factor < 0 and functions.parity(function)
         ):
-            return {key: c * functions.parity(function) for key, c in terms_of(ex.Apply(function, -argument)).items()}
+            return {
+                key: c * functions.parity(function)
+                for key, c in terms_of(ex.Apply(function, -argument)).items()
+            }
         case _:
             return {monomial(expression): Fraction(1)}
 
@@ -208,7 +223,9 @@ def _product(factors: Sequence[Terms]) -> Terms:
 
 
 def _with_leading_plus(function: str, argument: Terms) -> Terms:
-    """f(argument) with one generator for both signs: sin(y - x) = -sin(x - y), cos(y - x) = cos(x - y)."""
+    """f(argument) with one generator for both signs: sin(y - x) = -sin(x - y), cos(y - x) = cos(x -
+    y).
+    """
     if not argument:
         return {} if functions.parity(function) < 0 else {EMPTY: Fraction(1)}
     negative = argument[min(argument, key=rank)] < 0
@@ -219,15 +236,18 @@ def _with_leading_plus(function: str, argument: Terms) -> Terms:
 
 @lru_cache(maxsize=4096)
 def _power_of_tree(base: ex.Expression, exponent: Fraction) -> Terms:
-    """The power, cached because roots and denominators occur in many terms; it must not be changed."""
+    """The power, cached because roots and denominators occur in many terms; it must not be
+    changed.
+    """
     return _power(terms_of(base), exponent)
 
 
 def _power(base: Terms, exponent: Fraction) -> Terms:
-    """base^exponent: expanded if it is a small power, else content^e (common monomial)^e (primitive sum)^e.
+    """base^exponent: expanded if it is a small power, else content^e (common monomial)^e (primitive
+    sum)^e.
 
-    An integer power is taken of each square-free factor of the sum, so that (x + y)^2 and x + y have one generator.
-    `power_of_factors` takes it of each irreducible factor.
+    An integer power is taken of each square-free factor of the sum, so that (x + y)^2 and x + y
+    have one generator. `power_of_factors` takes it of each irreducible factor.
     """
     if not base:
         return {}
@@ -239,10 +259,17 @@ def _power(base: Terms, exponent: Fraction) -> Terms:
     if exponent < 0 and exponent.denominator == 1 and len(base) > 1:
         # 1/(1 + x/y) is y/(y + x).
         tables = list(map(dict, base))
-        lowest = frozenset((p, e) for key in base for p, e in key if e < 0 and e == min(t.get(p, e) for t in tables))
+        lowest = frozenset(
+            (p, e)
+            for key in base
+            for p, e in key
+            if e < 0 and e == min(t.get(p, e) for t in tables)
+        )
         if lowest:
             base = terms_of(tree_of(multiply_by(base, lowest, -1)))
-            return multiply_terms({times(EMPTY, lowest, exponent): Fraction(1)}, power_of_factors(base, exponent))
+            return multiply_terms(
+                {times(EMPTY, lowest, exponent): Fraction(1)}, power_of_factors(base, exponent)
+            )
     content, common, rest = split_content(base)
     if content < 0 and exponent.denominator > 1 and common:
         # -x is kept whole under a root, because the root of -1 has no real value.
@@ -260,7 +287,9 @@ def _power(base: Terms, exponent: Fraction) -> Terms:
 
 
 def power_of_factors(base: Terms, exponent: Fraction) -> Terms:
-    """As `_power` for integers, but each irreducible factor is a generator: 2 + a and v^2 + 1 in their product."""
+    """As `_power` for integers, but each irreducible factor is a generator: 2 + a and v^2 + 1 in
+    their product.
+    """
     if any(e.denominator > 1 or e < 0 for key in base for _, e in key):
         return _power(base, exponent)
     polynomial, letters = polynomial_of(base)
@@ -271,7 +300,9 @@ def power_of_factors(base: Terms, exponent: Fraction) -> Terms:
 
 @lru_cache(maxsize=1024)
 def _without_squares(tree: ex.Expression) -> tuple[Fraction, tuple[tuple[ex.Expression, int], ...]]:
-    """(c, ((p_k, e_k), …)) with tree = c prod p_k^e_k for a sum of products of generators; usually ((tree, 1),)."""
+    """(c, ((p_k, e_k), …)) with tree = c prod p_k^e_k for a sum of products of generators; usually
+    ((tree, 1),).
+    """
     terms = terms_of(tree)
     if any(e < 0 or e.denominator > 1 for key in terms for _, e in key):
         return Fraction(1), ((tree, 1),)
@@ -288,10 +319,14 @@ def polynomial_of(terms: Mapping[Monomial, Fraction]) -> tuple[fmpq_mpoly, list[
 
     Their order decides the signs of the factors of the polynomial, so it is not that of a set.
     """
-    letters = sorted({letter for key in terms for letter, _ in key}, key=lambda letter: _traits(letter)[2])
+    letters = sorted(
+        {letter for key in terms for letter, _ in key}, key=lambda letter: _traits(letter)[2]
+    )
     context = fmpq_mpoly_ctx.get(tuple(f"a{k}" for k in range(len(letters))))
     table = {
-        tuple(int(exponent_of(key, letter)) for letter in letters): fmpq(value.numerator, value.denominator)
+        tuple(int(exponent_of(key, letter)) for letter in letters): fmpq(
+            value.numerator, value.denominator
+        )
         for key, value in terms.items()
     }
     return context.from_dict(table), letters
@@ -299,28 +334,38 @@ def polynomial_of(terms: Mapping[Monomial, Fraction]) -> tuple[fmpq_mpoly, list[
 
 def terms_of_polynomial(polynomial: fmpq_mpoly, letters: Sequence[ex.Expression]) -> Terms:
     return {
-        frozenset((letter, Fraction(int(e))) for letter, e in zip(letters, exponents, strict=True) if e): Fraction(
-            int(value.p), int(value.q)
-        )
+        frozenset(
+            (letter, Fraction(int(e))) for letter, e in zip(letters, exponents, strict=True) if e
+        ): Fraction(int(value.p), int(value.q))
         for exponents, value in polynomial.to_dict().items()
     }
 
 
 def _is_small_power(count: int, exponent: Fraction) -> bool:
-    return exponent.denominator == 1 and 0 < exponent <= bounds.POWER and count**exponent <= bounds.EXPANSION
+    return (
+        exponent.denominator == 1
+        and 0 < exponent <= bounds.POWER
+        and count**exponent <= bounds.EXPANSION
+    )
 
 
 def _numeric_power(value: Fraction, exponent: Fraction) -> tuple[Fraction, Monomial]:
-    """(rational, generators) with product value^exponent; the root of an integer without such powers is a generator."""
+    """(rational, generators) with product value^exponent; the root of an integer without such
+    powers is a generator.
+    """
     if exponent.denominator == 1:
         return value ** int(exponent), EMPTY
-    outside, inside = root_of_number(value, exponent.denominator) if value > 0 else (Fraction(1), value)
+    outside, inside = (
+        root_of_number(value, exponent.denominator) if value > 0 else (Fraction(1), value)
+    )
     root = frozenset([(ex.number(inside), exponent - int(exponent))]) if inside != 1 else EMPTY
     return outside**exponent.numerator * inside ** int(exponent), root
 
 
 def root_of_number(value: Fraction, degree: int) -> tuple[Fraction, Fraction]:
-    """(a, b) with value = a^degree b for a positive value, where b is an integer without such factors."""
+    """(a, b) with value = a^degree b for a positive value, where b is an integer without such
+    factors.
+    """
     outside, inside = Fraction(1, value.denominator), Fraction(1)
     whole = value.numerator * value.denominator ** (degree - 1)
     for prime, e in fmpz(whole).factor() if whole < _LARGEST_FACTORED else [(whole, 1)]:
@@ -330,9 +375,11 @@ def root_of_number(value: Fraction, degree: int) -> tuple[Fraction, Fraction]:
 
 
 def split_content(terms: Mapping[Monomial, Fraction]) -> tuple[Fraction, Monomial, ex.Expression]:
-    """(rational content, common monomial, primitive part) of a nonzero sum; the primitive part is ONE for one term.
+    """(rational content, common monomial, primitive part) of a nonzero sum; the primitive part is
+    ONE for one term.
 
-    For more than one term the content is positive, so that even roots of the primitive part remain real.
+    For more than one term the content is positive, so that even roots of the primitive part remain
+    real.
     """
     if len(terms) == 1:
         ((key, value),) = terms.items()
@@ -365,13 +412,23 @@ def tree_of(terms: Mapping[Monomial, Fraction]) -> ex.Expression:
 def _term_tree(key: Monomial, value: Fraction) -> ex.Expression:
     """The term as a tree, with 1/sqrt(3) for sqrt(3)/3."""
     for letter, e in key:
-        if isinstance(letter, ex.Number) and e == Fraction(1, 2) and value.denominator % letter.value == 0:
-            return value * letter.value * monomial_tree(times(key, frozenset([(letter, Fraction(1))]), -1))
+        if (
+            isinstance(letter, ex.Number)
+            and e == Fraction(1, 2)
+            and value.denominator % letter.value == 0
+        ):
+            return (
+                value
+                * letter.value
+                * monomial_tree(times(key, frozenset([(letter, Fraction(1))]), -1))
+            )
     return value * monomial_tree(key)
 
 
 def collected(tree: ex.Expression) -> ex.Expression:
-    """The tree as a sum of monomials with canceled common factors; unchanged if there are too many."""
+    """The tree as a sum of monomials with canceled common factors; unchanged if there are too
+    many.
+    """
     try:
         return tree_of(terms_of(tree))
     except TooManyTerms:
@@ -394,7 +451,9 @@ def monomial_tree(key: Monomial) -> ex.Expression:
             parts.append(letter**exponent)
     table = dict(key)
     for base, together in sorted(symbolic.items(), key=lambda item: repr(item[0])):
-        parts.append(base ** tree_of(terms_of(ex.add(*together, ex.number(table.get(base, Fraction(0)))))))
+        parts.append(
+            base ** tree_of(terms_of(ex.add(*together, ex.number(table.get(base, Fraction(0))))))
+        )
     if exponents:
         parts.append(ex.Apply("exp", ex.add(*exponents)))
     return ex.multiply(*parts)
@@ -402,7 +461,13 @@ def monomial_tree(key: Monomial) -> ex.Expression:
 
 def _letter_rank(item: tuple[ex.Expression, Fraction]) -> tuple[int, str]:
     letter = item[0]
-    kind = 0 if isinstance(letter, ex.Number) or letter == ex.PI else 1 if isinstance(letter, ex.Symbol) else 3
+    kind = (
+        0
+        if isinstance(letter, ex.Number) or letter == ex.PI
+        else 1
+        if isinstance(letter, ex.Symbol)
+        else 3
+    )
     return (4 if isinstance(letter, ex.Velocity) else kind, _traits(letter)[2])
 
 
@@ -428,7 +493,9 @@ def rank(key: Monomial) -> tuple[Fraction | int, int, str]:
 
 @lru_cache(maxsize=4096)
 def _traits(letter: ex.Expression) -> tuple[int, bool, str]:
-    """Its weight, whether it is a sum with velocities, and its sort key; cached because printing a tree is slow."""
+    """Its weight, whether it is a sum with velocities, and its sort key; cached because printing a
+    tree is slow.
+    """
     return _letter_weight(letter), _is_moving_sum(letter), collecting.natural(repr(letter))
 
 
@@ -470,7 +537,9 @@ def letter_derivative(letter: ex.Expression, variable: ex.Expression) -> Terms:
     return terms_of(differentiate(letter, variable))
 
 
-def monomial_factor(left: Mapping[Monomial, Fraction], right: Mapping[Monomial, Fraction]) -> Terms | None:
+def monomial_factor(
+    left: Mapping[Monomial, Fraction], right: Mapping[Monomial, Fraction]
+) -> Terms | None:
     """The monomial c with left = c right; None if the quotient is not a monomial."""
     if not left or len(left) != len(right):
         return None
@@ -483,18 +552,27 @@ def monomial_factor(left: Mapping[Monomial, Fraction], right: Mapping[Monomial, 
 
 
 def derivative_of_terms(terms: Mapping[Monomial, Fraction], variable: ex.Expression) -> Terms:
-    return _bounded(weighted_sum((monomial_derivative(key, variable), value) for key, value in terms.items()))
+    return _bounded(
+        weighted_sum((monomial_derivative(key, variable), value) for key, value in terms.items())
+    )
 
 
 def over_one_denominator(
-    trees: Sequence[ex.Expression], variables: Sequence[ex.Symbol | ex.Velocity], budget: exact_field.Budget
+    trees: Sequence[ex.Expression],
+    variables: Sequence[ex.Symbol | ex.Velocity],
+    budget: exact_field.Budget,
 ) -> list[Terms]:
-    """The trees as terms, each over one denominator with common factors cancelled; TooLarge beyond the budget."""
+    """The trees as terms, each over one denominator with common factors cancelled; TooLarge beyond
+    the budget.
+    """
     return list(map(terms_of, exact_field.factored(trees, variables, budget)))
 
 
 def divided(
-    tops: Sequence[Terms], below: Terms, variables: Sequence[ex.Symbol | ex.Velocity], budget: exact_field.Budget
+    tops: Sequence[Terms],
+    below: Terms,
+    variables: Sequence[ex.Symbol | ex.Velocity],
+    budget: exact_field.Budget,
 ) -> list[Terms]:
     """The quotients of sums by one sum, with common factors cancelled."""
     if len(below) == 1:
@@ -502,7 +580,9 @@ def divided(
         return [multiply_by(terms, key, -1, 1 / value) for terms in tops]
     found = [monomial_factor(terms, below) if terms else {} for terms in tops]
     if None in found:
-        return over_one_denominator([tree_of(terms) / tree_of(below) for terms in tops], variables, budget)
+        return over_one_denominator(
+            [tree_of(terms) / tree_of(below) for terms in tops], variables, budget
+        )
     return [terms for terms in found if terms is not None]
 
 
@@ -530,9 +610,14 @@ def along(motion: MotionTerms, terms: Mapping[Monomial, Fraction]) -> Terms:
     return sum_of((rate_at_constant_velocity(terms, motion.coordinates), *parts))
 
 
-def rate_at_constant_velocity(terms: Mapping[Monomial, Fraction], coordinates: Iterable[ex.Symbol]) -> Terms:
+def rate_at_constant_velocity(
+    terms: Mapping[Monomial, Fraction], coordinates: Iterable[ex.Symbol]
+) -> Terms:
     """D = d_t + v_k d_k of the terms, which is Gamma without its part f_k d_vk."""
-    parts = (multiply_by(derivative_of_terms(terms, q), monomial(ex.Velocity(q.name))) for q in coordinates)
+    parts = (
+        multiply_by(derivative_of_terms(terms, q), monomial(ex.Velocity(q.name)))
+        for q in coordinates
+    )
     return sum_of((derivative_of_terms(terms, ex.TIME), *parts))
 
 
@@ -541,8 +626,12 @@ def has_velocity(letter: ex.Expression) -> bool:
     return ex.has(letter, ex.Velocity)
 
 
-def grouped(terms: Mapping[Monomial, Fraction], is_outside: Callable[[ex.Expression], bool]) -> dict[Monomial, Terms]:
-    """The sum grouped by products of the generators that satisfy `is_outside`: the coefficient of each product."""
+def grouped(
+    terms: Mapping[Monomial, Fraction], is_outside: Callable[[ex.Expression], bool]
+) -> dict[Monomial, Terms]:
+    """The sum grouped by products of the generators that satisfy `is_outside`: the coefficient of
+    each product.
+    """
     groups: dict[Monomial, Terms] = {}
     for key, value in terms.items():
         outer: Monomial = frozenset(item for item in key if is_outside(item[0]))
@@ -557,8 +646,12 @@ def split_velocities(key: Monomial) -> tuple[Monomial, Monomial]:
 
 
 def coefficient(terms: Mapping[Monomial, Fraction], moving: Monomial) -> Terms:
-    """The coefficient of `moving`, the product of all generators with velocities; the terms at rest if it is empty."""
-    return {key - moving: value for key, value in terms.items() if split_velocities(key)[1] == moving}
+    """The coefficient of `moving`, the product of all generators with velocities; the terms at rest
+    if it is empty.
+    """
+    return {
+        key - moving: value for key, value in terms.items() if split_velocities(key)[1] == moving
+    }
 
 
 def affine_parts(
@@ -576,14 +669,20 @@ def scaled(terms: Mapping[Monomial, Fraction], factor: Fraction | int) -> Terms:
 
 def is_constant(letter: ex.Expression, constants: Container[ex.Expression]) -> bool:
     """Whether a generator is a function of these constants only; False for a number."""
-    leaves = [node for node in ex.walk(letter) if isinstance(node, ex.Symbol | ex.Velocity | ex.Arbitrary)]
+    leaves = [
+        node for node in ex.walk(letter) if isinstance(node, ex.Symbol | ex.Velocity | ex.Arbitrary)
+    ]
     return bool(leaves) and all(leaf in constants for leaf in leaves)
 
 
 def velocity_degree(key: Monomial) -> int | None:
-    """The degree of a product of velocities and a function of position; None for other functions of the velocities."""
+    """The degree of a product of velocities and a function of position; None for other functions of
+    the velocities.
+    """
     _, moving = split_velocities(key)
-    plain = all(isinstance(letter, ex.Velocity) and e.denominator == 1 and e > 0 for letter, e in moving)
+    plain = all(
+        isinstance(letter, ex.Velocity) and e.denominator == 1 and e > 0 for letter, e in moving
+    )
     return int(sum(e for _, e in moving)) if plain else None
 
 
@@ -594,16 +693,28 @@ def is_affine(key: Monomial) -> bool:
 
 @lru_cache(maxsize=1024)
 def irreducible_factors(tree: ex.Expression) -> tuple[ex.Expression, ...]:
-    """The factors that are sums, for a tree that is a polynomial in roots of generators over a monomial."""
+    """The factors that are sums, for a tree that is a polynomial in roots of generators over a
+    monomial.
+    """
     terms, exponents = terms_of(tree), dict[ex.Expression, list[Fraction]]()
     for letter, e in (item for key in terms for item in key):
         exponents.setdefault(letter, [Fraction(0)]).append(e)
     root = {letter: lcm(*(e.denominator for e in found)) for letter, found in exponents.items()}
     lowest = frozenset((letter, min(found)) for letter, found in exponents.items())
-    whole = {frozenset((p, e * root[p]) for p, e in times(key, lowest, -1)): value for key, value in terms.items()}
+    whole = {
+        frozenset((p, e * root[p]) for p, e in times(key, lowest, -1)): value
+        for key, value in terms.items()
+    }
     polynomial, letters = polynomial_of(whole)
-    found = [terms_of_polynomial(factor, letters) for factor, _ in exact_field.factor_polynomial(polynomial)[1]]
-    sums = [{frozenset((p, e / root[p]) for p, e in key): c for key, c in one.items()} for one in found if len(one) > 1]
+    found = [
+        terms_of_polynomial(factor, letters)
+        for factor, _ in exact_field.factor_polynomial(polynomial)[1]
+    ]
+    sums = [
+        {frozenset((p, e / root[p]) for p, e in key): c for key, c in one.items()}
+        for one in found
+        if len(one) > 1
+    ]
     return tuple(split_content(one)[2] for one in sums)
 
 
@@ -613,8 +724,9 @@ def irreducible_factors(tree: ex.Expression) -> tuple[ex.Expression, ...]:
 def shortest_in_angles(terms: Terms) -> Terms:
     """The form with the fewest terms; the given form if it has as few.
 
-    Sums of waves (cos(u - w) for cos u cos w + sin u sin w) that halve the number of terms are taken at once. Else
-    sin^2 and cos^2 are exchanged, one function at a time while that helps, and the shorter of the two is taken.
+    Sums of waves (cos(u - w) for cos u cos w + sin u sin w) that halve the number of terms are
+    taken at once. Else sin^2 and cos^2 are exchanged, one function at a time while that helps, and
+    the shorter of the two is taken.
     """
     best = terms
     try:
@@ -641,7 +753,9 @@ def _length(terms: Terms) -> tuple[int, int]:
 
 
 def _exchanged(terms: Terms, letter: ex.Apply) -> Terms:
-    """The terms with 1 - sin^2 for cos^2 in one angle, 1 - cos^2 for sin^2, or likewise for hyperbolic functions."""
+    """The terms with 1 - sin^2 for cos^2 in one angle, 1 - cos^2 for sin^2, or likewise for
+    hyperbolic functions.
+    """
     new, constant, factor = functions.SQUARES[letter.function]
     square = times(EMPTY, monomial(ex.Apply(new, letter.argument)), 2)
     parts = list[Terms]()
@@ -657,35 +771,51 @@ def _exchanged(terms: Terms, letter: ex.Apply) -> Terms:
 
 def _halved(waves: Terms) -> Terms:
     """The terms with 1 - 2 sin^2 u or 2 cos^2 u - 1 for cos 2u wherever that gives fewer terms."""
-    for double in dict.fromkeys(p for key in waves for p, _ in key if isinstance(p, ex.Apply) and p.function == "cos"):
+    for double in dict.fromkeys(
+        p for key in waves for p, _ in key if isinstance(p, ex.Apply) and p.function == "cos"
+    ):
         halves = {key: value / 2 for key, value in terms_of(double.argument).items()}
         if any(value.denominator > 1 for value in halves.values()):
             continue
         for name, unit in (("sin", 1), ("cos", -1)):
-            square, whole = times(EMPTY, monomial(ex.Apply(name, tree_of(halves))), 2), monomial(double)
+            square, whole = (
+                times(EMPTY, monomial(ex.Apply(name, tree_of(halves))), 2),
+                monomial(double),
+            )
             held = {key: value for key, value in waves.items() if whole <= key}
-            short = multiply_terms(multiply_by(held, whole, -1), {EMPTY: Fraction(unit), square: Fraction(-2 * unit)})
+            short = multiply_terms(
+                multiply_by(held, whole, -1), {EMPTY: Fraction(unit), square: Fraction(-2 * unit)}
+            )
             other = add_terms(add_terms(waves, held, -1), short)
             waves = other if _length(other) < _length(waves) else waves
     return waves
 
 
 def by_multiple_angles(terms: Terms) -> Terms:
-    """The terms with products of sines and cosines expanded into sines and cosines of sums of angles."""
+    """The terms with products of sines and cosines expanded into sines and cosines of sums of
+    angles.
+    """
     parts = list[tuple[Terms, Fraction]]()
     for key, value in terms.items():
         circular: Monomial = frozenset(
             (p, e)
             for p, e in key
-            if isinstance(p, ex.Apply) and p.function in ("sin", "cos") and e.denominator == 1 and 0 < e <= _POWERS
+            if isinstance(p, ex.Apply)
+            and p.function in ("sin", "cos")
+            and e.denominator == 1
+            and 0 < e <= _POWERS
         )
-        parts += [({times(key - circular, letter): factor}, value) for letter, factor in _in_waves(circular)]
+        parts += [
+            ({times(key - circular, letter): factor}, value)
+            for letter, factor in _in_waves(circular)
+        ]
     return weighted_sum(parts)
 
 
 @lru_cache(maxsize=1024)
 def _in_waves(circular: Monomial) -> tuple[tuple[Monomial, Fraction], ...]:
-    """The expansion of a product of sines and cosines: cos u cos w = (cos(u - w) + cos(u + w))/2, and so on.
+    """The expansion of a product of sines and cosines: cos u cos w = (cos(u - w) + cos(u + w))/2,
+    and so on.
 
     Raises TooManyTerms for more than _WAVES; n angles, each squared, have about 3^n.
     """
@@ -699,12 +829,17 @@ def _in_waves(circular: Monomial) -> tuple[tuple[Monomial, Fraction], ...]:
         place, quarter = angles.index(p.argument), int(p.function == "sin")
         turned = defaultdict[tuple[tuple[int, ...], int], Fraction](Fraction)
         for ((turns, quarters), factor), sign in product(waves.items(), (1, -1)):
-            more, whole = (*turns[:place], turns[place] + sign, *turns[place + 1 :]), quarters + sign * quarter
+            more, whole = (
+                (*turns[:place], turns[place] + sign, *turns[place + 1 :]),
+                quarters + sign * quarter,
+            )
             turned[more, whole % 2] += (-factor if whole in (-1, 2) else factor) / 2
         waves = turned
     sums, parts = [terms_of(angle) for angle in angles], list[tuple[Terms, Fraction]]()
     for (turns, quarters), factor in waves.items():
-        argument = weighted_sum((angle, turn) for turn, angle in zip(turns, sums, strict=True) if turn)
+        argument = weighted_sum(
+            (angle, turn) for turn, angle in zip(turns, sums, strict=True) if turn
+        )
         name = "sin" if quarters else "cos"
         shown = ex.Apply(name, tree_of(argument)) if argument else ex.number(int(name == "cos"))
         parts.append((terms_of(shown), factor))
@@ -716,7 +851,8 @@ def _in_waves(circular: Monomial) -> tuple[tuple[Monomial, Fraction], ...]:
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """f as terms for one question (`motion.with_time`), with its generators of position and with velocities.
+    """f as terms for one question (`motion.with_time`), with its generators of position and with
+    velocities.
 
     `shared` caches results that depend on the question.
     """
@@ -738,7 +874,9 @@ def gather_material(analysis: Analysis, with_time: bool) -> Material:
     system = analysis.system
     trees = _factored(analysis)
     pairs = zip(trees, system.accelerations, strict=True)
-    forces = tuple(with_positive_sums(_shorter_expansion(*pair), analysis.real_point) for pair in pairs)
+    forces = tuple(
+        with_positive_sums(_shorter_expansion(*pair), analysis.real_point) for pair in pairs
+    )
     motion = MotionTerms(
         tuple(ex.Symbol(name) for name in system.coordinates),
         tuple(ex.Velocity(name) for name in system.coordinates),
@@ -746,7 +884,9 @@ def gather_material(analysis: Analysis, with_time: bool) -> Material:
         with_time,
     )
     letters = _letters(forces)
-    position = [p for p in letters if not has_velocity(p) and ex.holds(p, ex.TIME, *motion.coordinates)]
+    position = [
+        p for p in letters if not has_velocity(p) and ex.holds(p, ex.TIME, *motion.coordinates)
+    ]
     moving = [p for p in letters if has_velocity(p) and not isinstance(p, ex.Velocity)]
     return Material(analysis, motion, tuple(position), tuple(moving))
 
@@ -756,12 +896,16 @@ def _factored(analysis: Analysis) -> list[ex.Expression]:
     system = analysis.system
     with suppress(exact_field.TooLarge, ZeroDivisionError):
         exact = conditions.motion_in_ring(system, 0, exact_field.Budget.long())
-        return [exact_field.quotient_tree(exact.ring, value) for value in exact.motion.accelerations]
+        return [
+            exact_field.quotient_tree(exact.ring, value) for value in exact.motion.accelerations
+        ]
     return list(system.accelerations)
 
 
 def _shorter_expansion(factored: ex.Expression, given: ex.Expression) -> Terms:
-    """The expansion with fewer terms, because a common denominator can turn a few terms into many."""
+    """The expansion with fewer terms, because a common denominator can turn a few terms into
+    many.
+    """
     with suppress(TooManyTerms):
         short = terms_of(factored)
         with suppress(TooManyTerms):
@@ -774,17 +918,25 @@ def simplified(material: Material, terms: Terms) -> Terms:
     """The sum over its common denominator with common factors cancelled, if that is shorter."""
     tree, symbols = tree_of(terms), material.analysis.system.variables
     with suppress(exact_field.TooLarge, ZeroDivisionError, TooManyTerms):
-        return min(terms, *over_one_denominator([tree], symbols, exact_field.Budget.long()), key=len)
+        return min(
+            terms, *over_one_denominator([tree], symbols, exact_field.Budget.long()), key=len
+        )
     return terms
 
 
 def with_positive_sums(terms: Terms, table: real_branch.RealTable | None) -> Terms:
-    """The terms with sums that are negative at the real point replaced by their opposites, which have roots."""
+    """The terms with sums that are negative at the real point replaced by their opposites, which
+    have roots.
+    """
     result: Terms = {}
     for key, value in terms.items():
         product = EMPTY
         for letter, e in key:
-            turned = positive_form(letter, table) if isinstance(letter, ex.Sum) and e.denominator == 1 else letter
+            turned = (
+                positive_form(letter, table)
+                if isinstance(letter, ex.Sum) and e.denominator == 1
+                else letter
+            )
             value = -value if turned != letter and e % 2 else value
             product = times(product, frozenset([(turned, e)]))
         result = add_terms(result, {product: value})
@@ -792,7 +944,9 @@ def with_positive_sums(terms: Terms, table: real_branch.RealTable | None) -> Ter
 
 
 def _letters(forces: Iterable[Terms]) -> list[ex.Expression]:
-    """The generators of f, the symbols inside its sums, the partner of each sine and cosine, and A for A'."""
+    """The generators of f, the symbols inside its sums, the partner of each sine and cosine, and A
+    for A'.
+    """
     found: dict[ex.Expression, None] = {}
     for terms in forces:
         for key in terms:
@@ -800,7 +954,11 @@ def _letters(forces: Iterable[Terms]) -> list[ex.Expression]:
                 if not isinstance(letter, ex.Number):
                     found[letter] = None
                 if isinstance(letter, ex.Sum):
-                    found.update(dict.fromkeys(node for node in ex.walk(letter) if isinstance(node, ex.Symbol)))
+                    found.update(
+                        dict.fromkeys(
+                            node for node in ex.walk(letter) if isinstance(node, ex.Symbol)
+                        )
+                    )
     for letter in list(found):
         for other in companions(letter):
             found[other] = None
@@ -821,23 +979,38 @@ def companions(letter: ex.Expression) -> list[ex.Expression]:
 
 
 def moving_letters(material: Material) -> list[ex.Expression]:
-    """The factors and radicands of f that are sums with velocities, and the nonexponential functions of velocities."""
+    """The factors and radicands of f that are sums with velocities, and the nonexponential
+    functions of velocities.
+    """
     if "moving letters" not in material.shared:
         table, found = material.analysis.real_point, _moving_letters(material)
-        shown = (positive_form(letter, table) if isinstance(letter, ex.Sum) else letter for letter in found)
+        shown = (
+            positive_form(letter, table) if isinstance(letter, ex.Sum) else letter
+            for letter in found
+        )
         material.shared["moving letters"] = list(dict.fromkeys(shown))
     return list(material.shared["moving letters"])
 
 
 def _moving_letters(material: Material) -> Iterator[ex.Expression]:
-    """Generators of f are kept whole, such as 1 - v^2 under a root; other sums, as in an expanded f, are factored."""
+    """Generators of f are kept whole, such as 1 - v^2 under a root; other sums, as in an expanded
+    f, are factored.
+    """
     known = [p for p in material.velocity_letters if not ex.is_exponential(p)]
     yield from (p for p in known if not isinstance(p, ex.Sum) or _is_plain(p))
-    for node in dict.fromkeys(node for f in material.analysis.system.accelerations for node in ex.walk(f)):
+    for node in dict.fromkeys(
+        node for f in material.analysis.system.accelerations for node in ex.walk(f)
+    ):
         if isinstance(node, ex.Sum) and has_velocity(node):
             with suppress(TooManyTerms, exact_field.TooLarge):
-                whole = split_content(terms)[2] if (terms := terms_of(node)) else node  # a sum may be 0
-                parts = () if whole in known or ex.negated(whole) in known else irreducible_factors(node)
+                whole = (
+                    split_content(terms)[2] if (terms := terms_of(node)) else node
+                )  # a sum may be 0
+                parts = (
+                    ()
+                    if whole in known or ex.negated(whole) in known
+                    else irreducible_factors(node)
+                )
                 yield from (p for p in parts if has_velocity(p) and _is_plain(p))
 
 
@@ -858,7 +1031,9 @@ def _is_plain(node: ex.Expression) -> bool:
 
 @lru_cache(maxsize=8192)
 def antiderivative_candidates(key: Monomial, variable: ex.Expression) -> tuple[Monomial, ...]:
-    """Monomials whose derivative by the variable may contain `key`, found by raising one generator at a time."""
+    """Monomials whose derivative by the variable may contain `key`, found by raising one generator
+    at a time.
+    """
     letters = dict.fromkeys([variable, *(letter for letter, _ in key)])
     for letter in list(letters):
         letters.update(dict.fromkeys(companions(letter)))
@@ -887,7 +1062,9 @@ def antiderivative_candidates(key: Monomial, variable: ex.Expression) -> tuple[M
 
 
 def _raised_powers(key: Monomial, variable: ex.Expression) -> list[Monomial]:
-    """p^(e+1) / ((e+1) dp) for p^e with a symbolic exponent, combined with an adjacent numeric power of p."""
+    """p^(e+1) / ((e+1) dp) for p^e with a symbolic exponent, combined with an adjacent numeric
+    power of p.
+    """
     found = []
     for letter, times_over in key:
         if not isinstance(letter, ex.Power) or isinstance(letter.exponent, ex.Number):
@@ -901,9 +1078,11 @@ def _raised_powers(key: Monomial, variable: ex.Expression) -> list[Monomial]:
 
 
 def integrating_candidates(material: Material) -> list[tuple[int, Terms, ex.Symbol]]:
-    """(i, c, variable) for each factor exp(-int c d variable) to try, from c v_i v_l, c v_i^2, c v_i in f_i.
+    """(i, c, variable) for each factor exp(-int c d variable) to try, from c v_i v_l, c v_i^2, c
+    v_i in f_i.
 
-    The part c(t) of a drag c v_i gives a function of t if it is the whole drag or, for one coordinate, in any case.
+    The part c(t) of a drag c v_i gives a function of t if it is the whole drag or, for one
+    coordinate, in any case.
     """
     motion = material.motion
     found: list[tuple[int, Terms, ex.Symbol]] = []

@@ -1,6 +1,7 @@
 """The Lagrangians that the search returns, written for people: shortened, described, and compared.
 
-Terms of the same velocities and parameters are over one denominator. f is simplified in the same way before the search.
+Terms of the same velocities and parameters are over one denominator. f is simplified in the same
+way before the search.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
@@ -26,15 +27,19 @@ from inverse_service.search import antiderivatives, terms as tm
 _HALF = Fraction(1, 2)
 _BEFORE_A_BRACKET, _FRACTION_IN_FRACTION = 12, 4
 _LONGEST_CHECK = 60.0  # seconds per described Lagrangian
-# Two Hessians are compared at a point and where its coordinates and velocities are larger by this factor.
+# Two Hessians are compared at a point and where its coordinates and velocities are larger by this
+# factor.
 _TINY, _STEP = mpmath.mpf(10) ** -20, mpmath.mpf(129) / 128
-# The terms of a potential keep their familiar separate form unless one bracket is this much shorter.
+# The terms of a potential keep their familiar separate form unless one bracket is this much
+# shorter.
 _MUCH = 2
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Regular Lagrangians of one family, simplest first; `parts` are the Lagrangians whose sum is the first one."""
+    """Regular Lagrangians of one family, simplest first; `parts` are the Lagrangians whose sum is
+    the first one.
+    """
 
     lagrangians: tuple[ex.Expression, ...]
     family: str
@@ -50,29 +55,42 @@ class SearchOutcome:
 
 
 def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
-    """A tree with fewer nodes that is equivalent up to a constant factor, or the same tree; the caller must verify it.
+    """A tree with fewer nodes that is equivalent up to a constant factor, or the same tree; the
+    caller must verify it.
 
-    Sums of velocities with powers higher than 2 or inside functions are kept, because the momenta are solved for them.
+    Sums of velocities with powers higher than 2 or inside functions are kept, because the momenta
+    are solved for them.
 
     1. GAUGES: what changes L comes first, because the length of a form depends on it.
-    2. `_shortened` finds the shortest of FORMS. Most are written from the expanded terms (`tm.terms_of`), in which the
-       products, squares, and signs of STYLE would be undone.
-    3. STYLE: every step makes new sums and products, so the order of terms and of factors comes last.
+    2. `_shortened` finds the shortest of FORMS. Most are written from the expanded terms
+       (`tm.terms_of`), in which the products, squares, and signs of STYLE would be undone.
+    3. STYLE: every step makes new sums and products, so the order of terms and of factors comes
+       last.
 
-    Within a kind of step the order is free: of the 213 trees of 166 rows of the corpus, none changes if two gauges, two
-    functions, two signs, or two orders are exchanged. Seven change if a move of STYLE comes before FORMS.
+    Within a kind of step the order is free: of the 213 trees of 166 rows of the corpus, none
+    changes if two gauges, two functions, two signs, or two orders are exchanged. Seven change if a
+    move of STYLE comes before FORMS.
     """
     moving = [place(name) for name in system.coordinates for place in (ex.Symbol, ex.Velocity)]
-    tree = ex.add(*(term for term in ex.summands(collecting.merge_powers(tree)) if ex.holds(term, *moving)))
+    tree = ex.add(
+        *(term for term in ex.summands(collecting.merge_powers(tree)) if ex.holds(term, *moving))
+    )
     tree = moves.write(GAUGES, system, tree, tm.FAILED)
-    return tree if _size(tree) > bounds.TERMS else moves.write(STYLE, system, _shortened(tree, system))
+    return (
+        tree if _size(tree) > bounds.TERMS else moves.write(STYLE, system, _shortened(tree, system))
+    )
 
 
 def _times_divisors(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
-    """The multiple of the tree in which no term is divided by a sum of parameters, unless it is longer."""
+    """The multiple of the tree in which no term is divided by a sum of parameters, unless it is
+    longer.
+    """
     terms = _terms_of(tree)
     plain = tm.tree_of(terms)
-    below = _divisor(terms, {p for p in _constant_divisors([plain], _parameters(system)) if isinstance(p, ex.Sum)})
+    below = _divisor(
+        terms,
+        {p for p in _constant_divisors([plain], _parameters(system)) if isinstance(p, ex.Sum)},
+    )
     whole = tm.tree_of(tm.multiply_by(terms, below))
     return whole if below and _size(whole) <= _size(plain) else tree
 
@@ -87,19 +105,29 @@ def _shortened(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
 
 
 def _in_document_order(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
-    """The tree with constants in the order of the document, and with sums and roots of f as they are in f."""
+    """The tree with constants in the order of the document, and with sums and roots of f as they
+    are in f.
+    """
     kept = {node for node in ex.distinct_nodes(system.given) if not isinstance(node, ex.Product)}
     written = writing.with_sums_as_in(tree, system.given)
-    return writing.with_products_in_order(written, tuple(map(ex.Symbol, system.parameters)), kept=kept)
+    return writing.with_products_in_order(
+        written, tuple(map(ex.Symbol, system.parameters)), kept=kept
+    )
 
 
 def _turns_together(tree: ex.Expression, constants: frozenset[ex.Symbol]) -> ex.Expression:
-    """The tree with B (x y' - y x')/2 for B x y'/2 - B y x'/2 (a symmetric gauge), B with only these constants."""
+    """The tree with B (x y' - y x')/2 for B x y'/2 - B y x'/2 (a symmetric gauge), B with only
+    these constants.
+    """
     terms = [*ex.summands(tree)]
     for one, other in combinations(terms, 2):
         if _degree(one) == _degree(other) == 1:
             parts = [
-                [f for f in ex.factors_of(term) if not constants.issuperset(modular.variables_in(f))]
+                [
+                    f
+                    for f in ex.factors_of(term)
+                    if not constants.issuperset(modular.variables_in(f))
+                ]
                 for term in (one, other)
             ]
             outside = ex.multiply(*(f for f in ex.factors_of(one) if f not in parts[0]))
@@ -113,14 +141,25 @@ def _turns_together(tree: ex.Expression, constants: frozenset[ex.Symbol]) -> ex.
 
 
 def _names_in(tree: ex.Expression) -> set[str]:
-    return {node.coordinate if isinstance(node, ex.Velocity) else node.name for node in modular.variables_in(tree)}
+    return {
+        node.coordinate if isinstance(node, ex.Velocity) else node.name
+        for node in modular.variables_in(tree)
+    }
 
 
 def _grouped_alike(tree: ex.Expression) -> ex.Expression:
-    """The tree with squares of velocities grouped like squares of coordinates: (x'^2 + y'^2)/2 and k (x^2 + y^2)/2."""
+    """The tree with squares of velocities grouped like squares of coordinates: (x'^2 + y'^2)/2 and
+    k (x^2 + y^2)/2.
+    """
     terms = [*ex.summands(tree)]
-    for group in (factor for term in terms for factor in ex.factors_of(term) if isinstance(factor, ex.Sum)):
-        bases = [part.base for part in group.terms if isinstance(part, ex.Power) and part.exponent == ex.TWO]
+    for group in (
+        factor for term in terms for factor in ex.factors_of(term) if isinstance(factor, ex.Sum)
+    ):
+        bases = [
+            part.base
+            for part in group.terms
+            if isinstance(part, ex.Power) and part.exponent == ex.TWO
+        ]
         names = [base.name for base in bases if isinstance(base, ex.Symbol)]
         squares = [ex.HALF * ex.Velocity(name) ** 2 for name in names]
         if len(names) == len(group.terms) and all(square in terms for square in squares):
@@ -130,29 +169,40 @@ def _grouped_alike(tree: ex.Expression) -> ex.Expression:
 
 
 def _finite(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
-    """The tree with another constant in the potential if, like f, it then has fewer constant denominators.
+    """The tree with another constant in the potential if, like f, it then has fewer constant
+    denominators.
 
     a^2/(2 k (1 + k x^2)) - a^2/(2 k) is -a^2 x^2/(2 (1 + k x^2)), which is defined for k = 0.
     """
     terms = ex.summands(tree)
     rest = [term for term in terms if not tm.has_velocity(term)]
     parameters = _parameters(system)
-    divisors = _constant_divisors(rest, parameters) - _constant_divisors(system.accelerations, parameters)
+    divisors = _constant_divisors(rest, parameters) - _constant_divisors(
+        system.accelerations, parameters
+    )
     if not divisors or any(ex.holds(term, ex.TIME) for term in rest):
         return tree
     potential = ex.add(*rest)
-    start = collecting.collect(ex.substitute(potential, {ex.Symbol(name): ex.ZERO for name in system.coordinates}))
+    start = collecting.collect(
+        ex.substitute(potential, {ex.Symbol(name): ex.ZERO for name in system.coordinates})
+    )
     if ex.has(start, ex.Apply):
         return tree
-    symbols: list[ex.Symbol | ex.Velocity] = [*map(ex.Symbol, (*system.parameters, *system.coordinates))]
+    symbols: list[ex.Symbol | ex.Velocity] = [
+        *map(ex.Symbol, (*system.parameters, *system.coordinates))
+    ]
     (moved,) = exact_field.factored([potential - start], symbols, exact_field.Budget.short())
-    left = _constant_divisors([moved], parameters) - _constant_divisors(system.accelerations, parameters)
-    return tree if len(left) >= len(divisors) else ex.add(*(t for t in terms if t not in rest), moved)
+    left = _constant_divisors([moved], parameters) - _constant_divisors(
+        system.accelerations, parameters
+    )
+    return (
+        tree if len(left) >= len(divisors) else ex.add(*(t for t in terms if t not in rest), moved)
+    )
 
 
 def _regular_gauge(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
-    """The tree with c sin(u)^2 q' for -c cos(u)^2 q', constant c, if q'^2 has the factor sin(u)^2: both vanish
-    together.
+    """The tree with c sin(u)^2 q' for -c cos(u)^2 q', constant c, if q'^2 has the factor sin(u)^2:
+    both vanish together.
 
     The difference is the total derivative of c q.
     """
@@ -167,16 +217,25 @@ def _regular_gauge(tree: ex.Expression, system: SecondOrderSystem) -> ex.Express
                     sine: ex.Expression = ex.Apply("sin", letter.argument)
                     others = {base for base in table if base not in (letter, velocity)}
                     plain = all(constants.issuperset(modular.variables_in(base)) for base in others)
-                    if plain and squares and all((sine, Fraction(2)) in square for square in squares):
+                    if (
+                        plain
+                        and squares
+                        and all((sine, Fraction(2)) in square for square in squares)
+                    ):
                         terms[k] = ex.substitute(terms[k], {letter**2: ex.negated(sine**2)})
     return ex.add(*terms)
 
 
 def _cyclic_gauge(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
-    """The tree with F(x) y', F' = B, for -y B(x) x' with an arbitrary function in B if y then is cyclic."""
+    """The tree with F(x) y', F' = B, for -y B(x) x' with an arbitrary function in B if y then is
+    cyclic.
+    """
     if ex.has(tree, ex.Integral) or not ex.has(tree, ex.Arbitrary):
         return tree
-    integrator, terms = antiderivatives.Integrator(system, integral_signs=True), [*ex.summands(tree)]
+    integrator, terms = (
+        antiderivatives.Integrator(system, integral_signs=True),
+        [*ex.summands(tree)],
+    )
     moving = {*map(ex.Symbol, system.coordinates), *map(ex.Velocity, system.coordinates), ex.TIME}
     for y in map(ex.Symbol, system.coordinates):
         held = [term for term in terms if ex.holds(term, y)]
@@ -191,13 +250,21 @@ def _cyclic_gauge(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expressi
     return tree
 
 
-def _constant_divisors(trees: Iterable[ex.Expression], parameters: frozenset[ex.Symbol]) -> set[ex.Expression]:
+def _constant_divisors(
+    trees: Iterable[ex.Expression], parameters: frozenset[ex.Symbol]
+) -> set[ex.Expression]:
     """The denominators of trees that contain only parameters."""
     powers = (
-        node for node in ex.distinct_nodes(trees) if isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number)
+        node
+        for node in ex.distinct_nodes(trees)
+        if isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number)
     )
     bases = (node.base for node in powers if node.exponent.value < 0)  # type: ignore[union-attr]
-    return {base for base in bases if (held := modular.variables_in(base)) and parameters.issuperset(held)}
+    return {
+        base
+        for base in bases
+        if (held := modular.variables_in(base)) and parameters.issuperset(held)
+    }
 
 
 def with_written_roots(
@@ -205,13 +272,16 @@ def with_written_roots(
 ) -> ex.Expression | None:
     """A multiple of L with the roots of sums that f has as written, and without constant divisors.
 
-    -m c^2 sqrt(1 - v^2/c^2) - V for -sqrt(c^2 - v^2) - V/(m c) if f contains 1 - v^2/c^2. None if f has no such root.
+    -m c^2 sqrt(1 - v^2/c^2) - V for -sqrt(c^2 - v^2) - V/(m c) if f contains 1 - v^2/c^2. None if f
+    has no such root.
     """
     constants = _parameters(system)
     written: dict[ex.Expression, tuple[ex.Expression, tm.Monomial, Fraction]] = {}
     for node in ex.distinct_nodes(system.given):
         match node:
-            case ex.Power(ex.Sum() as radicand, ex.Number(e)) if e.denominator > 1 and tm.has_velocity(radicand):
+            case ex.Power(ex.Sum() as radicand, ex.Number(e)) if (
+                e.denominator > 1 and tm.has_velocity(radicand)
+            ):
                 with suppress(tm.TooManyTerms):
                     terms = tm.terms_of(radicand)
                     below = _divisor(terms, constants)
@@ -227,30 +297,48 @@ def with_written_roots(
             base, below, content = written.get(letter, entry)
             if content != 1:
                 return None
-            key = tm.times(tm.times(key, frozenset([(letter, -e)])), frozenset([(base, e)])) if below else key
+            key = (
+                tm.times(tm.times(key, frozenset([(letter, -e)])), frozenset([(base, e)]))
+                if below
+                else key
+            )
             for constant, power in below:
-                value = value * (1 if real_branch.real_sign(constant, point) > 0 or not (power * e) % 2 else -1)
+                value = value * (
+                    1 if real_branch.real_sign(constant, point) > 0 or not (power * e) % 2 else -1
+                )
             key = tm.times(key, below, e)
         found[key] = found.get(key, Fraction(0)) + value
     rooted = {letter for _, below, _ in written.values() for letter, _ in below}
     below = _divisor(found, constants)
-    sign = prod(real_branch.real_sign(letter, point) for letter, e in below if letter in rooted and e % 2)
+    sign = prod(
+        real_branch.real_sign(letter, point) for letter, e in below if letter in rooted and e % 2
+    )
     tree = kinetic_first(tm.tree_of(tm.multiply_by(found, below, factor=sign)))
     return _in_document_order(tree, system)
 
 
 def _divisor(terms: tm.Terms, constants: Collection[ex.Expression]) -> tm.Monomial:
-    """The lowest product of constants by which the terms must be multiplied to become polynomials in the constants."""
+    """The lowest product of constants by which the terms must be multiplied to become polynomials
+    in the constants.
+    """
     powers = [(letter, e) for key in terms for letter, e in key if letter in constants and e < 0]
-    return frozenset((letter, -min(e for other, e in powers if other == letter)) for letter, _ in powers)
+    return frozenset(
+        (letter, -min(e for other, e in powers if other == letter)) for letter, _ in powers
+    )
 
 
 @lru_cache(maxsize=256)
-def _shortest(tree: ex.Expression, system: SecondOrderSystem, of_terms: bool = True) -> ex.Expression:
-    """The shortest of all forms, or of those that depend on how the tree is written; the tree if none is shorter."""
+def _shortest(
+    tree: ex.Expression, system: SecondOrderSystem, of_terms: bool = True
+) -> ex.Expression:
+    """The shortest of all forms, or of those that depend on how the tree is written; the tree if
+    none is shorter.
+    """
     kept = _velocity_sums(tree)
     tried = (form for form in FORMS if of_terms or not form.of_terms)
-    return moves.cheapest(tried, system, tree, _preference, lambda one: kept <= _velocity_sums(one), tm.FAILED)
+    return moves.cheapest(
+        tried, system, tree, _preference, lambda one: kept <= _velocity_sums(one), tm.FAILED
+    )
 
 
 @lru_cache(maxsize=64)
@@ -267,21 +355,29 @@ def _terms_if_few(tree: ex.Expression) -> tm.Terms:
 
 
 def kinetic_first(tree: ex.Expression) -> ex.Expression:
-    """The tree with T before the terms linear in velocities, and these before the potential: T + A v - V."""
+    """The tree with T before the terms linear in velocities, and these before the potential: T + A
+    v - V.
+    """
     if isinstance(tree, ex.Product):
         return ex.multiply(*map(kinetic_first, tree.factors))
     return ex.add(*sorted(ex.summands(tree), key=_place))
 
 
 def _place(term: ex.Expression) -> tuple[int, bool]:
-    """A sort key: the degree in the velocities (at most 2); a kinetic energy does not begin with a minus sign."""
+    """A sort key: the degree in the velocities (at most 2); a kinetic energy does not begin with a
+    minus sign.
+    """
     degree = min(_degree(term), 2)
     return -degree, degree == 2 and isinstance(term, ex.Product) and writing.is_negative(term)
 
 
 def _is_upside_down(tree: ex.Expression, system: SecondOrderSystem) -> bool:
-    """Whether the coefficients of all squared velocities are negative constants: k v^2/r - m v^2."""
-    velocities = {ex.Velocity(name): (ex.Velocity(name), Fraction(2)) for name in system.coordinates}
+    """Whether the coefficients of all squared velocities are negative constants: k v^2/r - m
+    v^2.
+    """
+    velocities = {
+        ex.Velocity(name): (ex.Velocity(name), Fraction(2)) for name in system.coordinates
+    }
     terms, constants = _terms_if_few(tree) if _degree(tree) == 2 else {}, _parameters(system)
     squares = {v: [c for key, c in terms.items() if e in key and constants.issuperset(p for p, _ in key - {e})]
                for v, e in velocities.items()}  # fmt: skip
@@ -319,7 +415,9 @@ def _velocity_sums(tree: ex.Expression) -> int:
 
 @lru_cache(maxsize=1024)
 def _size(tree: ex.Expression) -> int:
-    """The number of nodes, with high penalties for a minus before a bracket and a divisor inside a divisor."""
+    """The number of nodes, with high penalties for a minus before a bracket and a divisor inside a
+    divisor.
+    """
     return ex.node_count(tree) + sum(_sign(node) + _fractions(node) for node in ex.walk(tree))
 
 
@@ -329,7 +427,9 @@ def _preference(tree: ex.Expression) -> tuple[int, int]:
 
 
 def _sign(node: ex.Expression) -> int:
-    """What the factor -1 of a product counts: a minus before a term less than its nodes, before a bracket more."""
+    """What the factor -1 of a product counts: a minus before a term less than its nodes, before a
+    bracket more.
+    """
     if not isinstance(node, ex.Product) or node.factors[0] != ex.MINUS_ONE:
         return 0
     if len(node.factors) > 2:
@@ -340,15 +440,23 @@ def _sign(node: ex.Expression) -> int:
 def _fractions(node: ex.Expression) -> int:
     """A penalty for (c + 2 x'/x)/a, which is (c x + 2 x')/(a x), and for (x - 3 y/4)^2."""
     if isinstance(node, ex.Power) and isinstance(node.base, ex.Sum) and not tm.has_velocity(node):
-        return _FRACTION_IN_FRACTION * any(ex.coefficient(term).denominator > 1 for term in node.base.terms)
+        return _FRACTION_IN_FRACTION * any(
+            ex.coefficient(term).denominator > 1 for term in node.base.terms
+        )
     if not (isinstance(node, ex.Product) and any(map(_is_divisor, node.factors))):
         return 0
     terms = (term for factor in node.factors if isinstance(factor, ex.Sum) for term in factor.terms)
-    return _FRACTION_IN_FRACTION * any(_is_divisor(part) for term in terms for part in ex.factors_of(term))
+    return _FRACTION_IN_FRACTION * any(
+        _is_divisor(part) for term in terms for part in ex.factors_of(term)
+    )
 
 
 def _is_divisor(node: ex.Expression) -> bool:
-    return isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number) and node.exponent.value < 0
+    return (
+        isinstance(node, ex.Power)
+        and isinstance(node.exponent, ex.Number)
+        and node.exponent.value < 0
+    )
 
 
 # The forms: each takes a system and a tree, and the caller keeps the shortest.
@@ -363,7 +471,9 @@ def _with_common_factor(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
     content, shared, _ = tm.split_content(terms) if terms else (Fraction(0), tm.EMPTY, tree)
     below = frozenset.intersection(*terms) if terms else tm.EMPTY  # each term is divided by this
     common: tm.Monomial = frozenset(
-        (p, e) for p, e in shared if (ex.is_exponential(p) and ex.holds(p, ex.TIME)) or (e < 0 and (p, e) in below)
+        (p, e)
+        for p, e in shared
+        if (ex.is_exponential(p) and ex.holds(p, ex.TIME)) or (e < 0 and (p, e) in below)
     )
     if not common:
         return tree
@@ -373,7 +483,8 @@ def _with_common_factor(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
 
 
 def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """The tree with the quadratic terms of each factor m/(a^2 - x^2) as one square: m (x x' + y y')^2/(2 (a^2 - x^2)).
+    """The tree with the quadratic terms of each factor m/(a^2 - x^2) as one square: m (x x' + y
+    y')^2/(2 (a^2 - x^2)).
 
     Squares of single velocities with the same coefficient share it: m (x'^2 + y'^2)/2.
     """
@@ -386,13 +497,22 @@ def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
         else:
             parts.append(part)
     held = _parameters(system)
-    groups = tm.grouped(quadratic, lambda p: p in held or (isinstance(p, ex.Sum) and not tm.has_velocity(p)))
+    groups = tm.grouped(
+        quadratic, lambda p: p in held or (isinstance(p, ex.Sum) and not tm.has_velocity(p))
+    )
     for key, inner in groups.items():
         constants, rates = tm.monomial_tree(key), tm.grouped(inner, tm.has_velocity)
         short = {v: tm.tree_of(tm.shortest_in_angles(c)) for v, c in rates.items()}
         # One term stays as it is: the square has 2 sin(u) cos(u), not sin(2 u).
-        whole = ex.add(*((tm.tree_of(c) if len(c) == 1 else short[v]) * tm.monomial_tree(v) for v, c in rates.items()))
-        squares = filter(_is_square, writing.short_forms(whole, velocities) if len(rates) > 1 else ())
+        whole = ex.add(
+            *(
+                (tm.tree_of(c) if len(c) == 1 else short[v]) * tm.monomial_tree(v)
+                for v, c in rates.items()
+            )
+        )
+        squares = filter(
+            _is_square, writing.short_forms(whole, velocities) if len(rates) > 1 else ()
+        )
         square = next(squares, None)
         parts += [] if square is None else [constants * square]
         plain += [constants * c * tm.monomial_tree(v) for v, c in short.items() if square is None]
@@ -405,38 +525,54 @@ def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
 
 def _with_proper_quotients(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     """The tree with proper quotients, and what is above their lines as squares if possible."""
-    symbols, velocities = ([kind(name) for name in system.coordinates] for kind in (ex.Symbol, ex.Velocity))
-    return _with_whole_squares(system, writing.proper_quotients(tree, velocities, [*symbols, ex.TIME]))
+    symbols, velocities = (
+        [kind(name) for name in system.coordinates] for kind in (ex.Symbol, ex.Velocity)
+    )
+    return _with_whole_squares(
+        system, writing.proper_quotients(tree, velocities, [*symbols, ex.TIME])
+    )
 
 
 def _is_square(tree: ex.Expression) -> bool:
-    return any(isinstance(factor, ex.Power) and isinstance(factor.base, ex.Sum) for factor in ex.factors_of(tree))
+    return any(
+        isinstance(factor, ex.Power) and isinstance(factor.base, ex.Sum)
+        for factor in ex.factors_of(tree)
+    )
 
 
 def _with_squares_inside(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """The tree with sums of squares in roots, denominators, and functions if possible: (x - a)^2 + y^2."""
+    """The tree with sums of squares in roots, denominators, and functions if possible: (x - a)^2 +
+    y^2.
+    """
     tree = ex.rebuild(tree, partial(_with_squares_inside, system))
     letters = tuple(map(ex.Symbol, (*system.coordinates, *system.parameters)))
     match tree:
-        case ex.Power(ex.Sum() as inner, ex.Number(e)) if (e < 0 or e.denominator > 1) and not tm.has_velocity(inner):
+        case ex.Power(ex.Sum() as inner, ex.Number(e)) if (
+            e < 0 or e.denominator > 1
+        ) and not tm.has_velocity(inner):
             return min([inner, *writing.sums_of_squares(inner, letters)], key=_preference) ** e
     return tree
 
 
 def _by_parameters(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """The sum grouped by its varying factors, with factored coefficients: n^2 + 2 m n is n (n + 2 m)."""
+    """The sum grouped by its varying factors, with factored coefficients: n^2 + 2 m n is n (n + 2
+    m).
+    """
     parameters = _parameters(system)
     groups = tm.grouped(_terms_of(tree), lambda letter: letter not in parameters)
     coefficients: Sequence[ex.Expression] = [tm.tree_of(inner) for inner in groups.values()]
     if any(isinstance(c, ex.Sum) for c in coefficients):
-        coefficients = exact_field.factored(coefficients, sorted(parameters, key=repr), exact_field.Budget.short())
+        coefficients = exact_field.factored(
+            coefficients, sorted(parameters, key=repr), exact_field.Budget.short()
+        )
     return ex.add(*(c * tm.monomial_tree(key) for c, key in zip(coefficients, groups, strict=True)))
 
 
 def _by_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     """The sum grouped by products of velocities, each with one coefficient in its shortest form.
 
-    The terms without velocities remain separate unless one bracket is much shorter, or two brackets are shorter.
+    The terms without velocities remain separate unless one bracket is much shorter, or two brackets
+    are shorter.
     """
     return _grouped_by_rates(system, _without_common_squares(_terms_of(tree), _parameters(system)))
 
@@ -450,44 +586,73 @@ def _grouped_by_rates(system: SecondOrderSystem, every: tm.Terms) -> ex.Expressi
         shared = tm.grouped(terms, lambda letter: isinstance(letter, ex.Sum))
         inside = {node for key in shared for p, _ in key for node in ex.walk(p)}
         forms += [_by_letters(system, terms, _parameters(system) - inside)] if inside else []
-        forms += [ex.add(*(tm.monomial_tree(outer) * tm.tree_of(part) for outer, part in shared.items()))]
+        forms += [
+            ex.add(*(tm.monomial_tree(outer) * tm.tree_of(part) for outer, part in shared.items()))
+        ]
         whole = _part(rates, inner, system)
-        brackets = sum(isinstance(factor, ex.Sum) for factor in ex.factors_of(writing.joined(whole)))
+        brackets = sum(
+            isinstance(factor, ex.Sum) for factor in ex.factors_of(writing.joined(whole))
+        )
         if rates or (_MUCH if brackets < 2 else 1) * _size(whole) < min(map(_size, forms)):
             forms.append(whole)
         parts.append(min(forms, key=_preference))
     tree = ex.add(*parts)
-    return min(tree, writing.with_one_coefficient(tree, [*map(ex.Velocity, system.coordinates)]), key=_preference)
+    return min(
+        tree,
+        writing.with_one_coefficient(tree, [*map(ex.Velocity, system.coordinates)]),
+        key=_preference,
+    )
 
 
 def _by_both(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
-    """The sum by parameters if several multiply the same product of other generators; otherwise by these generators."""
+    """The sum by parameters if several multiply the same product of other generators; otherwise by
+    these generators.
+    """
     parameters = _parameters(system)
     groups = tm.grouped(terms, lambda letter: letter not in parameters)
-    several = {key | c: value for key, inner in groups.items() for c, value in inner.items() if len(inner) > 1}
+    several = {
+        key | c: value
+        for key, inner in groups.items()
+        for c, value in inner.items()
+        if len(inner) > 1
+    }
     rest = {key: value for key, value in terms.items() if key not in several}
     return _by_parameters(system, tm.tree_of(several)) + _by_letters(system, rest, parameters)
 
 
-def _by_letters(system: SecondOrderSystem, terms: tm.Terms, parameters: frozenset[ex.Symbol]) -> ex.Expression:
-    """The sum grouped by velocities and these parameters, with each coefficient in its shortest form."""
+def _by_letters(
+    system: SecondOrderSystem, terms: tm.Terms, parameters: frozenset[ex.Symbol]
+) -> ex.Expression:
+    """The sum grouped by velocities and these parameters, with each coefficient in its shortest
+    form.
+    """
     groups = tm.grouped(terms, lambda letter: letter in parameters or tm.has_velocity(letter))
     return ex.add(*(_part(outer, inner, system) for outer, inner in groups.items()))
 
 
 def _is_symbolic(node: ex.Expression) -> bool:
-    return isinstance(node, ex.Power) and not isinstance(node.exponent, ex.Number) and tm.has_velocity(node)
+    return (
+        isinstance(node, ex.Power)
+        and not isinstance(node.exponent, ex.Number)
+        and tm.has_velocity(node)
+    )
 
 
 def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """The tree with c ((x' - w y)^2 + (y' + w x)^2)/2 for c (x'^2 + y'^2)/2 + 2 c w x y' (rotating frames).
+    """The tree with c ((x' - w y)^2 + (y' + w x)^2)/2 for c (x'^2 + y'^2)/2 + 2 c w x y' (rotating
+    frames).
 
-    Also c (v + w)^2/2 for c v^2/2 + c w v with a constant w. The changed terms of the potential must vanish.
+    Also c (v + w)^2/2 for c v^2/2 + c w v with a constant w. The changed terms of the potential
+    must vanish.
     """
     below = [node for node in ex.walk(tree) if _is_divisor(node) and not tm.has_velocity(node)]
-    aside = [term for term in ex.summands(tree) if not tm.has_velocity(term) and ex.holds(term, *below)]
+    aside = [
+        term for term in ex.summands(tree) if not tm.has_velocity(term) and ex.holds(term, *below)
+    ]
     terms, constants = tm.terms_of(tree - ex.add(*aside)), _parameters(system)
-    symbols, velocities = ([kind(name) for name in system.coordinates] for kind in (ex.Symbol, ex.Velocity))
+    symbols, velocities = (
+        [kind(name) for name in system.coordinates] for kind in (ex.Symbol, ex.Velocity)
+    )
     # 2 c w x y' is c w (x y' - y x'), up to c w d(x y)/dt.
     for (x, v), (y, w) in combinations(zip(symbols, velocities, strict=True), 2):
         pair = tm.monomial(x, w), tm.monomial(y, v)
@@ -499,7 +664,8 @@ def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
     groups = dict[ex.Expression, list[ex.Expression]]()
     for v in velocities:
         squares, linear = (
-            {key - {(v, e)}: value for key, value in terms.items() if (v, e) in key} for e in (Fraction(2), Fraction(1))
+            {key - {(v, e)}: value for key, value in terms.items() if (v, e) in key}
+            for e in (Fraction(2), Fraction(1))
         )
         ((key, c), *others) = squares.items() or [(tm.EMPTY, Fraction(1))]
         one = tm.multiply_by(linear, key, -1, 1 / c)
@@ -508,7 +674,10 @@ def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
         whole = tm.terms_of(tm.tree_of(squares) * square)
         rest = tm.add_terms(terms, whole, -1)
         letters = {p for part in shift for p, _ in part}
-        fixed = constants.issuperset(letters) or not tm.coefficient(whole, tm.EMPTY).keys() & rest.keys()
+        fixed = (
+            constants.issuperset(letters)
+            or not tm.coefficient(whole, tm.EMPTY).keys() & rest.keys()
+        )
         if shift and fixed and not any(map(tm.has_velocity, letters)):
             groups.setdefault(tm.tree_of(squares), []).append(square)
             terms = rest
@@ -516,25 +685,45 @@ def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
     kept = {key: c for key, c in terms.items() if any(tm.has_velocity(p) for p, _ in key)} | {
         key: c for key, c in potential.items() if not constants.issuperset(p for p, _ in key)
     }
-    return ex.add(*(c * ex.add(*some) for c, some in groups.items()), tm.tree_of(kept), *aside) if groups else tree
+    return (
+        ex.add(*(c * ex.add(*some) for c, some in groups.items()), tm.tree_of(kept), *aside)
+        if groups
+        else tree
+    )
 
 
 def _with_springs(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """The tree with c (u - l)^2 for c u^2 - 2 c l u, constants c and l, which changes the constant in the potential.
+    """The tree with c (u - l)^2 for c u^2 - 2 c l u, constants c and l, which changes the constant
+    in the potential.
 
-    u is a coordinate, its sine or cosine, or a root, as for a spring with natural length l, which t may change.
+    u is a coordinate, its sine or cosine, or a root, as for a spring with natural length l, which t
+    may change.
     """
     constants = _parameters(system) | {ex.TIME}
     parts = [term for term in ex.summands(tree) if not tm.has_velocity(term)]
-    for p in dict.fromkeys(p for term in parts for key in tm.terms_of(term) for p, _ in key if p not in constants):
-        held = [term for term in parts if ex.holds(term, *(set(modular.variables_in(p)) - constants))]
-        terms, u = tm.terms_of(ex.add(*held)), frozenset([(p, _HALF if isinstance(p, ex.Sum) else Fraction(1))])
+    for p in dict.fromkeys(
+        p for term in parts for key in tm.terms_of(term) for p, _ in key if p not in constants
+    ):
+        held = [
+            term for term in parts if ex.holds(term, *(set(modular.variables_in(p)) - constants))
+        ]
+        terms, u = (
+            tm.terms_of(ex.add(*held)),
+            frozenset([(p, _HALF if isinstance(p, ex.Sum) else Fraction(1))]),
+        )
         squares = [tm.terms_of(p) if isinstance(p, ex.Sum) else {tm.times(u, u): Fraction(1)}]
         if isinstance(p, ex.Apply) and p.function in ("sin", "cos"):
             (other,) = tm.companions(p)
             squares.append({tm.times(tm.EMPTY, tm.monomial(other), 2): Fraction(-1)})
-        squares = [{key: c for key, c in one.items() if not constants.issuperset(p for p, _ in key)} for one in squares]
-        linear = {key: c for key, c in terms.items() if u <= key and constants.issuperset(q for q, _ in key - u)}
+        squares = [
+            {key: c for key, c in one.items() if not constants.issuperset(p for p, _ in key)}
+            for one in squares
+        ]
+        linear = {
+            key: c
+            for key, c in terms.items()
+            if u <= key and constants.issuperset(q for q, _ in key - u)
+        }
         for square, key in product(squares, terms if len(linear) == 1 else ()):
             found = _spring(terms, u, linear, square, key, constants)
             if found is not None:
@@ -550,14 +739,22 @@ def _spring(
     first: tm.Monomial,
     constants: frozenset[ex.Symbol],
 ) -> ex.Expression | None:
-    """The terms with c (u - l)^2 for c square + linear, `first` being the first term of c square; without c l^2."""
+    """The terms with c (u - l)^2 for c square + linear, `first` being the first term of c square;
+    without c l^2.
+    """
     ((part, unit), *_), ((key, value),) = square.items(), linear.items()
     stiffness, c = tm.times(first, part, -1), terms[first] / unit
     whole = tm.multiply_by(square, stiffness, factor=c)
     length = tm.times(key - u, stiffness, -1)
-    below = frozenset((q, -e) for q, e in length if e < 0)  # m (R + l sin u)^2 for m l^2 (R/l + sin u)^2
+    below = frozenset(
+        (q, -e) for q, e in length if e < 0
+    )  # m (R + l sin u)^2 for m l^2 (R/l + sin u)^2
     held = modular.variables_in(tm.monomial_tree(length) * tm.monomial_tree(stiffness))
-    is_plain = held and constants.issuperset(held) and all(tm.exponent_of(stiffness, q) >= 2 * e for q, e in below)
+    is_plain = (
+        held
+        and constants.issuperset(held)
+        and all(tm.exponent_of(stiffness, q) >= 2 * e for q, e in below)
+    )
     if not is_plain or any(terms.get(other) != a for other, a in whole.items()):
         return None
     rest = tm.add_terms(tm.add_terms(terms, whole, -1), linear, -1)
@@ -565,16 +762,27 @@ def _spring(
     return tm.tree_of(rest) + c * tm.monomial_tree(tm.times(stiffness, below, -2)) * side**2
 
 
-def _by_squares_of(name: str, other: str, system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """k (sin(a) - sin(b))^2 for -k (cos(a)^2 + cos(b)^2 + 2 sin(a) sin(b)), which changes the constant in V."""
+def _by_squares_of(
+    name: str, other: str, system: SecondOrderSystem, tree: ex.Expression
+) -> ex.Expression:
+    """k (sin(a) - sin(b))^2 for -k (cos(a)^2 + cos(b)^2 + 2 sin(a) sin(b)), which changes the
+    constant in V.
+    """
     terms, constants = _terms_of(tree), _parameters(system)
     plain = tm.Terms()
     for key, value in terms.items():
-        square = next((p for p, e in key if isinstance(p, ex.Apply) and p.function == other and e == 2), None)
+        square = next(
+            (p for p, e in key if isinstance(p, ex.Apply) and p.function == other and e == 2), None
+        )
         if square is not None and constants.issuperset(p for p, _ in key - {(square, Fraction(2))}):
-            key, value = key - {(square, Fraction(2))} | {(ex.Apply(name, square.argument), Fraction(2))}, -value
+            key, value = (
+                key - {(square, Fraction(2))} | {(ex.Apply(name, square.argument), Fraction(2))},
+                -value,
+            )
         plain[key] = plain.get(key, Fraction(0)) + value
-    letters = tuple(p for p in dict.fromkeys(p for key in plain for p, _ in key) if isinstance(p, ex.Apply))
+    letters = tuple(
+        p for p in dict.fromkeys(p for key in plain for p, _ in key) if isinstance(p, ex.Apply)
+    )
     if name == "cos" and not letters:
         return tree  # the form with sines is the same
     groups = tm.grouped(plain, lambda letter: letter in constants or tm.has_velocity(letter))
@@ -587,10 +795,17 @@ def _by_squares_of(name: str, other: str, system: SecondOrderSystem, tree: ex.Ex
 
 
 def _by_functions(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """The sum grouped by functions of the velocities, with factored coefficients: (x + 2 x') atan(x'/x)."""
-    if not any((isinstance(node, ex.Apply) and tm.has_velocity(node)) or _is_symbolic(node) for node in ex.walk(tree)):
+    """The sum grouped by functions of the velocities, with factored coefficients: (x + 2 x')
+    atan(x'/x).
+    """
+    if not any(
+        (isinstance(node, ex.Apply) and tm.has_velocity(node)) or _is_symbolic(node)
+        for node in ex.walk(tree)
+    ):
         return tree
-    groups = tm.grouped(_terms_of(tree), lambda p: tm.has_velocity(p) and isinstance(p, ex.Apply | ex.Power))
+    groups = tm.grouped(
+        _terms_of(tree), lambda p: tm.has_velocity(p) and isinstance(p, ex.Apply | ex.Power)
+    )
     parts = []
     for outer, inner in groups.items():
         if not outer:
@@ -599,9 +814,13 @@ def _by_functions(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expressi
             parts.append(tm.tree_of(inner) * tm.monomial_tree(outer))
         else:
             exponents = [dict(key) for key in inner]
-            lowest = frozenset((p, min(e.get(p, Fraction(0)) for e in exponents)) for e in exponents for p in e)
+            lowest = frozenset(
+                (p, min(e.get(p, Fraction(0)) for e in exponents)) for e in exponents for p in e
+            )
             rest = tm.tree_of(tm.multiply_by(inner, lowest, -1))
-            whole = _quotient(rest, system.parameters, system.coordinates) * tm.monomial_tree(lowest)
+            whole = _quotient(rest, system.parameters, system.coordinates) * tm.monomial_tree(
+                lowest
+            )
             parts.append(whole * tm.monomial_tree(outer))
     return ex.add(*parts)
 
@@ -611,14 +830,18 @@ def _parameters(system: SecondOrderSystem) -> frozenset[ex.Symbol]:
 
 
 def _without_common_squares(terms: tm.Terms, parameters: frozenset[ex.Symbol]) -> tm.Terms:
-    """The terms without common even powers of parameters: a positive multiple of L, with the same inertia."""
+    """The terms without common even powers of parameters: a positive multiple of L, with the same
+    inertia.
+    """
     shared = frozenset.intersection(*terms) if terms else tm.EMPTY
     common = frozenset((letter, e) for letter, e in shared if letter in parameters and e % 2 == 0)
     return tm.multiply_by(terms, common, -1)
 
 
 def _part(outer: tm.Monomial, inner: tm.Terms, system: SecondOrderSystem) -> ex.Expression:
-    """outer * inner, the sum in its shortest form: as it is, its primitive part, one quotient, or one power."""
+    """outer * inner, the sum in its shortest form: as it is, its primitive part, one quotient, or
+    one power.
+    """
     inner = tm.shortest_in_angles(inner)
     if not inner:  # sin^2 + cos^2 - 1
         return ex.ZERO
@@ -633,12 +856,20 @@ def _part(outer: tm.Monomial, inner: tm.Terms, system: SecondOrderSystem) -> ex.
     if _is_sum_of(quotient, len(inner)) and _size(quotient) >= _size(plain):
         return whole
     power = writing.as_power(collecting.expand(plain))
-    return min(whole, *(constant * _constants_first(one, system) * rates for one in (quotient, power)), key=_size)
+    return min(
+        whole,
+        *(constant * _constants_first(one, system) * rates for one in (quotient, power)),
+        key=_size,
+    )
 
 
 @lru_cache(maxsize=256)
-def _quotient(tree: ex.Expression, parameters: tuple[str, ...], names: tuple[str, ...]) -> ex.Expression:
-    """The sum as one factored quotient, or unchanged if it is too large; cached for the several forms."""
+def _quotient(
+    tree: ex.Expression, parameters: tuple[str, ...], names: tuple[str, ...]
+) -> ex.Expression:
+    """The sum as one factored quotient, or unchanged if it is too large; cached for the several
+    forms.
+    """
     velocities: list[modular.Variable] = [*map(ex.Velocity, names)]
     fixed = [*map(ex.Symbol, parameters), ex.TIME, *map(ex.Symbol, names)]
     return writing.quotient(tree, exact_field.Budget.short(), fixed + velocities)
@@ -663,7 +894,9 @@ def _short_forms(system: SecondOrderSystem, tree: ex.Expression) -> Iterator[ex.
     return writing.short_forms(tree, [ex.Velocity(name) for name in system.coordinates])
 
 
-def _squares_of_positions(system: SecondOrderSystem, tree: ex.Expression) -> Sequence[ex.Expression]:
+def _squares_of_positions(
+    system: SecondOrderSystem, tree: ex.Expression
+) -> Sequence[ex.Expression]:
     """k (x - y)^2/2 in the potential."""
     return writing.sums_of_squares(tree, tuple(map(ex.Symbol, system.coordinates)))
 
@@ -696,8 +929,16 @@ _SAME, _CONSTANT, _FACTOR, _DERIVATIVE = (
 )  # fmt: skip
 # Divisors may go with the constant of the potential, so the constant factor comes after it.
 GAUGES: tuple[Move[SecondOrderSystem], ...] = (
-    Move("F(x) y' for -y B(x) x', F' = B", _DERIVATIVE, lambda system, tree: _cyclic_gauge(tree, system)),
-    Move("c sin(u)^2 q' for -c cos(u)^2 q'", _DERIVATIVE, lambda system, tree: _regular_gauge(tree, system)),
+    Move(
+        "F(x) y' for -y B(x) x', F' = B",
+        _DERIVATIVE,
+        lambda system, tree: _cyclic_gauge(tree, system),
+    ),
+    Move(
+        "c sin(u)^2 q' for -c cos(u)^2 q'",
+        _DERIVATIVE,
+        lambda system, tree: _regular_gauge(tree, system),
+    ),
     Move("constant of the potential", _CONSTANT, lambda system, tree: _finite(tree, system)),
     Move("no divisor of constants", _FACTOR, lambda system, tree: _times_divisors(tree, system)),
 )
@@ -746,33 +987,51 @@ def with_plain_forces(analysis: deciding.Analysis) -> deciding.Analysis:
 
 
 def _without_hidden_zeros(analysis: deciding.Analysis) -> tuple[ex.Expression, ...]:
-    """f without the coefficients of velocities that vanish by relations among atoms, such as tan(pi/8) + 1 - sqrt(2).
+    """f without the coefficients of velocities that vanish by relations among atoms, such as
+    tan(pi/8) + 1 - sqrt(2).
 
-    They are small at the real point and zero modulo a prime at a point of the tower, which has all relations.
+    They are small at the real point and zero modulo a prime at a point of the tower, which has all
+    relations.
     """
     given = analysis.system.accelerations
     table = analysis.real_point
-    if table is None or not any(isinstance(node, ex.Apply | ex.Power) for node in ex.distinct_nodes(given)):
+    if table is None or not any(
+        isinstance(node, ex.Apply | ex.Power) for node in ex.distinct_nodes(given)
+    ):
         return given
     point = towers.draw_point(analysis.tower, 1)
 
     def is_zero(coefficient: tm.Terms) -> bool:
         tree = tm.tree_of(coefficient)
-        return real_branch.is_small(tree, table) and modular.evaluate(towers.to_kernels(tree), point) == 0
+        return (
+            real_branch.is_small(tree, table)
+            and modular.evaluate(towers.to_kernels(tree), point) == 0
+        )
 
     shown = []
     for f in given:
-        with suppress(*tm.FAILED, modular.SingularPoint, calculus.NoRealValue), mpmath.workdps(bounds.DIGITS):
+        with (
+            suppress(*tm.FAILED, modular.SingularPoint, calculus.NoRealValue),
+            mpmath.workdps(bounds.DIGITS),
+        ):
             groups = tm.grouped(tm.terms_of(f), tm.has_velocity)
-            kept = {moving: part for moving, part in groups.items() if len(part) == 1 or not is_zero(part)}
+            kept = {
+                moving: part
+                for moving, part in groups.items()
+                if len(part) == 1 or not is_zero(part)
+            }
             if len(kept) < len(groups):
-                f = ex.add(*(tm.tree_of(part) * tm.monomial_tree(moving) for moving, part in kept.items()))
+                f = ex.add(
+                    *(tm.tree_of(part) * tm.monomial_tree(moving) for moving, part in kept.items())
+                )
         shown.append(f)
     return tuple(shown)
 
 
 def _plainer(tower: towers.Tower, force: ex.Expression) -> ex.Expression:
-    """The force with dependent atoms, such as e^(log x), expressed by other atoms if that is shorter."""
+    """The force with dependent atoms, such as e^(log x), expressed by other atoms if that is
+    shorter.
+    """
     plain = towers.to_kernels(force)
     for rule in reversed(tower.rules):
         if not isinstance(rule, towers.AngleRule) and not rule.free:
@@ -783,32 +1042,48 @@ def _plainer(tower: towers.Tower, force: ex.Expression) -> ex.Expression:
 
 
 def describe(analysis: deciding.Analysis, lagrangian: ex.Expression, family: str) -> Lagrangian:
-    """Describe L: g = d2L/dv dv, the functions that must not vanish, and those that are positive on its domain."""
+    """Describe L: g = d2L/dv dv, the functions that must not vanish, and those that are positive on
+    its domain.
+    """
     names = analysis.system.coordinates
     rates = euler_lagrange.hessian(lagrangian, names)
     short = {entry: _compact(analysis, entry) for row in rates for entry in row}
     multiplier = tuple(tuple(short[entry] for entry in row) for row in rates)
-    where = certify.where_proved(analysis, lagrangian, min(deadline.left(deadline.end(), 1.0), _LONGEST_CHECK))
+    where = certify.where_proved(
+        analysis, lagrangian, min(deadline.left(deadline.end(), 1.0), _LONGEST_CHECK)
+    )
     return Lagrangian(lagrangian, multiplier, where.nonzero, family, where.positive)
 
 
 def _compact(analysis: deciding.Analysis, entry: ex.Expression) -> ex.Expression:
-    """The entry as a sum of products or, if that is shorter, as one quotient; parameters are printed first."""
+    """The entry as a sum of products or, if that is shorter, as one quotient; parameters are
+    printed first.
+    """
     held, count = set(ex.walk(entry)), 1 + 2 * len(analysis.system.coordinates)
-    moving = [variable for variable in deciding.variables_of(analysis.system)[:count] if variable in held]
+    moving = [
+        variable for variable in deciding.variables_of(analysis.system)[:count] if variable in held
+    ]
     return writing.shorten(tm.collected(entry), exact_field.Budget.short(), moving)
 
 
 def is_multiple(
-    first: ex.Expression, second: ex.Expression, names: Sequence[str], table: real_branch.RealTable | None
+    first: ex.Expression,
+    second: ex.Expression,
+    names: Sequence[str],
+    table: real_branch.RealTable | None,
 ) -> bool:
-    """Whether the Hessians are constant multiples of each other at the real point and at a point near it."""
+    """Whether the Hessians are constant multiples of each other at the real point and at a point
+    near it.
+    """
     if table is None:
         return first == second
     moving = {*map(ex.Symbol, names), *map(ex.Velocity, names)}
     with mpmath.workdps(30):
         beside = {leaf: value * _STEP if leaf in moving else value for leaf, value in table.items()}
-        forms = [[euler_lagrange.hessian_at(tree, names, at) for tree in (first, second)] for at in (table, beside)]
+        forms = [
+            [euler_lagrange.hessian_at(tree, names, at) for tree in (first, second)]
+            for at in (table, beside)
+        ]
         if any(form is None for pair in forms for form in pair):
             return False
         pairs = [entries for pair in forms for entries in zip(*pair, strict=True)]
@@ -817,7 +1092,10 @@ def is_multiple(
 
 
 def why_shown(
-    shown: ex.Expression, other: ex.Expression, names: Sequence[str], table: real_branch.RealTable | None
+    shown: ex.Expression,
+    other: ex.Expression,
+    names: Sequence[str],
+    table: real_branch.RealTable | None,
 ) -> str:
     """The advantage of another Lagrangian over the shown one; "" if it has none."""
     if len(printing.to_text(other)) < len(printing.to_text(shown)):
@@ -827,15 +1105,23 @@ def why_shown(
     return "of another kind" if _kind(other, names) < _kind(shown, names) else ""
 
 
-def is_definite(lagrangian: ex.Expression, names: Sequence[str], table: real_branch.RealTable | None) -> bool:
+def is_definite(
+    lagrangian: ex.Expression, names: Sequence[str], table: real_branch.RealTable | None
+) -> bool:
     """Whether the Hessian is positive definite at the real point."""
-    return euler_lagrange.inertia(euler_lagrange.hessian_at(lagrangian, names, table)) == (len(names), 0)
+    return euler_lagrange.inertia(euler_lagrange.hessian_at(lagrangian, names, table)) == (
+        len(names),
+        0,
+    )
 
 
 def _kind(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[int, bool]:
     """Its `reading_class`, and whether its degree in the velocities exceeds 2."""
     moving = {*map(ex.Velocity, names)}
     is_higher = any(
-        node in moving for row in euler_lagrange.hessian(lagrangian, names) for entry in row for node in ex.walk(entry)
+        node in moving
+        for row in euler_lagrange.hessian(lagrangian, names)
+        for entry in row
+        for node in ex.walk(entry)
     )
     return ex.reading_class(lagrangian, ex.TIME), is_higher

@@ -1,9 +1,10 @@
-"""The kernels of this installation: compiled once on a machine before any clock runs, or ahead of time for a wheel.
+"""The kernels of this installation: compiled once on a machine before any clock runs, or ahead of
+time for a wheel.
 
-`python -m inverse_service.service.compiling [FOLDER [MACHINE]]` solves SYSTEMS, which needs every kernel, compiles each
-one for each target of `code_store.TARGETS`, and links all to one shared library. MACHINE is x86_64 or aarch64, this one
-if it is not given. Needs numba, and a linker: `ld`, for another machine its cross linker (`aarch64-linux-gnu-ld`), or
-the package ziglang.
+`python -m inverse_service.service.compiling [FOLDER [MACHINE]]` solves SYSTEMS, which needs every
+kernel, compiles each one for each target of `code_store.TARGETS`, and links all to one shared
+library. MACHINE is x86_64 or aarch64, this one if it is not given. Needs numba, and a linker: `ld`,
+for another machine its cross linker (`aarch64-linux-gnu-ld`), or the package ziglang.
 """
 
 import json
@@ -23,9 +24,11 @@ from inverse_service.kernels.machine_code import code_store
 SYSTEMS = ("sho", "douglas-iiib", "nonholonomic-particle-second", "van-der-pol")
 # Far more than it takes on a slow machine that does other work, s.
 PATIENCE = 900.0
-# What numba says of the processor at hand: attributes of each function, two lines at the head of a module.
+# What numba says of the processor at hand: attributes of each function, two lines at the head of a
+# module.
 HOST = re.compile(
-    r'"(?:target-cpu|target-features|tune-cpu)"="[^"]*"|^target (?:triple|datalayout) = .*$', re.MULTILINE
+    r'"(?:target-cpu|target-features|tune-cpu)"="[^"]*"|^target (?:triple|datalayout) = .*$',
+    re.MULTILINE,
 )
 
 
@@ -55,17 +58,27 @@ def ship(folder: Path, machine: str) -> list[Path]:
             module, answer = building.module_of(kernel.made(), kinds, symbol)
             texts.append((symbol, HOST.sub("", str(module))))
             listed.append(
-                {"name": kernel.name, "kinds": argument_kinds.told(kinds), "answer": answer, "symbol": symbol}
+                {
+                    "name": kernel.name,
+                    "kinds": argument_kinds.told(kinds),
+                    "answer": answer,
+                    "symbol": symbol,
+                }
             )
     for kernel in kernels.KERNELS:  # whichever calls which: all files that define one
-        sources.add(Path(kernel.py_func.__code__.co_filename).relative_to(code_store.ROOT).as_posix())
+        sources.add(
+            Path(kernel.py_func.__code__.co_filename).relative_to(code_store.ROOT).as_posix()
+        )
     folder.mkdir(parents=True, exist_ok=True)
     index = folder / "kernels.json"
     digests = {name: code_store.digest(name) for name in sorted(sources)}
     index.write_text(json.dumps({"kernels": listed, "sources": digests}), encoding="utf-8")
     return [
         index,
-        *(linked(texts, machine, cpu, folder / f"kernels-{cpu}.so") for cpu, _ in code_store.TARGETS[machine]),
+        *(
+            linked(texts, machine, cpu, folder / f"kernels-{cpu}.so")
+            for cpu, _ in code_store.TARGETS[machine]
+        ),
     ]
 
 
@@ -90,11 +103,17 @@ def linked(texts: list[tuple[str, str]], machine: str, cpu: str, path: Path) -> 
         code = Path(name) / "kernels.o"
         code.write_bytes(target.emit_object(whole))
         found = shutil.which("ld" if machine == platform.machine() else f"{machine}-linux-gnu-ld")
-        linker = [found] if found else [sys.executable, "-m", "ziglang", "cc", "-target", f"{machine}-linux-gnu"]
+        linker = (
+            [found]
+            if found
+            else [sys.executable, "-m", "ziglang", "cc", "-target", f"{machine}-linux-gnu"]
+        )
         subprocess.run([*linker, "-shared", "-s", "-o", str(path), str(code)], check=True)
     return path
 
 
 if __name__ == "__main__":
     chosen = dict(enumerate(sys.argv))
-    print(*ship(Path(chosen.get(1, code_store.FOLDER)), chosen.get(2, platform.machine())), sep="\n")
+    print(
+        *ship(Path(chosen.get(1, code_store.FOLDER)), chosen.get(2, platform.machine())), sep="\n"
+    )

@@ -1,11 +1,14 @@
-"""The accelerations of a motion with constraints and its multipliers; whether a Lagrangian has that motion.
+"""The accelerations of a motion with constraints and its multipliers; whether a Lagrangian has that
+motion.
 
-In a form that is regular wherever the constraints w v = 0 are independent, unlike equations in independent velocities,
-which have singular points such as cos(phi) = 0. With g = L_vv, F = L_q - L_vq v - L_vt + Q
+In a form that is regular wherever the constraints w v = 0 are independent, unlike equations in
+independent velocities, which have singular points such as cos(phi) = 0. With g = L_vv, F = L_q -
+L_vq v - L_vt + Q
 
     a = g^-1 (F + w^T lambda),   lambda = -(w g^-1 w^T)^-1 (w' v + w g^-1 F)
 
-Source: A. M. Bloch, Nonholonomic Mechanics and Control, 2003, chapter 5; adjugates by Laplace expansion.
+Source: A. M. Bloch, Nonholonomic Mechanics and Control, 2003, chapter 5; adjugates by Laplace
+expansion.
 """
 
 from collections.abc import Sequence
@@ -29,14 +32,18 @@ MOST_FULL_ROWS = 5  # beyond this size the expansion of a full determinant would
 def accelerations_and_multipliers(
     what: initial.System,
 ) -> tuple[tuple[ex.Expression, ...], tuple[ex.Expression, ...]] | None:
-    """All n accelerations over (q, v), with the forces Q, and lambda, the constraints exerting w^T lambda; None if the
-    matrices are too large to invert."""
+    """All n accelerations over (q, v), with the forces Q, and lambda, the constraints exerting w^T
+    lambda; None if the matrices are too large to invert.
+    """
     names = what.coordinates
     assert what.lagrangian is not None
     inertia = inverse(euler_lagrange.hessian(what.lagrangian, names))
     if inertia is None:
         return None
-    own = tuple(-e for e in euler_lagrange.euler_lagrange_sums(what.lagrangian, names, [ex.ZERO] * len(names)))
+    own = tuple(
+        -e
+        for e in euler_lagrange.euler_lagrange_sums(what.lagrangian, names, [ex.ZERO] * len(names))
+    )
     free = _applied(inertia, tuple(map(ex.add, own, what.forces)) if what.forces else own)
     if not what.constraints:
         return free, ()
@@ -52,7 +59,9 @@ def accelerations_and_multipliers(
     return tuple(moved), multipliers
 
 
-def rate(tree: ex.Expression, names: Sequence[str], accelerations: Sequence[ex.Expression]) -> ex.Expression:
+def rate(
+    tree: ex.Expression, names: Sequence[str], accelerations: Sequence[ex.Expression]
+) -> ex.Expression:
     """The derivative in time along q'' = accelerations."""
     moving = [calculus.differentiate(tree, ex.Symbol(name)) * ex.Velocity(name) for name in names]
     pushed = [calculus.differentiate(tree, ex.Velocity(name)) for name in names]
@@ -60,7 +69,8 @@ def rate(tree: ex.Expression, names: Sequence[str], accelerations: Sequence[ex.E
 
 
 def inverse(matrix: euler_lagrange.Matrix) -> euler_lagrange.Matrix | None:
-    """The inverse of a symmetric matrix, block by block; None where a block is larger than MOST_FULL_ROWS.
+    """The inverse of a symmetric matrix, block by block; None where a block is larger than
+    MOST_FULL_ROWS.
 
     InputError where it is singular everywhere.
     """
@@ -80,7 +90,9 @@ def inverse(matrix: euler_lagrange.Matrix) -> euler_lagrange.Matrix | None:
     return tuple(map(tuple, found))
 
 
-def _applied(matrix: euler_lagrange.Matrix, vector: Sequence[ex.Expression]) -> tuple[ex.Expression, ...]:
+def _applied(
+    matrix: euler_lagrange.Matrix, vector: Sequence[ex.Expression]
+) -> tuple[ex.Expression, ...]:
     return tuple(ex.dot(row, vector) for row in matrix)
 
 
@@ -88,10 +100,15 @@ def keeps_motion(
     scene: scene_data.Scene, lagrangian: ex.Expression, accelerations: tuple[ex.Expression, ...],
     values: dict[str, float], domain: tuple[ex.Expression, ...] = (),
 ) -> bool | None:  # fmt: skip
-    """Whether the Lagrangian has the motion among its solutions, tested at points on the constraints, off which the
-    free system may differ; None where too few points of the domain, whose formulas are positive, have values."""
+    """Whether the Lagrangian has the motion among its solutions, tested at points on the
+    constraints, off which the free system may differ; None where too few points of the domain,
+    whose formulas are positive, have values.
+    """
     positions, velocities = _points(scene)
-    times = np.random.default_rng(5).uniform(0, scene.grid.step * scene.grid.steps, len(positions)) + scene.grid.begin
+    times = (
+        np.random.default_rng(5).uniform(0, scene.grid.step * scene.grid.steps, len(positions))
+        + scene.grid.begin
+    )
     table = numeric_formulas.table_of(scene.coordinates, positions, velocities, values, times)
     worst = distance_of_motion(lagrangian, scene.coordinates, accelerations, table)
     inside = np.all([arrays.array_value(end, table) > 0 for end in domain], axis=0)
@@ -103,7 +120,9 @@ def distance_of_motion(
     lagrangian: ex.Expression, coordinates: tuple[str, ...], accelerations: tuple[ex.Expression, ...],
     table: dict[ex.Expression, Array | float],
 ) -> Array:  # fmt: skip
-    """The greatest residual L_vv f + L_vq v - L_q at each of m points (m,), measured by its largest term."""
+    """The greatest residual L_vv f + L_vq v - L_q at each of m points (m,), measured by its largest
+    term.
+    """
     residuals = euler_lagrange.euler_lagrange_residual(lagrangian, coordinates, accelerations)
     sizes = []
     for residual in residuals:

@@ -1,16 +1,18 @@
-"""How far a run is from the true motion: an estimate of its error, warnings where it is large, and the true motion.
+"""How far a run is from the true motion: an estimate of its error, warnings where it is large, and
+the true motion.
 
-The method is run again with half the step h. If the error is C h^p, both differ by (1 - 2^-p) of the error of the run;
-a method that chooses its steps also gets a tenth of its tolerance, or ten times it where a tenth is round-off. Errors
-common to both runs are not detected in this way, so the energy, a constant, and the true motion, if known, are compared
-too. A run with a Lagrangian that has another motion there than the given equations is `off_domain`.
+The method is run again with half the step h. If the error is C h^p, both differ by (1 - 2^-p) of
+the error of the run; a method that chooses its steps also gets a tenth of its tolerance, or ten
+times it where a tenth is round-off. Errors common to both runs are not detected in this way, so the
+energy, a constant, and the true motion, if known, are compared too. A run with a Lagrangian that
+has another motion there than the given equations is `off_domain`.
 
-The true motion is exact where that is known, else a reference that a second one confirms: heyoka's Taylor series, where
-that is installed, checked by `adaptive`; without it, that is checked by Gauss-Legendre of order 12. Four times the
-distance of the two bounds the error.
+The true motion is exact where that is known, else a reference that a second one confirms: heyoka's
+Taylor series, where that is installed, checked by `adaptive`; without it, that is checked by
+Gauss-Legendre of order 12. Four times the distance of the two bounds the error.
 
-A force that acts within a step, unnoticed by both runs, is searched for in the formulas between the points; where there
-is one, the run is compared with `adaptive`, whose steps end there.
+A force that acts within a step, unnoticed by both runs, is searched for in the formulas between the
+points; where there is one, the run is compared with `adaptive`, whose steps end there.
 """
 
 from __future__ import annotations
@@ -53,7 +55,10 @@ GOES_ON = ("completed", "cancelled")
 TOO_LARGE, NOT_CHOSEN, OVER_TOLERANCE = 0.1, 0.01, 100.0  # the first two of the size of the motion
 MOST_VALUES = 2**21
 CREATED = 0.75  # of the kinetic energy: more from nothing in one step is no motion
-LOST, SUDDEN = "one step differs from two of half its length by {:.3g} of the range of a coordinate", 0.05
+LOST, SUDDEN = (
+    "one step differs from two of half its length by {:.3g} of the range of a coordinate",
+    0.05,
+)
 ENOUGH = 1e-12  # two solutions agree if their distance over the size of the motion is less
 USELESS = 1e-3  # if they differ by more than this share of the motion, the true motion is unknown
 SAFETY = 4.0  # times the distance of the two: a bound of the error of the better one
@@ -68,8 +73,10 @@ ADAPTIVE = data.Requested("", EXPLICIT)
 
 @dataclass(frozen=True, slots=True)
 class Finer:
-    """The same method on a finer `grid`, `how` a person says it, and the part of the error by which both are apart;
-    `problem` where it is another than that of the run, `stops` where its steps end too."""
+    """The same method on a finer `grid`, `how` a person says it, and the part of the error by which
+    both are apart; `problem` where it is another than that of the run, `stops` where its steps end
+    too.
+    """
 
     requested: data.Requested
     grid: data.Grid
@@ -80,19 +87,29 @@ class Finer:
 
 
 def finer(requested: data.Requested, grid: data.Grid) -> Finer:
-    """Half the step, over the first MOST_STEPS, at the same recorded times; if the method chooses its own steps
-    within those, another tolerance too."""
+    """Half the step, over the first MOST_STEPS, at the same recorded times; if the method chooses
+    its own steps within those, another tolerance too.
+    """
     choice, every = requested.choice, grid.record_every
     steps = min(grid.steps, max(1, MOST_STEPS // every) * every)
     half = replace(grid, step=grid.step / 2, steps=2 * steps, record_every=2 * every)
     if choice.method not in method_table.OWN_STEPS:
         return Finer(requested, half, HALF, 1 - 0.5 ** (order_of(requested) or 1))
-    factor, how = (TIGHTER, STRICTER) if TIGHTER * choice.tolerance >= TIGHTEST else (1 / TIGHTER, LOOSER)
-    return Finer(replace(requested, choice=replace(choice, tolerance=factor * choice.tolerance)), half, how, 1.0)
+    factor, how = (
+        (TIGHTER, STRICTER) if TIGHTER * choice.tolerance >= TIGHTEST else (1 / TIGHTER, LOOSER)
+    )
+    return Finer(
+        replace(requested, choice=replace(choice, tolerance=factor * choice.tolerance)),
+        half,
+        how,
+        1.0,
+    )
 
 
 def order_of(requested: data.Requested) -> int | None:
-    """The order in h of the positions of a run, or of the steps that a method chooses itself; None where it varies."""
+    """The order in h of the positions of a run, or of the steps that a method chooses itself; None
+    where it varies.
+    """
     choice = requested.choice
     if not method_table.METHODS[choice.method].orders:
         return method_table.METHODS[choice.method].order
@@ -103,10 +120,13 @@ def order_of(requested: data.Requested) -> int | None:
 def errors_of(
     positions: Array, nearer: Array, turns: NDArray[np.bool_], part: float = 1.0, whole: Array | None = None
 ) -> tuple[Array, Array]:  # fmt: skip
-    """Both (..., m, n): by how much positions are off, by round-off at least, and which share of the range of the
-    coordinate that is, of at least LEAST_RANGE of the widest one, and of one of the angles `turns` at most a turn.
+    """Both (..., m, n): by how much positions are off, by round-off at least, and which share of
+    the range of the coordinate that is, of at least LEAST_RANGE of the widest one, and of one of
+    the angles `turns` at most a turn.
 
-    The range is that of the `whole` way, where more of it is known: points recorded once a period have none."""
+    The range is that of the `whole` way, where more of it is known: points recorded once a period
+    have none.
+    """
     whole = nearer if whole is None else whole
     ranges = np.nanmax(whole, axis=-2, keepdims=True) - np.nanmin(whole, axis=-2, keepdims=True)
     ranges = np.where(turns, np.minimum(ranges, 2 * np.pi), ranges)
@@ -116,7 +136,9 @@ def errors_of(
     return errors, errors / np.maximum(np.maximum(ranges, least), schemes.SMALLEST)
 
 
-def integrated(derived: derivation.Derived, requested: data.Requested, problem: data.Problem) -> Run:
+def integrated(
+    derived: derivation.Derived, requested: data.Requested, problem: data.Problem
+) -> Run:
     """The run of a method from the start of the scene, in pieces where it has some."""
     scene = derived.scene
     values, start = observing.beginning(scene, requested, derivation.free_of(requested, derived))
@@ -125,7 +147,9 @@ def integrated(derived: derivation.Derived, requested: data.Requested, problem: 
     return run_motion(derived, requested, problem, start, values)
 
 
-def _again(derived: derivation.Derived, requested: data.Requested, problem: data.Problem) -> Trajectory | None:
+def _again(
+    derived: derivation.Derived, requested: data.Requested, problem: data.Problem
+) -> Trajectory | None:
     """Another run of the scene, without the guard if that ends it early."""
     try:
         found = integrated(derived, requested, problem).trajectory
@@ -156,9 +180,11 @@ class Doubt:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """How far a run is from the true motion: the greatest error of a position, and the greatest share of the range of a
-    coordinate, up to the time `until` if the comparison ended there (None: the end). `lost`: the outcome of a run that
-    one step leads elsewhere. `is_known`: whether another run was compared; its numbers may still not be finite."""
+    """How far a run is from the true motion: the greatest error of a position, and the greatest
+    share of the range of a coordinate, up to the time `until` if the comparison ended there (None:
+    the end). `lost`: the outcome of a run that one step leads elsewhere. `is_known`: whether
+    another run was compared; its numbers may still not be finite.
+    """
 
     is_known: bool = False
     error: float | None = None
@@ -183,31 +209,42 @@ class Estimate:
     @property
     def numbers(self) -> dict[str, float | None]:
         """Those that a result shows."""
-        known = {"estimated_error": self.error, "estimated_error_share": self.share} if self.is_known else {}
+        known = (
+            {"estimated_error": self.error, "estimated_error_share": self.share}
+            if self.is_known
+            else {}
+        )
         return known | ({} if self.until is None else {"estimated_until": self.until})
 
 
 def estimated(run: observing.Observed, derived: derivation.Derived) -> Estimate:
-    """The error of a run by its energy, a run with half the step, one that stops at peaks of forces, and the true
-    motion, as far as each is known."""
+    """The error of a run by its energy, a run with half the step, one that stops at peaks of
+    forces, and the true motion, as far as each is known.
+    """
     found = _by_energy(run, derived)
     if found.lost is not None:
         return found
-    found, whole = _by_another_run(run, derived, finer(run.requested, run.scene.grid), found, run.trajectory.positions)
+    found, whole = _by_another_run(
+        run, derived, finer(run.requested, run.scene.grid), found, run.trajectory.positions
+    )
     if found.lost is None and not found.has_doubts():
         for again in _at_peaks(run, derived):
             found, whole = _by_another_run(run, derived, again, found, whole)
     if run.true is not None and not found.has_doubts(Comparison.ENERGY):
-        errors = errors_of(run.trajectory.positions, run.true, initial.angles(run.scene), whole=whole)
+        errors = errors_of(
+            run.trajectory.positions, run.true, initial.angles(run.scene), whole=whole
+        )
         found = found.with_doubt(Comparison.TRUE_MOTION, _elsewhere(run, *errors, TRUE))
     return found
 
 
 def _by_energy(run: observing.Observed, derived: derivation.Derived) -> Estimate:
-    """The estimate by an energy that should be constant: one step may lead elsewhere, and the whole change be large.
+    """The estimate by an energy that should be constant: one step may lead elsewhere, and the whole
+    change be large.
 
-    The mean kinetic energy is changed by no constant in L; a tenth of CHANGED of it suffices where the change is
-    CHANGED of E_0, which is what `max_energy_error` shows."""
+    The mean kinetic energy is changed by no constant in L; a tenth of CHANGED of it suffices where
+    the change is CHANGED of E_0, which is what `max_energy_error` shows.
+    """
     scene = run.scene
     varies = observing.lagrangian_of_energy(scene) is None or observing.why_energy_varies(scene)
     if varies or run.velocities is None or observing.end_of_energy(run):
@@ -217,9 +254,17 @@ def _by_energy(run: observing.Observed, derived: derivation.Derived) -> Estimate
         return Estimate(lost=lost)
     change, start = float(np.abs(energies - energies[0]).max()), abs(float(energies[0]))
     mean = max(float(kinetic.mean()), schemes.SMALLEST)
-    if (every := scene.grid.record_every) > 1 and change > CHANGED * mean:  # at rest wherever it is recorded
-        short = replace(scene, grid=replace(scene.grid, steps=min(every, scene.grid.steps), record_every=1))
-        ran = _again(replace(derived, scene=short), run.requested, run.problem) if run.problem else None
+    if (
+        every := scene.grid.record_every
+    ) > 1 and change > CHANGED * mean:  # at rest wherever it is recorded
+        short = replace(
+            scene, grid=replace(scene.grid, steps=min(every, scene.grid.steps), record_every=1)
+        )
+        ran = (
+            _again(replace(derived, scene=short), run.requested, run.problem)
+            if run.problem
+            else None
+        )
         seen = run if ran is None else replace(run, scene=short, trajectory=ran)
         if seen.velocities is not None:
             mean = max(mean, float(observing.energies(scene, seen.table)[1].mean()))
@@ -231,8 +276,15 @@ def _by_energy(run: observing.Observed, derived: derivation.Derived) -> Estimate
 def _by_another_run(
     run: observing.Observed, derived: derivation.Derived, again: Finer, before: Estimate, whole: Array
 ) -> tuple[Estimate, Array]:  # fmt: skip
-    """The estimate with a finer run too, and the positions of that; what was known where it does not begin."""
-    at, turns, scene, what = run.trajectory, initial.angles(run.scene), run.scene, again.problem or run.problem
+    """The estimate with a finer run too, and the positions of that; what was known where it does
+    not begin.
+    """
+    at, turns, scene, what = (
+        run.trajectory,
+        initial.angles(run.scene),
+        run.scene,
+        again.problem or run.problem,
+    )
     assert what is not None
     is_sparse = scene.grid.record_every > 1 and again.grid.steps * len(turns) <= MOST_VALUES
     every = 1 if is_sparse else again.grid.record_every
@@ -241,12 +293,18 @@ def _by_another_run(
     if ran is None:
         return before, whole
     whole, found = ran.positions, ran.thinned(again.grid.steps, again.grid.record_every // every)
-    count, end, kind = min(len(found.times), len(at.times)), float(found.times[-1]), found.outcome.kind
+    count, end, kind = (
+        min(len(found.times), len(at.times)),
+        float(found.times[-1]),
+        found.outcome.kind,
+    )
     early = count < len(at.times) and kind not in GOES_ON
     if early and again.how == HALF:
         quantity = say("end_with_half", kind.replace("_", " "))
         return replace(before, lost=_unresolved(run, count - 1, quantity)), whole
-    errors, shares = errors_of(at.positions[:count], found.positions[:count], turns, again.part, whole)
+    errors, shares = errors_of(
+        at.positions[:count], found.positions[:count], turns, again.part, whole
+    )
     is_at_peaks, error = again.how == PEAKS, observing.greatest(errors)
     is_own = run.requested.method in method_table.OWN_STEPS
     missed = is_at_peaks and (is_own or (error or 0.0) > BEYOND * (before.error or 0.0))
@@ -258,20 +316,27 @@ def _by_another_run(
     sentence = _elsewhere(run, errors, shares, AGAIN.format(again.how), MISSED if missed else 1.0)
     if early and not sentence:
         sentence = say("ends_early", again.how, end, kind.replace("_", " "))
-    return estimate.with_doubt(Comparison.PEAKS if is_at_peaks else Comparison.HALF_STEP, sentence), whole
+    return estimate.with_doubt(
+        Comparison.PEAKS if is_at_peaks else Comparison.HALF_STEP, sentence
+    ), whole
 
 
 def _at_peaks(run: observing.Observed, derived: derivation.Derived) -> Iterator[Finer]:
-    """`adaptive` with an event at each peak of a force that acts within a step; nothing where there is none."""
+    """`adaptive` with an event at each peak of a force that acts within a step; nothing where there
+    is none.
+    """
     if len(peaks := moments_between(run)):
         with suppress(data.Unavailable):
             grid, stops = finer(run.requested, run.scene.grid).grid, tuple(peaks.tolist())
             yield Finer(ADAPTIVE, grid, PEAKS, 1.0, derived.explicit(), stops)
 
 
-def _stopping(derived: derivation.Derived, problem: data.Problem, stops: Sequence[float]) -> Trajectory | None:
-    """`adaptive` with steps that end at these times too: at events that change nothing where it runs in pieces anyway,
-    else as one run after the other with the kernel of all."""
+def _stopping(
+    derived: derivation.Derived, problem: data.Problem, stops: Sequence[float]
+) -> Trajectory | None:
+    """`adaptive` with steps that end at these times too: at events that change nothing where it
+    runs in pieces anyway, else as one run after the other with the kernel of all.
+    """
     scene, grid = derived.scene, derived.scene.grid
     if has_pieces(scene, problem):
         stays = ex.Symbol(scene.coordinates[0])
@@ -279,9 +344,13 @@ def _stopping(derived: derivation.Derived, problem: data.Problem, stops: Sequenc
         events = tuple(data.Event(one, 1, False, ((stays, stays),), 2) for one in formulas)
         return _again(derived.but(events=(*scene.events, *events)), ADAPTIVE, problem)
     pieces, done = list[tuple[data.Grid, bool]](), 0  # and whether each ends at a point of the grid
-    for place in sorted({*(int((moment - grid.begin) / grid.step) for moment in stops), grid.steps}):
+    for place in sorted(
+        {*(int((moment - grid.begin) / grid.step) for moment in stops), grid.steps}
+    ):
         if place > done:
-            pieces.append((data.Grid(grid.step, place - done, 1, grid.begin + done * grid.step), True))
+            pieces.append(
+                (data.Grid(grid.step, place - done, 1, grid.begin + done * grid.step), True)
+            )
         if place < grid.steps:
             begin, end = (grid.begin + k * grid.step for k in (place, place + 1))
             ends = [begin, *sorted(moment for moment in stops if begin < moment < end), end]
@@ -299,7 +368,9 @@ def _stopping(derived: derivation.Derived, problem: data.Problem, stops: Sequenc
         if not (outcome := ran.outcome).completed:
             break
     times, positions, velocities = map(np.array, zip(*points, strict=True))
-    return Trajectory(times, positions, None, velocities, outcome).thinned(grid.steps, grid.record_every)
+    return Trajectory(times, positions, None, velocities, outcome).thinned(
+        grid.steps, grid.record_every
+    )
 
 
 def _unresolved(run: observing.Observed, row: int, quantity: str) -> Outcome:
@@ -314,8 +385,9 @@ def _is_guarded(run: observing.Observed) -> bool:
 
 
 def _lost(run: observing.Observed, shares: Array) -> Outcome | None:
-    """The outcome of a run that one step takes from SUDDEN of TOO_LARGE of the range to all of it: no chaos parts
-    motions so fast, and the step is too long there."""
+    """The outcome of a run that one step takes from SUDDEN of TOO_LARGE of the range to all of it:
+    no chaos parts motions so fast, and the step is too long there.
+    """
     before = np.maximum.accumulate(shares[:-1])
     places = np.flatnonzero((shares[1:] > TOO_LARGE) & (before < SUDDEN * TOO_LARGE))
     if not len(places) or not _is_guarded(run):
@@ -325,16 +397,19 @@ def _lost(run: observing.Observed, shares: Array) -> Outcome | None:
 
 
 def _with_made_energy(run: observing.Observed, energies: Array, kinetic: Array) -> Outcome | None:
-    """The outcome of a run in which one step changes a constant energy by CREATED of the kinetic energy, the mean one
-    and that at its ends, without what the step itself has made: it is too long there, and what follows is another
-    motion."""
+    """The outcome of a run in which one step changes a constant energy by CREATED of the kinetic
+    energy, the mean one and that at its ends, without what the step itself has made: it is too long
+    there, and what follows is another motion.
+    """
     if not _is_guarded(run):
         return None
     changes = np.abs(made := np.diff(energies))
     about = np.maximum(kinetic[1:] - np.maximum(made, 0.0), kinetic[:-1])
     sudden = changes > CREATED * about
     end = None
-    while len(places := np.flatnonzero(sudden[:end] & (changes[:end] > CREATED * kinetic[:end].mean()))):
+    while len(
+        places := np.flatnonzero(sudden[:end] & (changes[:end] > CREATED * kinetic[:end].mean()))
+    ):
         end = int(places[0])  # the mean of what is left shows smaller changes, down to the first
         if end == 0:
             break
@@ -344,10 +419,13 @@ def _with_made_energy(run: observing.Observed, energies: Array, kinetic: Array) 
     return _unresolved(run, end, say("energy_in_a_step", part))
 
 
-def _elsewhere(run: observing.Observed, errors: Array, shares: Array, which: str, part: float = 1.0) -> str:
-    """A warning if the error of a coordinate exceeds TOO_LARGE of its range; of a method that chooses its steps for an
-    error, OVER_TOLERANCE times its tolerance, and at least NOT_CHOSEN, is enough: it has missed something. Of these
-    limits, a `part` is enough."""
+def _elsewhere(
+    run: observing.Observed, errors: Array, shares: Array, which: str, part: float = 1.0
+) -> str:
+    """A warning if the error of a coordinate exceeds TOO_LARGE of its range; of a method that
+    chooses its steps for an error, OVER_TOLERANCE times its tolerance, and at least NOT_CHOSEN, is
+    enough: it has missed something. Of these limits, a `part` is enough.
+    """
     choice, limit = run.requested.choice, TOO_LARGE
     if choice.method in method_table.OWN_STEPS:
         limit = min(limit, max(NOT_CHOSEN, OVER_TOLERANCE * choice.tolerance))
@@ -357,11 +435,14 @@ def _elsewhere(run: observing.Observed, errors: Array, shares: Array, which: str
     first = int(far.any(axis=1).argmax())
     k = int(far[first].argmax())
     worst = float(np.nanmax(errors[:, k]))
-    return say("other_trajectory", which, run.trajectory.times[first], run.scene.coordinates[k], worst)
+    return say(
+        "other_trajectory", which, run.trajectory.times[first], run.scene.coordinates[k], worst
+    )
 
 
 def other_motion(run: observing.Observed) -> Outcome | None:
-    """The outcome if the Lagrangian of the method has a motion at a point of the run that differs from the equations.
+    """The outcome if the Lagrangian of the method has a motion at a point of the run that differs
+    from the equations.
 
     The known conditions of its domain are watched at every step; a given Lagrangian has none.
     """
@@ -377,7 +458,9 @@ def other_motion(run: observing.Observed) -> Outcome | None:
         return None
     k = int(places[0])
     step, time = int(scene.grid.recorded[k]), float(at.times[k])
-    return Outcome("off_domain", step, time, say("other_equations"), float(apart[k]), say("other_motion"))
+    return Outcome(
+        "off_domain", step, time, say("other_equations"), float(apart[k]), say("other_motion")
+    )
 
 
 def true_motion(derived: derivation.Derived) -> data.Truth:
@@ -387,7 +470,9 @@ def true_motion(derived: derivation.Derived) -> data.Truth:
     found = exact_trajectory(derived.but(observe=()), derived.scene.values)
     assert found.velocities is not None
     bounds = ROUND_OFF * (1 + np.maximum.accumulate(np.abs(found.positions).max(axis=1)))
-    return data.Truth(found.times, found.positions, found.velocities, "exact", bounds, found.run_seconds)
+    return data.Truth(
+        found.times, found.positions, found.velocities, "exact", bounds, found.run_seconds
+    )
 
 
 def exact_trajectory(derived: derivation.Derived, values: Mapping[str, float]) -> Trajectory:
@@ -396,26 +481,39 @@ def exact_trajectory(derived: derivation.Derived, values: Mapping[str, float]) -
     try:
         exact = derived.exact()
     except data.Unavailable as error:
-        raise data.Unavailable(f"No exact solution is known for this scene. {error.detail}") from None
+        raise data.Unavailable(
+            f"No exact solution is known for this scene. {error.detail}"
+        ) from None
     if initial.ended_at_start(scene) is not None:
         raise data.Unavailable(say("no_lagrangian_at_start"))
     begun = time.perf_counter()
-    q, v = exact_motion.positions_of(exact, scene.positions, scene.velocities, times - scene.grid.begin)
-    seconds, table = time.perf_counter() - begun, nf.table_of(scene.coordinates, q, v, values, times)
+    q, v = exact_motion.positions_of(
+        exact, scene.positions, scene.velocities, times - scene.grid.begin
+    )
+    seconds, table = (
+        time.perf_counter() - begun,
+        nf.table_of(scene.coordinates, q, v, values, times),
+    )
     observation = observing.observables(scene, data.MethodChoice(data.EXACT))
     series = {one.name: arrays.array_value(one.expression, table) for one in observation}
     maxima = {name: float(np.abs(column).max()) for name, column in series.items()}
     done = Outcome("completed")
-    return Trajectory(times, q, None, np.array(v), done, run_seconds=seconds, series=series, maxima=maxima)
+    return Trajectory(
+        times, q, None, np.array(v), done, run_seconds=seconds, series=series, maxima=maxima
+    )
 
 
 def _references(derived: derivation.Derived) -> data.Truth:
-    """The better of two reference solutions, the bound of its error, and the time until which it is known."""
+    """The better of two reference solutions, the bound of its error, and the time until which it is
+    known.
+    """
     begun, scene, problem = time.perf_counter(), derived.scene, derived.motion()
     times = scene.grid.times
 
     def states(choice: data.MethodChoice, refinement: int = 1) -> Array:
-        """Positions and velocities at the recorded times, (2, m, n); nan where the reference did not arrive."""
+        """Positions and velocities at the recorded times, (2, m, n); nan where the reference did
+        not arrive.
+        """
         grid, start = scene.grid, data.Start(scene.positions, scene.velocities)
         steps, every = refinement * grid.steps, refinement * grid.record_every
         finer = replace(grid, step=grid.step / refinement, steps=steps, record_every=every)
@@ -441,15 +539,23 @@ def _references(derived: derivation.Derived) -> data.Truth:
     found[:, until:] = np.nan
     if until < len(times):
         ended = bool(np.isnan([first[0, until], second[0, until]]).any())
-        why = "the reference solutions end there" if ended else "from there on, the reference solutions differ"
+        why = (
+            "the reference solutions end there"
+            if ended
+            else "from there on, the reference solutions differ"
+        )
         reason = say("reference_until", times[until - 1], why)
     bounds = SAFETY * np.where(good, distances, np.nan)
     bounds = bounds + ROUND_OFF * np.maximum.accumulate(np.abs(found[0]).max(axis=1))
-    return data.Truth(times, found[0], found[1], "reference", bounds, time.perf_counter() - begun, reason, by)
+    return data.Truth(
+        times, found[0], found[1], "reference", bounds, time.perf_counter() - begun, reason, by
+    )
 
 
 def _collocation(states: Callable[..., Array], other: Array, derived: derivation.Derived) -> Array:
-    """Gauss-Legendre of order 12, refined until it agrees with the other or no longer comes nearer."""
+    """Gauss-Legendre of order 12, refined until it agrees with the other or no longer comes
+    nearer.
+    """
     nearest, refinement, best = np.inf, 1, np.full_like(other, np.nan)
     while refinement * derived.scene.grid.steps <= MOST_STEPS and not derived.is_over:
         found = states(IMPLICIT, refinement)

@@ -18,24 +18,35 @@ SHARE = 10.0  # real parts compared with imaginary ones
 
 
 def advice(scene: data.Scene, derived: derivation.Derived) -> dict[str, Any] | None:
-    """{method, order, alpha, reason}: separable, constrained, conservative, stiff or none of these; None if L is
-    degenerate. Of a system given by its equations a Lagrangian may have been found."""
+    """{method, order, alpha, reason}: separable, constrained, conservative, stiff or none of these;
+    None if L is degenerate. Of a system given by its equations a Lagrangian may have been found.
+    """
     free = scene.found
     lagrangian = free.lagrangian if free is not None else scene.lagrangian
     if is_stiff(derived):
-        return euler_lagrange.advice("stiff", None, "what decays fast would hold an explicit method to short steps.")
+        return euler_lagrange.advice(
+            "stiff", None, "what decays fast would hold an explicit method to short steps."
+        )
     if lagrangian is None or scene.forces:
         return euler_lagrange.advice("adaptive", None, euler_lagrange.NOTHING_KEPT)
     if derived.degenerate:
         return None
     if scene.constraints:
-        return euler_lagrange.advice_for_constraints(lagrangian, scene.constraints, scene.coordinates)
-    ends = (*numeric_formulas.walls(lagrangian, scene.coordinates), *free.domain) if free is not None else ()
+        return euler_lagrange.advice_for_constraints(
+            lagrangian, scene.constraints, scene.coordinates
+        )
+    ends = (
+        (*numeric_formulas.walls(lagrangian, scene.coordinates), *free.domain)
+        if free is not None
+        else ()
+    )
     return euler_lagrange.advice_for_lagrangian(lagrangian, scene.coordinates, ends)
 
 
 def by_itself(scene: data.Scene, derived: derivation.Derived) -> data.Scene:
-    """A scene that names no method, with `stiff` in the place of `adaptive` where this is faster."""
+    """A scene that names no method, with `stiff` in the place of `adaptive` where this is
+    faster.
+    """
     with suppress(data.Unavailable):
         derived.accelerations()
     if not is_stiff(derived, SLOWER):
@@ -46,15 +57,22 @@ def by_itself(scene: data.Scene, derived: derivation.Derived) -> data.Scene:
 
 
 def is_stiff(derived: derivation.Derived, beyond: float = STIFF) -> bool:
-    """Whether an explicit method would be held to short steps by what decays, as far as the accelerations tell."""
+    """Whether an explicit method would be held to short steps by what decays, as far as the
+    accelerations tell.
+    """
     scene, accelerations = derived.scene, derived.known.get("accelerations")
     may_decay = scene.lagrangian is None or bool(scene.forces)
-    return may_decay and isinstance(accelerations, tuple) and decay_times(scene, accelerations) > beyond
+    return (
+        may_decay
+        and isinstance(accelerations, tuple)
+        and decay_times(scene, accelerations) > beyond
+    )
 
 
 def decay_times(scene: data.Scene, accelerations: tuple[ex.Expression, ...]) -> float:
-    """The length of the run in those of the fastest real eigenvalue of the linearized motion at the start; 0 where
-    oscillations are as fast."""
+    """The length of the run in those of the fastest real eigenvalue of the linearized motion at the
+    start; 0 where oscillations are as fast.
+    """
     n = len(scene.coordinates)
     table = initial.at_start(scene, scene.values)
     names = numeric_formulas.state_names(scene.coordinates)

@@ -1,8 +1,8 @@
 """Circles that match a plane path by least squares, and how they change.
 
-The paper matches the variational solution by the circle through three of its points, (x - a)^2 + (y - b)^2 = c^2; the
-least-squares circle uses all of them. Source: Mestdag, Bloch, Fernandez (2009), section 4; Kasa (1976) for the start
-of the fit.
+The paper matches the variational solution by the circle through three of its points, (x - a)^2 + (y
+- b)^2 = c^2; the least-squares circle uses all of them. Source: Mestdag, Bloch, Fernandez (2009),
+section 4; Kasa (1976) for the start of the fit.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ SAME_CHORD = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """Center (x, y) and radius in the unit of the coordinates; `misfit` is the root mean square of |p - c| - r."""
+    """Center (x, y) and radius in the unit of the coordinates; `misfit` is the root mean square of
+    |p - c| - r.
+    """
 
     center: tuple[float, float]
     radius: float
@@ -40,8 +42,8 @@ class Circle:
 class CircleDrift:
     """The matching circles of the first and of the last revolution.
 
-    `revolutions` is the turning of the path over 2 pi; below one the whole path is both windows, and
-    nothing can be said on a drift: `first` and `last` are then equal.
+    `revolutions` is the turning of the path over 2 pi; below one the whole path is both windows,
+    and nothing can be said on a drift: `first` and `last` are then equal.
     """
 
     first: Circle
@@ -54,17 +56,25 @@ class CircleDrift:
         return float(np.hypot(*np.subtract(self.last.center, self.first.center)))
 
 
-def circle_numbers(points: Array, exact: Array | None, every: int = 1, reach: float = np.inf) -> dict[str, Any]:
-    """The `circle` part of a summary; {"circle": None} where the path is not round (a line, too few points).
+def circle_numbers(
+    points: Array, exact: Array | None, every: int = 1, reach: float = np.inf
+) -> dict[str, Any]:
+    """The `circle` part of a summary; {"circle": None} where the path is not round (a line, too few
+    points).
 
-    `every` says which steps were recorded, `reach` how long the way between two of them is at the start: a revolution
-    is seen only where that turns by less than half of one.
+    `every` says which steps were recorded, `reach` how long the way between two of them is at the
+    start: a revolution is seen only where that turns by less than half of one.
     """
     drift = circle_drift(points, 0.0 if every == 1 else reach)
     if drift is None:
         return {"circle": None}
-    # The paper's matching circle: through three points a third of a revolution apart (or of the path).
-    last, known, whole = len(points) - 1, np.isfinite(drift.revolutions), least_squares_circle(points)
+    # The paper's matching circle: through three points a third of a revolution apart (or of the
+    # path).
+    last, known, whole = (
+        len(points) - 1,
+        np.isfinite(drift.revolutions),
+        least_squares_circle(points),
+    )
     third = max(1, int(last / max(1.0, drift.revolutions) / 3)) if known else 1
     three = least_squares_circle(points[[0, third, 2 * third]])
     numbers: dict[str, Any] = {
@@ -76,7 +86,9 @@ def circle_numbers(points: Array, exact: Array | None, every: int = 1, reach: fl
         # The greatest distance of the path from its least-squares circle, relative to the radius.
         "shape_misfit": None if whole is None else float(radial_distance(points, whole).max()),
         "revolutions": drift.revolutions if known else None,
-        "through_three_points": None if three is None else {"radius": three.radius, "center": list(three.center)},
+        "through_three_points": None
+        if three is None
+        else {"radius": three.radius, "center": list(three.center)},
     }
     if not known or drift.revolutions < 1:
         numbers["note"] = say("less_than_a_revolution" if known else "no_revolutions")
@@ -88,7 +100,8 @@ def circle_numbers(points: Array, exact: Array | None, every: int = 1, reach: fl
 
 
 def least_squares_circle(points: Array) -> Circle | None:
-    """The circle that minimizes sum (|p_k - c| - r)^2 over (m, 2) points; None for fewer than three, or a line.
+    """The circle that minimizes sum (|p_k - c| - r)^2 over (m, 2) points; None for fewer than
+    three, or a line.
 
     Started from the algebraic fit sum (|p_k - c|^2 - r^2)^2, then Gauss-Newton.
     """
@@ -105,7 +118,8 @@ def least_squares_circle(points: Array) -> Circle | None:
         return None
     solution = np.linalg.lstsq(matrix, (reduced**2).sum(axis=1), rcond=None)[0]
     center = solution[:2] / 2
-    # Gauss-Newton on the center, the radius being the mean distance; it stops where it no longer gains.
+    # Gauss-Newton on the center, the radius being the mean distance; it stops where it no longer
+    # gains.
     found, best = center, _cost(reduced, center)
     for _ in range(MOST_CORRECTIONS):
         difference = reduced - found
@@ -131,12 +145,14 @@ def _cost(points: Array, center: Array) -> float:
 
 
 def circle_drift(points: Array, reach: float = 0.0) -> CircleDrift | None:
-    """Matching circles of the first and the last revolution of a path, (m, 2); None where there is no circle.
+    """Matching circles of the first and the last revolution of a path, (m, 2); None where there is
+    no circle.
 
-    A revolution has as many points as steps fit into it, the chords turning by less than 2 pi: no direction counts
-    twice. The first point is given and not computed: the first revolution starts after it. `reach` is the length of
-    the way between two points, where not every step is known: chords that turn by more than LARGEST_TURN do not show
-    revolutions, which are nan then, and the circles are those of the first and the last SHARE of the points.
+    A revolution has as many points as steps fit into it, the chords turning by less than 2 pi: no
+    direction counts twice. The first point is given and not computed: the first revolution starts
+    after it. `reach` is the length of the way between two points, where not every step is known:
+    chords that turn by more than LARGEST_TURN do not show revolutions, which are nan then, and the
+    circles are those of the first and the last SHARE of the points.
     """
     points = np.asarray(points, dtype=float)
     whole = least_squares_circle(points)
@@ -155,12 +171,16 @@ def circle_drift(points: Array, reach: float = 0.0) -> CircleDrift | None:
             revolutions, counts = float("nan"), [share, share]
     if max(counts) + 2 >= len(points) or min(counts) < 3:
         return CircleDrift(whole, whole, revolutions)
-    first, last = least_squares_circle(points[1 : 1 + counts[0]]), least_squares_circle(points[-counts[1] :])
+    first, last = (
+        least_squares_circle(points[1 : 1 + counts[0]]),
+        least_squares_circle(points[-counts[1] :]),
+    )
     return None if first is None or last is None else CircleDrift(first, last, revolutions)
 
 
 def turned(points: Array) -> Array:
-    """The angle in radians by which the chords p_k -> p_(k+1) have turned since the first, (m - 1,).
+    """The angle in radians by which the chords p_k -> p_(k+1) have turned since the first, (m -
+    1,).
 
     Chords of length zero keep the direction of the one before.
     """
@@ -184,8 +204,8 @@ def radial_distance(points: Array, circle: Circle) -> Array:
 def phase_error(points: Array, exact: Array) -> Array:
     """The angle in radians by which the path runs ahead of the exact one, (m,) for (m, 2) points.
 
-    It is read off the directions of the chords, so that a center that drifts and a radius that changes do not
-    enter; row 0 is that of the first chord.
+    It is read off the directions of the chords, so that a center that drifts and a radius that
+    changes do not enter; row 0 is that of the first chord.
     """
     if len(points) < 2:
         return np.zeros(len(points))

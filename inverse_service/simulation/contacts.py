@@ -1,4 +1,5 @@
-"""Contacts: gaps g_i(t, q) >= 0 with restitution e, friction mu, and sliding velocity u = U v + u_0.
+"""Contacts: gaps g_i(t, q) >= 0 with restitution e, friction mu, and sliding velocity u = U v +
+u_0.
 
 Impact, wherever gaps are zero and close: one contact after another, the one that closes fastest
 first, until none closes,
@@ -11,12 +12,12 @@ times the velocity that a fall by DEEP gives, e is 0; such contacts rest. At res
     M a = F + w^T l + G^T L + U^T S,   0 <= L _|_ g'' >= 0,   sticks: u' = 0, |S| <= mu L
                                                               slips:  S = -mu sign(u) L
 
-is asked for all sets of contacts that press, with all ways to slide where u = 0. More than one motion,
-or none, ends the run. A touch without a force is no constraint.
+is asked for all sets of contacts that press, with all ways to slide where u = 0. More than one
+motion, or none, ends the run. A touch without a force is no constraint.
 
 Sources: F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts, 1996; B. Brogliato,
-Nonsmooth Mechanics, 2016 (laws for several impacts at once); P. Painleve, C. R. Acad. Sci. 121 (1895)
-112 (none, or more than one motion).
+Nonsmooth Mechanics, 2016 (laws for several impacts at once); P. Painleve, C. R. Acad. Sci. 121
+(1895) 112 (none, or more than one motion).
 """
 
 from __future__ import annotations
@@ -51,7 +52,9 @@ MOST_WAYS = 4096  # sets of contacts with their ways to slide
 
 
 class Way(IntEnum):
-    """How a contact that presses slides: along `slides`, against it, not at all, or without friction."""
+    """How a contact that presses slides: along `slides`, against it, not at all, or without
+    friction.
+    """
 
     BACKWARD = -1
     SMOOTH = 0
@@ -64,8 +67,10 @@ Active = tuple[tuple[int, Way], ...]  # the contacts that press, and how they sl
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """Numbers at m points: masses (m, n, n), forces (m, n), constraints w (m, c, n) with w' v + c' (m, c); of k
-    contacts the gaps, g', g'' without accelerations, and u, u' without them (m, k), and their slopes G, U (m, k, n)."""
+    """Numbers at m points: masses (m, n, n), forces (m, n), constraints w (m, c, n) with w' v + c'
+    (m, c); of k contacts the gaps, g', g'' without accelerations, and u, u' without them (m, k),
+    and their slopes G, U (m, k, n).
+    """
 
     masses: Array
     forces: Array
@@ -91,8 +96,9 @@ class Pressed:
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """The greatest position and velocity of a motion so far, its step, and the greatest acceleration of a gap and force
-    that it would have without contacts."""
+    """The greatest position and velocity of a motion so far, its step, and the greatest
+    acceleration of a gap and force that it would have without contacts.
+    """
 
     farthest: float
     fastest: float
@@ -115,7 +121,9 @@ class Scale:
 
     def with_state(self, state: data.Point, contacts: Contacts) -> Scale:
         """What a step of falling gives counts too, so that bodies at rest have a scale."""
-        fall, force = (max(one) for one in zip(contacts.pushes(state), (self.fall, self.force), strict=True))
+        fall, force = (
+            max(one) for one in zip(contacts.pushes(state), (self.fall, self.force), strict=True)
+        )
         farthest, fastest = (float(np.abs(one).max()) for one in state[1:])
         fastest = max(self.fastest, fastest, self.step * fall)
         return Scale(max(self.farthest, farthest), fastest, self.step, fall, force)
@@ -123,8 +131,9 @@ class Scale:
 
 @dataclass(frozen=True)
 class Contacts:
-    """The contacts of a scene with its Lagrangian; of one given equation with mass 1. `forces` (n,) are M q'' without
-    contacts and constraints."""
+    """The contacts of a scene with its Lagrangian; of one given equation with mass 1. `forces` (n,)
+    are M q'' without contacts and constraints.
+    """
 
     scene: data.Scene
     values: Mapping[str, float]
@@ -139,14 +148,18 @@ class Contacts:
         """(n, n)"""
         names = self.scene.coordinates
         if self.scene.lagrangian is None:
-            return tuple(tuple(ex.number(int(i == k)) for k in range(len(names))) for i in range(len(names)))
+            return tuple(
+                tuple(ex.number(int(i == k)) for k in range(len(names))) for i in range(len(names))
+            )
         return euler_lagrange.hessian(self.scene.lagrangian, names)
 
     @cached_property
     def rates(self) -> tuple[ex.Expression, ...]:
         """g' of each contact."""
         names = self.scene.coordinates
-        return tuple(accelerating.rate(one.gap, names, [ex.ZERO] * len(names)) for one in self.scene.contacts)
+        return tuple(
+            accelerating.rate(one.gap, names, [ex.ZERO] * len(names)) for one in self.scene.contacts
+        )
 
     @cached_property
     def slides(self) -> tuple[ex.Expression, ...]:
@@ -162,7 +175,9 @@ class Contacts:
             return [accelerating.rate(tree, names, still) for tree in trees]
 
         def slopes(trees: Iterable[ex.Expression]) -> list[ex.Expression]:
-            return [calculus.differentiate(tree, ex.Velocity(name)) for tree in trees for name in names]
+            return [
+                calculus.differentiate(tree, ex.Velocity(name)) for tree in trees for name in names
+            ]
 
         gaps = [one.gap for one in scene.contacts]
         return (
@@ -173,7 +188,12 @@ class Contacts:
 
     def at(self, times: Array, positions: Array, velocities: Array) -> Terms:
         """The numbers at these points."""
-        n, c, k, m = len(self.scene.coordinates), len(self.scene.constraints), self.count, len(times)
+        n, c, k, m = (
+            len(self.scene.coordinates),
+            len(self.scene.constraints),
+            self.count,
+            len(times),
+        )
         table = nf.table_of(self.scene.coordinates, positions, velocities, dict(self.values), times)
         values = np.array(arrays.array_values(self._formulas, table)).reshape(-1, m).T
         shapes = ((n, n), (n,), (c, n), (c,), *((k,),) * 5, (k, n), (k, n))
@@ -186,16 +206,28 @@ class Contacts:
         (m, n), c = terms.forces.shape, terms.rows.shape[1]
         which = [i for i, _ in active]
         sticking = [i for i, way in active if way == Way.STICKS]
-        friction = np.array([self.scene.contacts[i].friction * way * (way != Way.STICKS) for i, way in active])
+        friction = np.array(
+            [self.scene.contacts[i].friction * way * (way != Way.STICKS) for i, way in active]
+        )
         pulls = terms.slopes[:, which] - friction[:, None] * terms.slide_slopes[:, which]
-        rows = np.concatenate([terms.rows, terms.slopes[:, which], terms.slide_slopes[:, sticking]], axis=1)
+        rows = np.concatenate(
+            [terms.rows, terms.slopes[:, which], terms.slide_slopes[:, sticking]], axis=1
+        )
         along = np.concatenate([terms.rows, pulls, terms.slide_slopes[:, sticking]], axis=1)
         size = n + rows.shape[1]
         whole, right = np.zeros((m, size, size)), np.empty((m, size))
-        whole[:, :n, :n], whole[:, n:, :n], whole[:, :n, n:] = terms.masses, rows, -along.transpose(0, 2, 1)
+        whole[:, :n, :n], whole[:, n:, :n], whole[:, :n, n:] = (
+            terms.masses,
+            rows,
+            -along.transpose(0, 2, 1),
+        )
         right[:, :n], right[:, n : n + c] = terms.forces, -terms.drifts
-        right[:, n + c :] = -np.concatenate([terms.bends[:, which], terms.slide_bends[:, sticking]], axis=1)
-        found = np.linalg.solve(whole, right[:, :, None])[:, :, 0]  # LinAlgError where they depend on one another
+        right[:, n + c :] = -np.concatenate(
+            [terms.bends[:, which], terms.slide_bends[:, sticking]], axis=1
+        )
+        found = np.linalg.solve(whole, right[:, :, None])[
+            :, :, 0
+        ]  # LinAlgError where they depend on one another
         normal, tangential = np.zeros((m, self.count)), np.zeros((m, self.count))
         normal[:, which] = found[:, n + c : n + c + len(which)]
         tangential[:, which] = -friction * normal[:, which]
@@ -210,7 +242,9 @@ class Contacts:
         return float(gaps.max(initial=0.0)), float(np.abs(terms.forces).max(initial=0.0))
 
     def before_overlap(self, state: data.Point, active: Active, scale: Scale) -> data.Point:
-        """The state at the moment at which the gaps that are overlapped by less than NEAR, and close, were zero."""
+        """The state at the moment at which the gaps that are overlapped by less than NEAR, and
+        close, were zero.
+        """
         terms = self._of(state)
         gaps, rates = terms.gaps[0], terms.rates[0]
         closing = (gaps < 0) & (gaps >= -NEAR * scale.size) & (rates < -scale.least)
@@ -228,9 +262,12 @@ class Contacts:
         amounts = np.concatenate([terms.slides[0, which], terms.rates[0, which]])
         return state[0], state[1], state[2] - _projection(lift, rows, amounts)
 
-    def impact(self, state: data.Point, scale: Scale) -> tuple[data.Point, tuple[int, ...], NDArray[np.int64]]:
-        """The state after all impacts at this moment, the contacts that touch and do not open then, and how many
-        impacts each had, (k,)."""
+    def impact(
+        self, state: data.Point, scale: Scale
+    ) -> tuple[data.Point, tuple[int, ...], NDArray[np.int64]]:
+        """The state after all impacts at this moment, the contacts that touch and do not open then,
+        and how many impacts each had, (k,).
+        """
         time, q, v = state[0], state[1].copy(), state[2].copy()
         terms, counts = self._of(state), np.zeros(self.count, dtype=np.int64)
         touching = [int(i) for i in np.flatnonzero(terms.gaps[0] <= NEAR * scale.size)]
@@ -260,14 +297,17 @@ class Contacts:
         closing = {i: float(terms.slopes[0, i] @ v + offsets[i]) for i in touching}
         resting = [i for i in touching if abs(closing[i]) <= slow]
         if resting:
-            v -= _projection(lift, terms.slopes[0, resting], np.array([closing[i] for i in resting]))
+            v -= _projection(
+                lift, terms.slopes[0, resting], np.array([closing[i] for i in resting])
+            )
         return (time, q, v), tuple(resting), counts
 
     def motions(
         self, state: data.Point, resting: Sequence[int], slipped: Sequence[int], scale: Scale
     ) -> list[Active]:  # fmt: skip
-        """The sets of these contacts that can press there, one for each motion that goes on; those that have just
-        `slipped` do not stick."""
+        """The sets of these contacts that can press there, one for each motion that goes on; those
+        that have just `slipped` do not stick.
+        """
         terms, fastest = self._of(state), scale.fastest
         ways = [self._ways(i, float(terms.slides[0, i]), fastest, i in slipped) for i in resting]
         if np.prod([1 + len(one) for one in ways]) > MOST_WAYS:
@@ -276,10 +316,14 @@ class Contacts:
         for count in range(len(resting), -1, -1):
             for places in combinations(range(len(resting)), count):
                 for how in product(*(ways[place] for place in places)):
-                    active = tuple((resting[place], way) for place, way in zip(places, how, strict=True))
+                    active = tuple(
+                        (resting[place], way) for place, way in zip(places, how, strict=True)
+                    )
                     a = self._accelerations(terms, active, resting, scale)
                     near = SAME_MOTION * scale.fall
-                    if a is not None and not any((np.abs(a - other) <= near).all() for _, other in found):
+                    if a is not None and not any(
+                        (np.abs(a - other) <= near).all() for _, other in found
+                    ):
                         found.append((active, a))
         return [active for active, _ in found]
 
@@ -290,11 +334,15 @@ class Contacts:
             return [Way.FORWARD if slides > 0 else Way.BACKWARD]
         return [Way.FORWARD, Way.BACKWARD] if slipped else [Way.STICKS, Way.FORWARD, Way.BACKWARD]
 
-    def _accelerations(self, terms: Terms, active: Active, resting: Sequence[int], scale: Scale) -> Array | None:
+    def _accelerations(
+        self, terms: Terms, active: Active, resting: Sequence[int], scale: Scale
+    ) -> Array | None:
         """The accelerations if the laws hold where these contacts press, else None."""
         try:
             one = self.pressed(terms, active)
-        except np.linalg.LinAlgError:  # they depend on one another: fewer of them have the same motion
+        except (
+            np.linalg.LinAlgError
+        ):  # they depend on one another: fewer of them have the same motion
             return None
         a, noise, least = one.accelerations[0], ROUND_OFF * scale.force, ROUND_OFF * scale.fall
         if not np.isfinite(a).all():
@@ -314,8 +362,12 @@ class Contacts:
         open_ = all(opening[i] >= -least for i in resting if i not in pressing)
         return a if open_ else None
 
-    def rows(self, active: Active) -> tuple[tuple[ex.Expression, ...], tuple[tuple[ex.Expression, ...], ...]]:
-        """What is zero and linear in the velocities while these press, and the directions of its forces, (n,) each."""
+    def rows(
+        self, active: Active
+    ) -> tuple[tuple[ex.Expression, ...], tuple[tuple[ex.Expression, ...], ...]]:
+        """What is zero and linear in the velocities while these press, and the directions of its
+        forces, (n,) each.
+        """
         names, contacts = self.scene.coordinates, self.scene.contacts
         zero, pulls = [], []
         for i, way in active:
@@ -338,7 +390,9 @@ class Contacts:
         zero, pulls = self.rows(active)
         rows = [euler_lagrange.momenta(w, names) for w in (*scene.constraints, *zero)]
         pulls = (*rows[: len(scene.constraints)], *pulls)
-        if (inertia := accelerating.inverse(self.masses)) is None or len(rows) > accelerating.MOST_FULL_ROWS:
+        if (inertia := accelerating.inverse(self.masses)) is None or len(
+            rows
+        ) > accelerating.MOST_FULL_ROWS:
             return None
         lifted = [tuple(ex.dot(line, pull) for line in inertia) for pull in pulls]
         free = tuple(ex.dot(line, self.forces) for line in inertia)
@@ -349,7 +403,9 @@ class Contacts:
         whole = collecting.determinant(gram)
         multipliers = []
         for j in range(len(rows)):
-            changed = [[*row[:j], value, *row[j + 1 :]] for row, value in zip(gram, right, strict=True)]
+            changed = [
+                [*row[:j], value, *row[j + 1 :]] for row, value in zip(gram, right, strict=True)
+            ]
             multipliers.append(collecting.determinant(changed) / whole)
         return tuple(
             free[k] + ex.dot([lift[k] for lift in lifted], multipliers) for k in range(len(names))
@@ -364,7 +420,10 @@ def forces_of(scene: data.Scene) -> tuple[ex.Expression, ...]:
     if scene.lagrangian is None:
         return scene.accelerations or ()
     names = scene.coordinates
-    own = tuple(-e for e in euler_lagrange.euler_lagrange_sums(scene.lagrangian, names, [ex.ZERO] * len(names)))
+    own = tuple(
+        -e
+        for e in euler_lagrange.euler_lagrange_sums(scene.lagrangian, names, [ex.ZERO] * len(names))
+    )
     return tuple(map(ex.add, own, scene.forces)) if scene.forces else own
 
 

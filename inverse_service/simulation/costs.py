@@ -1,4 +1,6 @@
-"""What the parts of a step cost: each effect and each observed quantity as the difference to the scene without it."""
+"""What the parts of a step cost: each effect and each observed quantity as the difference to the
+scene without it.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +17,17 @@ from inverse_service.simulation import derivation, execution, looping, observing
 from inverse_service.simulation.sentences import say
 
 IN_KERNEL = ("energy", "constraints")
-TIMED_STEPS, MORE_STEPS = 20_000, 8  # steps that are timed at most, and how many times as many where they are too few
+TIMED_STEPS, MORE_STEPS = (
+    20_000,
+    8,
+)  # steps that are timed at most, and how many times as many where they are too few
 REPEATS, LEAST_REPEATS, LONG_ENOUGH = 15, 3, 0.03  # runs for one measurement, and their seconds
 
 
 def part_costs(derived: derivation.Derived, requested: data.Requested) -> dict[str, Any]:
-    """The key `cost` of a method: the whole step, and each part of it as the difference to the scene without it; no
-    time where that is below the noise."""
+    """The key `cost` of a method: the whole step, and each part of it as the difference to the
+    scene without it; no time where that is below the noise.
+    """
     if not method_table.METHODS[requested.method].has_kernel:
         return {"note": say("no_kernel_to_time")}
     scene = derived.scene
@@ -30,7 +36,11 @@ def part_costs(derived: derivation.Derived, requested: data.Requested) -> dict[s
     except InputError as error:
         return {"note": error.detail}
     together = _belongs_together(scene, requested)
-    variants = [] if together else [(part.name, "effect", turned(derived, part)) for part in scene.parts if part.acts]
+    variants = (
+        []
+        if together
+        else [(part.name, "effect", turned(derived, part)) for part in scene.parts if part.acts]
+    )
     for name in (name for name in scene.observe if name in IN_KERNEL):
         others = tuple(one for one in scene.observe if one != name)
         variants.append((name, "observed", derived.but(observe=others)))
@@ -40,7 +50,11 @@ def part_costs(derived: derivation.Derived, requested: data.Requested) -> dict[s
         try:
             found = _price(variant, requested)
             part["operations"] = whole[1].beyond(found[1])
-            part |= {"step_ns": whole[0] - found[0]} if whole[0] > found[0] else {"note": "Its time is below noise."}
+            part |= (
+                {"step_ns": whole[0] - found[0]}
+                if whole[0] > found[0]
+                else {"note": "Its time is below noise."}
+            )
         except InputError as error:
             part["note"] = f"Without it: {error.detail}"
         parts.append(part)
@@ -51,8 +65,9 @@ def part_costs(derived: derivation.Derived, requested: data.Requested) -> dict[s
 
 
 def _price(derived: derivation.Derived, requested: data.Requested) -> tuple[float, Operations, int]:
-    """(ns of a step or nan, operations, steps that were timed). A step is timed as a run of many less that of one, each
-    the best of several: to call a kernel takes longer than many steps."""
+    """(ns of a step or nan, operations, steps that were timed). A step is timed as a run of many
+    less that of one, each the best of several: to call a kernel takes longer than many steps.
+    """
     scene = derived.scene
     problem = derivation.problem_of(requested, derived)
     own, observation = observing.observed_problem(scene, problem, requested.choice)
@@ -68,7 +83,11 @@ def _price(derived: derivation.Derived, requested: data.Requested) -> tuple[floa
             if (turn >= LEAST_REPEATS and spent > LONG_ENOUGH) or (turn and derived.is_over):
                 break
             ran = ready.go(replace(scene.grid, steps=steps))
-            least, spent, done = min(least, ran.seconds), spent + ran.seconds, ran.outcome().step or 0
+            least, spent, done = (
+                min(least, ran.seconds),
+                spent + ran.seconds,
+                ran.outcome().step or 0,
+            )
         return least, done
 
     begun, steps = fastest(1), min(scene.grid.steps, TIMED_STEPS)
@@ -82,7 +101,9 @@ def _price(derived: derivation.Derived, requested: data.Requested) -> tuple[floa
 
 
 def _belongs_together(scene: data.Scene, requested: data.Requested) -> bool:
-    """Whether the effects of a method are in one free Lagrangian, from which none can be removed."""
+    """Whether the effects of a method are in one free Lagrangian, from which none can be
+    removed.
+    """
     return bool(scene.constraints) and requested.method in method_table.USES_FREE
 
 
@@ -91,14 +112,19 @@ def turned(derived: derivation.Derived, part: data.Effect) -> derivation.Derived
     names = (name for name in derived.scene.effects if name != part.name)
     effects = tuple(names) if part.acts else (*derived.scene.effects, part.name)
     scene = replace(
-        derived.scene, lagrangian=part.lagrangian, constraints=part.constraints, forces=part.forces, effects=effects
+        derived.scene,
+        lagrangian=part.lagrangian,
+        constraints=part.constraints,
+        forces=part.forces,
+        effects=effects,
     )
     return derivation.Derived(scene, derived.find, derived.stop)
 
 
 def effects_of(derived: derivation.Derived) -> dict[str, Any]:
-    """{acting, left_out, method}: each effect with the operations of a step that it adds, or would add, to the first
-    method that steps with a kernel; None if that cannot be determined."""
+    """{acting, left_out, method}: each effect with the operations of a step that it adds, or would
+    add, to the first method that steps with a kernel; None if that cannot be determined.
+    """
     scene = derived.scene
     method = next((one for one in scene.methods if method_table.METHODS[one.method].has_kernel
                    and not _belongs_together(scene, one)), None)  # fmt: skip
@@ -108,7 +134,9 @@ def effects_of(derived: derivation.Derived) -> dict[str, Any]:
             return None
         with suppress(InputError):  # the method may be for other scenes
             problem = derivation.problem_of(method, known)
-            return operations(*observing.observed_problem(known.scene, problem, method.choice), method.choice)
+            return operations(
+                *observing.observed_problem(known.scene, problem, method.choice), method.choice
+            )
         return None
 
     whole = counted(derived)
@@ -125,7 +153,9 @@ def effects_of(derived: derivation.Derived) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Operations:
-    """What the formulas of a step compute, each value by what it is made of, and how often a step evaluates them."""
+    """What the formulas of a step compute, each value by what it is made of, and how often a step
+    evaluates them.
+    """
 
     values: frozenset[int]
     times: int
@@ -140,8 +170,12 @@ class Operations:
         return len(self.values - other.values) * self.times
 
 
-def operations(problem: data.Problem, observation: data.Observation, choice: data.MethodChoice) -> Operations:
-    """The operations of the formulas that a step evaluates: the nodes of their graph, each counted once."""
+def operations(
+    problem: data.Problem, observation: data.Observation, choice: data.MethodChoice
+) -> Operations:
+    """The operations of the formulas that a step evaluates: the nodes of their graph, each counted
+    once.
+    """
     scene, outputs = looping.evaluated(problem, choice, observation)
     meanings, computed = dict[int, int](), set[int]()
     names = [
@@ -155,7 +189,13 @@ def operations(problem: data.Problem, observation: data.Observation, choice: dat
     for k in scene.graph.below(outputs):
         operation, first, second = scene.graph.keys[k]
         parts = sorted(meanings[part] for part in scene.graph.parts(k))
-        own = names[first] if operation == graphs.LEAF and first < len(names) else "" if parts else first
+        own = (
+            names[first]
+            if operation == graphs.LEAF and first < len(names)
+            else ""
+            if parts
+            else first
+        )
         meanings[k] = hash((operation, own, second if operation == graphs.FUNCTION else "", *parts))
         if operation > graphs.LEAF:
             computed.add(meanings[k])

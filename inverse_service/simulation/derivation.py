@@ -1,4 +1,5 @@
-"""Derive what the methods and observables of a scene need: accelerations, exact motion, free Lagrangians.
+"""Derive what the methods and observables of a scene need: accelerations, exact motion, free
+Lagrangians.
 
 The parts of a Lagrangian that a scene can leave out:
 
@@ -18,8 +19,20 @@ from inverse_service.errors import InputError
 from inverse_service.expressions import collecting, tree as ex
 from inverse_service.integrators.method_table import EXPLICIT, USES_ACCELERATIONS, USES_FREE
 from inverse_service.mechanics import constrained_motion, euler_lagrange
-from inverse_service.simulation import accelerations as accelerating, exact_motion, initial, numeric_formulas
-from inverse_service.simulation.scene_data import FreeLagrangian, Problem, Requested, Scene, Stop, Unavailable
+from inverse_service.simulation import (
+    accelerations as accelerating,
+    exact_motion,
+    initial,
+    numeric_formulas,
+)
+from inverse_service.simulation.scene_data import (
+    FreeLagrangian,
+    Problem,
+    Requested,
+    Scene,
+    Stop,
+    Unavailable,
+)
 from inverse_service.simulation.sentences import say
 
 KINETIC, POTENTIAL, MAGNETIC, CONSTRAINTS = "kinetic", "potential", "magnetic", "constraints"
@@ -31,9 +44,13 @@ Part = TypeVar("Part")
 Find = Callable[[Scene, str | None, exact_motion.ExactMotion | None], FreeLagrangian]
 
 
-def lagrangian_parts(lagrangian: ex.Expression, coordinates: Sequence[str]) -> dict[str, ex.Expression]:
-    """L = kinetic + magnetic + potential, each zero where L has no such terms ("potential" is -V); a term is kept as a
-    whole and expanded only if it is of several kinds: the terms of (x - 10^6)^2 would lose 12 digits."""
+def lagrangian_parts(
+    lagrangian: ex.Expression, coordinates: Sequence[str]
+) -> dict[str, ex.Expression]:
+    """L = kinetic + magnetic + potential, each zero where L has no such terms ("potential" is -V);
+    a term is kept as a whole and expanded only if it is of several kinds: the terms of (x - 10^6)^2
+    would lose 12 digits.
+    """
     kinds: dict[str, list[ex.Expression]] = {KINETIC: [], MAGNETIC: [], POTENTIAL: []}
     known: dict[ex.Expression, tuple[int, int] | None] = {}
     for term in ex.summands(lagrangian):
@@ -44,15 +61,23 @@ def lagrangian_parts(lagrangian: ex.Expression, coordinates: Sequence[str]) -> d
         parts, found = ex.summands(collecting.collect(term)), []
         for part in parts:
             moves = ex.has(part, ex.Velocity)
-            has_mass = moves and any({*row} != {ex.ZERO} for row in euler_lagrange.hessian(part, coordinates))
+            has_mass = moves and any(
+                {*row} != {ex.ZERO} for row in euler_lagrange.hessian(part, coordinates)
+            )
             found.append(KINETIC if has_mass else MAGNETIC if moves else POTENTIAL)
-        for kind, part in zip(found, parts, strict=True) if len(set(found)) > 1 else ((found[0], term),):
+        for kind, part in (
+            zip(found, parts, strict=True) if len(set(found)) > 1 else ((found[0], term),)
+        ):
             kinds[kind].append(part)
     return {kind: ex.add(*terms) for kind, terms in kinds.items()}
 
 
-def degrees_of(tree: ex.Expression, known: dict[ex.Expression, tuple[int, int] | None]) -> tuple[int, int] | None:
-    """The lowest and the highest degree in the velocities of the terms of a polynomial in them; None of another."""
+def degrees_of(
+    tree: ex.Expression, known: dict[ex.Expression, tuple[int, int] | None]
+) -> tuple[int, int] | None:
+    """The lowest and the highest degree in the velocities of the terms of a polynomial in them;
+    None of another.
+    """
     if tree in known:
         return known[tree]
     found: tuple[int, int] | None = (0, 0)
@@ -62,11 +87,19 @@ def degrees_of(tree: ex.Expression, known: dict[ex.Expression, tuple[int, int] |
         case ex.Sum(terms):
             parts = [degrees_of(term, known) for term in terms]
             pairs = [pair for pair in parts if pair is not None]
-            found = (min(a for a, _ in pairs), max(b for _, b in pairs)) if len(pairs) == len(parts) else None
+            found = (
+                (min(a for a, _ in pairs), max(b for _, b in pairs))
+                if len(pairs) == len(parts)
+                else None
+            )
         case ex.Product(factors):
             parts = [degrees_of(factor, known) for factor in factors]
             pairs = [pair for pair in parts if pair is not None]
-            found = (sum(a for a, _ in pairs), sum(b for _, b in pairs)) if len(pairs) == len(parts) else None
+            found = (
+                (sum(a for a, _ in pairs), sum(b for _, b in pairs))
+                if len(pairs) == len(parts)
+                else None
+            )
         case ex.Power(base, ex.Number(value)) if value > 0 and value.denominator == 1:
             inner = degrees_of(base, known)
             found = None if inner is None else (int(value) * inner[0], int(value) * inner[1])
@@ -78,9 +111,11 @@ def degrees_of(tree: ex.Expression, known: dict[ex.Expression, tuple[int, int] |
 
 @dataclass(frozen=True)
 class Derived:
-    """A scene with what is derived for it, each part when it is first needed; `seconds` are the times they took.
+    """A scene with what is derived for it, each part when it is first needed; `seconds` are the
+    times they took.
 
-    `find` looks for the free Lagrangian of a name (None: that of the scene). `stop` says when the time is over.
+    `find` looks for the free Lagrangian of a name (None: that of the scene). `stop` says when the
+    time is over.
     """
 
     scene: Scene
@@ -114,7 +149,9 @@ class Derived:
     def degenerate(self) -> bool:
         """Whether the masses of the scene's Lagrangian do not determine the accelerations."""
         if "degenerate" not in self.known:
-            self.known["degenerate"] = self.scene.lagrangian is not None and initial.is_degenerate(self.scene)
+            self.known["degenerate"] = self.scene.lagrangian is not None and initial.is_degenerate(
+                self.scene
+            )
         return bool(self.known["degenerate"])
 
     def exact(self) -> exact_motion.ExactMotion:
@@ -142,7 +179,11 @@ class Derived:
 
     def free(self, name: str | None) -> FreeLagrangian:
         """The free Lagrangian of a name."""
-        return self._part(f"free {name}", "free Lagrangian", lambda: self.find(self.scene, name, self.exact_or_none()))
+        return self._part(
+            f"free {name}",
+            "free Lagrangian",
+            lambda: self.find(self.scene, name, self.exact_or_none()),
+        )
 
     def motion(self) -> Problem:
         """The problem for methods that integrate q'' = f."""
@@ -150,13 +191,19 @@ class Derived:
         if initial.ended_at_start(scene) is not None:
             raise Unavailable(say("no_lagrangian_at_start"))
         names, values = scene.coordinates, tuple(scene.values)
-        return Problem(names, values, constraints=scene.constraints, accelerations=self.accelerations())
+        return Problem(
+            names, values, constraints=scene.constraints, accelerations=self.accelerations()
+        )
 
     def explicit(self) -> Problem:
-        """The problem for methods that only need the values of the accelerations: those of a Lagrangian are unknowns of
-        linear equations, except where signs switch, which asks for formulas on each side."""
+        """The problem for methods that only need the values of the accelerations: those of a
+        Lagrangian are unknowns of linear equations, except where signs switch, which asks for
+        formulas on each side.
+        """
         scene = self.scene
-        jumps = numeric_formulas.switching_functions([scene.lagrangian, *scene.forces], scene.coordinates)
+        jumps = numeric_formulas.switching_functions(
+            [scene.lagrangian, *scene.forces], scene.coordinates
+        )
         if scene.lagrangian is None or jumps:
             return self.motion()
         if initial.ended_at_start(scene) is not None:
@@ -168,9 +215,13 @@ class Derived:
 
 
 def with_energy(derived: Derived) -> Derived:
-    """Of a system given by its equations: with the Lagrangian that is found for its energy or its methods."""
+    """Of a system given by its equations: with the Lagrangian that is found for its energy or its
+    methods.
+    """
     scene = derived.scene
-    uses = "energy" in scene.observe or any(one.method in USES_FREE and one.free is None for one in scene.methods)
+    uses = "energy" in scene.observe or any(
+        one.method in USES_FREE and one.free is None for one in scene.methods
+    )
     if scene.accelerations is None or not uses:
         return derived
     with suppress(Unavailable):
@@ -180,7 +231,9 @@ def with_energy(derived: Derived) -> Derived:
 
 
 def problem_of(requested: Requested, derived: Derived) -> Problem:
-    """The problem with only the parts that one method uses; Unavailable where the method cannot run."""
+    """The problem with only the parts that one method uses; Unavailable where the method cannot
+    run.
+    """
     scene, method = derived.scene, requested.method
     if derived.degenerate:
         raise Unavailable(_DEGENERATE)
@@ -189,16 +242,30 @@ def problem_of(requested: Requested, derived: Derived) -> Problem:
     if method in USES_ACCELERATIONS:
         return derived.motion()
     if scene.lagrangian is None and method in ("nonholonomic", "modified"):
-        raise Unavailable(f"The method {method} needs the Lagrangian of the system; the scene gives only equations.")
+        raise Unavailable(
+            f"The method {method} needs the Lagrangian of the system; the scene gives only equations."
+        )
     if method == "modified" and scene.forces:
-        raise Unavailable("The modified method does not support additional forces: use nonholonomic.")
+        raise Unavailable(
+            "The modified method does not support additional forces: use nonholonomic."
+        )
     if method == "modified" and not scene.constraints:
         raise Unavailable("The modified method needs constraints; this scene has none.")
-    found = Problem(scene.coordinates, tuple(scene.values), scene.lagrangian, scene.constraints, forces=scene.forces)
+    found = Problem(
+        scene.coordinates,
+        tuple(scene.values),
+        scene.lagrangian,
+        scene.constraints,
+        forces=scene.forces,
+    )
     if method == "nonholonomic":
         return found
     free = derived.free(requested.free)
-    if free.lagrangian == scene.lagrangian and free.hamiltonian is None and initial.is_singular_at_start(scene):
+    if (
+        free.lagrangian == scene.lagrangian
+        and free.hamiltonian is None
+        and initial.is_singular_at_start(scene)
+    ):
         raise Unavailable(say("singular_at_start"))
     if free.lost and method == "variational" and requested.choice.form != "raw":
         raise Unavailable(free.lost)
@@ -235,7 +302,9 @@ def nonholonomic_of(scene: Scene) -> constrained_motion.NonholonomicSystem:
     """The system of the scene for the mechanics of constraints."""
     assert scene.lagrangian is not None
     names = tuple(scene.values)
-    return constrained_motion.NonholonomicSystem(scene.coordinates, scene.lagrangian, scene.constraints, names)
+    return constrained_motion.NonholonomicSystem(
+        scene.coordinates, scene.lagrangian, scene.constraints, names
+    )
 
 
 @contextmanager

@@ -1,4 +1,5 @@
-"""Bounds of a formula along a motion, by interval arithmetic, and what they show between points of a run.
+"""Bounds of a formula along a motion, by interval arithmetic, and what they show between points of
+a run.
 
 Between two points the motion is the cubic of Hermite through them; its values, its velocity and its
 acceleration lie between their coefficients of Bernstein. A formula f whose bounds exclude 0 has no
@@ -30,7 +31,9 @@ MOST = {"asin": 1.0, "acos": 1.0, "atanh": 1.0}  # and where it ends
 
 
 def bounds_of(tree: ex.Expression, table: Table) -> Bounds:
-    """Bounds of a formula whose names have these bounds; infinite ones next to a pole, nan where it has no value."""
+    """Bounds of a formula whose names have these bounds; infinite ones next to a pole, nan where it
+    has no value.
+    """
     known = dict(table)
     with np.errstate(all="ignore"):
         return _bounds(tree, known)
@@ -52,7 +55,9 @@ def _bounds(tree: ex.Expression, known: dict[ex.Expression, Bounds]) -> Bounds:
         case ex.Power(base, ex.Number(value)) if value.denominator == 1:
             found = _whole_power(_bounds(base, known), int(value))
         case ex.Power(base, ex.Number(value)):
-            low, high = (np.power(np.maximum(end, 0.0), float(abs(value))) for end in _bounds(base, known))
+            low, high = (
+                np.power(np.maximum(end, 0.0), float(abs(value))) for end in _bounds(base, known)
+            )
             found = (low, high) if value > 0 else (1 / high, 1 / low)
         case ex.Power(base, exponent):
             found = _bounds(ex.Apply("exp", exponent * ex.Apply("log", base)), known)
@@ -87,7 +92,9 @@ def _whole_power(base: Bounds, exponent: int) -> Bounds:
     return inner, np.where(through, np.inf, 1 / first)
 
 
-def _of_function(function: str, argument: ex.Expression, known: dict[ex.Expression, Bounds]) -> Bounds:
+def _of_function(
+    function: str, argument: ex.Expression, known: dict[ex.Expression, Bounds]
+) -> Bounds:
     low, high = _bounds(argument, known)
     if function in LEAST:
         low, high = (np.clip(end, LEAST[function], MOST.get(function)) for end in (low, high))
@@ -115,7 +122,9 @@ def _sine(low: Array, high: Array) -> Bounds:
 
     def holds(place: float) -> NDArray[np.bool_]:
         """Whether place + 2 k pi is between, for an integer k."""
-        found: NDArray[np.bool_] = np.ceil((low - place) / (2 * np.pi)) <= np.floor((high - place) / (2 * np.pi))
+        found: NDArray[np.bool_] = np.ceil((low - place) / (2 * np.pi)) <= np.floor(
+            (high - place) / (2 * np.pi)
+        )
         return found
 
     first, last = np.sin(low), np.sin(high)
@@ -124,7 +133,9 @@ def _sine(low: Array, high: Array) -> Bounds:
 
 
 def is_plain(formula: ex.Expression, coordinates: Sequence[str]) -> bool:
-    """Whether it is linear in the state and in t, so that it changes no faster than the motion does."""
+    """Whether it is linear in the state and in t, so that it changes no faster than the motion
+    does.
+    """
     moving = {ex.TIME, *nf.state_names(coordinates)}
 
     def degree(tree: ex.Expression) -> int:
@@ -150,7 +161,10 @@ def _rate(formula: ex.Expression, coordinates: tuple[str, ...]) -> ex.Expression
 
 
 NOT_SHOWN, OFTEN = 0.05, 0.01  # of the way in an interval, and of the intervals that are looked at
-LOOKED_AT, SHARES = 512, (0.1, 0.23, 0.382)  # intervals, and the shares at which the motion is compared
+LOOKED_AT, SHARES = (
+    512,
+    (0.1, 0.23, 0.382),
+)  # intervals, and the shares at which the motion is compared
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,25 +188,36 @@ class Curve:
         )  # q = first + v s + curve s^2 + bend s^3
         s, d = begin[:, None], (end - begin)[:, None]
         place = first + s * (v + s * (curve + s * bend))
-        speed, push = v + s * (2 * curve + 3 * s * bend), 2 * curve + 6 * s * bend  # at s, by the share
+        speed, push = (
+            v + s * (2 * curve + 3 * s * bend),
+            2 * curve + 6 * s * bend,
+        )  # at s, by the share
         q = _hull(place, place + d * speed / 3, place + d * (2 * speed + d * push / 2) / 3,
                   place + d * (speed + d * (push / 2 + d * bend)))  # fmt: skip
         velocity = _hull(speed, speed + d * push / 2, speed + d * (push + 3 * d * bend))
         acceleration = _hull(push, push + 6 * d * bend)
         table: dict[ex.Expression, Bounds] = {
-            ex.Symbol(name): (np.array(value), np.array(value)) for name, value in self.values.items()
+            ex.Symbol(name): (np.array(value), np.array(value))
+            for name, value in self.values.items()
         }
         length = length[:, 0]
         table[ex.TIME] = self.times[places] + begin * length, self.times[places] + end * length
         for k, x in enumerate(self.coordinates):
             table[ex.Symbol(x)] = q[0][:, k], q[1][:, k]
             table[ex.Velocity(x)] = velocity[0][:, k] / length, velocity[1][:, k] / length
-            table[ex.Acceleration(x)] = acceleration[0][:, k] / length**2, acceleration[1][:, k] / length**2
+            table[ex.Acceleration(x)] = (
+                acceleration[0][:, k] / length**2,
+                acceleration[1][:, k] / length**2,
+            )
         return table
 
 
-def is_rough(curve: Curve, states: Callable[[NDArray[np.int64], Array], tuple[Array, Array]]) -> bool:
-    """Whether the motion, positions and velocities (k, n) at shares of intervals, is elsewhere than on the cubics."""
+def is_rough(
+    curve: Curve, states: Callable[[NDArray[np.int64], Array], tuple[Array, Array]]
+) -> bool:
+    """Whether the motion, positions and velocities (k, n) at shares of intervals, is elsewhere than
+    on the cubics.
+    """
     places = np.unique(np.linspace(0, len(curve.times) - 2, LOOKED_AT).astype(np.int64))
     shares = np.resize(SHARES, len(places))
     table, far = curve.hull(places, shares, shares), np.zeros(len(places), dtype=bool)
@@ -210,9 +235,14 @@ def _hull(*points: Array) -> Bounds:
 
 
 def hidden(formula: ex.Expression, curve: Curve, known: Array) -> tuple[Array, bool]:
-    """Places, in intervals from the first point, between which the formula changes its sign and which its values at the
-    points, `known` (m + 1,), do not show; and whether there may be others that were not found."""
-    rate, size = _rate(formula, curve.coordinates), np.abs(known).max(initial=0.0, where=np.isfinite(known))
+    """Places, in intervals from the first point, between which the formula changes its sign and
+    which its values at the points, `known` (m + 1,), do not show; and whether there may be others
+    that were not found.
+    """
+    rate, size = (
+        _rate(formula, curve.coordinates),
+        np.abs(known).max(initial=0.0, where=np.isfinite(known)),
+    )
     places = np.flatnonzero(np.isfinite(known[:-1]) & np.isfinite(known[1:]))
     begin, end = np.zeros(len(places)), np.ones(len(places))
     looked, signs, lost = [np.arange(len(known)) + 0.0], [np.sign(known)], False
@@ -235,7 +265,11 @@ def hidden(formula: ex.Expression, curve: Curve, known: Array) -> tuple[Array, b
         at, _ = bounds_of(formula, curve.hull(places, middle, middle))
         looked.append(places + middle)
         signs.append(np.broadcast_to(np.sign(at), len(places)))
-        places, begin, end = np.tile(places, 2), np.concatenate([begin, middle]), np.concatenate([middle, end])
+        places, begin, end = (
+            np.tile(places, 2),
+            np.concatenate([begin, middle]),
+            np.concatenate([middle, end]),
+        )
     where, sign = np.concatenate(looked), np.concatenate(signs)
     order = np.argsort(where, kind="stable")
     changes = np.diff(sign[order]) != 0

@@ -1,11 +1,14 @@
-"""Events: zeros of formulas along a run, located to round-off by shorter steps of the method itself.
+"""Events: zeros of formulas along a run, located to round-off by shorter steps of the method
+itself.
 
-Between two recorded points a method is continued by its own step of length theta h, theta from 0 to 1, which for theta
-= 1 is the whole step. The sign is examined at PIECES such points of each step, and where the formula turns towards 0
-between them at its turning point, so that two zeros within a step are found. Between these points `enclosures` bounds
-all but linear formulas: what is narrower is found too, or a note says so. Of all crossings at once theta is found by
-regula falsi (Illinois; M. Dowell, P. Jarratt, BIT 11 (1971) 168), in SIMD lanes. Methods that have no such step are
-continued by `adaptive` from the point before. The period of an orbit is the time between its returns to a section.
+Between two recorded points a method is continued by its own step of length theta h, theta from 0 to
+1, which for theta = 1 is the whole step. The sign is examined at PIECES such points of each step,
+and where the formula turns towards 0 between them at its turning point, so that two zeros within a
+step are found. Between these points `enclosures` bounds all but linear formulas: what is narrower
+is found too, or a note says so. Of all crossings at once theta is found by regula falsi (Illinois;
+M. Dowell, P. Jarratt, BIT 11 (1971) 168), in SIMD lanes. Methods that have no such step are
+continued by `adaptive` from the point before. The period of an orbit is the time between its
+returns to a section.
 """
 
 from __future__ import annotations
@@ -34,7 +37,9 @@ from inverse_service.simulation import (
 from inverse_service.simulation.scene_data import Point
 from inverse_service.simulation.sentences import say
 
-State = tuple[trajectory.Array, trajectory.Array, trajectory.Array]  # times (m,), positions and velocities (m, n)
+State = tuple[
+    trajectory.Array, trajectory.Array, trajectory.Array
+]  # times (m,), positions and velocities (m, n)
 CONTINUED = data.MethodChoice("adaptive", tolerance=1e-14)
 ITERATIONS = 60
 JUST = 1e-9  # of the way to a zero
@@ -43,7 +48,10 @@ PIECES, LEAST_PIECES, MOST_PLACES = 16, 2, 2**18  # of a step, and of a run
 AT_ONCE = 2**17
 NEAR = 4.0  # differences between places: beyond them the formula does not reach 0 before the next
 FLAT = 1e-3
-SECTIONS, CLOSEST = 16, 1e-9  # points that are looked at together, and the last interval in distances of places
+SECTIONS, CLOSEST = (
+    16,
+    1e-9,
+)  # points that are looked at together, and the last interval in distances of places
 CLOSE = 0.1  # of the size of a motion: a return to its start
 TOUCH, TOUCH_FROM = 1e-13, 1e-6  # of its greatest value, and of a step from the ends of the run
 Motion = Callable[[], data.Problem]  # the motion as q'' = f; Unavailable where that is not known
@@ -52,7 +60,9 @@ Follow = Callable[[NDArray[np.int64], trajectory.Array], State]
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """The points of one event: times (m,), positions and velocities (m, n); `note` says what else was seen."""
+    """The points of one event: times (m,), positions and velocities (m, n); `note` says what else
+    was seen.
+    """
 
     event: data.Event
     times: trajectory.Array
@@ -62,7 +72,9 @@ class Found:
 
     def part(self, rows: NDArray[np.bool_]) -> Found:
         """Some of the points."""
-        return Found(self.event, self.times[rows], self.positions[rows], self.velocities[rows], self.note)
+        return Found(
+            self.event, self.times[rows], self.positions[rows], self.velocities[rows], self.note
+        )
 
 
 def nowhere(event: data.Event, size: int) -> Found:
@@ -77,7 +89,9 @@ def joined(parts: Sequence[Found], note: str) -> Found:
     return Found(parts[0].event, times, positions, velocities, note)
 
 
-def located(run: observing.Observed, events: Sequence[data.Event], motion: Motion) -> tuple[Found, ...]:
+def located(
+    run: observing.Observed, events: Sequence[data.Event], motion: Motion
+) -> tuple[Found, ...]:
     """All points of these events along a run."""
     follow = _follower(run, motion)
     return tuple(_located(run, event, follow) for event in events)
@@ -85,17 +99,27 @@ def located(run: observing.Observed, events: Sequence[data.Event], motion: Motio
 
 def first_of(found: Sequence[Found]) -> Point | None:
     """The first point of all of them."""
-    firsts = ((float(one.times[0]), one.positions[0], one.velocities[0]) for one in found if len(one.times))
+    firsts = (
+        (float(one.times[0]), one.positions[0], one.velocities[0])
+        for one in found
+        if len(one.times)
+    )
     return min(firsts, key=lambda point: point[0], default=None)
 
 
-def with_events(run: observing.Observed, motion: Motion) -> tuple[Trajectory, tuple[Found, ...], Point | None]:
-    """The run, which ends at the first event that stops it, all events found up to there, and its end if one did."""
+def with_events(
+    run: observing.Observed, motion: Motion
+) -> tuple[Trajectory, tuple[Found, ...], Point | None]:
+    """The run, which ends at the first event that stops it, all events found up to there, and its
+    end if one did.
+    """
     ran, found = run.trajectory, located(run, run.scene.events, motion)
     if (final := first_of([one for one in found if one.event.stops])) is None:
         return ran, found, None
     end, kept = final[0], ran.times < final[0]
-    outcome = trajectory.Outcome("completed", int(kept.sum()) - 1, end, note=say("ended_by_event", end))
+    outcome = trajectory.Outcome(
+        "completed", int(kept.sum()) - 1, end, note=say("ended_by_event", end)
+    )
     return ran.ended(kept, outcome), tuple(one.part(one.times <= end) for one in found), final
 
 
@@ -113,7 +137,11 @@ def _follower(run: observing.Observed, motion: Motion) -> Follow | None:
     of = what
 
     def follow(places: NDArray[np.int64], lengths: trajectory.Array) -> State:
-        carried = None if run_by.method in method_table.POINT_METHODS or ran.momenta is None else ran.momenta[places]
+        carried = (
+            None
+            if run_by.method in method_table.POINT_METHODS or ran.momenta is None
+            else ran.momenta[places]
+        )
         begins = ran.times[places]
         many = execution.run_ensemble(
             of, run_by, ran.positions[places], speeds[places], data.Grid(1.0, 1), values, carried, lengths,
@@ -122,9 +150,15 @@ def _follower(run: observing.Observed, motion: Motion) -> Follow | None:
         positions, rates = many.positions[:, -1], many.rates[:, -1]
         if many.letter == "v":
             return begins + lengths, positions, rates
-        bare = replace(ran, times=begins + lengths, positions=positions, momenta=rates, velocities=None)
+        bare = replace(
+            ran, times=begins + lengths, positions=positions, momenta=rates, velocities=None
+        )
         found = observing.point_velocities(run.scene, of, method, bare, dict(values))
-        return begins + lengths, positions, np.full_like(positions, np.nan) if found is None else found
+        return (
+            begins + lengths,
+            positions,
+            np.full_like(positions, np.nan) if found is None else found,
+        )
 
     return follow
 
@@ -137,7 +171,9 @@ def _located(run: observing.Observed, event: data.Event, follow: Follow | None) 
         times, positions, speeds = state
         if event.measure is not None:
             return event.measure(times, positions, speeds)
-        return arrays.array_value(event.formula, nf.table_of(scene.coordinates, positions, speeds, scene.values, times))
+        return arrays.array_value(
+            event.formula, nf.table_of(scene.coordinates, positions, speeds, scene.values, times)
+        )
 
     try:
         assert run.velocities is not None or event.measure is None
@@ -145,7 +181,9 @@ def _located(run: observing.Observed, event: data.Event, follow: Follow | None) 
             along, parts = event.measure(ran.times, ran.positions, run.velocities), []
         else:
             along, *parts = run.values_of(event.formula, *ex.summands(event.formula))
-        if not along.any() or (len(parts) > 1 and (np.abs(along) <= NOISE * np.abs(parts).sum(axis=0)).all()):
+        if not along.any() or (
+            len(parts) > 1 and (np.abs(along) <= NOISE * np.abs(parts).sum(axis=0)).all()
+        ):
             return replace(nothing, note=say("event_always_zero"))
         if follow is None:
             turns = (np.sign(along[1:]) != np.sign(along[:-1])).any()
@@ -155,12 +193,21 @@ def _located(run: observing.Observed, event: data.Event, follow: Follow | None) 
         points = ran.times, ran.positions, run.velocities
         fine, states, pieces = _examined(way, points)
         curve = enclosures.Curve(scene.coordinates, *states, scene.values)
-        between, unseen = np.empty(0), enclosures.is_rough(curve, lambda k, shares: way.between(k, shares, pieces)[1:])
+        between, unseen = (
+            np.empty(0),
+            enclosures.is_rough(curve, lambda k, shares: way.between(k, shares, pieces)[1:]),
+        )
         if not unseen and not enclosures.is_plain(event.formula, scene.coordinates):
             between, unseen = enclosures.hidden(event.formula, curve, fine)
         brackets, touched = _brackets(way, event.direction, fine, between / pieces)
         lost = int(np.isnan(along).sum())
-        note = say("events_unseen") if unseen else say("zero_touched", touched[0]) if len(touched) else ""
+        note = (
+            say("events_unseen")
+            if unseen
+            else say("zero_touched", touched[0])
+            if len(touched)
+            else ""
+        )
         note = say("event_without_value", lost, len(along)) if lost else note
         if not len(brackets.places):
             return replace(nothing, note=note)
@@ -170,7 +217,9 @@ def _located(run: observing.Observed, event: data.Event, follow: Follow | None) 
     except errors.InputError as error:
         return replace(nothing, note=error.detail)
     about = value(state)
-    if (lost_there := np.isnan(about)).any():  # just before the zero where it has no value there, as sign(x) at x = 0
+    if (
+        lost_there := np.isnan(about)
+    ).any():  # just before the zero where it has no value there, as sign(x) at x = 0
         begin = way.times[brackets.places]
         share = (state[0] - begin) / (way.times[brackets.places + 1] - begin)
         before = value(way.at(brackets.places, share - JUST * (share - brackets.low)))
@@ -184,7 +233,9 @@ def _located(run: observing.Observed, event: data.Event, follow: Follow | None) 
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """A run with the values of a formula at its points, (m,), and its continuation from each point."""
+    """A run with the values of a formula at its points, (m,), and its continuation from each
+    point.
+    """
 
     times: trajectory.Array
     along: trajectory.Array
@@ -208,7 +259,9 @@ class Way:
 
 @dataclass(frozen=True, slots=True)
 class Brackets:
-    """Changes of sign: between the shares `low` and `high` of the step behind a point, from `below` to `above`."""
+    """Changes of sign: between the shares `low` and `high` of the step behind a point, from `below`
+    to `above`.
+    """
 
     places: NDArray[np.int64]
     low: trajectory.Array
@@ -218,15 +271,25 @@ class Brackets:
 
 
 def _examined(way: Way, points: State) -> tuple[trajectory.Array, State, int]:
-    """The formula and the states, (m,) and (m, n), at PIECES places of each step, or less in a long run, and how many
-    there are in a step; `points` are those of the run."""
+    """The formula and the states, (m,) and (m, n), at PIECES places of each step, or less in a long
+    run, and how many there are in a step; `points` are those of the run.
+    """
     steps = len(way.times) - 1
     pieces = int(np.clip(MOST_PLACES // steps, LEAST_PIECES, PIECES))
-    places, shares = np.repeat(np.arange(steps), pieces - 1), np.tile(np.arange(1, pieces) / pieces, steps)
-    chunks = [way.at(places[k : k + AT_ONCE], shares[k : k + AT_ONCE]) for k in range(0, len(places), AT_ONCE)]
+    places, shares = (
+        np.repeat(np.arange(steps), pieces - 1),
+        np.tile(np.arange(1, pieces) / pieces, steps),
+    )
+    chunks = [
+        way.at(places[k : k + AT_ONCE], shares[k : k + AT_ONCE])
+        for k in range(0, len(places), AT_ONCE)
+    ]
     inner = tuple(map(np.concatenate, zip(*chunks, strict=True)))
     fine, between = np.empty(steps * pieces + 1), np.arange(steps * pieces + 1) % pieces != 0
-    fine[::pieces], fine[between] = way.along, np.concatenate([way.value(chunk) for chunk in chunks])
+    fine[::pieces], fine[between] = (
+        way.along,
+        np.concatenate([way.value(chunk) for chunk in chunks]),
+    )
     states = []
     for known, more in zip(points, inner, strict=True):
         whole = np.empty((len(fine), *known.shape[1:]))
@@ -238,19 +301,23 @@ def _examined(way: Way, points: State) -> tuple[trajectory.Array, State, int]:
 def _brackets(
     way: Way, direction: int, fine: trajectory.Array, between: trajectory.Array
 ) -> tuple[Brackets, trajectory.Array]:
-    """The changes of sign along a run, rising (direction 1), falling (-1) or both (0), and the times at which the
-    formula is 0 and does not change it.
+    """The changes of sign along a run, rising (direction 1), falling (-1) or both (0), and the
+    times at which the formula is 0 and does not change it.
 
-    Each step is examined at its `fine` points, at places `between` them, in steps from the first point, and where the
-    formula turns towards 0, at its turning point.
+    Each step is examined at its `fine` points, at places `between` them, in steps from the first
+    point, and where the formula turns towards 0, at its turning point.
     """
     steps = len(way.times) - 1
     pieces = (len(fine) - 1) // steps
     turned, least = _turning_points(way, fine, pieces)
     size = np.abs(fine).max(initial=0.0, where=np.isfinite(fine))
-    touching = (np.abs(least) <= TOUCH * size) & (turned > TOUCH_FROM) & (turned < steps - TOUCH_FROM)
+    touching = (
+        (np.abs(least) <= TOUCH * size) & (turned > TOUCH_FROM) & (turned < steps - TOUCH_FROM)
+    )
     shares = np.concatenate([np.arange(len(fine)) / pieces, turned[~touching], between])
-    values = np.concatenate([fine, least[~touching], way.values(between) if len(between) else between])
+    values = np.concatenate(
+        [fine, least[~touching], way.values(between) if len(between) else between]
+    )
     order = np.argsort(shares, kind="stable")
     shares, values = shares[order], values[order]
     k = np.minimum(((shares[:-1] + shares[1:]) / 2).astype(np.int64), steps - 1)
@@ -258,29 +325,45 @@ def _brackets(
     sense = np.where(above > 0, 1, -1) * (np.sign(below) * np.sign(above) < 0)
     sense = np.where((above == 0) & (below != 0), -np.sign(below), sense)
     kept = np.isin(sense, (direction,) if direction else (1, -1))
-    low, high, below, above = (column[kept] for column in (shares[:-1] - k, shares[1:] - k, below, above))
+    low, high, below, above = (
+        column[kept] for column in (shares[:-1] - k, shares[1:] - k, below, above)
+    )
     moments = np.interp(turned[touching], np.arange(steps + 1), way.times)
     return Brackets(k[kept], low, high, below, above), moments
 
 
 def _signed(values: trajectory.Array) -> trajectory.Array:
-    """The values, where a 0 within the run gets the sign that follows it: touching 0 is not a change of sign."""
+    """The values, where a 0 within the run gets the sign that follows it: touching 0 is not a
+    change of sign.
+    """
     found = values.copy()
     for place in np.flatnonzero(values[:-1] == 0)[::-1]:
-        found[place] = np.copysign(np.finfo(float).tiny, found[place + 1]) if found[place + 1] else 0.0
+        found[place] = (
+            np.copysign(np.finfo(float).tiny, found[place + 1]) if found[place + 1] else 0.0
+        )
     return found
 
 
-def _turning_points(way: Way, fine: trajectory.Array, pieces: int) -> tuple[trajectory.Array, trajectory.Array]:
-    """The places where the formula is nearest to 0 between points at which it has the same sign, and its values.
+def _turning_points(
+    way: Way, fine: trajectory.Array, pieces: int
+) -> tuple[trajectory.Array, trajectory.Array]:
+    """The places where the formula is nearest to 0 between points at which it has the same sign,
+    and its values.
 
-    Search by SECTIONS points of each interval, in SIMD lanes; the start and the end of the run are always examined.
+    Search by SECTIONS points of each interval, in SIMD lanes; the start and the end of the run are
+    always examined.
     """
     size, last = np.abs(fine), len(fine) - 1
     middle = np.arange(1, last)
-    alike = (np.sign(fine[:-2]) == np.sign(fine[1:-1])) & (np.sign(fine[2:]) == np.sign(fine[1:-1])) & (fine[1:-1] != 0)
+    alike = (
+        (np.sign(fine[:-2]) == np.sign(fine[1:-1]))
+        & (np.sign(fine[2:]) == np.sign(fine[1:-1]))
+        & (fine[1:-1] != 0)
+    )
     step = np.maximum(np.abs(size[:-2] - size[1:-1]), np.abs(size[2:] - size[1:-1]))
-    near = alike & (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]) & (size[1:-1] <= NEAR * step)
+    near = (
+        alike & (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]) & (size[1:-1] <= NEAR * step)
+    )
     low = np.concatenate([middle[near] - 1, [0, last - 1]]) / pieces
     high = np.concatenate([middle[near] + 1, [1, last]]) / pieces
     sign = np.sign(np.concatenate([fine[1:-1][near], [fine[1], fine[last - 1]]]))
@@ -316,21 +399,32 @@ def _zeros(brackets: Brackets, way: Way) -> State:
         below = np.where(same, below / 2, above)
         low = np.where(same, low, high)
         high, above = share, new
-        if ((np.abs(high - low) * whole <= ROUND_OFF * (1 + np.abs(times[places]))) | (new == 0)).all():
+        if (
+            (np.abs(high - low) * whole <= ROUND_OFF * (1 + np.abs(times[places]))) | (new == 0)
+        ).all():
             break
     assert state is not None
     return state
 
 
 def section_of(scene: data.Scene, motion: Motion) -> data.Event | None:
-    """The returns to the section through the start, across its velocity, or across its acceleration among the
-    velocities where it begins at rest; None where every step is not recorded, or neither is known."""
+    """The returns to the section through the start, across its velocity, or across its acceleration
+    among the velocities where it begins at rest; None where every step is not recorded, or neither
+    is known.
+    """
     way, turns = scene.velocities, initial.angles(scene)
-    parts = [ex.Symbol(x) - ex.number(Fraction(q)) for x, q in zip(scene.coordinates, scene.positions, strict=True)]
-    terms = [ex.Apply("sin", part) if turn else part for part, turn in zip(parts, turns, strict=True)]
+    parts = [
+        ex.Symbol(x) - ex.number(Fraction(q))
+        for x, q in zip(scene.coordinates, scene.positions, strict=True)
+    ]
+    terms = [
+        ex.Apply("sin", part) if turn else part for part, turn in zip(parts, turns, strict=True)
+    ]
     if not way.any():
         with suppress(data.Unavailable):
-            values = arrays.array_values(motion().accelerations or (), initial.at_start(scene, scene.values))
+            values = arrays.array_values(
+                motion().accelerations or (), initial.at_start(scene, scene.values)
+            )
             way, terms = np.array(values)[:, 0], [ex.Velocity(name) for name in scene.coordinates]
     if scene.grid.record_every > 1 or not (way.any() and np.isfinite(way).all()):
         return None
@@ -338,24 +432,41 @@ def section_of(scene: data.Scene, motion: Motion) -> data.Event | None:
 
 
 def period_of(run: observing.Observed, returns: Found, others: Sequence[Found]) -> dict[str, Any]:
-    """{"period": {mean, least, greatest, returns, apart}}: the times between returns to the section that come as near
-    to the start as CLOSE of the motion's size; `apart` is how far the first one is from it, as such a share."""
+    """{"period": {mean, least, greatest, returns, apart}}: the times between returns to the section
+    that come as near to the start as CLOSE of the motion's size; `apart` is how far the first one
+    is from it, as such a share.
+    """
     scene, at = run.scene, run.trajectory
     turns, span = initial.angles(scene), np.ptp(at.positions, axis=0)
     size = float(np.where(turns, np.minimum(span, 2 * np.pi), span).max()) or 1.0
 
     def distance(found: Found) -> trajectory.Array:
         """From the start, of the points behind it."""
-        moved = found.positions[found.times > at.times[0] + TOUCH_FROM * scene.grid.step] - scene.positions
+        moved = (
+            found.positions[found.times > at.times[0] + TOUCH_FROM * scene.grid.step]
+            - scene.positions
+        )
         apart = np.where(turns, np.abs((moved + np.pi) % (2 * np.pi) - np.pi), np.abs(moved))
         return np.asarray(apart.max(axis=1, initial=0.0) / size)
 
     if any((distance(one) <= TOUCH_FROM).any() for one in others if one.event.acts):
         return {"period": None, "period_note": say("acts_at_start")}
     apart = distance(returns)
-    times = np.concatenate([at.times[:1], returns.times[len(returns.times) - len(apart) :][apart <= CLOSE]])
+    times = np.concatenate(
+        [at.times[:1], returns.times[len(returns.times) - len(apart) :][apart <= CLOSE]]
+    )
     if len(times) < 2:
-        return {"period": None, "period_note": returns.note or "The motion does not return to its start."}
+        return {
+            "period": None,
+            "period_note": returns.note or "The motion does not return to its start.",
+        }
     gaps = np.diff(times)
-    numbers = {"mean": gaps.mean(), "least": gaps.min(), "greatest": gaps.max(), "apart": apart[apart <= CLOSE][0]}
-    return {"period": {name: float(value) for name, value in numbers.items()} | {"returns": len(gaps)}}
+    numbers = {
+        "mean": gaps.mean(),
+        "least": gaps.min(),
+        "greatest": gaps.max(),
+        "apart": apart[apart <= CLOSE][0],
+    }
+    return {
+        "period": {name: float(value) for name, value in numbers.items()} | {"returns": len(gaps)}
+    }

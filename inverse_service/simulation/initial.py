@@ -1,4 +1,5 @@
-"""Initial velocities: filled in where the constraints determine them, projected on request, else checked.
+"""Initial velocities: filled in where the constraints determine them, projected on request, else
+checked.
 
 Constraints w(q) v + c(q) = 0. The projection is orthogonal in the kinetic energy, g = L_vv:
 
@@ -45,18 +46,24 @@ def drifts_of(what: System) -> list[ex.Expression]:
 
 def saddle(what: System, table: Mapping[ex.Expression, Any]) -> Array:
     """[[g, w^T], [w, 0]] at the points of a table, (N, n + m, n + m)."""
-    graph, inputs, count = scene_graph.on_table(what.coordinates, what.lagrangian, what.constraints, table)
+    graph, inputs, count = scene_graph.on_table(
+        what.coordinates, what.lagrangian, what.constraints, table
+    )
     return graph.saddle(inputs, count)
 
 
 def at_start(scene: Scene, values: Values) -> dict[ex.Expression, Any]:
     """The names of all formulas with their values at the start."""
     moment = np.array([scene.grid.begin])
-    return table_of(scene.coordinates, scene.positions[None], scene.velocities[None], values, moment)
+    return table_of(
+        scene.coordinates, scene.positions[None], scene.velocities[None], values, moment
+    )
 
 
 def check_constraints(what: System, values: Values, positions: Array) -> None:
-    """Raise InputError for constraints that are nonlinear in the velocities or dependent, or that leave no motion."""
+    """Raise InputError for constraints that are nonlinear in the velocities or dependent, or that
+    leave no motion.
+    """
     names, constraints = what.coordinates, what.constraints
     for place, slopes in enumerate(forms_of(what), 1):
         if all(slope == ex.ZERO for slope in slopes):
@@ -69,7 +76,9 @@ def check_constraints(what: System, values: Values, positions: Array) -> None:
     rank = np.linalg.matrix_rank(_linear(what, values, positions[None])[0][0])
     for _ in range(NEARBY):
         with suppress(InputError):  # where they have no values
-            rows = _linear(what, values, positions[None] + random.normal(0, 1, len(positions)))[0][0]
+            rows = _linear(what, values, positions[None] + random.normal(0, 1, len(positions)))[0][
+                0
+            ]
             rank = max(rank, np.linalg.matrix_rank(rows))
     if rank < len(constraints):
         raise InputError(say("dependent", rank, len(constraints)), "/system")
@@ -78,9 +87,11 @@ def check_constraints(what: System, values: Values, positions: Array) -> None:
 
 
 def without_value(scene: Scene) -> NDArray[np.bool_]:
-    """Whether the Lagrangian of the scene has no value at the start, (1,), or at those of the members, (N,).
+    """Whether the Lagrangian of the scene has no value at the start, (1,), or at those of the
+    members, (N,).
 
-    Its derivatives may have values there: that of log(x - 5) has one at x = 1, where there is no motion.
+    Its derivatives may have values there: that of log(x - 5) has one at x = 1, where there is no
+    motion.
     """
     starts = scene.ensemble or Members(scene.positions[None], scene.velocities[None], {})
     if scene.lagrangian is None:
@@ -92,25 +103,32 @@ def without_value(scene: Scene) -> NDArray[np.bool_]:
 
 
 def ended_at_start(scene: Scene) -> Trajectory | None:
-    """The run that ends before its first step where the Lagrangian has no value at the start; None elsewhere.
+    """The run that ends before its first step where the Lagrangian has no value at the start; None
+    elsewhere.
 
     Of an ensemble, each member ends for itself.
     """
     if scene.ensemble is not None or not without_value(scene).all():
         return None
     begin = scene.grid.begin
-    outcome = Outcome("off_domain", 0, begin, say("start_without_value", begin), None, "start somewhere else")
+    outcome = Outcome(
+        "off_domain", 0, begin, say("start_without_value", begin), None, "start somewhere else"
+    )
     return Trajectory.of_start(begin, scene.positions, scene.velocities, outcome)
 
 
 def is_degenerate(scene: Scene) -> bool:
-    """Whether L_vv, on the velocities that the constraints leave, is singular at the start and about it."""
+    """Whether L_vv, on the velocities that the constraints leave, is singular at the start and
+    about it.
+    """
     assert scene.lagrangian is not None
     shifts = np.random.default_rng(4).normal(0, 0.1, (NEARBY, 2, len(scene.coordinates)))
     shifts[0] = 0.0
     states = np.stack([scene.positions, scene.velocities]) + shifts
     moments = replace(scene.grid, steps=NEARBY - 1, record_every=1).times
-    whole = saddle(scene, table_of(scene.coordinates, states[:, 0], states[:, 1], scene.values, moments))
+    whole = saddle(
+        scene, table_of(scene.coordinates, states[:, 0], states[:, 1], scene.values, moments)
+    )
     known, size = np.isfinite(whole).all(axis=(1, 2)), np.abs(whole).max(axis=2)
     if not known.all():
         return False
@@ -119,8 +137,9 @@ def is_degenerate(scene: Scene) -> bool:
 
 
 def is_singular_at_start(scene: Scene) -> bool:
-    """Whether [[L_vv, w^T], [w, 0]] is singular at the start to the accuracy of its entries, so that neither
-    accelerations nor velocities follow there; those of an ensemble end for themselves."""
+    """Whether [[L_vv, w^T], [w, 0]] is singular at the start to the accuracy of its entries, so
+    that neither accelerations nor velocities follow there; those of an ensemble end for themselves.
+    """
     if scene.ensemble is not None:
         return False
     (whole,) = saddle(scene, at_start(scene, scene.values))
@@ -130,18 +149,22 @@ def is_singular_at_start(scene: Scene) -> bool:
     return bool((sizes == 0).any() or np.linalg.matrix_rank(whole / sizes[:, None]) < len(whole))
 
 
-def initial_velocities(what: System, values: Values, positions: Array, given: Values, project: bool) -> Array:
-    """The velocities of a start (n,), or of N starts (N, n), on the constraints; `values` and `given` are numbers or
-    (N,).
+def initial_velocities(
+    what: System, values: Values, positions: Array, given: Values, project: bool
+) -> Array:
+    """The velocities of a start (n,), or of N starts (N, n), on the constraints; `values` and
+    `given` are numbers or (N,).
 
-    InputError (pointer below /initial) where some are missing that the constraints do not determine, and where
-    the given ones violate the constraints and `project` is not set.
+    InputError (pointer below /initial) where some are missing that the constraints do not
+    determine, and where the given ones violate the constraints and `project` is not set.
     """
     names, places = what.coordinates, np.atleast_2d(positions)
     rows, offsets = _linear(what, values, places)
     velocities = _filled(names, rows, offsets, given)
     defects = _times(rows, velocities) + offsets
-    beyond = np.abs(defects) - TOLERANCE * (1 + _times(np.abs(rows), np.abs(velocities)) + np.abs(offsets))
+    beyond = np.abs(defects) - TOLERANCE * (
+        1 + _times(np.abs(rows), np.abs(velocities)) + np.abs(offsets)
+    )
     worst = int(np.argmax(beyond)) if beyond.size else 0
     if beyond.size and beyond.flat[worst] > 0:
         # Projected, orthogonally in the kinetic energy.
@@ -152,16 +175,23 @@ def initial_velocities(what: System, values: Values, positions: Array, given: Va
         lifted = np.asarray(np.linalg.pinv(mass) @ rows.transpose(0, 2, 1), dtype=float)
         multipliers = _times(np.asarray(np.linalg.pinv(rows @ lifted), dtype=float), defects)
         better = velocities - _times(lifted, multipliers)
-        if not np.isfinite(better).all() or np.abs(_times(rows, better - velocities) + defects).max() > 1e-6:
+        if (
+            not np.isfinite(better).all()
+            or np.abs(_times(rows, better - velocities) + defects).max() > 1e-6
+        ):
             raise InputError(say("not_projected"), "/initial")
         off = (beyond > 0).any(axis=1)
         if not project:
             member, place = divmod(worst, len(what.constraints))
-            hint = ", ".join(f"{name} {value:.9g}" for name, value in zip(names, better[member], strict=True))
+            hint = ", ".join(
+                f"{name} {value:.9g}" for name, value in zip(names, better[member], strict=True)
+            )
             fault = f"member {member}: " if len(places) > 1 else ""
             fault += say("violated", place + 1, defects[member, place])
             plain = say("violated_plain", fault, hint)
-            raise InputError(say("violated_project", fault, hint), "/initial/velocities", plain=plain)
+            raise InputError(
+                say("violated_project", fault, hint), "/initial/velocities", plain=plain
+            )
         velocities[off] = better[off]
     return velocities.reshape(positions.shape)
 
@@ -173,9 +203,13 @@ def _times(matrices: Array, vectors: Array) -> Array:
 
 
 def angles(scene: Scene) -> NDArray[np.bool_]:
-    """Which coordinates are angles, (n,): they occur only in sines and cosines of their integer multiples."""
+    """Which coordinates are angles, (n,): they occur only in sines and cosines of their integer
+    multiples.
+    """
     known = ex.distinct_nodes(scene.formulas)
-    waves = [node for node in known if isinstance(node, ex.Apply) and node.function in functions.CIRCULAR]
+    waves = [
+        node for node in known if isinstance(node, ex.Apply) and node.function in functions.CIRCULAR
+    ]
 
     def is_angle(name: ex.Symbol) -> bool:
         turns: dict[ex.Expression, ex.Expression] = {}
@@ -183,18 +217,27 @@ def angles(scene: Scene) -> NDArray[np.bool_]:
             slope = calculus.differentiate(wave.argument, name)
             if isinstance(slope, ex.Number) and slope != ex.ZERO and slope.value.denominator == 1:
                 turns[wave] = ex.PI
-        return bool(turns) and not any(ex.holds(ex.substitute(tree, turns), name) for tree in scene.formulas)
+        return bool(turns) and not any(
+            ex.holds(ex.substitute(tree, turns), name) for tree in scene.formulas
+        )
 
     return np.array([is_angle(ex.Symbol(name)) for name in scene.coordinates])
 
 
-def velocities_from_momenta(what: System, values: Mapping[str, float], positions: Array, target: Array) -> Array:
-    """v with dL/dv(q, v) = p, (n,); one step for a quadratic L, Newton elsewhere. InputError where that fails."""
+def velocities_from_momenta(
+    what: System, values: Mapping[str, float], positions: Array, target: Array
+) -> Array:
+    """v with dL/dv(q, v) = p, (n,); one step for a quadratic L, Newton elsewhere. InputError where
+    that fails.
+    """
     if what.lagrangian is None:
         raise InputError(say("no_momenta"), "/initial/momenta")
     names, n = what.coordinates, len(what.coordinates)
     masses = euler_lagrange.hessian(what.lagrangian, names)
-    trees = [*euler_lagrange.momenta(what.lagrangian, names), *(entry for row in masses for entry in row)]
+    trees = [
+        *euler_lagrange.momenta(what.lagrangian, names),
+        *(entry for row in masses for entry in row),
+    ]
     for attempt in (0.0, 1.0, 0.1):
         velocities = np.full(n, attempt)
         for _ in range(MOST_ITERATIONS):
@@ -210,7 +253,9 @@ def velocities_from_momenta(what: System, values: Mapping[str, float], positions
 
 
 def _linear(what: System, values: Values, positions: Array) -> tuple[Array, Array]:
-    """The coefficients of the velocities (N, m, n) and what is free of them (N, m) at the positions (N, n)."""
+    """The coefficients of the velocities (N, m, n) and what is free of them (N, m) at the positions
+    (N, n).
+    """
     names, constraints = what.coordinates, what.constraints
     table = table_of(names, positions, np.zeros(positions.shape), values)
     shape = (len(constraints), len(names), len(positions))
@@ -234,10 +279,16 @@ def _filled(names: tuple[str, ...], rows: Array, offsets: Array, given: Values) 
     ranks = (sizes > RANK * np.maximum(sizes.max(axis=1, initial=0.0), 1e-300)[:, None]).sum(axis=1)
     if (ranks < len(missing)).any():
         one = inner[int(np.argmin(ranks))]  # what its null space moves is open
-        open_ = np.flatnonzero(np.abs(np.eye(len(missing)) - np.linalg.pinv(one, RANK) @ one).max(axis=0) > 1e-8)
+        open_ = np.flatnonzero(
+            np.abs(np.eye(len(missing)) - np.linalg.pinv(one, RANK) @ one).max(axis=0) > 1e-8
+        )
         shown, wanted = ", ".join(names[missing[k]] for k in open_), len(missing) - int(ranks.min())
         add_ = "them" if wanted == len(open_) else f"{wanted} of them"
-        fault = say("velocities_missing", shown, add_) if len(open_) > 1 else say("velocity_missing", shown)
+        fault = (
+            say("velocities_missing", shown, add_)
+            if len(open_) > 1
+            else say("velocity_missing", shown)
+        )
         raise InputError(fault, "/initial/velocities")
     square = inner.shape[1] == inner.shape[2]
     inverse = np.asarray((np.linalg.inv if square else np.linalg.pinv)(inner), dtype=float)

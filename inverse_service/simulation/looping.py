@@ -1,7 +1,9 @@
-"""Which steps run in the loops of `kernels.codegen.loops`, and their programs from the graph of a scene.
+"""Which steps run in the loops of `kernels.codegen.loops`, and their programs from the graph of a
+scene.
 
-A step that is written out for its scene is faster where it is short. Compiled code grows with it, by the number of
-stages and by eliminations, while loops call the formulas of the scene, which are compiled once.
+A step that is written out for its scene is faster where it is short. Compiled code grows with it,
+by the number of stages and by eliminations, while loops call the formulas of the scene, which are
+compiled once.
 """
 
 from collections.abc import Iterator, Mapping
@@ -33,14 +35,19 @@ from inverse_service.simulation.sentences import say
 
 SMALL = 2  # coordinates up to which no step is long
 MOST_CONSTRAINTS, MOST_OPERATIONS = 4, 400_000
-LONG, COUPLED = 4000, 6  # operations of a step; unknowns of one block, whose elimination is written out
+LONG, COUPLED = (
+    4000,
+    6,
+)  # operations of a step; unknowns of one block, whose elimination is written out
 MOVING = MOMENT | PLACE | SPEED
 EXPLICIT, OWN = ("adaptive", "runge_kutta"), ("hamiltonian", "raw")
 
 
 @lru_cache(maxsize=64)
 def is_looped(problem: data.Problem, choice: data.MethodChoice) -> bool:
-    """Whether the steps of a method run in loops: those that are long, of methods that have loops."""
+    """Whether the steps of a method run in loops: those that are long, of methods that have
+    loops.
+    """
     if len(problem.coordinates) <= SMALL or not _has_loops(problem, choice):
         return False
     if nf.switching_functions(problem.formulas, problem.coordinates):
@@ -52,7 +59,9 @@ def is_looped(problem: data.Problem, choice: data.MethodChoice) -> bool:
     if not all(map(program.graph.is_compilable, program.outputs.values())):
         return False
     plan = looped.plan_of(program)
-    if len(problem.constraints) > MOST_CONSTRAINTS:  # the rank of fewer is watched in steps that are written out
+    if (
+        len(problem.constraints) > MOST_CONSTRAINTS
+    ):  # the rank of fewer is watched in steps that are written out
         return True
     span = range(len(program.right))
     coupled: dict[int, set[int]] = {k: set() for k in span}
@@ -60,7 +69,9 @@ def is_looped(problem: data.Problem, choice: data.MethodChoice) -> bool:
         coupled[i].add(j)
         coupled[j].add(i)
     sizes = [len(block) for block in components({k: sorted(coupled[k]) for k in span})]
-    size = len(program.graph.operations(program.outputs["evaluate"])) + sum(count**3 for count in sizes)
+    size = len(program.graph.operations(program.outputs["evaluate"])) + sum(
+        count**3 for count in sizes
+    )
     return max(sizes) > COUPLED or size * plan.numbers.get("stages", 1) > LONG
 
 
@@ -73,7 +84,9 @@ def _has_loops(problem: data.Problem, choice: data.MethodChoice) -> bool:
     return own or choice.method == "nonholonomic"
 
 
-def program_of(problem: data.Problem, choice: data.MethodChoice, observation: data.Observation) -> looped.LoopProgram:
+def program_of(
+    problem: data.Problem, choice: data.MethodChoice, observation: data.Observation
+) -> looped.LoopProgram:
     """The program of a method; raises NotInGraph where a formula is none of numbers."""
     scene = graph_of(problem)
     g, n, watches = scene.graph, scene.size, list[tuple[str, int, str, str]]()
@@ -86,7 +99,10 @@ def program_of(problem: data.Problem, choice: data.MethodChoice, observation: da
         orders = method_table.PAIRS if choice.method == "adaptive" else (*method_table.TABLEAUX,)
         tableau = choice.order if choice.order in orders else orders[0]
     if choice.guard and choice.method != "adaptive":
-        watches = [("sign", g.node(wall), printing.to_text(wall), say("regular_motion")) for wall in walls_of(problem)]
+        watches = [
+            ("sign", g.node(wall), printing.to_text(wall), say("regular_motion"))
+            for wall in walls_of(problem)
+        ]
     parts: dict[str, Any]
     if not explicit:
         right, entries, pushes = scene.discrete
@@ -115,7 +131,9 @@ def _nodes(part: Any) -> Iterator[int]:
 def evaluated(
     problem: data.Problem, choice: data.MethodChoice, observation: data.Observation
 ) -> tuple[SceneGraph, list[int]]:  # fmt: skip
-    """The graph of a problem and the nodes that a step evaluates, whether it runs in loops or is written out."""
+    """The graph of a problem and the nodes that a step evaluates, whether it runs in loops or is
+    written out.
+    """
     if _has_loops(problem, choice):
         outputs = program_of(problem, choice, observation).outputs.values()
         return graph_of(problem), [node for part in outputs for node in part]
@@ -126,13 +144,25 @@ def evaluated(
         scene = graph_of(problem)
         moving = {scene.graph.read[name] for name in map(ex.Symbol, (*names, *momenta))}
         slopes = scene.graph.gradient(scene.graph.node(tree), PLACE | PARAMETER)
-        nodes = [node for place, node in slopes.items() if scene.graph.known[graphs.LEAF, place, None] in moving]
+        nodes = [
+            node
+            for place, node in slopes.items()
+            if scene.graph.known[graphs.LEAF, place, None] in moving
+        ]
     else:
         scene = graph_of(problem)
-        sums = scene.accelerations if problem.free_lagrangian is None else [scene.graph.node(problem.free_lagrangian)]
+        sums = (
+            scene.accelerations
+            if problem.free_lagrangian is None
+            else [scene.graph.node(problem.free_lagrangian)]
+        )
         nodes = list(sums) if problem.free_lagrangian is None else []
         if choice.method != "reference":
-            nodes += [slope for node in sums for slope in scene.graph.gradient(node, PLACE | SPEED).values()]
+            nodes += [
+                slope
+                for node in sums
+                for slope in scene.graph.gradient(node, PLACE | SPEED).values()
+            ]
     energies = [scene.energy for one in observation if one.with_energy]
     others = [scene.graph.node(one.expression) for one in observation]
     return scene, [*nodes, *scene.constraints, *scene.forces, *energies, *others]
@@ -141,8 +171,15 @@ def evaluated(
 def walls_of(problem: data.Problem) -> Iterator[ex.Expression]:
     """Poles, ends and kinks of the formulas of a motion, whose signs stay."""
     names = (*problem.coordinates, ex.TIME.name)
-    trees = (problem.lagrangian, *(problem.accelerations or ()), *problem.constraints, *problem.forces)
-    yield from dict.fromkeys(wall for tree in trees if tree is not None for wall in nf.walls(tree, names))
+    trees = (
+        problem.lagrangian,
+        *(problem.accelerations or ()),
+        *problem.constraints,
+        *problem.forces,
+    )
+    yield from dict.fromkeys(
+        wall for tree in trees if tree is not None for wall in nf.walls(tree, names)
+    )
 
 
 def depends_on_velocities(problem: data.Problem) -> bool:
@@ -160,15 +197,18 @@ def momenta_at(problem: data.Problem, columns: Mapping[str, Any]) -> Any:
 
 
 def without_force(problem: data.Problem, columns: Mapping[str, Any]) -> Outcome | None:
-    """The outcome if a force of the scene has no value at the start: it is not finite, or divides by 0, or takes the
-    logarithm of 0, even if the value seems to be one, as atan(v/x) at x = 0."""
+    """The outcome if a force of the scene has no value at the start: it is not finite, or divides
+    by 0, or takes the logarithm of 0, even if the value seems to be one, as atan(v/x) at x = 0.
+    """
     scene = graph_of(problem)
     g, inputs = scene.graph, _inputs(scene, columns)
     forces = scene.linear[0][: scene.size]
     values = np.array(g.values(forces, inputs), dtype=float)
     lost = ~np.isfinite(values)
     below = g.below(forces)
-    divisors = {k: g.keys[k][1] for k in below if g.keys[k][0] == graphs.RECIPROCAL or g.keys[k][2] == "log"}
+    divisors = {
+        k: g.keys[k][1] for k in below if g.keys[k][0] == graphs.RECIPROCAL or g.keys[k][2] == "log"
+    }
     zeros = np.array(g.values([*divisors.values()], inputs), dtype=float) == 0.0
     at_zero = {k for k, zero in zip(divisors, zeros, strict=True) if zero}
     for k, name in enumerate(problem.coordinates):
@@ -179,8 +219,12 @@ def without_force(problem: data.Problem, columns: Mapping[str, Any]) -> Outcome 
     return None
 
 
-def first_signs(problem: data.Problem, choice: data.MethodChoice, columns: Mapping[str, Any]) -> dict[str, Any]:
-    """The signs that walls have at the start, where they are more than round-off: the first step may pass a zero."""
+def first_signs(
+    problem: data.Problem, choice: data.MethodChoice, columns: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The signs that walls have at the start, where they are more than round-off: the first step
+    may pass a zero.
+    """
     if not choice.guard or choice.method == "adaptive" or not is_looped(problem, choice):
         return {}
     scene, found = graph_of(problem), {}
@@ -190,12 +234,16 @@ def first_signs(problem: data.Problem, choice: data.MethodChoice, columns: Mappi
             slopes = g.gradient(wall, MOVING)
             value, *rates = g.values([wall, *slopes.values()], inputs)
             noise = sum(abs(rate * inputs[k]) for k, rate in zip(slopes, rates, strict=True))
-            found[f"watch_{place}"] = np.where(np.abs(value) > ROUND_OFF_AT_START * noise, np.sign(value), 0.0)
+            found[f"watch_{place}"] = np.where(
+                np.abs(value) > ROUND_OFF_AT_START * noise, np.sign(value), 0.0
+            )
     return found
 
 
 def _inputs(scene: SceneGraph, columns: Mapping[str, Any]) -> dict[int, Any]:
     """The inputs of a graph from the numbers of a kernel by name."""
     n, found = scene.size, {0: columns.get("t", 0.0)}
-    found |= {1 + k: columns[f"q{k}"] for k in range(n)} | {1 + n + k: columns[f"v{k}"] for k in range(n)}
+    found |= {1 + k: columns[f"q{k}"] for k in range(n)} | {
+        1 + n + k: columns[f"v{k}"] for k in range(n)
+    }
     return found | {3 + 2 * n + k: columns[f"c{k}"] for k in range(len(scene.problem.parameters))}

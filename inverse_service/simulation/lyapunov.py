@@ -2,8 +2,9 @@
 
     w_i'' = sum_j (df_i/dq_j) w_j + (df_i/dq_j') w_j'
 
-integrated with q'' = f by `adaptive`; w is brought back to length 1 after each of PARTS parts of the run. The mean
-of log |w| over time is the exponent. G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Meccanica 15 (1980) 9.
+integrated with q'' = f by `adaptive`; w is brought back to length 1 after each of PARTS parts of
+the run. The mean of log |w| over time is the exponent. G. Benettin, L. Galgani, A. Giorgilli, J.-M.
+Strelcyn, Meccanica 15 (1980) 9.
 """
 
 from typing import Any
@@ -12,7 +13,12 @@ import numpy as np
 
 from inverse_service.expressions import arrays, calculus, collecting, tree as ex
 from inverse_service.integrators.trajectory import Array
-from inverse_service.simulation import derivation, execution, numeric_formulas as nf, scene_data as data
+from inverse_service.simulation import (
+    derivation,
+    execution,
+    numeric_formulas as nf,
+    scene_data as data,
+)
 from inverse_service.simulation.sentences import say
 
 PARTS = 200
@@ -20,12 +26,17 @@ CHOICE = data.MethodChoice("adaptive", tolerance=1e-10)
 
 
 def largest_exponent(derived: derivation.Derived) -> dict[str, Any]:
-    """{largest, half, time}: the exponent over the whole run and over its first half, which shows its convergence."""
+    """{largest, half, time}: the exponent over the whole run and over its first half, which shows
+    its convergence.
+    """
     scene, motion = derived.scene, derived.motion()
     if scene.contacts or any(event.acts for event in scene.events):
         return {"largest": None, "note": say("exponent_with_events")}
     # The motion with its variational equations; the tangent of x has a name that no formula uses.
-    tangents, given = tuple(f"tangent_of_{name}" for name in scene.coordinates), motion.accelerations or ()
+    tangents, given = (
+        tuple(f"tangent_of_{name}" for name in scene.coordinates),
+        motion.accelerations or (),
+    )
     pairs = list(zip(nf.state_names(scene.coordinates), nf.state_names(tangents), strict=True))
     sums = (ex.add(*(calculus.differentiate(force, x) * w for x, w in pairs)) for force in given)
     moving, whole = (*scene.coordinates, *tangents), (*given, *map(collecting.collect, sums))
@@ -36,7 +47,9 @@ def largest_exponent(derived: derivation.Derived) -> dict[str, Any]:
     slopes = [calculus.differentiate(one, name) for one in scene.constraints for name in names]
 
     def kept(tangent: Array) -> Array:
-        """Tangent to motions that keep the constraints, (2 n,): others, which the accelerations have too, may part."""
+        """Tangent to motions that keep the constraints, (2 n,): others, which the accelerations
+        have too, may part.
+        """
         table = nf.table_of(scene.coordinates, positions[None], velocities[None], scene.values)
         rows = np.array(arrays.array_values(slopes, table)).reshape(-1, 2 * n)
         found: Array = tangent - np.linalg.pinv(rows) @ (rows @ tangent) if slopes else tangent
@@ -60,4 +73,8 @@ def largest_exponent(derived: derivation.Derived) -> dict[str, Any]:
         size = float(np.linalg.norm(tangent))
         total, tangent = total + float(np.log(size)), tangent / size
         halves.append(total)
-    return {"largest": total / length, "half": halves[PARTS // 2 - 1] / (length / 2), "time": length}
+    return {
+        "largest": total / length,
+        "half": halves[PARTS // 2 - 1] / (length / 2),
+        "time": length,
+    }

@@ -1,9 +1,12 @@
-"""A problem in the names that kernels use: q0, v0, p0, c0, ... and the callables that the methods take.
+"""A problem in the names that kernels use: q0, v0, p0, c0, ... and the callables that the methods
+take.
 
-A wall is a formula whose zeros are poles, ends or kinks of another: u of 1/u, log(u), sqrt(u), and u of sqrt(u^2);
-cos(u) of tan(u). Along a motion it keeps its sign, or the motion has left the domain that it began in.
+A wall is a formula whose zeros are poles, ends or kinks of another: u of 1/u, log(u), sqrt(u), and
+u of sqrt(u^2); cos(u) of tan(u). Along a motion it keeps its sign, or the motion has left the
+domain that it began in.
 
-`array_value` is the value of a formula along a trajectory: one numpy operation for each node of the tree.
+`array_value` is the value of a formula along a trajectory: one numpy operation for each node of the
+tree.
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -28,17 +31,25 @@ MOMENT = se.symbol("t")
 
 
 def walls(tree: ex.Expression, names: Collection[str]) -> Iterator[ex.Expression]:
-    """The walls of the tree that hold a velocity or one of the names, among them t where its poles count too."""
+    """The walls of the tree that hold a velocity or one of the names, among them t where its poles
+    count too.
+    """
     moving = {*map(ex.Symbol, names)}
-    for found in dict.fromkeys(wall for node in ex.distinct_nodes([tree]) for wall in _walls_of(node)):
+    for found in dict.fromkeys(
+        wall for node in ex.distinct_nodes([tree]) for wall in _walls_of(node)
+    ):
         if any(isinstance(leaf, ex.Velocity) or leaf in moving for leaf in ex.walk(found)):
             yield from _without_squares(found)
 
 
 @lru_cache(maxsize=256)
 def _without_squares(wall: ex.Expression) -> tuple[ex.Expression, ...]:
-    """The factors of a sum that is no product of different ones: the sign of x^2 - 2 x + 1 shows no zero."""
-    names = [node for node in dict.fromkeys(ex.walk(wall)) if isinstance(node, ex.Symbol | ex.Velocity)]
+    """The factors of a sum that is no product of different ones: the sign of x^2 - 2 x + 1 shows no
+    zero.
+    """
+    names = [
+        node for node in dict.fromkeys(ex.walk(wall)) if isinstance(node, ex.Symbol | ex.Velocity)
+    ]
     tree = wall
     if isinstance(wall, ex.Sum):
         with suppress(exact_field.TooLarge, ZeroDivisionError, KeyError):
@@ -48,12 +59,18 @@ def _without_squares(wall: ex.Expression) -> tuple[ex.Expression, ...]:
     return tuple(_factors(tree)) if squared else (wall,)
 
 
-def switching_functions(trees: Sequence[ex.Expression | None], coordinates: Sequence[str]) -> tuple[ex.Expression, ...]:
+def switching_functions(
+    trees: Sequence[ex.Expression | None], coordinates: Sequence[str]
+) -> tuple[ex.Expression, ...]:
     """The u of every sqrt(u^2) that changes along a motion, those that others contain first."""
     moving, found = [ex.TIME, *state_names(coordinates)], []
     for node in ex.distinct_nodes([tree for tree in trees if tree is not None]):
         for inner, root in ex.powers_of(node) if isinstance(node, ex.Power) else ():
-            squares = [u for u, power in ex.powers_of(inner) if power % 2 == 0] if root.denominator != 1 else []
+            squares = (
+                [u for u, power in ex.powers_of(inner) if power % 2 == 0]
+                if root.denominator != 1
+                else []
+            )
             found += [u for u in squares if ex.holds(u, *moving)]
     return tuple(dict.fromkeys(reversed(found)))
 
@@ -66,7 +83,11 @@ def state_names(coordinates: Sequence[str]) -> list[ex.Expression]:
 def _walls_of(node: ex.Expression) -> Iterator[ex.Expression]:
     match node:
         case ex.Power(base, exponent):
-            if not (isinstance(exponent, ex.Number) and exponent.value > 0 and exponent.value.denominator == 1):
+            if not (
+                isinstance(exponent, ex.Number)
+                and exponent.value > 0
+                and exponent.value.denominator == 1
+            ):
                 yield from _factors(base)
         case ex.Apply("log", argument):
             yield from _factors(argument)
@@ -87,8 +108,9 @@ def _factors(base: ex.Expression) -> Iterator[ex.Expression]:
 
 @dataclass(frozen=True, slots=True)
 class Denominator:
-    """What a formula divides by, or takes a logarithm or a root of: where it vanishes, the formula has a pole or an
-    end."""
+    """What a formula divides by, or takes a logarithm or a root of: where it vanishes, the formula
+    has a pole or an end.
+    """
 
     formula: se.Formula
     text: str
@@ -110,7 +132,10 @@ class Formulas:
         """Whether an acceleration does."""
         if self.problem.accelerations is None:
             matrix, right = self.linear_motion
-            return any(not part.free_symbols.isdisjoint(self.symbols("v")) for part in (*matrix.flat, *right))
+            return any(
+                not part.free_symbols.isdisjoint(self.symbols("v"))
+                for part in (*matrix.flat, *right)
+            )
         return any(se.contains(force, v) for force in self.accelerations for v in self.symbols("v"))
 
     @cached_property
@@ -133,7 +158,9 @@ class Formulas:
     def of(self, tree: ex.Expression | None, what: str) -> se.Formula:
         """The tree, translated; InputError where the problem does not have it."""
         if tree is None:
-            raise errors.InputError(f"This method needs {what}, which the system of this scene does not have.")
+            raise errors.InputError(
+                f"This method needs {what}, which the system of this scene does not have."
+            )
         return se.translate(tree, self.table)
 
     @cached_property
@@ -147,7 +174,10 @@ class Formulas:
 
     @cached_property
     def free_lagrangian(self) -> se.Formula:
-        return self.of(self.problem.free_lagrangian, "a free Lagrangian (that of a variational associated system)")
+        return self.of(
+            self.problem.free_lagrangian,
+            "a free Lagrangian (that of a variational associated system)",
+        )
 
     @cached_property
     def hamiltonian(self) -> se.Formula:
@@ -161,8 +191,10 @@ class Formulas:
 
     @cached_property
     def linear_motion(self) -> tuple[Vector, Vector]:
-        """[[g, -w^T], [w, 0]] and (L_q - L_vq v - L_vt + Q, -w' v - c'): the matrix and the right-hand side of the
-        linear equations for (q'', lambda), (n + m, n + m) and (n + m,); `pulls` of the problem in the place of w^T."""
+        """[[g, -w^T], [w, 0]] and (L_q - L_vq v - L_vt + Q, -w' v - c'): the matrix and the
+        right-hand side of the linear equations for (q'', lambda), (n + m, n + m) and (n + m,);
+        `pulls` of the problem in the place of w^T.
+        """
         n, q, v = self.size, self.symbols("q"), self.symbols("v")
         momenta, rows = [self.lagrangian.diff(x) for x in v], self.forms
         matrix = np.full((n + len(rows), n + len(rows)), se.ZERO)
@@ -172,11 +204,17 @@ class Formulas:
 
         def drift(formula: se.Formula) -> se.Formula:
             """Its rate along q' = v at fixed v."""
-            return sum((formula.diff(x) * y for x, y in zip(q, v, strict=True)), formula.diff(MOMENT))
+            return sum(
+                (formula.diff(x) * y for x, y in zip(q, v, strict=True)), formula.diff(MOMENT)
+            )
 
-        right = np.array([self.lagrangian.diff(x) - drift(p) for x, p in zip(q, momenta, strict=True)])
+        right = np.array(
+            [self.lagrangian.diff(x) - drift(p) for x, p in zip(q, momenta, strict=True)]
+        )
         right = right + self.forces if len(self.forces) else right
-        return matrix, np.array([*right, *(-drift(w) for w in self._translated(self.problem.constraints))])
+        return matrix, np.array(
+            [*right, *(-drift(w) for w in self._translated(self.problem.constraints))]
+        )
 
     @cached_property
     def forces(self) -> Vector:
@@ -187,7 +225,9 @@ class Formulas:
         return np.array([se.translate(tree, self.table) for tree in trees], dtype=object)
 
     def pushed(self, slope_q: Gradient, moment: se.Formula) -> Gradient:
-        """L_q + Q in the place of L_q: the discrete forces of Lagrange and d'Alembert at the same point."""
+        """L_q + Q in the place of L_q: the discrete forces of Lagrange and d'Alembert at the same
+        point.
+        """
         if not len(self.forces):
             return slope_q
         return lambda q, v: slope_q(q, v) + put(self.forces, self.point(moment, q=q, v=v))
@@ -196,26 +236,41 @@ class Formulas:
         """H_q - Q at the velocity H_p in the place of H_q."""
         if not len(self.forces):
             return slope_q
-        return lambda q, p: slope_q(q, p) - put(self.forces, self.point(moment, q=q, v=slope_p(q, p)))
+        return lambda q, p: (
+            slope_q(q, p) - put(self.forces, self.point(moment, q=q, v=slope_p(q, p)))
+        )
 
     @cached_property
     def forms(self) -> Vector:
         """omega^a_i(q), one row for each constraint."""
-        rows = [formula.diff(v) for formula in self._translated(self.problem.constraints) for v in self.symbols("v")]
+        rows = [
+            formula.diff(v)
+            for formula in self._translated(self.problem.constraints)
+            for v in self.symbols("v")
+        ]
         return np.array(rows, dtype=object).reshape(-1, self.size)
 
     @cached_property
     def drifts(self) -> Vector:
         """The parts c^a(q) of the constraints omega^a v + c^a = 0 that hold no velocity."""
-        return put(self._translated(self.problem.constraints), dict.fromkeys(self.symbols("v"), se.ZERO))
+        return put(
+            self._translated(self.problem.constraints), dict.fromkeys(self.symbols("v"), se.ZERO)
+        )
 
     def values(self, formulas: Sequence[se.Formula], table: Mapping[str, float]) -> list[float]:
-        """Those of formulas over q, v, the parameters and t; nan or infinite where there is none."""
+        """Those of formulas over q, v, the parameters and t; nan or infinite where there is
+        none.
+        """
         return [float(value) for value in self.rows(formulas, table)[0]] if len(formulas) else []
 
     def rows(self, formulas: Sequence[se.Formula], columns: Mapping[str, float | Array]) -> Array:
         """The same for columns of N numbers, (N, formulas)."""
-        names = [*(str(name) for letter in "qvp" for name in self.symbols(letter)), *self.parameters, "a", str(MOMENT)]
+        names = [
+            *(str(name) for letter in "qvp" for name in self.symbols(letter)),
+            *self.parameters,
+            "a",
+            str(MOMENT),
+        ]
         names = [name for name in names if name in columns]
         with np.errstate(all="ignore"):
             table = np.stack(np.broadcast_arrays(*(columns[name] for name in names)), -1)
@@ -231,10 +286,15 @@ class Formulas:
         """The dependent velocities with their formulas."""
         return {self.symbols("v")[k]: value for k, value in self.dependent.items()}
 
-    def gradient(self, formula: se.Formula, letter: str, second: str = "v", moment: se.Formula = MOMENT) -> Gradient:
-        """The derivatives by the symbols of `letter` at the time `moment`, as a callable of (values of q, values of
-        v or p, as `second` says)."""
-        slopes = np.array([formula.diff(variable) for variable in self.symbols(letter)], dtype=object)
+    def gradient(
+        self, formula: se.Formula, letter: str, second: str = "v", moment: se.Formula = MOMENT
+    ) -> Gradient:
+        """The derivatives by the symbols of `letter` at the time `moment`, as a callable of (values
+        of q, values of v or p, as `second` says).
+        """
+        slopes = np.array(
+            [formula.diff(variable) for variable in self.symbols(letter)], dtype=object
+        )
         return lambda q, other: put(slopes, self.point(moment, q=q, **{second: other}))
 
     def forms_at(self, place: Vector) -> Vector:
@@ -245,18 +305,24 @@ class Formulas:
 
     @cached_property
     def dependent(self) -> dict[int, se.Formula]:
-        """Velocities determined by the constraints as functions of q and the other velocities: {place: formula}.
+        """Velocities determined by the constraints as functions of q and the other velocities:
+        {place: formula}.
 
-        A velocity with a constant coefficient is taken where there is one, else the last of the constraint.
+        A velocity with a constant coefficient is taken where there is one, else the last of the
+        constraint.
         """
         solved: dict[int, se.Formula] = {}
         velocities = self.symbols("v")
         for row, drift in zip(self.forms, self.drifts, strict=True):
-            formula = (row @ velocities + drift).subs({velocities[k]: value for k, value in solved.items()})
+            formula = (row @ velocities + drift).subs(
+                {velocities[k]: value for k, value in solved.items()}
+            )
             entries = [formula.diff(v) for v in velocities]
             present = [k for k, entry in enumerate(entries) if entry != se.ZERO]
             if not present:
-                raise errors.InputError("The constraints are not independent: leave the redundant one out.")
+                raise errors.InputError(
+                    "The constraints are not independent: leave the redundant one out."
+                )
             place = ([k for k in present if not entries[k].free_symbols] or present)[-1]
             rest = formula.subs({velocities[place]: se.ZERO})
             value = (-rest / entries[place]).expand()
@@ -277,9 +343,17 @@ class Formulas:
         return what.accelerations or (*lagrangian, *what.constraints, *what.forces)
 
     def walls_of(self, trees: Sequence[ex.Expression | None]) -> list[Denominator]:
-        """The walls whose signs must not change for the formulas to stay smooth, without repetition."""
-        names = (*self.problem.coordinates, *(f"p_{name}" for name in self.problem.coordinates), ex.TIME.name)
-        found = dict.fromkeys(wall for tree in trees if tree is not None for wall in walls(tree, names))
+        """The walls whose signs must not change for the formulas to stay smooth, without
+        repetition.
+        """
+        names = (
+            *self.problem.coordinates,
+            *(f"p_{name}" for name in self.problem.coordinates),
+            ex.TIME.name,
+        )
+        found = dict.fromkeys(
+            wall for tree in trees if tree is not None for wall in walls(tree, names)
+        )
         return [self._denominator(wall) for wall in found]
 
     @cached_property
@@ -289,13 +363,16 @@ class Formulas:
 
     @cached_property
     def momenta_may_fail(self) -> list[se.Formula]:
-        """p - L~_v(q, H_p), where it is not seen to be 0: a Legendre map whose image is not the space of all momenta.
+        """p - L~_v(q, H_p), where it is not seen to be 0: a Legendre map whose image is not the
+        space of all momenta.
 
         An L~ quadratic in the velocities has one of all; empty there.
         """
         velocities, momenta = self.symbols("v"), self.symbols("p")
         slopes = [self.free_lagrangian.diff(v) for v in velocities]
-        if not any(slope.diff(v).free_symbols & set(velocities) for slope in slopes for v in velocities):
+        if not any(
+            slope.diff(v).free_symbols & set(velocities) for slope in slopes for v in velocities
+        ):
             return []
         inverted = dict(zip(velocities, map(self.hamiltonian.diff, momenta), strict=True))
         defects = (p - slope.subs(inverted) for p, slope in zip(momenta, slopes, strict=True))
@@ -314,14 +391,17 @@ def formulas_of(problem: Problem) -> Formulas:
 
 def put(formulas: Vector, table: Mapping[se.Formula, se.Formula]) -> Vector:
     """The formulas, of any shape, with what the table has in the place of names."""
-    return np.array([formula.subs(table) for formula in formulas.flat], dtype=object).reshape(formulas.shape)
+    return np.array([formula.subs(table) for formula in formulas.flat], dtype=object).reshape(
+        formulas.shape
+    )
 
 
 def table_of(
     coordinates: tuple[str, ...], positions: Array, velocities: Array | None, values: Mapping[str, float | Array],
     times: Array | None = None,
 ) -> dict[ex.Expression, Any]:  # fmt: skip
-    """Names to arrays: `positions` and `velocities` are (m, n), each column a coordinate; parameters numbers or (m,).
+    """Names to arrays: `positions` and `velocities` are (m, n), each column a coordinate;
+    parameters numbers or (m,).
 
     `times` (m,) are values of t; left out, t is 0, as at the start.
     """

@@ -1,17 +1,24 @@
-"""The observed quantities of a run: formulas for the kernel, and numbers and columns from the recorded points.
+"""The observed quantities of a run: formulas for the kernel, and numbers and columns from the
+recorded points.
 
-energy        E = v L_v - L of the original system; max_energy_error = max |E_k/E_0 - 1|, E_0 that of the initial
-              data, at the recorded points with their velocities (those of the momenta), for every method alike;
-              max_discrete_energy_error at the point and velocity of the discrete Lagrangian, over all steps
-constraints   max_constraint = max |w((1-alpha) q_k + alpha q_(k+1)) (q_(k+1) - q_k)/h| over all steps, and
-              max_constraint_at_points = max |w(q_k) v_k| with v_k from the momenta of a variational method
-momenta       the momenta that the method's Lagrangian conserves (cyclic coordinates): max |p_k - p_0|
-phase         angle by which the chords of the path are ahead of those of the true path (`circles`)
-error         max |q_k - q(t_k)| against the exact solution or the reference, coordinate by coordinate
+energy        E = v L_v - L of the original system; max_energy_error = max |E_k/E_0 - 1|, E_0 that
+of the initial
+              data, at the recorded points with their velocities (those of the momenta), for every
+              method alike; max_discrete_energy_error at the point and velocity of the discrete
+              Lagrangian, over all steps
+constraints   max_constraint = max |w((1-alpha) q_k + alpha q_(k+1)) (q_(k+1) - q_k)/h| over all
+steps, and
+              max_constraint_at_points = max |w(q_k) v_k| with v_k from the momenta of a variational
+              method
+momenta       the momenta that the method's Lagrangian conserves (cyclic coordinates): max |p_k -
+p_0| phase         angle by which the chords of the path are ahead of those of the true path
+(`circles`) error         max |q_k - q(t_k)| against the exact solution or the reference, coordinate
+by coordinate
 
-Velocities at the points come from the momenta of the method and are as accurate as it is: v = dH~/dp(q_k, p_k) of the
-variational method; of the nonholonomic one v = g^-1 (p_k - b) with L_v = g v + b, put on the constraints, as p_k still
-holds half a reaction. Methods of order 2 without momenta have differences of the positions about each point.
+Velocities at the points come from the momenta of the method and are as accurate as it is: v =
+dH~/dp(q_k, p_k) of the variational method; of the nonholonomic one v = g^-1 (p_k - b) with L_v = g
+v + b, put on the constraints, as p_k still holds half a reaction. Methods of order 2 without
+momenta have differences of the positions about each point.
 """
 
 from __future__ import annotations
@@ -50,11 +57,17 @@ def greatest(values: Array) -> float | None:
 
 def lagrangian_of_energy(scene: data.Scene) -> ex.Expression | None:
     """The Lagrangian of the scene; of a system given by its equations the one that was found."""
-    return scene.found.lagrangian if scene.lagrangian is None and scene.found is not None else scene.lagrangian
+    return (
+        scene.found.lagrangian
+        if scene.lagrangian is None and scene.found is not None
+        else scene.lagrangian
+    )
 
 
 def energies(scene: data.Scene, table: Mapping[ex.Expression, Any]) -> tuple[Array, Array]:
-    """E and |v dL/dv|/2, the kinetic energy where L has masses, at the points of a table, (m,) each."""
+    """E and |v dL/dv|/2, the kinetic energy where L has masses, at the points of a table, (m,)
+    each.
+    """
     lagrangian, names = lagrangian_of_energy(scene), scene.coordinates
     assert lagrangian is not None
     graph, inputs, count = scene_graph.on_table(names, lagrangian, (), table)
@@ -70,14 +83,22 @@ def start_energy(scene: data.Scene) -> float | None:
 
 
 def without_noise(energies: Array, kinetic: Array) -> Array:
-    """The energies, 0 where they are what the round-off of their parts leaves, as for a parabolic orbit."""
+    """The energies, 0 where they are what the round-off of their parts leaves, as for a parabolic
+    orbit.
+    """
     return np.where(np.abs(energies) <= ROUND_OFF * kinetic, 0.0, energies)
 
 
 def observables(scene: data.Scene, choice: data.MethodChoice) -> data.Observation:
-    """The formulas that the kernel of a method evaluates at every step: only those of the observed quantities."""
+    """The formulas that the kernel of a method evaluates at every step: only those of the observed
+    quantities.
+    """
     found = []
-    if "energy" in scene.observe and scene.lagrangian is not None and has_discrete_energy(scene, choice):
+    if (
+        "energy" in scene.observe
+        and scene.lagrangian is not None
+        and has_discrete_energy(scene, choice)
+    ):
         found.append(data.Observable("energy_error", -ex.Symbol(ENERGY_START), with_energy=True))
     if "constraints" in scene.observe:
         found += [data.Observable(f"constraint_{k}", w) for k, w in enumerate(scene.constraints, 1)]
@@ -87,7 +108,9 @@ def observables(scene: data.Scene, choice: data.MethodChoice) -> data.Observatio
 def observed_problem(
     scene: data.Scene, problem: data.Problem, choice: data.MethodChoice
 ) -> tuple[data.Problem, data.Observation]:  # fmt: skip
-    """The problem with the parameters that the observed formulas need, and the recorded formulas."""
+    """The problem with the parameters that the observed formulas need, and the recorded
+    formulas.
+    """
     observation = observables(scene, choice)
     formulas = [one.expression for one in observation]
     if any(one.with_energy for one in observation):
@@ -96,15 +119,19 @@ def observed_problem(
 
 
 def has_discrete_energy(scene: data.Scene, choice: data.MethodChoice) -> bool:
-    """Whether the energy of the discrete Lagrangian is one quantity: of methods of order 2 that have one."""
+    """Whether the energy of the discrete Lagrangian is one quantity: of methods of order 2 that
+    have one.
+    """
     return choice.method in method_table.GEOMETRIC and choice.order <= 2 and scene.found is None
 
 
 def beginning(
     scene: data.Scene, requested: data.Requested, free: data.FreeLagrangian | None
 ) -> tuple[dict[str, float], data.Start]:
-    """Numbers of all parameters, the free constants of the method and the energy to compare with among them, and the
-    start: momenta where L~ gives them itself (they may be 0/0 in the velocities)."""
+    """Numbers of all parameters, the free constants of the method and the energy to compare with
+    among them, and the start: momenta where L~ gives them itself (they may be 0/0 in the
+    velocities).
+    """
     values = dict(scene.values) | (dict(free.constants) if free else {}) | dict(requested.constants)
     if "energy" in scene.observe and scene.lagrangian is not None:
         values[ENERGY_START] = start_energy(scene) or 0.0
@@ -130,26 +157,38 @@ def why_energy_varies(scene: data.Scene) -> str | None:
 
 
 def factor_of_time(scene: data.Scene, times: Array) -> Array | None:
-    """f(t)/f(t_0), (m,), of an L = f(t) L_0(q, q'), whose energy is f times T + V; None for any other L."""
+    """f(t)/f(t_0), (m,), of an L = f(t) L_0(q, q'), whose energy is f times T + V; None for any
+    other L.
+    """
     lagrangian = lagrangian_of_energy(scene)
     factors = lagrangian.factors if isinstance(lagrangian, ex.Product) else ()
     timed = [factor for factor in factors if ex.holds(factor, ex.TIME)]
     if not timed or any(ex.holds(factor, *nf.state_names(scene.coordinates)) for factor in timed):
         return None
-    table: dict[ex.Expression, Any] = {ex.Symbol(name): value for name, value in scene.values.items()}
+    table: dict[ex.Expression, Any] = {
+        ex.Symbol(name): value for name, value in scene.values.items()
+    }
     table[ex.TIME] = np.concatenate([[scene.grid.begin], times])
     found = arrays.array_value(ex.multiply(*timed), table)
     return np.asarray(found[1:] / found[0])
 
 
 def point_velocities(
-    scene: data.Scene, problem: data.Problem, method: str, trajectory: Trajectory, values: Mapping[str, Any]
+    scene: data.Scene,
+    problem: data.Problem,
+    method: str,
+    trajectory: Trajectory,
+    values: Mapping[str, Any],
 ) -> Array | None:
-    """(m, n) from the momenta, or None where the method has none or their velocities have no formula or no value."""
+    """(m, n) from the momenta, or None where the method has none or their velocities have no
+    formula or no value.
+    """
     momenta, names = trajectory.momenta, scene.coordinates
     if momenta is None:
         return None
-    if method == "nonholonomic" or (method == "variational" and scene_graph.uses_own_lagrangian(problem)):
+    if method == "nonholonomic" or (
+        method == "variational" and scene_graph.uses_own_lagrangian(problem)
+    ):
         graph = scene_graph.graph_of(problem)
         return graph.velocities(trajectory.positions, momenta, values, trajectory.times)
     if method != "variational" or problem.free_hamiltonian is None:
@@ -158,13 +197,16 @@ def point_velocities(
     table = nf.table_of(names, trajectory.positions, rest, values, trajectory.times)
     symbols = [ex.Symbol(f"p_{name}") for name in names]
     slopes = [calculus.differentiate(problem.free_hamiltonian, p) for p in symbols]
-    return np.column_stack(arrays.array_values(slopes, table | dict(zip(symbols, momenta.T, strict=True))))
+    return np.column_stack(
+        arrays.array_values(slopes, table | dict(zip(symbols, momenta.T, strict=True)))
+    )
 
 
 @dataclass(frozen=True)
 class Observed:
-    """An observed run: `problem` is None for the exact solution, `values` hold the free constants too. A run
-    `in_pieces` has the velocities of its points, and no momenta."""
+    """An observed run: `problem` is None for the exact solution, `values` hold the free constants
+    too. A run `in_pieces` has the velocities of its points, and no momenta.
+    """
 
     scene: data.Scene
     requested: data.Requested
@@ -176,7 +218,9 @@ class Observed:
 
     @cached_property
     def velocities(self) -> Array | None:
-        """(m, n) at the recorded points: from the momenta, else differences of order 2; None where it has neither."""
+        """(m, n) at the recorded points: from the momenta, else differences of order 2; None where
+        it has neither.
+        """
         at, grid = self.trajectory, self.scene.grid
         if self.problem is None or self.requested.alpha is None or self.in_pieces:
             return at.velocities
@@ -189,7 +233,9 @@ class Observed:
     def table(self) -> dict[ex.Expression, Any]:
         """The names of all formulas with their values at the recorded points."""
         at = self.trajectory
-        return nf.table_of(self.scene.coordinates, at.positions, self.velocities, self.values, at.times)
+        return nf.table_of(
+            self.scene.coordinates, at.positions, self.velocities, self.values, at.times
+        )
 
     def values_of(self, *formulas: ex.Expression) -> list[Array]:
         """The formulas at the recorded points, (m,) each."""
@@ -201,23 +247,31 @@ class Observed:
         if not isinstance(self.truth, data.Truth):
             return None
         times = self.truth.times  # the same or more
-        places = np.searchsorted(times, self.trajectory.times - 0.5 * np.diff(times).min(initial=np.inf))
+        places = np.searchsorted(
+            times, self.trajectory.times - 0.5 * np.diff(times).min(initial=np.inf)
+        )
         found: Array = self.truth.positions[np.clip(places, 0, len(times) - 1)]
         return found
 
 
-Observations = tuple[dict[str, Any], dict[str, Array]]  # numbers, and columns at the recorded points
+Observations = tuple[
+    dict[str, Any], dict[str, Array]
+]  # numbers, and columns at the recorded points
 
 
 def observed_quantities(run: Observed, seconds: dict[str, float]) -> Observations:
-    """Numbers and columns of every observed quantity, none of any other; `seconds` gets what each took."""
+    """Numbers and columns of every observed quantity, none of any other; `seconds` gets what each
+    took.
+    """
     numbers: dict[str, Any] = {}
     series: dict[str, Array] = {}
     wanted = {name: QUANTITIES[name] for name in run.scene.observe if name in QUANTITIES}
     for name, quantity in (wanted | ({"own observables": OWN} if run.scene.own else {})).items():
         with derivation.timed(seconds, name):
             found, columns = quantity.observe(run)
-        if quantity is not OWN and (unnamed := [key for key in columns if not _is_of(quantity, key, run.scene)]):
+        if quantity is not OWN and (
+            unnamed := [key for key in columns if not _is_of(quantity, key, run.scene)]
+        ):
             raise AssertionError(f"QUANTITIES does not name the columns {unnamed} of {name}")
         numbers |= found
         series |= columns
@@ -225,7 +279,9 @@ def observed_quantities(run: Observed, seconds: dict[str, float]) -> Observation
 
 
 def _own(run: Observed) -> Observations:
-    """The observables given by formula, at the recorded points: first, last, least and greatest values."""
+    """The observables given by formula, at the recorded points: first, last, least and greatest
+    values.
+    """
     numbers: dict[str, Any] = {}
     series: dict[str, Array] = {}
     for one in run.scene.own:
@@ -238,7 +294,9 @@ def _own(run: Observed) -> Observations:
         numbers[one.name] = {"first": float(column[0]), "last": float(column[-1])}
         lost = ~np.isfinite(column)
         if lost.any():
-            note = say("no_value_at_points", lost.sum(), len(column), run.trajectory.times[lost.argmax()])
+            note = say(
+                "no_value_at_points", lost.sum(), len(column), run.trajectory.times[lost.argmax()]
+            )
             numbers[one.name] |= {"note": note}
         else:
             numbers[one.name] |= {"least": float(column.min()), "greatest": float(column.max())}
@@ -246,7 +304,9 @@ def _own(run: Observed) -> Observations:
 
 
 def _integral(values: Array, times: Array) -> Array:
-    """The integral from the start, (m,), by the cubic through each point and its neighbors: order 4 in the spacing."""
+    """The integral from the start, (m,), by the cubic through each point and its neighbors: order 4
+    in the spacing.
+    """
     steps = np.diff(times)
     parts = steps * (values[1:] + values[:-1]) / 2
     if len(values) > 2:
@@ -255,10 +315,18 @@ def _integral(values: Array, times: Array) -> Array:
 
 
 def _constraints(run: Observed) -> Observations:
-    columns = {key: column for key, column in run.trajectory.series.items() if key.startswith("constraint_")}
+    columns = {
+        key: column
+        for key, column in run.trajectory.series.items()
+        if key.startswith("constraint_")
+    }
     sizes = [size for key, size in run.trajectory.maxima.items() if key.startswith("constraint_")]
     numbers: dict[str, Any] = {"max_constraint": max(sizes, default=None)}
-    if run.requested.method == "variational" and run.scene.constraints and run.velocities is not None:
+    if (
+        run.requested.method == "variational"
+        and run.scene.constraints
+        and run.velocities is not None
+    ):
         numbers["max_constraint_at_points"] = constraint_at_points(run)
     return numbers, columns
 
@@ -269,7 +337,9 @@ def constraint_at_points(run: Observed) -> float | None:
 
 
 def _momenta(run: Observed) -> Observations:
-    """The drift of those of the cyclic coordinates of the method's Lagrangian, which are constant."""
+    """The drift of those of the cyclic coordinates of the method's Lagrangian, which are
+    constant.
+    """
     momenta, scene, problem = run.trajectory.momenta, run.scene, run.problem
     lagrangian = None if problem is None else problem.free_lagrangian or problem.lagrangian
     if problem is None or momenta is None or lagrangian is None:
@@ -301,7 +371,9 @@ def _matching_circle(run: Observed) -> Observations:
 
 
 def _constraint_forces(run: Observed) -> Observations:
-    """The multipliers lambda_a of the constraints and the forces w^T lambda that they exert, at the recorded points."""
+    """The multipliers lambda_a of the constraints and the forces w^T lambda that they exert, at the
+    recorded points.
+    """
     scene = run.scene
 
     def missing(note: str) -> Observations:
@@ -316,7 +388,9 @@ def _constraint_forces(run: Observed) -> Observations:
         return missing("The constraints are too many for a formula.")
     multipliers = run.values_of(*found[1])
     columns = {f"lambda_{a}": column for a, column in enumerate(multipliers, 1)}
-    for name, row in zip(scene.coordinates, zip(*initial.forms_of(scene), strict=True), strict=True):
+    for name, row in zip(
+        scene.coordinates, zip(*initial.forms_of(scene), strict=True), strict=True
+    ):
         columns[f"force_{name}"] = np.sum(np.multiply(run.values_of(*row), multipliers), axis=0)
     formulas = {f"lambda_{a}": printing.to_text(one) for a, one in enumerate(found[1], 1)}
     largest = {name: greatest(column) for name, column in columns.items()}
@@ -324,17 +398,22 @@ def _constraint_forces(run: Observed) -> Observations:
 
 
 def _contact_forces(run: Observed) -> Observations:
-    """The normal force and the friction of each contact at the recorded points, 0 where it does not press."""
+    """The normal force and the friction of each contact at the recorded points, 0 where it does not
+    press.
+    """
     if not run.scene.contacts:
         return {"contact_forces": None, "contact_forces_note": "There are no contacts."}, {}
     names = [f"{kind}_{one.name}" for one in run.scene.contacts for kind in ("normal", "friction")]
     columns = {name: run.trajectory.series[name] for name in names if name in run.trajectory.series}
-    return {"contact_forces": {"greatest": {name: greatest(column) for name, column in columns.items()}}}, columns
+    return {
+        "contact_forces": {"greatest": {name: greatest(column) for name, column in columns.items()}}
+    }, columns
 
 
 def _energy(run: Observed) -> Observations:
-    """The energy at the recorded points for every method; that of the discrete Lagrangian, where there is one, under a
-    separate name."""
+    """The energy at the recorded points for every method; that of the discrete Lagrangian, where
+    there is one, under a separate name.
+    """
     scene = run.scene
     start = start_energy(replace(scene, values=run.values))
     if start is None:
@@ -353,7 +432,9 @@ def _energy(run: Observed) -> Observations:
         absolute = {"energy_error_is": "absolute, because the energy of the start is 0"}
         return numbers | ({} if start else absolute), series
     kept, drifts = _conserved(run)
-    numbers["energy_note"] = f"{note} " + say("see_conserved", scene.conserved[0].name) if kept else note
+    numbers["energy_note"] = (
+        f"{note} " + say("see_conserved", scene.conserved[0].name) if kept else note
+    )
     if (factor := factor_of_time(scene, run.trajectory.times)) is not None:
         series["mechanical_energy"] = points / factor
     if scene.forces:
@@ -366,10 +447,11 @@ def _energy(run: Observed) -> Observations:
 
 
 def end_of_energy(run: Observed) -> str | None:
-    """How the Lagrangian that was found stops being one of the motion at the points; None where it does not.
+    """How the Lagrangian that was found stops being one of the motion at the points; None where it
+    does not.
 
-    It is divided by, or takes roots or logarithms of, what passes through 0, its domain ends, or its equations are
-    others. The energy of the other side may differ from this one by anything.
+    It is divided by, or takes roots or logarithms of, what passes through 0, its domain ends, or
+    its equations are others. The energy of the other side may differ from this one by anything.
     """
     scene = run.scene
     if scene.found is None:
@@ -380,13 +462,21 @@ def end_of_energy(run: Observed) -> str | None:
         if not (np.isfinite(values).all() and (values.min() > 0 or values.max() < 0)):
             return f"ends where {printing.to_text(wall)} = 0, and the motion passes there"
     given = scene.accelerations or ()
-    apart = accelerating.distance_of_motion(scene.found.lagrangian, scene.coordinates, given, run.table)
-    return "does not give the motion of the equations everywhere" if (apart > accelerating.NOTICED).any() else None
+    apart = accelerating.distance_of_motion(
+        scene.found.lagrangian, scene.coordinates, given, run.table
+    )
+    return (
+        "does not give the motion of the equations everywhere"
+        if (apart > accelerating.NOTICED).any()
+        else None
+    )
 
 
 def _conserved(run: Observed) -> Observations:
-    """The drift of each constant of the motion that was found, from the start of each part of the way on which its
-    formula is one: where it passes a pole, as an arctangent of x'/x at x = 0, it begins again."""
+    """The drift of each constant of the motion that was found, from the start of each part of the
+    way on which its formula is one: where it passes a pole, as an arctangent of x'/x at x = 0, it
+    begins again.
+    """
     found: dict[str, Any] = {}
     series: dict[str, Array] = {}
     for k, one in enumerate(run.scene.conserved, 1):
@@ -406,21 +496,29 @@ def _conserved(run: Observed) -> Observations:
 
 
 def _discrete_energy(run: Observed, start: float) -> Observations:
-    """E at the point and velocity of the discrete Lagrangian, the paper's: of methods of order 2 that have one."""
+    """E at the point and velocity of the discrete Lagrangian, the paper's: of methods of order 2
+    that have one.
+    """
     requested = run.requested
-    if not has_discrete_energy(run.scene, requested.choice) or "energy_error" not in run.trajectory.series:
+    if (
+        not has_discrete_energy(run.scene, requested.choice)
+        or "energy_error" not in run.trajectory.series
+    ):
         return {}, {}
     series = {"discrete_energy": run.trajectory.series["energy_error"] + start}
     if why_energy_varies(run.scene):
         return {}, series
-    return {"max_discrete_energy_error": run.trajectory.maxima["energy_error"] / (abs(start) or 1.0)}, series
+    return {
+        "max_discrete_energy_error": run.trajectory.maxima["energy_error"] / (abs(start) or 1.0)
+    }, series
 
 
 def _error(run: Observed) -> Observations:
-    """The greatest and the last distance from the true positions, with a bound of how far these are off themselves.
+    """The greatest and the last distance from the true positions, with a bound of how far these are
+    off themselves.
 
-    Where the truth is lost before the run ends there is no greatest error of the run, and `error_until` holds that of
-    the part before.
+    Where the truth is lost before the run ends there is no greatest error of the run, and
+    `error_until` holds that of the part before.
     """
     truth = run.truth
     if run.true is None or not isinstance(truth, data.Truth):
@@ -449,12 +547,16 @@ def _phase(run: Observed) -> Observations:
         return {"max_phase_error": None}, {}
     pair = list(run.scene.circle)
     angles = circles.phase_error(run.trajectory.positions[:, pair], run.true[:, pair])
-    return {"max_phase_error": greatest(angles), "final_phase_error": float(angles[-1])}, {"phase_error": angles}
+    return {"max_phase_error": greatest(angles), "final_phase_error": float(angles[-1])}, {
+        "phase_error": angles
+    }
 
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """What computes a quantity, and the names of the columns that it may have; nothing else may have them."""
+    """What computes a quantity, and the names of the columns that it may have; nothing else may
+    have them.
+    """
 
     observe: Callable[[Observed], Observations]
     columns: tuple[str, ...] = ()
@@ -462,13 +564,16 @@ class Quantity:
 
 QUANTITIES: dict[str, Quantity] = {
     "energy": Quantity(
-        _energy, ("energy", "mechanical_energy", "discrete_energy", "power", "work", "conserved_{number}")
+        _energy,
+        ("energy", "mechanical_energy", "discrete_energy", "power", "work", "conserved_{number}"),
     ),
     "constraints": Quantity(_constraints, ("constraint_{constraint}",)),
     "momenta": Quantity(_momenta, ("p_{coordinate}",)),
     "velocities": Quantity(_velocities, ("v_{coordinate}",)),
     "matching_circle": Quantity(_matching_circle),
-    "constraint_forces": Quantity(_constraint_forces, ("lambda_{constraint}", "force_{coordinate}")),
+    "constraint_forces": Quantity(
+        _constraint_forces, ("lambda_{constraint}", "force_{coordinate}")
+    ),
     "contact_forces": Quantity(_contact_forces, ("normal_{contact}", "friction_{contact}")),
     "phase": Quantity(_phase, ("phase_error",)),
     "error": Quantity(_error, ("error",)),
@@ -477,12 +582,22 @@ OWN = Quantity(_own)  # under the names that the scene gives them
 
 
 def names_of_columns(
-    coordinates: Sequence[str], constraints: int, contacts: Sequence[str] = (), of: Iterable[Quantity] | None = None
+    coordinates: Sequence[str],
+    constraints: int,
+    contacts: Sequence[str] = (),
+    of: Iterable[Quantity] | None = None,
 ) -> re.Pattern[str]:
-    """The names of the columns that quantities (None: all, and the time) may have in a scene of this size."""
-    templates = [name for one in (QUANTITIES.values() if of is None else of) for name in one.columns]
+    """The names of the columns that quantities (None: all, and the time) may have in a scene of
+    this size.
+    """
+    templates = [
+        name for one in (QUANTITIES.values() if of is None else of) for name in one.columns
+    ]
     numbers = "|".join(map(str, range(1, constraints + 1))) or "(?!)"
-    places = {"coordinate": f"({'|'.join(map(re.escape, coordinates))})", "constraint": f"({numbers})"}
+    places = {
+        "coordinate": f"({'|'.join(map(re.escape, coordinates))})",
+        "constraint": f"({numbers})",
+    }
     places["contact"] = f"({'|'.join(map(re.escape, contacts)) or '(?!)'})"
     every = [template.format(**places, number="[1-9][0-9]*") for template in templates]
     return re.compile("|".join([*every, *(["t"] if of is None else [])]) or "(?!)")
@@ -495,7 +610,9 @@ def _is_of(quantity: Quantity, name: str, scene: data.Scene) -> bool:
 
 
 def last_point(run: Observed) -> tuple[float, Array, Array | None]:
-    """(t, q, v) at the end of the run, from which another can continue; v is None if the method has none."""
+    """(t, q, v) at the end of the run, from which another can continue; v is None if the method has
+    none.
+    """
     at = run.trajectory
     velocities = replace(run, trajectory=at.part(slice(-3, None))).velocities
     return float(at.times[-1]), at.positions[-1], None if velocities is None else velocities[-1]

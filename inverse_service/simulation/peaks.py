@@ -1,8 +1,9 @@
-"""Peaks within a step: times at which a function of a scene rises higher than the points of a run show.
+"""Peaks within a step: times at which a function of a scene rises higher than the points of a run
+show.
 
-A function is extreme where its argument turns or passes 0; this time is located on the cubic of Hermite through the
-positions and velocities of the points. A sine or cosine of u changes in half a step by at most that times |u'|, so most
-turns of angles are ruled out at once.
+A function is extreme where its argument turns or passes 0; this time is located on the cubic of
+Hermite through the positions and velocities of the points. A sine or cosine of u changes in half a
+step by at most that times |u'|, so most turns of angles are ruled out at once.
 """
 
 from __future__ import annotations
@@ -23,14 +24,19 @@ from inverse_service.simulation.scene_graph import MOMENT, PLACE, SPEED, SceneGr
 
 MOST_MOMENTS, MOST_VALUES = 64, 2**21
 GOLDEN, GOLDEN_STEPS, SECANTS, HALVINGS = 0.618033988749895, 75, 20, 50  # to the last bit of a step
-FIRST_LOOK, SHOWS = 8, 0.25  # sections after which a turn has to show this share of what a peak would
+FIRST_LOOK, SHOWS = (
+    8,
+    0.25,
+)  # sections after which a turn has to show this share of what a peak would
 BENDS = 1.5  # times the mean slope of a cubic between two points: its greatest one, if those at its ends are smaller
 WAVES = ("sin", "cos")
 
 
 @dataclass(frozen=True)
 class _Between(Mapping[int, Any]):
-    """The inputs of a graph at moments (k,) between points, each made when it is first asked for."""
+    """The inputs of a graph at moments (k,) between points, each made when it is first asked
+    for.
+    """
 
     times: Array
     positions: Array
@@ -40,7 +46,9 @@ class _Between(Mapping[int, Any]):
 
     @cached_property
     def _place(self) -> tuple[NDArray[np.int64], Array, Array]:
-        """The point after each moment, the length of the step, and the share of it that has passed."""
+        """The point after each moment, the length of the step, and the share of it that has
+        passed.
+        """
         after = np.clip(np.searchsorted(self.times, self.moments), 1, len(self.times) - 1)
         length = self.times[after] - self.times[after - 1]
         return after, length, (self.moments - self.times[after - 1]) / length
@@ -69,11 +77,12 @@ class _Between(Mapping[int, Any]):
 
 
 def moments_between(run: observing.Observed) -> Array:
-    """Times, at most MOST_MOMENTS, at which a function or power in the scene rises to a value that half a step
-    before and after do not show: a force that acts within a step and is missed by a method that steps over it.
+    """Times, at most MOST_MOMENTS, at which a function or power in the scene rises to a value that
+    half a step before and after do not show: a force that acts within a step and is missed by a
+    method that steps over it.
 
-    A sine or cosine whose argument moves by more than a half turn in a step counts as well. In a long run only the
-    first MOST_VALUES values are examined.
+    A sine or cosine whose argument moves by more than a half turn in a step counts as well. In a
+    long run only the first MOST_VALUES values are examined.
     """
     at, scene, velocities = run.trajectory, run.scene, run.velocities
     if run.problem is None or not run.requested.choice.guard or velocities is None:
@@ -82,14 +91,19 @@ def moments_between(run: observing.Observed) -> Array:
     trees = [
         (tree, tree.argument if isinstance(tree, ex.Apply) else tree.base)
         for tree in ex.distinct_nodes(scene.formulas)
-        if isinstance(tree, ex.Apply | ex.Power) and ex.holds(tree, *moving) and not _is_square_or_cube(tree)
+        if isinstance(tree, ex.Apply | ex.Power)
+        and ex.holds(tree, *moving)
+        and not _is_square_or_cube(tree)
     ]
     count = min(len(at.times), MOST_VALUES // max(1, len(trees)))
     if count < 3 or not trees:
         return np.empty(0)
     times, places, speeds = at.times[:count], at.positions[:count], velocities[:count]
     scene_graph, inputs, _ = on_table(
-        scene.coordinates, scene.lagrangian, (), nf.table_of(scene.coordinates, places, speeds, run.values, times)
+        scene.coordinates,
+        scene.lagrangian,
+        (),
+        nf.table_of(scene.coordinates, places, speeds, run.values, times),
     )
     graph, pairs = scene_graph.graph, list[tuple[int, int, str]]()
     for tree, argument in trees:
@@ -105,8 +119,9 @@ def moments_between(run: observing.Observed) -> Array:
         return np.broadcast_to(found, moments.shape)
 
     def heights_about(node: int, peaks: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Half a step before the peaks, the values there and at the peaks, how far these are above those half a step
-        before and after, and how far those are apart."""
+        """Half a step before the peaks, the values there and at the peaks, how far these are above
+        those half a step before and after, and how far those are apart.
+        """
         half = abs(scene.grid.step) / 2
         begin, end = np.maximum(peaks - half, times[0]), np.minimum(peaks + half, times[-1])
         before, heights, after = (value(node, moments) for moments in (begin, peaks, end))
@@ -115,17 +130,28 @@ def moments_between(run: observing.Observed) -> Array:
 
     rates = _rates(scene_graph, [inner for _, inner, name in pairs if name in WAVES])
     wanted = [*(node for pair in pairs for node in pair[:2]), *rates.values()]
-    known = dict(zip(wanted, (np.broadcast_to(one, count) for one in graph.values(wanted, inputs)), strict=True))
+    known = dict(
+        zip(
+            wanted,
+            (np.broadcast_to(one, count) for one in graph.values(wanted, inputs)),
+            strict=True,
+        )
+    )
     found: list[Array] = [np.empty(0)]
     for node, inner, name in pairs:
         shown, along = known[node], known[inner]
-        turns, zeros = (np.flatnonzero(np.diff(np.sign(one)) != 0) for one in (np.diff(along), along))
+        turns, zeros = (
+            np.flatnonzero(np.diff(np.sign(one)) != 0) for one in (np.diff(along), along)
+        )
         largest = np.nanmax(np.abs(shown), initial=0.0)
         if inner in rates:
             most = np.abs(known[rates[inner]])
             most[:-1] = np.maximum(most[:-1], BENDS * np.abs(np.diff(along)) / np.diff(times))
             fast = ~(most * abs(scene.grid.step) < largest / 2)
-            turns, zeros = turns[fast[turns] | fast[turns + 1] | fast[turns + 2]], zeros[fast[zeros] | fast[zeros + 1]]
+            turns, zeros = (
+                turns[fast[turns] | fast[turns + 1] | fast[turns + 2]],
+                zeros[fast[zeros] | fast[zeros + 1]],
+            )
         rises = np.sign(along[turns + 1] - along[turns])
         low, high = times[turns], times[turns + 2]
         for section in range(GOLDEN_STEPS):
@@ -145,11 +171,17 @@ def moments_between(run: observing.Observed) -> Array:
         low = peaks[:0]
         if len(peaks):
             begin, before, heights, above, apart = heights_about(node, peaks)
-            seen = (above > max(largest, np.nanmax(np.abs(heights), initial=0.0)) / 2) & (apart < above / 2)
+            seen = (above > max(largest, np.nanmax(np.abs(heights), initial=0.0)) / 2) & (
+                apart < above / 2
+            )
             low, high, before, above = begin[seen], peaks[seen], before[seen], above[seen]
-        for _ in range(HALVINGS if len(low) else 0):  # to half of its height, where a force that is its slope is strong
+        for _ in range(
+            HALVINGS if len(low) else 0
+        ):  # to half of its height, where a force that is its slope is strong
             middle = (low + high) / 2
-            low, high = np.where(np.abs(value(node, middle) - before) < above / 2, (middle, high), (low, middle))
+            low, high = np.where(
+                np.abs(value(node, middle) - before) < above / 2, (middle, high), (low, middle)
+            )
         found.append(high)
         if name in WAVES:
             far = np.flatnonzero(np.abs(np.diff(along)) > np.pi * scene.grid.record_every)[:1]
@@ -157,8 +189,12 @@ def moments_between(run: observing.Observed) -> Array:
     return np.unique(np.concatenate(found))[:MOST_MOMENTS]
 
 
-def _zero(low: Array, high: Array, below: Array, above: Array, value: Callable[[Array], Array]) -> Array:
-    """Where a formula is 0 between moments at which it has the values `below` and `above`, by regula falsi."""
+def _zero(
+    low: Array, high: Array, below: Array, above: Array, value: Callable[[Array], Array]
+) -> Array:
+    """Where a formula is 0 between moments at which it has the values `below` and `above`, by
+    regula falsi.
+    """
     moments = low
     for _ in range(SECANTS):
         share = np.where(above == below, 0.5, -below / np.where(above == below, 1.0, above - below))
@@ -179,12 +215,14 @@ def _rates(scene: SceneGraph, arguments: list[int]) -> dict[int, int]:
 
 
 def _is_square_or_cube(node: ex.Expression) -> bool:
-    """Whether it is one of sums, products, and waves, whose peaks are as wide as those of what it holds.
+    """Whether it is one of sums, products, and waves, whose peaks are as wide as those of what it
+    holds.
 
     The square of tanh(u/0.001) is 1 but for a narrow dip, where tanh itself has no peak.
     """
     is_low = isinstance(node, ex.Power) and node.exponent in (ex.TWO, ex.number(3))
     inside = list(ex.walk(node))[1:] if is_low else []
     return is_low and not any(
-        isinstance(part, ex.Power) or (isinstance(part, ex.Apply) and part.function not in WAVES) for part in inside
+        isinstance(part, ex.Power) or (isinstance(part, ex.Apply) and part.function not in WAVES)
+        for part in inside
     )

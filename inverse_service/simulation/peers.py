@@ -1,6 +1,8 @@
-"""Third-party integrators: heyoka (an extra) as an independent reference, SciPy's as peers in comparisons.
+"""Third-party integrators: heyoka (an extra) as an independent reference, SciPy's as peers in
+comparisons.
 
-F. Biscani, D. Izzo, Mon. Not. R. Astron. Soc. 504 (2021) 2614; P. Virtanen et al., Nature Methods 17 (2020) 261.
+F. Biscani, D. Izzo, Mon. Not. R. Astron. Soc. 504 (2021) 2614; P. Virtanen et al., Nature Methods
+17 (2020) 261.
 """
 
 import threading
@@ -35,7 +37,9 @@ def load_heyoka() -> Any:
     try:
         import heyoka
     except ImportError as error:
-        raise InputError("The method heyoka needs the extra `heyoka`: pip install inverse-service[heyoka].") from error
+        raise InputError(
+            "The method heyoka needs the extra `heyoka`: pip install inverse-service[heyoka]."
+        ) from error
     return heyoka
 
 
@@ -43,13 +47,16 @@ def run_heyoka(
     problem: Problem, start: Start, grid: Grid, values: Mapping[str, float], observation: Observation,
     tolerance: float = 1e-15, stop: Callable[[], bool] | None = None,
 ) -> Trajectory:  # fmt: skip
-    """The motion at the recorded steps of the grid, to round-off, in at most MOST_STEPS internal steps."""
+    """The motion at the recorded steps of the grid, to round-off, in at most MOST_STEPS internal
+    steps.
+    """
     steps, times = grid.recorded, grid.times
     state = np.array([*start.positions, *start.velocities], dtype=float)
     with _ONE_AT_A_TIME:
         begin = time.perf_counter()
-        # Its tolerance is absolute below 1: small motions are scaled by a power of 2.
-        # Time is scaled too if steps are far from 1, because their series of high order would overflow or underflow.
+        # Its tolerance is absolute below 1: small motions are scaled by a power of 2. Time is
+        # scaled too if steps are far from 1, because their series of high order would overflow or
+        # underflow.
         step = float(np.abs(np.diff(times)).max())
         clock = 1.0 if SHORT < step < 1 / SHORT else _power_of_2(step)
         scale = np.repeat([1.0, 1 / clock], len(state) // 2)
@@ -74,14 +81,26 @@ def run_heyoka(
     if "cb_stop" in code:
         outcome = Outcome("cancelled", *at)
     elif "step_limit" in code:
-        outcome = Outcome("unresolved", *at, f"heyoka, after {MOST_STEPS} internal steps", None, say("shorter_time"))
+        outcome = Outcome(
+            "unresolved",
+            *at,
+            f"heyoka, after {MOST_STEPS} internal steps",
+            None,
+            say("shorter_time"),
+        )
     elif "time_limit" not in code or good < len(steps):
         outcome = Outcome("not_finite", *at, "the Taylor series", None, say("regular_form"))
     positions, velocities = np.split(shown, 2, axis=1)
     known = table_of(problem.coordinates, positions, velocities, values, times[: len(shown)])
-    series = {item.name: arrays.array_value(item.expression, known) for item in observation} if good else {}
+    series = (
+        {item.name: arrays.array_value(item.expression, known) for item in observation}
+        if good
+        else {}
+    )
     maxima = {name: float(np.abs(column).max()) for name, column in series.items()}
-    return Trajectory(times[: len(shown)], positions, None, velocities, outcome, 0, 0, *seconds, series, maxima)
+    return Trajectory(
+        times[: len(shown)], positions, None, velocities, outcome, 0, 0, *seconds, series, maxima
+    )
 
 
 def _power_of_2(size: float) -> float:
@@ -95,13 +114,18 @@ def used_parameters(problem: Problem) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=64)
-def taylor_integrator(problem: Problem, tolerance: float = 1e-15, unit: float = 1.0, clock: float = 1.0) -> Any:
-    """heyoka's integrator for q' = v, v' = accelerations, with parameters that get their values later; made once.
+def taylor_integrator(
+    problem: Problem, tolerance: float = 1e-15, unit: float = 1.0, clock: float = 1.0
+) -> Any:
+    """heyoka's integrator for q' = v, v' = accelerations, with parameters that get their values
+    later; made once.
 
     Its state is q/unit, v clock/unit, and its time t/clock.
     """
     heyoka = load_heyoka()
-    names = [f"q{k}" for k in range(len(problem.coordinates))] + [f"v{k}" for k in range(len(problem.coordinates))]
+    names = [f"q{k}" for k in range(len(problem.coordinates))] + [
+        f"v{k}" for k in range(len(problem.coordinates))
+    ]
     variables = heyoka.make_vars(*names)
     size = len(problem.coordinates)
     moment = heyoka.time if clock == 1 else clock * heyoka.time
@@ -112,10 +136,17 @@ def taylor_integrator(problem: Problem, tolerance: float = 1e-15, unit: float = 
     table |= {ex.Symbol(name): scaled[k] for k, name in enumerate(problem.coordinates)}
     rates = scaled[size:] if clock == 1 else [rate / clock for rate in scaled[size:]]
     table |= {ex.Velocity(name): rates[k] for k, name in enumerate(problem.coordinates)}
-    forces = [_translated(tree, table, heyoka) / unit * clock**2 for tree in problem.accelerations or ()]
-    system = [*zip(variables[:size], variables[size:], strict=True), *zip(variables[size:], forces, strict=True)]
+    forces = [
+        _translated(tree, table, heyoka) / unit * clock**2 for tree in problem.accelerations or ()
+    ]
+    system = [
+        *zip(variables[:size], variables[size:], strict=True),
+        *zip(variables[size:], forces, strict=True),
+    ]
     pars = [0.0] * len(parameters)
-    return heyoka.taylor_adaptive(system, [0.0] * 2 * size, tol=tolerance, pars=pars, compact_mode=size > LARGE)
+    return heyoka.taylor_adaptive(
+        system, [0.0] * 2 * size, tol=tolerance, pars=pars, compact_mode=size > LARGE
+    )
 
 
 def _translated(tree: ex.Expression, table: Mapping[ex.Expression, Any], heyoka: Any) -> Any:
@@ -129,7 +160,9 @@ def _translated(tree: ex.Expression, table: Mapping[ex.Expression, Any], heyoka:
             return heyoka.sum([_translated(term, table, heyoka) for term in terms])
         case ex.Product(factors):
             return heyoka.prod([_translated(factor, table, heyoka) for factor in factors])
-        case ex.Power(base, ex.Number(value)) if value.denominator == 1 and 2 < value <= LARGEST_PRODUCT:
+        case ex.Power(base, ex.Number(value)) if (
+            value.denominator == 1 and 2 < value <= LARGEST_PRODUCT
+        ):
             return _product(_translated(base, table, heyoka), value.numerator, heyoka)
         case ex.Power(base, exponent):
             return _translated(base, table, heyoka) ** _translated(exponent, table, heyoka)
@@ -137,13 +170,19 @@ def _translated(tree: ex.Expression, table: Mapping[ex.Expression, Any], heyoka:
             return _translated(ex.Apply("cos", argument) / ex.Apply("sin", argument), table, heyoka)
         case ex.Apply(function, argument):
             below, inner = functions.RECIPROCALS.get(function), _translated(argument, table, heyoka)
-            return 1.0 / getattr(heyoka, below)(inner) if below else getattr(heyoka, function)(inner)
+            return (
+                1.0 / getattr(heyoka, below)(inner) if below else getattr(heyoka, function)(inner)
+            )
         case _:
-            raise InputError("heyoka cannot take a formula with functions or names that have no value.")
+            raise InputError(
+                "heyoka cannot take a formula with functions or names that have no value."
+            )
 
 
 def _product(base: Any, count: int, heyoka: Any) -> Any:
-    """base^count by squares: the series of heyoka's power divides by its base, which may be 0, from the third on."""
+    """base^count by squares: the series of heyoka's power divides by its base, which may be 0, from
+    the third on.
+    """
     if count <= SHORT_PRODUCT:
         return heyoka.prod([base] * count)
     half = _product(base, count // 2, heyoka)
@@ -154,13 +193,18 @@ def run_scipy(
     problem: Problem, choice: MethodChoice, start: Start, grid: Grid, values: Mapping[str, float],
     stop: Callable[[], bool] | None = None,
 ) -> Trajectory:  # fmt: skip
-    """The motion at the recorded steps; the tolerance is relative, and absolute times the size of the start."""
+    """The motion at the recorded steps; the tolerance is relative, and absolute times the size of
+    the start.
+    """
     try:
         from scipy.integrate import solve_ivp
     except ImportError as error:
         raise InputError("SciPy is not installed here.") from error
     f = Formulas(problem)
-    names = [str(name) for letter in "qv" for name in f.symbols(letter)] + [str(MOMENT), *f.parameters]
+    names = [str(name) for letter in "qv" for name in f.symbols(letter)] + [
+        str(MOMENT),
+        *f.parameters,
+    ]
     function = closure(tuple(names), tuple(f.accelerations))
     numbers = [values[name] for name in problem.parameters]
     size = f.size
@@ -183,7 +227,12 @@ def run_scipy(
         return Trajectory.of_start(float(times[0]), begin[:size], begin[size:], ended)
     passed = time.perf_counter() - first
     kind = "completed" if found.success and len(found.t) == len(times) else "not_finite"
-    outcome = Outcome(kind, int(steps[len(found.t) - 1]), float(found.t[-1]), None if found.success else found.message)
+    outcome = Outcome(
+        kind,
+        int(steps[len(found.t) - 1]),
+        float(found.t[-1]),
+        None if found.success else found.message,
+    )
     table = found.y.T
     spent = int(found.nfev), int(found.njev), 0.0, passed
     return Trajectory(found.t, table[:, :size], None, table[:, size:], outcome, *spent)

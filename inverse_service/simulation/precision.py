@@ -1,10 +1,11 @@
 """Error against work for every method of a scene, measured by rules that favor no method.
 
-Every method is run over the same time, from a coarse setting to finer ones: half the step, or a tenth of the tolerance,
-until its error is round-off or it takes too long. Errors are taken at CHECKS common times against the exact solution,
-or a reference that a second one confirms. Compiling, the first call and steady runs are separate; steady runs of all
-settings alternate, best and median of several. A curve ends at its least error: what lies beyond is the round-off
-floor. A setting that failed is kept with its reason and has no error.
+Every method is run over the same time, from a coarse setting to finer ones: half the step, or a
+tenth of the tolerance, until its error is round-off or it takes too long. Errors are taken at
+CHECKS common times against the exact solution, or a reference that a second one confirms.
+Compiling, the first call and steady runs are separate; steady runs of all settings alternate, best
+and median of several. A curve ends at its least error: what lies beyond is the round-off floor. A
+setting that failed is kept with its reason and has no error.
 """
 
 import itertools
@@ -25,10 +26,20 @@ TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 COARSEST, FINEST = 1e-2, 1e-13  # shares of the motion: from where to where a curve is wanted
 LOOSEST, TIGHTEST = 1e-3, 1e-15  # tolerances
 MOST_STEPS = 4_000_000
-ROUND_OFF, NOISE = 1e-12, 4.0  # errors below this share of the motion are round-off, whose noise is about this factor
+ROUND_OFF, NOISE = (
+    1e-12,
+    4.0,
+)  # errors below this share of the motion are round-off, whose noise is about this factor
 STALLED = 0.5  # of the error before: less gain than this, twice, is the round-off floor
-SECONDS, LATER_SECONDS = 0.2, 0.06  # for each of the repeats: of the first runs of all methods, and of later ones
-SHARE_OF_FIRST, SHARE_OF_REPEATS, SHARE_OF_ONE = 0.6, 0.2, 0.05  # of the time limit, the last for a single one
+SECONDS, LATER_SECONDS = (
+    0.2,
+    0.06,
+)  # for each of the repeats: of the first runs of all methods, and of later ones
+SHARE_OF_FIRST, SHARE_OF_REPEATS, SHARE_OF_ONE = (
+    0.6,
+    0.2,
+    0.05,
+)  # of the time limit, the last for a single one
 LONG = 100  # times the time of the scene
 PARTS = 20  # of a long run: the first and the last are compared
 LATE, CUT = say("limit_almost_reached"), "it takes too long"
@@ -38,10 +49,10 @@ LATE, CUT = say("limit_almost_reached"), "it takes too long"
 class Setting:
     """One method at one step, measured; `reason` is empty where `error` is a number.
 
-    `first_seconds` are those of the first call with compiling, `compile_seconds` the part of it before the run; the
-    best and the median are of `repeats` later runs.
-    `at_floor`: a smaller step than that of the least error. Where `tolerance` is not None the method took steps of its
-    own, and `step` is only the distance of the times at which it is seen.
+    `first_seconds` are those of the first call with compiling, `compile_seconds` the part of it
+    before the run; the best and the median are of `repeats` later runs. `at_floor`: a smaller step
+    than that of the least error. Where `tolerance` is not None the method took steps of its own,
+    and `step` is only the distance of the times at which it is seen.
     """
 
     requested: data.Requested
@@ -66,8 +77,10 @@ class Setting:
 
 @dataclass(frozen=True, slots=True)
 class LongRun:
-    """A method over LONG times the time: greatest errors of the energy (relative) and the constraints, the change of
-    the orbit's shape from the first part to the last, as a share of its size, and the seconds that it takes."""
+    """A method over LONG times the time: greatest errors of the energy (relative) and the
+    constraints, the change of the orbit's shape from the first part to the last, as a share of its
+    size, and the seconds that it takes.
+    """
 
     setting: Setting
     seconds: float | None = None
@@ -80,7 +93,9 @@ class LongRun:
 
 @dataclass(frozen=True, slots=True)
 class Precision:
-    """All settings, in the order of methods and from coarse to fine; `scale` is the size of the motion."""
+    """All settings, in the order of methods and from coarse to fine; `scale` is the size of the
+    motion.
+    """
 
     scene: data.Scene
     truth: data.Truth
@@ -91,7 +106,9 @@ class Precision:
 
 @dataclass(frozen=True, slots=True)
 class Price:
-    """The cost of an error by one method, interpolated on its curve. `at_most`: its coarsest setting is better."""
+    """The cost of an error by one method, interpolated on its curve. `at_most`: its coarsest
+    setting is better.
+    """
 
     seconds: float
     step: float | None
@@ -104,8 +121,9 @@ def measure(
     derived: derivation.Derived, steps: Sequence[float], repeats: int, time_limit: float,
     progress: data.Progress | None = None, long: bool = False,
 ) -> Precision:  # fmt: skip
-    """Measure every method of the scene but the exact one, at `steps` or from coarse to fine; Unavailable where nothing
-    is true."""
+    """Measure every method of the scene but the exact one, at `steps` or from coarse to fine;
+    Unavailable where nothing is true.
+    """
     begun, scene, derived = time.process_time(), derived.scene, derived.but(observe=())
     length = scene.grid.step * scene.grid.steps
     finest = min(max(_counts(length, steps or [scene.grid.step / 8])), 65_536)
@@ -117,7 +135,11 @@ def measure(
 
     def run(blank: Setting) -> Setting:
         if progress is not None:
-            at = f"{blank.steps} steps" if blank.tolerance is None else f"tolerance {blank.tolerance:g}"
+            at = (
+                f"{blank.steps} steps"
+                if blank.tolerance is None
+                else f"tolerance {blank.tolerance:g}"
+            )
             progress(f"{blank.requested.label}, {at}")
         if time.process_time() - begun > SHARE_OF_FIRST * time_limit:
             return replace(blank, reason=LATE)
@@ -136,7 +158,9 @@ def measure(
         )  # fmt: skip
 
     def refined(blanks: Iterable[Setting]) -> list[Setting]:
-        """From coarse to fine until the error is round-off, no longer falls, or a run takes long."""
+        """From coarse to fine until the error is round-off, no longer falls, or a run takes
+        long.
+        """
         found: list[Setting] = []
         for blank in blanks:
             # The next setting takes as long as all previous ones together.
@@ -144,9 +168,15 @@ def measure(
                 return [*found, replace(blank, reason=CUT)]
             found.append(run(blank))
             errors = [one.error for one in found if one.error is not None]
-            if found[-1].reason in (LATE, CUT) or (errors and errors[-1] <= max(FINEST * scale, truth.uncertainty)):
+            if found[-1].reason in (LATE, CUT) or (
+                errors and errors[-1] <= max(FINEST * scale, truth.uncertainty)
+            ):
                 break
-            if len(errors) > 2 and errors[-3] < COARSEST * scale and min(errors[-2:]) > STALLED * errors[-3]:
+            if (
+                len(errors) > 2
+                and errors[-3] < COARSEST * scale
+                and min(errors[-2:]) > STALLED * errors[-3]
+            ):
                 break
         return found
 
@@ -159,7 +189,9 @@ def measure(
         else:  # steps halved from four times that of the scene, or from longer ones if that is already accurate
             parts = max(1, round(length / (4 * CHECKS * scene.grid.step)))
             halves = (CHECKS * parts * 2**k for k in range(MOST_STEPS.bit_length()))
-            own = refined([_blank(requested, length, count) for count in halves if count <= MOST_STEPS])
+            own = refined(
+                [_blank(requested, length, count) for count in halves if count <= MOST_STEPS]
+            )
             while parts > 1 and own[0].error is not None and own[0].error <= COARSEST * scale:
                 parts //= 2
                 own.insert(0, run(_blank(requested, length, CHECKS * parts)))
@@ -175,7 +207,9 @@ def measure(
 
 
 def _counts(length: float, steps: Sequence[float]) -> list[int]:
-    """Numbers of steps, rising, each a multiple of CHECKS so that all methods are seen at the same times."""
+    """Numbers of steps, rising, each a multiple of CHECKS so that all methods are seen at the same
+    times.
+    """
     counts = {CHECKS * max(1, round(length / (CHECKS * step))) for step in steps}
     return sorted(count for count in counts if count <= MOST_STEPS) or [min(counts)]
 
@@ -188,7 +222,9 @@ def _tolerances(requested: data.Requested, length: float) -> Iterator[Setting]:
         tolerance /= factor
 
 
-def _blank(requested: data.Requested, length: float, count: int, tolerance: float | None = None) -> Setting:
+def _blank(
+    requested: data.Requested, length: float, count: int, tolerance: float | None = None
+) -> Setting:
     """A setting before it is measured; a tolerance is part of what is requested."""
     if tolerance is not None:
         requested = replace(requested, choice=replace(requested.choice, tolerance=tolerance))
@@ -203,16 +239,29 @@ def reason_of(run: running.MethodRun) -> str:
     """The reason why a setting has no error."""
     if run.outcome.kind == "cancelled":
         return CUT
-    return run.outcome.sentence if run.trajectory is not None else run.outcome.remedy or run.outcome.kind
+    return (
+        run.outcome.sentence
+        if run.trajectory is not None
+        else run.outcome.remedy or run.outcome.kind
+    )
 
 
-def _repeated(derived: derivation.Derived, settings: list[Setting], repeats: int, budget: float) -> list[Setting]:
-    """Steady times: rounds over the settings that worked, in alternating order, until the budget is used up; a run that
-    takes a twentieth of it is not repeated."""
+def _repeated(
+    derived: derivation.Derived, settings: list[Setting], repeats: int, budget: float
+) -> list[Setting]:
+    """Steady times: rounds over the settings that worked, in alternating order, until the budget is
+    used up; a run that takes a twentieth of it is not repeated.
+    """
     begun = time.process_time()
-    times = {k: [one.best_seconds] for k, one in enumerate(settings) if one.error is not None and one.best_seconds}
+    times = {
+        k: [one.best_seconds]
+        for k, one in enumerate(settings)
+        if one.error is not None and one.best_seconds
+    }
     short = [k for k, (first,) in times.items() if first < SHARE_OF_ONE * budget]
-    for k in itertools.chain.from_iterable((short[::-1], short)[turn % 2] for turn in range(repeats - 1)):
+    for k in itertools.chain.from_iterable(
+        (short[::-1], short)[turn % 2] for turn in range(repeats - 1)
+    ):
         if time.process_time() - begun > budget:
             break
         run = running.observed_run(derived.but(grid=settings[k].grid), settings[k].requested)
@@ -220,7 +269,9 @@ def _repeated(derived: derivation.Derived, settings: list[Setting], repeats: int
             times[k].append(run.trajectory.run_seconds)
     for k, found in times.items():
         best, median = min(found), statistics.median(found)
-        settings[k] = replace(settings[k], best_seconds=best, median_seconds=median, repeats=len(found))
+        settings[k] = replace(
+            settings[k], best_seconds=best, median_seconds=median, repeats=len(found)
+        )
     return settings
 
 
@@ -233,20 +284,25 @@ def by_method(settings: Iterable[Setting]) -> dict[str, list[Setting]]:
 
 
 def with_floor(settings: Sequence[Setting], scale: float, unknown: float = 0.0) -> list[Setting]:
-    """Mark the settings beyond the least error of their method, or beyond the first error that is only round-off or
-    less than the `unknown` part of the true motion."""
+    """Mark the settings beyond the least error of their method, or beyond the first error that is
+    only round-off or less than the `unknown` part of the true motion.
+    """
     found: list[Setting] = []
     for own in by_method(settings).values():
         least = min((s.error for s in own if s.error is not None), default=0.0)
         is_noise = least <= ROUND_OFF * scale
         limit = max(NOISE * least + 1e-16 * scale if is_noise else least, unknown)
-        last = next((k for k, s in enumerate(own) if s.error is not None and s.error <= limit), len(own))
+        last = next(
+            (k for k, s in enumerate(own) if s.error is not None and s.error <= limit), len(own)
+        )
         found += [replace(s, at_floor=s.error is not None and k > last) for k, s in enumerate(own)]
     return found
 
 
 def curves(measured: Precision) -> dict[str, list[Setting]]:
-    """The curve of each method: its settings with an error and a time, from coarse to fine, up to the floor."""
+    """The curve of each method: its settings with an error and a time, from coarse to fine, up to
+    the floor.
+    """
     return {
         label: [s for s in own if s.error and s.best_seconds is not None and not s.at_floor]
         for label, own in by_method(measured.settings).items()
@@ -254,7 +310,8 @@ def curves(measured: Precision) -> dict[str, list[Setting]]:
 
 
 def measured_order(curve: Sequence[Setting], scale: float) -> float | None:
-    """The median slope of log error over log step where errors are below 1 % of the motion and above round-off.
+    """The median slope of log error over log step where errors are below 1 % of the motion and
+    above round-off.
 
     None for a method that chooses its steps itself.
     """
@@ -269,18 +326,33 @@ def measured_order(curve: Sequence[Setting], scale: float) -> float | None:
 
 
 def price_of(curve: Sequence[Setting], coarsest: Setting, error: float) -> Price | None:
-    """What it costs by a method to get below an error, interpolated between the points of its curve; None if it never
-    reaches it. `coarsest` is its first setting: where that failed a longer step is not faster."""
-    pairs = [*itertools.pairwise(curve), *((one, one) for one in curve[:1] if (one.error or math.inf) <= error)]
-    a, b = next(((a, b) for a, b in pairs if a is b or (a.error or 0) > error >= (b.error or 0)), (None, None))
+    """What it costs by a method to get below an error, interpolated between the points of its
+    curve; None if it never reaches it. `coarsest` is its first setting: where that failed a longer
+    step is not faster.
+    """
+    pairs = [
+        *itertools.pairwise(curve),
+        *((one, one) for one in curve[:1] if (one.error or math.inf) <= error),
+    ]
+    a, b = next(
+        ((a, b) for a, b in pairs if a is b or (a.error or 0) > error >= (b.error or 0)),
+        (None, None),
+    )
     if a is None or b is None:
         return None
-    share = 0.0 if a is b or not (a.error and b.error) else math.log(a.error / error) / math.log(a.error / b.error)
+    share = (
+        0.0
+        if a is b or not (a.error and b.error)
+        else math.log(a.error / error) / math.log(a.error / b.error)
+    )
 
     def between(x: float | None, y: float | None) -> float:
         return float(x * (y / x) ** share) if x and y else 0.0
 
-    seconds, evaluations = between(a.best_seconds, b.best_seconds), between(a.force_evaluations, b.force_evaluations)
+    seconds, evaluations = (
+        between(a.best_seconds, b.best_seconds),
+        between(a.force_evaluations, b.force_evaluations),
+    )
     step = between(a.step, b.step) if a.tolerance is None else None
     tolerance = None if a.tolerance is None else between(a.tolerance, b.tolerance)
     return Price(seconds, step, tolerance, evaluations, a is b is coarsest)
@@ -288,13 +360,22 @@ def price_of(curve: Sequence[Setting], coarsest: Setting, error: float) -> Price
 
 def prices(measured: Precision) -> dict[float, dict[str, Price]]:
     """For each target the methods that reach it, cheapest first."""
-    drawn, first = curves(measured), {label: own[0] for label, own in by_method(measured.settings).items()}
+    drawn, first = (
+        curves(measured),
+        {label: own[0] for label, own in by_method(measured.settings).items()},
+    )
     found: dict[float, dict[str, Price]] = {}
     finer: dict[str, Price] = {}
     for target in reversed(TARGETS):
-        known = {label: price_of(curve, first[label], target * measured.scale) for label, curve in drawn.items()}
+        known = {
+            label: price_of(curve, first[label], target * measured.scale)
+            for label, curve in drawn.items()
+        }
         reached = {label: price for label, price in known.items() if price is not None}
-        for label, price in finer.items():  # a price for a smaller error is also valid for a larger one
+        for (
+            label,
+            price,
+        ) in finer.items():  # a price for a smaller error is also valid for a larger one
             if label in reached and price.seconds < reached[label].seconds:
                 reached[label] = price
         finer = reached
@@ -302,8 +383,12 @@ def prices(measured: Precision) -> dict[float, dict[str, Price]]:
     return {target: found[target] for target in TARGETS}
 
 
-def _long_runs(measured: Precision, derived: derivation.Derived, budget: float) -> Iterator[LongRun]:
-    """Each method over LONG times the time, with the coarsest setting that has an error of a thousandth."""
+def _long_runs(
+    measured: Precision, derived: derivation.Derived, budget: float
+) -> Iterator[LongRun]:
+    """Each method over LONG times the time, with the coarsest setting that has an error of a
+    thousandth.
+    """
     begun = time.process_time()
     wanted = [next((s for s in curve if (s.error or 1.0) <= TARGETS[0] * measured.scale), curve[-1])
               for curve in curves(measured).values() if curve]  # fmt: skip
@@ -312,7 +397,9 @@ def _long_runs(measured: Precision, derived: derivation.Derived, budget: float) 
         if time.process_time() - begun + expected > budget or count > 10 * MOST_STEPS:
             yield LongRun(one, reason=f"not measured: it takes about {expected:.1g} s")
         else:
-            yield _long_run(derived.but(grid=data.Grid(one.step, count, max(1, count // (PARTS * 200)))), one)
+            yield _long_run(
+                derived.but(grid=data.Grid(one.step, count, max(1, count // (PARTS * 200)))), one
+            )
 
 
 def _long_run(derived: derivation.Derived, one: Setting) -> LongRun:
@@ -329,8 +416,13 @@ def _long_run(derived: derivation.Derived, one: Setting) -> LongRun:
     if run.observed.velocities is not None:
         if scene.lagrangian is not None and observing.why_energy_varies(scene) is None:
             start = observing.start_energy(scene) or 0.0
-            errors = (observing.energies(scene, run.observed.table)[0] - start) / (abs(start) or 1.0)
-            energy, drift = observing.greatest(errors), float(abs(errors[-part:].mean() - errors[:part].mean()))
+            errors = (observing.energies(scene, run.observed.table)[0] - start) / (
+                abs(start) or 1.0
+            )
+            energy, drift = (
+                observing.greatest(errors),
+                float(abs(errors[-part:].mean() - errors[:part].mean())),
+            )
         if scene.constraints:
             constraint = observing.constraint_at_points(run.observed)
     return LongRun(one, at.run_seconds, energy, drift, constraint, shape)

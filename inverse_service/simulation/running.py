@@ -1,5 +1,5 @@
-"""Run a scene: every method with its observed quantities, an estimate of its error, and the cost of its parts; one
-motion, or the members of an ensemble, which are started, run and checked together.
+"""Run a scene: every method with its observed quantities, an estimate of its error, and the cost of
+its parts; one motion, or the members of an ensemble, which are started, run and checked together.
 """
 
 import logging
@@ -30,16 +30,21 @@ from inverse_service.simulation import (
 )
 from inverse_service.simulation.sentences import say
 
-MOST_SHARPER, LOOKED_AT = 2**22, 16  # steps of all members together; members in which a missed force is looked for
+MOST_SHARPER, LOOKED_AT = (
+    2**22,
+    16,
+)  # steps of all members together; members in which a missed force is looked for
 
 
 @dataclass(frozen=True, slots=True)
 class MethodRun:
-    """One method of a scene. `numbers` are the observed quantities, `series` those at each recorded point.
+    """One method of a scene. `numbers` are the observed quantities, `series` those at each recorded
+    point.
 
-    `seconds` says what compiling, running and each observed quantity cost; `trajectory` is None where the
-    method could not start, and `outcome` says why. `events` are those found, `observed` is the run with what
-    velocities at its points need, `final` where an event ended it or its last piece.
+    `seconds` says what compiling, running and each observed quantity cost; `trajectory` is None
+    where the method could not start, and `outcome` says why. `events` are those found, `observed`
+    is the run with what velocities at its points need, `final` where an event ended it or its last
+    piece.
     """
 
     requested: data.Requested
@@ -58,7 +63,9 @@ class MethodRun:
 
 @dataclass(frozen=True, slots=True)
 class EnsembleRun:
-    """One method for all members. `series` are columns (N, m) of what is observed, `numbers` (N,) of each member."""
+    """One method for all members. `series` are columns (N, m) of what is observed, `numbers` (N,)
+    of each member.
+    """
 
     requested: data.Requested
     outcome: Outcome
@@ -71,7 +78,9 @@ class EnsembleRun:
 
 @dataclass(frozen=True, slots=True)
 class SceneRun:
-    """All runs of a scene, with the true motion where something observed needed it, or why it is not known."""
+    """All runs of a scene, with the true motion where something observed needed it, or why it is
+    not known.
+    """
 
     scene: data.Scene
     derived: derivation.Derived
@@ -82,7 +91,9 @@ class SceneRun:
 
 
 def run_scene(
-    derived: derivation.Derived, progress: data.Progress | None = None, compared_until: data.Stop | None = None
+    derived: derivation.Derived,
+    progress: data.Progress | None = None,
+    compared_until: data.Stop | None = None,
 ) -> SceneRun:
     """Run every method; the failure of one method is its outcome and does not affect the others.
 
@@ -105,12 +116,17 @@ def run_scene(
     for place, requested in enumerate(scene.methods, 1):
         tell(f"{requested.label} ({place} of {len(scene.methods)})")
         if derived.is_over and scene.ensemble is None:
-            # Compiling it without taking a step would use the time needed to write the other methods.
+            # Compiling it without taking a step would use the time needed to write the other
+            # methods.
             runs.append(MethodRun(requested, Outcome("cancelled", remedy=say("late")), None))
             continue
         try:
             members = scene.ensemble
-            run = run_method(derived, requested, truth) if members is None else run_members(derived, members, requested)
+            run = (
+                run_method(derived, requested, truth)
+                if members is None
+                else run_members(derived, members, requested)
+            )
             runs.append(run)
         except InputError as error:
             if scene.ensemble is None:
@@ -118,7 +134,11 @@ def run_scene(
             runs.append(MethodRun(requested, Outcome("unavailable", remedy=error.detail), None))
         except (ArithmeticError, ValueError, LookupError, TypeError, RuntimeError) as error:
             logging.getLogger(__name__).exception("the method %s failed", requested.method)
-            runs.append(MethodRun(requested, Outcome("failed", remedy=say("fault", type(error).__name__)), None))
+            runs.append(
+                MethodRun(
+                    requested, Outcome("failed", remedy=say("fault", type(error).__name__)), None
+                )
+            )
     exponent = None
     if "lyapunov" in scene.observe:
         tell("Lyapunov exponent")
@@ -130,7 +150,9 @@ def run_scene(
 def run_method(
     derived: derivation.Derived, requested: data.Requested, truth: data.Truth | str | None = None
 ) -> MethodRun:
-    """One method and its observed quantities, with an estimate of its error, and the cost of its parts."""
+    """One method and its observed quantities, with an estimate of its error, and the cost of its
+    parts.
+    """
     run = observed_run(derived, requested, truth)
     if run.observed is None or run.observed.problem is None:
         return run
@@ -138,7 +160,9 @@ def run_method(
     if outcome.completed:
         with derivation.timed(seconds, "half the step"):
             estimate = accuracy.estimated(run.observed, derived)
-        if (lost := estimate.lost) is not None:  # the run up to there, with the quantities observed so far
+        if (
+            lost := estimate.lost
+        ) is not None:  # the run up to there, with the quantities observed so far
             end, at = lost.time or 0.0, run.observed.trajectory
             shorter = replace(run.observed, trajectory=at.ended(at.times <= end, lost))
             numbers, series = observing.observed_quantities(shorter, seconds)
@@ -157,7 +181,9 @@ def run_method(
 def observed_run(
     derived: derivation.Derived, requested: data.Requested, truth: data.Truth | str | None = None
 ) -> MethodRun:
-    """One method and its observed quantities, up to the point that it reached within the domain of its formulas."""
+    """One method and its observed quantities, up to the point that it reached within the domain of
+    its formulas.
+    """
     scene = derived.scene
     free = derivation.free_of(requested, derived)
     if (lost := initial.ended_at_start(scene)) is not None:
@@ -183,9 +209,13 @@ def observed_run(
             observed = replace(observed, trajectory=found)
         if watched.scene.events and len(found.times) > 1:
             with derivation.timed(seconds, "events"):
-                found, events, final = happening.with_events(replace(observed, scene=watched.scene), derived.motion)
+                found, events, final = happening.with_events(
+                    replace(observed, scene=watched.scene), derived.motion
+                )
                 observed = replace(observed, trajectory=found)
-    if not found.outcome.completed and len(found.times) < 2:  # it did not make a step: nothing to observe
+    if (
+        not found.outcome.completed and len(found.times) < 2
+    ):  # it did not make a step: nothing to observe
         return MethodRun(requested, found.outcome, found, seconds=seconds, free=free)
     numbers, series = observing.observed_quantities(observed, seconds)
     if "period" in scene.observe:
@@ -194,40 +224,74 @@ def observed_run(
                 numbers |= {"period": None, "period_note": say("no_period")}
             elif events:
                 *others, returns = events
-                numbers, events = numbers | happening.period_of(observed, returns, others), tuple(others)
-    run = MethodRun(requested, found.outcome, found, numbers, series, seconds, free, events, observed)
+                numbers, events = (
+                    numbers | happening.period_of(observed, returns, others),
+                    tuple(others),
+                )
+    run = MethodRun(
+        requested, found.outcome, found, numbers, series, seconds, free, events, observed
+    )
     return replace(run, switches=ran.switches, final=final, contacts=ran.contacts)
 
 
-def run_members(derived: derivation.Derived, members: data.Members, requested: data.Requested) -> EnsembleRun:
+def run_members(
+    derived: derivation.Derived, members: data.Members, requested: data.Requested
+) -> EnsembleRun:
     """All members by one method; InputError where it cannot run them."""
     scene = derived.scene
     if requested.method == data.EXACT:
         raise data.Unavailable(say("ensemble_methods"))
-    known, problem = derivation.free_of(requested, derived), derivation.problem_of(requested, derived)
+    known, problem = (
+        derivation.free_of(requested, derived),
+        derivation.problem_of(requested, derived),
+    )
     problem = problem.with_used_parameters()
-    values: dict[str, Any] = {**scene.values, **(known.constants if known else {}), **dict(requested.constants)}
+    values: dict[str, Any] = {
+        **scene.values,
+        **(known.constants if known else {}),
+        **dict(requested.constants),
+    }
     values |= members.values
     # The momenta that L~ gives directly: they may be 0/0 in the velocities.
     known_momenta = None if known is None else known.start_momenta
-    momenta = None if known_momenta is None else known_momenta(members.positions, members.velocities, values)
+    momenta = (
+        None
+        if known_momenta is None
+        else known_momenta(members.positions, members.velocities, values)
+    )
     begun = time.perf_counter()
-    steps = np.where(initial.without_value(scene), np.nan, scene.grid.step)  # without one, a member does not start
+    steps = np.where(
+        initial.without_value(scene), np.nan, scene.grid.step
+    )  # without one, a member does not start
     start = members.positions, members.velocities
-    many = execution.run_ensemble(problem, requested.choice, *start, scene.grid, values, momenta, steps, derived.stop)
+    many = execution.run_ensemble(
+        problem, requested.choice, *start, scene.grid, values, momenta, steps, derived.stop
+    )
     ran = time.perf_counter()
     if piecewise.has_pieces(scene, problem):
         many = replace(many, remedy=say("alone"))
     velocities, series, numbers = _observed(scene, problem, requested, many, values)
     seconds = {"run": ran - begun, "observed": time.perf_counter() - ran}
-    run = EnsembleRun(requested, Outcome("cancelled", scene.grid.steps), many, velocities, series, numbers, seconds)
+    run = EnsembleRun(
+        requested,
+        Outcome("cancelled", scene.grid.steps),
+        many,
+        velocities,
+        series,
+        numbers,
+        seconds,
+    )
     if many.cancelled:
         return run
-    # With half the step, or a smaller tolerance: as many members as MOST_SHARPER allows, nan for others.
+    # With half the step, or a smaller tolerance: as many members as MOST_SHARPER allows, nan for
+    # others.
     again, count = accuracy.finer(requested, scene.grid), len(many.positions)
     most = max(1, MOST_SHARPER // max(again.grid.steps, 1))
     rows = np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))
-    own = {name: value[rows] if isinstance(value, np.ndarray) else value for name, value in values.items()}
+    own = {
+        name: value[rows] if isinstance(value, np.ndarray) else value
+        for name, value in values.items()
+    }
     found = execution.run_ensemble(
         problem, again.requested.choice, start[0][rows], start[1][rows], again.grid, own,
         None if momenta is None else momenta[rows],
@@ -238,7 +302,11 @@ def run_members(derived: derivation.Derived, members: data.Members, requested: d
     estimates[rows] = np.where(many.completed[rows], errors.max(axis=(1, 2)), np.nan)
     far = (shares > accuracy.TOO_LARGE).any(axis=(1, 2)) & many.completed[rows]
     looked = f"{len(rows):,}" if len(rows) == count else f"{len(rows):,} examined (of {count:,})"
-    doubt = say("members_differ", f"{far.sum():,}", looked, again.how, rows[far.argmax()]) if far.any() else ""
+    doubt = (
+        say("members_differ", f"{far.sum():,}", looked, again.how, rows[far.argmax()])
+        if far.any()
+        else ""
+    )
     doubt = doubt or _missed(derived, members, problem, run, values)
     kind = "completed" if many.completed.all() else "partly"
     if not many.completed.any():  # the most frequent outcome
@@ -248,17 +316,30 @@ def run_members(derived: derivation.Derived, members: data.Members, requested: d
 
 
 def _missed(
-    derived: derivation.Derived, members: data.Members, problem: data.Problem, run: EnsembleRun, values: dict[str, Any]
+    derived: derivation.Derived,
+    members: data.Members,
+    problem: data.Problem,
+    run: EnsembleRun,
+    values: dict[str, Any],
 ) -> str:
-    """The doubt of the first of LOOKED_AT members that misses a force acting within a step, with its error."""
+    """The doubt of the first of LOOKED_AT members that misses a force acting within a step, with
+    its error.
+    """
     many, estimates = run.many, run.numbers["estimated_error"]
     for row in np.flatnonzero(many.completed)[:: max(1, len(many.positions) // LOOKED_AT)]:
         if run.velocities is None or derived.is_over:
             break
-        own = {name: float(value[row]) if isinstance(value, np.ndarray) else value for name, value in values.items()}
+        own = {
+            name: float(value[row]) if isinstance(value, np.ndarray) else value
+            for name, value in values.items()
+        }
         start = members.positions[row], members.velocities[row]
-        alone = replace(derived.scene, positions=start[0], velocities=start[1], values=own, ensemble=None)
-        ran = Trajectory(many.grid.times, many.positions[row], None, run.velocities[row], many.outcome(row))
+        alone = replace(
+            derived.scene, positions=start[0], velocities=start[1], values=own, ensemble=None
+        )
+        ran = Trajectory(
+            many.grid.times, many.positions[row], None, run.velocities[row], many.outcome(row)
+        )
         seen = observing.Observed(alone, run.requested, ran, problem, own, None, in_pieces=True)
         if not len(peaks.moments_between(seen)):
             continue
@@ -270,15 +351,25 @@ def _missed(
 
 
 def _observed(
-    scene: data.Scene, problem: data.Problem, requested: data.Requested, many: execution.Run, values: dict[str, Any]
+    scene: data.Scene,
+    problem: data.Problem,
+    requested: data.Requested,
+    many: execution.Run,
+    values: dict[str, Any],
 ) -> tuple[Array | None, dict[str, Array], dict[str, Array]]:
-    """Velocities (N, m, n), columns (N, m) of the energy and own observables, as of one run, and numbers (N,)."""
+    """Velocities (N, m, n), columns (N, m) of the energy and own observables, as of one run, and
+    numbers (N,).
+    """
     count, points, n = many.positions.shape
     rates, times = many.rates.reshape(-1, n), np.tile(many.grid.times, count)
-    own = {name: np.repeat(x, points) if isinstance(x, np.ndarray) else x for name, x in values.items()}
+    own = {
+        name: np.repeat(x, points) if isinstance(x, np.ndarray) else x for name, x in values.items()
+    }
     flat = Trajectory(times, many.positions.reshape(-1, n), rates, rates, Outcome("completed"))
     if many.letter == "p":
-        flat = replace(flat, velocities=observing.point_velocities(scene, problem, requested.method, flat, own))
+        flat = replace(
+            flat, velocities=observing.point_velocities(scene, problem, requested.method, flat, own)
+        )
     seen = observing.Observed(scene, requested, flat, problem, own, None, in_pieces=True)
     series: dict[str, Array] = {}
     numbers: dict[str, Array] = {}
@@ -288,7 +379,9 @@ def _observed(
     if flat.velocities is None:
         return None, series, numbers
     if "energy" in scene.observe and scene.lagrangian is not None:
-        energies, kinetic = (part.reshape(count, points) for part in observing.energies(scene, seen.table))
+        energies, kinetic = (
+            part.reshape(count, points) for part in observing.energies(scene, seen.table)
+        )
         series["energy"] = energies
         if observing.why_energy_varies(scene) is None:
             start = observing.without_noise(energies[:, 0], kinetic[:, 0])[:, None]

@@ -1,4 +1,5 @@
-"""The formulas of a motion as one graph: L, its derivatives, constraints and forces; numbers at many points; programs.
+"""The formulas of a motion as one graph: L, its derivatives, constraints and forces; numbers at
+many points; programs.
 
     momenta    p = L_v                     pulls   L_q + Q
     masses     g = L_vv                    rates   L_vq v + L_vt, the change of p at constant v
@@ -6,7 +7,8 @@
 
 A discrete step with weight alpha has u = (d, mu) as unknowns, at q + alpha d, d/h and t + alpha h:
 
-    L_v - (1 - alpha) h (L_q + Q) + mu w(q_k) = p_k,   w v + c = 0;   p_(k+1) = p_k + h (L_q + Q) - mu w(q_k)
+    L_v - (1 - alpha) h (L_q + Q) + mu w(q_k) = p_k,   w v + c = 0;   p_(k+1) = p_k + h (L_q + Q) -
+    mu w(q_k)
 """
 
 from __future__ import annotations
@@ -23,7 +25,9 @@ from inverse_service.integrators.trajectory import Array
 from inverse_service.kernels.codegen.graph import Graph
 from inverse_service.simulation.scene_data import Problem
 
-MOMENT, PLACE, SPEED, STEP, SETTING, PARAMETER, FORCE, BEGIN = (1 << k for k in range(8))  # kinds of leaves
+MOMENT, PLACE, SPEED, STEP, SETTING, PARAMETER, FORCE, BEGIN = (
+    1 << k for k in range(8)
+)  # kinds of leaves
 MOST_NEWTON, SETTLED, NEARLY = 60, 1e-13, 1e-9  # for velocities of masses that depend on them
 Nodes = list[int]
 Entries = dict[tuple[int, int], int]
@@ -31,7 +35,9 @@ Entries = dict[tuple[int, int], int]
 
 @dataclass(frozen=True)
 class SceneGraph:
-    """The graph of a problem; each part is added at first use. InputError for a name or function without a value."""
+    """The graph of a problem; each part is added at first use. InputError for a name or function
+    without a value.
+    """
 
     problem: Problem
     graph: Graph = field(default_factory=Graph)
@@ -93,7 +99,11 @@ class SceneGraph:
         """L_q + Q."""
         zero = self.graph.constant(0.0)
         found = [self._slopes.get(1 + k, zero) for k in range(self.size)]
-        return [self.graph.add(*pair) for pair in zip(found, self.forces, strict=True)] if self.forces else found
+        return (
+            [self.graph.add(*pair) for pair in zip(found, self.forces, strict=True)]
+            if self.forces
+            else found
+        )
 
     @cached_property
     def masses(self) -> Entries:
@@ -125,7 +135,11 @@ class SceneGraph:
         """Those of the forces of the constraints: w, where the problem gives no others."""
         given = {(row, k): self.graph.node(tree)
                  for row, pull in enumerate(self.problem.pulls) for k, tree in enumerate(pull)}  # fmt: skip
-        return {place: node for place, node in given.items() if not self.graph.is_zero(node)} if given else self.forms
+        return (
+            {place: node for place, node in given.items() if not self.graph.is_zero(node)}
+            if given
+            else self.forms
+        )
 
     def _at_constant_speed(self, nodes: Sequence[int]) -> Nodes:
         """The changes of nodes along q' = v, t' = 1."""
@@ -157,10 +171,15 @@ class SceneGraph:
 
     @cached_property
     def discrete(self) -> tuple[Nodes, Entries, Nodes]:
-        """Of a step: left-hand sides (n + m,), their derivatives by the unknowns, and the rates of the momenta."""
+        """Of a step: left-hand sides (n + m,), their derivatives by the unknowns, and the rates of
+        the momenta.
+        """
         g, n, m = self.graph, self.size, len(self.constraints)
         rest = g.multiply(g.subtract(g.constant(1.0), self.alpha), self.step)
-        left = [g.subtract(p, g.multiply(rest, pull)) for p, pull in zip(self.momenta, self.pulls, strict=True)]
+        left = [
+            g.subtract(p, g.multiply(rest, pull))
+            for p, pull in zip(self.momenta, self.pulls, strict=True)
+        ]
         first = 3 + 2 * n + len(self.problem.parameters)
         multipliers = [g.leaf(first + a, FORCE) for a in range(m)]
         pushes, over, entries = list(self.pulls), g.reciprocal(self.step), Entries()
@@ -171,15 +190,21 @@ class SceneGraph:
                 j = place - 1 - n if moves else place - 1
                 entries[i, j] = g.add(entries[i, j], part) if (i, j) in entries else part
         if m:
-            held = g.moved(list(self.forms.values()), {1 + k: g.leaf(first + m + k, BEGIN) for k in range(n)})
+            held = g.moved(
+                list(self.forms.values()), {1 + k: g.leaf(first + m + k, BEGIN) for k in range(n)}
+            )
             for (a, k), form in zip(self.forms, held, strict=True):
                 left[k] = g.add(left[k], g.multiply(multipliers[a], form))
-                pushes[k] = g.subtract(pushes[k], g.multiply(over, g.multiply(multipliers[a], form)))
+                pushes[k] = g.subtract(
+                    pushes[k], g.multiply(over, g.multiply(multipliers[a], form))
+                )
                 entries[k, n + a] = form
         return [*left, *self.constraints], entries, pushes
 
     def terms(self) -> Nodes:
-        """The squares of the terms of each acceleration, as of a coordinate that moves alone, (n,)."""
+        """The squares of the terms of each acceleration, as of a coordinate that moves alone,
+        (n,).
+        """
         g, n = self.graph, self.size
         sums = self.accelerations if self.problem.accelerations is not None else self.linear[0][:n]
         one = g.constant(1.0)
@@ -187,7 +212,11 @@ class SceneGraph:
         found = []
         for k, node in enumerate(sums):
             parts, mass = g.summands(node), masses.get((k, k), one)
-            total = g.total(g.multiply(part, part) for part in parts) if len(parts) > 1 else g.constant(0.0)
+            total = (
+                g.total(g.multiply(part, part) for part in parts)
+                if len(parts) > 1
+                else g.constant(0.0)
+            )
             found.append(g.multiply(total, g.power(mass, -2)))
         return found
 
@@ -197,24 +226,37 @@ class SceneGraph:
         return [self.graph.node(tree) for tree in self.problem.accelerations or ()]
 
     def inputs(
-        self, positions: Array, velocities: Array | None, values: Mapping[str, Any], times: Array | float = 0.0
+        self,
+        positions: Array,
+        velocities: Array | None,
+        values: Mapping[str, Any],
+        times: Array | float = 0.0,
     ) -> dict[int, Any]:
-        """What leaves are at m points: positions and velocities (m, n), parameters numbers or (m,)."""
+        """What leaves are at m points: positions and velocities (m, n), parameters numbers or
+        (m,).
+        """
         found: dict[int, Any] = {0: times}
         found |= {1 + k: column for k, column in enumerate(positions.T)}
         speeds = np.zeros_like(positions) if velocities is None else velocities
         found |= {1 + self.size + k: column for k, column in enumerate(speeds.T)}
-        found |= {3 + 2 * self.size + k: values[name] for k, name in enumerate(self.problem.parameters)}
+        found |= {
+            3 + 2 * self.size + k: values[name] for k, name in enumerate(self.problem.parameters)
+        }
         return found
 
     def values(self, nodes: Sequence[int], inputs: Mapping[int, Any], count: int) -> Array:
         """The values of nodes at `count` points, (nodes, count)."""
         found = self.graph.values(nodes, inputs)
-        return np.array([np.broadcast_to(one, count) for one in found], dtype=float).reshape(len(nodes), count)
+        return np.array([np.broadcast_to(one, count) for one in found], dtype=float).reshape(
+            len(nodes), count
+        )
 
-    def velocities(self, positions: Array, momenta: Array, values: Mapping[str, Any], times: Array) -> Array | None:
-        """v (m, n) with L_v + w^T s = p and w v + c = 0 at m points, nan where there is none; a matrix of numbers is
-        solved once for all. None where it is singular at a point."""
+    def velocities(
+        self, positions: Array, momenta: Array, values: Mapping[str, Any], times: Array
+    ) -> Array | None:
+        """v (m, n) with L_v + w^T s = p and w v + c = 0 at m points, nan where there is none; a
+        matrix of numbers is solved once for all. None where it is singular at a point.
+        """
         count, n = positions.shape
         v, nodes = np.zeros_like(positions), [*self.momenta, *self.constraints]
         target = np.pad(momenta, ((0, 0), (0, len(self.constraints)))).T
@@ -256,7 +298,9 @@ def on_table(
     coordinates: tuple[str, ...], lagrangian: ex.Expression | None, constraints: tuple[ex.Expression, ...],
     table: Mapping[ex.Expression, Any],
 ) -> tuple[SceneGraph, dict[int, Any], int]:  # fmt: skip
-    """The graph of L and constraints, with the inputs of a table of names and values, and the number of its points."""
+    """The graph of L and constraints, with the inputs of a table of names and values, and the
+    number of its points.
+    """
     known = {*map(ex.Symbol, coordinates), ex.TIME}
     names = tuple(tree.name for tree in table if isinstance(tree, ex.Symbol) and tree not in known)
     scene = graph_of(Problem(coordinates, names, lagrangian, constraints))
@@ -265,8 +309,13 @@ def on_table(
 
 
 def uses_own_lagrangian(problem: Problem) -> bool:
-    """Whether L~ is the regular L of a scene without constraints, so that no H is needed: p = L_v determines v."""
-    return problem.free_hamiltonian is None and problem.free_lagrangian == problem.lagrangian is not None
+    """Whether L~ is the regular L of a scene without constraints, so that no H is needed: p = L_v
+    determines v.
+    """
+    return (
+        problem.free_hamiltonian is None
+        and problem.free_lagrangian == problem.lagrangian is not None
+    )
 
 
 @lru_cache(maxsize=8)

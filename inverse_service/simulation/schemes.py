@@ -1,7 +1,9 @@
-"""Methods as programs: the discrete equations of integrators/ with the formulas of a problem in them.
+"""Methods as programs: the discrete equations of integrators/ with the formulas of a problem in
+them.
 
-First the methods on (q, p), then those on (q, v): Runge-Kutta, Gauss-Legendre, and those that choose their steps. Last
-the formulas watched at every step, so that a run ends where its formulas end.
+First the methods on (q, p), then those on (q, v): Runge-Kutta, Gauss-Legendre, and those that
+choose their steps. Last the formulas watched at every step, so that a run ends where its formulas
+end.
 """
 
 import math
@@ -12,10 +14,25 @@ import numpy as np
 
 from inverse_service.errors import InputError
 from inverse_service.integrators import trajectory, variational as discrete
-from inverse_service.integrators.method_table import GAUSS_LEGENDRE, PAIRS, POINT_METHODS, RODAS, TABLEAUX, Tableau
+from inverse_service.integrators.method_table import (
+    GAUSS_LEGENDRE,
+    PAIRS,
+    POINT_METHODS,
+    RODAS,
+    TABLEAUX,
+    Tableau,
+)
 from inverse_service.integrators.variational import Vector
 from inverse_service.kernels.codegen import program as programs, symengine_trees as se
-from inverse_service.kernels.codegen.symengine_trees import HALF, ONE, STEP, ZERO, Formula, number, symbol
+from inverse_service.kernels.codegen.symengine_trees import (
+    HALF,
+    ONE,
+    STEP,
+    ZERO,
+    Formula,
+    number,
+    symbol,
+)
 from inverse_service.simulation import scene_graph
 from inverse_service.simulation.numeric_formulas import MOMENT, Denominator, Formulas, put
 from inverse_service.simulation.scene_data import MethodChoice, Observation
@@ -32,7 +49,9 @@ SMALLEST = 1e-300
 
 
 def alpha_of(choice: MethodChoice) -> Formula:
-    """alpha as a number where it changes the structure (0, 1/2, 1), else a name that gets its value at run time."""
+    """alpha as a number where it changes the structure (0, 1/2, 1), else a name that gets its value
+    at run time.
+    """
     special = {0.0: number(0), 0.5: HALF, 1.0: number(1)}
     return special.get(choice.alpha, se.ALPHA)
 
@@ -42,7 +61,9 @@ def parts_of(choice: MethodChoice) -> tuple[Formula, ...]:
     return (alpha, 1 - alpha) if choice.symmetrised and alpha != HALF else (alpha,)
 
 
-def program_of(formulas: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
+def program_of(
+    formulas: Formulas, choice: MethodChoice, observation: Observation
+) -> programs.Program:
     """The step of the method; it contains only the requested parts."""
     builders: dict[str, Callable[[Formulas, MethodChoice, Observation], programs.Program]] = {
         "raw": _raw, "verlet": _verlet, "hamiltonian": _hamiltonian, "nonholonomic": nonholonomic, "modified": modified,
@@ -55,7 +76,9 @@ def program_of(formulas: Formulas, choice: MethodChoice, observation: Observatio
 
 
 def _verlet(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
-    """Stormer and Verlet: half a drift, a kick, half a drift; one evaluation of the force, nothing implicit."""
+    """Stormer and Verlet: half a drift, a kick, half a drift; one evaluation of the force, nothing
+    implicit.
+    """
     q, p, d = map(f.symbols, "qpd")
     if len(f.forces) or any(f.hamiltonian.diff(x).diff(y).expand() != ZERO for x in q for y in p):
         raise InputError(say("not_separable"))
@@ -65,7 +88,8 @@ def _verlet(f: Formulas, choice: MethodChoice, observation: Observation) -> prog
     half = q + STEP / 2 * before
     found = slope_q(half, p)
     kicked = np.where(found == ZERO, ZERO, -STEP * _named(statements, found, "g"))
-    # Written as h T_p(p) + (h/2)(T_p(p') - T_p(p)): what does not need the force can be computed before it.
+    # Written as h T_p(p) + (h/2)(T_p(p') - T_p(p)): what does not need the force can be computed
+    # before it.
     gains = [gain.expand() for gain in slope_p(q, p + kicked) - before]
     _named(statements, STEP * before + STEP / 2 * np.array(gains), "d")
     point = f.point(middle, q=half, p=p)
@@ -80,38 +104,57 @@ def _hamiltonian(f: Formulas, choice: MethodChoice, observation: Observation) ->
     slope_q = f.held(slope_q, slope_p, moment_at(alpha))
     if len(parts_of(choice)) == 2:
         both = (e, f.symbols("g"))
-        equations, pushes = discrete.symmetrised_hamiltonian_step(q, p, d, both, STEP, alpha, slope_q, slope_p)
+        equations, pushes = discrete.symmetrised_hamiltonian_step(
+            q, p, d, both, STEP, alpha, slope_q, slope_p
+        )
         unknowns, watched = [*d, *e, *both[1]], p + e
     else:
         equations, pushes = discrete.hamiltonian_step(q, p, d, e, STEP, alpha, slope_q, slope_p)
         unknowns, watched = [*d, *e], p + (1 - alpha) * e
     point = f.point(moment_at(alpha), q=q + alpha * d, p=watched)
     guards = root_guards(f, point) if choice.guard else []
-    watches = [*velocity_watches(f, alpha), *domain_watches(f, point), *range_watches(f, alpha), *guards]
-    # The determinant of a mean over two points has additional zeros, which the factors of L~ describe better.
+    watches = [
+        *velocity_watches(f, alpha),
+        *domain_watches(f, point),
+        *range_watches(f, alpha),
+        *guards,
+    ]
+    # The determinant of a mean over two points has additional zeros, which the factors of L~
+    # describe better.
     guarded = choice.guard and len(parts_of(choice)) == 1
-    return _program(f, choice, observation, _solved(f, equations, unknowns, guarded), [*d, *pushes], watches)
+    return _program(
+        f, choice, observation, _solved(f, equations, unknowns, guarded), [*d, *pushes], watches
+    )
 
 
 def _raw(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
     q, p, d = map(f.symbols, "qpd")
     parts = parts_of(choice)
-    slope_q, slope_v = (f.gradient(f.free_lagrangian, letter, moment=moment_at(parts[0])) for letter in "qv")
+    slope_q, slope_v = (
+        f.gradient(f.free_lagrangian, letter, moment=moment_at(parts[0])) for letter in "qv"
+    )
     slope_q = f.pushed(slope_q, moment_at(parts[0]))
     equations, pushes = discrete.raw_step(q, p, d, STEP, parts, slope_q, slope_v)
-    points, is_own = [discrete_point(f, part) for part in parts], scene_graph.uses_own_lagrangian(f.problem)
+    points, is_own = (
+        [discrete_point(f, part) for part in parts],
+        scene_graph.uses_own_lagrangian(f.problem),
+    )
     remedy = where_it_ends(f) if is_own else "use the Hamiltonian form"
     watches = [one for at in points for one in sign_watches(f.denominators, at, remedy)]
     watches += range_watches(f, parts[0])
     # Near A_beta = 0 the determinant itself has no limit; there the watches above are the guard.
     guarded = choice.guard and (is_own or all(one.moves for one in f.denominators))
-    return _program(f, choice, observation, _solved(f, equations, d, guarded), [*d, *pushes], watches)
+    return _program(
+        f, choice, observation, _solved(f, equations, d, guarded), [*d, *pushes], watches
+    )
 
 
 def nonholonomic(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
     q, p, d = map(f.symbols, "qpd")
     m, parts = np.array([symbol(f"m{a}") for a in range(len(f.forms))]), parts_of(choice)
-    slope_q, slope_v = (f.gradient(f.lagrangian, letter, moment=moment_at(parts[0])) for letter in "qv")
+    slope_q, slope_v = (
+        f.gradient(f.lagrangian, letter, moment=moment_at(parts[0])) for letter in "qv"
+    )
     slope_q = f.pushed(slope_q, moment_at(parts[0]))
     slopes, forms = (slope_q, slope_v), (f.forms_at, f.drifts_at)
     equations, pushes = discrete.lagrange_dalembert_step(q, p, d, m, STEP, parts, *slopes, *forms)
@@ -122,25 +165,37 @@ def nonholonomic(f: Formulas, choice: MethodChoice, observation: Observation) ->
 
 
 def modified(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
-    """L~ for the base coordinates with the discrete constraints put in, so that factors A_alpha cancel. Symmetrised,
-    the constraints hold only in the mean, so no factors cancel."""
+    """L~ for the base coordinates with the discrete constraints put in, so that factors A_alpha
+    cancel. Symmetrised, the constraints hold only in the mean, so no factors cancel.
+    """
     if any(drift != ZERO for drift in f.drifts):
-        raise InputError("The modified method requires constraints that are homogeneous in the velocities.")
+        raise InputError(
+            "The modified method requires constraints that are homogeneous in the velocities."
+        )
     q, p, d, alpha, parts = *map(f.symbols, "qpd"), alpha_of(choice), parts_of(choice)
     base = [k for k in range(f.size) if k not in f.dependent]
     watches = range_watches(f, alpha)
-    if len(parts) == 2 or any(se.contains(value, q[k]) for value in f.dependent.values() for k in f.dependent):
+    if len(parts) == 2 or any(
+        se.contains(value, q[k]) for value in f.dependent.values() for k in f.dependent
+    ):
         slope_q, slope_v = (f.gradient(f.free_lagrangian, letter) for letter in "qv")
         free, kicks = discrete.raw_step(q, p, d, STEP, parts, slope_q, slope_v)
         held = sum(f.forms_at(q + part * d) @ d for part in parts) / len(parts)
         statements, pushes = _solved(f, [*free[base], *held], d), kicks[base]
         watches += [
-            one for part in parts for one in sign_watches(f.denominators, discrete_point(f, part), say("smaller_step"))
+            one
+            for part in parts
+            for one in sign_watches(f.denominators, discrete_point(f, part), say("smaller_step"))
         ]
     else:
         pair = discrete_point(f, alpha)
         by_q, by_v = (
-            np.array([f.free_lagrangian.diff(x).subs(f.on_constraints).subs(pair) for x in f.symbols(letter)[base]])
+            np.array(
+                [
+                    f.free_lagrangian.diff(x).subs(f.on_constraints).subs(pair)
+                    for x in f.symbols(letter)[base]
+                ]
+            )
             for letter in "qv"
         )
         equations = [*(STEP * p[base] - STEP * by_v + (1 - alpha) * STEP**2 * by_q)]
@@ -151,10 +206,18 @@ def modified(f: Formulas, choice: MethodChoice, observation: Observation) -> pro
 
 
 def _solved(
-    f: Formulas, equations: Sequence[Formula], unknowns: Sequence[Formula], guarded: bool = False, poles: bool = False
+    f: Formulas,
+    equations: Sequence[Formula],
+    unknowns: Sequence[Formula],
+    guarded: bool = False,
+    poles: bool = False,
 ) -> Sequence[programs.Statement]:
     """The statements of an implicit step, d being increments of q, e and g of p."""
-    scales = {f"{letter}{k}": f"{of}{k}" for k in range(f.size) for letter, of in (("d", "q"), ("e", "p"), ("g", "p"))}
+    scales = {
+        f"{letter}{k}": f"{of}{k}"
+        for k in range(f.size)
+        for letter, of in (("d", "q"), ("e", "p"), ("g", "p"))
+    }
     return programs.plan(equations, [str(name) for name in unknowns], scales, guarded, poles)
 
 
@@ -165,17 +228,23 @@ def _program(
 ) -> programs.Program:  # fmt: skip
     """The program of a method, with a clock where t matters, and without what nothing needs.
 
-    Methods on (q, p) observe at discrete points; `momenta` are the coordinates whose momentum is a state variable.
+    Methods on (q, p) observe at discrete points; `momenta` are the coordinates whose momentum is a
+    state variable.
     """
     n, by_points = f.size, choice.method in POINT_METHODS
-    watches = [*watches, *rank_watches(f, f.symbols("q") + np.array(changes[:n]), divides=by_points)]
+    watches = [
+        *watches,
+        *rank_watches(f, f.symbols("q") + np.array(changes[:n]), divides=by_points),
+    ]
     places = range(n) if momenta is None else momenta
     carried = [*(f"q{k}" for k in range(n)), *(f"{'v' if by_points else 'p'}{k}" for k in places)]
     points = [{}] if by_points else [discrete_point(f, part) for part in parts_of(choice)]
     observed = []
     for item in observation:
         formula = se.translate(item.expression, f.table) + (f.energy if item.with_energy else ZERO)
-        observed.append((item.name, sum((formula.subs(point) for point in points), ZERO) / len(points)))
+        observed.append(
+            (item.name, sum((formula.subs(point) for point in points), ZERO) / len(points))
+        )
     if f.problem.depends_on_time or any(se.contains(formula, MOMENT) for _, formula in observed):
         carried, changes = [*carried, str(MOMENT)], [*changes, STEP]
     known = {symbol(s.name): s.formula for s in statements if isinstance(s, programs.Assign)}
@@ -196,8 +265,12 @@ def runge_kutta(f: Formulas, choice: MethodChoice, observation: Observation) -> 
     statements, forces, changes, _ = _explicit(f, tableau, choice.guard)
     # Stages on both sides of a jump of the force can cancel, so that no step ever ends beyond it.
     names = [symbol(f"x{len(forces) - 1}_{k}") for k in range(2 * f.size)]
-    last = f.point(moment_at(number(round(float(tableau.nodes[-1]), 12))), q=names[: f.size], v=names[f.size :])
-    watches = [*motion_walls(f, point_after(f, changes)), *motion_walls(f, last)] if choice.guard else []
+    last = f.point(
+        moment_at(number(round(float(tableau.nodes[-1]), 12))), q=names[: f.size], v=names[f.size :]
+    )
+    watches = (
+        [*motion_walls(f, point_after(f, changes)), *motion_walls(f, last)] if choice.guard else []
+    )
     return _program(f, choice, observation, statements, changes, watches, forces=len(forces))
 
 
@@ -210,23 +283,31 @@ def adaptive(f: Formulas, choice: MethodChoice, observation: Observation) -> pro
     if coarse:
         error = error**2 / (error + coarse[0] / 100 + number(SMALLEST_NORM))
     count = len(forces)
-    return _program(f, choice, observation, statements, changes, [], None, count, error, tableau.falls)
+    return _program(
+        f, choice, observation, statements, changes, [], None, count, error, tableau.falls
+    )
 
 
-def _squared_norm(f: Formulas, changes: Vector, first: Vector, errors: Vector, later: Vector | None = None) -> Formula:
-    """The mean of (error/scale)^2, each variable measured by its size and its change in a step: no unit enters.
+def _squared_norm(
+    f: Formulas, changes: Vector, first: Vector, errors: Vector, later: Vector | None = None
+) -> Formula:
+    """The mean of (error/scale)^2, each variable measured by its size and its change in a step: no
+    unit enters.
 
-    Where all of these vanish at once, a thousandth of what the other of q and v makes of it in a step of the grid, or
-    what the accelerations come to `later` in that step do if there are none now.
-    The influence of one end of a chain on the other within a step is of higher order than the error, so that no step is
-    short enough for it: 1e-20 of the whole counts as well. Where terms of a force cancel at rest, the round-off that
-    they leave changes with t: a step's share of it is no error.
+    Where all of these vanish at once, a thousandth of what the other of q and v makes of it in a
+    step of the grid, or what the accelerations come to `later` in that step do if there are none
+    now. The influence of one end of a chain on the other within a step is of higher order than the
+    error, so that no step is short enough for it: 1e-20 of the whole counts as well. Where terms of
+    a force cancel at rest, the round-off that they leave changes with t: a step's share of it is no
+    error.
     """
     q, v = map(f.symbols, "qv")
     others = np.concatenate([(v * se.WHOLE_STEP) ** 2, (q / se.WHOLE_STEP) ** 2])
     if later is not None:
         now, gained = f.accelerations**2, (se.WHOLE_STEP * (later - f.accelerations)) ** 2
-        gained = gained**2 / (gained + number(AT_REST) * (se.WHOLE_STEP**2 * now) + number(SMALLEST))
+        gained = gained**2 / (
+            gained + number(AT_REST) * (se.WHOLE_STEP**2 * now) + number(SMALLEST)
+        )
         others = others + np.concatenate([se.WHOLE_STEP**2 * gained, gained])
     sizes = np.concatenate([q, v]) ** 2 + changes**2 + first**2 + others / 1_000_000
     if f.problem.depends_on_time:
@@ -238,8 +319,9 @@ def _squared_norm(f: Formulas, changes: Vector, first: Vector, errors: Vector, l
 
 
 def _sizes_of_terms(f: Formulas) -> Vector:
-    """The sum of the squares of the terms of each acceleration at the end of a step, 0 where it is one term; of linear
-    equations, those of a coordinate that moves alone."""
+    """The sum of the squares of the terms of each acceleration at the end of a step, 0 where it is
+    one term; of linear equations, those of a coordinate that moves alone.
+    """
     masses = np.full(f.size, ONE)
     if f.problem.accelerations is not None:
         forces = f.accelerations
@@ -248,7 +330,12 @@ def _sizes_of_terms(f: Formulas) -> Vector:
         forces, masses = right[: f.size], np.diagonal(matrix)[: f.size]
     ends, masses = (put(part, {MOMENT: moment_at(ONE)}) for part in (forces, masses))
     pairs = zip(ends, masses, strict=True)
-    return np.array([_squared_terms(end) / mass**2 if _is_sum(end) and mass != ZERO else ZERO for end, mass in pairs])
+    return np.array(
+        [
+            _squared_terms(end) / mass**2 if _is_sum(end) and mass != ZERO else ZERO
+            for end, mass in pairs
+        ]
+    )
 
 
 def _is_sum(formula: Formula) -> bool:
@@ -264,41 +351,64 @@ def _squared_terms(formula: Formula) -> Formula:
 
 
 def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
-    """RODAS: six linear systems with one matrix in each step, n by n once the velocities are eliminated.
+    """RODAS: six linear systems with one matrix in each step, n by n once the velocities are
+    eliminated.
 
-    u/gamma - h J u - h f - sum c_ij u_j - h^2 d_i f_t for u = (g, w), the increments of q and of v in a stage.
+    u/gamma - h J u - h f - sum c_ij u_j - h^2 d_i f_t for u = (g, w), the increments of q and of v
+    in a stage.
     """
     n, (q, v) = f.size, map(f.symbols, "qv")
     state, statements = np.concatenate([q, v]), list[programs.Statement]()
     slopes = np.array([[se.slope(force, x) for x in state] for force in f.accelerations])
     names = np.array([[symbol(f"j{k}_{x}") for x in state] for k in range(n)])
-    statements += [programs.Assign(str(a), b) for a, b in zip(names.flat, slopes.flat, strict=True) if b != ZERO]
+    statements += [
+        programs.Assign(str(a), b)
+        for a, b in zip(names.flat, slopes.flat, strict=True)
+        if b != ZERO
+    ]
     jacobian = np.where(slopes == ZERO, ZERO, names)
     drift = np.array([force.diff(MOMENT) for force in f.accelerations])
     stages: list[Vector] = []
     for k, node in enumerate(RODAS.nodes):
         u = np.concatenate([[symbol(f"{letter}{k}_{i}") for i in range(n)] for letter in "gw"])
-        place, mixed = state + _combined(RODAS.rows[k], stages, 2 * n), _combined(RODAS.mixed[k], stages, 2 * n)
+        place, mixed = (
+            state + _combined(RODAS.rows[k], stages, 2 * n),
+            _combined(RODAS.mixed[k], stages, 2 * n),
+        )
         force = put(f.accelerations, f.point(moment_at(number(node)), q=place[:n], v=place[n:]))
         rates = STEP * np.concatenate([u[n:] + place[n:], jacobian @ u + force])
         rates[n:] = rates[n:] + STEP**2 * number(RODAS.slopes[k]) * drift
-        blocks = programs.plan(u / number(RODAS.gamma) - rates - mixed, [str(name) for name in u], {})
-        statements += [replace(one, tested=False) if isinstance(one, programs.Solve) else one for one in blocks]
+        blocks = programs.plan(
+            u / number(RODAS.gamma) - rates - mixed, [str(name) for name in u], {}
+        )
+        statements += [
+            replace(one, tested=False) if isinstance(one, programs.Solve) else one for one in blocks
+        ]
         stages.append(u)
     changes = _combined(RODAS.rows[-1], stages, 2 * n) + stages[-1]
-    # A force that begins as t^2 from rest has an error of the size of its change in a step of any length.
-    later = put(f.accelerations, {MOMENT: MOMENT + LATER * se.WHOLE_STEP}) if f.problem.depends_on_time else None
-    error = _squared_norm(f, changes, STEP * np.concatenate([v, f.accelerations]), stages[-1], later)
-    return _program(f, choice, observation, statements, changes, [], None, len(stages), error, RODAS.order)
+    # A force that begins as t^2 from rest has an error of the size of its change in a step of any
+    # length.
+    later = (
+        put(f.accelerations, {MOMENT: MOMENT + LATER * se.WHOLE_STEP})
+        if f.problem.depends_on_time
+        else None
+    )
+    error = _squared_norm(
+        f, changes, STEP * np.concatenate([v, f.accelerations]), stages[-1], later
+    )
+    return _program(
+        f, choice, observation, statements, changes, [], None, len(stages), error, RODAS.order
+    )
 
 
 def _explicit(
     f: Formulas, tableau: Tableau, watched: bool = False
 ) -> tuple[list[programs.Statement], list[Vector], Vector, list[Vector]]:
-    """Statements, the forces of each stage, the increments of q and v, and estimates of their errors.
+    """Statements, the forces of each stage, the increments of q and v, and estimates of their
+    errors.
 
-    Where forces do not depend on velocities, those of the stages are left out. `watched`: the determinant of the linear
-    equations for the accelerations must keep its sign.
+    Where forces do not depend on velocities, those of the stages are left out. `watched`: the
+    determinant of the linear equations for the accelerations must keep its sign.
     """
     n, (q, v) = f.size, map(f.symbols, "qv")
     statements: list[programs.Statement] = []
@@ -317,18 +427,30 @@ def _explicit(
         speeds.append(point[n:])
         at = f.point(moment_at(number(node)), q=point[:n], v=point[n:])
         forces.append(_accelerations(f, statements, at, stage, watched and stage == 0))
-    errors = [moved(0.0, row, places) for row, places in zip(tableau.errors, tableau.end_errors, strict=True)]
+    errors = [
+        moved(0.0, row, places)
+        for row, places in zip(tableau.errors, tableau.end_errors, strict=True)
+    ]
     return statements, forces, moved(1.0, tableau.weights, tableau.ends), errors
 
 
 def _accelerations(
-    f: Formulas, statements: list[programs.Statement], at: dict[Formula, Formula], stage: int, tested: bool
+    f: Formulas,
+    statements: list[programs.Statement],
+    at: dict[Formula, Formula],
+    stage: int,
+    tested: bool,
 ) -> Vector:
-    """Those at a stage: of given formulas, or the solution of linear equations together with the multipliers."""
+    """Those at a stage: of given formulas, or the solution of linear equations together with the
+    multipliers.
+    """
     if f.problem.accelerations is not None:
         return _named(statements, put(f.accelerations, at), f"f{stage}_")
     matrix, right = (put(part, at) for part in f.linear_motion)
-    names = [*(f"f{stage}_{k}" for k in range(f.size)), *(f"m{stage}_{k}" for k in range(len(right) - f.size))]
+    names = [
+        *(f"f{stage}_{k}" for k in range(f.size)),
+        *(f"m{stage}_{k}" for k in range(len(right) - f.size)),
+    ]
     statements += programs.linear_blocks(matrix, right, names, tested)
     return np.array([symbol(name) for name in names[: f.size]])
 
@@ -336,10 +458,14 @@ def _accelerations(
 def _combined(weights: Iterable[float], stages: Iterable[Vector], size: int) -> Vector:
     """The sum of what the stages so far have, with their weights."""
     pairs = zip(weights, stages, strict=False)
-    return sum((number(float(weight)) * one for weight, one in pairs if weight), np.full(size, ZERO))
+    return sum(
+        (number(float(weight)) * one for weight, one in pairs if weight), np.full(size, ZERO)
+    )
 
 
-def _named(statements: list[programs.Statement], formulas: Sequence[Formula], prefix: str) -> Vector:
+def _named(
+    statements: list[programs.Statement], formulas: Sequence[Formula], prefix: str
+) -> Vector:
     """Each formula computed once, under a name."""
     statements += [programs.Assign(f"{prefix}{k}", formula) for k, formula in enumerate(formulas)]
     return np.array([symbol(f"{prefix}{k}") for k in range(len(formulas))])
@@ -350,7 +476,9 @@ def gauss_legendre(f: Formulas, choice: MethodChoice, observation: Observation) 
     tableau, n, (q, v) = GAUSS_LEGENDRE, f.size, map(f.symbols, "qv")
     u = np.array([[symbol(f"u{j}_{k}") for k in range(n)] for j in range(len(tableau.nodes))])
     residuals: list[Formula] = []
-    for own, node, row, places in zip(u, tableau.nodes.tolist(), tableau.rows, tableau.places, strict=True):
+    for own, node, row, places in zip(
+        u, tableau.nodes.tolist(), tableau.rows, tableau.places, strict=True
+    ):
         moved = number(node) * v + _combined(places, u, n)
         at = f.point(moment_at(number(node)), q=q + STEP * moved, v=v + _combined(row, u, n))
         residuals += [*(own - STEP * put(f.accelerations, at))]
@@ -364,7 +492,11 @@ def gauss_legendre(f: Formulas, choice: MethodChoice, observation: Observation) 
 
 def where_it_ends(f: Formulas) -> str:
     """The remedy where L~ ends: the motion ends too if L~ is the Lagrangian of the scene itself."""
-    return say("regular_motion") if f.problem.free_lagrangian == f.problem.lagrangian else say("other_lagrangian")
+    return (
+        say("regular_motion")
+        if f.problem.free_lagrangian == f.problem.lagrangian
+        else say("other_lagrangian")
+    )
 
 
 def moment_at(part: Formula) -> Formula:
@@ -373,42 +505,63 @@ def moment_at(part: Formula) -> Formula:
 
 def discrete_point(f: Formulas, alpha: Formula) -> dict[Formula, Formula]:
     """q, v and t of the discrete Lagrangian."""
-    return f.point(moment_at(alpha), q=f.symbols("q") + alpha * f.symbols("d"), v=f.symbols("d") / STEP)
+    return f.point(
+        moment_at(alpha), q=f.symbols("q") + alpha * f.symbols("d"), v=f.symbols("d") / STEP
+    )
 
 
-def sign_watches(walls: Iterable[Denominator], point: Mapping[Formula, Formula], remedy: str) -> list[programs.Watch]:
+def sign_watches(
+    walls: Iterable[Denominator], point: Mapping[Formula, Formula], remedy: str
+) -> list[programs.Watch]:
     """The walls at a point of every step: none may pass 0."""
-    return [programs.Watch("sign", wall.formula.subs(point), wall.text, remedy, begin=wall.formula) for wall in walls]
+    return [
+        programs.Watch("sign", wall.formula.subs(point), wall.text, remedy, begin=wall.formula)
+        for wall in walls
+    ]
 
 
 def velocity_watches(f: Formulas, alpha: Formula) -> list[programs.Watch]:
-    """Velocities in a denominator of L~ must not pass 0; if only positions occur there, H~ is smooth."""
+    """Velocities in a denominator of L~ must not pass 0; if only positions occur there, H~ is
+    smooth.
+    """
     moving = (denominator for denominator in f.denominators if denominator.moves)
     return sign_watches(moving, discrete_point(f, alpha), where_it_ends(f))
 
 
 def domain_watches(f: Formulas, point: dict[Formula, Formula]) -> list[programs.Watch]:
-    """H~ must stay in the domain where it is the Hamiltonian of L~: its poles and ends, and p = dL~/dv(q, H_p)."""
+    """H~ must stay in the domain where it is the Hamiltonian of L~: its poles and ends, and p =
+    dL~/dv(q, H_p).
+    """
     watches = sign_watches(f.walls_of([f.problem.free_hamiltonian]), point, where_it_ends(f))
     if f.momenta_may_fail:
         size = sum((p**2 for p in f.symbols("p")), ONE)
         defect = sum((one**2 for one in f.momenta_may_fail), number(0)) / size
         text = "p - dL/dv at the velocities that the Hamiltonian gives"
-        watches.append(programs.Watch("map", defect.subs(point), text, say("other_lagrangian"), MAP_LIMIT))
+        watches.append(
+            programs.Watch("map", defect.subs(point), text, say("other_lagrangian"), MAP_LIMIT)
+        )
     return watches
 
 
 def range_watches(f: Formulas, alpha: Formula) -> list[programs.Watch]:
-    """L~ must stay where it has the motion: at the end of the step, and at its discrete point if velocities matter."""
+    """L~ must stay where it has the motion: at the end of the step, and at its discrete point if
+    velocities matter.
+    """
     points = [discrete_point(f, alpha if end.moves else ONE) for end in f.domain]
     pairs = zip(f.domain, points, strict=True)
-    return [programs.Watch("domain", end.formula.subs(point), end.text, say("other_motion")) for end, point in pairs]
+    return [
+        programs.Watch("domain", end.formula.subs(point), end.text, say("other_motion"))
+        for end, point in pairs
+    ]
 
 
-def rank_watches(f: Formulas, place: Sequence[Formula], divides: bool = False) -> list[programs.Watch]:
-    """det(w w_next^T) > 0, w = omega(q_k): at a loss of rank in between the span of the constraints turns round.
-    Methods that integrate accelerations, which divide by det(w w^T), also end where that sinks to LOST of its first
-    size."""
+def rank_watches(
+    f: Formulas, place: Sequence[Formula], divides: bool = False
+) -> list[programs.Watch]:
+    """det(w w_next^T) > 0, w = omega(q_k): at a loss of rank in between the span of the constraints
+    turns round. Methods that integrate accelerations, which divide by det(w w^T), also end where
+    that sinks to LOST of its first size.
+    """
     if not len(f.forms):
         return []
     after = f.forms_at(place).T
@@ -416,29 +569,40 @@ def rank_watches(f: Formulas, place: Sequence[Formula], divides: bool = False) -
     if not turned.free_symbols:
         return []
     found = [programs.Watch("positive", turned, say("rank_between_steps"), say("rank_remedy"))]
-    return [*found, programs.Watch("rank", size, RANK_LOST, say("rank_remedy"), LOST)] if divides else found
+    return (
+        [*found, programs.Watch("rank", size, RANK_LOST, say("rank_remedy"), LOST)]
+        if divides
+        else found
+    )
 
 
 def root_guards(f: Formulas, point: dict[Formula, Formula]) -> list[programs.Watch]:
-    """h |d2H/dq_i dp_i| < 1 where it is not constant: for the class of the paper this is h |G'(r1)| < 1."""
+    """h |d2H/dq_i dp_i| < 1 where it is not constant: for the class of the paper this is h |G'(r1)|
+    < 1.
+    """
     names = {*f.symbols("q"), *f.symbols("p")}
     watches = []
     for k, coordinate in enumerate(f.problem.coordinates):
         mixed = f.hamiltonian.diff(symbol(f"q{k}")).diff(symbol(f"p{k}"))
         if mixed.free_symbols & names:
             text = f"h*|d2H/d{coordinate} dp_{coordinate}|"
-            watches.append(programs.Watch("bound", STEP * mixed.subs(point), text, say("smaller_or_constants")))
+            watches.append(
+                programs.Watch("bound", STEP * mixed.subs(point), text, say("smaller_or_constants"))
+            )
     return watches
 
 
 def point_after(f: Formulas, changes: Vector) -> dict[Formula, Formula]:
     """q, v and t at the end of a step."""
-    return f.point(moment_at(ONE), q=f.symbols("q") + changes[: f.size], v=f.symbols("v") + changes[f.size :])
+    return f.point(
+        moment_at(ONE), q=f.symbols("q") + changes[: f.size], v=f.symbols("v") + changes[f.size :]
+    )
 
 
 def motion_walls(f: Formulas, point: dict[Formula, Formula]) -> list[programs.Watch]:
     """Poles, ends and kinks of the accelerations, watched at a point of q, v and t.
 
-    Beyond one, even a smooth motion has lost its accuracy, because small errors were divided by a vanishing factor.
+    Beyond one, even a smooth motion has lost its accuracy, because small errors were divided by a
+    vanishing factor.
     """
     return sign_watches(f.walls_of(f.given_motion), point, say("regular_motion"))

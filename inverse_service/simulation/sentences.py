@@ -3,7 +3,9 @@
 import tomllib
 from pathlib import Path
 
-SENTENCES: dict[str, str] = tomllib.loads((Path(__file__).parent / "sentences.toml").read_text(encoding="utf-8"))
+SENTENCES: dict[str, str] = tomllib.loads(
+    (Path(__file__).parent / "sentences.toml").read_text(encoding="utf-8")
+)
 
 
 def say(key: str, *words: object) -> str:

@@ -1,14 +1,15 @@
 """The motion on each side of the switches of sign, abs and pieces.
 
-Between two switches every sqrt(u^2) is s u with s = 1 or -1, so that a piece of the motion is smooth. With f+ and f- on
-both sides of u = 0 and u' along each:
+Between two switches every sqrt(u^2) is s u with s = 1 or -1, so that a piece of the motion is
+smooth. With f+ and f- on both sides of u = 0 and u' along each:
 
-    u'+ and u'- of one sign     the motion passes to that side
-    u'+ < 0 < u'-               it sticks: f = ((1 + s) f+ + (1 - s) f-)/2 with u' = 0, until |s| = 1
-    u'- < 0 < u'+               more than one motion begins there: the run ends by name
+    u'+ and u'- of one sign     the motion passes to that side u'+ < 0 < u'-               it
+    sticks: f = ((1 + s) f+ + (1 - s) f-)/2 with u' = 0, until |s| = 1 u'- < 0 < u'+
+    more than one motion begins there: the run ends by name
 
-Where u depends on positions only, and u' = 0, u'' decides. Source: A. F. Filippov, Differential Equations with
-Discontinuous Righthand Sides, 1988, chapter 2; several functions at once as V. I. Utkin's equivalent control.
+Where u depends on positions only, and u' = 0, u'' decides. Source: A. F. Filippov, Differential
+Equations with Discontinuous Righthand Sides, 1988, chapter 2; several functions at once as V. I.
+Utkin's equivalent control.
 """
 
 from __future__ import annotations
@@ -37,14 +38,17 @@ AT_ZERO = 1e-9  # of the size of a state: what sticks is zero
 CANCELLED = 1e-12  # of its summands: less is no acceleration
 MOST_TOGETHER = 3  # switching functions that are zero at once
 STICKS = 0
-Sides = dict[ex.Expression, int]  # of each switching function: 1 above zero, -1 below, 0 where the motion sticks
+Sides = dict[
+    ex.Expression, int
+]  # of each switching function: 1 above zero, -1 below, 0 where the motion sticks
 Key = tuple[tuple[ex.Expression, int], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """On which side of its zero a formula is, or to which it moves if it is `at_zero`, 0 if it stays there; and how far
-    from zero it goes before it turns, as a share of its size."""
+    """On which side of its zero a formula is, or to which it moves if it is `at_zero`, 0 if it
+    stays there; and how far from zero it goes before it turns, as a share of its size.
+    """
 
     side: int
     at_zero: bool
@@ -58,14 +62,20 @@ def on_sides(tree: ex.Expression, sides: Mapping[ex.Expression, int]) -> ex.Expr
         if not isinstance(part, ex.Power) or (root := ex.powers_of(part)[0][1]).denominator == 1:
             return ex.rebuild(part, replaced)
         outside, inside = [], []
-        for factor, (u, even) in zip(ex.factors_of(part.base), ex.powers_of(part.base), strict=True):
+        for factor, (u, even) in zip(
+            ex.factors_of(part.base), ex.powers_of(part.base), strict=True
+        ):
             power = root
             if even.denominator != 1 and isinstance(u, ex.Power):  # a root of u^2 under another one
                 power, ((u, even),) = root * even, ex.powers_of(u)
             if even % 2 == 0 and (side := sides.get(u)):
                 power, u = even * power, replaced(u)
                 # A root of u remains a root of u^2, so that a step beyond u = 0 has a value.
-                outside.append(ex.number(side) ** power * u**power if power.denominator == 1 else (u**2) ** (power / 2))
+                outside.append(
+                    ex.number(side) ** power * u**power
+                    if power.denominator == 1
+                    else (u**2) ** (power / 2)
+                )
             else:
                 inside.append(replaced(factor))
         return ex.multiply(*outside, ex.multiply(*inside) ** root)
@@ -88,15 +98,18 @@ def switches_of(problem: data.Problem, scene: data.Scene) -> tuple[ex.Expression
 
 @dataclass
 class Motion:
-    """The formulas of a motion on each side, made when they are first needed, and their values at a state; with
-    contacts, while the `active` ones press."""
+    """The formulas of a motion on each side, made when they are first needed, and their values at a
+    state; with contacts, while the `active` ones press.
+    """
 
     scene: data.Scene
     values: Mapping[str, float]
     problem: data.Problem
     formulas: Callable[[], tuple[ex.Expression, ...]]
     functions: tuple[ex.Expression, ...]
-    made: dict[Key, tuple[tuple[ex.Expression, ...], dict[ex.Expression, ex.Expression]]] = field(default_factory=dict)
+    made: dict[Key, tuple[tuple[ex.Expression, ...], dict[ex.Expression, ex.Expression]]] = field(
+        default_factory=dict
+    )
     rates: dict[tuple[ex.Expression, Key], tuple[ex.Expression, ...]] = field(default_factory=dict)
     problems: dict[tuple[bool, Key], data.Problem] = field(default_factory=dict)
     contacts: touching.Contacts | None = None
@@ -110,8 +123,9 @@ class Motion:
         return self.formulas()
 
     def pressed_by(self, active: touching.Active, scale: float) -> Motion:
-        """The motion while these contacts press, from that of a scene whose contacts are all open; `scale` is that of
-        the accelerations which they cancel."""
+        """The motion while these contacts press, from that of a scene whose contacts are all open;
+        `scale` is that of the accelerations which they cancel.
+        """
         if not active or self.contacts is None:
             return self
         if active not in self.siblings:
@@ -129,7 +143,9 @@ class Motion:
         return self.siblings[active]
 
     def contacts_on(self, sides: Sides) -> touching.Contacts:
-        """The contacts with the forces on these sides; of sticking functions their forces as they stick."""
+        """The contacts with the forces on these sides; of sticking functions their forces as they
+        stick.
+        """
         assert self.contacts is not None
         if not sides:
             return self.contacts
@@ -142,7 +158,9 @@ class Motion:
     def _corners(
         self, trees: Sequence[ex.Expression], sides: Sides
     ) -> tuple[list[ex.Expression], dict[ex.Expression, list[ex.Expression]]]:
-        """The mean of the trees on both sides of what sticks, and half of their differences, by function."""
+        """The mean of the trees on both sides of what sticks, and half of their differences, by
+        function.
+        """
         stuck, n = [u for u, side in sides.items() if side == STICKS], len(trees)
         corners = []
         for signs in product((1, -1), repeat=len(stuck)):
@@ -156,7 +174,9 @@ class Motion:
 
     def at(self, trees: Sequence[ex.Expression], state: Point) -> Array:
         time, q, v = state
-        table = nf.table_of(self.scene.coordinates, q[None], v[None], dict(self.values), np.array([time]))
+        table = nf.table_of(
+            self.scene.coordinates, q[None], v[None], dict(self.values), np.array([time])
+        )
         return np.array(arrays.array_values(trees, table)).ravel()
 
     def value(self, u: ex.Expression, sides: Sides, state: Point) -> float:
@@ -172,9 +192,15 @@ class Motion:
         return [calculus.differentiate(u, ex.Velocity(name)) for name in self.scene.coordinates]
 
     def surface(self, u: ex.Expression, sides: Sides) -> ex.Expression:
-        """u, or u' if u contains no velocity: the function that stays zero while the motion sticks."""
+        """u, or u' if u contains no velocity: the function that stays zero while the motion
+        sticks.
+        """
         own, names = on_sides(u, sides), self.scene.coordinates
-        return own if ex.holds(own, *map(ex.Velocity, names)) else self.rate(own, [ex.ZERO] * len(names))
+        return (
+            own
+            if ex.holds(own, *map(ex.Velocity, names))
+            else self.rate(own, [ex.ZERO] * len(names))
+        )
 
     def forces(self, sides: Sides) -> tuple[ex.Expression, ...]:
         """The accelerations, with those of sticking functions such that they stay zero."""
@@ -187,7 +213,9 @@ class Motion:
         self.forces(sides)
         return self.made[*sides.items(),][1]
 
-    def _make(self, sides: Sides) -> tuple[tuple[ex.Expression, ...], dict[ex.Expression, ex.Expression]]:
+    def _make(
+        self, sides: Sides
+    ) -> tuple[tuple[ex.Expression, ...], dict[ex.Expression, ex.Expression]]:
         stuck = [u for u, side in sides.items() if side == STICKS]
         if not stuck:
             return tuple(on_sides(force, sides) for force in self.accelerations), {}
@@ -201,10 +229,16 @@ class Motion:
             return tuple(middle), {}
         found = {}
         for j, u in enumerate(stuck):
-            changed = [[*row[:j], value, *row[j + 1 :]] for row, value in zip(rows, right, strict=True)]
+            changed = [
+                [*row[:j], value, *row[j + 1 :]] for row, value in zip(rows, right, strict=True)
+            ]
             found[u] = collecting.determinant(changed) / whole
-        forces = [middle[k] + ex.add(*(found[u] * slopes[j][k] for j, u in enumerate(stuck))) for k in range(n)]
-        # By the formulas alone round-off would move what sticks: one coordinate follows from the others.
+        forces = [
+            middle[k] + ex.add(*(found[u] * slopes[j][k] for j, u in enumerate(stuck)))
+            for k in range(n)
+        ]
+        # By the formulas alone round-off would move what sticks: one coordinate follows from the
+        # others.
         free = list(range(n))
         for w in surfaces:
             weights = self.slopes(w)
@@ -216,26 +250,40 @@ class Motion:
         return tuple(forces), found
 
     def problem_on(self, sides: Sides, by_forces: bool) -> data.Problem:
-        """The problem of the method with s u for sqrt(u^2); that of the accelerations where something sticks."""
+        """The problem of the method with s u for sqrt(u^2); that of the accelerations where
+        something sticks.
+        """
         key, problem = (by_forces, (*sides.items(),)), self.problem
         if key not in self.problems and self.active and STICKS not in sides.values():
             self.problems[key] = self._pressed(sides)
         if key not in self.problems:
             names = ("lagrangian", "free_lagrangian", "free_hamiltonian")
             trees = {name: None if by_forces else getattr(problem, name) for name in names}
-            own: dict[str, Any] = {name: tree and on_sides(tree, sides) for name, tree in trees.items()}
-            own["forces"] = () if by_forces else tuple(on_sides(force, sides) for force in problem.forces)
+            own: dict[str, Any] = {
+                name: tree and on_sides(tree, sides) for name, tree in trees.items()
+            }
+            own["forces"] = (
+                () if by_forces else tuple(on_sides(force, sides) for force in problem.forces)
+            )
             own["domain"] = () if by_forces else problem.domain
-            own["accelerations"] = self.forces(sides) if by_forces else problem.accelerations and self.forces(sides)
+            own["accelerations"] = (
+                self.forces(sides) if by_forces else problem.accelerations and self.forces(sides)
+            )
             self.problems[key] = replace(problem, **own)
         return self.problems[key]
 
     def _pressed(self, sides: Sides) -> data.Problem:
-        """The problem while contacts press: their forces are unknowns, as those of constraints are."""
+        """The problem while contacts press: their forces are unknowns, as those of constraints
+        are.
+        """
         assert self.contacts is not None
         scene, names = self.scene, self.scene.coordinates
         zero, pulls = self.contacts.rows(self.active)
-        own = [calculus.differentiate(w, ex.Velocity(name)) for w in scene.constraints for name in names]
+        own = [
+            calculus.differentiate(w, ex.Velocity(name))
+            for w in scene.constraints
+            for name in names
+        ]
         rows = tuple(tuple(own[k : k + len(names)]) for k in range(0, len(own), len(names)))
         lagrangian, forces = scene.lagrangian, scene.forces
         if lagrangian is None:  # given equations of one coordinate, as those of a unit mass
@@ -245,9 +293,12 @@ class Motion:
             forces=tuple(on_sides(force, sides) for force in forces), pulls=(*rows, *pulls),
         )  # fmt: skip
 
-    def sides_at(self, state: Point, before: Sides, zero: Sequence[ex.Expression], known: Sides) -> Sides | None:
-        """The sides on which the motion continues if the functions `zero` are zero and others are on `known` sides;
-        None if there is no such choice or more than one."""
+    def sides_at(
+        self, state: Point, before: Sides, zero: Sequence[ex.Expression], known: Sides
+    ) -> Sides | None:
+        """The sides on which the motion continues if the functions `zero` are zero and others are
+        on `known` sides; None if there is no such choice or more than one.
+        """
         found: Sides = {}
         for u in self.functions:
             value = self.value(u, before | found, state)
@@ -256,7 +307,10 @@ class Motion:
             return found
         if len(zero) > MOST_TOGETHER:
             return None
-        passing = [found | dict(zip(zero, signs, strict=True)) for signs in product((1, -1), repeat=len(zero))]
+        passing = [
+            found | dict(zip(zero, signs, strict=True))
+            for signs in product((1, -1), repeat=len(zero))
+        ]
         fits = [sides for sides in passing if self.goes(sides, zero, state)]
         if len(fits) == 1:
             return fits[0]
@@ -264,18 +318,24 @@ class Motion:
             onward = [sides for sides in fits if all(sides[u] == -before.get(u, 0) for u in zero)]
             return onward[0] if len(onward) == 1 else None
         values = np.array([self.at(self.forces(sides), state) for sides in passing])
-        if (np.ptp(values, axis=0) <= CANCELLED * max(np.abs(values).max(initial=0.0), self.scale)).all():
-            # At rest on a kink, where forces have one value: nothing moves it away, or it is seen later.
+        if (
+            np.ptp(values, axis=0) <= CANCELLED * max(np.abs(values).max(initial=0.0), self.scale)
+        ).all():
+            # At rest on a kink, where forces have one value: nothing moves it away, or it is seen
+            # later.
             return found | {u: before.get(u) or 1 for u in zero}
         for count in range(1, len(zero) + 1):
             for stuck in combinations(zero, count):
                 others = [u for u in zero if u not in stuck]
                 for signs in product((1, -1), repeat=len(others)):
-                    sides = found | dict.fromkeys(stuck, STICKS) | dict(zip(others, signs, strict=True))
+                    sides = (
+                        found | dict.fromkeys(stuck, STICKS) | dict(zip(others, signs, strict=True))
+                    )
                     shares, forces = list(self.shares(sides).values()), self.forces(sides)
                     values = self.at(shares, state)
                     rates = self.at([self.rate(one, forces) for one in shares], state)
-                    # A share that stays at its limit, as on a curve that one side's motion keeps, has a rate of noise.
+                    # A share that stays at its limit, as on a curve that one side's motion keeps,
+                    # has a rate of noise.
                     slowest = AT_ZERO * np.abs(rates).max(initial=1 / abs(self.scene.grid.step))
                     grows = values * rates > slowest
                     inside = len(shares) == count and bool((np.abs(values) <= 1 + AT_ZERO).all())
@@ -285,33 +345,50 @@ class Motion:
                         return sides
         return None
 
-    def _held(self, u: ex.Expression, stuck: Sequence[ex.Expression], sides: Sides, state: Point) -> bool:
-        """Whether a function stays zero because others stick, as two blocks at rest on the ground do not rub."""
+    def _held(
+        self, u: ex.Expression, stuck: Sequence[ex.Expression], sides: Sides, state: Point
+    ) -> bool:
+        """Whether a function stays zero because others stick, as two blocks at rest on the ground
+        do not rub.
+        """
         names, surfaces = self.scene.coordinates, [self.surface(one, sides) for one in (*stuck, u)]
-        rows = self.at([slope for w in surfaces for slope in self.slopes(w)], state).reshape(-1, len(names))
+        rows = self.at([slope for w in surfaces for slope in self.slopes(w)], state).reshape(
+            -1, len(names)
+        )
         rate = self.at([self.rate(surfaces[-1], self.forces(sides))], state)
         free = self.at(self.forces(sides | dict.fromkeys(stuck, 1)), state)
         still = bool(np.abs(rate).max() <= AT_ZERO * np.abs(free).max(initial=0.0))
         return still and bool(np.linalg.matrix_rank(rows) == np.linalg.matrix_rank(rows[:-1]))
 
     def place_of(self, u: ex.Expression, sides: Sides, state: Point) -> Place:
-        """Where a formula u is at a state: its side of zero, or, at zero, the side to which u' and u'' lead.
+        """Where a formula u is at a state: its side of zero, or, at zero, the side to which u' and
+        u'' lead.
 
-        It is at zero where |u| is at most AT_ZERO of sum |u_q| |q| + sum |u_v| |v| + |u_t| |t|, with for |q| the
-        greatest position and the way of a step. A u'' that its summands cancel to CANCELLED of them is 0.
+        It is at zero where |u| is at most AT_ZERO of sum |u_q| |q| + sum |u_v| |v| + |u_t| |t|,
+        with for |q| the greatest position and the way of a step. A u'' that its summands cancel to
+        CANCELLED of them is 0.
         """
         if (key := (u, (*sides.items(),))) not in self.rates:
             own, forces = on_sides(u, sides), self.forces(sides)
             first = self.rate(own, forces)
             second = self.rate(first, forces)
-            places = [calculus.differentiate(own, name) for name in map(ex.Symbol, self.scene.coordinates)]
+            places = [
+                calculus.differentiate(own, name) for name in map(ex.Symbol, self.scene.coordinates)
+            ]
             slopes = [*places, *self.slopes(own), calculus.differentiate(own, ex.TIME)]
             self.rates[key] = own, first, second, *slopes, *ex.summands(second)
         n, step = len(self.scene.coordinates), abs(self.scene.grid.step)
         value, first, second, *others = self.at(self.rates[key], state).tolist()
         steep, parts = np.abs(others[: 2 * n + 1]), np.abs(others[2 * n + 1 :])
-        time, fastest, farthest = abs(state[0]) + step, *(float(np.abs(one).max()) for one in (state[2], state[1]))
-        size = steep[:n].sum() * (farthest + step * fastest) + steep[n:-1].sum() * fastest + steep[-1] * time
+        time, fastest, farthest = (
+            abs(state[0]) + step,
+            *(float(np.abs(one).max()) for one in (state[2], state[1])),
+        )
+        size = (
+            steep[:n].sum() * (farthest + step * fastest)
+            + steep[n:-1].sum() * fastest
+            + steep[-1] * time
+        )
         if not abs(value) <= AT_ZERO * size:
             return Place(int(np.sign(value)), False)
         slow = abs(first) <= AT_ZERO * (abs(second) + fastest)

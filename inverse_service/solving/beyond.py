@@ -19,13 +19,18 @@ Signs = dict[ex.Expression, int]
 
 
 def left_out(
-    system: SecondOrderSystem, answer: Answer, sides: Sequence[ex.Expression], residuals: Sequence[ex.Expression]
+    system: SecondOrderSystem,
+    answer: Answer,
+    sides: Sequence[ex.Expression],
+    residuals: Sequence[ex.Expression],
 ) -> list[Left]:
-    """The sets of a cell that the domain of its answer leaves out and on which the equations are real.
+    """The sets of a cell that the domain of its answer leaves out and on which the equations are
+    real.
 
-    All of `sides` are positive on the cell. Of the trees u_1, u_2, … that are positive on the domain alone, the first
-    ones are positive and the next one is negative. Each set has a point at which f as given and the `residuals`, which
-    are the lines as written, are real, where odd roots of negative values are real.
+    All of `sides` are positive on the cell. Of the trees u_1, u_2, … that are positive on the
+    domain alone, the first ones are positive and the next one is negative. Each set has a point at
+    which f as given and the `residuals`, which are the lines as written, are real, where odd roots
+    of negative values are real.
     """
     if system.is_unsolved or answer.certificate is None:
         return []
@@ -39,13 +44,17 @@ def left_out(
     found = list[Left | None]()
     for k, tree in enumerate(trees[:_MOST_SETS]):
         wanted = [*sides, *trees[:k], collecting.collect(-tree)]
-        sets = (_with_point(system, written, signs, wanted) for written, signs in _written(formulas))
+        sets = (
+            _with_point(system, written, signs, wanted) for written, signs in _written(formulas)
+        )
         found.append(next((one for one in sets if one is not None), None))
     return [one for one in found if one is not None]
 
 
 def _accelerations(system: SecondOrderSystem) -> dict[ex.Acceleration, ex.Symbol]:
-    """Symbols for the accelerations: the lines are linear in these, and real for all their values or for none."""
+    """Symbols for the accelerations: the lines are linear in these, and real for all their values
+    or for none.
+    """
     return {ex.Acceleration(name): ex.Symbol(f"{name}''") for name in system.coordinates}
 
 
@@ -53,8 +62,12 @@ def _variables(system: SecondOrderSystem) -> list[ex.Symbol | ex.Velocity]:
     return [*deciding.variables_of(system), *_accelerations(system).values()]
 
 
-def _written(formulas: Sequence[ex.Expression]) -> Iterator[tuple[tuple[ex.Expression, ...], Signs]]:
-    """The formulas for all signs of the bases b of odd roots, and these signs: b^(p/q) is (-1)^p (-b)^(p/q)."""
+def _written(
+    formulas: Sequence[ex.Expression],
+) -> Iterator[tuple[tuple[ex.Expression, ...], Signs]]:
+    """The formulas for all signs of the bases b of odd roots, and these signs: b^(p/q) is (-1)^p
+    (-b)^(p/q).
+    """
     number = len({node.base for node in ex.distinct_nodes(formulas) if _is_odd_root(node)})
     for chosen in product((1, -1), repeat=min(number, _MOST_BASES)):
         signs, left = Signs(), iter(chosen)
@@ -80,14 +93,23 @@ def _is_odd_root(node: ex.Expression) -> TypeGuard[ex.Power]:
 
 
 def _with_point(
-    system: SecondOrderSystem, formulas: Sequence[ex.Expression], signs: Signs, wanted: Sequence[ex.Expression]
+    system: SecondOrderSystem,
+    formulas: Sequence[ex.Expression],
+    signs: Signs,
+    wanted: Sequence[ex.Expression],
 ) -> Left | None:
-    """The set where the wanted trees are positive and the formulas real, with a point; None if none was found.
+    """The set where the wanted trees are positive and the formulas real, with a point; None if none
+    was found.
 
-    The signs of the bases of odd roots are no conditions, unless another condition is written for these signs.
+    The signs of the bases of odd roots are no conditions, unless another condition is written for
+    these signs.
     """
     bases = [collecting.collect(sign * base) for base, sign in signs.items()]
-    needs = [tree for tree in map(collecting.collect, real_branch.own_requirements(formulas)) if tree not in bases]
+    needs = [
+        tree
+        for tree in map(collecting.collect, real_branch.own_requirements(formulas))
+        if tree not in bases
+    ]
     if any(_is_odd_root(node) for node in ex.distinct_nodes(needs)):
         needs += bases
     whole = tuple(dict.fromkeys((*needs, *wanted)))
@@ -97,5 +119,7 @@ def _with_point(
     point = real_branch.find_real_point(kernels, _variables(system), _SEED, [*whole, *bases])
     if point is None:
         return None
-    near = {name: value for name, value in point.items() if name not in _accelerations(system).values()}
+    near = {
+        name: value for name, value in point.items() if name not in _accelerations(system).values()
+    }
     return Left(whole, near, BEYOND_ODD_ROOTS if -1 in signs.values() else BEYOND_DOMAIN)

@@ -72,7 +72,9 @@ def member_of(system: SecondOrderSystem, leaf: Leaf) -> Member | None:
     return Member(system, found)
 
 
-def _solutions(system: SecondOrderSystem, equations: Sequence[ex.Expression]) -> Iterator[tuple[Solved, ex.Expression]]:
+def _solutions(
+    system: SecondOrderSystem, equations: Sequence[ex.Expression]
+) -> Iterator[tuple[Solved, ex.Expression]]:
     """Each equation that is solved for a function, with the solution."""
     for equation in sorted(equations, key=ex.node_count):
         nodes = dict.fromkeys(node for node in ex.walk(equation) if isinstance(node, ex.Arbitrary))
@@ -92,7 +94,9 @@ def _numerator(tree: ex.Expression) -> ex.Expression:
 
 
 def _root(leaf: Leaf, equation: fmpq_mpoly, leader: int) -> ex.Expression | None:
-    """The leader of an equation that is linear or quadratic in it; the other root is the conjugate."""
+    """The leader of an equation that is linear or quadratic in it; the other root is the
+    conjugate.
+    """
     unknowns, degree = leaf.unknowns, int(equation.degrees()[leader])
     parts = [unknowns.tree(exact_field.coefficient(equation, leader, k)) for k in range(degree + 1)]
     if degree == 1:
@@ -105,10 +109,14 @@ def _root(leaf: Leaf, equation: fmpq_mpoly, leader: int) -> ex.Expression | None
     return None
 
 
-def _put_in_each_other(values: Mapping[ex.Expression, ex.Expression]) -> dict[ex.Expression, ex.Expression]:
+def _put_in_each_other(
+    values: Mapping[ex.Expression, ex.Expression],
+) -> dict[ex.Expression, ex.Expression]:
     found = dict(values)
     for _ in range(len(found)):
-        found = {left: collecting.collect(ex.substitute(right, found)) for left, right in found.items()}
+        found = {
+            left: collecting.collect(ex.substitute(right, found)) for left, right in found.items()
+        }
     return found
 
 
@@ -150,7 +158,10 @@ def _integrated(
     (argument,) = whole.arguments
     assert isinstance(argument, ex.Symbol | ex.Velocity)
     below = ex.Arbitrary(whole.name, whole.arguments, (order - 1,))
-    if any(isinstance(node, ex.Arbitrary) and node.name == whole.name and node != below for node in ex.walk(rest)):
+    if any(
+        isinstance(node, ex.Arbitrary) and node.name == whole.name and node != below
+        for node in ex.walk(rest)
+    ):
         return None
     constants, scale = list[str](), None
 
@@ -189,7 +200,9 @@ def _exponential(power: ex.Expression) -> ex.Expression:
         logs = [one for one in parts if isinstance(one, ex.Apply) and one.function == "log"]
         rest = ex.multiply(*(one for one in parts if one not in logs))
         factors.append(
-            logs[0].argument ** rest if len(logs) == 1 and isinstance(rest, ex.Number) else ex.Apply("exp", term)
+            logs[0].argument ** rest
+            if len(logs) == 1 and isinstance(rest, ex.Number)
+            else ex.Apply("exp", term)
         )
     return ex.multiply(*factors)
 
@@ -200,7 +213,9 @@ def _antiderivative(
     """One without an integral sign; None if none is found."""
     from inverse_service.search import antiderivatives
 
-    with suppress(errors.IrreducibleAtoms, ZeroDivisionError, exact_field.TooLarge, deadline.OutOfTime):
+    with suppress(
+        errors.IrreducibleAtoms, ZeroDivisionError, exact_field.TooLarge, deadline.OutOfTime
+    ):
         found = antiderivatives.antiderivative(system, tree, by, None)
         if found is not None and not ex.has(found, ex.Integral):
             return found
@@ -236,4 +251,6 @@ def with_function(system: SecondOrderSystem, solved: Solved) -> SecondOrderSyste
         kept.append((whole.name, own))
     parameters = (*system.parameters, *solved.new_constants)
     forces = tuple(collecting.collect(put(f, solved)) for f in system.accelerations)
-    return replace(system, accelerations=forces, parameters=parameters, functions=tuple(kept), branch=None)
+    return replace(
+        system, accelerations=forces, parameters=parameters, functions=tuple(kept), branch=None
+    )

@@ -1,8 +1,10 @@
-"""Whether the first integrals found are all that are polynomials in the velocities up to a degree, with a certificate.
+"""Whether the first integrals found are all that are polynomials in the velocities up to a degree,
+with a certificate.
 
 Where there is room for more, cubic and quartic ones are sought at the lowest degree that has it.
-Products of the known ones are counted, and the checker (`certificate.conserved`) proves that there is no room for more:
-the number of solutions of Gamma F = 0, prolonged at one point, is that of the products.
+Products of the known ones are counted, and the checker (`certificate.conserved`) proves that there
+is no room for more: the number of solutions of Gamma F = 0, prolonged at one point, is that of the
+products.
 """
 
 from __future__ import annotations
@@ -27,17 +29,19 @@ from inverse_service.mechanics.first_integrals import FirstIntegral, higher_inte
 
 # Orders beyond the degree, unknowns, and products of integrals that a proof may take.
 _MORE_ORDERS, _MOST_UNKNOWNS, _MOST_PRODUCTS = (1, 2, 3, 4), 450, 60
-# A singular value of this relative size counts as zero when products are chosen, which the checker proves.
+# A singular value of this relative size counts as zero when products are chosen, which the checker
+# proves.
 _TINY = 1e-9
 
 
 def with_higher(
     analysis: deciding.Analysis, found: Sequence[FirstIntegral], seed: int, limit: float
 ) -> tuple[tuple[FirstIntegral, ...], AllIntegrals | None]:
-    """The integrals, with those of the lowest degree at which there are more, and the proof that there are no others.
+    """The integrals, with those of the lowest degree at which there are more, and the proof that
+    there are no others.
 
-    Fewer than 2 n - 1 independent ones without t leave room for more. Each proof takes at most `limit` seconds, the
-    search four times as long.
+    Fewer than 2 n - 1 independent ones without t leave room for more. Each proof takes at most
+    `limit` seconds, the search four times as long.
     """
     system = analysis.system
     complete = all_integrals(analysis, found, system.depends_on_time, limit)
@@ -55,19 +59,28 @@ def with_higher(
 def all_integrals(
     analysis: deciding.Analysis, found: Sequence[FirstIntegral], with_time: bool, limit: float
 ) -> AllIntegrals | None:
-    """The highest degree up to which the integrals are complete; None if that is not proven within `limit` seconds.
+    """The highest degree up to which the integrals are complete; None if that is not proven within
+    `limit` seconds.
 
-    Only systems without arbitrary functions whose f is a polynomial in the velocities have such a proof.
+    Only systems without arbitrary functions whose f is a polynomial in the velocities have such a
+    proof.
     """
     end, system = now() + limit, analysis.system
     trees = [one.expression for one in found if with_time or not ex.holds(one.expression, ex.TIME)]
     degrees = [(tree, d) for tree in trees if (d := degree_of(tree)) is not None and d > 0]
     # A result shows f as it was given, not as it is on one of its branches.
     is_given = tuple(system.given) == tuple(system.accelerations)
-    if system.functions or system.positive or not is_given or any(degree_of(f) is None for f in system.accelerations):
+    if (
+        system.functions
+        or system.positive
+        or not is_given
+        or any(degree_of(f) is None for f in system.accelerations)
+    ):
         return None
     complete = None
-    for degree in range(1, conserved.MAX_DEGREE + 1):  # complete to a degree only if it is to all lower ones
+    for degree in range(
+        1, conserved.MAX_DEGREE + 1
+    ):  # complete to a degree only if it is to all lower ones
         proven = _complete_to(analysis, degrees, with_time, degree, end)
         if proven is None:
             break
@@ -76,7 +89,11 @@ def all_integrals(
 
 
 def _complete_to(
-    analysis: deciding.Analysis, degrees: Sequence[tuple[ex.Expression, int]], with_time: bool, degree: int, end: float
+    analysis: deciding.Analysis,
+    degrees: Sequence[tuple[ex.Expression, int]],
+    with_time: bool,
+    degree: int,
+    end: float,
 ) -> AllIntegrals | None:
     """The proof for one degree, at the lowest order at which it succeeds."""
     n, products = len(analysis.system.coordinates), list(_products(degrees, degree))
@@ -87,7 +104,9 @@ def _complete_to(
         unknowns = comb(n + degree, n) * comb(n + with_time + order, order)
         if unknowns > _MOST_UNKNOWNS or now() > end:
             return None
-        document = _document(analysis, [tree for tree, _ in degrees], with_time, degree, order, products)
+        document = _document(
+            analysis, [tree for tree, _ in degrees], with_time, degree, order, products
+        )
         proven = checker.check_certificate(document, max(0.1, end - now()))
         if proven.verdict == "valid":
             return AllIntegrals(degree, len(products), with_time, document)
@@ -124,7 +143,9 @@ def _products(degrees: Sequence[tuple[ex.Expression, int]], most: int) -> Iterat
 def _independent(
     analysis: deciding.Analysis, trees: Sequence[ex.Expression], products: Sequence[tuple[int, ...]]
 ) -> list[tuple[int, ...]]:
-    """The products that are no combinations of those before, by their values at points near the real one."""
+    """The products that are no combinations of those before, by their values at points near the
+    real one.
+    """
     table = analysis.real_point
     if table is None or not trees:
         return [()]
@@ -134,7 +155,8 @@ def _independent(
     with mpmath.workdps(bounds.DIGITS):
         for _ in range(8 * len(products)):
             place = {
-                x: value * (1 + mpmath.mpf(random.uniform(-0.3, 0.3)) * (x in moving)) for x, value in table.items()
+                x: value * (1 + mpmath.mpf(random.uniform(-0.3, 0.3)) * (x in moving))
+                for x, value in table.items()
             }
             with suppress(calculus.NoRealValue):
                 values = [calculus.evaluate(tree, place) for tree in trees]
@@ -167,7 +189,9 @@ def _document(
         "format": conserved.FORMAT,
         "system": {
             "coordinates": list(system.coordinates),
-            "equations": {q: to_text(f) for q, f in zip(system.coordinates, system.accelerations, strict=True)},
+            "equations": {
+                q: to_text(f) for q, f in zip(system.coordinates, system.accelerations, strict=True)
+            },
             "parameters": list(system.parameters),
             "functions": {},
         },

@@ -1,14 +1,14 @@
 """Answer questions about kinds of Lagrangians, each with a certificate that the checker confirms.
 
-A Lagrangian whose Hessian is definite at a real point: a combination of the Lagrangians found with a definite Hessian
-there proves a yes. Otherwise, for rational f, the prolonged Helmholtz conditions at this point determine the space W of
-values of g = d2L/dv dv. A definite matrix in W proves a yes if the system is involutive there; Y >= 0 with tr(Y w) = 0
-on W proves a no.
+A Lagrangian whose Hessian is definite at a real point: a combination of the Lagrangians found with
+a definite Hessian there proves a yes. Otherwise, for rational f, the prolonged Helmholtz conditions
+at this point determine the space W of values of g = d2L/dv dv. A definite matrix in W proves a yes
+if the system is involutive there; Y >= 0 with tr(Y w) = 0 on W proves a no.
 
-A natural Lagrangian with friction (Mestdag, Sarlet, Crampin, arXiv:1004.0674, with D homogeneous): E_i = dD/dv_i along
-f for L = T + A v - V and D = D_ij(q) v_i v_j/2. E_i is g_ij f^j plus terms of degree 2, 1, 0 in v, so f is quadratic in
-v. With f = f_e + f_o, even and odd in v, T - V is a Lagrangian of f_e, and g f_o = C v, where D is the symmetric and dA
-the antisymmetric part of C.
+A natural Lagrangian with friction (Mestdag, Sarlet, Crampin, arXiv:1004.0674, with D homogeneous):
+E_i = dD/dv_i along f for L = T + A v - V and D = D_ij(q) v_i v_j/2. E_i is g_ij f^j plus terms of
+degree 2, 1, 0 in v, so f is quadratic in v. With f = f_e + f_o, even and odd in v, T - V is a
+Lagrangian of f_e, and g f_o = C v, where D is the symmetric and dA the antisymmetric part of C.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -39,24 +39,29 @@ NOT_FOUND = "the conditions on the multiplier leave such a Lagrangian possible, 
 _HOMOGENEOUS = ("riemannian", "finsler")
 FAMILY = "natural, with friction"
 HALF = Fraction(1, 2)
-# The share of the time for a Lagrangian with friction that the search for one without friction may use.
+# The share of the time for a Lagrangian with friction that the search for one without friction may
+# use.
 _SHARE_OF_SEARCH = 0.7
 Near = Mapping[ex.Symbol | ex.Velocity, Fraction]
 DEFINITE_SUM = "a sum with a definite Hessian"
-IRRATIONAL = "f is not rational, and none of the Lagrangians found has a definite Hessian at this point"
-_OPEN = (
-    "no matrix of rational numbers was found that decides this; matrices of algebraic numbers may, but are not tried"
+IRRATIONAL = (
+    "f is not rational, and none of the Lagrangians found has a definite Hessian at this point"
 )
+_OPEN = "no matrix of rational numbers was found that decides this; matrices of algebraic numbers may, but are not tried"
 OUTSIDE = "f has no value at this point, or the point belongs to another branch of signs"
-_SPECIAL = "the check could not confirm that g takes the same values at this point as at a generic one"
+_SPECIAL = (
+    "the check could not confirm that g takes the same values at this point as at a generic one"
+)
 _DIGITS = 2
 
 
 @dataclass(frozen=True, slots=True)
 class KindAnswer:
-    """Whether there is a regular Lagrangian of a kind; `dissipation` is D for a Lagrangian with friction.
+    """Whether there is a regular Lagrangian of a kind; `dissipation` is D for a Lagrangian with
+    friction.
 
-    The proof is valid for general parameters: `exceptions` are equations between parameters for which it fails.
+    The proof is valid for general parameters: `exceptions` are equations between parameters for
+    which it fails.
     """
 
     verdict: solutions.Verdict
@@ -68,37 +73,57 @@ class KindAnswer:
 
 
 def answer_kind(
-    solution: solutions.Solution, kind: LagrangianKind, near: Near, asked: solutions.SolveOptions, deadline: float
+    solution: solutions.Solution,
+    kind: LagrangianKind,
+    near: Near,
+    asked: solutions.SolveOptions,
+    deadline: float,
 ) -> KindAnswer:
-    """The answer on the first branch for L(q, q'), or for L(t, q, q') if f contains t, at the requested point `near`.
+    """The answer on the first branch for L(q, q'), or for L(t, q, q') if f contains t, at the
+    requested point `near`.
 
-    A known Lagrangian of this kind proves a yes; otherwise the conditions on all multipliers of the kind are decided.
+    A known Lagrangian of this kind proves a yes; otherwise the conditions on all multipliers of the
+    kind are decided.
     """
     main, system, friction = solution.main, solution.system, kind.name == "rayleigh"
     if system.depends_on_time and kind.name in _HOMOGENEOUS:
         return KindAnswer("undetermined", "f contains t: no homogeneous Lagrangian is looked for")
-    if not friction and main is not None and main.verdict == "not_variational" and main.checked == "valid":
+    if (
+        not friction
+        and main is not None
+        and main.verdict == "not_variational"
+        and main.checked == "valid"
+    ):
         reason = "no Lagrangian of any kind exists"
         return KindAnswer("not_variational", reason, main.certificate, exceptions=main.exceptions)
     try:
         analysis = deciding.analyze(system)
         if friction:
-            given = tuple(second_order_system.on_branch(equation, system) for equation in asked.given)
+            given = tuple(
+                second_order_system.on_branch(equation, system) for equation in asked.given
+            )
             return answer_rayleigh(analysis, given, asked.seed, deadline)
         if kind.name == "positive_definite":
             return answer_definite(analysis, main, kind, near, asked.seed, deadline)
-        return _of_known(analysis, main, kind, deadline) or decided(analysis, kind, asked.seed, deadline)
+        return _of_known(analysis, main, kind, deadline) or decided(
+            analysis, kind, asked.seed, deadline
+        )
     except errors.IrreducibleAtoms as problem:
         return KindAnswer("undetermined", problem.detail)
 
 
 def _of_known(
-    analysis: deciding.Analysis, main: solutions.Answer | None, kind: LagrangianKind, deadline: float
+    analysis: deciding.Analysis,
+    main: solutions.Answer | None,
+    kind: LagrangianKind,
+    deadline: float,
 ) -> KindAnswer | None:
     """A yes by the first Lagrangian of an answer that, according to the checker, is of the kind."""
     with_time = analysis.system.depends_on_time
     answers = (
-        KindAnswer("variational", "", certify.of_lagrangian(analysis, one.expression, with_time, kind), one)
+        KindAnswer(
+            "variational", "", certify.of_lagrangian(analysis, one.expression, with_time, kind), one
+        )
         for one in lagrangians_of(main)
     )
     return _first(confirmed(answer, deadline) for answer in answers)
@@ -109,18 +134,30 @@ def _first(answers: Iterable[KindAnswer | None]) -> KindAnswer | None:
 
 
 def lagrangians_of(main: solutions.Answer | None) -> Sequence[solutions.Lagrangian]:
-    return () if main is None or main.lagrangian is None else (main.lagrangian, *main.other_lagrangians)
+    return (
+        ()
+        if main is None or main.lagrangian is None
+        else (main.lagrangian, *main.other_lagrangians)
+    )
 
 
 def decided(
-    analysis: deciding.Analysis, kind: LagrangianKind, seed: int, deadline: float, even: SecondOrderSystem | None = None
+    analysis: deciding.Analysis,
+    kind: LagrangianKind,
+    seed: int,
+    deadline: float,
+    even: SecondOrderSystem | None = None,
 ) -> KindAnswer:
-    """The answer from the conditions on all multipliers of the kind, for the system `even` if the kind refers to it."""
+    """The answer from the conditions on all multipliers of the kind, for the system `even` if the
+    kind refers to it.
+    """
     if now() > deadline:
         return KindAnswer("undetermined", _NO_TIME)
     with_time, limits = analysis.system.depends_on_time, involution.Limits(deadline=deadline)
     own = None if even is not None else analysis
-    found = deciding.decide(even or analysis.system, with_time, seed, limits, analysis=own, among=kind.derivations)
+    found = deciding.decide(
+        even or analysis.system, with_time, seed, limits, analysis=own, among=kind.derivations
+    )
     if found.verdict == "undetermined":
         return KindAnswer("undetermined", found.reason)
     answer = KindAnswer(found.verdict, "", certify.of_decision(analysis, found, kind=kind))
@@ -129,7 +166,9 @@ def decided(
     words = found.verdict.replace("_", " ")
     return KindAnswer(
         "undetermined",
-        NOT_FOUND if found.verdict == "variational" else f"found {words}, but the check could not confirm it",
+        NOT_FOUND
+        if found.verdict == "variational"
+        else f"found {words}, but the check could not confirm it",
     )
 
 
@@ -142,10 +181,18 @@ def confirmed(answer: KindAnswer, deadline: float) -> KindAnswer | None:
 # Natural Lagrangians with friction.
 
 
-def quick_rayleigh(analysis: Analysis, given: Sequence[ex.Expression], deadline: float) -> KindAnswer | None:
-    """The answer from the equations as written, E = M q'' + b with M the Hessian of T; None if they give none."""
+def quick_rayleigh(
+    analysis: Analysis, given: Sequence[ex.Expression], deadline: float
+) -> KindAnswer | None:
+    """The answer from the equations as written, E = M q'' + b with M the Hessian of T; None if they
+    give none.
+    """
     names = analysis.system.coordinates
-    even, odd = zip(*(parts_of_parity(equation, names) for equation in given), strict=True) if given else ((), ())
+    even, odd = (
+        zip(*(parts_of_parity(equation, names) for equation in given), strict=True)
+        if given
+        else ((), ())
+    )
     if any(isinstance(node, ex.Acceleration) for part in odd for node in ex.walk(part)):
         even = odd = ()  # factors of accelerations are not forces
     system = without_friction(analysis.system)
@@ -159,7 +206,9 @@ def quick_rayleigh(analysis: Analysis, given: Sequence[ex.Expression], deadline:
     return None
 
 
-def answer_rayleigh(analysis: Analysis, given: Sequence[ex.Expression], seed: int, deadline: float) -> KindAnswer:
+def answer_rayleigh(
+    analysis: Analysis, given: Sequence[ex.Expression], seed: int, deadline: float
+) -> KindAnswer:
     """Yes with L and D, or no because f is not quadratic in v or its even part has no natural L."""
     found = quick_rayleigh(analysis, given, deadline) or _refuted(analysis, seed, deadline)
     return found or _searched(analysis, seed, deadline) or KindAnswer("undetermined", NOT_FOUND)
@@ -170,32 +219,48 @@ def _kind(analysis: Analysis) -> LagrangianKind:
 
 
 def _refuted(analysis: Analysis, seed: int, deadline: float) -> KindAnswer | None:
-    """A no from the degree of f, the natural Lagrangians of its even part, or those with any friction."""
+    """A no from the degree of f, the natural Lagrangians of its even part, or those with any
+    friction.
+    """
     system, kind, with_time = analysis.system, _kind(analysis), analysis.system.depends_on_time
     n = len(system.coordinates)
     rows = tuple(("S0", i, i, (0,) * (2 * n + with_time)) for i in range(n))
-    certificate = certify.of_decision(analysis, Decision("not_variational", with_time, 0, rows=rows), kind=kind)
+    certificate = certify.of_decision(
+        analysis, Decision("not_variational", with_time, 0, rows=rows), kind=kind
+    )
     answer = KindAnswer("not_variational", "f is not quadratic in the velocities", certificate)
     if (proven := confirmed(answer, deadline)) is not None:
         return proven
-    found = None if with_time else decided(analysis, kind, seed, deadline, even=without_friction(system))
+    found = (
+        None
+        if with_time
+        else decided(analysis, kind, seed, deadline, even=without_friction(system))
+    )
     if (found is None or found.certificate is None) and (n > 2 or with_time):
-        found = decided(analysis, replace(kind, derivations=(ANY_FRICTION, *kind.derivations)), seed, deadline)
+        found = decided(
+            analysis, replace(kind, derivations=(ANY_FRICTION, *kind.derivations)), seed, deadline
+        )
     return found if found is not None and found.verdict == "not_variational" else None
 
 
 def _searched(analysis: Analysis, seed: int, deadline: float) -> KindAnswer | None:
-    """A yes from a natural Lagrangian of the even part of f, with a constant metric or found by the search."""
+    """A yes from a natural Lagrangian of the even part of f, with a constant metric or found by the
+    search.
+    """
     system = analysis.system
     trees = chain(constant_metrics(system), _lagrangians_without_friction(system, seed, deadline))
     return _first(_with_friction(analysis, tree, _push(analysis, tree), deadline) for tree in trees)
 
 
-def _lagrangians_without_friction(system: SecondOrderSystem, seed: int, deadline: float) -> Iterator[ex.Expression]:
+def _lagrangians_without_friction(
+    system: SecondOrderSystem, seed: int, deadline: float
+) -> Iterator[ex.Expression]:
     """The Lagrangians L(q, q') found for the system without friction."""
     if now() < deadline:
         limit = _SHARE_OF_SEARCH * left(deadline)
-        options = solutions.SolveOptions(time_dependent=False, seed=seed, time_limit=limit, conditions=False)
+        options = solutions.SolveOptions(
+            time_dependent=False, seed=seed, time_limit=limit, conditions=False
+        )
         found = solving.solve(without_friction(system), options).autonomous
         yield from (one.expression for one in lagrangians_of(found))
 
@@ -203,7 +268,9 @@ def _lagrangians_without_friction(system: SecondOrderSystem, seed: int, deadline
 def _with_friction(
     analysis: Analysis, tree: ex.Expression, push: Sequence[ex.Expression], deadline: float
 ) -> KindAnswer | None:
-    """A yes with L and D for T - V = `tree` and E_i(T - V) = push_i along f, if the checker confirms them."""
+    """A yes with L and D for T - V = `tree` and E_i(T - V) = push_i along f, if the checker
+    confirms them.
+    """
     try:
         split = _split(analysis.system, push)
     except tm.TooManyTerms:
@@ -217,7 +284,9 @@ def _with_friction(
     return confirmed(KindAnswer("variational", "", certificate, shown, drag), deadline)
 
 
-def _split(system: SecondOrderSystem, push: Sequence[ex.Expression]) -> tuple[ex.Expression, ex.Expression] | None:
+def _split(
+    system: SecondOrderSystem, push: Sequence[ex.Expression]
+) -> tuple[ex.Expression, ex.Expression] | None:
     """D and A v for C v = push; None if the antisymmetric part of C is not closed."""
     v = [ex.Velocity(name) for name in system.coordinates]
     slopes = [[calculus.differentiate(part, w) for w in v] for part in push]
@@ -230,21 +299,26 @@ def _split(system: SecondOrderSystem, push: Sequence[ex.Expression]) -> tuple[ex
 
 
 def _push(analysis: Analysis, tree: ex.Expression) -> list[ex.Expression]:
-    """E_i of a natural Lagrangian of the even part of f; the terms of degree 0 and 2 in v vanish."""
+    """E_i of a natural Lagrangian of the even part of f; the terms of degree 0 and 2 in v
+    vanish.
+    """
     names = analysis.system.coordinates
     found = euler_lagrange.euler_lagrange_residual(tree, names, analysis.system.accelerations)
     return [parts_of_parity(each, names)[1] for each in found]
 
 
 def constant_metrics(system: SecondOrderSystem) -> Iterator[ex.Expression]:
-    """L = G_ij v_i v_j/2 + b_ij q_j v_i with rational coefficients for which g df/dv + 2 b - 2 b^T is symmetric."""
+    """L = G_ij v_i v_j/2 + b_ij q_j v_i with rational coefficients for which g df/dv + 2 b - 2 b^T
+    is symmetric.
+    """
     names, n = system.coordinates, len(system.coordinates)
     pairs = [*combinations_with_replacement(range(n), 2)]
     metric, width = {pair: place for place, pair in enumerate(pairs)}, len(pairs) + n * n
     rows: dict[object, list[Fraction]] = {}
     try:
         slopes = [
-            [tm.terms_of(calculus.differentiate(f, ex.Velocity(name))) for name in names] for f in system.accelerations
+            [tm.terms_of(calculus.differentiate(f, ex.Velocity(name))) for name in names]
+            for f in system.accelerations
         ]
     except tm.TooManyTerms:
         return
@@ -272,7 +346,9 @@ def without_friction(system: SecondOrderSystem) -> SecondOrderSystem:
     return replace(system, accelerations=even, branch=None)
 
 
-def parts_of_parity(formula: ex.Expression, names: Sequence[str]) -> tuple[ex.Expression, ex.Expression]:
+def parts_of_parity(
+    formula: ex.Expression, names: Sequence[str]
+) -> tuple[ex.Expression, ex.Expression]:
     """The even and the odd part in the velocities."""
     turned = ex.substitute(formula, {ex.Velocity(name): -ex.Velocity(name) for name in names})
     found: Iterator[ex.Expression] = (HALF * (formula + other) for other in (turned, -turned))
@@ -289,13 +365,17 @@ def values_at(
     def residues(seed: int) -> tuple[int, dict[tuple[int, int], int] | None]:
         prime = modular.safe_prime(seed)
         values = {name: modular.number_value(value, prime) for name, value in near.items()}
-        prolongation = deciding.prolonged(analysis, modular.Point(prime, seed, variables=values), with_time, order)
+        prolongation = deciding.prolonged(
+            analysis, modular.Point(prime, seed, variables=values), with_time, order
+        )
         within = involution.consequences(prolongation, 0)
         used = sorted({row for basis in within for row in prolongation.echelon.trace({basis: 1})})
         rows.append(tuple(cast(deciding.RowName, prolongation.row_name(row)) for row in used))
         reduced, rank = matrices.table_of(within.values(), prolongation.width(0), prime).rref()
         width = reduced.ncols()
-        return prime, {(i, j): int(reduced[i, j]) for i in range(rank) for j in range(width)} | {(-1, 0): rank}
+        return prime, {(i, j): int(reduced[i, j]) for i in range(rank) for j in range(width)} | {
+            (-1, 0): rank
+        }
 
     try:
         found = deciding.reconstructed(residues)
@@ -305,11 +385,16 @@ def values_at(
         return None, ()
     n, size = len(analysis.system.coordinates), 2 * len(analysis.system.coordinates) + with_time
     unknowns = helmholtz.unknowns_of(n, size)
-    places = [[equations.column_of(unknowns, entry) for entry in row] for row in helmholtz.matrix_of(n, size).entries]
+    places = [
+        [equations.column_of(unknowns, entry) for entry in row]
+        for row in helmholtz.matrix_of(n, size).entries
+    ]
     width = n * (n + 1) // 2
     table = [[found[i, j] for j in range(width)] for i in range(int(found[-1, 0]))]
     basis = matrices.kernel(table or [[Fraction(0)] * width], width)
-    return [tuple(tuple(v[column] * factor for column, factor in row) for row in places) for v in basis], rows[0]
+    return [
+        tuple(tuple(v[column] * factor for column, factor in row) for row in places) for v in basis
+    ], rows[0]
 
 
 def answer_definite(
@@ -320,7 +405,8 @@ def answer_definite(
     seed: int,
     deadline: float,
 ) -> KindAnswer:
-    """Whether L or -L can have a positive definite Hessian at the point `given`, completed by chosen values.
+    """Whether L or -L can have a positive definite Hessian at the point `given`, completed by
+    chosen values.
 
     Yes, with L if one was found, or no.
     """
@@ -334,29 +420,43 @@ def answer_definite(
     if found is not None:
         return found
     if len(analysis.system.coordinates) > matrices.MOST:
-        return KindAnswer("undetermined", f"this is decided for at most {matrices.MOST} coordinates")
+        return KindAnswer(
+            "undetermined", f"this is decided for at most {matrices.MOST} coordinates"
+        )
     if not deciding.is_rational(analysis) or ex.PI in deciding.symbols_of(analysis):
         return KindAnswer("undetermined", IRRATIONAL)
     with_time, decision, member, order = analysis.system.depends_on_time, None, None, 1
     while now() < deadline:  # start with two orders, which usually refute
         space, rows = values_at(analysis, near, with_time, order)
         member, orthogonal = (
-            (None, None) if space is None else matrices.definite_or_orthogonal(space, len(analysis.system.coordinates))
+            (None, None)
+            if space is None
+            else matrices.definite_or_orthogonal(space, len(analysis.system.coordinates))
         )
         if orthogonal is not None:
             refuted = deciding.Decision("not_variational", with_time, order, rows=rows)
-            certificate = certify.of_decision(analysis, refuted, kind=kind) | _claim(near, "orthogonal", orthogonal)
+            certificate = certify.of_decision(analysis, refuted, kind=kind) | _claim(
+                near, "orthogonal", orthogonal
+            )
             return _confirmed(certificate, "not_variational", deadline)
         if decision is not None:
             break
         decision = deciding.decide(
-            analysis.system, with_time, seed, involution.Limits(deadline=deadline), analysis=analysis
+            analysis.system,
+            with_time,
+            seed,
+            involution.Limits(deadline=deadline),
+            analysis=analysis,
         )
         order = decision.order
-        if order <= 1 or decision.history[1][:1] == decision.history[order][:1]:  # the same values as for two orders
+        if (
+            order <= 1 or decision.history[1][:1] == decision.history[order][:1]
+        ):  # the same values as for two orders
             break
     if member is not None and decision is not None and decision.verdict == "variational":
-        certificate = certify.of_decision(analysis, decision, kind=kind) | _claim(near, "multiplier", member)
+        certificate = certify.of_decision(analysis, decision, kind=kind) | _claim(
+            near, "multiplier", member
+        )
         return _confirmed(certificate, "variational", deadline)
     return KindAnswer("undetermined", _OPEN if decision is None else decision.reason or _OPEN)
 
@@ -366,7 +466,10 @@ def point_near(analysis: deciding.Analysis, given: Near) -> Near:
     table = analysis.real_point or {}
     found: dict[ex.Symbol | ex.Velocity, Fraction] = {}
     for digits in (_DIGITS, 20):
-        ours = ((name, table.get(name, mpmath.mpf(1))) for name in deciding.variables_of(analysis.system))
+        ours = (
+            (name, table.get(name, mpmath.mpf(1)))
+            for name in deciding.variables_of(analysis.system)
+        )
         found = {name: Fraction(mpmath.nstr(value, digits)) for name, value in ours} | dict(given)
         if real_branch.is_defined(analysis.accelerations, _real(analysis, found)):
             break
@@ -375,15 +478,22 @@ def point_near(analysis: deciding.Analysis, given: Near) -> Near:
 
 def _real(analysis: deciding.Analysis, near: Near) -> real_branch.RealTable:
     """The point in floating-point numbers, with chosen values of arbitrary functions."""
-    return dict(analysis.real_point or {}) | {s: mpmath.mpf(x.numerator) / x.denominator for s, x in near.items()}
+    return dict(analysis.real_point or {}) | {
+        s: mpmath.mpf(x.numerator) / x.denominator for s, x in near.items()
+    }
 
 
 def _claim(near: Near, key: str, matrix: matrices.Matrix | None = None) -> dict[str, Any]:
-    point = {s.name if isinstance(s, ex.Symbol) else f"{s.coordinate}'": str(value) for s, value in near.items()}
+    point = {
+        s.name if isinstance(s, ex.Symbol) else f"{s.coordinate}'": str(value)
+        for s, value in near.items()
+    }
     return {"near": point} | ({key: [[str(x) for x in row] for row in matrix]} if matrix else {})
 
 
-def _confirmed(certificate: dict[str, Any], verdict: solutions.Verdict, deadline: float) -> KindAnswer:
+def _confirmed(
+    certificate: dict[str, Any], verdict: solutions.Verdict, deadline: float
+) -> KindAnswer:
     found = confirmed(KindAnswer(verdict, "", certificate), deadline)
     return found or KindAnswer("undetermined", _SPECIAL)
 
@@ -395,8 +505,14 @@ def _definite_of_known(
     near: Near,
     deadline: float,
 ) -> KindAnswer | None:
-    """A yes by the first Lagrangian with a definite Hessian at the point, or by a sum of Lagrangians."""
-    with_time, names, table = analysis.system.depends_on_time, analysis.system.coordinates, _real(analysis, near)
+    """A yes by the first Lagrangian with a definite Hessian at the point, or by a sum of
+    Lagrangians.
+    """
+    with_time, names, table = (
+        analysis.system.depends_on_time,
+        analysis.system.coordinates,
+        _real(analysis, near),
+    )
     hessians = []
     for lagrangian in known:
         form = euler_lagrange.hessian_at(lagrangian.expression, names, table)
@@ -406,9 +522,15 @@ def _definite_of_known(
     for weights in ansatz.short_definite_weights(hessians[: bounds.COLUMNS]):
         parts = [(w, one) for w, one in zip(weights, known, strict=False) if w]
         alone = parts[0][1] if len(parts) == 1 and parts[0][0] == 1 else None
-        whole = alone.expression if alone else collecting.collect(ex.add(*(w * one.expression for w, one in parts)))
+        whole = (
+            alone.expression
+            if alone
+            else collecting.collect(ex.add(*(w * one.expression for w, one in parts)))
+        )
         certificate = certify.of_lagrangian(analysis, whole, with_time, kind) | _claim(near, "")
         shown = alone or tidy.describe(analysis, whole, DEFINITE_SUM)
-        if (found := confirmed(KindAnswer("variational", "", certificate, shown), deadline)) is not None:
+        if (
+            found := confirmed(KindAnswer("variational", "", certificate, shown), deadline)
+        ) is not None:
             return found
     return None

@@ -1,4 +1,5 @@
-"""Sets of members of a family, given by equations for its constants and unknown functions, and points on them.
+"""Sets of members of a family, given by equations for its constants and unknown functions, and
+points on them.
 
 A *leaf* is a chain of equations between constants a, b, ... and derivatives ("jets") of functions
 F(x, y), ..., each with a leader: the highest constant or derivative in it. Its members satisfy all
@@ -9,8 +10,9 @@ factors split first): an equation that is linear in a constant is solved for it,
 derivatives of leaders are reduced, and cross derivatives have to agree. Constants are real, so a
 sum of squares is zero only if each is.
 
-`PointOnLeaf` is a random point modulo a prime whose constants and jets satisfy the chain: parametric ones are random,
-the others are computed. So it is the generic member of the leaf, and every question about a system can be asked there.
+`PointOnLeaf` is a random point modulo a prime whose constants and jets satisfy the chain:
+parametric ones are random, the others are computed. So it is the generic member of the leaf, and
+every question about a system can be asked there.
 """
 
 from __future__ import annotations
@@ -55,20 +57,30 @@ class Unknowns:
     arguments: Mapping[str, tuple[ex.Symbol | ex.Velocity, ...]]
     inner: frozenset[int]
     outer: tuple[int, ...]
-    derivatives: dict[tuple[str, int], fmpq_mpoly] = field(default_factory=dict, compare=False, repr=False)
+    derivatives: dict[tuple[str, int], fmpq_mpoly] = field(
+        default_factory=dict, compare=False, repr=False
+    )
 
     @classmethod
     def of(
-        cls, ring: exact_field.ExactRing, letters: Sequence[str], functions: Mapping[str, Sequence[str]]
+        cls,
+        ring: exact_field.ExactRing,
+        letters: Sequence[str],
+        functions: Mapping[str, Sequence[str]],
     ) -> Unknowns:
         """Those of these names; NotSplit if a function has composed or different arguments."""
-        constants, jets, arguments = dict[int, str](), dict[int, Jet](), dict[str, tuple[Any, ...]]()
+        constants, jets, arguments = (
+            dict[int, str](),
+            dict[int, Jet](),
+            dict[str, tuple[Any, ...]](),
+        )
         for index, tree in ring.trees.items():
             if isinstance(tree, ex.Symbol) and tree.name in letters:
                 constants[index] = tree.name
             if isinstance(tree, ex.Arbitrary) and tree.name in functions:
                 plain = all(
-                    isinstance(one, ex.Symbol | ex.Velocity) and one in ring.variables for one in tree.arguments
+                    isinstance(one, ex.Symbol | ex.Velocity) and one in ring.variables
+                    for one in tree.arguments
                 )
                 if not plain or arguments.setdefault(tree.name, tree.arguments) != tree.arguments:
                     raise NotSplit(f"{tree.name} has other arguments than coordinates")
@@ -77,12 +89,21 @@ class Unknowns:
         fixed = {
             index
             for index, tree in ring.trees.items()
-            if isinstance(tree, ex.Symbol) and tree not in ring.variables and tree != ex.PI and index not in constants
+            if isinstance(tree, ex.Symbol)
+            and tree not in ring.variables
+            and tree != ex.PI
+            and index not in constants
         }
         inner = fixed | {
-            index for index, tree in ring.trees.items() if index not in jets and not moving.isdisjoint(ex.walk(tree))
+            index
+            for index, tree in ring.trees.items()
+            if index not in jets and not moving.isdisjoint(ex.walk(tree))
         }
-        outer = [index for index in ring.trees if index not in constants and index not in jets and index not in inner]
+        outer = [
+            index
+            for index in ring.trees
+            if index not in constants and index not in jets and index not in inner
+        ]
         return cls(ring, constants, jets, arguments, frozenset(inner), tuple(outer))
 
     @property
@@ -111,7 +132,9 @@ class Unknowns:
 
     def unknowns_in(self, polynomial: fmpq_mpoly) -> list[int]:
         """The constants and jets in it, the highest first."""
-        found = [k for k, degree in enumerate(polynomial.degrees()) if degree and self.is_unknown(k)]
+        found = [
+            k for k, degree in enumerate(polynomial.degrees()) if degree and self.is_unknown(k)
+        ]
         return sorted(found, key=self.rank, reverse=True)
 
     def coefficients(self, polynomial: fmpq_mpoly) -> list[fmpq_mpoly]:
@@ -122,7 +145,11 @@ class Unknowns:
         """The distinct irreducible factors that hold unknowns; [] if it vanishes nowhere."""
         if len(polynomial) > MOST_TERMS:
             raise NotSplit(f"an equation has {len(polynomial)} terms")
-        found = [factor for factor, _ in exact_field.factor_polynomial(polynomial)[1] if self.unknowns_in(factor)]
+        found = [
+            factor
+            for factor, _ in exact_field.factor_polynomial(polynomial)[1]
+            if self.unknowns_in(factor)
+        ]
         return [factor / factor.leading_coefficient() for factor in found]
 
     def derivative(self, polynomial: fmpq_mpoly, variable: int) -> fmpq_mpoly:
@@ -200,7 +227,11 @@ class Leaf:
         name, orders = self.unknowns.jets[index]
         for rule in self.rules:
             own = self.unknowns.jets.get(rule.leader)
-            if own is not None and own[0] == name and all(a >= b for a, b in zip(orders, own[1], strict=True)):
+            if (
+                own is not None
+                and own[0] == name
+                and all(a >= b for a, b in zip(orders, own[1], strict=True))
+            ):
                 equation = rule.equation
                 for variable, times in self.steps(name, orders, own[1]):
                     for _ in range(times):
@@ -212,7 +243,11 @@ class Leaf:
         """(variable, how often) from one derivative of a function to a higher one."""
         places = {one: k for k, one in self.unknowns.variables.items()}
         arguments = self.unknowns.arguments[name]
-        return [(places[one], a - b) for one, a, b in zip(arguments, orders, below, strict=True) if a > b]
+        return [
+            (places[one], a - b)
+            for one, a, b in zip(arguments, orders, below, strict=True)
+            if a > b
+        ]
 
 
 # Splitting.
@@ -227,7 +262,9 @@ class _Open:
 
 
 def split(leaf: Leaf, equations: Iterable[fmpq_mpoly], end: float) -> list[Leaf]:
-    """Leaves with the members of the leaf that satisfy the equations; NotSplit if a limit is reached."""
+    """Leaves with the members of the leaf that satisfy the equations; NotSplit if a limit is
+    reached.
+    """
     waiting, found = [_Open(tuple(equations), leaf)], list[Leaf]()
     for _ in range(MOST_STEPS):
         if not waiting:
@@ -279,12 +316,17 @@ def _cost(unknowns: Unknowns, parts: Sequence[fmpq_mpoly]) -> tuple[Any, ...]:
     """Single equations that are solved without a case first, then short ones of low order."""
     (first, *more) = parts
     easy = not more and _letter_of(unknowns, first, 0) is not None
-    high = max((unknowns.rank(k)[:2] for part in parts for k in unknowns.unknowns_in(part)[:1]), default=(0,))
+    high = max(
+        (unknowns.rank(k)[:2] for part in parts for k in unknowns.unknowns_in(part)[:1]),
+        default=(0,),
+    )
     return (not easy, len(more), high, sum(map(len, parts)))
 
 
 def _letter_of(unknowns: Unknowns, equation: fmpq_mpoly, most: float) -> int | None:
-    """A constant in which the equation is linear, the coefficient having the fewest terms, at most this many."""
+    """A constant in which the equation is linear, the coefficient having the fewest terms, at most
+    this many.
+    """
     if any(k in unknowns.jets for k in unknowns.unknowns_in(equation)):
         return None
     degrees, found = equation.degrees(), list[tuple[int, int, int]]()
@@ -297,7 +339,9 @@ def _letter_of(unknowns: Unknowns, equation: fmpq_mpoly, most: float) -> int | N
     return best[2] if best is not None and best[0] <= most else None
 
 
-def _solve(equation: fmpq_mpoly, rest: Sequence[fmpq_mpoly], leaf: Leaf, waiting: list[_Open]) -> None:
+def _solve(
+    equation: fmpq_mpoly, rest: Sequence[fmpq_mpoly], leaf: Leaf, waiting: list[_Open]
+) -> None:
     """Add the rule of an irreducible equation, and the cases where it has another leader."""
     unknowns = leaf.unknowns
     letter = _letter_of(unknowns, equation, math.inf)
@@ -324,7 +368,11 @@ def _solve(equation: fmpq_mpoly, rest: Sequence[fmpq_mpoly], leaf: Leaf, waiting
                 nonzero.append(part)
     kept, again = list[Rule](), list[fmpq_mpoly]()
     for old in leaf.rules:
-        touched = old.equation.degrees()[leader] > 0 if leader in unknowns.letters else _is_above(unknowns, old, leader)
+        touched = (
+            old.equation.degrees()[leader] > 0
+            if leader in unknowns.letters
+            else _is_above(unknowns, old, leader)
+        )
         (again if touched else kept).append(old.equation if touched else old)  # type: ignore[arg-type]
     waiting.extend(cases)
     waiting.append(_Open((*again, *rest), Leaf(unknowns, (*kept, rule), tuple(nonzero))))
@@ -337,7 +385,14 @@ def _leader(leaf: Leaf, equation: fmpq_mpoly) -> int:
     if found[0] in unknowns.jets:
         return found[0]
     degrees = equation.degrees()
-    return min(found, key=lambda k: (k in taken, degrees[k], len(exact_field.coefficient(equation, k, degrees[k]))))
+    return min(
+        found,
+        key=lambda k: (
+            k in taken,
+            degrees[k],
+            len(exact_field.coefficient(equation, k, degrees[k])),
+        ),
+    )
 
 
 def _is_above(unknowns: Unknowns, rule: Rule, leader: int) -> bool:
@@ -351,8 +406,8 @@ def _is_above(unknowns: Unknowns, rule: Rule, leader: int) -> bool:
 def _real_zeros(unknowns: Unknowns, equation: fmpq_mpoly, leader: int) -> list[fmpq_mpoly] | None:
     """What is 0 where a definite form is; None if the equation may have other real zeros.
 
-    [] if there are none. A form is definite if all its terms are even and of one sign; so is A a^2 + B a + C with a
-    discriminant that is minus such a form.
+    [] if there are none. A form is definite if all its terms are even and of one sign; so is A a^2
+    + B a + C with a discriminant that is minus such a form.
     """
     form = equation
     if equation.degrees()[leader] == 2:
@@ -372,11 +427,16 @@ def _real_zeros(unknowns: Unknowns, equation: fmpq_mpoly, leader: int) -> list[f
 
 
 def _is_definite(polynomial: fmpq_mpoly) -> bool:
-    return all(value > 0 and not any(int(e) % 2 for e in exponents) for exponents, value in polynomial.terms())
+    return all(
+        value > 0 and not any(int(e) % 2 for e in exponents)
+        for exponents, value in polynomial.terms()
+    )
 
 
 def _cross_derivatives(leaf: Leaf) -> list[fmpq_mpoly]:
-    """What must vanish, too: differences of equal derivatives of leaders, and derivatives of rules without leaders."""
+    """What must vanish, too: differences of equal derivatives of leaders, and derivatives of rules
+    without leaders.
+    """
     unknowns, found = leaf.unknowns, list[fmpq_mpoly]()
     of_functions = [rule for rule in leaf.rules if rule.leader in unknowns.jets]
     for rule in of_functions:
@@ -422,7 +482,10 @@ class PointOnLeaf(modular.Point):
     def variable(self, name: modular.Variable) -> int:
         leaf = self.leaf
         if isinstance(name, ex.Symbol) and name not in self.variables and leaf is not None:
-            rule = next((one for one in leaf.rules if leaf.unknowns.letters.get(one.leader) == name.name), None)
+            rule = next(
+                (one for one in leaf.rules if leaf.unknowns.letters.get(one.leader) == name.name),
+                None,
+            )
             if rule is not None:
                 self.variables[name] = self.root(rule.equation, rule.leader)
         return modular.Point.variable(self, name)
@@ -454,7 +517,8 @@ class PointOnLeaf(modular.Point):
         rule, extra = best
         if not any(extra):
             return self.root(rule.equation, rule.leader)
-        # D^extra p = S u_(leader + extra) + terms of lower rank; the unknown derivative counts as 0 first.
+        # D^extra p = S u_(leader + extra) + terms of lower rank; the unknown derivative counts as 0
+        # first.
         arguments = leaf.unknowns.arguments[name]
         self.known[name, orders] = 0
         rest = self.coefficient(rule.equation, extra, arguments)
@@ -462,7 +526,9 @@ class PointOnLeaf(modular.Point):
         slope = self.value(rule.equation.derivative(rule.leader))
         if not slope:
             raise modular.SingularPoint("a separant vanishes")
-        return -rest * math.prod(map(math.factorial, extra)) * pow(slope, -1, self.prime) % self.prime
+        return (
+            -rest * math.prod(map(math.factorial, extra)) * pow(slope, -1, self.prime) % self.prime
+        )
 
     def value(self, polynomial: fmpq_mpoly) -> int:
         """The polynomial at the point."""
@@ -472,7 +538,11 @@ class PointOnLeaf(modular.Point):
             term = modular.number_value(exact_field.as_fraction(coefficient), self.prime)
             for index, exponent in enumerate(exponents):
                 if exponent:
-                    term = term * pow(self.generator(trees[index]), int(exponent), self.prime) % self.prime
+                    term = (
+                        term
+                        * pow(self.generator(trees[index]), int(exponent), self.prime)
+                        % self.prime
+                    )
             total += term
         return total % self.prime
 
@@ -488,7 +558,9 @@ class PointOnLeaf(modular.Point):
     def root(self, equation: fmpq_mpoly, leader: int) -> int:
         """A root of the equation in its leader; SingularPoint if there is none modulo the prime."""
         degree = int(equation.degrees()[leader])
-        values = [self.value(exact_field.coefficient(equation, leader, k)) for k in range(degree + 1)]
+        values = [
+            self.value(exact_field.coefficient(equation, leader, k)) for k in range(degree + 1)
+        ]
         if not values[-1]:
             raise modular.SingularPoint("an initial vanishes")
         if degree == 1:
@@ -499,8 +571,12 @@ class PointOnLeaf(modular.Point):
             raise modular.SingularPoint("an equation of the leaf has no root modulo the prime")
         return sorted(roots)[self.seed % len(roots)]
 
-    def coefficient(self, polynomial: fmpq_mpoly, order: Orders, arguments: Sequence[ex.Expression]) -> int:
-        """The Taylor coefficient of the polynomial at the multi-index, in displacements of these arguments."""
+    def coefficient(
+        self, polynomial: fmpq_mpoly, order: Orders, arguments: Sequence[ex.Expression]
+    ) -> int:
+        """The Taylor coefficient of the polynomial at the multi-index, in displacements of these
+        arguments.
+        """
         assert self.leaf is not None
         below = list(itertools.product(*(range(k + 1) for k in order)))
         trees, total, zero = self.leaf.unknowns.ring.trees, 0, (0,) * len(order)
@@ -536,7 +612,10 @@ class PointOnLeaf(modular.Point):
                 steps = dict(zip(arguments, order, strict=True))
                 if any(k and one not in tree.arguments for one, k in steps.items()):
                     continue
-                orders = tuple(a + steps.get(one, 0) for one, a in zip(tree.arguments, tree.orders, strict=True))
+                orders = tuple(
+                    a + steps.get(one, 0)
+                    for one, a in zip(tree.arguments, tree.orders, strict=True)
+                )
                 value = modular.evaluate(ex.Arbitrary(tree.name, tree.arguments, orders), self)
             else:
                 key = (tree, order, tuple(arguments))
@@ -548,18 +627,32 @@ class PointOnLeaf(modular.Point):
                     self.known[key] = modular.evaluate(tower.to_kernels(slope), self)
                 value = int(self.known[key])
             if value:
-                result[order] = value * pow(math.prod(map(math.factorial, order)), -1, prime) % prime
+                result[order] = (
+                    value * pow(math.prod(map(math.factorial, order)), -1, prime) % prime
+                )
         return result
 
 
 def on_leaf(leaf: Leaf, draw: Callable[[int], modular.Point], seed: int) -> PointOnLeaf:
     """A random point of the leaf; SingularPoint if its equations have no root at this seed."""
     base = draw(seed)
-    return PointOnLeaf(base.prime, base.seed, base.signs, base.salts, base.flipped, atoms=dict(base.atoms), leaf=leaf)
+    return PointOnLeaf(
+        base.prime,
+        base.seed,
+        base.signs,
+        base.salts,
+        base.flipped,
+        atoms=dict(base.atoms),
+        leaf=leaf,
+    )
 
 
-def points(leaf: Leaf, draw: Callable[[int], modular.Point], seed: int, count: int) -> Iterator[PointOnLeaf]:
-    """Points of the leaf at which all rules hold and no nonzero element vanishes; NotSplit if none is found."""
+def points(
+    leaf: Leaf, draw: Callable[[int], modular.Point], seed: int, count: int
+) -> Iterator[PointOnLeaf]:
+    """Points of the leaf at which all rules hold and no nonzero element vanishes; NotSplit if none
+    is found.
+    """
     found = 0
     for attempt in range(MOST_ROOTS_TRIED * count):
         point = on_leaf(leaf, draw, seed * bounds.ATTEMPTS + attempt)
@@ -578,4 +671,6 @@ def points(leaf: Leaf, draw: Callable[[int], modular.Point], seed: int, count: i
 
 def holds(large: Leaf, small: Leaf, draw: Callable[[int], modular.Point]) -> bool:
     """Whether the equations of the large leaf hold at random points of the small one."""
-    return not large.rules or all(not any(map(one.value, large.equations)) for one in points(small, draw, 7, 2))
+    return not large.rules or all(
+        not any(map(one.value, large.equations)) for one in points(small, draw, 7, 2)
+    )

@@ -1,20 +1,23 @@
-"""Which members of a family have a Lagrangian: a family is a system with constants and unknown functions.
+"""Which members of a family have a Lagrangian: a family is a system with constants and unknown
+functions.
 
 At a fixed point of phase space the algebraic conditions (g T symmetric for T = Phi, nabla Phi, ...,
 and those of the curvature for n >= 3) are linear in the entries of g, with coefficients in the
 constants, functions, and velocities. Sets of members are *leaves* (`leaves`). The general member of
 a leaf is decided as any system is, at random points of the leaf.
 
-- If the conditions of rank r leave only singular g there, no member of the leaf has an L unless all minors of size r
-  vanish. These minors, for all values of velocities and coordinates, are the equations of the next leaves.
-- If one g remains, up to a factor e^u, and u does not exist, the mixed derivatives of u differ; their differences are
-  the equations of the next leaves.
-- If there is an L, the members where the rank falls, and those where the one g that remains is singular, are the next
-  leaves: elsewhere the same proof holds. If a Lagrangian in closed form is known, its members are those where it is
-  regular and defined.
+- If the conditions of rank r leave only singular g there, no member of the leaf has an L unless all
+  minors of size r vanish. These minors, for all values of velocities and coordinates, are the
+  equations of the next leaves.
+- If one g remains, up to a factor e^u, and u does not exist, the mixed derivatives of u differ;
+  their differences are the equations of the next leaves.
+- If there is an L, the members where the rank falls, and those where the one g that remains is
+  singular, are the next leaves: elsewhere the same proof holds. If a Lagrangian in closed form is
+  known, its members are those where it is regular and defined.
 
-So the leaves cover the family, except for the `open` sets, whose equations were not split or whose members were not
-decided. Douglas (1941) has the conditions for n = 2; the stratification is that of his cases.
+So the leaves cover the family, except for the `open` sets, whose equations were not split or whose
+members were not decided. Douglas (1941) has the conditions for n = 2; the stratification is that of
+his cases.
 """
 
 from __future__ import annotations
@@ -41,22 +44,30 @@ from inverse_service.solving import closed_members, leaves, regularity, solving
 from inverse_service.solving.leaves import Leaf, NotSplit, Unknowns
 from inverse_service.statements.stages import Progress, Stage
 
-# How many tensors nabla^k Phi are needed: the rows are stable at the latest for k = n (n + 1)/2 - 1.
+# How many tensors nabla^k Phi are needed: the rows are stable at the latest for k = n (n + 1)/2 -
+# 1.
 DEPTHS = {1: 0, 2: 2, 3: 3}
 FURTHER_ORDERS = 5  # derivatives of functions for splitting, beyond those in the conditions
 MOST_LEAVES = 60
 MOST_EQUATIONS = 60  # that are split together
-MOST_MINORS, MOST_TRIED = 24, 4000  # of one size: computed, and tried at a point for one that is not zero
+MOST_MINORS, MOST_TRIED = (
+    24,
+    4000,
+)  # of one size: computed, and tried at a point for one that is not zero
 SPLITTING_SECONDS, DECIDING_SECONDS, SEARCH_SECONDS = 8.0, 15.0, 10.0
-NOT_EXAMINED = "special members of this set were not examined: several g satisfy the algebraic conditions"
+NOT_EXAMINED = (
+    "special members of this set were not examined: several g satisfy the algebraic conditions"
+)
 DIFFERENTIAL = "several g satisfy the algebraic conditions, and the differential conditions on them were not split"
 
 
 @dataclass(frozen=True)
 class Found:
-    """A leaf with its verdicts for L(q, q') and L(t, q, q') (None where not asked), and the place of the one it is in.
+    """A leaf with its verdicts for L(q, q') and L(t, q, q') (None where not asked), and the place
+    of the one it is in.
 
-    `system` is the general member in closed form, None if the equations are not solved; `answer` is its checked answer.
+    `system` is the general member in closed form, None if the equations are not solved; `answer` is
+    its checked answer.
     """
 
     leaf: Leaf
@@ -67,7 +78,9 @@ class Found:
     system: SecondOrderSystem | None = None
     solved: tuple[closed_members.Solved, ...] = ()
     answer: Answer | None = None
-    without_time: Answer | None = None  # if the answer that is shown has an L with t, and there is one without t
+    without_time: Answer | None = (
+        None  # if the answer that is shown has an L with t, and there is one without t
+    )
 
     @property
     def verdicts(self) -> tuple[Verdict | None, Verdict | None]:
@@ -76,7 +89,9 @@ class Found:
 
 @dataclass(frozen=True)
 class Open:
-    """A set that is not decided: the equations that define it inside a leaf, if they are known, and why."""
+    """A set that is not decided: the equations that define it inside a leaf, if they are known, and
+    why.
+    """
 
     inside: int
     equations: tuple[ex.Expression, ...]
@@ -85,8 +100,8 @@ class Open:
 
 @dataclass(frozen=True)
 class Family:
-    """The leaves, each after the one it is in, and the sets that are not decided; `covered`: there are
-    none of these.
+    """The leaves, each after the one it is in, and the sets that are not decided; `covered`: there
+    are none of these.
     """
 
     unknowns: Unknowns
@@ -139,14 +154,22 @@ def explore(
     waiting: list[tuple[Leaf, int | None]] = [(Leaf(work.unknowns), None)]
     for special in _special_arguments(work):
         with suppress(NotSplit):
-            waiting += [(one, 0) for one in leaves.split(Leaf(work.unknowns), special, _until(work))]
+            waiting += [
+                (one, 0) for one in leaves.split(Leaf(work.unknowns), special, _until(work))
+            ]
     while waiting:
         leaf, inside = waiting.pop(0)
         if deadline.now() > end or len(work.found) >= MOST_LEAVES:
-            reason = f"more than {MOST_LEAVES} leaves" if len(work.found) >= MOST_LEAVES else "the time was over"
+            reason = (
+                f"more than {MOST_LEAVES} leaves"
+                if len(work.found) >= MOST_LEAVES
+                else "the time was over"
+            )
             if inside is None:
                 raise NotSplit(reason)
-            work.open += [Open(around or 0, _trees(one), reason) for one, around in [(leaf, inside), *waiting]]
+            work.open += [
+                Open(around or 0, _trees(one), reason) for one, around in [(leaf, inside), *waiting]
+            ]
             break
         progress(Stage("family", f"leaf {len(work.found) + 1}"))
         if _is_known(work, leaf):
@@ -164,10 +187,16 @@ def explore(
     return _summary(work)
 
 
-def first_equations(system: SecondOrderSystem, options: SolveOptions, end: float) -> list[tuple[ex.Expression, ...]]:
-    """The equations between functions of the leaves next to the general member; () where they are not split in time."""
+def first_equations(
+    system: SecondOrderSystem, options: SolveOptions, end: float
+) -> list[tuple[ex.Expression, ...]]:
+    """The equations between functions of the leaves next to the general member; () where they are
+    not split in time.
+    """
     try:
-        work = _prepared(system, system.parameters, [name for name, _ in system.functions], options, end)
+        work = _prepared(
+            system, system.parameters, [name for name, _ in system.functions], options, end
+        )
         root = Found(Leaf(work.unknowns), None, None, "not_variational")
         work.found.append(root)
         next_ones = list(_next_leaves(work, root, 0))
@@ -179,7 +208,11 @@ def first_equations(system: SecondOrderSystem, options: SolveOptions, end: float
 
 
 def _prepared(
-    system: SecondOrderSystem, letters: Sequence[str], functions: Sequence[str], options: SolveOptions, end: float
+    system: SecondOrderSystem,
+    letters: Sequence[str],
+    functions: Sequence[str],
+    options: SolveOptions,
+    end: float,
 ) -> _Work:
     analysis = deciding.analyze(system)
     system = analysis.system
@@ -187,8 +220,14 @@ def _prepared(
     depth = DEPTHS.get(n, 1)
     budget = exact_field.Budget(20 * bounds.TERMS, end)
     names = [] if n == 1 else _row_names(analysis, depth, options.seed)
-    exact = hierarchy.exact_rows(analysis, names, options.seed, budget, FURTHER_ORDERS) if names else None
-    motion = exact.exact if exact is not None else cd.motion_in_ring(system, 2 + FURTHER_ORDERS, budget)
+    exact = (
+        hierarchy.exact_rows(analysis, names, options.seed, budget, FURTHER_ORDERS)
+        if names
+        else None
+    )
+    motion = (
+        exact.exact if exact is not None else cd.motion_in_ring(system, 2 + FURTHER_ORDERS, budget)
+    )
     ring = motion.ring
     known = {name: of for name, of in system.functions if name in functions}
     unknowns = Unknowns.of(ring, letters, known)
@@ -197,7 +236,9 @@ def _prepared(
     for equation in exact.equations.values() if exact is not None else ():
         whole = matrices.numerators(ring, [equation.get(place, zero) for place in places])
         common = exact_field.common_divisor([one for one in whole if not one.is_zero()])
-        moving = [f for f, _ in exact_field.factor_polynomial(common)[1] if not unknowns.unknowns_in(f)]
+        moving = [
+            f for f, _ in exact_field.factor_polynomial(common)[1] if not unknowns.unknowns_in(f)
+        ]
         scale = math.prod(moving, start=common * 0 + 1)
         rows.append([one / scale for one in whole])
     rows.sort(key=lambda row: sum(map(len, row)))
@@ -208,7 +249,17 @@ def _prepared(
         for tree in atoms
         for node in ex.walk(tree)
     )
-    return _Work(system, analysis, motion, unknowns, rows, options.time_dependent, options.seed, end, is_movable)
+    return _Work(
+        system,
+        analysis,
+        motion,
+        unknowns,
+        rows,
+        options.time_dependent,
+        options.seed,
+        end,
+        is_movable,
+    )
 
 
 def _row_names(analysis: deciding.Analysis, depth: int, seed: int) -> list[hierarchy.EquationName]:
@@ -225,7 +276,9 @@ def _trees(leaf: Leaf) -> tuple[ex.Expression, ...]:
 
 
 def _special_arguments(work: _Work) -> Iterator[list[fmpq_mpoly]]:
-    """Where functions of constants may become dependent: arguments that are 0 or constant, small integer exponents."""
+    """Where functions of constants may become dependent: arguments that are 0 or constant, small
+    integer exponents.
+    """
     ring, unknowns = work.exact.ring, work.unknowns
     names = {ex.Symbol(name) for name in unknowns.letters.values()}
     for tree in ring.trees.values():
@@ -236,13 +289,19 @@ def _special_arguments(work: _Work) -> Iterator[list[fmpq_mpoly]]:
                 continue
             with suppress(KeyError, ZeroDivisionError, exact_field.TooLarge):
                 value = ring.value(part)
-                shifts = range(-3, 3) if isinstance(tree, ex.Power) and part == ex.children(tree)[1] else (0,)
+                shifts = (
+                    range(-3, 3)
+                    if isinstance(tree, ex.Power) and part == ex.children(tree)[1]
+                    else (0,)
+                )
                 for shift in shifts:
                     whole = unknowns.coefficients((value + ring.constant(shift)).numerator)
                     if not any(one.is_constant() for one in whole):
                         yield whole
                 moving = {
-                    e: c for e, c in exact_field.coefficients_of(value.numerator, unknowns.outer).items() if any(e)
+                    e: c
+                    for e, c in exact_field.coefficients_of(value.numerator, unknowns.outer).items()
+                    if any(e)
                 }
                 if moving and not any(one.is_constant() for one in moving.values()):
                     yield list(moving.values())
@@ -254,7 +313,10 @@ def _is_known(work: _Work, leaf: Leaf) -> bool:
         same = {*map(str, known.leaf.equations)} == {*map(str, leaf.equations)}
         with suppress(NotSplit, errors.IrreducibleAtoms):
             if not same and len(known.leaf.rules) == len(leaf.rules):
-                there, back = (leaves.holds(*pair, work.draw) for pair in ((known.leaf, leaf), (leaf, known.leaf)))
+                there, back = (
+                    leaves.holds(*pair, work.draw)
+                    for pair in ((known.leaf, leaf), (leaf, known.leaf))
+                )
                 same = there and back
         if same:
             kept = tuple(one for one in known.leaf.nonzero if one in leaf.nonzero)
@@ -267,8 +329,14 @@ def _is_known(work: _Work, leaf: Leaf) -> bool:
 
 
 def _decided(work: _Work, leaf: Leaf, inside: int | None) -> Found:
-    """The leaf with the verdicts on its general member; NotSplit if it has none that can be decided."""
-    member = closed_members.member_of(work.system, leaf) if leaf.rules else closed_members.Member(work.system, ())
+    """The leaf with the verdicts on its general member; NotSplit if it has none that can be
+    decided.
+    """
+    member = (
+        closed_members.member_of(work.system, leaf)
+        if leaf.rules
+        else closed_members.Member(work.system, ())
+    )
     wants_plain, wants_time = deciding.questions(work.time_dependent, work.system)
     limits = involution.Limits(deadline=min(work.end, deadline.now() + DECIDING_SECONDS))
     analysis, draw = work.analysis, None
@@ -295,14 +363,18 @@ def _decided(work: _Work, leaf: Leaf, inside: int | None) -> Found:
             raise NotSplit(f"the general member is undetermined: {found.reason}")
     system, solved = (None, ()) if member is None else (member.system, member.solved)
     plain = verdicts[False] if wants_plain else None
-    return Found(leaf, inside, plain, verdicts.get(True) if wants_time else None, statement, system, solved)
+    return Found(
+        leaf, inside, plain, verdicts.get(True) if wants_time else None, statement, system, solved
+    )
 
 
 # The next leaves.
 
 
 def _next_leaves(work: _Work, found: Found, place: int) -> Iterator[Leaf]:
-    """The leaves inside this one where the verdicts may differ; what cannot be split is noted as open."""
+    """The leaves inside this one where the verdicts may differ; what cannot be split is noted as
+    open.
+    """
     asked = [one for one in found.verdicts if one is not None]
     if set(asked) == {"variational"}:
         exact = _by_lagrangian(work, found)
@@ -330,11 +402,15 @@ def _next_leaves(work: _Work, found: Found, place: int) -> Iterator[Leaf]:
         return
     try:
         direction = _direction(work, [work.rows[k] for k in chosen])
-        yield from _split(work, found.leaf, work.unknowns.coefficients(_determinant(direction)), place)
+        yield from _split(
+            work, found.leaf, work.unknowns.coefficients(_determinant(direction)), place
+        )
         if "not_variational" in asked:
             yield from _differential(work, found, direction, place)
     except (exact_field.TooLarge, ZeroDivisionError, NotSplit) as problem:
-        work.open.append(Open(place, (), f"the conditions on the factor of g were not computed: {problem}"))
+        work.open.append(
+            Open(place, (), f"the conditions on the factor of g were not computed: {problem}")
+        )
 
 
 def _split(work: _Work, leaf: Leaf, equations: Iterable[fmpq_mpoly], place: int) -> list[Leaf]:
@@ -345,25 +421,35 @@ def _split(work: _Work, leaf: Leaf, equations: Iterable[fmpq_mpoly], place: int)
         if not reduced:
             raise NotSplit("no equation was found that parts it")
         # A part of the equations gives a larger set, which is sound.
-        short = [one for one in sorted(reduced.values(), key=len) if len(one) <= leaves.MOST_TERMS][:MOST_EQUATIONS]
+        short = [one for one in sorted(reduced.values(), key=len) if len(one) <= leaves.MOST_TERMS][
+            :MOST_EQUATIONS
+        ]
         if not short:
             raise NotSplit(f"each equation has more than {leaves.MOST_TERMS} terms")
         return leaves.split(leaf, short, _until(work))
     except NotSplit as problem:
         shown = min(listed, key=len, default=None)
-        trees = () if shown is None or len(shown) > 40 else (collecting.collect(work.unknowns.tree(shown)),)
+        trees = (
+            ()
+            if shown is None or len(shown) > 40
+            else (collecting.collect(work.unknowns.tree(shown)),)
+        )
         work.open.append(Open(place, trees, str(problem)))
         return []
 
 
 def _values(work: _Work, leaf: Leaf) -> tuple[list[list[int]], int]:
-    """The rows of the conditions at a random point of the leaf, modulo the prime that is returned, too."""
+    """The rows of the conditions at a random point of the leaf, modulo the prime that is returned,
+    too.
+    """
     point = next(leaves.points(leaf, work.draw, work.seed + 1, 1))
     return [[point.value(entry) for entry in row] for row in work.rows], point.prime
 
 
 def _rank(work: _Work, leaf: Leaf) -> tuple[int, list[int], str]:
-    """The rank of the conditions on the leaf, independent rows of them, and whether a regular g satisfies them."""
+    """The rank of the conditions on the leaf, independent rows of them, and whether a regular g
+    satisfies them.
+    """
     values, prime = _values(work, leaf)
     chosen, width = list[int](), len(hierarchy.unknowns(work.size))
     for k in range(len(values)):
@@ -376,10 +462,11 @@ def _rank(work: _Work, leaf: Leaf) -> tuple[int, list[int], str]:
 
 
 def _minors(work: _Work, leaf: Leaf, chosen: Sequence[int]) -> Iterator[fmpq_mpoly]:
-    """The coefficients of minors with as many rows as are chosen, those of these independent rows first.
+    """The coefficients of minors with as many rows as are chosen, those of these independent rows
+    first.
 
-    Only minors that are not zero at a point of the leaf part it; most are zero if the conditions are sparse. A part of
-    them gives a larger set, which is sound.
+    Only minors that are not zero at a point of the leaf part it; most are zero if the conditions
+    are sparse. A part of them gives a larger set, which is sound.
     """
     values, prime = _values(work, leaf)
     width, rank, until = len(work.rows[0]), len(chosen), _until(work)
@@ -420,12 +507,18 @@ def _polynomial_determinant(work: _Work, matrix: Sequence[Sequence[fmpq_mpoly]])
     return minor(tuple(range(size)))
 
 
-def _direction(work: _Work, rows: Sequence[Sequence[fmpq_mpoly]]) -> list[list[exact_field.Quotient]]:
+def _direction(
+    work: _Work, rows: Sequence[Sequence[fmpq_mpoly]]
+) -> list[list[exact_field.Quotient]]:
     """The one g that satisfies as many rows as entries but one, by minors."""
     owner, n = work.unknowns.ring.field, work.size
     entries = dict[tuple[int, int], exact_field.Quotient]()
     for column, pair in enumerate(hierarchy.unknowns(n)):
-        minor = _polynomial_determinant(work, [[*row[:column], *row[column + 1 :]] for row in rows]) if rows else None
+        minor = (
+            _polynomial_determinant(work, [[*row[:column], *row[column + 1 :]] for row in rows])
+            if rows
+            else None
+        )
         value = owner.constant(1) if minor is None else exact_field.Quotient(owner, minor, ())
         entries[pair] = value if column % 2 == 0 else -value
     return [[entries[min(i, j), max(i, j)] for j in range(n)] for i in range(n)]
@@ -435,14 +528,18 @@ def _determinant(matrix: Sequence[Sequence[exact_field.Quotient]]) -> fmpq_mpoly
     return matrices.determinant(matrix, matrix[0][0].field.constant(1)).numerator
 
 
-def _differential(work: _Work, found: Found, direction: list[list[exact_field.Quotient]], place: int) -> Iterator[Leaf]:
+def _differential(
+    work: _Work, found: Found, direction: list[list[exact_field.Quotient]], place: int
+) -> Iterator[Leaf]:
     """Where the factor e^u of the one g exists: all mixed derivatives of u agree, and u_t = 0 if L
     must not contain t.
     """
     slopes = cd.factor_slopes(work.exact, tuple(map(tuple, direction)))
     asked = {True: found.with_time, False: found.verdict}
     for timed in (True, False):
-        if asked[timed] != "not_variational" or (timed is False and asked[True] == "not_variational"):
+        if asked[timed] != "not_variational" or (
+            timed is False and asked[True] == "not_variational"
+        ):
             continue
         names = work.system.coordinates
         listed = hierarchy.integrability_conditions(work.exact, slopes, timed, names)
@@ -473,7 +570,9 @@ def _by_lagrangian(work: _Work, found: Found) -> list[list[fmpq_mpoly]] | None:
 
 
 def _summary(work: _Work) -> Family:
-    """The leaves whose verdicts differ from those of the smallest told leaf around them, the general one first."""
+    """The leaves whose verdicts differ from those of the smallest told leaf around them, the
+    general one first.
+    """
     places = list[list[leaves.PointOnLeaf]]()
     for one in work.found:
         try:
@@ -491,7 +590,9 @@ def _summary(work: _Work) -> Family:
         differs = [k for k in smallest if told[k].verdicts != one.verdicts]
         if not told or differs or not around:
             numbers[number] = len(told)
-            told.append(replace(one, inside=differs[0] if told and differs else None if not told else 0))
+            told.append(
+                replace(one, inside=differs[0] if told and differs else None if not told else 0)
+            )
     final = [_with_answer(work, one) for one in told]
     opened = [_told_as_open(work, one, told, numbers, places) for one in work.open]
     return Family(work.unknowns, tuple(final), tuple(dict.fromkeys(opened)))
@@ -508,19 +609,31 @@ def _is_in(large: Leaf, places: Sequence[leaves.PointOnLeaf]) -> bool:
 
 
 def _drop_inequations(work: _Work) -> None:
-    """Keep only inequations that part a leaf from members with other verdicts; all where an open set is beside it."""
+    """Keep only inequations that part a leaf from members with other verdicts; all where an open
+    set is beside it.
+    """
     beside, before = {one.inside for one in work.open}, tuple(work.found)
     for number, one in enumerate(before):
         if one.leaf.nonzero and one.inside not in beside:
             whole = Leaf(work.unknowns, one.leaf.rules)
-            kept = tuple(g for g in one.leaf.nonzero if not _has_verdicts(work, before, whole, g, one.verdicts))
+            kept = tuple(
+                g
+                for g in one.leaf.nonzero
+                if not _has_verdicts(work, before, whole, g, one.verdicts)
+            )
             work.found[number] = replace(one, leaf=replace(one.leaf, nonzero=kept))
 
 
 def _has_verdicts(
-    work: _Work, known: Sequence[Found], whole: Leaf, vanishing: fmpq_mpoly, verdicts: tuple[Any, Any]
+    work: _Work,
+    known: Sequence[Found],
+    whole: Leaf,
+    vanishing: fmpq_mpoly,
+    verdicts: tuple[Any, Any],
 ) -> bool:
-    """Whether the members of a set at which an element vanishes are known to have these verdicts."""
+    """Whether the members of a set at which an element vanishes are known to have these
+    verdicts.
+    """
     try:
         for piece in leaves.split(whole, [vanishing], _until(work)):
             points = list(leaves.points(piece, work.draw, 7, 2))
@@ -540,7 +653,9 @@ def _told_as_open(
     numbers: dict[int, int],
     places: Sequence[Sequence[leaves.PointOnLeaf]],
 ) -> Open:
-    """The open set inside the smallest told leaf around it, with the equations of its own leaf if that is not told."""
+    """The open set inside the smallest told leaf around it, with the equations of its own leaf if
+    that is not told.
+    """
     if one.inside in numbers:
         return replace(one, inside=numbers[one.inside])
     around = [k for k, other in enumerate(told) if _is_in(other.leaf, places[one.inside])]
@@ -561,7 +676,11 @@ def _with_answer(work: _Work, found: Found) -> Found:
     )
     with suppress(errors.IrreducibleAtoms, ZeroDivisionError, exact_field.TooLarge):
         solution = solving.solve(found.system, asked)
-        answers = [one for one in (solution.autonomous, solution.with_time) if one is not None and one.certificate]
+        answers = [
+            one
+            for one in (solution.autonomous, solution.with_time)
+            if one is not None and one.certificate
+        ]
         if not answers:
             return found
         shown = min(answers, key=lambda one: (one.verdict != "variational", one.lagrangian is None))

@@ -19,18 +19,33 @@ from inverse_service.solving.leaves import NotSplit, Unknowns
 
 
 def where_it_fails(
-    unknowns: Unknowns, system: SecondOrderSystem, lagrangian: ex.Expression, solved: Sequence[Solved], end: float
+    unknowns: Unknowns,
+    system: SecondOrderSystem,
+    lagrangian: ex.Expression,
+    solved: Sequence[Solved],
+    end: float,
 ) -> list[list[fmpq_mpoly]]:
     """Systems of equations of which one holds wherever L is no regular Lagrangian of its system.
 
-    det g and the divisors of L vanish for all velocities and coordinates on which no unknown function depends. `solved`
-    says what the new constants of the system are. Raises NotSplit where the factors of these hold functions of
-    constants or of unknown functions that may be dependent; TooLarge or ZeroDivisionError as the ring does.
+    det g and the divisors of L vanish for all velocities and coordinates on which no unknown
+    function depends. `solved` says what the new constants of the system are. Raises NotSplit where
+    the factors of these hold functions of constants or of unknown functions that may be dependent;
+    TooLarge or ZeroDivisionError as the ring does.
     """
     entries = euler_lagrange.hessian(lagrangian, system.coordinates)
-    slopes = [slope for node in certify.walk_integrals(lagrangian) for slope in node.slopes if slope is not None]
-    trees = [*(entry for row in entries for entry in row), *map(_without_integrals, [lagrangian, *slopes])]
-    ring = exact_field.exact_ring(trees, system.variables, 0, exact_field.Budget(20 * bounds.TERMS, end), slopes=False)
+    slopes = [
+        slope
+        for node in certify.walk_integrals(lagrangian)
+        for slope in node.slopes
+        if slope is not None
+    ]
+    trees = [
+        *(entry for row in entries for entry in row),
+        *map(_without_integrals, [lagrangian, *slopes]),
+    ]
+    ring = exact_field.exact_ring(
+        trees, system.variables, 0, exact_field.Budget(20 * bounds.TERMS, end), slopes=False
+    )
     matrix = [[ring.value(entry) for entry in row] for row in entries]
     for tree in trees[-1 - len(slopes) :]:
         ring.value(tree)  # lists its denominators
@@ -46,7 +61,9 @@ def where_it_fails(
 
 
 def _without_integrals(tree: ex.Expression) -> ex.Expression:
-    """The tree with 1 in the place of functions known by their derivatives, which divide by what these divide by."""
+    """The tree with 1 in the place of functions known by their derivatives, which divide by what
+    these divide by.
+    """
     return ex.ONE if isinstance(tree, ex.Integral) else ex.rebuild(tree, _without_integrals)
 
 
@@ -54,8 +71,9 @@ def _without_integrals(tree: ex.Expression) -> ex.Expression:
 class _Reader:
     """The generators of a ring as those of the family: `moved` has those with a place there.
 
-    `units` are functions of constants or of unknown functions, and vanish nowhere; `scales` are new constants, each 0
-    where a generator of the family is. Others with constants or coordinates of functions have no place.
+    `units` are functions of constants or of unknown functions, and vanish nowhere; `scales` are new
+    constants, each 0 where a generator of the family is. Others with constants or coordinates of
+    functions have no place.
     """
 
     unknowns: Unknowns
@@ -67,7 +85,9 @@ class _Reader:
     fresh: frozenset[str]
 
     @classmethod
-    def of(cls, unknowns: Unknowns, ring: exact_field.ExactRing, solved: Sequence[Solved]) -> _Reader:
+    def of(
+        cls, unknowns: Unknowns, ring: exact_field.ExactRing, solved: Sequence[Solved]
+    ) -> _Reader:
         letters = {name: index for index, name in unknowns.letters.items()}
         inner = {unknowns.ring.trees[index]: index for index in unknowns.inner}
         scaled = {one.scale[0]: one.scale[1] for one in solved if one.scale is not None}
@@ -82,7 +102,9 @@ class _Reader:
 
         for index, tree in ring.trees.items():
             names = {node.name for node in ex.walk(tree) if isinstance(node, ex.Symbol)}
-            is_parametric = not moving.isdisjoint(ex.walk(tree)) or not names.isdisjoint({*letters, *fresh})
+            is_parametric = not moving.isdisjoint(ex.walk(tree)) or not names.isdisjoint(
+                {*letters, *fresh}
+            )
             place: int | None = None
             if isinstance(tree, ex.Symbol) and tree.name in letters:
                 place = letters[tree.name]
@@ -100,18 +122,23 @@ class _Reader:
                 units.add(index)
             elif is_parametric:
                 strange.add(index)
-        return cls(unknowns, ring, moved, scales, frozenset(units), frozenset(strange), frozenset(fresh))
+        return cls(
+            unknowns, ring, moved, scales, frozenset(units), frozenset(strange), frozenset(fresh)
+        )
 
     def is_unknown(self, index: int) -> bool:
         """Whether the generator holds a constant or function of the family."""
         names = {*self.unknowns.letters.values(), *self.fresh}
         nodes = ex.walk(self.ring.trees[index])
         return any(
-            isinstance(node, ex.Arbitrary) or (isinstance(node, ex.Symbol) and node.name in names) for node in nodes
+            isinstance(node, ex.Arbitrary) or (isinstance(node, ex.Symbol) and node.name in names)
+            for node in nodes
         )
 
     def parts(self, factor: fmpq_mpoly) -> list[fmpq_mpoly]:
-        """The coefficients of an irreducible factor in the generators without a place, in the ring of the family."""
+        """The coefficients of an irreducible factor in the generators without a place, in the ring
+        of the family.
+        """
         used = [index for index, degree in enumerate(factor.degrees()) if degree]
         if len(factor) == 1 and used and used[0] in self.scales:
             return [self.unknowns.context.gen(self.scales[used[0]])]
@@ -143,19 +170,32 @@ def _moved(unknowns: Unknowns, moved: dict[int, int], polynomial: fmpq_mpoly) ->
 def has_one_everywhere(system: SecondOrderSystem) -> bool:
     """Whether a theorem gives an L(q, q') for all values of the parameters without exception.
 
-    An equation for one coordinate has one. So does u'' = a u' + b u + c over any algebra R[M], with an L analytic in a,
-    b, c, u, u': a nondegenerate linear form of it (R[M] has one) is a Lagrangian of the real system. Hence q'' = A q' +
-    B q + c has one if A and B are polynomials in one real matrix: one of them is a number times 1, or n = 2 and A B = B
-    A.
+    An equation for one coordinate has one. So does u'' = a u' + b u + c over any algebra R[M], with
+    an L analytic in a, b, c, u, u': a nondegenerate linear form of it (R[M] has one) is a
+    Lagrangian of the real system. Hence q'' = A q' + B q + c has one if A and B are polynomials in
+    one real matrix: one of them is a number times 1, or n = 2 and A B = B A.
     """
     blocks = () if system.depends_on_time else reductions.decoupled_blocks(system)
-    return bool(blocks) and all(len(block.coordinates) == 1 or _is_over_an_algebra(block) for block in blocks)
+    return bool(blocks) and all(
+        len(block.coordinates) == 1 or _is_over_an_algebra(block) for block in blocks
+    )
 
 
 def _is_over_an_algebra(system: SecondOrderSystem) -> bool:
-    names: list[ex.Symbol | ex.Velocity] = [*map(ex.Symbol, system.coordinates), *map(ex.Velocity, system.coordinates)]
-    rows = [[collecting.collect(calculus.differentiate(f, name)) for name in names] for f in system.accelerations]
-    if any(node in names or isinstance(node, ex.Arbitrary) for row in rows for entry in row for node in ex.walk(entry)):
+    names: list[ex.Symbol | ex.Velocity] = [
+        *map(ex.Symbol, system.coordinates),
+        *map(ex.Velocity, system.coordinates),
+    ]
+    rows = [
+        [collecting.collect(calculus.differentiate(f, name)) for name in names]
+        for f in system.accelerations
+    ]
+    if any(
+        node in names or isinstance(node, ex.Arbitrary)
+        for row in rows
+        for entry in row
+        for node in ex.walk(entry)
+    ):
         return False
     n = len(system.coordinates)
     stiffness, damping = [row[:n] for row in rows], [row[n:] for row in rows]

@@ -9,8 +9,9 @@ from typing import TypeAlias
 class Stage:
     """A stage that begins: its `step`, and of which of several things it is one.
 
-    `name` is that of a method or of an ansatz, or says how far it is; `order` is that of a prolongation; `timed` says
-    that the decision is about L(t, q, q'). `about` is the associated system of a motion on constraints, or "any".
+    `name` is that of a method or of an ansatz, or says how far it is; `order` is that of a
+    prolongation; `timed` says that the decision is about L(t, q, q'). `about` is the associated
+    system of a motion on constraints, or "any".
     """
 
     step: str
@@ -28,7 +29,14 @@ class Stage:
     def text(self) -> str:
         """As people read it."""
         order = f" to order {self.order}" if self.order is not None else ""
-        return "".join((f"{self.about}: " * bool(self.about), self.kind, order, f": {self.name}" * bool(self.name)))
+        return "".join(
+            (
+                f"{self.about}: " * bool(self.about),
+                self.kind,
+                order,
+                f": {self.name}" * bool(self.name),
+            )
+        )
 
     def of(self, about: str) -> "Stage":
         """The same stage of the question about an associated system."""

@@ -23,4 +23,13 @@ from inverse_service.sympy.objects import (
     table,
 )
 
-__all__ = ["Result", "document", "from_result", "helmholtz", "nonholonomic", "solve", "solve_many", "table"]
+__all__ = [
+    "Result",
+    "document",
+    "from_result",
+    "helmholtz",
+    "nonholonomic",
+    "solve",
+    "solve_many",
+    "table",
+]

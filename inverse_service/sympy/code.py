@@ -1,9 +1,11 @@
 """Programs in other languages by SymPy's printers, common parts computed once.
 
-Each quantity is a function of t, the coordinates, the velocities (the momenta, where H is over them) and parameters.
+Each quantity is a function of t, the coordinates, the velocities (the momenta, where H is over
+them) and parameters.
 
-Three languages are whole programs: SymPy; JAX and diffrax, the motion as a vector field f(t, y, args) with L, H and
-momenta of the same arguments; ModelingToolkit.jl, the motion as second-order equations with L and H as expressions.
+Three languages are whole programs: SymPy; JAX and diffrax, the motion as a vector field f(t, y,
+args) with L, H and momenta of the same arguments; ModelingToolkit.jl, the motion as second-order
+equations with L and H as expressions.
 """
 
 from __future__ import annotations
@@ -35,7 +37,13 @@ QUANTITIES = ("accelerations", "lagrangian", "momenta", "hamiltonian", "multipli
 _TABLES = tomllib.loads((Path(__file__).parent / "languages.toml").read_text(encoding="utf-8"))
 _NAMES = _TABLES.pop("names")
 # Names that no variable of a program may have.
-_WORDS = {*keyword.kwlist, *c.reserved_words, *cxx.reserved["C++11"], *rust.reserved_words, *QUANTITIES}
+_WORDS = {
+    *keyword.kwlist,
+    *c.reserved_words,
+    *cxx.reserved["C++11"],
+    *rust.reserved_words,
+    *QUANTITIES,
+}
 _WORDS |= {*_NAMES["words"].split(), *_NAMES["called"].split()}
 _RESERVED = {*_NAMES["reserved"].split()}
 _JAX_FUNCTIONS = ("lagrangian", "momenta", "hamiltonian")
@@ -60,7 +68,9 @@ class Language:
 
 
 class _RustPrinter(RustCodePrinter):  # type: ignore[misc]
-    """All numbers are f64. SymPy 1.14 loses brackets: k*(x + y) of real symbols is k*x + y, exp(-2) is -2.exp()."""
+    """All numbers are f64. SymPy 1.14 loses brackets: k*(x + y) of real symbols is k*x + y, exp(-2)
+    is -2.exp().
+    """
 
     _print_Add, _print_Mul = CodePrinter._print_Add, CodePrinter._print_Mul
 
@@ -100,7 +110,9 @@ def _maxima(expression: Any) -> str:
 
 
 class _FortranPrinter(FCodePrinter):  # type: ignore[misc]
-    """SymPy's, with pi in its place and not as a PARAMETER statement before it, and with the sign of a real number."""
+    """SymPy's, with pi in its place and not as a PARAMETER statement before it, and with the sign
+    of a real number.
+    """
 
     def _print_Pi(self, expr: Any) -> str:
         return "3.1415926535897932d0"
@@ -110,7 +122,9 @@ class _FortranPrinter(FCodePrinter):  # type: ignore[misc]
 
     def _print_Function(self, expr: Any) -> str:
         text = str(super()._print_Function(expr))
-        return f"({text})" if text.startswith("-") else text  # a number, which may be the base of a power
+        return (
+            f"({text})" if text.startswith("-") else text
+        )  # a number, which may be the base of a power
 
     def _print_sign(self, expr: Any) -> str:
         argument = self._print(expr.args[0])
@@ -118,12 +132,20 @@ class _FortranPrinter(FCodePrinter):  # type: ignore[misc]
 
 
 def _fortran(expression: Any) -> str:
-    return str(_FortranPrinter({"source_format": "free", "standard": 95}).doprint(_within_integers(expression)))
+    return str(
+        _FortranPrinter({"source_format": "free", "standard": 95}).doprint(
+            _within_integers(expression)
+        )
+    )
 
 
 def _within_integers(expression: Any) -> Any:
-    """The expression with integers of more than 32 bits as real numbers: C cuts a longer literal off."""
-    return expression.xreplace({n: sympy.Float(n, 17) for n in expression.atoms(sympy.Integer) if abs(n) >= 1 << 31})
+    """The expression with integers of more than 32 bits as real numbers: C cuts a longer literal
+    off.
+    """
+    return expression.xreplace(
+        {n: sympy.Float(n, 17) for n in expression.atoms(sympy.Integer) if abs(n) >= 1 << 31}
+    )
 
 
 def _c(expression: Any) -> str:
@@ -146,7 +168,8 @@ LANGUAGES = {
 
 
 def program(answer: Solved, language: str) -> str:
-    """The whole text; InputError for a language that is not there, and for arbitrary functions in compiled code.
+    """The whole text; InputError for a language that is not there, and for arbitrary functions in
+    compiled code.
 
     A quantity with an integral that has no formula is left out, and a comment says so.
     """
@@ -163,8 +186,11 @@ def program(answer: Solved, language: str) -> str:
     return chosen.start + "\n\n".join(parts) + "\n"
 
 
-def known_quantities(answer: Solved, wanted: Sequence[str] = QUANTITIES) -> Iterator[tuple[str, str]]:
-    """What the answer has of these, each with why it is left out of a program, which is empty where it is not.
+def known_quantities(
+    answer: Solved, wanted: Sequence[str] = QUANTITIES
+) -> Iterator[tuple[str, str]]:
+    """What the answer has of these, each with why it is left out of a program, which is empty where
+    it is not.
 
     That is an integral in it, for which only SymPy's program has a class.
     """
@@ -174,7 +200,13 @@ def known_quantities(answer: Solved, wanted: Sequence[str] = QUANTITIES) -> Iter
         if quantity is not None:
             functions = sympy.Tuple(*sympy.flatten([quantity])).atoms(sympy.Function)
             found = sorted({call.func.__name__ for call in functions} & integrals)
-            without = next((f"{name} is an integral without a formula. The format sympy has it." for name in found), "")
+            without = next(
+                (
+                    f"{name} is an integral without a formula. The format sympy has it."
+                    for name in found
+                ),
+                "",
+            )
             yield what, f"{what} is left out: {without}" if without else ""
 
 
@@ -192,7 +224,9 @@ def quantity_of(answer: Solved, what: str) -> Any:
             return None if hamiltonian is None else list(hamiltonian.momenta.values())
         case "hamiltonian":
             return None if hamiltonian is None else hamiltonian.expr
-    raise InputError(f"There is no '{what[:20]}' in an answer: choose one of {', '.join(QUANTITIES)}.")
+    raise InputError(
+        f"There is no '{what[:20]}' in an answer: choose one of {', '.join(QUANTITIES)}."
+    )
 
 
 def arguments_of(answer: Solved, what: str) -> list[Any]:
@@ -206,19 +240,25 @@ def arguments_of(answer: Solved, what: str) -> list[Any]:
 
 def conditions_of(answer: Solved, what: str) -> tuple[str, ...]:
     """Where this quantity is what its name says; the accelerations are everywhere."""
-    further = (answer._shown.get("hamiltonian") or {}).get("domain", ()) if what == "hamiltonian" else ()
+    further = (
+        (answer._shown.get("hamiltonian") or {}).get("domain", ()) if what == "hamiltonian" else ()
+    )
     return () if what == "accelerations" else tuple(dict.fromkeys((*answer._where, *further)))
 
 
 def lambdified(answer: Solved, what: str, modules: Any) -> Callable[..., Any]:
-    """A numerical function of t, x, x_dot (p_x for H), k, each also by this name; InputError where there is none."""
+    """A numerical function of t, x, x_dot (p_x for H), k, each also by this name; InputError where
+    there is none.
+    """
     quantity = quantity_of(answer, what)
     if quantity is None:
         raise InputError(f"The answer has no {what}: see its verdict.")
     given = arguments_of(answer, what)
     plain = plain_symbols(given, answer, LANGUAGES["python"])
     many = isinstance(quantity, list | tuple)
-    written = [with_plain(each, plain) for each in quantity] if many else with_plain(quantity, plain)
+    written = (
+        [with_plain(each, plain) for each in quantity] if many else with_plain(quantity, plain)
+    )
     found: Callable[..., Any] = sympy.lambdify([plain[each] for each in given], written, modules)
     return found
 
@@ -229,7 +269,9 @@ def _function(answer: Solved, what: str, language: Language) -> str:
     plain = plain_symbols(given, answer, language)
     value = quantity_of(answer, what)
     values = list(value) if isinstance(value, list | sympy.MatrixBase) else [value]
-    shared, written = sympy.cse([with_plain(each, plain) for each in values], sympy.numbered_symbols("c_"))
+    shared, written = sympy.cse(
+        [with_plain(each, plain) for each in values], sympy.numbered_symbols("c_")
+    )
     refuse_functions([*written, *(part for _, part in shared)])
     names = [str(plain[each]) for each in given]
     local = [str(symbol) for symbol, _ in shared]
@@ -240,23 +282,34 @@ def _function(answer: Solved, what: str, language: Language) -> str:
         size=len(values),
         declared=f"  double precision :: {', '.join(local)}" if local else "",
     ).rstrip("\n")
-    lines = [language.comment.format(f"where {condition}") for condition in conditions_of(answer, what)]
+    lines = [
+        language.comment.format(f"where {condition}") for condition in conditions_of(answer, what)
+    ]
     lines += [_continued(opening) if language.printed is _fortran else opening]
     lines += [language.assignment.format(symbol, language.printed(part)) for symbol, part in shared]
     return "\n".join(
-        [*lines, *_returned([language.printed(each) for each in written], language), language.closing]
+        [
+            *lines,
+            *_returned([language.printed(each) for each in written], language),
+            language.closing,
+        ]
     ).rstrip()
 
 
 def _continued(text: str) -> str:
     """Lines of at most 100 characters; Fortran ends at 132."""
-    return "\n".join(" &\n      ".join(textwrap.wrap(line, 100, drop_whitespace=False)) for line in text.split("\n"))
+    return "\n".join(
+        " &\n      ".join(textwrap.wrap(line, 100, drop_whitespace=False))
+        for line in text.split("\n")
+    )
 
 
 def refuse_functions(expressions: Sequence[Any]) -> None:
     """InputError for arbitrary functions, which no language knows."""
     if any(each.atoms(AppliedUndef, sympy.Subs) for each in expressions):
-        raise InputError("The system has arbitrary functions, and code needs formulas for them: give them by 'where'.")
+        raise InputError(
+            "The system has arbitrary functions, and code needs formulas for them: give them by 'where'."
+        )
 
 
 def _returned(texts: list[str], language: Language) -> list[str]:
@@ -265,15 +318,22 @@ def _returned(texts: list[str], language: Language) -> list[str]:
     if "{values}" in language.several:
         return [language.several.format(values=", ".join(texts))]
     pairs = enumerate(texts)
-    return [language.several.format(place=place, place1=place + 1, value=text) for place, text in pairs]
+    return [
+        language.several.format(place=place, place1=place + 1, value=text) for place, text in pairs
+    ]
 
 
 def plain_symbols(
     given: Sequence[Any], answer: Solved, language: Language, defined: frozenset[str] = frozenset()
 ) -> dict[Any, Any]:
-    """x, x_dot, p_x as symbols whose names every language takes and the program does not have `defined`."""
+    """x, x_dot, p_x as symbols whose names every language takes and the program does not have
+    `defined`.
+    """
     table = answer._table
-    words = {table.time: "t", **{each: name for name, each in (*table.coordinates.items(), *table.parameters.items())}}
+    words = {
+        table.time: "t",
+        **{each: name for name, each in (*table.coordinates.items(), *table.parameters.items())},
+    }
     words |= {table.velocity(name): f"{name}_dot" for name in table.coordinates}
     words |= {each: name for name, each in table.momenta.items()}
     used: set[str] = set()
@@ -282,7 +342,9 @@ def plain_symbols(
     own = defined.union(language.words.split())
     for each in given:
         name = words.get(each, str(each))
-        name, end, taken = (name.replace("_", ""), "0", _WORDS | _RESERVED) if bare else (name, "_", _WORDS | own)
+        name, end, taken = (
+            (name.replace("_", ""), "0", _WORDS | _RESERVED) if bare else (name, "_", _WORDS | own)
+        )
         while {name, name.lower()} & taken or name.lower() in used:
             name += end
         used.add(name.lower())
@@ -291,7 +353,8 @@ def plain_symbols(
 
 
 def with_plain(expression: Any, plain: dict[Any, Any]) -> Any:
-    # Printers write integers into the cases of a step, or do not know it; at 0 it has no value here either.
+    # Printers write integers into the cases of a step, or do not know it; at 0 it has no value here
+    # either.
     return put(expression, plain).replace(sympy.Heaviside, lambda u, *_: (1 + u / sympy.Abs(u)) / 2)
 
 
@@ -306,11 +369,21 @@ class _ExactPrinter(StrPrinter):  # type: ignore[misc]
 
 
 def _sympy_program(answer: Solved) -> str:
-    """Symbols, the motion, L with its Euler-Lagrange residuals, and H, as a program that imports SymPy alone."""
+    """Symbols, the motion, L with its Euler-Lagrange residuals, and H, as a program that imports
+    SymPy alone.
+    """
     table, words = answer._table, _python_words(answer)
-    renamed = {each: sympy.Symbol(word) for each, word in words.items() if not isinstance(each, AppliedUndef)}
+    renamed = {
+        each: sympy.Symbol(word)
+        for each, word in words.items()
+        if not isinstance(each, AppliedUndef)
+    }
     time = renamed[table.time]
-    calls = {each: sympy.Function(word)(time) for each, word in words.items() if isinstance(each, AppliedUndef)}
+    calls = {
+        each: sympy.Function(word)(time)
+        for each, word in words.items()
+        if isinstance(each, AppliedUndef)
+    }
 
     def text(found: Any) -> str:
         return str(_ExactPrinter().doprint(found.subs(calls).subs(renamed)))
@@ -319,7 +392,9 @@ def _sympy_program(answer: Solved) -> str:
         """The arguments of an integral, and its derivatives by their places."""
         slopes = enumerate(map(known["derivatives"].get, known["arguments"]), 1)
         formal = [text(expression(argument, table)) for argument in known["arguments"]]
-        return formal, [(place, text(expression(slope, table))) for place, slope in slopes if slope is not None]
+        return formal, [
+            (place, text(expression(slope, table))) for place, slope in slopes if slope is not None
+        ]
 
     integrals, hamiltonian = stated.auxiliary_of(answer._shown), answer.hamiltonian
     functions = [(words[each], each.func) for each in calls]
@@ -344,7 +419,11 @@ def _sympy_program(answer: Solved) -> str:
 def _filled(program: str, **values: Any) -> str:
     """The text of a program, whose parts are in programs/."""
     text = (Path(__file__).parent / "programs" / f"{program}.j2").read_text(encoding="utf-8")
-    return str(Template(text, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True).render(values))
+    return str(
+        Template(text, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True).render(
+            values
+        )
+    )
 
 
 def _python_words(answer: Solved) -> dict[Any, str]:
@@ -352,11 +431,15 @@ def _python_words(answer: Solved) -> dict[Any, str]:
     table = answer._table
     taken = {*dir(sympy), "motion", "L", "H", "q", "x_", "residual", "time", "each", "print"}
     named = [(table.time_name, table.time), *table.coordinates.items(), *table.parameters.items()]
-    return {each: f"{name}_" if name in taken or keyword.iskeyword(name) else name for name, each in named}
+    return {
+        each: f"{name}_" if name in taken or keyword.iskeyword(name) else name
+        for name, each in named
+    }
 
 
 def jax_program(answer: Solved) -> str:
-    """With `diffrax.ODETerm(vector_field)` the motion of y = (q, v); args are the parameters in their order.
+    """With `diffrax.ODETerm(vector_field)` the motion of y = (q, v); args are the parameters in
+    their order.
 
     H over the momenta has y = (q, p).
     """
@@ -377,7 +460,11 @@ def _jax_function(answer: Solved, what: str, value: Any) -> tuple[list[str], lis
     refuse_functions(shown)
     texts = [str(JaxPrinter().doprint(each)).replace("jax.numpy.", "jnp.") for each in shown]
     names, size = [str(plain[each]) for each in given[1:]], 2 * len(answer._table.coordinates)
-    return names[:size], names[size:], f"jnp.array([{', '.join(texts)}])" if isinstance(value, list) else texts[0]
+    return (
+        names[:size],
+        names[size:],
+        f"jnp.array([{', '.join(texts)}])" if isinstance(value, list) else texts[0],
+    )
 
 
 def modelingtoolkit_program(answer: Solved) -> str:
@@ -406,7 +493,9 @@ def modelingtoolkit_program(answer: Solved) -> str:
         parameters=[plain[each] for each in table.parameters.values()],
         names=list(names.values()),
         equations=[(name, text(f)) for name, f in pairs],
-        quantities=[quantity(*each) for each in known_quantities(answer, ("lagrangian", "hamiltonian"))],
+        quantities=[
+            quantity(*each) for each in known_quantities(answer, ("lagrangian", "hamiltonian"))
+        ],
     )
 
 

@@ -1,7 +1,9 @@
-"""Between SymPy and the documents of this package: systems in, as texts for our reader, formulas of results out.
+"""Between SymPy and the documents of this package: systems in, as texts for our reader, formulas of
+results out.
 
-A `Table` says which SymPy object each name of a document represents. `conditions_of` gives the Helmholtz tensors as
-matrices and arrays; `verification` is a third opinion, by SymPy itself, on L and H.
+A `Table` says which SymPy object each name of a document represents. `conditions_of` gives the
+Helmholtz tensors as matrices and arrays; `verification` is a third opinion, by SymPy itself, on L
+and H.
 """
 
 from __future__ import annotations
@@ -34,22 +36,39 @@ _KNOWN = frozenset({*nm.FUNCTIONS, *nm.PIECEWISE, "Abs"})
 _WITHOUT_MEANING = (
     ((sympy.Float,), "a Float occurs", "write the exact number, such as Rational(1, 3)"),
     ((sympy.I,), "complex numbers occur", "write the equations of the real and imaginary parts"),
-    ((sympy.oo, -sympy.oo, sympy.zoo, sympy.nan), "oo, zoo, or nan is not a number", "write finite numbers"),
-    ((ExprWithLimits,), "an integral or a sum occurs", "evaluate it, or declare a function of your own"),
+    (
+        (sympy.oo, -sympy.oo, sympy.zoo, sympy.nan),
+        "oo, zoo, or nan is not a number",
+        "write finite numbers",
+    ),
+    (
+        (ExprWithLimits,),
+        "an integral or a sum occurs",
+        "evaluate it, or declare a function of your own",
+    ),
     (
         (sympy.Equality, sympy.Unequality, sympy.Xor),
         "a piece has a condition that is no inequality",
         "write inequalities, joined by &, | and ~",
     ),
 )
-# What else SymPy has, such as GoldenRatio, O(x), or a unit, would be printed like a name of the document.
+# What else SymPy has, such as GoldenRatio, O(x), or a unit, would be printed like a name of the
+# document.
 _ACCEPTED = (sympy.Add, sympy.Mul, sympy.Pow, Application, sympy.Derivative, sympy.Subs, sympy.UnevaluatedExpr,
              sympy.Symbol, sympy.Rational, type(sympy.pi), type(sympy.E))  # fmt: skip
-_RELATIONS = ((" >= ", sympy.Ge), (" <= ", sympy.Le), (" != ", sympy.Ne), (" > ", sympy.Gt), (" < ", sympy.Lt))
+_RELATIONS = (
+    (" >= ", sympy.Ge),
+    (" <= ", sympy.Le),
+    (" != ", sympy.Ne),
+    (" > ", sympy.Gt),
+    (" < ", sympy.Lt),
+)
 
 
 def to_sympy(tree: ex.Expression, leaf: Callable[[ex.Expression], Any]) -> Any:
-    """The tree as a SymPy expression; `leaf` gives the objects of names and of arbitrary functions."""
+    """The tree as a SymPy expression; `leaf` gives the objects of names and of arbitrary
+    functions.
+    """
     match tree:
         case ex.Number(value):
             return sympy.Rational(value.numerator, value.denominator)
@@ -67,9 +86,11 @@ def to_sympy(tree: ex.Expression, leaf: Callable[[ex.Expression], Any]) -> Any:
 
 
 class _DocumentPrinter(StrPrinter):  # type: ignore[misc]
-    """SymPy's own text with the names of a document, which our reader reads; InputError for what has no real meaning.
+    """SymPy's own text with the names of a document, which our reader reads; InputError for what
+    has no real meaning.
 
-    `words`: what is written for coordinates, their derivatives, constants, and the classes of arbitrary functions.
+    `words`: what is written for coordinates, their derivatives, constants, and the classes of
+    arbitrary functions.
     """
 
     def __init__(self, words: Mapping[Any, str]) -> None:
@@ -91,11 +112,16 @@ class _DocumentPrinter(StrPrinter):  # type: ignore[misc]
 
     def _print_Function(self, expr: Any) -> str:
         if (name := type(expr).__name__) not in _KNOWN:
-            raise _refused(f"the function {name} occurs", "write elementary functions, or a function of your own")
+            raise _refused(
+                f"the function {name} occurs",
+                "write elementary functions, or a function of your own",
+            )
         return str(super()._print_Function(expr))
 
     def _print_Mul(self, expr: Any) -> str:
-        return "*".join(self.parenthesize(factor, PRECEDENCE["Mul"]) for factor in expr.args)  # SymPy errs in quotients
+        return "*".join(
+            self.parenthesize(factor, PRECEDENCE["Mul"]) for factor in expr.args
+        )  # SymPy errs in quotients
 
     def _print_UnevaluatedExpr(self, expr: Any) -> str:
         return f"({self._print(expr.args[0])})"  # SymPy takes x - (y - z) for the text of x + UnevaluatedExpr(-y - z)
@@ -122,26 +148,39 @@ class _DocumentPrinter(StrPrinter):  # type: ignore[misc]
             raise _refused("a third derivative occurs", parser.OF_SECOND_ORDER)
         orders = [0] * len(inner.expr.args)
         for variable, count in inner.variable_count:
-            places = [place for place, argument in enumerate(inner.expr.args) if argument == variable]
+            places = [
+                place for place, argument in enumerate(inner.expr.args) if argument == variable
+            ]
             if len(places) != 1:
-                raise _refused(f"a derivative by {variable} occurs", "differentiate by the arguments of the function")
+                raise _refused(
+                    f"a derivative by {variable} occurs",
+                    "differentiate by the arguments of the function",
+                )
             orders[places[0]] += int(count)
-        return self._arbitrary(inner.expr, orders, [argument.subs(replaced) for argument in inner.expr.args])
+        return self._arbitrary(
+            inner.expr, orders, [argument.subs(replaced) for argument in inner.expr.args]
+        )
 
     def _arbitrary(self, applied: Any, orders: list[int], arguments: Sequence[Any]) -> str:
         if applied.func not in self._words:
-            raise _refused(f"the function {applied} occurs", "give the coordinates, and functions of them")
+            raise _refused(
+                f"the function {applied} occurs", "give the coordinates, and functions of them"
+            )
         by = f"[{','.join(map(str, orders))}]" if any(orders) else ""
         return f"{self._words[applied.func]}{by}({', '.join(map(self._print, arguments))})"
 
 
 def _written(expression: Any, words: Mapping[Any, str], names: nm.Names) -> str:
-    """The expression in the notation of documents; InputError for a part without an exact real meaning."""
+    """The expression in the notation of documents; InputError for a part without an exact real
+    meaning.
+    """
     for kinds, what, instead in _WITHOUT_MEANING:
         if expression.has(*kinds):
             raise _refused(what, instead)
     with refusals.longer_texts(LONGER):
-        return printing.to_text(reader.read_formula(_DocumentPrinter(words).doprint(expression), names))
+        return printing.to_text(
+            reader.read_formula(_DocumentPrinter(words).doprint(expression), names)
+        )
 
 
 def _refused(what: str, instead: str) -> InputError:
@@ -150,7 +189,9 @@ def _refused(what: str, instead: str) -> InputError:
 
 @dataclass(frozen=True)
 class Table:
-    """SymPy objects by names: coordinates (x(t), or symbols), their velocities, parameters, function classes."""
+    """SymPy objects by names: coordinates (x(t), or symbols), their velocities, parameters,
+    function classes.
+    """
 
     time: Any
     time_name: str = "t"
@@ -163,7 +204,10 @@ class Table:
     @cached_property
     def momenta(self) -> dict[str, Any]:
         """The symbols p_x of the momenta."""
-        return {f"p_{name}": sympy.Symbol(f"p_{plain_name(found)}") for name, found in self.coordinates.items()}
+        return {
+            f"p_{name}": sympy.Symbol(f"p_{plain_name(found)}")
+            for name, found in self.coordinates.items()
+        }
 
     def symbol(self, name: str) -> Any:
         """The object of a name; a symbol of the same name for one that is not in the table."""
@@ -177,7 +221,9 @@ class Table:
     def leaf(self, node: ex.Expression) -> Any:
         """The object that represents a name or an arbitrary function in a formula."""
         match node:
-            case _ if node == ex.TIME and "t" not in self.coordinates and "t" not in self.parameters:
+            case _ if (
+                node == ex.TIME and "t" not in self.coordinates and "t" not in self.parameters
+            ):
                 return self.time
             case ex.Symbol(name):
                 return self.symbol(name)
@@ -195,7 +241,9 @@ class Table:
         arguments = [to_sympy(argument, self.leaf) for argument in tree.arguments]
         if not any(tree.orders):
             return function(*arguments)
-        plain = all(argument.is_Symbol or isinstance(argument, AppliedUndef) for argument in arguments)
+        plain = all(
+            argument.is_Symbol or isinstance(argument, AppliedUndef) for argument in arguments
+        )
         if plain and len(set(arguments)) == len(arguments):
             pairs = [(u, k) for u, k in zip(arguments, tree.orders, strict=True) if k]
             return sympy.Derivative(function(*arguments), *pairs)
@@ -205,12 +253,18 @@ class Table:
 
     def velocity(self, name: str) -> Any:
         """x'(t), or the symbol of the velocity."""
-        return self.velocities[name] if name in self.velocities else self.coordinates[name].diff(self.time)
+        return (
+            self.velocities[name]
+            if name in self.velocities
+            else self.coordinates[name].diff(self.time)
+        )
 
     def acceleration(self, name: str) -> Any:
         """x''(t), also where the velocity is a plain symbol."""
         found = self.coordinates[name]
-        return sympy.Symbol(f"{found}_ddot") if name in self.velocities else found.diff(self.time, 2)
+        return (
+            sympy.Symbol(f"{found}_ddot") if name in self.velocities else found.diff(self.time, 2)
+        )
 
     def of_formulas(self) -> nm.Names:
         """The names as the reader of formulas wants them."""
@@ -218,12 +272,16 @@ class Table:
         taken = {*self.coordinates, *self.functions}
         words = (*self.parameters, *self.momenta, *more)
         return nm.Names(
-            tuple(self.coordinates), tuple(word for word in dict.fromkeys(words) if word not in taken), self.arguments
+            tuple(self.coordinates),
+            tuple(word for word in dict.fromkeys(words) if word not in taken),
+            self.arguments,
         )
 
 
 def plain_name(found: Any) -> str:
-    """The name or value of an object in a declaration: k for Symbol("k"), x for x(t), V for Function("V"), 2 for 2."""
+    """The name or value of an object in a declaration: k for Symbol("k"), x for x(t), V for
+    Function("V"), 2 for 2.
+    """
     return str(found.func) if isinstance(found, AppliedUndef) else str(found)
 
 
@@ -236,7 +294,10 @@ def table_of_result(result: Mapping[str, Any], given: Mapping[str, Any] | None =
     return Table(
         time,
         time_name,
-        {name: given.get(name, sympy.Function(name)(time)) for name in system.get("coordinates", ())},
+        {
+            name: given.get(name, sympy.Function(name)(time))
+            for name in system.get("coordinates", ())
+        },
         {},
         {name: given.get(name, sympy.Symbol(name)) for name in system.get("parameters", ())},
         {name: given.get(name, sympy.Function(name)) for name in functions},
@@ -249,7 +310,9 @@ def names_for(objects: Iterable[Any]) -> dict[Any, str]:
     used, found = set[str](), {}
     for each in objects:
         wanted = _wanted(plain_name(each))
-        name = next(word for word in (wanted, *(f"{wanted}_{k}" for k in range(2, 99))) if word not in used)
+        name = next(
+            word for word in (wanted, *(f"{wanted}_{k}" for k in range(2, 99))) if word not in used
+        )
         used.add(name)
         found[each] = name
     return found
@@ -274,10 +337,18 @@ def expression(text: str, table: Table) -> Any:
 
 
 def with_integrals(table: Table, integrals: Mapping[str, Any]) -> Table:
-    """The table with a function F(x) for each integral of an answer; SymPy differentiates it to what is known."""
+    """The table with a function F(x) for each integral of an answer; SymPy differentiates it to
+    what is known.
+    """
     arguments = {name: tuple(part["arguments"]) for name, part in integrals.items()}
-    functions = {name: _integral(name, part, arguments[name], table) for name, part in integrals.items()}
-    return replace(table, functions={**table.functions, **functions}, arguments={**table.arguments, **arguments})
+    functions = {
+        name: _integral(name, part, arguments[name], table) for name, part in integrals.items()
+    }
+    return replace(
+        table,
+        functions={**table.functions, **functions},
+        arguments={**table.arguments, **arguments},
+    )
 
 
 def _integral(name: str, part: Mapping[str, Any], arguments: tuple[str, ...], table: Table) -> Any:
@@ -288,7 +359,9 @@ def _integral(name: str, part: Mapping[str, Any], arguments: tuple[str, ...], ta
         if slope is None:
             return sympy.Function.fdiff(self, argindex)
         formal = [table.symbol(argument) for argument in arguments]
-        return expression(slope, table).subs(dict(zip(formal, self.args, strict=True)), simultaneous=True)
+        return expression(slope, table).subs(
+            dict(zip(formal, self.args, strict=True)), simultaneous=True
+        )
 
     return type(name, (sympy.Function,), {"fdiff": fdiff, "nargs": len(arguments)})
 
@@ -308,9 +381,11 @@ Meant = tuple[dict[str, Any], Table]
 
 @dataclass(frozen=True)
 class _Given:
-    """Expressions that are zero, what moves in them, and how its velocity is written where not as a derivative.
+    """Expressions that are zero, what moves in them, and how its velocity is written where not as a
+    derivative.
 
-    `pairs`: they are of first order, and of what moves a half, `preferred` where that is given, are the coordinates.
+    `pairs`: they are of first order, and of what moves a half, `preferred` where that is given, are
+    the coordinates.
     """
 
     zeros: tuple[Any, ...]
@@ -332,9 +407,13 @@ def read(
     """The document of a system; InputError if it is ambiguous."""
     if hasattr(system, "form_lagranges_equations"):
         if len(system.coneqs) and system.forcelist:
-            raise InputError("This LagrangesMethod has forces and constraints: give its motion, see nonholonomic().")
+            raise InputError(
+                "This LagrangesMethod has forces and constraints: give its motion, see nonholonomic()."
+            )
         if len(system.coneqs):
-            return read_lagrangian(system._L[0], list(system.coneqs), list(system.q), None, questions)
+            return read_lagrangian(
+                system._L[0], list(system.coneqs), list(system.q), None, questions
+            )
         if system.eom is None or not len(system.eom):
             system.form_lagranges_equations()
         system, coordinates = list(system.eom), list(system.q)
@@ -349,16 +428,24 @@ def read(
     def equations(table: Table, texts: Sequence[str]) -> dict[str, Any]:
         if given.accelerations is None:
             return {"equations": [f"{text} = 0" for text in texts]}
-        return {"equations": dict(zip((table_name(table, x) for x in given.accelerations), texts, strict=True))}
+        return {
+            "equations": dict(
+                zip((table_name(table, x) for x in given.accelerations), texts, strict=True)
+            )
+        }
 
     found = _reading(given, equations, questions)
     return _of_pairs(*found, given) if given.pairs else found
 
 
 def _reading(
-    given: _Given, keys: Callable[[Table, Sequence[str]], dict[str, Any]], questions: Mapping[str, Any]
+    given: _Given,
+    keys: Callable[[Table, Sequence[str]], dict[str, Any]],
+    questions: Mapping[str, Any],
 ) -> Meant:
-    """The document with these keys of the texts of what is given; terms of an ansatz may be expressions."""
+    """The document with these keys of the texts of what is given; terms of an ansatz may be
+    expressions.
+    """
     table, words = _names(given)
     names = table.of_formulas()
 
@@ -381,7 +468,11 @@ def _reading(
 
 def _moved(key: Any) -> Any:
     """x(t), where the key of an acceleration is x(t).diff(t, 2)."""
-    second = isinstance(key, sympy.Derivative) and isinstance(key.expr, AppliedUndef) and key.derivative_count == 2
+    second = (
+        isinstance(key, sympy.Derivative)
+        and isinstance(key.expr, AppliedUndef)
+        and key.derivative_count == 2
+    )
     return key.expr if second else key
 
 
@@ -395,7 +486,9 @@ def _lagrangian(system: Any) -> Any:
 
 
 def _of_pairs(document: Mapping[str, Any], table: Table, given: _Given) -> Meant:
-    """The document of first-order equations x' = h, p' = F, and the objects of the x that its reader chooses."""
+    """The document of first-order equations x' = h, p' = F, and the objects of the x that its
+    reader chooses.
+    """
     named = [table_name(table, each) for each in given.preferred]
     whole = {key: value for key, value in document.items() if key != "coordinates"}
     whole |= {"coordinates": named} if named else {}
@@ -404,7 +497,9 @@ def _of_pairs(document: Mapping[str, Any], table: Table, given: _Given) -> Meant
 
 
 def _system_of(document: Mapping[str, Any]) -> tuple[accepting.Prepared, SecondOrderSystem]:
-    """The document prepared for its schema, and its system; InputError in the words of the document."""
+    """The document prepared for its schema, and its system; InputError in the words of the
+    document.
+    """
     ready = accepting.prepared(document)
     try:
         return ready, accepting.to_system(accepting.to_schema(ready.document))
@@ -419,7 +514,9 @@ def read_lagrangian(
     time: Any,
     questions: Mapping[str, Any],
 ) -> Meant:
-    """The document of a Lagrangian, with constraints perhaps, which are expressions that are zero, or equations."""
+    """The document of a Lagrangian, with constraints perhaps, which are expressions that are zero,
+    or equations.
+    """
     zeros = (_expression(lagrangian), *map(_zero, constraints))
     time = time or (_time_of(coordinates) if coordinates else _found_time(zeros))
     given = _Given(zeros, tuple(coordinates or _moving(zeros, time, 1)), {}, time)
@@ -436,28 +533,40 @@ def table_name(table: Table, found: Any) -> str:
 
 
 def _of_kane(method: Any, questions: Mapping[str, Any]) -> Meant:
-    """Kane's equations M(q, u) u' = F(q, u), with the speeds u(q, q') that follow from q' = h(q, u)."""
+    """Kane's equations M(q, u) u' = F(q, u), with the speeds u(q, q') that follow from q' = h(q,
+    u).
+    """
     if len(method.u) != len(method.q):
-        raise InputError("This KanesMethod has fewer speeds than coordinates: use nonholonomic(L, constraints, q).")
+        raise InputError(
+            "This KanesMethod has fewer speeds than coordinates: use nonholonomic(L, constraints, q)."
+        )
     time, slopes = _time_of(list(method.q)), method.kindiffdict()
     unknown = {u: sympy.Dummy(f"u_{place}") for place, u in enumerate(method.u)}
     rates = [q.diff(time) - slopes[q.diff(time)].xreplace(unknown) for q in method.q]
     solved = sympy.solve(rates, list(unknown.values()), dict=True)
     if len(solved) != 1:
-        raise InputError("The speeds of this KanesMethod do not follow from the velocities: choose others.")
+        raise InputError(
+            "The speeds of this KanesMethod do not follow from the velocities: choose others."
+        )
     speeds = {u: solved[0][unknown[u]] for u in method.u}
     changes = sympy.Matrix([speeds[u].diff(time) for u in method.u])
     zeros = method.mass_matrix.xreplace(speeds) * changes - method.forcing.xreplace(speeds)
     return read(zeros, list(method.q), None, time, questions)
 
 
-def _given(system: Any, coordinates: Sequence[Any] | None, velocities: Mapping[Any, Any], time: Any) -> _Given:
+def _given(
+    system: Any, coordinates: Sequence[Any] | None, velocities: Mapping[Any, Any], time: Any
+) -> _Given:
     coordinates = [coordinates] if isinstance(coordinates, sympy.Basic) else coordinates
     for each in coordinates or ():
         if not isinstance(each, AppliedUndef | sympy.Symbol):
-            raise InputError("a coordinate is not a SymPy object: use the x(t) of the equations.", "/coordinates")
+            raise InputError(
+                "a coordinate is not a SymPy object: use the x(t) of the equations.", "/coordinates"
+            )
         if isinstance(system, Mapping) and each not in system:
-            raise InputError(f"{each} has no acceleration: give one for each of the coordinates.", "/coordinates")
+            raise InputError(
+                f"{each} has no acceleration: give one for each of the coordinates.", "/coordinates"
+            )
     if isinstance(system, Mapping):
         moving = tuple(coordinates or system)
         for each in moving:
@@ -470,11 +579,15 @@ def _given(system: Any, coordinates: Sequence[Any] | None, velocities: Mapping[A
     time = time or _found_time(zeros)
     fast, slow = _moving(zeros, time, 2), _moving(zeros, time, 1)
     if slow and not fast and not velocities and set(coordinates or ()) < set(slow):
-        return _Given(zeros, tuple(slow), velocities, time, pairs=True, preferred=tuple(coordinates or ()))
+        return _Given(
+            zeros, tuple(slow), velocities, time, pairs=True, preferred=tuple(coordinates or ())
+        )
     moving = tuple(coordinates or fast)
     only_first = [] if coordinates else [each for each in slow if each not in moving]
     if only_first:
-        detail = f"{only_first[0]} has a first derivative only: name the coordinates, coordinates=[...]."
+        detail = (
+            f"{only_first[0]} has a first derivative only: name the coordinates, coordinates=[...]."
+        )
         raise InputError(detail, "/coordinates")
     if not moving:
         detail = "no function of the time has a second derivative here: name the coordinates, coordinates=[x, y]."
@@ -483,7 +596,9 @@ def _given(system: Any, coordinates: Sequence[Any] | None, velocities: Mapping[A
 
 
 def _listed(system: Any) -> list[Any]:
-    if not isinstance(system, sympy.Basic | sympy.MatrixBase | str) and isinstance(system, Iterable):
+    if not isinstance(system, sympy.Basic | sympy.MatrixBase | str) and isinstance(
+        system, Iterable
+    ):
         system = list(system)  # a set, a generator, an array
     if isinstance(system, sympy.Equality) and isinstance(system.lhs, sympy.MatrixBase):
         system = system.lhs - system.rhs
@@ -498,14 +613,22 @@ def _zero(equation: Any) -> Any:
         detail = "A text occurs among SymPy objects: write all equations as expressions, or all of them as texts."
         raise InputError(detail, "/equations")
     if isinstance(equation, bool | BooleanAtom):
-        raise InputError("an equation became True or False: give Eq(a, b, evaluate=False).", "/equations")
-    if isinstance(equation, sympy.core.relational.Relational) and not isinstance(equation, sympy.Equality):
+        raise InputError(
+            "an equation became True or False: give Eq(a, b, evaluate=False).", "/equations"
+        )
+    if isinstance(equation, sympy.core.relational.Relational) and not isinstance(
+        equation, sympy.Equality
+    ):
         raise InputError("a comparison occurs: write an equation, Eq(a, b).", "/equations")
-    return _expression(equation.lhs - equation.rhs if isinstance(equation, sympy.Equality) else equation)
+    return _expression(
+        equation.lhs - equation.rhs if isinstance(equation, sympy.Equality) else equation
+    )
 
 
 def _expression(value: Any) -> Any:
-    """A SymPy expression, derivatives of products and sums carried out; texts are refused and not evaluated."""
+    """A SymPy expression, derivatives of products and sums carried out; texts are refused and not
+    evaluated.
+    """
     try:
         found = sympy.sympify(value, strict=True)
     except sympy.SympifyError:
@@ -515,7 +638,10 @@ def _expression(value: Any) -> Any:
         raise InputError(detail, "/equations")
     for derivative in found.atoms(sympy.Derivative):
         if not all(count.is_Integer for _, count in derivative.variable_count):
-            raise InputError(f"the order of {derivative} is not a number: write second derivatives.", "/equations")
+            raise InputError(
+                f"the order of {derivative} is not a number: write second derivatives.",
+                "/equations",
+            )
     return found.replace(
         lambda part: isinstance(part, sympy.Derivative) and not isinstance(part.expr, AppliedUndef),
         lambda part: part.doit(deep=False) if part.expr.has(AppliedUndef) else part,
@@ -523,9 +649,13 @@ def _expression(value: Any) -> Any:
 
 
 def _time_of(moving: Sequence[Any]) -> Any:
-    found = {each.args[0] for each in moving if isinstance(each, AppliedUndef) and len(each.args) == 1}
+    found = {
+        each.args[0] for each in moving if isinstance(each, AppliedUndef) and len(each.args) == 1
+    }
     if len(found) > 1:
-        raise InputError("the coordinates depend on different variables: write all of them as functions of one time.")
+        raise InputError(
+            "the coordinates depend on different variables: write all of them as functions of one time."
+        )
     return found.pop() if found else sympy.Symbol("t")
 
 
@@ -534,18 +664,28 @@ def _found_time(zeros: Sequence[Any]) -> Any:
     orders: dict[Any, int] = {}
     for derivative in (each for zero in zeros for each in zero.atoms(sympy.Derivative)):
         by = derivative.variables[0]
-        if isinstance(derivative.expr, AppliedUndef) and derivative.expr.args == (by,) and by.is_Symbol:
+        if (
+            isinstance(derivative.expr, AppliedUndef)
+            and derivative.expr.args == (by,)
+            and by.is_Symbol
+        ):
             orders[by] = max(orders.get(by, 0), len(derivative.variables))
     found = {by for by, order in orders.items() if order >= 2} or set(orders)
     if not found:
-        raise InputError("there is no second derivative: write equations such as Eq(x(t).diff(t, 2), -x(t)).")
+        raise InputError(
+            "there is no second derivative: write equations such as Eq(x(t).diff(t, 2), -x(t))."
+        )
     if len(found) != 1:
-        raise InputError("the derivatives do not show which variable is the time: pass time=t.", "/time")
+        raise InputError(
+            "the derivatives do not show which variable is the time: pass time=t.", "/time"
+        )
     return found.pop()
 
 
 def _moving(zeros: Sequence[Any], time: Any, order: int) -> list[Any]:
-    """The functions of the time with a derivative of at least this order, in the order of the equations."""
+    """The functions of the time with a derivative of at least this order, in the order of the
+    equations.
+    """
     first: dict[Any, int] = {}
     for place, zero in enumerate(zeros):
         for derivative in zero.atoms(sympy.Derivative):
@@ -558,7 +698,9 @@ def _moving(zeros: Sequence[Any], time: Any, order: int) -> list[Any]:
 def _names(given: _Given) -> tuple[Table, dict[Any, str]]:
     """Names for all objects in the formulas, and what is written for each of them."""
     velocities = set(given.velocities.values())
-    applied = {each for zero in given.zeros for each in zero.atoms(AppliedUndef)} - set(given.coordinates)
+    applied = {each for zero in given.zeros for each in zero.atoms(AppliedUndef)} - set(
+        given.coordinates
+    )
     free = {each for zero in given.zeros for each in zero.free_symbols}
     constants = free - velocities - {given.time} - set(given.coordinates) - _dummies(given.zeros)
     symbols = sorted(constants, key=sympy.default_sort_key)
@@ -568,12 +710,19 @@ def _names(given: _Given) -> tuple[Table, dict[Any, str]]:
     names = names_for((*given.coordinates, *symbols, *classes))
     time_name = _time_name(given.time, names)
     functions = {names[each]: each for each in classes}
-    arguments = {names[each]: _formal(each, applied, given, {**names, given.time: time_name}) for each in classes}
+    arguments = {
+        names[each]: _formal(each, applied, given, {**names, given.time: time_name})
+        for each in classes
+    }
     table = Table(
         given.time,
         time_name,
         {names[each]: each for each in given.coordinates},
-        {names[each]: given.velocities[each] for each in given.coordinates if each in given.velocities},
+        {
+            names[each]: given.velocities[each]
+            for each in given.coordinates
+            if each in given.velocities
+        },
         {names[each]: each for each in symbols},
         functions,
         arguments,
@@ -588,26 +737,29 @@ def _names(given: _Given) -> tuple[Table, dict[Any, str]]:
 
 def _dummies(zeros: Sequence[Any]) -> set[Any]:
     """The bound variables of Subs."""
-    return {variable for zero in zeros for each in zero.atoms(sympy.Subs) for variable in each.variables}
+    return {
+        variable for zero in zeros for each in zero.atoms(sympy.Subs) for variable in each.variables
+    }
 
 
 def _refuse_other_motions(given: _Given, applied: set[Any], symbols: Sequence[Any]) -> None:
-    """InputError for x(t - 1), for a second function x with other assumptions, and for a symbol x besides x(t)."""
+    """InputError for x(t - 1), for a second function x with other assumptions, and for a symbol x
+    besides x(t).
+    """
     moving = {str(each.func): each for each in given.coordinates if isinstance(each, AppliedUndef)}
     for each in sorted(applied, key=str):
         known = moving.get(str(each.func))
         if known is not None and each.func == known.func:
             raise InputError(
-                f"{each} occurs together with {known}: only {known} itself is accepted, without a delay.", "/equations"
+                f"{each} occurs together with {known}: only {known} itself is accepted, without a delay.",
+                "/equations",
             )
         if known is not None:
             detail = f"two functions are called {known.func} and have other assumptions: use one of them."
             raise InputError(detail, "/coordinates")
     for each in symbols:
         if str(each) in moving:
-            detail = (
-                f"the symbol {each} occurs together with {moving[str(each)]}: write the function, or rename the symbol."
-            )
+            detail = f"the symbol {each} occurs together with {moving[str(each)]}: write the function, or rename the symbol."
             raise InputError(detail, "/parameters")
 
 
@@ -626,21 +778,34 @@ def _time_name(time: Any, names: Mapping[Any, str]) -> str:
     taken = set(names.values())
     wanted = names_for([time]).get(time, "t") if str(time) != "t" else "t"
     if wanted in taken or (wanted == "t" and "t" in taken):
-        raise InputError(f"{time} is the time and another symbol has its name: rename one of the two.", "/time")
+        raise InputError(
+            f"{time} is the time and another symbol has its name: rename one of the two.", "/time"
+        )
     return wanted
 
 
-def _formal(function: Any, applied: set[Any], given: _Given, names: Mapping[Any, str]) -> tuple[str, ...]:
-    """The names of the arguments of an arbitrary function: the coordinates, and t, that it is applied to."""
+def _formal(
+    function: Any, applied: set[Any], given: _Given, names: Mapping[Any, str]
+) -> tuple[str, ...]:
+    """The names of the arguments of an arbitrary function: the coordinates, and t, that it is
+    applied to.
+    """
     calls = [each.args for each in applied if each.func == function]
     size = len(calls[0])
     if any(len(call) != size for call in calls):
-        raise InputError(f"the function {function} has different numbers of arguments: give it one.", "/functions")
+        raise InputError(
+            f"the function {function} has different numbers of arguments: give it one.",
+            "/functions",
+        )
     moving = (*given.coordinates, given.time)
-    plain = next((call for call in calls if set(call) <= set(moving) and len(set(call)) == size), None)
+    plain = next(
+        (call for call in calls if set(call) <= set(moving) and len(set(call)) == size), None
+    )
     chosen = plain or moving[:size]
     if len(chosen) < size:
-        detail = f"the function {function} has more arguments than there are coordinates, and the time."
+        detail = (
+            f"the function {function} has more arguments than there are coordinates, and the time."
+        )
         raise InputError(detail, "/functions")
     return tuple(names[each] for each in chosen)
 
@@ -649,8 +814,8 @@ def _formal(function: Any, applied: set[Any], given: _Given, names: Mapping[Any,
 class Conditions:
     """N, Phi and nabla Phi as n x n matrices, R as an n x n x n array (R[j, k, l] = R^j_kl).
 
-    g is a multiplier only if g Phi and g nabla Phi are symmetric and the cyclic sums of g R vanish. `reason` says
-    why one of them is None.
+    g is a multiplier only if g Phi and g nabla Phi are symmetric and the cyclic sums of g R vanish.
+    `reason` says why one of them is None.
     """
 
     Phi: Any
@@ -668,11 +833,21 @@ def conditions_of(document: Mapping[str, Any], table: Table | None) -> Condition
     """The tensors of the system of a document, in the SymPy objects of its names."""
     ready, motion = _system_of(document)
     nodes = ex.distinct_nodes(motion.accelerations)
-    steps = [node for node in nodes if isinstance(node, ex.Apply) and node.function == functions.STEP]
-    with_signs = {step: tower.to_kernels(step) for step in steps}  # a step has no derivatives, its sign has
-    found = conditions(replace(motion, accelerations=tuple(ex.substitute(f, with_signs) for f in motion.accelerations)))
+    steps = [
+        node for node in nodes if isinstance(node, ex.Apply) and node.function == functions.STEP
+    ]
+    with_signs = {
+        step: tower.to_kernels(step) for step in steps
+    }  # a step has no derivatives, its sign has
+    found = conditions(
+        replace(
+            motion, accelerations=tuple(ex.substitute(f, with_signs) for f in motion.accelerations)
+        )
+    )
     tensors = {"Phi": found.Phi, "nabla_Phi": found.nabla_Phi, "R": found.R, "N": found.N}
-    said = ready.outward({"system": translate.plain_fields(motion), "conditions": translate.texts_of(tensors)})
+    said = ready.outward(
+        {"system": translate.plain_fields(motion), "conditions": translate.texts_of(tensors)}
+    )
     return conditions_of_texts(said["conditions"], table or table_of_result(said), found.reason)
 
 
@@ -691,7 +866,9 @@ def conditions_of_texts(parts: Mapping[str, Any], table: Table, reason: str = ""
 
 
 class Solved(Protocol):
-    """An answer whose formulas are SymPy expressions, with the objects of its names and its document."""
+    """An answer whose formulas are SymPy expressions, with the objects of its names and its
+    document.
+    """
 
     @property
     def equations(self) -> Mapping[Any, Any]: ...
@@ -718,7 +895,11 @@ def verification(answer: Solved) -> Verification:
         raise ValueError("there is no Lagrangian to verify")
     table = answer._table
     pairs = [(table.coordinates[name], table.velocity(name)) for name in table.coordinates]
-    plain = {each: sympy.Dummy(f"a{place}", real=True) for place, pair in enumerate(pairs) for each in pair}
+    plain = {
+        each: sympy.Dummy(f"a{place}", real=True)
+        for place, pair in enumerate(pairs)
+        for each in pair
+    }
     back = {dummy: each for each, dummy in plain.items()}
     written, slopes = put(lagrangian, plain), [put(f, plain) for f in answer.accelerations]
 
@@ -730,14 +911,24 @@ def verification(answer: Solved) -> Verification:
             total += momentum.diff(plain[name]) * plain[speed] + momentum.diff(plain[speed]) * slope
         return sympy.simplify(total.doit()).subs(back)
 
-    return Verification(tuple(residual(q, v) for q, v in pairs), _of_hamiltonian(answer, [v for _, v in pairs]))
+    return Verification(
+        tuple(residual(q, v) for q, v in pairs), _of_hamiltonian(answer, [v for _, v in pairs])
+    )
 
 
 def put(expression: Any, plain: Mapping[Any, Any]) -> Any:
-    """The expression with these symbols, first for derivatives, so that none is left of a function."""
+    """The expression with these symbols, first for derivatives, so that none is left of a
+    function.
+    """
 
     def rank(found: Any) -> int:
-        return 0 if isinstance(found, sympy.Derivative) else 1 if isinstance(found, AppliedUndef) else 2
+        return (
+            0
+            if isinstance(found, sympy.Derivative)
+            else 1
+            if isinstance(found, AppliedUndef)
+            else 2
+        )
 
     for each in sorted(plain, key=rank):
         expression = expression.subs(each, plain[each])
@@ -748,6 +939,8 @@ def _of_hamiltonian(answer: Solved, velocities: list[Any]) -> Any:
     found = answer.hamiltonian
     if found is None or answer.lagrangian is None:
         return None
-    energy = sum((p * v for p, v in zip(found.momenta.values(), velocities, strict=True)), -answer.lagrangian)
+    energy = sum(
+        (p * v for p, v in zip(found.momenta.values(), velocities, strict=True)), -answer.lagrangian
+    )
     written = found.expr if found.implicit else found.expr.subs(dict(found.momenta))
     return sympy.simplify(written - energy)

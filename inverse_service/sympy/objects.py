@@ -1,4 +1,5 @@
-"""What is asked, as a document, and results as dictionaries with attributes in SymPy, as tables, and as pictures.
+"""What is asked, as a document, and results as dictionaries with attributes in SymPy, as tables,
+and as pictures.
 
 SymPy is imported by the first attribute that is an expression.
 """
@@ -20,9 +21,23 @@ from typing import TYPE_CHECKING, Any
 
 from inverse_service import catalogue, errors
 from inverse_service.reading import reader
-from inverse_service.service.documents import accepting, answer_rows, plain_data, printed_pages, sheets, stated
+from inverse_service.service.documents import (
+    accepting,
+    answer_rows,
+    plain_data,
+    printed_pages,
+    sheets,
+    stated,
+)
 from inverse_service.service.documents.answers import of_input_error
-from inverse_service.sympy.shown import FirstIntegral, Hamiltonian, Listed, Motion, Step, Verification
+from inverse_service.sympy.shown import (
+    FirstIntegral,
+    Hamiltonian,
+    Listed,
+    Motion,
+    Step,
+    Verification,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,7 +52,9 @@ VARIATIONAL = {"variational": True, "not_variational": False}
 STEPS = 1000
 START = 0.6  # of the first position; each next one is a third larger, velocities are 0
 LONGEST = 10.0  # s
-_KEYS = frozenset(("equations", "lagrangian", "constraints", "motion", "format", "options", "parameters"))
+_KEYS = frozenset(
+    ("equations", "lagrangian", "constraints", "motion", "format", "options", "parameters")
+)
 
 
 def solve(
@@ -52,11 +69,11 @@ def solve(
 ) -> Result:
     """The result of a system of SymPy objects; its certificates are checked.
 
-    `system`: an Eq, an expression that is 0, a list or Matrix of these, {x(t): acceleration}, {x(t).diff(t, 2):
-    acceleration}, {X: acceleration} for plain symbols with `velocities={X: vx}`, a Lagrangian (an expression with
-    velocities and no acceleration: the forward problem), a LagrangesMethod, a KanesMethod, a System, or what
-    `inverse_service.solve` takes. `questions` are keys of a document such as `ansatz`, `family`,
-    `time_dependent_lagrangian`. Raises InputError.
+    `system`: an Eq, an expression that is 0, a list or Matrix of these, {x(t): acceleration},
+    {x(t).diff(t, 2): acceleration}, {X: acceleration} for plain symbols with `velocities={X: vx}`,
+    a Lagrangian (an expression with velocities and no acceleration: the forward problem), a
+    LagrangesMethod, a KanesMethod, a System, or what `inverse_service.solve` takes. `questions` are
+    keys of a document such as `ansatz`, `family`, `time_dependent_lagrangian`. Raises InputError.
     """
     from inverse_service import solve as solve_document
 
@@ -70,9 +87,16 @@ def document(system: Any, coordinates: Sequence[Any] | None = None, **keys: Any)
 
 
 def asked(
-    system: Any, coordinates: Any = None, *, velocities: Any = None, time: Any = None, **questions: Any
+    system: Any,
+    coordinates: Any = None,
+    *,
+    velocities: Any = None,
+    time: Any = None,
+    **questions: Any,
 ) -> tuple[dict[str, Any], Any]:
-    """The document that is meant, and the SymPy objects of its names; None for a text, which has none."""
+    """The document that is meant, and the SymPy objects of its names; None for a text, which has
+    none.
+    """
     if hasattr(system, "form_eoms"):  # a System of sympy.physics.mechanics
         if system.eom_method is None:
             system.form_eoms()
@@ -85,10 +109,19 @@ def asked(
         guesses = plain.keys() == {"equations"} and "parameters" not in given
         return plain | given | ({"parameters": "guess"} if guesses else {}), None
     if isinstance(system, Mapping) and all(isinstance(key, str) for key in system):
-        texts = all(isinstance(value, str | int) and not isinstance(value, bool) for value in system.values())
-        is_motion = texts and system and not any(key in _KEYS or _is_misspelt(key) for key in system)
+        texts = all(
+            isinstance(value, str | int) and not isinstance(value, bool)
+            for value in system.values()
+        )
+        is_motion = (
+            texts and system and not any(key in _KEYS or _is_misspelt(key) for key in system)
+        )
         return ({"equations": system} if is_motion else _with_names(system)) | given, None
-    if isinstance(system, list | tuple) and system and all(isinstance(entry, str) for entry in system):
+    if (
+        isinstance(system, list | tuple)
+        and system
+        and all(isinstance(entry, str) for entry in system)
+    ):
         return {"equations": list(system)} | given, None
     from inverse_service.sympy.from_sympy import read
 
@@ -98,18 +131,31 @@ def asked(
 def _is_misspelt(key: str) -> bool:
     """Whether it is a long key of documents nearly, and so no coordinate."""
     long = ("equations", "lagrangian", "constraints")
-    return key.lower() in long or accepting.near_key(key.lower()) in long or key.lower().startswith("lagrang")
+    return (
+        key.lower() in long
+        or accepting.near_key(key.lower()) in long
+        or key.lower().startswith("lagrang")
+    )
 
 
 def _with_names(keys: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: _named(value) if key in ("parameters", "functions") else value for key, value in keys.items()}
+    return {
+        key: _named(value) if key in ("parameters", "functions") else value
+        for key, value in keys.items()
+    }
 
 
 def _named(declared: Any) -> Any:
-    """Declarations with SymPy objects as names, such as {k: 2}, [k], {V: [x]}, as a document has them."""
+    """Declarations with SymPy objects as names, such as {k: 2}, [k], {V: [x]}, as a document has
+    them.
+    """
     if isinstance(declared, Mapping):
         return {_name(key): _named(value) for key, value in declared.items()}
-    return [_named(each) for each in declared] if isinstance(declared, list | tuple) else _name(declared)
+    return (
+        [_named(each) for each in declared]
+        if isinstance(declared, list | tuple)
+        else _name(declared)
+    )
 
 
 def _name(each: Any) -> Any:
@@ -137,7 +183,8 @@ def nonholonomic(
     seed: int = 1,
     **questions: Any,
 ) -> Result:
-    """The result of a Lagrangian with constraints that are zero or equations; `questions` as in the document.
+    """The result of a Lagrangian with constraints that are zero or equations; `questions` as in the
+    document.
 
     `coordinates`: what has a velocity in them, where it is left out.
     """
@@ -157,23 +204,35 @@ def helmholtz(system: Any, coordinates: Sequence[Any] | None = None, **keys: Any
 
 
 def solve_many(
-    systems: Iterable[Any], workers: int = 2, output: str | Path | None = None, time_limit: float = 60.0
+    systems: Iterable[Any],
+    workers: int = 2,
+    output: str | Path | None = None,
+    time_limit: float = 60.0,
 ) -> Answers:
-    """The results of many systems in their order, computed in processes; a problem document for a refused one.
+    """The results of many systems in their order, computed in processes; a problem document for a
+    refused one.
 
     `output` keeps the answers in a file, so that an interrupted run can resume.
     """
-    return Answers(answers_to_many(systems, workers, None if output is None else Path(output), time_limit))
+    return Answers(
+        answers_to_many(systems, workers, None if output is None else Path(output), time_limit)
+    )
 
 
 def table(results: Iterable[Mapping[str, Any]]) -> Any:
-    """One row a result: a pandas DataFrame where pandas is installed, else a list of dictionaries."""
+    """One row a result: a pandas DataFrame where pandas is installed, else a list of
+    dictionaries.
+    """
     rows = list(map(answer_rows.first_row, results))
     return rows if importlib.util.find_spec("pandas") is None else _frame(rows)
 
 
-def from_result(result: Mapping[str, Any], names: Mapping[str, Any] | Table | None = None) -> Result:
-    """A result that came from a file, a batch or the service; `names` are SymPy objects for its names, or a Table."""
+def from_result(
+    result: Mapping[str, Any], names: Mapping[str, Any] | Table | None = None
+) -> Result:
+    """A result that came from a file, a batch or the service; `names` are SymPy objects for its
+    names, or a Table.
+    """
     data = dict(result)
     if not isinstance(names, Mapping):
         return Result(data, names)
@@ -190,7 +249,12 @@ def _bridge() -> Any:
 class Answer(dict[str, Any]):
     """One answer: the keys of the document, and its formulas as SymPy expressions."""
 
-    def __init__(self, data: Mapping[str, Any], table: Table | None = None, system: Mapping[str, Any] | None = None):
+    def __init__(
+        self,
+        data: Mapping[str, Any],
+        table: Table | None = None,
+        system: Mapping[str, Any] | None = None,
+    ):
         super().__init__(data)
         self._given = table
         self._of: Mapping[str, Any] | None = system
@@ -200,7 +264,10 @@ class Answer(dict[str, Any]):
         return self._of if self._of is not None else (self.get("system") or {})
 
     def __repr__(self) -> str:
-        found, where = self._shown.get("lagrangian"), f" where {', '.join(self._where)}" if self._where else ""
+        found, where = (
+            self._shown.get("lagrangian"),
+            f" where {', '.join(self._where)}" if self._where else "",
+        )
         verdict, words = self.verdict or "equations of motion", []
         if found:
             words = [f", L = {found['text']}", *(f"with {one.whole}" for one in self._integrals())]
@@ -264,9 +331,17 @@ class Answer(dict[str, Any]):
         found = self._shown.get("hamiltonian")
         if found is None:
             return None
-        momenta = {self._table.symbol(p): self._expression(text) for p, text in found["momenta"].items()}
+        momenta = {
+            self._table.symbol(p): self._expression(text) for p, text in found["momenta"].items()
+        }
         coordinates = tuple(self._table.coordinates.values())
-        return Hamiltonian(self._expression(found["text"]), momenta, found["implicit"], coordinates, self._table.time)
+        return Hamiltonian(
+            self._expression(found["text"]),
+            momenta,
+            found["implicit"],
+            coordinates,
+            self._table.time,
+        )
 
     @cached_property
     def first_integrals(self) -> Listed[FirstIntegral]:
@@ -284,7 +359,11 @@ class Answer(dict[str, Any]):
         import sympy
 
         found = self._shown.get("multiplier")
-        return None if found is None else sympy.ImmutableMatrix([[self._expression(e) for e in row] for row in found])
+        return (
+            None
+            if found is None
+            else sympy.ImmutableMatrix([[self._expression(e) for e in row] for row in found])
+        )
 
     @property
     def proof(self) -> Listed[Step]:
@@ -292,7 +371,9 @@ class Answer(dict[str, Any]):
         names = stated.names_of(self._system or None)
         steps = self._shown.get("explanation", ())
         said = [(step["text"], sheets.sentence(step, names)) for step in steps]
-        return Listed(Step(text, printed_pages.sentence(pieces, inline=True)) for text, pieces in said)
+        return Listed(
+            Step(text, printed_pages.sentence(pieces, inline=True)) for text, pieces in said
+        )
 
     @property
     def solution_space(self) -> Mapping[str, Any] | None:
@@ -305,36 +386,51 @@ class Answer(dict[str, Any]):
         return self.get("certificate")
 
     def lambdify(self, what: str = "lagrangian", modules: Any = None) -> Callable[..., Any]:
-        """A numerical function of `what`: "lagrangian", "accelerations", "momenta", "hamiltonian" or "multiplier".
+        """A numerical function of `what`: "lagrangian", "accelerations", "momenta", "hamiltonian"
+        or "multiplier".
 
-        Its arguments are t, the coordinates, the velocities (for H: the momenta), the parameters, each in the order of
-        `result["system"]`, or by their names (x, x_dot, p_x, k).
+        Its arguments are t, the coordinates, the velocities (for H: the momenta), the parameters,
+        each in the order of `result["system"]`, or by their names (x, x_dot, p_x, k).
         """
         from inverse_service.sympy import code
 
         return code.lambdified(self, what, modules)
 
     def verify(self) -> Verification:
-        """SymPy's own Euler-Lagrange residuals of L along the motion, and H - (p v - L); ValueError without L."""
+        """SymPy's own Euler-Lagrange residuals of L along the motion, and H - (p v - L); ValueError
+        without L.
+        """
         found: Verification = _bridge().verification(self)
         return found
 
     @cached_property
     def equations(self) -> Motion:
-        """q'' = f: the acceleration of each coordinate; Eq(E(t, q, q', q''), 0) where f is too long to be written."""
+        """q'' = f: the acceleration of each coordinate; Eq(E(t, q, q', q''), 0) where f is too long
+        to be written.
+        """
         import sympy
 
-        table, found = self._table, {name: self._expression(text) for name, text in self._texts.items()}
+        table, found = (
+            self._table,
+            {name: self._expression(text) for name, text in self._texts.items()},
+        )
         unsolved = self._is_unsolved
         return Motion(
-            {table.acceleration(name): sympy.Eq(each, 0) if unsolved else each for name, each in found.items()}
+            {
+                table.acceleration(name): sympy.Eq(each, 0) if unsolved else each
+                for name, each in found.items()
+            }
         )
 
     @property
     def accelerations(self) -> tuple[Expr, ...]:
-        """The f of q'' = f in the order of the coordinates; ValueError where they are too long to be written."""
+        """The f of q'' = f in the order of the coordinates; ValueError where they are too long to
+        be written.
+        """
         if self._is_unsolved:
-            raise ValueError("the accelerations are too long to be solved for: the equations are those that were given")
+            raise ValueError(
+                "the accelerations are too long to be solved for: the equations are those that were given"
+            )
         return tuple(self.equations.values())
 
     @property
@@ -347,7 +443,9 @@ class Answer(dict[str, Any]):
 
     @cached_property
     def branches(self) -> Listed[Answer]:
-        """The answer on each connected set on which the equations are one formula; one where that is everywhere."""
+        """The answer on each connected set on which the equations are one formula; one where that
+        is everywhere.
+        """
         return Listed([self])
 
     def to_latex(self) -> str:
@@ -360,12 +458,18 @@ class Answer(dict[str, Any]):
             formulas = [f"{letter} &= {found}" for letter, found in branch._formulas()]
             rows += formulas
             if formulas and branch._where:
-                rows.append(rf"&\text{{where {printed_pages.conditions_latex(branch._where, self._system)}}}")
+                rows.append(
+                    rf"&\text{{where {printed_pages.conditions_latex(branch._where, self._system)}}}"
+                )
         return rows
 
     def _formulas(self) -> list[tuple[str, str]]:
         """L and H in LaTeX, where they were found."""
-        return [(letter, self._shown[key]["latex"]) for letter, key in sheets.FORMULAS if self._shown.get(key)]
+        return [
+            (letter, self._shown[key]["latex"])
+            for letter, key in sheets.FORMULAS
+            if self._shown.get(key)
+        ]
 
     def _latex(self, printer: Any) -> str:
         """What `sympy.latex` prints."""
@@ -376,16 +480,31 @@ class Answer(dict[str, Any]):
 
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, str]:
         """Text, LaTeX, and HTML with the formulas, a picture of a motion, and the proof."""
-        return {"text/plain": repr(self), "text/latex": self._repr_latex_(), "text/html": self._repr_html_()}
+        return {
+            "text/plain": repr(self),
+            "text/latex": self._repr_latex_(),
+            "text/html": self._repr_html_(),
+        }
 
     def _repr_html_(self) -> str:
         parts = []
         for branch in self.branches:
-            parts.append(f"<p><b>{html.escape(branch.verdict.replace('_', ' ') or 'equations of motion')}</b></p>")
-            parts += [f"<p>$\\displaystyle {a} = {html.escape(formula)}$</p>" for a, formula in branch._formulas()]
-            parts += [f"<p>where {html.escape(', '.join(branch._where))}</p>"] if branch._where else []
+            parts.append(
+                f"<p><b>{html.escape(branch.verdict.replace('_', ' ') or 'equations of motion')}</b></p>"
+            )
+            parts += [
+                f"<p>$\\displaystyle {a} = {html.escape(formula)}$</p>"
+                for a, formula in branch._formulas()
+            ]
+            parts += (
+                [f"<p>where {html.escape(', '.join(branch._where))}</p>"] if branch._where else []
+            )
         parts += self._picture()
-        parts += [f"<details><summary>Proof</summary>{self.proof._repr_html_()}</details>"] if self.proof else []
+        parts += (
+            [f"<details><summary>Proof</summary>{self.proof._repr_html_()}</details>"]
+            if self.proof
+            else []
+        )
         return "".join(parts)
 
     def _picture(self) -> list[str]:
@@ -402,10 +521,11 @@ def _own_equations(answer: Mapping[str, Any]) -> Mapping[str, Any]:
 class Result(Answer):
     """A whole result; `result["verdict"]` and all other keys of the document are available.
 
-    `lagrangian`, `hamiltonian`, `domain`, `multiplier` and `proof` belong to the answer that is shown first at every
-    door: that to L(q, q'), or that to L(t, q, q') where this has the simpler Lagrangian. `main` and `with_time` are
-    the two answers. Where the equations are another formula on either side of a zero (`abs(x)`, `Heaviside(x)`) they
-    are those of the first of the `branches`.
+    `lagrangian`, `hamiltonian`, `domain`, `multiplier` and `proof` belong to the answer that is
+    shown first at every door: that to L(q, q'), or that to L(t, q, q') where this has the simpler
+    Lagrangian. `main` and `with_time` are the two answers. Where the equations are another formula
+    on either side of a zero (`abs(x)`, `Heaviside(x)`) they are those of the first of the
+    `branches`.
     """
 
     @property
@@ -437,28 +557,37 @@ class Result(Answer):
         time: float = 20.0,
         axes: Axes | None = None,
     ) -> Axes:
-        """A motion as a picture: (x, x') for one coordinate, the path in the plane of the first two for more.
+        """A motion as a picture: (x, x') for one coordinate, the path in the plane of the first two
+        for more.
 
-        `start` holds positions, then velocities (0.6, 0.8, … and 0 where left out); parameters are 1 where left out.
-        A motion that ends before says why in the title. Needs the extras `figures` and `simulation`.
+        `start` holds positions, then velocities (0.6, 0.8, … and 0 where left out); parameters are
+        1 where left out. A motion that ends before says why in the title. Needs the extras
+        `figures` and `simulation`.
         """
 
         return draw_motion(self, start, parameters or {}, time, axes)
 
     def __repr__(self) -> str:
-        others, differ = len(self.branches) - 1, len({branch.verdict for branch in self.branches}) > 1
+        others, differ = (
+            len(self.branches) - 1,
+            len({branch.verdict for branch in self.branches}) > 1,
+        )
         more = f"; {others} more in branches{', which differ' * differ})"
         return super().__repr__()[:-1] + (more if others else ")")
 
     @cached_property
     def branches(self) -> Listed[Answer]:
-        """The answer on each connected set on which the equations are one formula; one where that is everywhere."""
+        """The answer on each connected set on which the equations are one formula; one where that
+        is everywhere.
+        """
         found = self.get("branches") or ()
         return Listed([Answer(part, self._table, self._system) for part in found] or [self])
 
     @property
     def is_variational(self) -> bool | None:
-        """True or False if that holds on all branches, None if undetermined or if the branches differ."""
+        """True or False if that holds on all branches, None if undetermined or if the branches
+        differ.
+        """
         verdicts = {VARIATIONAL.get(branch.verdict) for branch in self.branches}
         return verdicts.pop() if len(verdicts) == 1 else None
 
@@ -477,7 +606,11 @@ class Result(Answer):
     def associated(self) -> dict[str, Answer]:
         """The answers to the associated systems of a nonholonomic one, by kind."""
         parts = (self.get("nonholonomic") or {}).get("associated", ())
-        return {part["kind"]: Answer(part, self._table, {**self._system, **part}) for part in parts if part["defined"]}
+        return {
+            part["kind"]: Answer(part, self._table, {**self._system, **part})
+            for part in parts
+            if part["defined"]
+        }
 
     @cached_property
     def conditions(self) -> Conditions | None:
@@ -508,7 +641,9 @@ class Result(Answer):
         return text
 
     def to_code(self, language: str = "python") -> str:
-        """The accelerations, L, H, momenta and multiplier as a program: "julia", "c", …, or "sympy"."""
+        """The accelerations, L, H, momenta and multiplier as a program: "julia", "c", …, or
+        "sympy".
+        """
         from inverse_service.sympy.code import program
 
         return program(self, language)
@@ -540,7 +675,9 @@ class Run(dict[str, Any]):
     """The summary of a scene."""
 
     def to_pandas(self) -> Any:
-        """A DataFrame with one row a method: its outcome, and every observed number; needs pandas."""
+        """A DataFrame with one row a method: its outcome, and every observed number; needs
+        pandas.
+        """
         methods = self.get("methods") or []
         return _frame([dict(_numbers(one)) for one in methods if isinstance(one, Mapping)])
 
@@ -558,7 +695,9 @@ def _frame(rows: list[dict[str, Any]]) -> Any:
     try:
         pandas = importlib.import_module("pandas")
     except ImportError:
-        raise errors.InputError("This needs pandas: run `pip install pandas`, or use `table(results)`.") from None
+        raise errors.InputError(
+            "This needs pandas: run `pip install pandas`, or use `table(results)`."
+        ) from None
     return pandas.DataFrame(rows)
 
 
@@ -572,8 +711,12 @@ def answers_to_many(
             readings.append(asked(system))
         except errors.InputError as error:
             readings.append(error)
-    documents = {k: one[0] for k, one in enumerate(readings) if not isinstance(one, errors.InputError)}
-    lines = [json.dumps({**document, "id": place}, default=str) for place, document in documents.items()]
+    documents = {
+        k: one[0] for k, one in enumerate(readings) if not isinstance(one, errors.InputError)
+    }
+    lines = [
+        json.dumps({**document, "id": place}, default=str) for place, document in documents.items()
+    ]
     answers = {each["id"]: each for each in _answered(lines, workers, output, time_limit)}
     for place, reading in enumerate(readings):
         if isinstance(reading, errors.InputError):
@@ -585,24 +728,48 @@ def answers_to_many(
             yield answers[place]
 
 
-def _answered(lines: list[str], workers: int, output: Path | None, time_limit: float) -> list[dict[str, Any]]:
-    """The answers to the lines, from a separate batch, so that a script needs no `__main__` guard."""
+def _answered(
+    lines: list[str], workers: int, output: Path | None, time_limit: float
+) -> list[dict[str, Any]]:
+    """The answers to the lines, from a separate batch, so that a script needs no `__main__`
+    guard.
+    """
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder) / "systems.ndjson", output or Path(folder) / "results.ndjson"
         source.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
-        command = [sys.executable, "-m", "inverse_service", "batch", str(source), "--output", str(target)]
+        command = [
+            sys.executable,
+            "-m",
+            "inverse_service",
+            "batch",
+            str(source),
+            "--output",
+            str(target),
+        ]
         command += ["--workers", str(workers), "--time-limit", str(time_limit)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False) if lines else None
-        found = [json.loads(line) for line in target.read_text("utf-8").splitlines()] if target.exists() else []
+        done = (
+            subprocess.run(command, capture_output=True, text=True, check=False) if lines else None
+        )
+        found = (
+            [json.loads(line) for line in target.read_text("utf-8").splitlines()]
+            if target.exists()
+            else []
+        )
     if done is not None and len(found) < len(lines):
         raise errors.InputError(done.stderr.strip()[-500:] or "The systems could not be answered.")
     return found
 
 
 def draw_motion(
-    result: Result, start: Sequence[float] | None, parameters: Mapping[str, float], time: float, axes: Axes | None
+    result: Result,
+    start: Sequence[float] | None,
+    parameters: Mapping[str, float],
+    time: float,
+    axes: Axes | None,
 ) -> Axes:
-    """(x, x') for one coordinate, the path of the first two for more; InputError where the motion has no numbers."""
+    """(x, x') for one coordinate, the path of the first two for more; InputError where the motion
+    has no numbers.
+    """
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
@@ -625,24 +792,43 @@ def draw_motion(
 def motion(
     result: Result, start: Sequence[float] | None, parameters: Mapping[str, float], time: float
 ) -> tuple[Mapping[str, Any], str]:
-    """The columns t, x, v_x, … of a motion by `adaptive`, and why it ends before `time` or is doubtful."""
+    """The columns t, x, v_x, … of a motion by `adaptive`, and why it ends before `time` or is
+    doubtful.
+    """
     try:
         from inverse_service.service.scenes import simulating
     except ImportError as error:
         raise errors.missing_extra(error) or error from None
     names, known = list(result._table.coordinates), list(result._table.parameters)
     if unknown := [name for name in parameters if name not in known]:
-        raise errors.InputError(f"{unknown[0]} is not a parameter of the system: it has {', '.join(known) or 'none'}.")
+        raise errors.InputError(
+            f"{unknown[0]} is not a parameter of the system: it has {', '.join(known) or 'none'}."
+        )
     if result._table.functions:
-        raise errors.InputError("A motion needs a formula for each arbitrary function: give it by 'where'.")
+        raise errors.InputError(
+            "A motion needs a formula for each arbitrary function: give it by 'where'."
+        )
     n = len(names)
-    values = list(map(float, [*(START * (1 + k / 3) for k in range(n)), *[0.0] * n] if start is None else start))
+    values = list(
+        map(
+            float,
+            [*(START * (1 + k / 3) for k in range(n)), *[0.0] * n] if start is None else start,
+        )
+    )
     if len(values) != 2 * n:
         raise errors.InputError(f"A start has {2 * n} numbers: the positions, then the velocities.")
     parts = {"positions": values[:n], "velocities": values[n:]}
-    scene: dict[str, Any] = {"step": time / STEPS, "time": time, "methods": ["adaptive"], "observe": ["trajectory"]}
+    scene: dict[str, Any] = {
+        "step": time / STEPS,
+        "time": time,
+        "methods": ["adaptive"],
+        "observe": ["trajectory"],
+    }
     scene["initial"] = {key: dict(zip(names, part, strict=True)) for key, part in parts.items()}
-    scene |= {"system": {"result": dict(result)}, "parameters": {x: float(parameters.get(x, 1)) for x in known}}
+    scene |= {
+        "system": {"result": dict(result)},
+        "parameters": {x: float(parameters.get(x, 1)) for x in known},
+    }
     found = simulating.simulate_tables(scene, time_limit=LONGEST)
     (method,), (columns,) = found["result"]["methods"], [*found["tables"].values()] or [None]
     reason = printed_pages.why(method)
@@ -652,8 +838,14 @@ def motion(
 
 
 def as_image(result: Result) -> str | None:
-    """A PNG as an address for HTML; None where matplotlib is absent or the motion cannot be drawn."""
-    if importlib.util.find_spec("matplotlib") is None or not result.get("verdict") or len(result.branches) > 1:
+    """A PNG as an address for HTML; None where matplotlib is absent or the motion cannot be
+    drawn.
+    """
+    if (
+        importlib.util.find_spec("matplotlib") is None
+        or not result.get("verdict")
+        or len(result.branches) > 1
+    ):
         return None
     try:
         axes = draw_motion(result, None, {}, 20.0, None)

@@ -22,7 +22,11 @@ from inverse_service.web.pages import exercises, library, rendering, results, si
 
 page_router = APIRouter()
 account = APIRouter()
-TITLES = answers.TITLES | {403: "Forbidden", 404: "Nothing here", 422: "There is a problem with your input"}
+TITLES = answers.TITLES | {
+    403: "Forbidden",
+    404: "Nothing here",
+    422: "There is a problem with your input",
+}
 REDIRECTS = range(300, 400)
 A_YEAR = 365 * 86_400
 TITLE = "inverse-service"
@@ -48,7 +52,9 @@ def create_application(settings: Settings) -> FastAPI:
     )  # fmt: skip
     app.state.engine = engine.Engine(settings)
     problems.install(app, page_of_refusal)
-    app.add_middleware(middleware.Entrance, hosts=settings.hosts, questions=routes.QUESTIONS, ask=routes.ask)
+    app.add_middleware(
+        middleware.Entrance, hosts=settings.hosts, questions=routes.QUESTIONS, ask=routes.ask
+    )
     if settings.cors_origins:
         app.add_middleware(
             CORSMiddleware,
@@ -77,11 +83,18 @@ def trace(app: FastAPI, exporter: Any = None) -> Any:
         from opentelemetry.sdk.trace import TracerProvider
         from opentelemetry.sdk.trace.export import BatchSpanProcessor
     except ImportError:
-        raise errors.InputError(f"{ENDPOINT} is set, which needs: pip install 'inverse-service[telemetry]'.") from None
-    provider = TracerProvider(resource=Resource.create({"service.name": TITLE, "service.version": __version__}))
+        raise errors.InputError(
+            f"{ENDPOINT} is set, which needs: pip install 'inverse-service[telemetry]'."
+        ) from None
+    provider = TracerProvider(
+        resource=Resource.create({"service.name": TITLE, "service.version": __version__})
+    )
     provider.add_span_processor(BatchSpanProcessor(exporter or OTLPSpanExporter()))
     FastAPIInstrumentor.instrument_app(
-        app, tracer_provider=provider, excluded_urls="livez,readyz,metrics", exclude_spans=["receive", "send"]
+        app,
+        tracer_provider=provider,
+        excluded_urls="livez,readyz,metrics",
+        exclude_spans=["receive", "send"],
     )
     return provider
 
@@ -102,7 +115,11 @@ def page_of_refusal(request: Request, refusal: problems.Refusal) -> HTMLResponse
     if refusal.status in REDIRECTS:
         return None
     rendering.note_visitor_of(request)
-    detail = "The address may be mistyped." if refusal.detail.startswith("There is nothing at") else refusal.detail
+    detail = (
+        "The address may be mistyped."
+        if refusal.detail.startswith("There is nothing at")
+        else refusal.detail
+    )
     title = TITLES.get(refusal.status, "This was refused")
     found = rendering.page("missing.html", refusal.status, active="", title=title, detail=detail)
     found.headers.update(refusal.headers)
@@ -126,7 +143,13 @@ async def login(request: Request) -> Response:
         return _form(place, "This key is not known here.", 401)
     answer = RedirectResponse(place, 303)
     # The value of a cookie takes no spaces, commas or umlauts.
-    answer.set_cookie(clients.COOKIE, quote(key, safe=""), httponly=True, samesite="strict", secure=_is_secure(request))
+    answer.set_cookie(
+        clients.COOKIE,
+        quote(key, safe=""),
+        httponly=True,
+        samesite="strict",
+        secure=_is_secure(request),
+    )
     return answer
 
 
@@ -135,7 +158,9 @@ async def logout(request: Request) -> Response:
     """The cookie taken back."""
     await results.read_form(request, results.SMALL_FORM)
     answer = RedirectResponse("/login", 303)
-    answer.delete_cookie(clients.COOKIE, httponly=True, samesite="strict", secure=_is_secure(request))
+    answer.delete_cookie(
+        clients.COOKIE, httponly=True, samesite="strict", secure=_is_secure(request)
+    )
     return answer
 
 
@@ -146,7 +171,11 @@ async def theme(request: Request) -> Response:
     answer = RedirectResponse(rendering.local_address(sent.text("back")), 303)
     if sent.text("theme") in rendering.THEMES:
         answer.set_cookie(
-            rendering.THEME_COOKIE, sent.text("theme"), max_age=A_YEAR, samesite="lax", secure=_is_secure(request)
+            rendering.THEME_COOKIE,
+            sent.text("theme"),
+            max_age=A_YEAR,
+            samesite="lax",
+            secure=_is_secure(request),
         )
     else:
         answer.delete_cookie(rendering.THEME_COOKIE, samesite="lax", secure=_is_secure(request))
@@ -162,7 +191,9 @@ async def robots() -> Response:
 @account.get("/favicon.ico")
 async def favicon() -> Response:
     """The icon under the name that browsers request by default."""
-    return RedirectResponse(rendering.address("icon.svg"), 301, {"Cache-Control": "public, max-age=86400"})
+    return RedirectResponse(
+        rendering.address("icon.svg"), 301, {"Cache-Control": "public, max-age=86400"}
+    )
 
 
 def _form(place: str, problem: str = "", status: int = 200) -> HTMLResponse:

@@ -30,7 +30,9 @@ ANY = "*"
 
 
 @asynccontextmanager
-async def body_of(request: Request, limit: int, types: Container[str] | None = ()) -> AsyncIterator[bytes]:
+async def body_of(
+    request: Request, limit: int, types: Container[str] | None = ()
+) -> AsyncIterator[bytes]:
     """The body, which counts as under way to the end of the context; 413 for more than `limit` bytes, unread.
 
     415 if it is neither JSON nor of one of the `types` (None: any is taken), and if it is compressed, because its final
@@ -38,19 +40,29 @@ async def body_of(request: Request, limit: int, types: Container[str] | None = (
     """
     if types is not None and not is_json(request) and content_type(request) not in types:
         lines = " or 'application/x-ndjson'" if types else ""
-        raise Refusal(415, "content-type", f"Send JSON with the header 'Content-Type: application/json'{lines}.")
+        raise Refusal(
+            415,
+            "content-type",
+            f"Send JSON with the header 'Content-Type: application/json'{lines}.",
+        )
     declared = middleware.said(request.scope, b"content-length")
     if declared.isascii() and declared.isdigit():
         refuse_longer(int(declared[:16]), limit)
     if middleware.said(request.scope, b"content-encoding").lower() not in ("", "identity"):
-        raise Refusal(415, "content-type", "Compressed bodies are not accepted; send it without 'Content-Encoding'.")
+        raise Refusal(
+            415,
+            "content-type",
+            "Compressed bodies are not accepted; send it without 'Content-Encoding'.",
+        )
     under_way: clients.Shares = request.app.state.engine.bytes
     with under_way.hold(clients.client_of(request)) as take:
         parts, is_more = list[bytes](), True
         while is_more:
             message = await request.receive()
             if message["type"] == "http.disconnect":
-                raise Refusal(400, "unreadable", "The connection was closed before the whole body had come.")
+                raise Refusal(
+                    400, "unreadable", "The connection was closed before the whole body had come."
+                )
             parts.append(message.get("body", b""))
             refuse_longer(take(len(parts[-1])), limit)
             is_more = message.get("more_body", False)
@@ -60,7 +72,9 @@ async def body_of(request: Request, limit: int, types: Container[str] | None = (
 def refuse_longer(size: int, limit: int) -> None:
     """Raises Refusal (413) for a body of more bytes than its limit."""
     if size > limit:
-        raise Refusal(413, "too-large", f"The body has more than {limit:,} bytes; send a smaller document.")
+        raise Refusal(
+            413, "too-large", f"The body has more than {limit:,} bytes; send a smaller document."
+        )
 
 
 def content_type(request: Request) -> str:
@@ -96,7 +110,9 @@ def preference_of(request: Request) -> Preference:
 
 def wants_fresh(request: Request) -> bool:
     """`Cache-Control: no-cache`: the question is to be computed again."""
-    directives = {part.strip().lower() for part in middleware.said(request.scope, b"cache-control").split(",")}
+    directives = {
+        part.strip().lower() for part in middleware.said(request.scope, b"cache-control").split(",")
+    }
     return bool(directives & {"no-cache", "no-store"})
 
 
@@ -104,7 +120,9 @@ def key_of(request: Request) -> str:
     """`Idempotency-Key`, which a client sends with one question or one batch only; empty where there is none."""
     given = middleware.said(request.scope, b"idempotency-key")
     if len(given) > LARGEST_KEY:
-        raise Refusal(422, "limit", f"The header 'Idempotency-Key' takes at most {LARGEST_KEY} characters.")
+        raise Refusal(
+            422, "limit", f"The header 'Idempotency-Key' takes at most {LARGEST_KEY} characters."
+        )
     return given
 
 

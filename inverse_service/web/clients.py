@@ -100,7 +100,11 @@ class Keys:
         except (OSError, ValueError) as error:
             detail = f"{PLACE} cannot be read: {getattr(error, 'strerror', None) or 'not UTF-8'}."
             raise errors.InputError(detail) from None
-        return tuple(_key(number, line) for number, line in enumerate(lines, 1) if line.partition("#")[0].strip())
+        return tuple(
+            _key(number, line)
+            for number, line in enumerate(lines, 1)
+            if line.partition("#")[0].strip()
+        )
 
 
 def _key(number: int, line: str) -> Key:
@@ -108,9 +112,13 @@ def _key(number: int, line: str) -> Key:
     text, _, day = line.partition("#")[0].strip().partition(" ")
     try:
         client, digest = read_key(text)
-        return Key(client, digest, datetime.date.fromisoformat(day.strip()) if day.strip() else None)
+        return Key(
+            client, digest, datetime.date.fromisoformat(day.strip()) if day.strip() else None
+        )
     except (ValueError, errors.InputError):
-        detail = f"{PLACE} is wrong in line {number}; a line is 'alice:HASH' or 'alice:HASH 2030-12-31'."
+        detail = (
+            f"{PLACE} is wrong in line {number}; a line is 'alice:HASH' or 'alice:HASH 2030-12-31'."
+        )
         raise errors.InputError(detail) from None
 
 
@@ -175,11 +183,17 @@ def _client(request: Request, keys: Keys) -> str:
     if not keys.are_asked:
         return address_of(request)
     scheme, _, token = middleware.said(request.scope, b"authorization").partition(" ")
-    key = token.strip() if scheme.lower() == "bearer" else middleware.said(request.scope, b"x-api-key")
+    key = (
+        token.strip()
+        if scheme.lower() == "bearer"
+        else middleware.said(request.scope, b"x-api-key")
+    )
     name = keys.client_of(key or key_of_cookie(request))
     if name is None:
         detail = "This service asks for a key: send 'Authorization: Bearer KEY' or 'X-API-Key: KEY'; people use /login."
-        raise Refusal(401, "key", detail, headers={"WWW-Authenticate": 'Bearer realm="inverse-service"'})
+        raise Refusal(
+            401, "key", detail, headers={"WWW-Authenticate": 'Bearer realm="inverse-service"'}
+        )
     return name
 
 
@@ -211,9 +225,20 @@ class Shares:
             nonlocal held
             held += more
             self._held[client] += more
-            status = 429 if self._held[client] > self.of_a_client else 503 if len(self) > self.total else 0
+            status = (
+                429
+                if self._held[client] > self.of_a_client
+                else 503
+                if len(self) > self.total
+                else 0
+            )
             if status:
-                raise Refusal(status, "busy", self.much if status == 429 else self.full, headers={"Retry-After": "2"})
+                raise Refusal(
+                    status,
+                    "busy",
+                    self.much if status == 429 else self.full,
+                    headers={"Retry-After": "2"},
+                )
             return held
 
         try:

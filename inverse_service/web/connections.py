@@ -52,7 +52,9 @@ class Connections:
 
     def admit(self, connection: Connection) -> bool:
         """Accept a new connection; if all places are taken, close the one that was silent longest."""
-        is_many = self._addresses[connection.address] >= self.of_an_address and not self.is_proxy(connection.address)
+        is_many = self._addresses[connection.address] >= self.of_an_address and not self.is_proxy(
+            connection.address
+        )
         if is_many or (len(self._open) >= self.total and not self._make_room()):
             return False
         if not self._open:
@@ -145,7 +147,9 @@ class Connection(HttpToolsProtocol):
         try:
             self.parser.feed_data(data)
         except httptools.HttpParserUpgrade as stopped:
-            lengths = [b": ".join(pair) for pair in self.cycle.scope["headers"] if pair[0] in LENGTHS]
+            lengths = [
+                b": ".join(pair) for pair in self.cycle.scope["headers"] if pair[0] in LENGTHS
+            ]
             self.cycle.more_body = True
             self.parser, self._is_repeated = httptools.HttpRequestParser(self), True
             self.parser.feed_data(b"\r\n".join([b"POST / HTTP/1.1", *lengths, b"", b""]))
@@ -203,4 +207,6 @@ class Connection(HttpToolsProtocol):
         """Whether the client takes longer than it may for its next head, or for its body."""
         if self.is_waiting:
             return now - self.since > (HEADERS if self.cycle is None else KEEP_ALIVE)
-        return self.cycle.more_body and now - self.since > BODY_GRACE + self._received / BYTES_A_SECOND
+        return (
+            self.cycle.more_body and now - self.since > BODY_GRACE + self._received / BYTES_A_SECOND
+        )

@@ -24,7 +24,15 @@ from starlette.types import Scope
 from api_schemas.system import SystemDocument
 from inverse_service import __version__, errors
 from inverse_service.service.documents import answers
-from inverse_service.service.jobs import model, monitoring, opening, statements, stores, tasks, workers
+from inverse_service.service.jobs import (
+    model,
+    monitoring,
+    opening,
+    statements,
+    stores,
+    tasks,
+    workers,
+)
 from inverse_service.service.jobs.batch import batch_task
 from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.settings import Settings
@@ -95,7 +103,11 @@ class KnownAnswers:
     def get(self, key: bytes, kind: str) -> Response | None:
         """The answer to a question, if it was given a moment ago and its job has not changed."""
         found = self._answers.get(key)
-        if found is None or found.mark is not self._marks.get(found.job) or found.until < time.monotonic():
+        if (
+            found is None
+            or found.mark is not self._marks.get(found.job)
+            or found.until < time.monotonic()
+        ):
             return None
         monitoring.of(monitoring.KNOWN, kind).inc()
         return found.response
@@ -141,17 +153,25 @@ class Engine:
         self.settings = settings
         self.keys = clients.Keys(settings)
         self.known = KnownAnswers()
-        self.work_workers = opening.executor(settings.cluster, settings.workers, settings.memory_limit)
-        self.quick_workers = workers.Workers(clients.QUICK_PROCESSES, settings.memory_limit, clients.QUICK_SHARE)
+        self.work_workers = opening.executor(
+            settings.cluster, settings.workers, settings.memory_limit
+        )
+        self.quick_workers = workers.Workers(
+            clients.QUICK_PROCESSES, settings.memory_limit, clients.QUICK_SHARE
+        )
         self._threads = ThreadPoolExecutor(STORE_THREADS, "store")
         self._store_check: asyncio.Future[list[str]] | None = None
         self._store_checked = 0.0
         self._chores: list[asyncio.Task[None]] = []
         # Those who wait for a quick process, those who get an answer that is not stored, and bytes of bodies.
-        self.places = clients.Shares(settings.waiting, max(1, settings.waiting // 2), MANY_WAIT, MANY_WAIT)
+        self.places = clients.Shares(
+            settings.waiting, max(1, settings.waiting // 2), MANY_WAIT, MANY_WAIT
+        )
         self.glances = clients.Shares(clients.GLANCES, 1, MANY_WAIT)
         largest = asking.LARGEST_FACTOR * settings.max_body
-        self.bytes = clients.Shares(2 * largest, largest, "Too much data is being processed; send less at a time.")
+        self.bytes = clients.Shares(
+            2 * largest, largest, "Too much data is being processed; send less at a time."
+        )
         # Those of the server that runs this application, where it counts them.
         self.connections: Sized = ()
         self.is_open = False
@@ -172,7 +192,9 @@ class Engine:
             workers.preload(module)
         self.work_workers.start()
         self.quick_workers.start()
-        self.supervisor = Supervisor(self.store, self.work_workers, self.settings.client_running, self.quick_workers)
+        self.supervisor = Supervisor(
+            self.store, self.work_workers, self.settings.client_running, self.quick_workers
+        )
         self.store.on_change(self.hub.tell)
         self.store.on_change(self.known.drop)
         self.supervisor.start()
@@ -180,7 +202,9 @@ class Engine:
         gc.collect()
         gc.freeze()  # what is loaded stays, and is not looked through again and again
         self.is_open = True
-        log.info("the service starts", extra={"version": __version__, "workers": self.settings.workers})
+        log.info(
+            "the service starts", extra={"version": __version__, "workers": self.settings.workers}
+        )
 
     @property
     def store(self) -> stores.JobStore:
@@ -222,9 +246,13 @@ class Engine:
     def bounds(self) -> model.Bounds:
         """How many open jobs there may be, and what a client may use in a day."""
         settings = self.settings
-        return model.Bounds(settings.queue, settings.client_queue, settings.client_daily_seconds or model.NO_BOUND)
+        return model.Bounds(
+            settings.queue, settings.client_queue, settings.client_daily_seconds or model.NO_BOUND
+        )
 
-    def in_thread(self, function: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> asyncio.Future[T]:
+    def in_thread(
+        self, function: Callable[P, T], *arguments: P.args, **named: P.kwargs
+    ) -> asyncio.Future[T]:
         """What a function that waits for the disk gives, in a thread."""
         work = functools.partial(function, *arguments, **named)
         return asyncio.get_running_loop().run_in_executor(self._threads, work)
@@ -252,7 +280,9 @@ class Engine:
         """A batch as this viewer may see it; None also for another client's."""
         return viewer.seen(await self.read(self.store.batch, id))
 
-    async def submit(self, request: model.JobRequest, viewer: model.Viewer, seconds: float, key: str = "") -> model.Job:
+    async def submit(
+        self, request: model.JobRequest, viewer: model.Viewer, seconds: float, key: str = ""
+    ) -> model.Job:
         """The stored job of a question, sent with this key, when it is final, or as it is after so many seconds."""
         own, end = viewer.own(request), time.monotonic() + seconds
         with self.hub.waiting(asking.end_of(own.id)) as ended:
@@ -267,7 +297,9 @@ class Engine:
         if job.is_open and seconds <= 0 and question.kind == "solve":
             with suppress(problems.Refusal):  # where too many wait, the job will tell
                 body = question.document.encode()
-                outcome = await self.run_quick(question.client, tasks.parse_task, body, seconds=QUICK_DEADLINE)
+                outcome = await self.run_quick(
+                    question.client, tasks.parse_task, body, seconds=QUICK_DEADLINE
+                )
                 if outcome.status == "refused":
                     raise errors.DocumentRefused(outcome.places)
         return job
@@ -306,7 +338,9 @@ class Engine:
                     yield part
                 if found.is_last:
                     return
-                if time.monotonic() - spoken >= KEEP_ALIVE:  # or the reader and proxies take us for dead
+                if (
+                    time.monotonic() - spoken >= KEEP_ALIVE
+                ):  # or the reader and proxies take us for dead
                     spoken = time.monotonic()
                     yield alive
                 if not found.is_more:
@@ -353,11 +387,15 @@ class Engine:
             self.supervisor.cancel(id)
         return job
 
-    def create_batch(self, kind: str, viewer: model.Viewer, lines: Sequence[model.BatchLine], key: str) -> model.Batch:
+    def create_batch(
+        self, kind: str, viewer: model.Viewer, lines: Sequence[model.BatchLine], key: str
+    ) -> model.Batch:
         """The stored batch of these lines; one with cancelled lines is left as it is and a new one made. Blocks."""
         client = viewer.name
         lines = [replace(line, request=line.request and viewer.own(line.request)) for line in lines]
-        self._claim_key(client, key, statements.batch_id(kind, client, lines, key, 0) if key else "")
+        self._claim_key(
+            client, key, statements.batch_id(kind, client, lines, key, 0) if key else ""
+        )
         latest: model.Batch | None = None
         for generation in itertools.count():
             id = statements.batch_id(kind, client, lines, key, generation)
@@ -374,7 +412,9 @@ class Engine:
     ) -> model.Batch:
         """The stored batch of a body; too many lines are refused with 413."""
         try:
-            lines = await self.read_body(terms.client, batch_task, body, is_array, terms, seconds=LONG_DEADLINE)
+            lines = await self.read_body(
+                terms.client, batch_task, body, is_array, terms, seconds=LONG_DEADLINE
+            )
             return await self.read(self.create_batch, terms.kind, viewer, lines, key)
         except errors.InputError as error:
             if error.code != "limit":
@@ -398,7 +438,12 @@ class Engine:
         return await self.read_body(terms.client, tasks.ask_task, body, terms)
 
     async def read_body(
-        self, client: str, task: Callable[..., T], body: bytes, *more: Any, seconds: float = QUICK_DEADLINE
+        self,
+        client: str,
+        task: Callable[..., T],
+        body: bytes,
+        *more: Any,
+        seconds: float = QUICK_DEADLINE,
     ) -> T:
         """What a task of the quick processes makes of a body; raises DocumentRefused, or Refusal at a limit."""
         detail = "Reading this document ran into the {} limit; make it smaller."
@@ -421,12 +466,19 @@ class Engine:
         if outcome.status == "deadline" and outcome.spent.cpu < ITS_TIME * seconds:
             raise problems.Refusal(503, "busy", BUSY, headers={"Retry-After": "2"})
         if outcome.status in tasks.LIMITS:
-            raise problems.Refusal(status, "busy" if status == 503 else "limit", late.format(outcome.status))
+            raise problems.Refusal(
+                status, "busy" if status == 503 else "limit", late.format(outcome.status)
+            )
         found: T = tasks.value_of(outcome)
         return found
 
     async def run_quick(
-        self, client: str, task: Callable[..., Any], *arguments: Any, seconds: float, among_jobs: bool = False
+        self,
+        client: str,
+        task: Callable[..., Any],
+        *arguments: Any,
+        seconds: float,
+        among_jobs: bool = False,
     ) -> tasks.Outcome:
         """Run a task in one of the quick processes, or `among_jobs`, for `seconds` and more where much is given.
 
@@ -452,7 +504,9 @@ class Engine:
         question = (client, tasks.check_body_task, body)
         outcome = await self.run_quick(*question, seconds=QUICK_DEADLINE)
         if outcome.status == "deadline":
-            outcome = await self.run_quick(*question, seconds=self.settings.time_limit, among_jobs=True)
+            outcome = await self.run_quick(
+                *question, seconds=self.settings.time_limit, among_jobs=True
+            )
         return answers.check_document(outcome)
 
     async def faults(self) -> list[str]:
@@ -465,8 +519,14 @@ class Engine:
         if not self.supervisor.is_working():
             found.append("The supervisor of the jobs is not running.")
         with suppress(TimeoutError):  # while the service starts
-            await asyncio.wait_for(asyncio.shield(asyncio.wrap_future(self.quick_workers.first)), START_PATIENCE)
-        found += {fault: None for fault in (self.work_workers.fault(), self.quick_workers.fault()) if fault}
+            await asyncio.wait_for(
+                asyncio.shield(asyncio.wrap_future(self.quick_workers.first)), START_PATIENCE
+            )
+        found += {
+            fault: None
+            for fault in (self.work_workers.fault(), self.quick_workers.fault())
+            if fault
+        }
         return found + await self._store_faults()
 
     async def _store_faults(self) -> list[str]:
@@ -482,7 +542,9 @@ class Engine:
                 counts = await self.in_thread(self.store.counts)
                 is_drained = await self.in_thread(self.store.is_drained)
                 await self.in_thread(self.store.try_to_write)
-        except Exception as error:  # any error of the database, such as a full disk: it is not ready
+        except (
+            Exception
+        ) as error:  # any error of the database, such as a full disk: it is not ready
             log.warning("the store is not ready", exc_info=True)
             said = error.detail if isinstance(error, model.StoreUnavailable) else ""
             return [said or "The store of jobs does not answer, or cannot be written."]
@@ -500,7 +562,9 @@ class Engine:
 
     async def _forget(self) -> None:
         """Forget old answers now and then."""
-        cleaner = stores.Cleaner(self.store, self.settings.retention_days * 86_400.0, self.settings.store_size * 2**20)
+        cleaner = stores.Cleaner(
+            self.store, self.settings.retention_days * 86_400.0, self.settings.store_size * 2**20
+        )
         await asyncio.sleep(FIRST_CLEANING)
         while True:
             await self.in_thread(cleaner.clean)

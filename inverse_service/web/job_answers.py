@@ -34,7 +34,9 @@ async def stored_response(
     body: bytes | None = None,
 ) -> Response:  # fmt: skip
     """200 with the body of a job's answer, which is read where it is not given, between two texts."""
-    size, first = await engine.read(engine.store.part, id, 0, PART) if body is None else (len(body), body)
+    size, first = (
+        await engine.read(engine.store.part, id, 0, PART) if body is None else (len(body), body)
+    )
     before, after = around
     if len(first) == size:
         return Response(before + (first or b"null") + after, 200, dict(headers), JSON)
@@ -75,7 +77,9 @@ async def lines_of(engine: Engine, answers: list[model.BatchAnswer]) -> AsyncIte
         yield b"".join(together)
 
 
-async def result_response(request: Request, job: model.Job, engine: Engine, preference: asking.Preference) -> Response:
+async def result_response(
+    request: Request, job: model.Job, engine: Engine, preference: asking.Preference
+) -> Response:
     """The answer to the call that asked: the result, the problem it ended with, or 202 and where to look.
 
     `Accept` of text, LaTeX or a SymPy program gives the result of `solve` in that form.
@@ -114,14 +118,22 @@ async def job_response(request: Request, job: model.Job, engine: Engine) -> Resp
 
 
 async def job_document(
-    job: model.Job, engine: Engine, headers: Mapping[str, str], status: int = 200, is_whole: bool = False
+    job: model.Job,
+    engine: Engine,
+    headers: Mapping[str, str],
+    status: int = 200,
+    is_whole: bool = False,
 ) -> Response:
     """The Job document; where it `is_whole` with its result, which is not read and written again.
 
     One that was dismissed has as its result what was finished of it.
     """
     # The progress of a job that runs elsewhere is in the store.
-    fields = await engine.read(job_fields, job, engine) if job.status == "running" else job_fields(job, engine)
+    fields = (
+        await engine.read(job_fields, job, engine)
+        if job.status == "running"
+        else job_fields(job, engine)
+    )
     has_result = is_whole and job.status in ("successful", "dismissed")
     ended_badly = job.status == "failed" or (is_whole and job.status == "dismissed")
     problem = await problem_of(job, engine) if ended_badly else b"null"
@@ -140,7 +152,9 @@ def is_known(request: Request, tag: str) -> bool:
 
 async def problem_of(job: model.Job, engine: Engine) -> bytes:
     """Why a job has no result."""
-    dismissed = answers.as_bytes(answers.problem_document(410, "dismissed", "The job was dismissed while it ran."))
+    dismissed = answers.as_bytes(
+        answers.problem_document(410, "dismissed", "The job was dismissed while it ran.")
+    )
     if job.status == "dismissed":
         return dismissed
     return job.body or (await engine.read(engine.store.part, job.id, 0, PART))[1] or dismissed
@@ -154,8 +168,16 @@ def job_fields(job: model.Job, engine: Engine) -> dict[str, Any]:
         "accepted_at": moment_of(job.created),
         "started_at": moment_of(job.started),
         "ended_at": moment_of(job.finished),
-        "usage": {"wall": round(job.wall, 4), "cpu": round(job.cpu, 4), "memory": round(job.memory, 1)},
-        "links": {"self": address(job), "events": f"{address(job)}/events", "page": f"/results/{job.id}"},
+        "usage": {
+            "wall": round(job.wall, 4),
+            "cpu": round(job.cpu, 4),
+            "memory": round(job.memory, 1),
+        },
+        "links": {
+            "self": address(job),
+            "events": f"{address(job)}/events",
+            "page": f"/results/{job.id}",
+        },
     }
 
 

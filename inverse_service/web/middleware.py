@@ -41,8 +41,12 @@ RAW_HEADERS = [(name.lower().encode(), value.encode()) for name, value in HEADER
 STREAMS = ("/events", "/results")
 LARGEST_HEADERS = 32_768
 MOST_HEADERS = 500
-TOO_LARGE = f"The headers have more than {LARGEST_HEADERS} bytes or {MOST_HEADERS} lines; send less."
-UNREADABLE = "This is no request of HTTP/1.1: a line of its head, or the length of its body, cannot be read."
+TOO_LARGE = (
+    f"The headers have more than {LARGEST_HEADERS} bytes or {MOST_HEADERS} lines; send less."
+)
+UNREADABLE = (
+    "This is no request of HTTP/1.1: a line of its head, or the length of its body, cannot be read."
+)
 TOO_MANY = "Too many connections are open, in all or of this address; close some, or come again in some seconds."
 
 
@@ -58,7 +62,9 @@ class Entrance:
     was stored for it by then, such as a job, stays.
     """
 
-    def __init__(self, app: ASGIApp, hosts: Sequence[str], questions: Container[str], ask: ASGIApp) -> None:
+    def __init__(
+        self, app: ASGIApp, hosts: Sequence[str], questions: Container[str], ask: ASGIApp
+    ) -> None:
         self.app, self._questions, self._ask = app, questions, ask
         self._hosts = frozenset(host.lower() for host in hosts)
 
@@ -79,7 +85,11 @@ class Entrance:
                 status, seconds = message["status"], time.monotonic() - began
                 given = {name for name, _ in message["headers"]}
                 ours = [pair for pair in RAW_HEADERS if pair[0] not in given]
-                message["headers"] = [*message["headers"], *ours, (b"x-request-id", identifier.encode())]
+                message["headers"] = [
+                    *message["headers"],
+                    *ours,
+                    (b"x-request-id", identifier.encode()),
+                ]
                 if status == 307:  # by the framework, after a slash too many
                     headers = MutableHeaders(scope=message)
                     headers["location"] = "/" + headers["location"].split("/", 3)[3].lstrip("/")
@@ -102,7 +112,9 @@ class Entrance:
             route = getattr(scope.get("route"), "path", "none")
             method = scope["method"] if scope["method"] in METHODS else "other"
             monitoring.of(monitoring.REQUESTS, method, route, str(status)).inc()
-            monitoring.of(monitoring.ANSWERED, method, route).observe(seconds or time.monotonic() - began)
+            monitoring.of(monitoring.ANSWERED, method, route).observe(
+                seconds or time.monotonic() - began
+            )
             _note(scope, status, time.monotonic() - began)
             monitoring.REQUEST.reset(token)
 
@@ -115,16 +127,20 @@ class Entrance:
         names = [name for name, _ in heads]
         codings = [value.lower() for name, value in heads if name == b"transfer-encoding"]
         if codings and (codings != [b"chunked"] or b"content-length" in names):
-            detail = (
-                "A body has a Content-Length, or comes in chunks (Transfer-Encoding: chunked); send only one of them."
-            )
+            detail = "A body has a Content-Length, or comes in chunks (Transfer-Encoding: chunked); send only one of them."
             return _refused(400, "unreadable", detail)
         if names.count(b"host") != 1 and (names.count(b"host") or scope["http_version"] != "1.0"):
             return _refused(400, "unreadable", "A request of HTTP/1.1 has one header 'Host'.")
         if b"%00" in scope["query_string"]:
-            return _refused(422, "bad-input", "The query has a NUL character (%00), which no value has; leave it out.")
+            return _refused(
+                422,
+                "bad-input",
+                "The query has a NUL character (%00), which no value has; leave it out.",
+            )
         if "\x00" in scope["path"]:
-            return _refused(404, "not-found", "There is nothing at an address that has a NUL character.")
+            return _refused(
+                404, "not-found", "There is nothing at an address that has a NUL character."
+            )
         if self._hosts and not self._hosts & {host_of(scope), "*"}:
             detail = "This service does not answer to this host name; its operator lists them in INVERSE_SERVICE_HOSTS."
             return _refused(421, "host", detail)
@@ -154,7 +170,12 @@ def _note(scope: Scope, status: int, seconds: float) -> None:
     if scope["path"] in QUIET:
         return
     client = scope.get("state", {}).get("client_name") or (scope.get("client") or ("",))[0]
-    about = {"client": client, "method": scope["method"], "path": scope["path"][:200], "status": status}
+    about = {
+        "client": client,
+        "method": scope["method"],
+        "path": scope["path"][:200],
+        "status": status,
+    }
     level = logging.WARNING if status == 401 else logging.INFO
     monitoring.say(log, "request", {**about, "seconds": round(seconds, 4)}, level)
 

@@ -14,7 +14,14 @@ from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
 from api_schemas.base import ParseAnswer, ProblemDocument
-from api_schemas.job import BatchProblem, CheckedDocument, JobEvent, JobOptions, JobResult, SolveResult
+from api_schemas.job import (
+    BatchProblem,
+    CheckedDocument,
+    JobEvent,
+    JobOptions,
+    JobResult,
+    SolveResult,
+)
 from api_schemas.result import (
     ForwardParseAnswer,
     ForwardResult,
@@ -38,7 +45,9 @@ EXAMPLES = {"SystemDocument": "sho", "NonholonomicDocument": "vertically-rolling
 
 
 def _read(package: str, name: str) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(resources.files(package).joinpath(name).read_text(encoding="utf-8"))
+    found: dict[str, Any] = json.loads(
+        resources.files(package).joinpath(name).read_text(encoding="utf-8")
+    )
     return found
 
 
@@ -47,7 +56,10 @@ PARTS = _read("inverse_service.web", "openapi.json")
 
 def refusals(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """The problem documents of a route."""
-    return {status: {"description": TITLES.get(status, "Refused"), "content": {MEDIA_TYPE: {}}} for status in statuses}
+    return {
+        status: {"description": TITLES.get(status, "Refused"), "content": {MEDIA_TYPE: {}}}
+        for status in statuses
+    }
 
 
 def any_of(*names: str) -> dict[str, Any]:
@@ -63,7 +75,12 @@ def answer(schema: dict[str, Any]) -> dict[str, Any]:
 
 def body_of(*names: str) -> dict[str, Any]:
     """The body of a route that reads it itself."""
-    return {"requestBody": {"required": True, "content": {"application/json": {"schema": any_of(*names)}}}}
+    return {
+        "requestBody": {
+            "required": True,
+            "content": {"application/json": {"schema": any_of(*names)}},
+        }
+    }
 
 
 SOLVED = answer(any_of("SolveResult"))
@@ -80,7 +97,9 @@ BATCH_BODY = {"requestBody": PARTS["batch_body"], "parameters": [PARTS["time_lim
 def description_of(app: FastAPI) -> dict[str, Any]:
     """The whole description, made once."""
     if app.openapi_schema is None:
-        found = get_openapi(title=app.title, version=app.version, summary=app.summary, routes=app.routes)
+        found = get_openapi(
+            title=app.title, version=app.version, summary=app.summary, routes=app.routes
+        )
         found["info"] |= PARTS["info"]
         found |= PARTS["whole"]
         components = found.setdefault("components", {})
@@ -107,7 +126,9 @@ def _schemas(known: dict[str, Any]) -> dict[str, Any]:
         if model in (*ASKED, SceneDocument, JobOptions):
             _without_defaults(schema)
         parts = schema.pop("$defs", {})
-        known.update({name: parts[name] for name in parts if model not in UNIONS or name not in known})
+        known.update(
+            {name: parts[name] for name in parts if model not in UNIONS or name not in known}
+        )
         known[model.__name__] = schema
     for model in ASKED:
         known[model.__name__]["properties"] |= copy.deepcopy(PARTS["keys_of_documents"])
@@ -118,7 +139,10 @@ def _schemas(known: dict[str, Any]) -> dict[str, Any]:
     for name, example in EXAMPLES.items():
         known[name]["examples"] = [catalogue.document(example)]
     for model in ANSWERED:
-        known[model.__name__]["properties"] |= {"document_id": dict(PARTS["keys_of_documents"]["id"]), "metadata": {}}
+        known[model.__name__]["properties"] |= {
+            "document_id": dict(PARTS["keys_of_documents"]["id"]),
+            "metadata": {},
+        }
         # Its older name `id` is not described, so that an answer with an `id` is a job.
         known[model.__name__].pop("additionalProperties")
     for place in known["JobResult"]["discriminator"]["mapping"].values():

@@ -25,17 +25,35 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 Found = TypeVar("Found")
 MEDIA_TYPE = "application/problem+json"
-TYPES = {400: "unreadable", 404: "not-found", 405: "method", 413: "too-large", 415: "content-type", 500: "fault"}
+TYPES = {
+    400: "unreadable",
+    404: "not-found",
+    405: "method",
+    413: "too-large",
+    415: "content-type",
+    500: "fault",
+}
 
 
 class Refusal(Exception):
     """A request that a route refuses; `kind` is the stable end of the problem's type."""
 
     def __init__(
-        self, status: int, kind: str, detail: str, places: tuple[Place, ...] = (), headers: Mapping[str, str] = {}
+        self,
+        status: int,
+        kind: str,
+        detail: str,
+        places: tuple[Place, ...] = (),
+        headers: Mapping[str, str] = {},
     ) -> None:
         super().__init__(detail)
-        self.status, self.kind, self.detail, self.places, self.headers = status, kind, detail, places, dict(headers)
+        self.status, self.kind, self.detail, self.places, self.headers = (
+            status,
+            kind,
+            detail,
+            places,
+            dict(headers),
+        )
 
 
 # A full disk, for one (OperationalError): nothing was stored, and asking again is right.
@@ -60,12 +78,16 @@ def answer_to(request: Request, refusal: Refusal) -> Response:
 def problem(refusal: Refusal) -> Response:
     """The response of a refusal; its texts are ours, never the caller's."""
     content = answers.problem_document(refusal.status, refusal.kind, refusal.detail, refusal.places)
-    return Response(answers.as_bytes(content), refusal.status, headers=refusal.headers, media_type=MEDIA_TYPE)
+    return Response(
+        answers.as_bytes(content), refusal.status, headers=refusal.headers, media_type=MEDIA_TYPE
+    )
 
 
 def install(app: FastAPI, page_of_refusal: Callable[[Request, Refusal], Response | None]) -> None:
     """Make every error of the application a problem document, or a page where `page_of_refusal` makes one."""
-    from fastapi.exceptions import RequestValidationError  # workers load this module, and never FastAPI
+    from fastapi.exceptions import (
+        RequestValidationError,
+    )  # workers load this module, and never FastAPI
 
     app.state.page_of_refusal = page_of_refusal
     for error in (*REFUSED, HTTPException):
@@ -81,7 +103,9 @@ async def on_error(request: Request, error: Exception) -> Response:
 
 async def _on_query(request: Request, error: Exception) -> Response:
     faults = cast("RequestValidationError", error).errors()
-    places = tuple(Place(f"{fault['msg']}.", f"/{_plain(fault)}") for fault in faults if fault.get("loc"))
+    places = tuple(
+        Place(f"{fault['msg']}.", f"/{_plain(fault)}") for fault in faults if fault.get("loc")
+    )
     shown = ", ".join(sorted({_plain(fault) for fault in faults if fault.get("loc")}))
     detail = f"The address or its query is not as described in /docs: {shown}."
     return answer_to(request, Refusal(422, "bad-input", detail, places))
@@ -98,7 +122,10 @@ def rate_limit(quota: float, left: float, seconds: int) -> dict[str, str]:
     None are left only where the next question is refused.
     """
     policy = f'"day";q={quota:.0f};w=86400'
-    return {"RateLimit-Policy": policy, "RateLimit": f'"day";r={max(0, math.ceil(left))};t={seconds}'}
+    return {
+        "RateLimit-Policy": policy,
+        "RateLimit": f'"day";r={max(0, math.ceil(left))};t={seconds}',
+    }
 
 
 def refusal_of(request: Request, error: Exception) -> Refusal:
@@ -117,7 +144,9 @@ def refusal_of(request: Request, error: Exception) -> Refusal:
             return Refusal(500, "fault", error.detail)
         case model.TooManyJobs():
             limits = rate_limit(error.quota, 0.0, error.seconds) if error.quota else {}
-            return Refusal(429, error.code, error.detail, headers={"Retry-After": str(error.seconds), **limits})
+            return Refusal(
+                429, error.code, error.detail, headers={"Retry-After": str(error.seconds), **limits}
+            )
     log.warning("the store does not answer at %s", request.url.path, exc_info=error)
     detail = "The store of jobs does not answer; try again in some seconds."
     return Refusal(503, model.StoreUnavailable.code, detail, headers={"Retry-After": "5"})
@@ -133,7 +162,10 @@ def _of_framework(request: Request, error: HTTPException) -> Refusal:
     kind = TYPES.get(error.status_code, "refused")
     headers = dict(error.headers or {})
     if error.status_code == 405:
-        known = {method.strip() for method in headers.pop("allow", headers.pop("Allow", "GET")).split(",")}
+        known = {
+            method.strip()
+            for method in headers.pop("allow", headers.pop("Allow", "GET")).split(",")
+        }
         headers["Allow"] = ", ".join(sorted(known | _methods(request)))
     return Refusal(error.status_code, kind, detail, headers=headers)
 

@@ -52,7 +52,9 @@ SCENE = openapi.body_of("SceneDocument") | openapi.TIME_LIMIT_QUERY
 QUESTIONS = {f"/v1/{kind}": kind for kind in ("solve", "simulate", "work-precision")}
 Route = Callable[[Request], Awaitable[Response]]
 NDJSON = "application/x-ndjson"
-NDJSON_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl", "application/x-jsonlines"})
+NDJSON_TYPES = frozenset(
+    {NDJSON, "application/ndjson", "application/jsonl", "application/x-jsonlines"}
+)
 # A stream that wakes for every job would read the store more than it writes answers.
 SMALLEST_PAUSE, LARGEST_PAUSE = 0.02, 0.5
 LICENSE = "MIT"
@@ -69,7 +71,9 @@ def posted(
     return router.post(path, tags=[tag], responses={200: found, **others}, openapi_extra=taken)
 
 
-@posted(asked, "/v1/solve", "systems", openapi.SOLVED, openapi.SYSTEM_BODY | openapi.TIME_LIMIT_QUERY)
+@posted(
+    asked, "/v1/solve", "systems", openapi.SOLVED, openapi.SYSTEM_BODY | openapi.TIME_LIMIT_QUERY
+)
 async def solve(request: Request) -> Response:
     """Solve one system.
 
@@ -95,14 +99,18 @@ async def ask(scope: Scope, receive: Receive, send: Send) -> None:
 
 async def answered(request: Request, kind: str) -> Response:
     """The common path of all questions: store the job, wait briefly, answer; one answered a moment ago is known."""
-    request.scope["route"] = SimpleNamespace(path=f"/v1/{kind}")  # as the counts of requests name it
+    request.scope["route"] = SimpleNamespace(
+        path=f"/v1/{kind}"
+    )  # as the counts of requests name it
     clients.note_client(request)
     engine, client = engine_of(request), clients.client_of(request)
     async with asking.body_of(request, asking.FACTORS[kind] * engine.settings.max_body) as body:
         key = key_of(request.scope, body)
         if (answer := engine.known.get(key, kind)) is None:
             limit = asking.time_limit_of(request, engine.server_options)
-            terms = tasks.Terms(kind, engine.server_options, limit, client, asking.wants_fresh(request))
+            terms = tasks.Terms(
+                kind, engine.server_options, limit, client, asking.wants_fresh(request)
+            )
             question = await engine.question(body, terms)
     if answer is None:
         preference, viewer = asking.preference_of(request), clients.viewer_of(request)
@@ -116,7 +124,9 @@ async def answered(request: Request, kind: str) -> Response:
     return answer
 
 
-@jobs.get("/v1/jobs", response_model=JobList, responses={**openapi.refusals(422), **openapi.KEY_AND_RATE})
+@jobs.get(
+    "/v1/jobs", response_model=JobList, responses={**openapi.refusals(422), **openapi.KEY_AND_RATE}
+)
 async def list_jobs(
     request: Request,
     status: Literal["accepted", "running", "successful", "failed", "dismissed"] | None = None,
@@ -167,7 +177,10 @@ async def dismiss_jobs(request: Request, id: str) -> Response:
 @jobs.get(
     "/v1/jobs/{id}/events",
     response_class=StreamingResponse,
-    responses={200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}}, **openapi.UNKNOWN},
+    responses={
+        200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}},
+        **openapi.UNKNOWN,
+    },
 )
 async def events(request: Request, id: str) -> Response:
     """Server-sent events of a job, to the end. Resumable with Last-Event-ID.
@@ -182,10 +195,14 @@ async def events(request: Request, id: str) -> Response:
     text = request.headers.get("last-event-id", request.query_params.get("last_event_id", "0"))
     after = int(text) if text.isascii() and text.isdigit() and len(text) < 16 else 0
     headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
-    return StreamingResponse(_events_of(engine, id, viewer, after), headers=headers, media_type="text/event-stream")
+    return StreamingResponse(
+        _events_of(engine, id, viewer, after), headers=headers, media_type="text/event-stream"
+    )
 
 
-async def _events_of(engine: Engine, id: str, viewer: model.Viewer, after: int) -> AsyncIterator[bytes]:
+async def _events_of(
+    engine: Engine, id: str, viewer: model.Viewer, after: int
+) -> AsyncIterator[bytes]:
     async def look() -> asking.Found:
         nonlocal after
         found = await engine.job(id, viewer)
@@ -217,7 +234,9 @@ def engine_of(request: Request) -> Engine:
     return engine
 
 
-@posted(asked, "/v1/simulate", "simulations", openapi.answer(openapi.any_of("SimulationResult")), SCENE)
+@posted(
+    asked, "/v1/simulate", "simulations", openapi.answer(openapi.any_of("SimulationResult")), SCENE
+)
 async def simulate(request: Request) -> Response:
     """Integrate a scene: each method's outcome, the observed quantities, thinned points.
 
@@ -226,7 +245,13 @@ async def simulate(request: Request) -> Response:
     return await answered(request, "simulate")
 
 
-@posted(asked, "/v1/work-precision", "simulations", openapi.answer(openapi.any_of("WorkPrecisionResult")), SCENE)
+@posted(
+    asked,
+    "/v1/work-precision",
+    "simulations",
+    openapi.answer(openapi.any_of("WorkPrecisionResult")),
+    SCENE,
+)
 async def work_precision(request: Request) -> Response:
     """Measure error against time for every method of a scene, at many step sizes."""
     return await answered(request, "work-precision")
@@ -251,18 +276,34 @@ async def create(request: Request, kind: KindName = "solve") -> Response:
     asks again, or `Idempotency-Key` is another one. A key that came with other lines before is refused (422).
     """
     engine = engine_of(request)
-    server, client, key = engine.server_options, clients.client_of(request), asking.batch_key_of(request)
+    server, client, key = (
+        engine.server_options,
+        clients.client_of(request),
+        asking.batch_key_of(request),
+    )
     limit, fresh = asking.time_limit_of(request, server), asking.wants_fresh(request)
     terms = tasks.Terms(kind, server, limit, client, fresh, engine.settings.max_lines)
-    async with asking.body_of(request, asking.FACTORS["batch"] * engine.settings.max_body, NDJSON_TYPES) as body:
-        stored = await engine.ask_batch(body, asking.is_json(request), terms, clients.viewer_of(request), key)
+    async with asking.body_of(
+        request, asking.FACTORS["batch"] * engine.settings.max_body, NDJSON_TYPES
+    ) as body:
+        stored = await engine.ask_batch(
+            body, asking.is_json(request), terms, clients.viewer_of(request), key
+        )
     headers = {"Location": f"/v1/batches/{stored.id}", "Retry-After": job_answers.RETRY_AFTER}
-    return JSONResponse(job_answers.batch_fields(stored), 202, headers | await engine.rate_limit(client))
+    return JSONResponse(
+        job_answers.batch_fields(stored), 202, headers | await engine.rate_limit(client)
+    )
 
 
-@batches.get("/v1/batches", response_model=BatchList, responses={**openapi.refusals(422), **openapi.KEY_AND_RATE})
+@batches.get(
+    "/v1/batches",
+    response_model=BatchList,
+    responses={**openapi.refusals(422), **openapi.KEY_AND_RATE},
+)
 async def list_batches(
-    request: Request, cursor: str | None = Query(None, max_length=64), limit: int = Query(20, ge=1, le=100)
+    request: Request,
+    cursor: str | None = Query(None, max_length=64),
+    limit: int = Query(20, ge=1, le=100),
 ) -> Response:
     """Batches, newest first, with the number of their lines in each status; `next` is the cursor of the next page."""
     engine, client = engine_of(request), clients.viewer_of(request).listed
@@ -270,11 +311,15 @@ async def list_batches(
         found, following = await engine.read(engine.store.batches, client, cursor, limit)
     except ValueError:
         raise _bad_cursor("batch") from None
-    return JSONResponse({"batches": [job_answers.batch_fields(one) for one in found], "next": following})
+    return JSONResponse(
+        {"batches": [job_answers.batch_fields(one) for one in found], "next": following}
+    )
 
 
 def _bad_cursor(what: str) -> problems.Refusal:
-    detail = f"The cursor is not one that this list gave, or its {what} is forgotten; begin without one."
+    detail = (
+        f"The cursor is not one that this list gave, or its {what} is forgotten; begin without one."
+    )
     return problems.Refusal(422, "bad-input", detail, (errors.Place(detail, "/cursor"),))
 
 
@@ -305,12 +350,17 @@ async def results(request: Request, id: str) -> Response:
     found = await _known_batch(request, id)
     lines = answers_of(engine_of(request), found)
     if _wants_array(request):
-        return StreamingResponse(as_array(lines), media_type="application/json", headers={"Vary": "Accept"})
+        return StreamingResponse(
+            as_array(lines), media_type="application/json", headers={"Vary": "Accept"}
+        )
     return StreamingResponse(lines, media_type=NDJSON, headers={"Vary": "Accept"})
 
 
 def _wants_array(request: Request) -> bool:
-    accepted = [part.partition(";")[0].strip() for part in middleware.said(request.scope, b"accept").lower().split(",")]
+    accepted = [
+        part.partition(";")[0].strip()
+        for part in middleware.said(request.scope, b"accept").lower().split(",")
+    ]
     # Who takes anything besides, as many programs say by default, gets the lines.
     return "application/json" in accepted and not {"*/*", *NDJSON_TYPES} & {*accepted}
 
@@ -335,8 +385,12 @@ async def answers_of(engine: Engine, batch: model.Batch) -> AsyncIterator[bytes]
 
     async def look() -> asking.Found:
         nonlocal sent, after, looked, pause
-        await asyncio.sleep(pause)  # readers of batches where nothing happens are woken by all others too
-        answers = await engine.read(engine.store.batch_answers, batch.id, after, job_answers.AT_ONCE, job_answers.SMALL)
+        await asyncio.sleep(
+            pause
+        )  # readers of batches where nothing happens are woken by all others too
+        answers = await engine.read(
+            engine.store.batch_answers, batch.id, after, job_answers.AT_ONCE, job_answers.SMALL
+        )
         pause = SMALLEST_PAUSE if answers else max(SMALLEST_PAUSE, min(LARGEST_PAUSE, 2 * pause))
         if answers or time.monotonic() - looked > KEEP_ALIVE:
             looked = time.monotonic()
@@ -366,7 +420,9 @@ async def parse(request: Request) -> Response:
     return Response(found, media_type="application/json")
 
 
-@posted(plain, "/v1/check", "systems", {"model": base.CheckAnswer}, openapi.body_of("CheckedDocument"))
+@posted(
+    plain, "/v1/check", "systems", {"model": base.CheckAnswer}, openapi.body_of("CheckedDocument")
+)
 async def check(request: Request) -> Response:
     """The independent checker's verdict on a result or a certificate, or on {"document": …, "result": …}.
 
@@ -382,10 +438,14 @@ async def check(request: Request) -> Response:
 async def list_catalogue() -> Response:
     """The names and titles of all systems of the catalogue."""
     entries = [catalogue.entry(name) for name in catalogue.names()]
-    return JSONResponse({"systems": [{key: e.get(key, "") for key in ("name", "title", "group")} for e in entries]})
+    return JSONResponse(
+        {"systems": [{key: e.get(key, "") for key in ("name", "title", "group")} for e in entries]}
+    )
 
 
-@named.get("/v1/catalogue/{name}", responses={200: {"model": base.CatalogueEntry}, **openapi.refusals(404)})
+@named.get(
+    "/v1/catalogue/{name}", responses={200: {"model": base.CatalogueEntry}, **openapi.refusals(404)}
+)
 async def catalogue_entry(name: str) -> Response:
     """One system of the catalogue: its document and what is known about it."""
     try:
@@ -399,14 +459,20 @@ async def catalogue_entry(name: str) -> Response:
 
 def form_task(equations: str) -> str:
     """The form of typed equations; InputError where they cannot be read."""
-    return alike.form_of(tasks.understand_task(model.split_options({"equations": equations, "parameters": "guess"})[0]))
+    return alike.form_of(
+        tasks.understand_task(
+            model.split_options({"equations": equations, "parameters": "guess"})[0]
+        )
+    )
 
 
 async def found_by(request: Request, words: str, tag: str, equations: str) -> list[dict[str, Any]]:
     """The systems of a search; refuses equations that cannot be read."""
     form = None
     if equations.strip():
-        form = await engine_of(request).made(clients.client_of(request), form_task, equations[:4_000], late=LATE)
+        form = await engine_of(request).made(
+            clients.client_of(request), form_task, equations[:4_000], late=LATE
+        )
     return catalogue.search_atlas(words[:200], tag[:80], form)
 
 
@@ -416,7 +482,10 @@ async def search(
     q: Annotated[str, Query(description="words of name, title, source, tags or equations")] = "",
     tag: Annotated[str, Query(description="a tag, such as Kamke or constraints")] = "",
     equations: Annotated[
-        str, Query(description="equations: systems of the same form, up to names, order and constant factors")
+        str,
+        Query(
+            description="equations: systems of the same form, up to names, order and constant factors"
+        ),
     ] = "",
 ) -> Response:
     """Systems with computed answers, by words, by tag, and by equations."""
@@ -425,7 +494,11 @@ async def search(
     return JSONResponse({"count": len(found), "systems": lines, "license": LICENSE, "cite": CITE})
 
 
-@named.get("/v1/atlas.ndjson", response_class=Response, responses={200: {"content": {"application/x-ndjson": {}}}})
+@named.get(
+    "/v1/atlas.ndjson",
+    response_class=Response,
+    responses={200: {"content": {"application/x-ndjson": {}}}},
+)
 async def whole(request: Request) -> Response:
     """The whole atlas, one system per line."""
     data, mark = await engine_of(request).in_thread(whole_atlas)
@@ -443,7 +516,9 @@ async def whole(request: Request) -> Response:
 @named.get("/v1/atlas/{name}", responses={200: {"model": AtlasEntry}, **openapi.refusals(404)})
 async def entry(name: str) -> Response:
     """One system: its document and its answers, without their proofs."""
-    found = problems.known(catalogue.atlas().get(name), "system of this name; GET /v1/atlas searches the atlas.")
+    found = problems.known(
+        catalogue.atlas().get(name), "system of this name; GET /v1/atlas searches the atlas."
+    )
     return JSONResponse(atlas_entry(found))
 
 
@@ -455,7 +530,9 @@ def atlas_entry(found: Mapping[str, Any]) -> dict[str, Any]:
 @lru_cache(maxsize=1)
 def whole_atlas() -> tuple[bytes, str]:
     """All entries as NDJSON, and a digest of that."""
-    lines = (json.dumps(atlas_entry(found), ensure_ascii=False) for found in catalogue.atlas().values())
+    lines = (
+        json.dumps(atlas_entry(found), ensure_ascii=False) for found in catalogue.atlas().values()
+    )
     data = "".join(f"{line}\n" for line in lines).encode()
     return data, hashlib.sha256(data).hexdigest()[:16]
 
@@ -464,7 +541,9 @@ def whole_atlas() -> tuple[bytes, str]:
 async def limits(request: Request) -> Response:
     """Every limit that a refusal can name."""
     settings = engine_of(request).settings
-    document = {name.lower(): value for name, value in vars(base).items() if name.startswith("MAX_")}
+    document = {
+        name.lower(): value for name, value in vars(base).items() if name.startswith("MAX_")
+    }
     service = {
         "time_limit_seconds": settings.time_limit,
         "time_limit_on_a_busy_machine_seconds": workers.MOST_CROWDED * settings.time_limit,
@@ -479,18 +558,23 @@ async def limits(request: Request) -> Response:
         "open_jobs": settings.queue,
         "open_jobs_of_a_client": settings.client_queue,
         "running_jobs_of_a_client": settings.client_running or settings.workers,
-        "processor_seconds_of_a_client_a_day": settings.client_daily_seconds or 86_400 * settings.workers,
+        "processor_seconds_of_a_client_a_day": settings.client_daily_seconds
+        or 86_400 * settings.workers,
         "waiting_requests": settings.waiting,
         "retention_days": settings.retention_days,
         "store_mib": settings.store_size,
     }
-    return JSONResponse({"document": document, "formula": dataclasses.asdict(LIMITS), "service": service})
+    return JSONResponse(
+        {"document": document, "formula": dataclasses.asdict(LIMITS), "service": service}
+    )
 
 
 @open_router.get("/llms.txt", response_class=PlainTextResponse)
 async def llms() -> PlainTextResponse:
     """A summary of the calls for programs, in ten lines."""
-    return PlainTextResponse(resources.files("inverse_service.web").joinpath("static/llms.txt").read_bytes())
+    return PlainTextResponse(
+        resources.files("inverse_service.web").joinpath("static/llms.txt").read_bytes()
+    )
 
 
 @open_router.get("/livez")
@@ -515,19 +599,34 @@ async def metrics(request: Request) -> Response:
     counts = await engine.read(engine.store.counts)
     oldest, size = await engine.read(engine.store.oldest), await engine.read(engine.store.size)
     age = 0.0 if oldest is None else max(0.0, time.time() - oldest)
-    by_status: dict[tuple[str, ...], float] = {(status,): float(counts.get(status, 0)) for status in model.STATUSES}
+    by_status: dict[tuple[str, ...], float] = {
+        (status,): float(counts.get(status, 0)) for status in model.STATUSES
+    }
     found = [
         monitoring.gauge("jobs", "Stored jobs by status.", by_status, ("status",)),
         monitoring.gauge("queue_length", "Jobs that wait for a worker.", counts.get("accepted", 0)),
         monitoring.gauge("queue_age_seconds", "How long the oldest of them waits.", age),
         monitoring.gauge("queue_limit", "At most so many jobs are open.", engine.settings.queue),
         monitoring.gauge("store_bytes", "Size of the database.", size),
-        monitoring.gauge("store_limit_bytes", "From there old answers go.", engine.settings.store_size * 2**20),
+        monitoring.gauge(
+            "store_limit_bytes", "From there old answers go.", engine.settings.store_size * 2**20
+        ),
         monitoring.gauge("connections", "Open connections.", len(engine.connections)),
-        monitoring.gauge("connections_limit", "At most so many are open.", engine.settings.connections),
-        monitoring.gauge("quick_waiting", "Requests that are read or wait for that.", len(engine.places)),
+        monitoring.gauge(
+            "connections_limit", "At most so many are open.", engine.settings.connections
+        ),
+        monitoring.gauge(
+            "quick_waiting", "Requests that are read or wait for that.", len(engine.places)
+        ),
         monitoring.gauge("workers", "Worker processes.", engine.settings.workers),
-        monitoring.gauge("jobs_taken", "Jobs that this process has taken.", engine.supervisor.running),
-        monitoring.gauge("info", "What runs.", {(model.engine_version(), __version__): 1.0}, ("engine", "version")),
+        monitoring.gauge(
+            "jobs_taken", "Jobs that this process has taken.", engine.supervisor.running
+        ),
+        monitoring.gauge(
+            "info",
+            "What runs.",
+            {(model.engine_version(), __version__): 1.0},
+            ("engine", "version"),
+        ),
     ]
     return Response(monitoring.written(found), media_type=PROMETHEUS)

@@ -22,13 +22,17 @@ import httpx
 from tests.attacks.looking import OTHER, look, memory_of
 from tests.serving import COMMAND, serving, until
 
-# Longest allowed look, without the time for which the cores ran other programs; a blocked loop shows seconds.
+# Longest allowed look, without the time for which the cores ran other programs; a blocked loop
+# shows seconds.
 FREEZE = 0.1
 MEMORY = 500.0
-# 250 bytes whose exponents have a common denominator of millions: parsing them does not end by itself.
+# 250 bytes whose exponents have a common denominator of millions: parsing them does not end by
+# itself.
 ENDLESS = {
     "coordinates": ["x", "y", "z"],
-    "lagrangian": "x'^2/2+y'^2/2+z'^2/2-(" + "+".join(f"exp(x/{p})" for p in (2, 3, 5, 7, 11, 13, 17, 19, 23)) + ")",
+    "lagrangian": "x'^2/2+y'^2/2+z'^2/2-("
+    + "+".join(f"exp(x/{p})" for p in (2, 3, 5, 7, 11, 13, 17, 19, 23))
+    + ")",
     "constraints": ["z'=y*x'"],
 }
 
@@ -79,7 +83,11 @@ class Attacked:
 @contextmanager
 def attacked(folder: Path, descriptors: int | None = None, **settings: str) -> Iterator[Attacked]:
     """A ready service with a new database, optionally with a limited number of descriptors."""
-    command = COMMAND if descriptors is None else ["sh", "-c", f'ulimit -n {descriptors}; exec "$@"', "sh", *COMMAND]
+    command = (
+        COMMAND
+        if descriptors is None
+        else ["sh", "-c", f'ulimit -n {descriptors}; exec "$@"', "sh", *COMMAND]
+    )
     settings = {"database": str(folder / "jobs.sqlite")} | settings
     log = folder / "log"
     with log.open("wb") as stream, serving(command, stream, **settings) as (process, address):
@@ -92,10 +100,10 @@ def attacked(folder: Path, descriptors: int | None = None, **settings: str) -> I
 
 @dataclass
 class Watch:
-    """Watches /livez as another client during an attack, and the memory of the web process. Each look excludes the time
-    for which the threads of the service, or the watcher, waited for a core that other programs used. A look is never
-    shorter than the work of the loop during it. The watcher is a separate process, because the attacker's threads would
-    hold the interpreter lock.
+    """Watches /livez as another client during an attack, and the memory of the web process. Each
+    look excludes the time for which the threads of the service, or the watcher, waited for a core
+    that other programs used. A look is never shorter than the work of the loop during it. The
+    watcher is a separate process, because the attacker's threads would hold the interpreter lock.
     """
 
     service: Attacked
@@ -106,13 +114,17 @@ class Watch:
     def __enter__(self) -> Watch:
         spawn = multiprocessing.get_context("spawn")
         self._end, theirs = spawn.Pipe()
-        self._process = spawn.Process(target=look, args=(self.service.address, self.service.process.pid, theirs))
+        self._process = spawn.Process(
+            target=look, args=(self.service.address, self.service.process.pid, theirs)
+        )
         self._process.start()
         theirs.close()
         assert self._end.recv() == "looking"
         return self
 
-    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self._end.send("end")
         looks = self._end.recv()
         self._process.join()
@@ -133,8 +145,12 @@ class Watch:
     def hold(self) -> None:
         """Fail if the loop was blocked or the web process grew; `pytest -rP` shows the numbers."""
         figures = f"/livez at the longest {1e3 * self.longest:.0f} ms, 9 of 10 below {1e3 * self.usual:.0f} ms"
-        print(f"{figures}, {1e3 * max(self.whole):.0f} ms with waiting for cores, web process {self.memory:.0f} MiB")
-        if "PYTEST_XDIST_WORKER" not in os.environ:  # other tests at the same time would be measured, too
+        print(
+            f"{figures}, {1e3 * max(self.whole):.0f} ms with waiting for cores, web process {self.memory:.0f} MiB"
+        )
+        if (
+            "PYTEST_XDIST_WORKER" not in os.environ
+        ):  # other tests at the same time would be measured, too
             assert self.longest < FREEZE, f"/livez took {self.longest:.3f} s"
         assert self.memory < MEMORY, f"the web process had {self.memory:.0f} MiB"
 

@@ -1,4 +1,6 @@
-"""A separate process that watches a service during an attack; it starts fast because it imports little."""
+"""A separate process that watches a service during an attack; it starts fast because it imports
+little.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,9 @@ def memory_of(process: int) -> float:
 
 @dataclass(frozen=True)
 class Look:
-    """One look: the time that the service took, the total time (s), and the memory of the web process (MiB)."""
+    """One look: the time that the service took, the total time (s), and the memory of the web
+    process (MiB).
+    """
 
     held: float
     whole: float
@@ -56,7 +60,9 @@ class Look:
 def look(address: str, process: int, other: Connection) -> None:
     """Look at /livez until the other end stops the watch, then send it all looks."""
     own, looks = Path("/proc/thread-self"), list[Look]()
-    client = HTTPConnection(address.removeprefix("http://"), timeout=30.0, source_address=(OTHER, 0))
+    client = HTTPConnection(
+        address.removeprefix("http://"), timeout=30.0, source_address=(OTHER, 0)
+    )
     with contextlib.closing(client):
         other.send("looking")
         while not other.poll() or len(looks) < FEWEST_LOOKS:
@@ -73,7 +79,9 @@ def look(address: str, process: int, other: Connection) -> None:
 
 
 def _held(process: int, before: dict[str, Cores], seconds: float) -> float:
-    """The service's time in a look: no waits for a core by its loop or lock holder, at least the loop's own work."""
+    """The service's time in a look: no waits for a core by its loop or lock holder, at least the
+    loop's own work.
+    """
     loop = str(process)
     now = {name: found for name, found in cores_of(process).items() if name in before}
     others = (now[name].waited - before[name].waited for name in now if name != loop)

@@ -26,7 +26,11 @@ def upload(name: str, data: bytes) -> bytes:
 
 
 def field(name: str, data: bytes) -> bytes:
-    return f'--zz\r\nContent-Disposition: form-data; name="{name}"\r\n\r\n'.encode() + data + b"\r\n--zz--\r\n"
+    return (
+        f'--zz\r\nContent-Disposition: form-data; name="{name}"\r\n\r\n'.encode()
+        + data
+        + b"\r\n--zz--\r\n"
+    )
 
 
 def dotted(parts: int) -> bytes:
@@ -43,13 +47,29 @@ ATTACKS = {
     "TOML with a key of 20,000 parts": ("/", MULTIPART, dotted(20_000)),
     "TOML with a key of 20,000 parts, echoed": ("/understood", MULTIPART, dotted(20_000)),
     "TOML of nested lists": ("/", MULTIPART, upload("d.toml", b"a=" + b"[" * 400_000)),
-    "YAML with a long list": ("/", MULTIPART, upload("d.yaml", filled(b"[", b"a,", b"a]", 990_000))),
+    "YAML with a long list": (
+        "/",
+        MULTIPART,
+        upload("d.yaml", filled(b"[", b"a,", b"a]", 990_000)),
+    ),
     "YAML that is nested": ("/", MULTIPART, upload("d.yaml", b"[" * 100_000)),
-    "JSON upload of empty lists": ("/", MULTIPART, upload("d.json", filled(b"[", b"[],", b"1]", 990_000))),
+    "JSON upload of empty lists": (
+        "/",
+        MULTIPART,
+        upload("d.json", filled(b"[", b"[],", b"1]", 990_000)),
+    ),
     "a long field": ("/understood", MULTIPART, field("ansatz", b"x'^2+" * 120_000)),
-    "a field of many equations": ("/understood", MULTIPART, field("equations", b"x''=-x;" * 100_000)),
+    "a field of many equations": (
+        "/understood",
+        MULTIPART,
+        field("equations", b"x''=-x;" * 100_000),
+    ),
     "a form of escaped characters": ("/understood", FORM, b"equations=" + b"%41" * 300_000),
-    "objects in a system": ("/v1/solve", JSON, filled(SYSTEM + b'"a":[', b'{"a":1},', b"1]}", 990_000)),
+    "objects in a system": (
+        "/v1/solve",
+        JSON,
+        filled(SYSTEM + b'"a":[', b'{"a":1},', b"1]}", 990_000),
+    ),
     "escaped quotes": ("/v1/parse", JSON, filled(b'{"a":"', b'\\"', b'"}', 990_000)),
     "a string that does not end": ("/v1/parse", JSON, filled(b'{"a":"', b'\\"', b"", 990_000)),
 }
@@ -63,11 +83,16 @@ LARGE = {
 }
 
 
-@pytest.mark.parametrize("name", [*ATTACKS, *(pytest.param(name, marks=pytest.mark.nightly) for name in LARGE)])
+@pytest.mark.parametrize(
+    "name", [*ATTACKS, *(pytest.param(name, marks=pytest.mark.nightly) for name in LARGE)]
+)
 def test_a_body_delays_no_other_client(service: Attacked, name: str) -> None:
     address, content_type, body = {**ATTACKS, **LARGE}[name]
     with Watch(service) as watch, service.client() as client:
-        answers = [client.post(address, content=body, headers={"Content-Type": content_type}) for _ in range(2)]
+        answers = [
+            client.post(address, content=body, headers={"Content-Type": content_type})
+            for _ in range(2)
+        ]
     assert {answer.status_code for answer in answers} <= {200, 202, 303, 400, 413, 422}
     watch.hold()
 

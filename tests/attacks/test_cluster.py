@@ -1,4 +1,6 @@
-"""Dask schedulers and workers that die, freeze, or get messages from strangers, and large results."""
+"""Dask schedulers and workers that die, freeze, or get messages from strangers, and large
+results.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ from tests.cluster.processes import Cluster, dask_cluster, processes
 
 pytestmark = [
     pytest.mark.nightly,
-    pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"),
+    pytest.mark.filterwarnings(
+        "ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"
+    ),
 ]
 PATIENT = {"Prefer": "wait=60"}
 Both = tuple[Attacked, Cluster]
@@ -31,7 +35,10 @@ Both = tuple[Attacked, Cluster]
 @pytest.fixture(scope="module")
 def both(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Both]:
     folder = tmp_path_factory.mktemp("cluster")
-    with dask_cluster(folder, workers=1, threads=2) as machines, attacked(folder, cluster=machines.address) as service:
+    with (
+        dask_cluster(folder, workers=1, threads=2) as machines,
+        attacked(folder, cluster=machines.address) as service,
+    ):
         yield service, machines
 
 
@@ -48,12 +55,18 @@ def verdict(client: httpx.Client, k: int) -> str:
 
 
 def test_a_large_result_comes_whole_through_the_cluster(both: Both) -> None:
-    scene = SCENE | {"steps": 10_000, "methods": [{"method": "variational", "label": f"v{k}"} for k in range(24)]}
+    scene = SCENE | {
+        "steps": 10_000,
+        "methods": [{"method": "variational", "label": f"v{k}"} for k in range(24)],
+    }
     with Watch(both[0]) as watch, both[0].client(timeout=300) as client:
         asked = client.post("/v1/simulate", json=scene, headers={"Prefer": "respond-async"})
         assert asked.status_code == 202, asked.text
         place, minimal = asked.headers["location"], {"Prefer": "return=minimal"}
-        while (answer := client.get(place, headers=minimal)).json()["status"] in ("accepted", "running"):
+        while (answer := client.get(place, headers=minimal)).json()["status"] in (
+            "accepted",
+            "running",
+        ):
             time.sleep(0.5)
         assert answer.json()["status"] == "successful", answer.text
         body = client.get(place.replace("/v1/jobs", "/results") + "/result.json").content
@@ -96,7 +109,12 @@ def test_a_frozen_scheduler_delays_only_jobs(both: Both) -> None:
         question = {"coordinates": ["x"], "equations": {"x": "-7*x"}}
         answer = client.post("/v1/solve", json=question, headers={"Prefer": "wait=5"})
         assert answer.status_code == 202
-        assert client.post("/v1/parse", json={"coordinates": ["x"], "equations": {"x": "-x"}}).status_code == 200
+        assert (
+            client.post(
+                "/v1/parse", json={"coordinates": ["x"], "equations": {"x": "-x"}}
+            ).status_code
+            == 200
+        )
         os.kill(machines.scheduler.pid, signal.SIGCONT)
         assert verdict(client, 7) == "variational"
     watch.hold()
@@ -108,7 +126,9 @@ def test_a_dead_scheduler_is_not_ready_and_a_new_one_gets_the_jobs(both: Both) -
         machines.kill_scheduler()
         until(lambda: client.get("/readyz").status_code == 503)
         place = client.post(
-            "/v1/solve", json={"coordinates": ["x"], "equations": {"x": "-11*x"}}, headers={"Prefer": "respond-async"}
+            "/v1/solve",
+            json={"coordinates": ["x"], "equations": {"x": "-11*x"}},
+            headers={"Prefer": "respond-async"},
         ).headers["location"]
         machines.start_scheduler()
         machines.kill_worker()

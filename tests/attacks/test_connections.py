@@ -23,8 +23,13 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Attacked]:
         yield found
 
 
-def opened(service: Attacked, count: int, first: bytes = b"", source: str = "127.0.0.1") -> list[socket.socket]:
-    found = [socket.create_connection(("127.0.0.1", service.port), source_address=(source, 0)) for _ in range(count)]
+def opened(
+    service: Attacked, count: int, first: bytes = b"", source: str = "127.0.0.1"
+) -> list[socket.socket]:
+    found = [
+        socket.create_connection(("127.0.0.1", service.port), source_address=(source, 0))
+        for _ in range(count)
+    ]
     for connection in found:
         connection.sendall(first)
     return found
@@ -51,7 +56,9 @@ def test_one_address_has_so_many_connections_and_others_have_theirs(service: Att
 
 @pytest.mark.slow
 def test_where_all_places_are_taken_the_longest_silent_one_is_closed(service: Attacked) -> None:
-    found = [connection for k in range(2, 5) for connection in opened(service, 40, source=f"127.0.0.{k}")]
+    found = [
+        connection for k in range(2, 5) for connection in opened(service, 40, source=f"127.0.0.{k}")
+    ]
     time.sleep(0.3)
     with service.client() as client:
         assert client.get("/livez").status_code == 200

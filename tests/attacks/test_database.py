@@ -25,7 +25,10 @@ from inverse_service.client import Client
 from tests.attacks.harness import Attacked, Watch, attacked
 from tests.store.server import Server, programs, server
 
-pytestmark = [pytest.mark.nightly, pytest.mark.skipif(programs() is None, reason="PostgreSQL is not installed here")]
+pytestmark = [
+    pytest.mark.nightly,
+    pytest.mark.skipif(programs() is None, reason="PostgreSQL is not installed here"),
+]
 COUNT = itertools.count()
 
 
@@ -97,12 +100,18 @@ def wire(postgres: Server) -> Iterator[Wire]:
 @pytest.fixture
 def service(postgres: Server, wire: Wire, tmp_path: Path) -> Iterator[Attacked]:
     name = postgres.database(f"attacked{next(COUNT)}").rpartition("/")[2]
-    with attacked(tmp_path, database=f"postgresql://postgres@127.0.0.1:{wire.port}/{name}") as found:
+    with attacked(
+        tmp_path, database=f"postgresql://postgres@127.0.0.1:{wire.port}/{name}"
+    ) as found:
         yield found
 
 
 def system(k: int) -> dict[str, Any]:
-    return {"id": k, "coordinates": ["x", "y"], "equations": {"x": f"-{k + 1}*x-y^3", "y": f"-{k + 2}*y-3*x*y^2"}}
+    return {
+        "id": k,
+        "coordinates": ["x", "y"],
+        "equations": {"x": f"-{k + 1}*x-y^3", "y": f"-{k + 2}*y-3*x*y^2"},
+    }
 
 
 def kill(postgres: Server) -> None:
@@ -118,7 +127,9 @@ def kill(postgres: Server) -> None:
 
 
 def answered_through(service: Attacked, lines: int, harm: Any, harms: int) -> None:
-    """Assert that every line of a batch gets its verdict once, and that jobs acknowledged during the fault are done."""
+    """Assert that every line of a batch gets its verdict once, and that jobs acknowledged during
+    the fault are done.
+    """
     dice, kept, done = random.Random(harms), list[str](), 0
     with Client(service.address, patience=120) as client, service.client() as other:
         batch = client.submit_batch([system(k) for k in range(lines)])
@@ -160,30 +171,44 @@ def test_a_slow_database_is_slow_and_nothing_else(service: Attacked, wire: Wire)
     with Watch(service) as watch, service.client() as client:
         answers = [client.post("/v1/solve", json=system(k)) for k in range(3)]
         assert client.get("/readyz").status_code == 200
-        assert client.post("/v1/parse", json={"coordinates": ["x"], "equations": {"x": "-x"}}).status_code == 200
+        assert (
+            client.post(
+                "/v1/parse", json={"coordinates": ["x"], "equations": {"x": "-x"}}
+            ).status_code
+            == 200
+        )
     assert {answer.status_code for answer in answers} <= {200, 202}
     watch.hold()
 
 
-def test_a_silent_database_is_said_to_be_silent_and_found_again(service: Attacked, wire: Wire) -> None:
+def test_a_silent_database_is_said_to_be_silent_and_found_again(
+    service: Attacked, wire: Wire
+) -> None:
     question = {"coordinates": ["x"], "equations": {"x": "-5*x"}}
     with Watch(service) as watch, service.client() as client:
         wire.passes.clear()
         began = time.monotonic()
         answer = client.post("/v1/solve", json=question)
-        assert (answer.status_code, answer.json()["type"]) == (503, "urn:inverse-service:problem:store-unavailable")
+        assert (answer.status_code, answer.json()["type"]) == (
+            503,
+            "urn:inverse-service:problem:store-unavailable",
+        )
         assert time.monotonic() - began < 30
         assert client.get("/readyz").status_code == 503
         wire.passes.set()
         end = time.monotonic() + 60
-        while (answer := client.post("/v1/solve", json=question)).status_code != 200 and time.monotonic() < end:
+        while (
+            answer := client.post("/v1/solve", json=question)
+        ).status_code != 200 and time.monotonic() < end:
             time.sleep(0.5)
         assert answer.json()["verdict"] == "variational"
         assert client.get("/readyz").status_code == 200
     watch.hold()
 
 
-def test_the_service_ends_within_five_seconds_of_a_silent_database(service: Attacked, wire: Wire) -> None:
+def test_the_service_ends_within_five_seconds_of_a_silent_database(
+    service: Attacked, wire: Wire
+) -> None:
     with service.client() as client:
         client.post("/v1/batches", json=[system(k) for k in range(50)])
     wire.passes.clear()

@@ -57,7 +57,9 @@ def changed(result: dict[str, Any], pointer: str) -> dict[str, Any]:
 
 
 def chosen() -> Iterator[Any]:
-    """Documents of every file of the corpus, the same ones each time, after two small ones of the default suite."""
+    """Documents of every file of the corpus, the same ones each time, after two small ones of the
+    default suite.
+    """
     for name, equations in (("yes", {"x": "-x"}), ("no", {"x": "-x - x'^2*y", "y": "-y + x'*y'"})):
         yield pytest.param({"id": name, "document": {"equations": equations}}, 20, id=name)
     listed = rows.systems()
@@ -67,7 +69,9 @@ def chosen() -> Iterator[Any]:
 
 
 @pytest.mark.parametrize(("row", "most"), [*chosen()])
-def test_a_changed_leaf_is_seen_or_listed(row: rows.Row, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_changed_leaf_is_seen_or_listed(
+    row: rows.Row, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     known: dict[str, checker.CheckResult] = {}
     plain = checker.check_certificate
 

@@ -38,7 +38,9 @@ DOCUMENTS: dict[str, Document] = {
         "constraints": ["y'-tan(phi)*x'"],
         "associated": "third",
     },
-    "small set": {"equations": {"x": "sqrt((x^2-1/10^20)^2)*y'-y^2", "y": "-(x^2-1/10^20)*x'-2*x*y"}},
+    "small set": {
+        "equations": {"x": "sqrt((x^2-1/10^20)^2)*y'-y^2", "y": "-(x^2-1/10^20)*x'-2*x*y"}
+    },
 }
 CHEAP = ("oscillator", "none")
 
@@ -49,14 +51,19 @@ def answered(name: str) -> str:
 
 
 def result_of(name: str) -> Document:
-    """Without the list of answers: a forger writes it as it follows from the fields that are changed."""
+    """Without the list of answers: a forger writes it as it follows from the fields that are
+    changed.
+    """
     found: Document = json.loads(answered(name))
     return {key: value for key, value in found.items() if key != "answers"}
 
 
 def is_caught(found: Document, place: str) -> bool:
     """Whether the check rejects the result or lists the field as not compared."""
-    named = any(f"{place}/".startswith(f"{one}/") or one.startswith(f"{place}/") for one in found["not_checked"])
+    named = any(
+        f"{place}/".startswith(f"{one}/") or one.startswith(f"{place}/")
+        for one in found["not_checked"]
+    )
     return found["verdict"] != "valid" or named
 
 
@@ -76,7 +83,11 @@ def test_a_lagrangian_that_is_wrong_on_a_ball_holds_nowhere_without_that_border(
     w = "((x-2)^2+(y-2)^2+(x'-2)^2+(y'-2)^2-1)"
     text = f"x'^2/2+y'^2/2-x^2/2-y^2+x^3*(sqrt({w}^2)-{w})"
     near = {"x": "1/2", "y": "1/3", "x'": "1/5", "y'": "1/7", "t": "0"}
-    result["certificate"] |= {"lagrangian": text, "near": near, "roots": [{"root": f"sqrt({w}^2)", "is": w}]}
+    result["certificate"] |= {
+        "lagrangian": text,
+        "near": near,
+        "roots": [{"root": f"sqrt({w}^2)", "is": w}],
+    }
     result["lagrangian"] |= {"text": text, "domain": []}
     result |= {"hamiltonian": None, "domain": [], "near": near}
     found = check(result)
@@ -86,7 +97,10 @@ def test_a_lagrangian_that_is_wrong_on_a_ball_holds_nowhere_without_that_border(
 
 def emptied(value: Any) -> Any:
     if isinstance(value, dict):
-        return {key: [] if key in ("domain", "conditions") else emptied(part) for key, part in value.items()}
+        return {
+            key: [] if key in ("domain", "conditions") else emptied(part)
+            for key, part in value.items()
+        }
     return [emptied(part) for part in value] if isinstance(value, list) else value
 
 
@@ -94,7 +108,9 @@ def emptied(value: Any) -> Any:
 def test_a_small_set_without_a_lagrangian_is_not_everywhere() -> None:
     result = result_of("small set")
     assert result["verdict"] == "differs"
-    assert check({**emptied(result), "verdict": "variational", "branches": []})["verdict"] != "valid"
+    assert (
+        check({**emptied(result), "verdict": "variational", "branches": []})["verdict"] != "valid"
+    )
 
 
 @pytest.mark.parametrize("name", [slow("van der Pol"), "none"])
@@ -137,8 +153,12 @@ def test_the_kind_of_what_is_there_instead_is_one_of_four() -> None:
     result = json.loads(json.dumps(dict(solve("x'' = -g*x*y; y'' = -x'^2"))))
     assert result["instead"]["kind"] == "parameters"
     assert check(result)["verdict"] == "valid"
-    twins = [("instead", result["instead"] | {"kind": kind}) for kind in ("time1", "reduced", "rayleigh")]
-    twins += [(key, dict.fromkeys(result[key], "false")) for key in ("guessed", "exceptions")]  # no lists
+    twins = [
+        ("instead", result["instead"] | {"kind": kind}) for kind in ("time1", "reduced", "rayleigh")
+    ]
+    twins += [
+        (key, dict.fromkeys(result[key], "false")) for key in ("guessed", "exceptions")
+    ]  # no lists
     for key, part in twins:
         assert is_caught(check(result | {key: part}), f"/{key}"), (key, part)
 
@@ -261,7 +281,15 @@ def put(result: Document, way: tuple[Any, ...], change: Forgery) -> tuple[Docume
     return twin, holder[way[-1]] != before
 
 
-HIDDEN = ("explanation", "conditions", "provenance", "advice", "other_lagrangians", "steps", "solution_space")
+HIDDEN = (
+    "explanation",
+    "conditions",
+    "provenance",
+    "advice",
+    "other_lagrangians",
+    "steps",
+    "solution_space",
+)
 
 
 def forged(name: str, kind: str) -> Iterator[tuple[str, Document]]:

@@ -1,4 +1,6 @@
-"""The service holds only one part of a large answer at a time, however fast or slowly clients read it."""
+"""The service holds only one part of a large answer at a time, however fast or slowly clients read
+it.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,10 @@ pytestmark = pytest.mark.nightly
 SCENE: dict[str, Any] = {
     "system": {"catalogue": "vertically-rolling-disk"},
     "parameters": {"M": 1, "R": 1, "I": "1/2", "J": "1/4"},
-    "initial": {"positions": {"phi": 0.1, "theta": 0, "x": 0, "y": 0}, "velocities": {"phi": 1, "theta": 1}},
+    "initial": {
+        "positions": {"phi": 0.1, "theta": 0, "x": 0, "y": 0},
+        "velocities": {"phi": 1, "theta": 1},
+    },
     "step": 0.05,
     "steps": 2000,
     "methods": ["variational", "nonholonomic"],
@@ -49,8 +54,12 @@ def body() -> bytes:
 def service(tmp_path_factory: pytest.TempPathFactory, body: bytes) -> Iterator[Attacked]:
     folder = tmp_path_factory.mktemp("large")
     store = SqliteStore(folder / "jobs.sqlite", durable=False)
-    requests = [request_of("simulate", SCENE | {"name": f"line {k}"}, JobOptions()) for k in range(LINES)]
-    lines = [BatchLine(k, json.dumps(f"line {k}"), request) for k, request in enumerate(requests, 1)]
+    requests = [
+        request_of("simulate", SCENE | {"name": f"line {k}"}, JobOptions()) for k in range(LINES)
+    ]
+    lines = [
+        BatchLine(k, json.dumps(f"line {k}"), request) for k, request in enumerate(requests, 1)
+    ]
     (folder / "ids").write_text("\n".join([batch_id("simulate", "", lines, "", 0), requests[0].id]))
     store.create_batch(batch_id("simulate", "", lines, "", 0), "simulate", "", lines)
     for job in store.claim("test", LINES):
@@ -67,9 +76,18 @@ def ids(service: Attacked) -> list[str]:
 
 @pytest.mark.parametrize(
     "place",
-    ["", "/figures.json", "/figures/coordinates.svg", "/figures/energy.png", "/result.json", "/data/variational 0.csv"],
+    [
+        "",
+        "/figures.json",
+        "/figures/coordinates.svg",
+        "/figures/energy.png",
+        "/result.json",
+        "/data/variational 0.csv",
+    ],
 )
-def test_a_small_request_for_a_large_result_delays_no_other_client(service: Attacked, place: str) -> None:
+def test_a_small_request_for_a_large_result_delays_no_other_client(
+    service: Attacked, place: str
+) -> None:
     address = f"/results/{ids(service)[1]}{place}"
     with Watch(service) as watch, service.client() as client:
         answers = [client.get(address) for _ in range(2)]
@@ -88,14 +106,19 @@ def test_a_large_result_comes_whole(service: Attacked, body: bytes) -> None:
         whole = client.get(f"/v1/jobs/{job}")
         assert whole.json()["result"] == json.loads(body)
         assert int(whole.headers["content-length"]) == len(whole.content)
-        assert client.get(f"/v1/jobs/{job}", headers={"Prefer": "return=minimal"}).json()["result"] is None
+        assert (
+            client.get(f"/v1/jobs/{job}", headers={"Prefer": "return=minimal"}).json()["result"]
+            is None
+        )
         with client.stream("GET", f"/v1/batches/{batch}/results") as stream:
             first = json.loads(next(stream.iter_lines()))
     assert (first["line"], first["methods"]) == (1, json.loads(body)["methods"])
 
 
 def twenty_readers(service: Attacked) -> list[socket.socket]:
-    request = f"GET /v1/batches/{ids(service)[0]}/results HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode()
+    request = (
+        f"GET /v1/batches/{ids(service)[0]}/results HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode()
+    )
     readers = [socket.create_connection(("127.0.0.1", service.port), timeout=30) for _ in range(20)]
     for reader in readers:
         reader.sendall(request)

@@ -31,7 +31,10 @@ def numbers(formula: str) -> list[tuple[Point, float]]:
 @pytest.mark.parametrize("row", rows.rows("own"), ids=lambda row: row["id"])
 def test_it_is_valid_where_the_term_is_zero_and_nowhere_else(row: rows.Row, u: str) -> None:
     term = re.sub(r"\bu\b", f"({u})", row["term"])
-    document = {"system": {"equations": {"x": "-x"}}, "lagrangian": f"x'^2/2 - x^2/2 + x^3*({term})"}
+    document = {
+        "system": {"equations": {"x": "-x"}},
+        "lagrangian": f"x'^2/2 - x^2/2 + x^3*({term})",
+    }
     found, values = check_document(json.dumps(document)), numbers(term)
     assert values
     print(f"{term}: {found['verdict']}")

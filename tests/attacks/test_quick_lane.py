@@ -40,7 +40,9 @@ def parsed_by_another(service: Attacked) -> float:
 
 
 @pytest.mark.slow
-def test_256_documents_that_do_not_end_leave_parsing_and_readiness_to_others(service: Attacked) -> None:
+def test_256_documents_that_do_not_end_leave_parsing_and_readiness_to_others(
+    service: Attacked,
+) -> None:
     with Watch(service) as watch:
         service.send_and_leave(sent("/v1/parse", ENDLESS), 256, 0.5)
         with service.other() as client:
@@ -56,7 +58,9 @@ def test_many_questions_that_look_ahead_leave_readiness_alone(service: Attacked)
     requests = [ENDLESS | {"name": f"look {k}"} for k in range(30)]
     with Watch(service) as watch:
         for document in requests:
-            service.send_and_leave(sent("/v1/solve?time_limit=0.1", document, "Prefer: respond-async"), 1, 0.0)
+            service.send_and_leave(
+                sent("/v1/solve?time_limit=0.1", document, "Prefer: respond-async"), 1, 0.0
+            )
         with service.other() as client:
             assert client.get("/readyz").status_code == 200
     watch.hold()
@@ -67,7 +71,11 @@ def test_jobs_at_their_limit_are_finished_while_reading_is_busy(service: Attacke
     with Watch(service) as watch:
         service.send_and_leave(sent("/v1/parse", ENDLESS), 32, 0.1)
         for k in range(4):
-            document = sent("/v1/solve?time_limit=0.3", ENDLESS | {"name": f"finish {k}"}, "Prefer: respond-async")
+            document = sent(
+                "/v1/solve?time_limit=0.3",
+                ENDLESS | {"name": f"finish {k}"},
+                "Prefer: respond-async",
+            )
             service.send_and_leave(document, 1, 0.0)
         with service.other() as client:
             began = time.monotonic()
@@ -98,7 +106,9 @@ def test_a_loop_that_is_held_for_a_moment_is_seen(service: Attacked) -> None:
 def test_the_service_ends_within_five_seconds_while_it_is_attacked(service: Attacked) -> None:
     service.send_and_leave(sent("/v1/parse", ENDLESS), 64, 0.0)
     for k in range(8):
-        document = sent("/v1/solve?time_limit=0.3", ENDLESS | {"name": f"end {k}"}, "Prefer: respond-async")
+        document = sent(
+            "/v1/solve?time_limit=0.3", ENDLESS | {"name": f"end {k}"}, "Prefer: respond-async"
+        )
         service.send_and_leave(document, 1, 0.0)
     time.sleep(0.5)
     assert service.seconds_to_end() < 5

@@ -24,7 +24,9 @@ class Reader:
     def __init__(self, document: Mapping[str, Any]) -> None:
         self.coordinates = tuple(document["coordinates"])
         parameters = document.get("parameters", ())
-        functions = {name: tuple(arguments) for name, arguments in document.get("functions", {}).items()}
+        functions = {
+            name: tuple(arguments) for name, arguments in document.get("functions", {}).items()
+        }
         self.names = Names(self.coordinates, tuple(parameters), functions)
         self.values = parameter_values(parameters)
 
@@ -33,10 +35,15 @@ class Reader:
 
 
 def opaque_atoms(expressions: Iterable[sympy.Expr]) -> set[sympy.Expr]:
-    """Symbols, arbitrary functions, and their derivatives: everything that needs a value at a point."""
+    """Symbols, arbitrary functions, and their derivatives: everything that needs a value at a
+    point.
+    """
     found: set[sympy.Expr] = set()
     for expression in expressions:
-        found |= expression.atoms(sympy.Derivative, sympy.core.function.AppliedUndef) | expression.free_symbols
+        found |= (
+            expression.atoms(sympy.Derivative, sympy.core.function.AppliedUndef)
+            | expression.free_symbols
+        )
     return found
 
 

@@ -55,7 +55,9 @@ def on_constraints(found: Motion, document: dict[str, Any], point: Point) -> Non
 
 
 def numbers(matrix: sympy.Matrix, point: Point) -> mpmath.matrix:
-    return mpmath.matrix([[value(matrix[i, j], point) for j in range(matrix.cols)] for i in range(matrix.rows)])
+    return mpmath.matrix(
+        [[value(matrix[i, j], point) for j in range(matrix.cols)] for i in range(matrix.rows)]
+    )
 
 
 def constrained_accelerations(found: Motion, point: Point) -> mpmath.matrix:
@@ -90,7 +92,9 @@ def test_the_nonholonomic_motion_solves_the_associated_system(name: str) -> None
         assert max(defect(name, seed) for seed in (1, 2)) < 1e-30
 
 
-@pytest.mark.parametrize("name", [name for name in ASSOCIATED if name.endswith(("second", "third"))])
+@pytest.mark.parametrize(
+    "name", [name for name in ASSOCIATED if name.endswith(("second", "third"))]
+)
 def test_off_the_constraints_it_is_another_system(name: str) -> None:
     with mpmath.workdps(DIGITS):
         assert defect(name, 1, constrained=False) > 1e-6

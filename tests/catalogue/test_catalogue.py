@@ -24,12 +24,23 @@ def test_all_systems_of_the_literature_are_there() -> None:
     entries = [catalogue.entry(name) for name in catalogue.names()]
     identifiers = {entry["id"] for entry in entries if "id" in entry}
     assert len(identifiers) == 124
-    assert {"sho", "painleve-I", "lie-A4,9-b=-3/4", "IIIa-differential-obstruction-3"} <= identifiers
+    assert {
+        "sho",
+        "painleve-I",
+        "lie-A4,9-b=-3/4",
+        "IIIa-differential-obstruction-3",
+    } <= identifiers
 
 
 @pytest.mark.parametrize(
     "system",
-    ["nonholonomic-particle", "knife-edge", "vertically-rolling-disk", "mobile-robot", "two-wheeled-carriage"]
+    [
+        "nonholonomic-particle",
+        "knife-edge",
+        "vertically-rolling-disk",
+        "mobile-robot",
+        "two-wheeled-carriage",
+    ]
     + [f"generic-class-{count}" for count in ("one", "two", "three")]
     + ["mobile-robot-with-potential", "inclined-knife-edge", "generic-class-with-potential"],
 )
@@ -47,7 +58,9 @@ def test_an_entry_has_all_its_fields() -> None:
         expected = entry["expected"]
         assert {expected["verdict"], expected["verdict_with_time"]} <= VERDICTS
         # an L(q, v) is an L(t, q, v) too
-        assert expected["verdict"] != "variational" or expected["verdict_with_time"] == "variational"
+        assert (
+            expected["verdict"] != "variational" or expected["verdict_with_time"] == "variational"
+        )
         assert not (expected["lagrangians"] and expected["verdict_with_time"] == "not_variational")
 
 
@@ -56,7 +69,9 @@ def test_a_changed_document_does_not_change_the_catalogue() -> None:
     assert catalogue.document("hill-lunar")["equations"]["x"] != "0"
 
 
-@pytest.mark.parametrize("name", ["", "no-such-system", "x" * 10_000, "../known.json", "Hill-Lunar"])
+@pytest.mark.parametrize(
+    "name", ["", "no-such-system", "x" * 10_000, "../known.json", "Hill-Lunar"]
+)
 def test_an_unknown_name_is_a_key_error_that_says_so(name: str) -> None:
     with pytest.raises(KeyError, match="no system of this"):
         catalogue.document(name)

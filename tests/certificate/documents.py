@@ -104,13 +104,25 @@ def nonexistence(name: str, order: int, question: str = "autonomous", **content:
 
 
 def existence(
-    name: str, order: int, dimensions: list[int], symbol: list[int], question: str = "autonomous", **content: Any
+    name: str,
+    order: int,
+    dimensions: list[int],
+    symbol: list[int],
+    question: str = "autonomous",
+    **content: Any,
 ) -> Document:
     """`symbol` has the dimension, the prolonged dimension, and the characters."""
     parts = {"dimension": symbol[0], "prolonged": symbol[1], "characters": symbol[2:]}
     degree = len(dimensions) - 1
     return certificate(
-        name, "existence", question, order=order, degree=degree, dimensions=dimensions, symbol=parts, **content
+        name,
+        "existence",
+        question,
+        order=order,
+        degree=degree,
+        dimensions=dimensions,
+        symbol=parts,
+        **content,
     )
 
 
@@ -130,7 +142,12 @@ def result(name: str, verdict: str, proof: Document | None, **content: Any) -> D
 def motion(equations: dict[str, str], velocities: object, **more: object) -> Document:
     """A motion on constraints in the form of a certificate."""
     dependent = list(velocities) if isinstance(velocities, dict) else []
-    return {"coordinates": [*equations, *dependent], "equations": equations, "velocities": velocities, **more}
+    return {
+        "coordinates": [*equations, *dependent],
+        "equations": equations,
+        "velocities": velocities,
+        **more,
+    }
 
 
 def claim(system: Document, lagrangian: str = "", **more: object) -> Document:

@@ -15,16 +15,28 @@ FREE = "(x'^2+y'^2+z'^2)/2"
 
 
 def particle(potential: str) -> dict[str, Any]:
-    return {"coordinates": ["x", "y", "z"], "lagrangian": f"{FREE}-({potential})", "constraints": ["z'+x*y'"]}
+    return {
+        "coordinates": ["x", "y", "z"],
+        "lagrangian": f"{FREE}-({potential})",
+        "constraints": ["z'+x*y'"],
+    }
 
 
 def heisenberg(potential: str) -> dict[str, Any]:
-    return {"coordinates": ["x", "y", "z"], "lagrangian": f"{FREE}-({potential})", "constraints": ["z'-y*x'+x*y'"]}
+    return {
+        "coordinates": ["x", "y", "z"],
+        "lagrangian": f"{FREE}-({potential})",
+        "constraints": ["z'-y*x'+x*y'"],
+    }
 
 
 def knife_edge(potential: str, **more: Any) -> dict[str, Any]:
     kinetic = "(x'^2+y'^2+phi'^2)/2"
-    return {"coordinates": ["phi", "x", "y"], "lagrangian": f"{kinetic}-({potential})", "constraints": BLADE} | more
+    return {
+        "coordinates": ["phi", "x", "y"],
+        "lagrangian": f"{kinetic}-({potential})",
+        "constraints": BLADE,
+    } | more
 
 
 def disk(potential: str, **more: Any) -> dict[str, Any]:
@@ -43,11 +55,20 @@ def analyzed(document: dict[str, Any]) -> AnalyzedMotion:
     return analyze_motion(motion_of(document))
 
 
-def given(free: dict[str, str], dependent: dict[str, str], parameters: tuple[str, ...] = ()) -> ConstrainedMotion:
-    """A motion from texts: accelerations of the independent coordinates, velocities of the dependent ones."""
+def given(
+    free: dict[str, str], dependent: dict[str, str], parameters: tuple[str, ...] = ()
+) -> ConstrainedMotion:
+    """A motion from texts: accelerations of the independent coordinates, velocities of the
+    dependent ones.
+    """
     names = [*free, *dependent]
     system = read_system(names, free | dependent, parameters)
     k = len(free)
     return ConstrainedMotion(
-        tuple(names), tuple(free), tuple(dependent), system.accelerations[k:], system.accelerations[:k], parameters
+        tuple(names),
+        tuple(free),
+        tuple(dependent),
+        system.accelerations[k:],
+        system.accelerations[:k],
+        parameters,
     )

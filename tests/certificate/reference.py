@@ -1,7 +1,9 @@
-"""Build the order-r system column by column from its definition, for polynomial f over a prime field.
+"""Build the order-r system column by column from its definition, for polynomial f over a prime
+field.
 
-This method differs from the checker's: it substitutes each unknown L = one monomial in the displacements into the
-Helmholtz conditions as polynomials, and computes all ranks by dense elimination.
+This method differs from the checker's: it substitutes each unknown L = one monomial in the
+displacements into the Helmholtz conditions as polynomials, and computes all ranks by dense
+elimination.
 """
 
 from __future__ import annotations
@@ -28,7 +30,9 @@ def rank(rows: Matrix) -> int:
         inverse = pow(rows[found][column], -1, PRIME)
         for k in range(found + 1, len(rows)):
             if factor := rows[k][column] * inverse % PRIME:
-                rows[k] = [(a - factor * b) % PRIME for a, b in zip(rows[k], rows[found], strict=True)]
+                rows[k] = [
+                    (a - factor * b) % PRIME for a, b in zip(rows[k], rows[found], strict=True)
+                ]
         found += 1
     return found
 
@@ -52,12 +56,16 @@ def multiply(left: Polynomial, right: Polynomial) -> Polynomial:
 
 def derivative(polynomial: Polynomial, a: int) -> Polynomial:
     return {
-        (*key[:a], key[a] - 1, *key[a + 1 :]): value * key[a] % PRIME for key, value in polynomial.items() if key[a]
+        (*key[:a], key[a] - 1, *key[a + 1 :]): value * key[a] % PRIME
+        for key, value in polynomial.items()
+        if key[a]
     }
 
 
 class Reference:
-    """f(t, q…, v…) as polynomials in the displacements from a point; with `timed`, t is the first variable."""
+    """f(t, q…, v…) as polynomials in the displacements from a point; with `timed`, t is the first
+    variable.
+    """
 
     def __init__(self, forces: Forces, n: int, timed: bool, point: list[int]) -> None:
         self.n, self.m, self.timed = n, 2 * n + timed, timed
@@ -68,7 +76,10 @@ class Reference:
         self.speeds = [self.polynomial(speed, symbols) for speed in rest[n:]]
 
     def polynomial(self, expression: sympy.Expr, symbols: tuple[sympy.Symbol, ...]) -> Polynomial:
-        return {key: int(value) % PRIME for key, value in sympy.Poly(expression, *symbols).as_dict().items()}
+        return {
+            key: int(value) % PRIME
+            for key, value in sympy.Poly(expression, *symbols).as_dict().items()
+        }
 
     def gamma(self, polynomial: Polynomial) -> Polynomial:
         rates = [{(0,) * self.m: 1}] * self.timed + self.speeds + self.f
@@ -81,12 +92,21 @@ class Reference:
         """2 Phi^k_j."""
         squares = [multiply(self.slope(k, a), self.slope(a, j)) for a in range(self.n)]
         place = derivative(self.f[k], self.m - 2 * self.n + j)
-        return add(*[self.gamma(self.slope(k, j))] * 2, *[add(place, factor=-4)], *(add(s, factor=-1) for s in squares))
+        return add(
+            *[self.gamma(self.slope(k, j))] * 2,
+            *[add(place, factor=-4)],
+            *(add(s, factor=-1) for s in squares),
+        )
 
-    def conditions(self, unknown: tuple[int, ...], order: int) -> dict[tuple[str, int, int, tuple[int, ...]], int]:
+    def conditions(
+        self, unknown: tuple[int, ...], order: int
+    ) -> dict[tuple[str, int, int, tuple[int, ...]], int]:
         """The coefficients of H2 and H3 for L = one monomial."""
         n, velocity = self.n, self.m - self.n
-        g = [[derivative(derivative({unknown: 1}, velocity + i), velocity + j) for j in range(n)] for i in range(n)]
+        g = [
+            [derivative(derivative({unknown: 1}, velocity + i), velocity + j) for j in range(n)]
+            for i in range(n)
+        ]
         found = {}
         for i, j in combinations_with_replacement(range(n), 2):
             halves = [multiply(g[i][k], self.slope(k, j)) for k in range(n)]
@@ -111,7 +131,8 @@ class Reference:
         return [key for key in keys if sum(key[self.m - self.n :]) >= 2]
 
     def dimensions(self, order: int) -> list[int]:
-        """D_0 … D_order: dimensions of the projections to degree <= k of the solutions of the order-r system.
+        """D_0 … D_order: dimensions of the projections to degree <= k of the solutions of the
+        order-r system.
 
         dim of the projection = dim of all solutions - dim of those that vanish up to degree k.
         """
@@ -122,6 +143,10 @@ class Reference:
         whole = len(columns) - rank(vectors)
         found = []
         for degree in range(order + 1):
-            above = [vector for key, vector in zip(columns, vectors, strict=True) if sum(key) > degree + 2]
+            above = [
+                vector
+                for key, vector in zip(columns, vectors, strict=True)
+                if sum(key) > degree + 2
+            ]
             found.append(whole - (len(above) - rank(above)))
         return found

@@ -1,4 +1,6 @@
-"""The checker detects arbitrarily small errors and never takes a rounding error for a consequence."""
+"""The checker detects arbitrarily small errors and never takes a rounding error for a
+consequence.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ def test_an_invalid_formula_is_reported_with_its_column(formula: str, column: in
         read_tokens(formula, "here")
 
 
-@pytest.mark.parametrize("number", ["9" * 401, "1." + "0" * 400, "12." + "5" * 399, "0." + "1" * 400])
+@pytest.mark.parametrize(
+    "number", ["9" * 401, "1." + "0" * 400, "12." + "5" * 399, "0." + "1" * 400]
+)
 def test_a_number_of_more_digits_than_the_limit_is_refused(number: str) -> None:
     with pytest.raises(Ended, match="at column 3 is"):
         read_tokens(f"x+{number}", "here")
@@ -35,7 +39,11 @@ def test_a_small_error_of_a_lagrangian_is_never_taken_for_none(digits: int) -> N
 def test_functions_have_at_most_six_arguments(count: int, verdict: str) -> None:
     names = list("abcdefg")
     equations = dict.fromkeys(names, "0") | {"a": "A'(a)"}
-    system = {"coordinates": names, "equations": equations, "functions": {"A": ["a"], "B": names[:count]}}
+    system = {
+        "coordinates": names,
+        "equations": equations,
+        "functions": {"A": ["a"], "B": names[:count]},
+    }
     kinetic = "+".join(f"{name}'^2/2" for name in names)
     certificate = {
         "format": "inverse-service/certificate/2", "question": "autonomous", "claim": "variational",
@@ -45,14 +53,23 @@ def test_functions_have_at_most_six_arguments(count: int, verdict: str) -> None:
 
 
 def test_related_functions_leave_no_consequence_of_their_rounding_errors() -> None:
-    """(sin^2 + cos^2 - 1) x'^2 y' and similar terms are zero to all digits, so the oscillator is unchanged."""
+    """(sin^2 + cos^2 - 1) x'^2 y' and similar terms are zero to all digits, so the oscillator is
+    unchanged.
+    """
     zero = "(sin(3*x)^2+cos(3*x)^2-1)"
-    system = {"coordinates": ["x", "y"], "equations": {"x": f"-x+{zero}*x'^2*y'", "y": f"-2*y+{zero}*exp(x)*y'^3"}}
+    system = {
+        "coordinates": ["x", "y"],
+        "equations": {"x": f"-x+{zero}*x'^2*y'", "y": f"-2*y+{zero}*exp(x)*y'^3"},
+    }
     claim = {"format": "inverse-service/certificate/2", "system": system, "question": "autonomous"}
     pairs = [("H2", 0, 0), ("H2", 0, 1), ("H2", 1, 1), ("H3", 0, 1)]
     units = [[int(a == b) for a in range(4)] for b in range(4)]
     rows = [[*pair, alpha] for pair in pairs for alpha in ([0] * 4, *units)]
     false = claim | {"claim": "not_variational", "kind": "nonexistence", "order": 2, "rows": rows}
     assert check_certificate(false, seed=2).verdict == "invalid"
-    true = claim | {"claim": "variational", "kind": "lagrangian", "lagrangian": "x'^2-x^2+y'^2-2*y^2"}
+    true = claim | {
+        "claim": "variational",
+        "kind": "lagrangian",
+        "lagrangian": "x'^2-x^2+y'^2-2*y^2",
+    }
     assert check_certificate(true, seed=2).verdict == "valid"

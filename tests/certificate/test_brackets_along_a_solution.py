@@ -41,7 +41,8 @@ HEAD = {
     "claim": "not_variational",
     "kind": "nonexistence",
 }
-# One motion for every kind of formula, one with time, and one with a parameter and more than eight variables.
+# One motion for every kind of formula, one with time, and one with a parameter and more than eight
+# variables.
 MOTIONS = (
     SLEIGH,
     {
@@ -66,7 +67,9 @@ PARAMETER = "5/3"
 
 def certificate_of(document: Document) -> Document:
     analyzed = analyze_motion(motion_of(document))
-    return existence.of_finding(analyzed, decide_motion(analyzed, False, 1, float("inf"), lambda _: None), False)
+    return existence.of_finding(
+        analyzed, decide_motion(analyzed, False, 1, float("inf"), lambda _: None), False
+    )
 
 
 def verdict(system: Document, along: Any, **more: Any) -> str:
@@ -87,7 +90,9 @@ def brackets(system: Document, last: int) -> tuple[list[sympy.Symbol], list[list
     *own, clock = (sympy.Symbol(name) for name in (*names, "t"))
     table = dict(zip((*names, "t"), (*own, clock), strict=True)) | {"c": sympy.Rational(PARAMETER)}
     first = len(system["coordinates"])
-    motion = sympy.Matrix([*own[first:], *(sympy.sympify(text, locals=table) for text in texts(system))])
+    motion = sympy.Matrix(
+        [*own[first:], *(sympy.sympify(text, locals=table) for text in texts(system))]
+    )
 
     def bracket(field: sympy.Matrix) -> sympy.Matrix:
         return field.jacobian(own) * motion + field.diff(clock) - motion.jacobian(own) * field
@@ -102,8 +107,12 @@ def brackets(system: Document, last: int) -> tuple[list[sympy.Symbol], list[list
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("system", MOTIONS, ids=["sleigh", "every-kind-of-formula", "with-time", "large"])
-def test_the_series_of_the_flow_are_the_iterated_brackets_that_sympy_finds(system: Document) -> None:
+@pytest.mark.parametrize(
+    "system", MOTIONS, ids=["sleigh", "every-kind-of-formula", "with-time", "large"]
+)
+def test_the_series_of_the_flow_are_the_iterated_brackets_that_sympy_finds(
+    system: Document,
+) -> None:
     """Phi(t)^-1 d/du = sum_j t^j/j! (ad Gamma)^j d/du."""
     last, generator = 3, random.Random(5)
     variables, fields = brackets(system, last)
@@ -111,7 +120,12 @@ def test_the_series_of_the_flow_are_the_iterated_brackets_that_sympy_finds(syste
     given = dict(zip(map(str, variables), map(str, values), strict=True))
     near = {f"{name[1:]}'" if name[0] == "D" else name: value for name, value in given.items()}
     near |= dict.fromkeys(system.get("parameters", ()), PARAMETER)
-    asked = Along(Tools(random.Random(1), time.thread_time() + 60), system, True, HEAD | {"along": last, "near": near})
+    asked = Along(
+        Tools(random.Random(1), time.thread_time() + 60),
+        system,
+        True,
+        HEAD | {"along": last, "near": near},
+    )
     asked.prepare(lambda ring: None)
     with ctx.workprec(192):
         ring = asked.expansion(Balls(asked, asked.place, None), last)
@@ -119,8 +133,13 @@ def test_the_series_of_the_flow_are_the_iterated_brackets_that_sympy_finds(syste
         for v, expected in zip(ring.v, fields, strict=True):
             for j, field in enumerate(expected):
                 exact = field.subs(dict(zip(variables, values, strict=True))).evalf(40)
-                have = [ring.vertical[v][j].get(x, 0) * math.factorial(j) for x in (*ring.q, *ring.v)]
-                assert all(abs(float(a) - b) < 1e-10 * (1 + abs(b)) for a, b in zip(have, exact, strict=True)), (v, j)
+                have = [
+                    ring.vertical[v][j].get(x, 0) * math.factorial(j) for x in (*ring.q, *ring.v)
+                ]
+                assert all(
+                    abs(float(a) - b) < 1e-10 * (1 + abs(b))
+                    for a, b in zip(have, exact, strict=True)
+                ), (v, j)
 
 
 @pytest.mark.slow
@@ -128,7 +147,10 @@ def test_the_chained_form_with_a_potential_has_a_valid_proof_of_nonexistence() -
     """Eight coordinates on the constraints, undecided at prolongation order 10."""
     result = solve_document(CHAINED | {"associated": "any"}, SolveOptions(time_limit=100))
     answer = result["any_associated"]
-    assert (answer["verdict"], answer["verdict_with_time"]) == ("not_variational", "not_variational")
+    assert (answer["verdict"], answer["verdict_with_time"]) == (
+        "not_variational",
+        "not_variational",
+    )
     assert answer["certificate"]["along"] == 26
     assert check_result(result, time_limit=100).verdict == "valid"
 
@@ -147,8 +169,14 @@ def test_fewer_brackets_than_the_proof_has_are_refused() -> None:
     certificate = certificate_of(disk("x^2"))
     assert check_certificate(certificate, seed=1).verdict == "valid"
     less = check_certificate(certificate | {"along": certificate["along"] - 1}, seed=1)
-    assert (less.verdict, less.reasons) == ("invalid", ("The rows leave a regular multiplier g(p).",))
-    assert check_certificate(certificate | {"along": certificate["along"] + 3}, seed=2).verdict == "valid"
+    assert (less.verdict, less.reasons) == (
+        "invalid",
+        ("The rows leave a regular multiplier g(p).",),
+    )
+    assert (
+        check_certificate(certificate | {"along": certificate["along"] + 3}, seed=2).verdict
+        == "valid"
+    )
 
 
 @pytest.mark.slow

@@ -26,7 +26,9 @@ PROOF: Document = {
 
 
 def verdict(theorem: Document) -> str:
-    return str(check_document(json.dumps({"theorems": [theorem], "domain": [], "reason": ""}))["verdict"])
+    return str(
+        check_document(json.dumps({"theorems": [theorem], "domain": [], "reason": ""}))["verdict"]
+    )
 
 
 def with_step(number: int, **parts: object) -> Document:
@@ -67,7 +69,8 @@ def test_an_altered_proof_is_invalid(theorem: Document) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "equations", [{"x": "-y'", "y": "-y"}, {"x": "sqrt(x)*y'", "y": "-y*exp(x)"}, {"x": "-tan(x)*x'^2/3"}]
+    "equations",
+    [{"x": "-y'", "y": "-y"}, {"x": "sqrt(x)*y'", "y": "-y*exp(x)"}, {"x": "-tan(x)*x'^2/3"}],
 )
 def test_what_solve_writes_is_valid(equations: dict[str, str]) -> None:
     written = proof_document(dict(solve({"equations": equations})), "identities", 1)
@@ -75,4 +78,7 @@ def test_what_solve_writes_is_valid(equations: dict[str, str]) -> None:
 
 
 def test_where_there_are_no_identities_nothing_is_proven() -> None:
-    assert check_document(json.dumps({"theorems": [], "domain": [], "reason": "none"}))["verdict"] == "incomplete"
+    assert (
+        check_document(json.dumps({"theorems": [], "domain": [], "reason": "none"}))["verdict"]
+        == "incomplete"
+    )

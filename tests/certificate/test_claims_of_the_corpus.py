@@ -9,7 +9,9 @@ from tests.certificate.documents import CLAIMS
 from tests.doors.rows import Row, marks
 
 
-@pytest.mark.parametrize("row", [pytest.param(row, id=name, marks=marks(row)) for name, row in CLAIMS.items()])
+@pytest.mark.parametrize(
+    "row", [pytest.param(row, id=name, marks=marks(row)) for name, row in CLAIMS.items()]
+)
 def test_a_claim_is_judged_as_is_known(row: Row) -> None:
     for seed in row["seeds"]:
         found = check_certificate(row["certificate"], seed=seed)

@@ -1,4 +1,6 @@
-"""That there are no other first integrals of a degree: dimensions from the literature, and false claims."""
+"""That there are no other first integrals of a degree: dimensions from the literature, and false
+claims.
+"""
 
 from __future__ import annotations
 
@@ -47,12 +49,27 @@ SEPARABLE, FREE = TRUE["Henon-Heiles, separable"], TRUE["free particle"]
 
 
 def document(
-    equations: dict[str, str], integrals: Sequence[str], degree: int, order: int, products: list[list[int]], **more: Any
+    equations: dict[str, str],
+    integrals: Sequence[str],
+    degree: int,
+    order: int,
+    products: list[list[int]],
+    **more: Any,
 ) -> dict[str, Any]:
     names = [name for name in "ab" if any(f"{name}*" in text for text in equations.values())]
-    system = {"coordinates": [*equations], "equations": equations, "parameters": names, "functions": {}}
+    system = {
+        "coordinates": [*equations],
+        "equations": equations,
+        "parameters": names,
+        "functions": {},
+    }
     claim = {"degree": degree, "order": order, "number": len(products), "products": products}
-    about = {"format": conserved.FORMAT, "system": system, "question": "autonomous", "integrals": [*integrals]}
+    about = {
+        "format": conserved.FORMAT,
+        "system": system,
+        "question": "autonomous",
+        "integrals": [*integrals],
+    }
     return {**about, **claim, **more}
 
 
@@ -66,14 +83,18 @@ def test_the_dimension_is_that_of_the_literature(name: str) -> None:
 def test_one_more_or_one_less_is_refused(name: str) -> None:
     equations, integrals, degree, order, products = TRUE[name]
     for claimed in ([*products, [0, 0, 0, 0][:degree]], products[:-1], [*products, []]):
-        found = checker.check_certificate(document(equations, integrals, degree, order, claimed), seed=1)
+        found = checker.check_certificate(
+            document(equations, integrals, degree, order, claimed), seed=1
+        )
         assert found.verdict != "valid"
 
 
 @pytest.mark.parametrize(
     "false",
     [
-        document(HENON, ["(x'^2+y'^2)/2+(x^2+y^2)/2+x^2*y+y^3/3"], 2, 4, [[], [0]]),  # is not conserved
+        document(
+            HENON, ["(x'^2+y'^2)/2+(x^2+y^2)/2+x^2*y+y^3/3"], 2, 4, [[], [0]]
+        ),  # is not conserved
         document(HENON, [ENERGY, f"2*({ENERGY})"], 2, 4, [[], [0], [1]]),  # depends on the other
         document(HENON, [ENERGY], 2, 4, [[], [0, 0]]),  # has degree 4
         document(HENON, [ENERGY], 4, 3, [[], [0], [0, 0]]),  # to an order that determines nothing
@@ -82,12 +103,21 @@ def test_one_more_or_one_less_is_refused(name: str) -> None:
         document(HENON, [ENERGY], 2, 4, [[], [1]]),
         document(HENON, [f"exp({ENERGY})"], 2, 4, [[], [0]]),  # no polynomial
         document({"x": "-x-x'/(1+x'^2)"}, [], 2, 4, [[]]),
-        document({"x": "-x"}, ["x'^2+x^2"], 2, 4, [[], [0]], question="time_dependent"),  # sin(t) x' - ... are others
-        document({"x": "-x", "y": "-y"}, ["x'^2+x^2", "y'^2+y^2", "x*y'-y*x'"], 2, 4, [[], [0], [1], [2]]),
+        document(
+            {"x": "-x"}, ["x'^2+x^2"], 2, 4, [[], [0]], question="time_dependent"
+        ),  # sin(t) x' - ... are others
+        document(
+            {"x": "-x", "y": "-y"}, ["x'^2+x^2", "y'^2+y^2", "x*y'-y*x'"], 2, 4, [[], [0], [1], [2]]
+        ),
         document({"x": "V(x)"}, [], 1, 3, [[]]),
         # As many as there are, but not those: the dimension alone proves nothing.
         document(KEPLER, OF_KEPLER, 1, 3, [[], [0]]),
-        document(*SEPARABLE[:1], [SEPARABLE[1][0], f"2*({SEPARABLE[1][0]})"], *SEPARABLE[2:4], [[], [0], [1]]),
+        document(
+            *SEPARABLE[:1],
+            [SEPARABLE[1][0], f"2*({SEPARABLE[1][0]})"],
+            *SEPARABLE[2:4],
+            [[], [0], [1]],
+        ),
         # To first order the square of x y' - y x', the tenth, cannot be told from the other nine.
         document(*FREE[:2], 2, 1, [[], [0], [1], [2], [0, 0], [0, 1], [1, 1], [0, 2], [1, 2]]),
         document(HENON, [ENERGY], 2, 4, [[], [0]], conditions=["x' > 0"]),
@@ -103,7 +133,10 @@ def test_a_function_is_not_taken_for_another_one() -> None:
     integrals = ["x'^2+x^2", "y'"]
     found = checker.check_certificate(document(equations, integrals, 1, 3, [[], [1]]), seed=1)
     assert found.verdict == "valid"
-    assert checker.check_certificate(document(equations, integrals, 1, 3, [[]]), seed=1).verdict != "valid"
+    assert (
+        checker.check_certificate(document(equations, integrals, 1, 3, [[]]), seed=1).verdict
+        != "valid"
+    )
 
 
 @pytest.mark.parametrize(
@@ -116,13 +149,18 @@ def test_a_function_is_not_taken_for_another_one() -> None:
     ],
 )
 def test_a_constant_that_is_zero_leaves_the_energy(zero: str) -> None:
-    """x'' = -x + 0 x y has x'^2 + x^2; modulo a prime other roots may be taken, and only y' and its square are left."""
+    """x'' = -x + 0 x y has x'^2 + x^2; modulo a prime other roots may be taken, and only y' and its
+    square are left.
+    """
     claim = document({"x": f"-x+({zero})*x*y", "y": "0"}, ["y'"], 2, 4, [[], [0], [0, 0]])
     assert checker.check_certificate(claim, seed=3).verdict != "valid"
 
 
 def test_an_order_that_leaves_room_for_more_refutes_nothing() -> None:
-    assert checker.check_certificate(document(HENON, [ENERGY], 2, 2, [[], [0]]), seed=1).verdict == "incomplete"
+    assert (
+        checker.check_certificate(document(HENON, [ENERGY], 2, 2, [[], [0]]), seed=1).verdict
+        == "incomplete"
+    )
     # Five of the six of Kepler's problem: one more is possible, as it is there.
     few = document(KEPLER, OF_KEPLER, 2, 4, [[], [0], [1], [1, 1], [2]])
     assert checker.check_certificate(few, seed=1).verdict == "incomplete"
@@ -138,7 +176,9 @@ def test_the_result_says_that_there_are_no_others_and_proves_it(result: Any) -> 
     assert (complete["degree"], complete["number"], complete["timed"]) == (4, 3, False)
     checked = inverse_service.check(result)
     assert checked["verdict"] == "valid"
-    assert not [place for place in checked["not_checked"] if place.startswith("/first_integrals_complete")]
+    assert not [
+        place for place in checked["not_checked"] if place.startswith("/first_integrals_complete")
+    ]
 
 
 @pytest.mark.parametrize(
@@ -151,7 +191,9 @@ def test_the_result_says_that_there_are_no_others_and_proves_it(result: Any) -> 
         (("certificate",), {}),
     ],
 )  # fmt: skip
-def test_a_forged_statement_in_a_result_is_refused(result: Any, place: tuple[str, ...], value: Any) -> None:
+def test_a_forged_statement_in_a_result_is_refused(
+    result: Any, place: tuple[str, ...], value: Any
+) -> None:
     forged = copy.deepcopy(dict(result))
     part = forged["first_integrals_complete"]
     for key in place[:-1]:

@@ -41,7 +41,8 @@ def changed(certificate: Document, *path: str | int, to: Any) -> Document:
     return other
 
 
-# The knife edge on an inclined plane, x' = s cos(phi), with a quadratic term and no square of the constraint.
+# The knife edge on an inclined plane, x' = s cos(phi), with a quadratic term and no square of the
+# constraint.
 INCLINED = (
     "phi'^2/2 - x'^2/(2*cos(phi)^2*phi') + x*x'*tan(phi) + G*x'*tan(phi)/(2*phi'^2) - G*x/(2*phi')"
     " - G^2*sin(phi)^2/(8*phi'^3) + (x - x'*tan(phi)/phi' + G*sin(phi)^2/(2*phi'^2))*(y' - tan(phi)*x')"
@@ -62,7 +63,9 @@ def test_the_lagrangian_of_the_inclined_knife_edge_is_one() -> None:
     assert verdict(LAGRANGIAN) == "valid"
 
 
-@pytest.mark.parametrize("more", [" + x", " + x^3*(y' - tan(phi)*x')", " + phi'^2*x'", " + y'", " - phi'^2/2 + x^2"])
+@pytest.mark.parametrize(
+    "more", [" + x", " + x^3*(y' - tan(phi)*x')", " + phi'^2*x'", " + y'", " - phi'^2/2 + x^2"]
+)
 def test_other_terms_make_it_none_unless_they_vanish_on_the_constraints(more: str) -> None:
     expected = "valid" if more == " + y'" else "invalid"
     assert verdict(LAGRANGIAN | {"lagrangian": INCLINED + more}) == expected
@@ -106,7 +109,9 @@ def test_rows_prove_that_the_chaplygin_sleigh_has_none(with_time: bool) -> None:
 def test_rows_of_one_motion_prove_nothing_of_another() -> None:
     proof = certificate_of(SLEIGH_DOCUMENT)
     other = existence.of_lagrangian(
-        analyze_motion(motion_of(knife_edge("0"))), motion_of(knife_edge("0")).free_accelerations[0], False
+        analyze_motion(motion_of(knife_edge("0"))),
+        motion_of(knife_edge("0")).free_accelerations[0],
+        False,
     )
     assert verdict(proof | {"system": other["system"], "near": {}}) == "invalid"
 
@@ -116,12 +121,17 @@ def test_existence_is_proven_by_an_involutive_system() -> None:
     assert proof["kind"] == "existence"
     assert verdict(proof) == "valid"
     assert verdict(changed(proof, "dimensions", 1, to=proof["dimensions"][1] + 1)) == "invalid"
-    assert verdict(changed(proof, "symbol", "prolonged", to=proof["symbol"]["prolonged"] + 1)) == "invalid"
+    assert (
+        verdict(changed(proof, "symbol", "prolonged", to=proof["symbol"]["prolonged"] + 1))
+        == "invalid"
+    )
     assert verdict(changed(proof, "degree", to=0)) == "invalid"
 
 
 def test_without_dependent_coordinates_it_is_the_inverse_problem() -> None:
-    """The claim without dependent velocities: a system without a Lagrangian has none here either."""
+    """The claim without dependent velocities: a system without a Lagrangian has none here
+    either.
+    """
     analyzed = analyze_motion(given({"x": "x*y'", "y": "y*x'^2"}, {}))
     found = decide_motion(analyzed, False, 1, float("inf"), lambda _: None)
     proof = existence.of_finding(analyzed, found, False)

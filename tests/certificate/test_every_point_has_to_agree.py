@@ -1,4 +1,6 @@
-"""An elimination proves something only if it is the same at all points, and a symbol only if it is involutive."""
+"""An elimination proves something only if it is the same at all points, and a symbol only if it is
+involutive.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,14 @@ from inverse_service.certificate.checker import CheckResult, check_certificate
 from inverse_service.certificate.formulas import Ended
 from inverse_service.certificate.question import Question, Tools
 from inverse_service.certificate.series import Step, Symbol
-from tests.certificate.documents import Document, changed, existence, lagrangian, nonexistence, system
+from tests.certificate.documents import (
+    Document,
+    changed,
+    existence,
+    lagrangian,
+    nonexistence,
+    system,
+)
 
 PENDULUM = existence("van-der-pol", 2, [1, 2], [1, 1, 1])
 
@@ -28,14 +37,18 @@ def test_a_coefficient_is_left_out_in_balls_only_if_it_is_zero_at_every_point() 
     assert asked().agreed(scripts) == [Step("row", 5, frozenset({1, 2, 3, 4}))]
 
 
-@pytest.mark.parametrize("other", [[Step("row", 6, frozenset[int]())], [Step("other", 5, frozenset[int]())], []])
+@pytest.mark.parametrize(
+    "other", [[Step("row", 6, frozenset[int]())], [Step("other", 5, frozenset[int]())], []]
+)
 def test_other_pivots_at_another_point_settle_nothing(other: list[Any]) -> None:
     with pytest.raises(Ended, match="different pivots") as end:
         asked().agreed([[Step("row", 5, frozenset[int]())], other])
     assert end.value.args[0] == "incomplete"
 
 
-def with_sizes(monkeypatch: pytest.MonkeyPatch, document: Document, *symbols: Symbol) -> CheckResult:
+def with_sizes(
+    monkeypatch: pytest.MonkeyPatch, document: Document, *symbols: Symbol
+) -> CheckResult:
     """The verdict if the symbol has these sizes at the successive points."""
     found, plain = itertools.cycle(symbols), question.sr.symbol_of
     monkeypatch.setattr(question.sr, "symbol_of", lambda *parts: (next(found), plain(*parts)[1]))
@@ -48,15 +61,24 @@ def test_a_symbol_that_is_not_involutive_proves_nothing(monkeypatch: pytest.Monk
     assert found == CheckResult("invalid", ("The symbol is not involutive.",))
 
 
-def test_a_symbol_of_other_dimensions_at_another_point_settles_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_symbol_of_other_dimensions_at_another_point_settles_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     pair = existence("free-pair", 2, [3, 8], [5, 7, 3, 2])
-    assert with_sizes(monkeypatch, pair, Symbol(5, 7, (3, 2, 0, 0)), Symbol(5, 8, (3, 2, 0, 0))).verdict == "incomplete"
+    assert (
+        with_sizes(
+            monkeypatch, pair, Symbol(5, 7, (3, 2, 0, 0)), Symbol(5, 8, (3, 2, 0, 0))
+        ).verdict
+        == "incomplete"
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("factor", "verdict"), [("cos(pi/61)", "valid"), ("{zero}", "incomplete")])
 def test_rows_that_a_hidden_zero_makes_dependent_refute_nothing(factor: str, verdict: str) -> None:
-    """The number is 0, which the checker cannot see for such a small part of pi: the motion is free."""
+    """The number is 0, which the checker cannot see for such a small part of pi: the motion is
+    free.
+    """
     zero = "(1+2*(" + "+".join(f"cos({k}*2*pi/61)" for k in range(1, 31)) + "))"
     equations = {"x": f"{factor.format(zero=zero)}*(x^2+y^2)", "y": "0"}
     document = changed(nonexistence("douglas-IIIb", 2), "system.equations", equations)
@@ -77,7 +99,10 @@ class Unlucky(random.Random):
 
 def test_directions_are_drawn_again_until_they_are_independent() -> None:
     tools = Tools(Unlucky(1), time.thread_time() + 60)
-    assert "involutive" in checker.certified(existence("free-pair", 2, [3, 8], [5, 7, 3, 2]), tools).reasons[0]
+    assert (
+        "involutive"
+        in checker.certified(existence("free-pair", 2, [3, 8], [5, 7, 3, 2]), tools).reasons[0]
+    )
     assert tools[0].left == 0
 
 

@@ -1,4 +1,6 @@
-"""The guarantees of the checker's arithmetic: primes, digits, bounds, and the meaning of incomplete."""
+"""The guarantees of the checker's arithmetic: primes, digits, bounds, and the meaning of
+incomplete.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,9 @@ def test_rational_documents_are_judged_modulo_random_primes_of_61_bits(
 ) -> None:
     for seed in range(4):
         assert check_certificate(document, seed=seed).verdict == "valid"
-    assert len(set(drawn)) == len(drawn) == 4 * (count + 1)  # the first only tests that f is defined
+    assert (
+        len(set(drawn)) == len(drawn) == 4 * (count + 1)
+    )  # the first only tests that f is defined
     assert all(prime.bit_length() == 61 and fmpz(prime).is_probable_prime() for prime in drawn)
 
 
@@ -59,7 +63,9 @@ def test_rational_documents_are_judged_modulo_random_primes_of_61_bits(
         existence("spherical-pendulum", 2, [1, 1], [0, 0]),
     ],
 )
-def test_other_documents_are_judged_modulo_two_primes_and_in_balls(document: Document, drawn: list[int]) -> None:
+def test_other_documents_are_judged_modulo_two_primes_and_in_balls(
+    document: Document, drawn: list[int]
+) -> None:
     assert check_certificate(document, seed=1).verdict == "valid"
     assert len({prime for prime in drawn if prime}) == 2
     assert 0 in drawn
@@ -99,8 +105,16 @@ def test_what_is_tiny_is_not_zero(digits: int) -> None:
      "(2+x)^-5000", "(2+x)^(10^30)", "(2+x^2)^123456789012345678901234567890", "exp(100000000000000000001*x)"],
 )  # fmt: skip
 def test_numbers_of_any_size_are_read(text: str) -> None:
-    assert check_certificate(lagrangian("free", f"x'^2/2 + 0*({text})", near={"x": "0.4"}), seed=1).verdict == "valid"
-    assert check_certificate(lagrangian("free", f"x'^2/2 + ({text})*x", near={"x": "0.4"})).verdict == "invalid"
+    assert (
+        check_certificate(
+            lagrangian("free", f"x'^2/2 + 0*({text})", near={"x": "0.4"}), seed=1
+        ).verdict
+        == "valid"
+    )
+    assert (
+        check_certificate(lagrangian("free", f"x'^2/2 + ({text})*x", near={"x": "0.4"})).verdict
+        == "invalid"
+    )
 
 
 @pytest.mark.parametrize("text", ["((2+x)^4000)^4000", "9^4000^1*x + (10^390)^4000"])
@@ -118,16 +132,33 @@ def test_a_declared_function_is_taken_at_numbers_of_any_length(other: str) -> No
     assert check_certificate(document, seed=1).verdict == "valid"
 
 
-def test_a_number_without_an_inverse_modulo_the_prime_of_a_series_is_an_answer_not_a_fault() -> None:
+def test_a_number_without_an_inverse_modulo_the_prime_of_a_series_is_an_answer_not_a_fault() -> (
+    None
+):
     prime = 2**61 - 1
-    series = {"order": 2, "point": {"x": "3", "x'": "5"}, "prime": prime, "terms": [[[0, 2], f"1/{prime}"]]}
-    for wrong in (series, {**series, "point": {"x": f"2/{3 * prime}", "x'": "5"}, "terms": [[[0, 2], "1"]]}):
-        found = check_certificate(existence("oscillator", 2, [1, 2], [1, 1, 1], series=wrong), seed=1)
+    series = {
+        "order": 2,
+        "point": {"x": "3", "x'": "5"},
+        "prime": prime,
+        "terms": [[[0, 2], f"1/{prime}"]],
+    }
+    for wrong in (
+        series,
+        {**series, "point": {"x": f"2/{3 * prime}", "x'": "5"}, "terms": [[[0, 2], "1"]]},
+    ):
+        found = check_certificate(
+            existence("oscillator", 2, [1, 2], [1, 1, 1], series=wrong), seed=1
+        )
         assert found.verdict == "invalid"
         assert "not defined" in found.reasons[0]
-    system = existence("oscillator", 2, [1, 2], [1, 1, 1], series={**series, "terms": [[[0, 2], "1"]]})
+    system = existence(
+        "oscillator", 2, [1, 2], [1, 1, 1], series={**series, "terms": [[[0, 2], "1"]]}
+    )
     assert check_certificate(system, seed=1).verdict == "valid"
-    assert check_certificate(changed(system, "system.equations.x", f"-x/{prime}"), seed=1).verdict == "invalid"
+    assert (
+        check_certificate(changed(system, "system.equations.x", f"-x/{prime}"), seed=1).verdict
+        == "invalid"
+    )
 
 
 def test_expansions_of_too_many_terms_are_not_begun() -> None:

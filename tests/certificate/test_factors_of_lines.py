@@ -1,4 +1,6 @@
-"""For equations that are too long to solve, each divided by a constant, the certificate names the factors."""
+"""For equations that are too long to solve, each divided by a constant, the certificate names the
+factors.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,8 @@ import pytest
 
 import inverse_service
 
-# Three pendulums on a cart (Arnold, Mathematical Methods of Classical Mechanics, section 23), lines divided by m l.
+# Three pendulums on a cart (Arnold, Mathematical Methods of Classical Mechanics, section 23), lines
+# divided by m l.
 LINES = [
     "x'' + k1*cos(a)*a'' + k2*cos(b)*b'' + k3*cos(c)*c'' - k1*sin(a)*a'^2 - k2*sin(b)*b'^2 - k3*sin(c)*c'^2 = 0",
     "A*a'' + cos(a)*x'' + p*cos(a-b)*b'' + r*cos(a-c)*c'' + p*sin(a-b)*b'^2 + r*sin(a-c)*c'^2 + g*sin(a) = 0",
@@ -21,7 +24,9 @@ LINES = [
 
 @pytest.fixture(scope="module")
 def certificate() -> dict[str, Any]:
-    result = inverse_service.solve({"coordinates": ["x", "a", "b", "c"], "equations": LINES, "parameters": "guess"})
+    result = inverse_service.solve(
+        {"coordinates": ["x", "a", "b", "c"], "equations": LINES, "parameters": "guess"}
+    )
     assert result["checked"] == "valid"
     return dict(result["certificate"])
 
@@ -34,7 +39,13 @@ def test_the_factors_are_named_and_checked(certificate: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize(
     "factors",
-    [["1", "k1", "k2", "k2"], ["1", "k1", "k2", "0"], ["1", "k1", "k2", "k3*cos(c)"], ["1", "k1", "k2", "c''"], ["1"]],
+    [
+        ["1", "k1", "k2", "k2"],
+        ["1", "k1", "k2", "0"],
+        ["1", "k1", "k2", "k3*cos(c)"],
+        ["1", "k1", "k2", "c''"],
+        ["1"],
+    ],
 )
 def test_other_factors_prove_nothing(certificate: dict[str, Any], factors: list[str]) -> None:
     assert inverse_service.check(certificate | {"factors": factors})["verdict"] != "valid"

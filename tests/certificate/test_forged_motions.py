@@ -21,7 +21,10 @@ AT_SOME_TIME = FREE | {"question": "time_dependent"}
 
 def test_a_true_answer_about_a_motion_is_valid() -> None:
     found = checking.check_plain(MAIN | {"any_associated": SHOWN})
-    assert (found["verdict"], "that has this motion" in found["statement"]["text"]) == ("valid", True)
+    assert (found["verdict"], "that has this motion" in found["statement"]["text"]) == (
+        "valid",
+        True,
+    )
 
 
 @pytest.mark.parametrize(
@@ -33,7 +36,8 @@ def test_a_true_answer_about_a_motion_is_valid() -> None:
         SHOWN | {"certificate": YES, "lagrangian": {"text": "x'^2/2"}},
         SHOWN | {"lagrangian": {"text": BLADE["lagrangian"] + " + x^2"}},
         SHOWN | {"lagrangian": {"text": 3}},
-        SHOWN | {"certificate": AT_SOME_TIME, "verdict_with_time": "undetermined", "lagrangian": None},
+        SHOWN
+        | {"certificate": AT_SOME_TIME, "verdict_with_time": "undetermined", "lagrangian": None},
         SHOWN | {"certificate": LATER | {"question": "autonomous"}, "lagrangian": None},
     ],
 )
@@ -42,6 +46,10 @@ def test_what_is_said_of_a_motion_is_what_its_certificate_proves(part: Document)
 
 
 def test_a_claim_about_a_motion_proves_no_main_verdict() -> None:
-    whole = MAIN | {"system": BLADE["system"], "certificate": BLADE, "lagrangian": {"text": BLADE["lagrangian"]}}
+    whole = MAIN | {
+        "system": BLADE["system"],
+        "certificate": BLADE,
+        "lagrangian": {"text": BLADE["lagrangian"]},
+    }
     assert check_result(whole, seed=1).verdict != "valid"
     assert check_result(MAIN | {"certificate": BLADE}, seed=1).verdict != "valid"

@@ -1,7 +1,8 @@
 """Deceptive certificates: none is valid, at any point, scale, precision, or form of the text.
 
-Three families of false claims, each with every trick: a nonzero term that looks like zero (to reals of any number of
-digits, at one chosen root, modulo a known prime), a zero term that does not look like zero, and points far away.
+Three families of false claims, each with every trick: a nonzero term that looks like zero (to reals
+of any number of digits, at one chosen root, modulo a known prime), a zero term that does not look
+like zero, and points far away.
 """
 
 from __future__ import annotations
@@ -19,7 +20,12 @@ FORMAT = "inverse-service/certificate/2"
 
 
 def about(equations: dict[str, str], near: dict[str, str], **content: object) -> Document:
-    system = {"coordinates": ["x", "y"], "equations": equations, "parameters": ["a"], "functions": {"A": ["x"]}}
+    system = {
+        "coordinates": ["x", "y"],
+        "equations": equations,
+        "parameters": ["a"],
+        "functions": {"A": ["x"]},
+    }
     return {"format": FORMAT, "system": system, "question": "autonomous", "near": near, **content}
 
 
@@ -68,17 +74,26 @@ DATA = {"order": 1, "degree": 1, "dimensions": [3, 10],
 
 
 @pytest.mark.parametrize("name", NOT_VARIATIONAL)
-@pytest.mark.parametrize("near", [{"y": "1" + "0" * 80}, {"y": "1" + "0" * 300}, {"x'": "1e90"}, {"x": "1e-90"}, {}])
+@pytest.mark.parametrize(
+    "near", [{"y": "1" + "0" * 80}, {"y": "1" + "0" * 300}, {"x'": "1e90"}, {"x": "1e-90"}, {}]
+)
 def test_numbers_from_far_away_prove_no_existence(name: str, near: dict[str, str]) -> None:
     document = about(NOT_VARIATIONAL[name], near, claim="variational", kind="existence", **DATA)
     assert check_certificate(document).verdict != "valid"
 
 
 def test_rows_near_a_special_place_prove_no_nonexistence() -> None:
-    """x'' = x x'^2 + y', y'' = -exp(-x^2) x' - 2 y has a Lagrangian; near x = 20 it looks like one that has none."""
+    """x'' = x x'^2 + y', y'' = -exp(-x^2) x' - 2 y has a Lagrangian; near x = 20 it looks like one
+    that has none.
+    """
     equations = {"x": "x*x'^2+y'", "y": "-exp(-x^2)*x'-2*y"}
     for order in (1, 2, 3):
-        claim = {"claim": "not_variational", "kind": "nonexistence", "order": order, "rows": all_rows(2, 4, order)}
+        claim = {
+            "claim": "not_variational",
+            "kind": "nonexistence",
+            "order": order,
+            "rows": all_rows(2, 4, order),
+        }
         assert check_certificate(about(equations, {"x": "20"}, **claim)).verdict != "valid"
 
 
@@ -145,9 +160,15 @@ def test_conditions_and_roots_have_to_hold(parts: Document, verdict: str) -> Non
 
 
 def test_a_certificate_of_format_1_proves_too_little() -> None:
-    document = {**about({"x": "0", "y": "0"}, {}, **KINETIC), "format": "inverse-service/certificate/1"}
+    document = {
+        **about({"x": "0", "y": "0"}, {}, **KINETIC),
+        "format": "inverse-service/certificate/1",
+    }
     found = check_certificate(document)
-    assert (found.verdict, found.reasons) == ("incomplete", ("Format 1 proves too little; solve again.",))
+    assert (found.verdict, found.reasons) == (
+        "incomplete",
+        ("Format 1 proves too little; solve again.",),
+    )
 
 
 @pytest.mark.nightly
@@ -158,10 +179,16 @@ def test_random_combinations_of_forgeries_are_rejected() -> None:
     single = names[: names.index("the other branch of a square root")]
     for _ in range(400):
         first, second = TINY[chance.choice(names)], TINY[chance.choice(single)]
-        text = chance.choice(["({})*({})", "({})+({})*exp(-7)", "({})^2-3*({})^3"]).format(first[0], second[0])
+        text = chance.choice(["({})*({})", "({})+({})*exp(-7)", "({})^2-3*({})^3"]).format(
+            first[0], second[0]
+        )
         near = second[1] | first[1] | {"y'": chance.choice(["1e-80", "1e80", "3/7"])}
         equations = {"x": f"-x+({text})*y", "y": f"-2*y+({text})*x'*x"}
-        claim = {"claim": "variational", "kind": "lagrangian", "lagrangian": "(x'^2-x^2)/2+y'^2/2-y^2"}
+        claim = {
+            "claim": "variational",
+            "kind": "lagrangian",
+            "lagrangian": "(x'^2-x^2)/2+y'^2/2-y^2",
+        }
         assert check_certificate(about(equations, near, **claim)).verdict != "valid", (text, near)
 
 
@@ -172,7 +199,11 @@ ROOTS = [  # a factor, the inequalities, whether it is zero: for roots that are 
     ("sqrt((x-1)^2) - x + 1", ["x < 1"], False),
     ("sqrt(sqrt(x^2+1)+x)*sqrt(sqrt(x^2+1)-x) - 1", [], True),
     ("sqrt(sqrt(x^2+1)+x)*sqrt(sqrt(x^2+1)-x) + 1", [], False),
-    ("(1-x)^(1/3)*(1+x)^(2/3)*(1-x)^(1/3)*(1+x)^(2/3) - (1-x)^(2/3)*(1+x)^(4/3)", ["x < 1", "x > -1"], True),
+    (
+        "(1-x)^(1/3)*(1+x)^(2/3)*(1-x)^(1/3)*(1+x)^(2/3) - (1-x)^(2/3)*(1+x)^(4/3)",
+        ["x < 1", "x > -1"],
+        True,
+    ),
     ("(1-x)^(1/3)*(1+x)^(2/3) - (1-x)^(2/3)*(1+x)^(1/3)", ["x < 1", "x > -1"], False),
     ("(1-x)^(1/4)*(1+x)^(1/4) - sqrt(sqrt(1-x^2))", ["x < 1", "x > -1"], True),
     ("(1-x)^(1/4)*(1+x)^(3/4) - (1-x^2)^(3/4)", ["x < 1", "x > -1"], False),
@@ -182,7 +213,9 @@ ROOTS = [  # a factor, the inequalities, whether it is zero: for roots that are 
 
 
 @pytest.mark.parametrize(("factor", "conditions", "zero"), ROOTS)
-def test_products_of_roots_differ_from_those_with_another_sign(factor: str, conditions: list[str], zero: bool) -> None:
+def test_products_of_roots_differ_from_those_with_another_sign(
+    factor: str, conditions: list[str], zero: bool
+) -> None:
     near = {"x": "3" if conditions == ["x > 1"] else "0.3"}
     system = {"coordinates": ["x"], "equations": {"x": "0"}}
     claim = {"claim": "variational", "kind": "lagrangian", "lagrangian": f"x'^2 + x*({factor})"}
@@ -200,8 +233,12 @@ def test_products_of_roots_differ_from_those_with_another_sign(factor: str, cond
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [4, 8])
 @pytest.mark.parametrize("spoiled", [False, True])
-def test_each_velocity_of_many_relativistic_particles_has_two_bounds(count: int, spoiled: bool) -> None:
-    """L = -sum sqrt(1 - v^2) - V on abs(v) < 1 (Goldstein, 7.9): 2^count choices of the roots, not 4^count."""
+def test_each_velocity_of_many_relativistic_particles_has_two_bounds(
+    count: int, spoiled: bool
+) -> None:
+    """L = -sum sqrt(1 - v^2) - V on abs(v) < 1 (Goldstein, 7.9): 2^count choices of the roots, not
+    4^count.
+    """
     names = [f"x{k}" for k in range(count)]
     forces = {"x0": "-x1*(1-x0'^2)^(3/2)", "x1": "-x0*(1-x1'^2)^(3/2)"}
     equations = dict.fromkeys(names, "0") | forces

@@ -1,4 +1,6 @@
-"""The checker's own reader and series agree with mpmath and with the identities of the functions."""
+"""The checker's own reader and series agree with mpmath and with the identities of the
+functions.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,12 @@ def test_an_invalid_formula_is_rejected_with_a_sentence(text: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
-    ["(" * 5000 + "x'" + ")" * 5000, "x'" + "^x'" * 5000, "sin(" * 201 + "x'" + ")" * 201, "x'^2+" * 20_000 + "x"],
+    [
+        "(" * 5000 + "x'" + ")" * 5000,
+        "x'" + "^x'" * 5000,
+        "sin(" * 201 + "x'" + ")" * 201,
+        "x'^2+" * 20_000 + "x",
+    ],
 )
 def test_formulas_beyond_the_limits_are_refused(text: str) -> None:
     assert check_certificate(lagrangian("free", text), seed=1).verdict == "invalid"
@@ -70,10 +77,15 @@ def test_a_hundred_levels_of_nesting_are_read(text: str) -> None:
 
 
 def test_the_two_ways_of_writing_partial_derivatives_agree() -> None:
-    """x'' = B_x(x, y), y'' = B_y(x, y) has L = T + B; for B(x, 2 y) and B(x + y, x - y) the chain rule applies."""
+    """x'' = B_x(x, y), y'' = B_y(x, y) has L = T + B; for B(x, 2 y) and B(x + y, x - y) the chain
+    rule applies.
+    """
     document = lagrangian("free-pair", "(x'^2 + y'^2)/2 + B(x, y)")
     document["system"]["functions"] = {"B": ["u", "w"]}
-    for right in ({"x": "diff(B(x, y), x)", "y": "diff( B( x , y ) , y )"}, {"x": "B[1,0](x, y)", "y": "B[0,1](x, y)"}):
+    for right in (
+        {"x": "diff(B(x, y), x)", "y": "diff( B( x , y ) , y )"},
+        {"x": "B[1,0](x, y)", "y": "B[0,1](x, y)"},
+    ):
         document["system"]["equations"] = right
         assert check_certificate(document, seed=1).verdict == "valid"
     document["lagrangian"] = "(x'^2 + y'^2)/2 + B[2,0](x + y, x - y)"

@@ -10,7 +10,15 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from inverse_service.certificate.checker import CheckResult, check_certificate, check_text
-from tests.certificate.documents import Document, changed, check_result, existence, lagrangian, nonexistence, result
+from tests.certificate.documents import (
+    Document,
+    changed,
+    check_result,
+    existence,
+    lagrangian,
+    nonexistence,
+    result,
+)
 
 
 def nested(depth: int) -> Any:
@@ -63,7 +71,9 @@ def test_repeated_keys_are_rejected_anywhere() -> None:
     assert check_text(text, seed=1).verdict == "valid"
     twice = text.replace('"claim": "variational"', '"claim": "variational", "claim": "variational"')
     assert check_text(twice, seed=1).verdict == "invalid"
-    assert check_text(text.replace('"x": "-x"', '"x": "-x", "x": "-x"'), seed=1).verdict == "invalid"
+    assert (
+        check_text(text.replace('"x": "-x"', '"x": "-x", "x": "-x"'), seed=1).verdict == "invalid"
+    )
 
 
 def documents() -> list[Document]:
@@ -85,11 +95,22 @@ def paths(value: Any, path: str = "") -> list[str]:
 
 
 @pytest.mark.parametrize("number", [0, 1, 2])
-@pytest.mark.parametrize("value", [None, True, -1, 10**6, 0.5, "", "\x00", "x y", [], [None], {}, {"x": 1}])
+@pytest.mark.parametrize(
+    "value", [None, True, -1, 10**6, 0.5, "", "\x00", "x y", [], [None], {}, {"x": 1}]
+)
 def test_no_member_may_be_anything_else(number: int, value: Any) -> None:
-    """There is always a verdict, and never "valid" unless the replaced part is optional or unused."""
+    """There is always a verdict, and never "valid" unless the replaced part is optional or
+    unused.
+    """
     document = documents()[number]
-    free = {"near", "near.x", "system.parameters", "system.functions", "symbol.characters", "lagrangian"}
+    free = {
+        "near",
+        "near.x",
+        "system.parameters",
+        "system.functions",
+        "symbol.characters",
+        "lagrangian",
+    }
     for path in paths(document):
         found = check_certificate(changed(document, path, value), seed=1, time_limit=5)
         assert isinstance(found, CheckResult)
@@ -103,7 +124,9 @@ def test_a_missing_member_is_noticed(number: int) -> None:
     optional = {"near", "near.x", "system.parameters", "system.functions"}
     for path in paths(document):
         if path not in optional and not path.startswith(("rows.", "symbol.characters.")):
-            assert check_certificate(changed(document, path, ...), seed=1).verdict == "invalid", path
+            assert check_certificate(changed(document, path, ...), seed=1).verdict == "invalid", (
+                path
+            )
 
 
 BAD_SYSTEMS: list[tuple[str, Any]] = [
@@ -130,7 +153,10 @@ def test_an_invalid_system_is_rejected(key: str, value: Any) -> None:
 def test_large_work_ends_at_the_time_limit() -> None:
     """Many coordinates at a high order, and formulas with dense series."""
     names = [f"x{k}" for k in range(8)]
-    system = {"coordinates": names, "equations": {name: f"1/({'+'.join(names)})^3" for name in names}}
+    system = {
+        "coordinates": names,
+        "equations": {name: f"1/({'+'.join(names)})^3" for name in names},
+    }
     document = {**existence("henon-heiles", 3, [1, 1], [0, 0]), "system": system}
     start = time.process_time()
     assert check_certificate(document, time_limit=0.5).verdict == "incomplete"
@@ -152,7 +178,10 @@ def test_large_work_ends_at_the_time_limit() -> None:
 )  # fmt: skip
 def test_formulas_made_to_take_long_are_answered_soon(text: str) -> None:
     start = time.process_time()
-    assert check_certificate(lagrangian("free", text), seed=1, time_limit=0.3).verdict in ("invalid", "incomplete")
+    assert check_certificate(lagrangian("free", text), seed=1, time_limit=0.3).verdict in (
+        "invalid",
+        "incomplete",
+    )
     assert time.process_time() - start < 3
 
 
@@ -166,7 +195,9 @@ def test_a_huge_object_is_refused_at_once() -> None:
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5), inner, max_size=4),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5), inner, max_size=4)
+    ),
     max_leaves=10,
 )
 
@@ -183,4 +214,7 @@ def test_random_damage_is_answered(value: Any, number: int, data: st.DataObject)
 
 @pytest.mark.parametrize("branches", [{"a": 1}, {"a": {}}, [1], "abc", 5, [[]]])
 def test_branches_that_are_no_list_of_objects_are_invalid(branches: Any) -> None:
-    assert check_result(result("oscillator", "undetermined", None, branches=branches)).verdict == "invalid"
+    assert (
+        check_result(result("oscillator", "undetermined", None, branches=branches)).verdict
+        == "invalid"
+    )

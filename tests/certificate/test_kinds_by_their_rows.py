@@ -1,4 +1,6 @@
-"""The rows and matrices of claims about kinds agree with the mathematics: each false claim next to a true one."""
+"""The rows and matrices of claims about kinds agree with the mathematics: each false claim next to
+a true one.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +26,18 @@ GENERAL = "rayleigh_general"
 
 def claim(kind: object, lagrangian: str = "", /, *forces: str, **more: object) -> Document:
     names = ["x", "y", "z"][: len(forces)]
-    system = {"coordinates": names, "equations": dict(zip(names, forces, strict=True)), "parameters": ["a"]}
-    head = {"format": FORMAT, "system": system, "question": "autonomous", "claim": "variational", "among": kind}
+    system = {
+        "coordinates": names,
+        "equations": dict(zip(names, forces, strict=True)),
+        "parameters": ["a"],
+    }
+    head = {
+        "format": FORMAT,
+        "system": system,
+        "question": "autonomous",
+        "claim": "variational",
+        "among": kind,
+    }
     return head | ({"kind": "lagrangian", "lagrangian": lagrangian} if lagrangian else {}) | more
 
 
@@ -75,7 +87,9 @@ def with_multiplier(forces: tuple[str, str], data: Document, multiplier: Any) ->
     return verdict(definite("", *forces, **data, multiplier=multiplier))
 
 
-@pytest.mark.parametrize("matrix", [[[1, 1], [1, 3]], [["2/3", "2/3"], ["2/3", "1"]], [[5, 5], [5, "5.001"]]])
+@pytest.mark.parametrize(
+    "matrix", [[[1, 1], [1, 3]], [["2/3", "2/3"], ["2/3", "1"]], [[5, 5], [5, "5.001"]]]
+)
 def test_a_definite_matrix_that_is_left_proves_existence(matrix: Any) -> None:
     assert with_multiplier(COUPLED, LEFT, matrix) == "valid"
 
@@ -106,9 +120,15 @@ def test_of_free_particles_every_definite_matrix_is_left(matrix: Any, expected: 
 def test_where_the_place_is_not_whole_nothing_definite_is_proven() -> None:
     for name in PLACE.keys() - {"t"}:
         less = {key: value for key, value in PLACE.items() if key != name}
-        assert verdict(definite("", *COUPLED, **LEFT, multiplier=[[1, 1], [1, 3]], near=less)) == "invalid"
+        assert (
+            verdict(definite("", *COUPLED, **LEFT, multiplier=[[1, 1], [1, 3]], near=less))
+            == "invalid"
+        )
     for more in (PLACE | {"t": "2"}, {key: value for key, value in PLACE.items() if key != "t"}):
-        assert verdict(definite("", *COUPLED, **LEFT, multiplier=[[1, 1], [1, 3]], near=more)) == "valid"
+        assert (
+            verdict(definite("", *COUPLED, **LEFT, multiplier=[[1, 1], [1, 3]], near=more))
+            == "valid"
+        )
 
 
 def test_what_holds_at_the_place_alone_proves_nothing() -> None:
@@ -132,8 +152,13 @@ def test_definite_matrices_are_those_that_sympy_calls_definite() -> None:
     generator = random.Random(4)
     met = set()
     for size in (1, 2, 3, 4) * 30:
-        root = [[generator.randint(-2, 2) for _ in range(size)] for _ in range(generator.randint(1, size))]
-        gram = sympy.Matrix(root).T * sympy.Matrix(root) + generator.randint(-1, 1) * sympy.eye(size)
+        root = [
+            [generator.randint(-2, 2) for _ in range(size)]
+            for _ in range(generator.randint(1, size))
+        ]
+        gram = sympy.Matrix(root).T * sympy.Matrix(root) + generator.randint(-1, 1) * sympy.eye(
+            size
+        )
         rows = [[Fraction(int(x)) for x in gram.row(k)] for k in range(size)]
         found = is_definite(rows), is_definite(rows, semi=True)
         assert found == (gram.is_positive_definite, gram.is_positive_semidefinite), rows
@@ -160,16 +185,25 @@ NATURAL_L, FRICTION = "((1 + y^2*z)*x'^2 + (1 + z^2)*y'^2 + z'^2)/2", "x'*y'*y/2
 
 
 def test_the_rows_of_friction_vanish_on_an_l_with_friction() -> None:
-    """Each of C, D, and K is 0 on the derivatives of L at a point, and most are nonzero on those of another L."""
+    """Each of C, D, and K is 0 on the derivatives of L at a point, and most are nonzero on those of
+    another L.
+    """
     assert verdict(claim("rayleigh", NATURAL_L, *DISSIPATIVE, dissipation=FRICTION)) == "valid"
     given = claim("rayleigh", "", *DISSIPATIVE, kind="existence", near=POINT)
     asked = OfKind(Tools(random.Random(1), time.thread_time() + 60), given["system"], False, given)
     asked.prepare(lambda ring: None)
-    rows = [(f"C{k}", pair) for k in range(3) for pair in combinations(range(3), 2)] + [("D2", (0, 1))]
-    rows += [(f"K{k}", pair) for k in range(3) for pair in combinations_with_replacement(range(3), 2)]
+    rows = [(f"C{k}", pair) for k in range(3) for pair in combinations(range(3), 2)] + [
+        ("D2", (0, 1))
+    ]
+    rows += [
+        (f"K{k}", pair) for k in range(3) for pair in combinations_with_replacement(range(3), 2)
+    ]
     with ctx.workprec(192):
         ring = asked.expansion(Balls(asked, asked.place, None), 3)
-        right, wrong = (value_of(ring, read_tokens(text, "L")) for text in (NATURAL_L, f"{NATURAL_L} + x*x'^3*y'"))
+        right, wrong = (
+            value_of(ring, read_tokens(text, "L"))
+            for text in (NATURAL_L, f"{NATURAL_L} + x*x'^3*y'")
+        )
         terms = [ring.terms(kind, *place) for kind, place in rows]
         at = [[float(ring.value(some, one).get(0, 0)) for some in terms] for one in (right, wrong)]
     assert max(map(abs, at[0])) < 1e-20
@@ -189,7 +223,10 @@ ONLY_FINSLER = ("-y*x'^2/4", "x*y'^2/2")
 def test_a_finsler_metric_that_is_not_riemannian_is_refused_by_no_rows() -> None:
     assert verdict(claim("finsler", "exp(x*y)*x'^4/y'^2", *ONLY_FINSLER)) == "valid"
     for order in (1, 2, 3):
-        assert verdict(no("finsler", rows_of(FINSLER, 4, order), *ONLY_FINSLER, order=order)) == "invalid"
+        assert (
+            verdict(no("finsler", rows_of(FINSLER, 4, order), *ONLY_FINSLER, order=order))
+            == "invalid"
+        )
     assert verdict(no("riemannian", rows_of(HOMOGENEOUS, 4, 2), *ONLY_FINSLER)) == "valid"
 
 

@@ -36,7 +36,8 @@ def result_of(one: Document) -> Document:
             "certificate": one, **shown}  # fmt: skip
 
 
-# --- 1.1, 1.2: dimensions of a system whose first derivatives seem to vanish relative to a huge coordinate
+# --- 1.1, 1.2: dimensions of a system whose first derivatives seem to vanish relative to a huge
+# coordinate
 DIMENSIONS = {"order": 1, "degree": 1, "dimensions": [3, 10],
               "symbol": {"dimension": 7, "prolonged": 12, "characters": [3, 3, 1, 0]}}  # fmt: skip
 FAR_AWAY = [
@@ -53,20 +54,35 @@ def test_one_certificate_for_all_systems_proves_none(x: str, y: str, place: str)
     forged = certificate({"x": x, "y": y}, "existence", near={"y": place}, **DIMENSIONS)
     for seed in range(4):
         assert check_certificate(forged, seed=seed).verdict != "valid"
-    assert check(result_of(forged), {"equations": {"x": x.replace(" + 0*exp(1)", ""), "y": y}})["verdict"] != "valid"
+    assert (
+        check(result_of(forged), {"equations": {"x": x.replace(" + 0*exp(1)", ""), "y": y}})[
+            "verdict"
+        ]
+        != "valid"
+    )
 
 
 # --- 1.3, 1.4: Lagrangians of other systems
 OSCILLATORS = "x'^2/2+y'^2/2-x^2/2-y^2"
 FALSE_LAGRANGIANS = {
-    "1.3 a factor that knows the precision": of_lagrangian("x^2+y^2", "0", f"exp(-200-490*({D}))*(x'^2+y'^2)/2"),
+    "1.3 a factor that knows the precision": of_lagrangian(
+        "x^2+y^2", "0", f"exp(-200-490*({D}))*(x'^2+y'^2)/2"
+    ),
     "1.3 a switch": of_lagrangian(
         "x^2+y^2", "0", "exp(-445-245*tanh(1000*x))*(x'^2+y'^2)/2", near={"x": "0", "y": "0.5"}
     ),
-    "1.4 a bell at 30": of_lagrangian("-x+y*exp(-x^2)", "-2*y+x'*exp(-x^2)", OSCILLATORS, near={"x": "30"}),
-    "1.4 a tail at 900": of_lagrangian("-exp(-x)*y'", "-2*x*exp(-x)", "x'^2/2+y'^2/2", near={"x": "900"}),
+    "1.4 a bell at 30": of_lagrangian(
+        "-x+y*exp(-x^2)", "-2*y+x'*exp(-x^2)", OSCILLATORS, near={"x": "30"}
+    ),
+    "1.4 a tail at 900": of_lagrangian(
+        "-exp(-x)*y'", "-2*x*exp(-x)", "x'^2/2+y'^2/2", near={"x": "900"}
+    ),
     "1.4 a parameter of 1e300": of_lagrangian(
-        "-a*sin(x)+y'", "-a*y", "x'^2/2+y'^2/2+a*cos(x)-a*y^2/2", near={"a": "1" + "0" * 300}, parameters=["a"]
+        "-a*sin(x)+y'",
+        "-a*y",
+        "x'^2/2+y'^2/2+a*cos(x)-a*y^2/2",
+        near={"a": "1" + "0" * 300},
+        parameters=["a"],
     ),
 }
 
@@ -76,7 +92,10 @@ def test_a_lagrangian_of_another_system_is_refused(name: str) -> None:
     forged = FALSE_LAGRANGIANS[name]
     for seed in range(4):
         assert check_certificate(forged, seed=seed).verdict == "invalid"
-    given = {"equations": forged["system"]["equations"], "parameters": forged["system"].get("parameters", [])}
+    given = {
+        "equations": forged["system"]["equations"],
+        "parameters": forged["system"].get("parameters", []),
+    }
     assert check(result_of(forged), given)["verdict"] == "invalid"
 
 
@@ -89,9 +108,13 @@ FREE = {"x": f"-(1-{D})*y' + 0*exp(1)", "y": "-y"}
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("true", "forged", "near"), [(DECOUPLED, BELL, {"x": "20"}), (DAMPED, FREE, {})], ids=["1.4", "1.5"]
+    ("true", "forged", "near"),
+    [(DECOUPLED, BELL, {"x": "20"}), (DAMPED, FREE, {})],
+    ids=["1.4", "1.5"],
 )
-def test_rows_of_another_system_prove_nothing(true: Document, forged: Document, near: Document) -> None:
+def test_rows_of_another_system_prove_nothing(
+    true: Document, forged: Document, near: Document
+) -> None:
     """The same rows prove the claim for the other system, so the test is meaningful."""
     verdicts = []
     for order in (1, 2, 3):
@@ -103,9 +126,13 @@ def test_rows_of_another_system_prove_nothing(true: Document, forged: Document, 
 
 # --- 1.6: a document that is almost that of the certificate
 def test_a_document_that_differs_by_little_is_another() -> None:
-    honest = of_lagrangian("-x*sqrt(1+x^2)", "-2*y", "x'^2/2-(1+x^2)^(3/2)/3+y'^2/2-y^2", near={"x": "30"})
+    honest = of_lagrangian(
+        "-x*sqrt(1+x^2)", "-2*y", "x'^2/2-(1+x^2)^(3/2)/3+y'^2/2-y^2", near={"x": "30"}
+    )
     given = {"equations": {"x": "-x*sqrt(1+x^2)+y'*exp(-x^2)", "y": "-2*y+exp(-x^2)*x"}}
-    assert check(result_of(honest), {"equations": honest["system"]["equations"]})["verdict"] == "valid"
+    assert (
+        check(result_of(honest), {"equations": honest["system"]["equations"]})["verdict"] == "valid"
+    )
     assert check(result_of(honest), given)["verdict"] == "invalid"
 
 
@@ -176,7 +203,13 @@ HONEST = {
 
 
 def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    items = list(value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ())
+    items = list(
+        value.items()
+        if isinstance(value, dict)
+        else enumerate(value)
+        if isinstance(value, list)
+        else ()
+    )
     return [path, *(place for key, part in items for place in places(part, (*path, key)))]
 
 
@@ -190,7 +223,11 @@ def test_no_oddity_at_any_place_ends_in_an_exception(name: str) -> None:
             for key in path:
                 part = part[key]
             part[last] = odd
-            assert check_certificate(changed, time_limit=2).verdict in ("valid", "incomplete", "invalid")
+            assert check_certificate(changed, time_limit=2).verdict in (
+                "valid",
+                "incomplete",
+                "invalid",
+            )
 
 
 def test_no_load_of_the_machine_decides(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -64,7 +64,10 @@ def test_generic_functions_may_stand_in_the_lagrangian() -> None:
     document = lagrangian("free", "x'^2/2 + A'(x)*x'", question="autonomous")
     document["system"]["functions"] = {"A": ["x"]}
     assert check_certificate(document, seed=1).verdict == "valid"
-    assert check_certificate(changed(document, "lagrangian", "x'^2/2 + A'(x)"), seed=1).verdict == "invalid"
+    assert (
+        check_certificate(changed(document, "lagrangian", "x'^2/2 + A'(x)"), seed=1).verdict
+        == "invalid"
+    )
 
 
 def test_derivatives_of_one_function_belong_together() -> None:
@@ -72,19 +75,40 @@ def test_derivatives_of_one_function_belong_together() -> None:
     document = lagrangian("henon-heiles", "(x'^2 + y'^2)/2 - V(x, y)")
     document["system"] |= {"equations": equations, "functions": {"V": ["x", "y"]}}
     assert check_certificate(document, seed=1).verdict == "valid"
-    assert check_certificate(changed(document, "lagrangian", "(x'^2+y'^2)/2 - V(y, x)"), seed=1).verdict == "invalid"
-    assert check_certificate(changed(document, "lagrangian", "(x'^2+y'^2)/2 + V(x, y)"), seed=1).verdict == "invalid"
+    assert (
+        check_certificate(
+            changed(document, "lagrangian", "(x'^2+y'^2)/2 - V(y, x)"), seed=1
+        ).verdict
+        == "invalid"
+    )
+    assert (
+        check_certificate(
+            changed(document, "lagrangian", "(x'^2+y'^2)/2 + V(x, y)"), seed=1
+        ).verdict
+        == "invalid"
+    )
 
 
 def test_one_function_at_two_arguments_is_not_one_number() -> None:
     document = lagrangian("oscillator", "x'^2/2 + A(x)")
     document["system"] |= {"equations": {"x": "A'(2*x)"}, "functions": {"A": ["x"]}}
     assert check_certificate(document, seed=1).verdict == "invalid"
-    assert check_certificate(changed(document, "lagrangian", "x'^2/2 + A(2*x)/2"), seed=1).verdict == "valid"
+    assert (
+        check_certificate(changed(document, "lagrangian", "x'^2/2 + A(2*x)/2"), seed=1).verdict
+        == "valid"
+    )
 
 
 @pytest.mark.parametrize(
-    "text", ["x'^2/2 - x^2/2 + z", "x''", "x'^2/2 - x^2/2 + A(x)", "x'^2/2 - x^2/2 + q(x)", "", "x'^2/2 - x^2/2)"]
+    "text",
+    [
+        "x'^2/2 - x^2/2 + z",
+        "x''",
+        "x'^2/2 - x^2/2 + A(x)",
+        "x'^2/2 - x^2/2 + q(x)",
+        "",
+        "x'^2/2 - x^2/2)",
+    ],
 )
 def test_a_lagrangian_uses_no_name_but_those_of_the_system(text: str) -> None:
     assert check_certificate(lagrangian("oscillator", text), seed=1).verdict == "invalid"
@@ -93,7 +117,10 @@ def test_a_lagrangian_uses_no_name_but_those_of_the_system(text: str) -> None:
 def test_time_in_the_lagrangian_needs_the_question_with_time() -> None:
     text = "x'^2/2 + t^2*x' + 2*t*x"
     assert check_certificate(lagrangian("free", text, "autonomous"), seed=1).verdict == "invalid"
-    assert check_certificate(lagrangian("painleve-I", "x'^2/2", "autonomous"), seed=1).verdict == "invalid"
+    assert (
+        check_certificate(lagrangian("painleve-I", "x'^2/2", "autonomous"), seed=1).verdict
+        == "invalid"
+    )
 
 
 def test_a_narrow_domain_is_found_by_the_point_that_the_certificate_names() -> None:
@@ -104,7 +131,12 @@ def test_a_narrow_domain_is_found_by_the_point_that_the_certificate_names() -> N
 
 @pytest.mark.slow
 def test_a_lagrangian_that_is_nowhere_defined_is_incomplete() -> None:
-    for text in ("x'^2/(x - x)", "x'^2*sqrt(-1 - x^2)", "log(-exp(x))*x'^2", "x'^2/(sin(x)^2+cos(x)^2-1)"):
+    for text in (
+        "x'^2/(x - x)",
+        "x'^2*sqrt(-1 - x^2)",
+        "log(-exp(x))*x'^2",
+        "x'^2/(sin(x)^2+cos(x)^2-1)",
+    ):
         assert check_certificate(lagrangian("free", text), seed=1).verdict == "incomplete"
 
 
@@ -124,7 +156,17 @@ SIGNED = ["x/-x''", "x/+-(x'')", "2^-x''"]
 
 
 @pytest.mark.parametrize(
-    "equation", ["1/(x''+x)", "sqrt(x''+x)", "(x''+x)^2", "x''^2+x", "log(x'')+x", "x^(x'')", "2/x''*x", *SIGNED]
+    "equation",
+    [
+        "1/(x''+x)",
+        "sqrt(x''+x)",
+        "(x''+x)^2",
+        "x''^2+x",
+        "log(x'')+x",
+        "x^(x'')",
+        "2/x''*x",
+        *SIGNED,
+    ],
 )
 def test_accelerations_in_formulas_that_have_not_all_values_are_refused(equation: str) -> None:
     assert "Accelerations may occur in" in unsolved(equation)

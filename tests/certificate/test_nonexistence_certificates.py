@@ -44,14 +44,18 @@ def test_all_rows_of_a_sufficient_order_are_valid(name: str, order: int, questio
 
 
 @pytest.mark.parametrize(("name", "order", "question"), WRONG)
-def test_systems_with_a_multiplier_left_are_not_refuted(name: str, order: int, question: str) -> None:
+def test_systems_with_a_multiplier_left_are_not_refuted(
+    name: str, order: int, question: str
+) -> None:
     found = check_certificate(nonexistence(name, order, question), seed=1)
     assert found.verdict == "invalid", found.reasons
     assert "regular" in found.reasons[0]
 
 
 def test_sin_2u_is_not_independent_of_sin_u() -> None:
-    """With an independent function S(u) instead of sin(2 u) the rows refute; with sin(2 u) they do not."""
+    """With an independent function S(u) instead of sin(2 u) the rows refute; with sin(2 u) they do
+    not.
+    """
     trap = nonexistence("spherical-pendulum", 2)
     independent = changed(trap, "system.equations.u", "S(u)/2*w'^2 - G*sin(u)")
     independent["system"]["functions"] = {"S": ["u"]}
@@ -106,8 +110,14 @@ def test_rows_of_one_condition_alone_do_not_refute() -> None:
 
 def test_another_system_under_the_rows_is_refused() -> None:
     document = nonexistence("douglas-IIIb", 2)
-    assert check_certificate(changed(document, "system.equations.x", "x^2"), seed=1).verdict == "invalid"
-    assert check_certificate(changed(document, "system.equations.y", "2*x*y"), seed=1).verdict == "invalid"
+    assert (
+        check_certificate(changed(document, "system.equations.x", "x^2"), seed=1).verdict
+        == "invalid"
+    )
+    assert (
+        check_certificate(changed(document, "system.equations.y", "2*x*y"), seed=1).verdict
+        == "invalid"
+    )
 
 
 def test_special_values_of_parameters_are_not_the_generic_ones() -> None:
@@ -132,7 +142,9 @@ BAD_ROWS: list[Any] = [
 
 @pytest.mark.parametrize("rows", BAD_ROWS)
 def test_rows_that_are_none_make_the_certificate_invalid(rows: Any) -> None:
-    assert check_certificate(nonexistence("douglas-IIIb", 2, rows=rows), seed=1).verdict == "invalid"
+    assert (
+        check_certificate(nonexistence("douglas-IIIb", 2, rows=rows), seed=1).verdict == "invalid"
+    )
 
 
 def test_one_row_named_twice_is_refused() -> None:
@@ -145,7 +157,10 @@ def test_one_row_named_twice_is_refused() -> None:
 
 @pytest.mark.parametrize("order", [0, 1, -1, 21, 10**400, 2.0, "2", None, True, [2]])
 def test_an_order_too_low_or_out_of_range_is_refused(order: Any) -> None:
-    assert check_certificate({**nonexistence("douglas-IIIb", 2), "order": order}, seed=1).verdict == "invalid"
+    assert (
+        check_certificate({**nonexistence("douglas-IIIb", 2), "order": order}, seed=1).verdict
+        == "invalid"
+    )
 
 
 def test_one_equation_is_never_refuted() -> None:
@@ -163,16 +178,27 @@ def test_the_time_limit_ends_the_check() -> None:
 @pytest.mark.slow
 def test_the_verdict_does_not_hang_on_the_seed() -> None:
     for seed in (*range(20), None):
-        assert check_certificate(nonexistence("differential-obstruction", 3), seed=seed).verdict == "valid"
-        assert check_certificate(nonexistence("differential-obstruction", 2), seed=seed).verdict == "invalid"
-        assert check_certificate(nonexistence("poynting-robertson", 2), seed=seed).verdict == "valid"
+        assert (
+            check_certificate(nonexistence("differential-obstruction", 3), seed=seed).verdict
+            == "valid"
+        )
+        assert (
+            check_certificate(nonexistence("differential-obstruction", 2), seed=seed).verdict
+            == "invalid"
+        )
+        assert (
+            check_certificate(nonexistence("poynting-robertson", 2), seed=seed).verdict == "valid"
+        )
 
 
 def test_seven_rows_of_h3_alone_suffice_and_six_do_not() -> None:
     """Phi is expanded as far as H3 needs it even if no row of H2 is listed."""
     first = [(0, 1), (0, 2), (0, 3), (1, 2)]
     rows = [["H3", i, j, [0] * 8] for i, j in first]
-    rows += [["H3", i, j, [int(a == b) for b in range(8)]] for i, j, a in ((1, 2, 7), (1, 3, 6), (2, 3, 5))]
+    rows += [
+        ["H3", i, j, [int(a == b) for b in range(8)]]
+        for i, j, a in ((1, 2, 7), (1, 3, 6), (2, 3, 5))
+    ]
     assert check_certificate(nonexistence("lie-A4,7", 1, rows=rows), seed=1).verdict == "valid"
     for left_out in rows:
         fewer = nonexistence("lie-A4,7", 1, rows=[row for row in rows if row is not left_out])

@@ -1,4 +1,6 @@
-"""In documents with one error the checker finds and names it; correct documents at the bounds are valid."""
+"""In documents with one error the checker finds and names it; correct documents at the bounds are
+valid.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,15 @@ from inverse_service.certificate.checker import check_certificate
 from inverse_service.certificate.numbers import Residues
 from inverse_service.certificate.question import Question, Tools
 from inverse_service.certificate.series import Elimination, Expansion, Symbol, symbol_of as sizes_of
-from tests.certificate.documents import Document, changed, check_result, existence, lagrangian, nonexistence, result
+from tests.certificate.documents import (
+    Document,
+    changed,
+    check_result,
+    existence,
+    lagrangian,
+    nonexistence,
+    result,
+)
 from tests.certificate.test_nonexistence_certificates import BAD_ROWS
 
 TIMED = "time_dependent"
@@ -57,7 +67,13 @@ def test_an_invalid_derivative_is_rejected_next_to_a_good_lagrangian(text: str) 
 
 
 @pytest.mark.parametrize(
-    "text", ["B[20,0](x', x)", "B[7,13](x', x)", "diff(B(x', x), x', x)", f"diff(B(x', x), {', '.join(['x'] * 20)})"]
+    "text",
+    [
+        "B[20,0](x', x)",
+        "B[7,13](x', x)",
+        "diff(B(x', x), x', x)",
+        f"diff(B(x', x), {', '.join(['x'] * 20)})",
+    ],
 )
 def test_derivatives_of_order_twenty_are_read(text: str) -> None:
     assert verdict(with_function(text)) == "valid"
@@ -65,13 +81,16 @@ def test_derivatives_of_order_twenty_are_read(text: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("before", "behind"), [("(", ")"), ("-(", ")"), ("sin(", ")"), ("B(x, ", ")"), ("B(", ", x)"), ("2^(x+", ")")]
+    ("before", "behind"),
+    [("(", ")"), ("-(", ")"), ("sin(", ")"), ("B(x, ", ")"), ("B(", ", x)"), ("2^(x+", ")")],
 )
 def test_two_hundred_brackets_inside_each_other_are_the_most(before: str, behind: str) -> None:
     """The factor 0 has its own pair; an exponent counts twice, as power and as bracket."""
     most = 99 if before.startswith("2^") else 199
     assert verdict(with_function(before * most + "x" + behind * most)) in ("valid", "incomplete")
-    found = check_certificate(with_function(before * (most + 2) + "x" + behind * (most + 2)), seed=1)
+    found = check_certificate(
+        with_function(before * (most + 2) + "x" + behind * (most + 2)), seed=1
+    )
     assert found.verdict == "invalid"
     assert "nested" in found.reasons[0]
 
@@ -110,7 +129,9 @@ def test_a_point_may_name_everything_and_nothing_else() -> None:
 def test_a_domain_of_a_thousandth_is_found_where_the_certificate_says() -> None:
     text = "sqrt(x' - 100) + log(100.002 - x')"
     for name, value in (("x'", "100.001"), ("x", "100.001")):
-        document = lagrangian("free", text.replace("x'", name) + ("" if name == "x'" else " + x'^2"))
+        document = lagrangian(
+            "free", text.replace("x'", name) + ("" if name == "x'" else " + x'^2")
+        )
         document["lagrangian"] = f"x'^2/2 + 0*({document['lagrangian']})"
         assert verdict(document) == "incomplete"
         assert verdict({**document, "near": {name: value}}) == "valid"
@@ -133,10 +154,19 @@ def test_t_in_f_is_not_a_parameter() -> None:
 
 def test_two_verdicts_on_one_question_are_refused() -> None:
     proof = lagrangian("painleve-I", "x'^2/2 + 2*x^3 + t*x", TIMED)
-    timed = {"verdict": "variational", "certificate": proof, "lagrangian": {"text": proof["lagrangian"]}}
+    timed = {
+        "verdict": "variational",
+        "certificate": proof,
+        "lagrangian": {"text": proof["lagrangian"]},
+    }
     for question in ({}, {"question": "L(t, q, q')"}):
         document = result(
-            "painleve-I", "undetermined", None, verdict_with_time="variational", with_time=timed, **question
+            "painleve-I",
+            "undetermined",
+            None,
+            verdict_with_time="variational",
+            with_time=timed,
+            **question,
         )
         found = check_result(document, seed=1)
         assert found.verdict == "invalid"
@@ -146,7 +176,9 @@ def test_two_verdicts_on_one_question_are_refused() -> None:
 # Rows
 
 
-@pytest.mark.parametrize("row", [row for rows in BAD_ROWS[5:] if rows for row in rows[:1] if row not in ([], None)])
+@pytest.mark.parametrize(
+    "row", [row for rows in BAD_ROWS[5:] if rows for row in rows[:1] if row not in ([], None)]
+)
 def test_one_bad_row_among_rows_that_suffice_is_refused(row: Any) -> None:
     document = nonexistence("douglas-IIIb", 2)
     if row in document["rows"]:
@@ -157,9 +189,15 @@ def test_one_bad_row_among_rows_that_suffice_is_refused(row: Any) -> None:
 
 
 def test_rows_of_order_twenty_are_read() -> None:
-    document = nonexistence("douglas-IIIb", 20, rows=[["H3", 0, 1, [20, 0, 0, 0]], ["H2", 0, 0, [0, 0, 0, 19]]])
+    document = nonexistence(
+        "douglas-IIIb", 20, rows=[["H3", 0, 1, [20, 0, 0, 0]], ["H2", 0, 0, [0, 0, 0, 19]]]
+    )
     assert "leave a regular multiplier" in reason(document)
-    for row in (["H2", 0, 0, [0, 0, 0, 20]], ["H3", 0, 1, [20, 1, 0, 0]], ["H3", 0, 1, [21, 0, 0, 0]]):
+    for row in (
+        ["H2", 0, 0, [0, 0, 0, 20]],
+        ["H3", 0, 1, [20, 1, 0, 0]],
+        ["H3", 0, 1, [21, 0, 0, 0]],
+    ):
         assert "regular" not in reason({**document, "rows": [row]})
 
 
@@ -168,7 +206,9 @@ def test_what_is_left_is_seen_to_be_singular_in_slanted_coordinates() -> None:
     force = "u^2+(u+w)^2"
     document = on(nonexistence("douglas-IIIb", 2), {"u": force, "w": f"-({force})"})
     assert verdict(document) == "valid"
-    assert verdict(on(nonexistence("douglas-IIIb", 2), {"u": force, "w": f"-2*({force})"})) == "valid"
+    assert (
+        verdict(on(nonexistence("douglas-IIIb", 2), {"u": force, "w": f"-2*({force})"})) == "valid"
+    )
     assert "regular" in reason(on(document, {"u": "u+w", "w": "u-w"}))
 
 
@@ -206,7 +246,9 @@ def test_symbols_whose_equations_have_several_terms_are_right(
 
 
 def symbol_of(*kept: list[int]) -> Symbol:
-    """Dimension, prolonged dimension, and characters of the symbol of degree 2 with just these monomials of L."""
+    """Dimension, prolonged dimension, and characters of the symbol of degree 2 with just these
+    monomials of L.
+    """
     system = existence("free-pair", 2, [], [0, 0])["system"]
     question = Question(Tools(random.Random(1), float("inf")), system, timed=False)
     question.prepare(lambda ring: None)
@@ -216,7 +258,9 @@ def symbol_of(*kept: list[int]) -> Symbol:
     for key in ring.unknowns(2):
         if key not in left:
             elimination.insert({key: 1})
-    directions = [[random.Random(9 * a + b).randrange(1, 1 << 20) for a in range(4)] for b in range(4)]
+    directions = [
+        [random.Random(9 * a + b).randrange(1, 1 << 20) for a in range(4)] for b in range(4)
+    ]
     return sizes_of(elimination, ring, 2, directions)[0]
 
 
@@ -235,7 +279,9 @@ def test_symbols_have_their_dimensions(kept: list[list[int]], sizes: Symbol) -> 
 
 
 def test_a_symbol_that_is_not_involutive_has_too_small_a_prolongation() -> None:
-    """x y x'^2 alone: no cubic has all its derivatives in the span, but one derivative does not annihilate it."""
+    """x y x'^2 alone: no cubic has all its derivatives in the span, but one derivative does not
+    annihilate it.
+    """
     assert symbol_of([1, 1, 2, 0]) == Symbol(1, 0, (1, 0, 0, 0))
 
 
@@ -257,7 +303,9 @@ def test_a_series_is_compared_term_by_term(prime: int | None) -> None:
     assert found.verdict == "valid", found.reasons
     for place in (1, 2):
         assert "does not solve" in reason(changed(document, f"series.terms.{place}.1", "1/2"))
-        assert "does not solve" in reason(changed(document, f"series.terms.{place}", [[0, 4], "1/2"]))
+        assert "does not solve" in reason(
+            changed(document, f"series.terms.{place}", [[0, 4], "1/2"])
+        )
     shifted = changed(document, "system.equations.x", "-pi*x'^2/2 + x'/7")
     assert "does not solve" in reason(shifted)
     less = {**document["series"], "terms": document["series"]["terms"][:2]}
@@ -274,7 +322,9 @@ def test_a_series_modulo_a_prime_names_a_value_of_pi() -> None:
     document = exponential_series(prime=PRIME)
     assert "pi" in reason(changed(document, "series.point.pi", ...))
     assert verdict(changed(document, "series.point.pi", "4")) == "invalid"
-    without = existence("oscillator", 2, [1, 2], [1, 1, 1], series={**document["series"], "terms": [[[0, 2], "1"]]})
+    without = existence(
+        "oscillator", 2, [1, 2], [1, 1, 1], series={**document["series"], "terms": [[[0, 2], "1"]]}
+    )
     assert verdict(changed(without, "series.point.pi", ...)) == "valid"
 
 

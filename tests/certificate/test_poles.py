@@ -1,4 +1,6 @@
-"""A formula undefined at single points keeps a claim valid; a formula undefined on an open set does not."""
+"""A formula undefined at single points keeps a claim valid; a formula undefined on an open set does
+not.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The requirements of Lemma 2 of FORMAT.md for primes, and the choices of roots that the checker tries."""
+"""The requirements of Lemma 2 of FORMAT.md for primes, and the choices of roots that the checker
+tries.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +19,21 @@ from inverse_service.certificate.question import Question, Tools
 def question(formula: str = "x", near: str = "2") -> Any:
     """A question about one equation that also parses this formula."""
     tools = Tools(random.Random(1), time.thread_time() + 60)
-    asked = Question(tools, {"coordinates": ["x"], "equations": {"x": "0"}}, True, {"near": {"x": near, "x'": "3"}})
+    asked = Question(
+        tools,
+        {"coordinates": ["x"], "equations": {"x": "0"}},
+        True,
+        {"near": {"x": near, "x'": "3"}},
+    )
     tokens = read_tokens(formula, "formula")
     asked.prepare(lambda ring: [value_of(ring, tokens)], [tokens])
     return asked
 
 
 def planned(turn: int, roots: int, primes: dict[int, int]) -> Any:
-    """The plan for e^(pi i/turn), roots of this degree of a function, and roots of prime numbers."""
+    """The plan for e^(pi i/turn), roots of this degree of a function, and roots of prime
+    numbers.
+    """
     asked = question()
     asked.plan = Plan([[]], 192)
     asked.plan.pairs = [Pair(False, False, 1), Pair(True, False, 1), Pair(True, False, -1, turn),
@@ -46,7 +55,10 @@ def test_a_prime_has_61_bits_and_all_roots_that_are_needed() -> None:
 def test_no_prime_is_drawn_where_fewer_than_one_in_2_to_the_18_has_all_roots() -> None:
     square_roots = {2: 2, 3: 2, 5: 2, 7: 2}
     assert planned(720, 11, square_roots).prime()  # one in 253440
-    for asked in (planned(720, 11, square_roots | {13: 2}), planned(12, 1, square_roots | {5: 24, 7: 24, 11: 24})):
+    for asked in (
+        planned(720, 11, square_roots | {13: 2}),
+        planned(12, 1, square_roots | {5: 24, 7: 24, 11: 24}),
+    ):
         with pytest.raises(Ended, match="too few primes"):
             asked.prime()
 

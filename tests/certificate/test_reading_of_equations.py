@@ -1,4 +1,6 @@
-"""The checker's reader of equations: places of accelerations, sizes of lists, and operator precedence."""
+"""The checker's reader of equations: places of accelerations, sizes of lists, and operator
+precedence.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ def test_accelerations_may_be_in_sums_and_products_with_anything_else() -> None:
     assert check_certificate(right, seed=1).verdict == "valid"
 
 
-@pytest.mark.parametrize("term", ["(x'')^2", "((x''))^2", "x''^2", "1/-x''", "1/(x'')", "exp(x'')", "2^-x''"])
+@pytest.mark.parametrize(
+    "term", ["(x'')^2", "((x''))^2", "x''^2", "1/-x''", "1/(x'')", "exp(x'')", "2^-x''"]
+)
 def test_accelerations_stand_in_no_power_divisor_or_argument(term: str) -> None:
     for zero in (f"0*{term}", f"{term}-{term}"):
         found = check_certificate(of_lagrangian(f"x''+x+{zero}", "y''", OSCILLATOR), seed=1)
@@ -36,15 +40,21 @@ def test_brackets_that_do_not_match_are_no_formula(text: str) -> None:
 @pytest.mark.parametrize("count", [3, 16])
 def test_a_system_has_up_to_sixteen_coordinates(count: int) -> None:
     names = [f"x{k}" for k in range(count)]
-    document = certificate(dict.fromkeys(names, "0"), "lagrangian", lagrangian="+".join(f"{x}'^2" for x in names))
+    document = certificate(
+        dict.fromkeys(names, "0"), "lagrangian", lagrangian="+".join(f"{x}'^2" for x in names)
+    )
     assert check_certificate(document, seed=1).verdict == "valid"
 
 
 @pytest.mark.parametrize(
-    "zero", ["2^3^2-512", "--x-x", "---x+x", "4^(1/2)-2", "2-3-x+x+1", "6/3/2-1", "6/3*2-4", "1+2*3-7"]
+    "zero",
+    ["2^3^2-512", "--x-x", "---x+x", "4^(1/2)-2", "2-3-x+x+1", "6/3/2-1", "6/3*2-4", "1+2*3-7"],
 )
 def test_operators_bind_as_they_are_said_to(zero: str) -> None:
-    assert check_certificate(lagrangian("free", f"x'^2/2+x*({zero})*exp(x)"), seed=1).verdict == "valid"
+    assert (
+        check_certificate(lagrangian("free", f"x'^2/2+x*({zero})*exp(x)"), seed=1).verdict
+        == "valid"
+    )
 
 
 def test_a_hessian_of_huge_powers_that_cancel_is_not_proven_regular() -> None:
@@ -65,14 +75,22 @@ def test_an_object_has_up_to_a_thousand_members(count: int, verdict: str) -> Non
     assert check_certificate(document, seed=1).verdict == verdict
 
 
-@pytest.mark.parametrize(("force", "verdict"), [("exp(t^2)", "valid"), ("exp(t^2)+x/10^20", "invalid")])
+@pytest.mark.parametrize(
+    ("force", "verdict"), [("exp(t^2)", "valid"), ("exp(t^2)+x/10^20", "invalid")]
+)
 def test_a_lagrangian_may_hold_a_function_known_by_its_derivative(force: str, verdict: str) -> None:
-    document = of_lagrangian(force, "0", "x'^2/2+y'^2/2-F(t)*x'", integrals=integral("exp(t^2)"), **TIMED)
+    document = of_lagrangian(
+        force, "0", "x'^2/2+y'^2/2-F(t)*x'", integrals=integral("exp(t^2)"), **TIMED
+    )
     assert check_certificate(document, seed=1).verdict == verdict
 
 
-@pytest.mark.parametrize(("force", "verdict"), [("exp(x^2)", "valid"), ("exp(x^2)+y/10^20", "invalid")])
-def test_a_function_known_by_its_derivative_holds_its_own_arguments_only(force: str, verdict: str) -> None:
+@pytest.mark.parametrize(
+    ("force", "verdict"), [("exp(x^2)", "valid"), ("exp(x^2)+y/10^20", "invalid")]
+)
+def test_a_function_known_by_its_derivative_holds_its_own_arguments_only(
+    force: str, verdict: str
+) -> None:
     document = of_lagrangian(force, "0", "x'^2/2+y'^2/2+F(x)", integrals=integral("exp(x^2)", "x"))
     assert check_certificate(document, seed=1).verdict == verdict
 
@@ -91,7 +109,11 @@ DEGREES = {
 @pytest.mark.parametrize("text", DEGREES)
 def test_degrees_and_bits_of_numerator_and_denominator_are_counted(text: str) -> None:
     """Lemma 2 needs them: products add, sums use a common denominator, and powers multiply."""
-    system = {"coordinates": ["x", "y"], "equations": {"x": "0", "y": "0"}, "functions": {"A": ["r"]}}
+    system = {
+        "coordinates": ["x", "y"],
+        "equations": {"x": "0", "y": "0"},
+        "functions": {"A": ["r"]},
+    }
     asked, formula = (
         Question(Tools(random.Random(1), 1e9), system, claim={"near": {"x": "2", "y": "3"}}),
         read_tokens(text, ""),

@@ -1,4 +1,6 @@
-"""A result is valid only if its verdicts, its system and its Lagrangian are those of its certificates."""
+"""A result is valid only if its verdicts, its system and its Lagrangian are those of its
+certificates.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,15 @@ from typing import Any
 
 import pytest
 
-from tests.certificate.documents import Document, changed, check_result, existence, lagrangian, nonexistence, result
+from tests.certificate.documents import (
+    Document,
+    changed,
+    check_result,
+    existence,
+    lagrangian,
+    nonexistence,
+    result,
+)
 
 HENON_HEILES = "(x'^2+y'^2)/2 - (x^2+y^2)/2 - x^2*y + y^3/3"
 DAMPED = f"exp(t)*({HENON_HEILES})"
@@ -15,7 +25,9 @@ TIMED = "time_dependent"
 
 def variational(**content: Any) -> Document:
     content = {"verdict_with_time": "variational", **content}
-    return result("henon-heiles", "variational", lagrangian("henon-heiles", HENON_HEILES), **content)
+    return result(
+        "henon-heiles", "variational", lagrangian("henon-heiles", HENON_HEILES), **content
+    )
 
 
 def split() -> Document:
@@ -26,7 +38,13 @@ def split() -> Document:
         "lagrangian": {"text": DAMPED},
     }
     proof = nonexistence("damped-henon-heiles", 2)
-    return result("damped-henon-heiles", "not_variational", proof, verdict_with_time="variational", with_time=timed)
+    return result(
+        "damped-henon-heiles",
+        "not_variational",
+        proof,
+        verdict_with_time="variational",
+        with_time=timed,
+    )
 
 
 def refuted(question: str = TIMED) -> Document:
@@ -47,10 +65,16 @@ def test_true_results_are_valid(document: Document) -> None:
 
 def test_existence_and_time_in_f_are_valid_results() -> None:
     proof = existence("van-der-pol", 2, [1, 2], [1, 1, 1])
-    assert verdict(result("van-der-pol", "variational", proof, verdict_with_time="variational")) == "valid"
+    assert (
+        verdict(result("van-der-pol", "variational", proof, verdict_with_time="variational"))
+        == "valid"
+    )
     text = "x'^2/2 + 2*x^3 + t*x"
     proof = lagrangian("painleve-I", text, TIMED)
-    assert verdict(result("painleve-I", "variational", proof, verdict_with_time="variational")) == "valid"
+    assert (
+        verdict(result("painleve-I", "variational", proof, verdict_with_time="variational"))
+        == "valid"
+    )
     assert verdict(result("painleve-I", "variational", proof)) == "valid"
 
 
@@ -92,7 +116,10 @@ def test_swapped_certificates_are_invalid() -> None:
     document = split()
     swapped = changed(document, "certificate", document["with_time"]["certificate"])
     assert verdict(swapped) == "invalid"
-    assert verdict(changed(refuted(), "certificate", nonexistence("damped-henon-heiles", 2))) == "invalid"
+    assert (
+        verdict(changed(refuted(), "certificate", nonexistence("damped-henon-heiles", 2)))
+        == "invalid"
+    )
 
 
 def test_verdicts_without_proof_are_incomplete() -> None:
@@ -105,7 +132,9 @@ def test_verdicts_without_proof_are_incomplete() -> None:
 
 
 def test_one_certificate_covers_both_answers_only_one_way() -> None:
-    """A yes without t is a yes with t, a no with t is a no without t, and never the other way round."""
+    """A yes without t is a yes with t, a no with t is a no without t, and never the other way
+    round.
+    """
     timed = result("henon-heiles", "variational", lagrangian("henon-heiles", HENON_HEILES, TIMED))
     assert verdict(timed) == "invalid"
     assert verdict({**timed, "question": "L(t, q, q')"}) == "valid"

@@ -1,4 +1,6 @@
-"""The ring of the checker: numbers, roots and their choices, huge powers, functions, and the use of balls."""
+"""The ring of the checker: numbers, roots and their choices, huge powers, functions, and the use of
+balls.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ from tests.certificate.documents import Document, check_result
 from tests.certificate.test_known_attacks import certificate, of_lagrangian, result_of
 from tests.certificate.test_second_attack import FLAT
 
-ZERO = reduce(lambda cosine, _: f"(2*{cosine}^2-1)", range(9), "cos(pi/1024)")  # cos(pi/2): too fine for the ring
+ZERO = reduce(
+    lambda cosine, _: f"(2*{cosine}^2-1)", range(9), "cos(pi/1024)"
+)  # cos(pi/2): too fine for the ring
 
 
 def verdicts(document: Document, seeds: int) -> set[str]:
@@ -46,7 +50,13 @@ def test_parts_of_pi_and_roots_are_the_same_number_for_every_prime(zero: str) ->
 
 
 @pytest.mark.parametrize(
-    "number", ["cos(1)-(exp(1)+exp(-1))/2", "log(5)^2-5+0*cos(pi/5)*sqrt(5)", "cos(pi/5)+1", "cos(pi/25)-cos(pi/5)"]
+    "number",
+    [
+        "cos(1)-(exp(1)+exp(-1))/2",
+        "log(5)^2-5+0*cos(pi/5)*sqrt(5)",
+        "cos(pi/5)+1",
+        "cos(pi/25)-cos(pi/5)",
+    ],
 )
 def test_numbers_that_have_the_same_prime_are_not_equal(number: str) -> None:
     assert verdicts(times(f"({number})*exp(x)"), 2) == {"invalid"}
@@ -79,10 +89,18 @@ def test_a_power_at_the_bound_is_a_product_and_one_beyond_it_is_not_a_number() -
 
 
 def test_no_prime_makes_a_huge_power_a_number(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The author knows the prime here; Fermat's little theorem does not apply to generators of the ring."""
-    prime = next(one for one in range(2**60 + 1, 2**61, 24) if all(pow(a, one - 1, one) == 1 for a in (2, 3, 5, 7)))
+    """The author knows the prime here; Fermat's little theorem does not apply to generators of the
+    ring.
+    """
+    prime = next(
+        one
+        for one in range(2**60 + 1, 2**61, 24)
+        if all(pow(a, one - 1, one) == 1 for a in (2, 3, 5, 7))
+    )
     monkeypatch.setattr(Question, "prime", lambda question: prime)
-    assert verdicts(of_lagrangian(f"x^{prime - 1}-1", "0", FLAT, near={"x": "1/2"}), 1) == {"invalid"}
+    assert verdicts(of_lagrangian(f"x^{prime - 1}-1", "0", FLAT, near={"x": "1/2"}), 1) == {
+        "invalid"
+    }
 
 
 @pytest.mark.slow
@@ -93,7 +111,9 @@ def test_a_huge_power_of_zero_and_a_pole_have_no_value(power: str) -> None:
 
 
 def test_a_power_of_zero_has_a_value() -> None:
-    assert verdicts(of_lagrangian("2*x*exp(x^2)", "0", f"{FLAT}+exp(x^2)", near={"x": "0", "y": "0"}), 1) == {"valid"}
+    assert verdicts(
+        of_lagrangian("2*x*exp(x^2)", "0", f"{FLAT}+exp(x^2)", near={"x": "0", "y": "0"}), 1
+    ) == {"valid"}
 
 
 def test_a_hessian_that_is_zero_but_not_seen_to_be_is_not_proven_regular() -> None:
@@ -102,8 +122,12 @@ def test_a_hessian_that_is_zero_but_not_seen_to_be_is_not_proven_regular() -> No
 
 def test_a_function_at_arguments_that_are_equal_but_not_seen_to_be_has_one_value() -> None:
     named = {"parameters": ["a"], "functions": {"A": ["r"]}}
-    assert verdicts(of_lagrangian("0", "0", f"(A(a)-A(a+{ZERO}))*x'^2+y'^2", **named), 1) == {"incomplete"}
-    assert verdicts(of_lagrangian("0", "0", f"(A(a)+A(a+{ZERO}))*x'^2+y'^2", **named), 1) == {"incomplete"}
+    assert verdicts(of_lagrangian("0", "0", f"(A(a)-A(a+{ZERO}))*x'^2+y'^2", **named), 1) == {
+        "incomplete"
+    }
+    assert verdicts(of_lagrangian("0", "0", f"(A(a)+A(a+{ZERO}))*x'^2+y'^2", **named), 1) == {
+        "incomplete"
+    }
 
 
 def test_a_function_has_one_value_at_arguments_that_meet_at_the_place() -> None:
@@ -116,7 +140,9 @@ def test_a_function_has_one_value_at_arguments_that_meet_at_the_place() -> None:
 
 
 def test_derivatives_of_a_function_are_the_same_wherever_they_stand() -> None:
-    proof = of_lagrangian("A'(x)*exp(x)+A(x)*exp(x)", "0", f"{FLAT}+A(x)*exp(x)", functions={"A": ["r"]})
+    proof = of_lagrangian(
+        "A'(x)*exp(x)+A(x)*exp(x)", "0", f"{FLAT}+A(x)*exp(x)", functions={"A": ["r"]}
+    )
     assert check_result(result_of(proof) | {"domain": []}, seed=1).verdict == "valid"
 
 
@@ -133,7 +159,11 @@ def test_a_function_at_zero_is_not_the_same_at_one() -> None:
 
 
 def test_high_coefficients_of_exponentials_are_computed() -> None:
-    """At order six a row that gives no condition leaves a regular multiplier, and the checker reports that."""
+    """At order six a row that gives no condition leaves a regular multiplier, and the checker
+    reports that.
+    """
     rows = [["H3", 0, 1, [4, 0, 0, 0]]]
     document = certificate({"x": "y*exp(x)", "y": "sin(x)"}, "nonexistence", order=4, rows=rows)
-    assert check_certificate(document, seed=1).reasons == ("The rows leave a regular multiplier g(p).",)
+    assert check_certificate(document, seed=1).reasons == (
+        "The rows leave a regular multiplier g(p).",
+    )

@@ -17,7 +17,9 @@ NAMES = ["henon-heiles", "free-pair", "spherical-pendulum", "damped-henon-heiles
 
 
 def expansion(name: str) -> Expansion:
-    question = Question(Tools(random.Random(1), float("inf")), system(name), timed=name == "damped-henon-heiles")
+    question = Question(
+        Tools(random.Random(1), float("inf")), system(name), timed=name == "damped-henon-heiles"
+    )
     question.prepare(lambda ring: None)
     return question.modulo(ORDER + 2, lambda ring: ring, 1)[0]
 

@@ -12,13 +12,20 @@ FLAT = "x'^2/2+y'^2/2"
 
 
 # --- results
-FRICTION = {"x": "-x-2*x*y-x'", "y": "-y-x^2+y^2-y'"}  # Henon and Heiles with friction: no L, but one with D
+FRICTION = {
+    "x": "-x-2*x*y-x'",
+    "y": "-y-x^2+y^2-y'",
+}  # Henon and Heiles with friction: no L, but one with D
 NONE = certificate(FRICTION, "nonexistence", order=2, rows=all_rows(2, 4, 2))
 
 
-@pytest.mark.parametrize("kind", ["rayleigh", "rayleigh_general", "time", "parameters", "spherical", ""])
+@pytest.mark.parametrize(
+    "kind", ["rayleigh", "rayleigh_general", "time", "parameters", "spherical", ""]
+)
 def test_none_without_friction_says_nothing_of_friction_or_of_no_kind(kind: str) -> None:
-    result = result_of(NONE) | {"kinds": {"natural": {"verdict": "not_variational", "certificate": NONE}}}
+    result = result_of(NONE) | {
+        "kinds": {"natural": {"verdict": "not_variational", "certificate": NONE}}
+    }
     assert check_result(result).verdict == "valid"
     forged = result | {"kinds": {kind: result["kinds"]["natural"]}}
     assert check_result(forged).verdict == "invalid"
@@ -40,9 +47,14 @@ MAIN = result_of(YES) | {"verdict_with_time": "variational"}
     ],
 )
 def test_every_branch_is_looked_at(branch: Document) -> None:
-    first = {key: MAIN[key] for key in ("verdict", "certificate", "lagrangian", "verdict_with_time")}
+    first = {
+        key: MAIN[key] for key in ("verdict", "certificate", "lagrangian", "verdict_with_time")
+    }
     assert check_result(MAIN | {"branches": [first]}).verdict == "valid"
-    assert check_result(MAIN | {"branches": [first, branch | {"domain": ["x > 0"]}]}).verdict != "valid"
+    assert (
+        check_result(MAIN | {"branches": [first, branch | {"domain": ["x > 0"]}]}).verdict
+        != "valid"
+    )
 
 
 @pytest.mark.slow

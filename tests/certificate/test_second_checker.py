@@ -1,4 +1,6 @@
-"""Two programs without common code check the same certificates: `certificate/` and tests/second_checker.py."""
+"""Two programs without common code check the same certificates: `certificate/` and
+tests/second_checker.py.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,10 @@ def without_lagrangian() -> list[tuple[str, dict[str, Any]]]:
 def certificates(document: dict[str, Any]) -> Iterator[Certificate]:
     """The nonexistence certificates that the solver writes for a document."""
     result = inverse_service.solve(document, time_limit=60)
-    for certificate in (result.get("certificate"), (result.get("with_time") or {}).get("certificate")):
+    for certificate in (
+        result.get("certificate"),
+        (result.get("with_time") or {}).get("certificate"),
+    ):
         if certificate and certificate["kind"] == "nonexistence":
             yield certificate
 
@@ -71,7 +76,9 @@ CASES = [
 
 
 @pytest.mark.parametrize(("name", "document"), CASES)
-def test_both_judge_a_certificate_and_its_mutants_alike(name: str, document: dict[str, Any]) -> None:
+def test_both_judge_a_certificate_and_its_mutants_alike(
+    name: str, document: dict[str, Any]
+) -> None:
     generator = random.Random(name)
     for certificate in certificates(document):
         verdict, sentence = second_checker.check(certificate)
@@ -80,7 +87,9 @@ def test_both_judge_a_certificate_and_its_mutants_alike(name: str, document: dic
         assert (verdict, check_certificate(certificate).verdict) == ("valid", "valid"), sentence
         for _ in range(4):
             changed = mutant(certificate, generator)
-            assert second_checker.check(changed)[0] == check_certificate(changed).verdict, json.dumps(changed)
+            assert second_checker.check(changed)[0] == check_certificate(changed).verdict, (
+                json.dumps(changed)
+            )
 
 
 def test_the_second_checker_tells_true_from_false() -> None:
@@ -91,14 +100,24 @@ def test_the_second_checker_tells_true_from_false() -> None:
     assert second_checker.check(plain | {"claim": "variational"})[0] == "invalid"
 
 
-@pytest.mark.parametrize("certificate", [None, [], {}, {"format": second_checker.FORMAT}, "x"], ids=repr)
+@pytest.mark.parametrize(
+    "certificate", [None, [], {}, {"format": second_checker.FORMAT}, "x"], ids=repr
+)
 def test_an_object_that_is_not_a_certificate_is_not_valid(certificate: object) -> None:
     assert second_checker.check(certificate)[0] != "valid"
 
 
 @pytest.mark.parametrize(
     ("text", "value"),
-    [("-2^2", -4), ("2-3-4", -5), ("12/3/2", 2), ("2*-3", -6), ("2^-1", 0.5), ("-(1+2)^2*2", -18), ("2^(-2)*8", 2)],
+    [
+        ("-2^2", -4),
+        ("2-3-4", -5),
+        ("12/3/2", 2),
+        ("2*-3", -6),
+        ("2^-1", 0.5),
+        ("-(1+2)^2*2", -18),
+        ("2^(-2)*8", 2),
+    ],
 )
 def test_formulas_are_read_with_the_usual_precedence(text: str, value: float) -> None:
     assert second_checker.read(text, {}, lambda number: number) == value

@@ -1,4 +1,6 @@
-"""Forgeries of a third attack, next to true documents: none of the forgeries is valid or makes the checker raise."""
+"""Forgeries of a third attack, next to true documents: none of the forgeries is valid or makes the
+checker raise.
+"""
 
 from __future__ import annotations
 
@@ -16,13 +18,21 @@ FLAT = "x'^2/2 + y'^2/2"
 
 
 @pytest.mark.parametrize(
-    ("slope", "expected"), [("y'^2", "invalid"), ("0*y'", "invalid"), ("z'", "invalid"), ("t^2", "valid")]
+    ("slope", "expected"),
+    [("y'^2", "invalid"), ("0*y'", "invalid"), ("z'", "invalid"), ("t^2", "valid")],
 )
-def test_an_integral_of_a_dependent_velocity_is_not_a_function_of_time(slope: str, expected: str) -> None:
-    """With F' = y'^2 along y' = x'^2 there seems to be an L with 2 x'^2 y + F(t); F would depend on the solution."""
+def test_an_integral_of_a_dependent_velocity_is_not_a_function_of_time(
+    slope: str, expected: str
+) -> None:
+    """With F' = y'^2 along y' = x'^2 there seems to be an L with 2 x'^2 y + F(t); F would depend on
+    the solution.
+    """
     integrals = {"F": {"arguments": ["t"], "derivatives": {"t": slope}}}
     if slope == "y'^2":
-        system, lagrangian = motion({"x": "-4*x'^3/(4*y + 1)"}, {"y": "x'^2"}), "x'^2/2 + 2*x'^2*y + (y' - x'^2)^2/2"
+        system, lagrangian = (
+            motion({"x": "-4*x'^3/(4*y + 1)"}, {"y": "x'^2"}),
+            "x'^2/2 + 2*x'^2*y + (y' - x'^2)^2/2",
+        )
     else:
         system, lagrangian = motion({"x": "0"}, {"y": "x'^2"}), "x'^2/2 + (y' - x'^2)^2/2"
     document = claim(system, f"{lagrangian} + F(t)", question="time_dependent", integrals=integrals)
@@ -30,7 +40,9 @@ def test_an_integral_of_a_dependent_velocity_is_not_a_function_of_time(slope: st
 
 
 def with_series(document: Document, terms: list[Any], *names: str) -> Document:
-    return document | {"series": {"order": 1, "point": dict.fromkeys(names, "3"), "prime": None, "terms": terms}}
+    return document | {
+        "series": {"order": 1, "point": dict.fromkeys(names, "3"), "prime": None, "terms": terms}
+    }
 
 
 @pytest.mark.parametrize("among", ["natural", "riemannian"])
@@ -41,9 +53,13 @@ def test_the_series_of_a_kind_solves_the_rows_of_the_kind(among: str) -> None:
 
 
 def test_the_series_of_a_definite_multiplier_is_at_its_own_point() -> None:
-    """For x'' = x x': x' dg/dx + x x' dg/dx' + x g = 0 at first order, at x = 3, x' = 2, and not at `near`."""
+    """For x'' = x x': x' dg/dx + x x' dg/dx' + x g = 0 at first order, at x = 3, x' = 2, and not at
+    `near`.
+    """
     near = dict.fromkeys(("t", "x", "x'"), "1")
-    definite = existence("oscillator", 2, [1, 2], [1, 1, 1], among="positive_definite", near=near, multiplier=[["1"]])
+    definite = existence(
+        "oscillator", 2, [1, 2], [1, 1, 1], among="positive_definite", near=near, multiplier=[["1"]]
+    )
     document = changed(definite, "system.equations.x", "x*x'")
     for slope, verdict in (("-3/2", "valid"), ("-1", "invalid")):
         with_point = with_series(document, [[[0, 2], "1"], [[1, 2], slope]], "x", "x'")
@@ -55,8 +71,12 @@ def test_the_series_of_a_motion_is_not_compared() -> None:
     """A series cannot contain the multipliers lambda."""
     parts = {"dimension": 15, "prolonged": 28, "characters": [6, 5, 4]}
     system = motion({"x": "0", "y": "0"}, {"z": "y*x' - x*y'"})
-    document = claim(system, kind="existence", bivectors=10, order=1, degree=1, dimensions=[6, 21], symbol=parts)
-    found = check_certificate(with_series(document, [[[0, 0, 0, 2, 0], "1"]], "x", "y", "z", "x'", "y'"), seed=1)
+    document = claim(
+        system, kind="existence", bivectors=10, order=1, degree=1, dimensions=[6, 21], symbol=parts
+    )
+    found = check_certificate(
+        with_series(document, [[[0, 0, 0, 2, 0], "1"]], "x", "y", "z", "x'", "y'"), seed=1
+    )
     assert found.verdict == "valid"
     assert "was not compared" in found.reasons[0]
 
@@ -68,7 +88,9 @@ WHOLE = result_of(YES) | {"verdict_with_time": "variational"}
 
 def test_a_branch_is_about_the_system_of_the_result() -> None:
     other = of_lagrangian("-x", "-y", f"{FLAT} - x^2/2 - y^2/2")
-    first = {key: WHOLE[key] for key in ("verdict", "certificate", "lagrangian", "verdict_with_time")}
+    first = {
+        key: WHOLE[key] for key in ("verdict", "certificate", "lagrangian", "verdict_with_time")
+    }
     assert check_result(WHOLE | {"branches": [first]}, seed=1).verdict == "valid"
     branch = result_of(other) | {"verdict_with_time": "variational"}
     assert check_result(WHOLE | {"branches": [first, branch]}, seed=1).verdict == "invalid"
@@ -87,9 +109,16 @@ def test_the_two_answers_about_a_motion_are_about_one() -> None:
     other = {"verdict": "not_variational", "verdict_with_time": "variational", "certificate": none,
              "certificate_with_time": AT_SOME_TIME, "lagrangian": {"text": AT_SOME_TIME["lagrangian"]}}  # fmt: skip
     assert check_result(MAIN | {"any_associated": other}, seed=1).verdict == "invalid"
-    same = other | {"verdict_with_time": "not_variational", "certificate_with_time": None, "lagrangian": None}
+    same = other | {
+        "verdict_with_time": "not_variational",
+        "certificate_with_time": None,
+        "lagrangian": None,
+    }
     timed = none | {"question": "time_dependent"}
-    assert check_result(MAIN | {"any_associated": same | {"certificate": timed}}, seed=1).verdict == "valid"
+    assert (
+        check_result(MAIN | {"any_associated": same | {"certificate": timed}}, seed=1).verdict
+        == "valid"
+    )
 
 
 @pytest.mark.parametrize("part", [{"kinds": 10**30}, {"kinds": "natural"}, {"certificate": YES | {"conditions": 7}},

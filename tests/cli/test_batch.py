@@ -20,8 +20,20 @@ SYSTEM = {"coordinates": ["x"], "equations": {"x": "-x"}}
 COMMAND = [sys.executable, "-m", "inverse_service", "batch"]
 
 
-def batch(source: object, output: object, *more: str, **options: Any) -> subprocess.CompletedProcess[str]:
-    command = [*COMMAND, str(source), "--output", str(output), "--workers", "2", "--time-limit", "20", *more]
+def batch(
+    source: object, output: object, *more: str, **options: Any
+) -> subprocess.CompletedProcess[str]:
+    command = [
+        *COMMAND,
+        str(source),
+        "--output",
+        str(output),
+        "--workers",
+        "2",
+        "--time-limit",
+        "20",
+        *more,
+    ]
     return subprocess.run(command, capture_output=True, text=True, timeout=300, **options)
 
 
@@ -58,7 +70,15 @@ def test_bad_lines_become_error_lines_and_the_others_continue(files: tuple[Path,
     assert sorted(found) == [1, 3, 4, 5, 6, 7, 8]
     assert {found[k]["verdict"] for k in (1, 4, 6)} == {"variational"}
     assert found[4]["ignored"] == ["color"]
-    assert [found[k]["id"] for k in (1, 3, 4, 5, 6, 7, 8)] == ["good", None, "unknown", "good", 6, "name", None]
+    assert [found[k]["id"] for k in (1, 3, 4, 5, 6, 7, 8)] == [
+        "good",
+        None,
+        "unknown",
+        "good",
+        6,
+        "name",
+        None,
+    ]
     for k in (3, 5, 7, 8):
         assert found[k]["error"]["detail"].startswith(f"Line {k}: ")
     assert found[5]["duplicate_of"] == 1
@@ -76,10 +96,14 @@ def test_bad_lines_become_error_lines_and_the_others_continue(files: tuple[Path,
 
 
 @pytest.mark.slow
-def test_a_batch_that_is_killed_half_way_and_started_again_answers_every_line_once(files: tuple[Path, Path]) -> None:
+def test_a_batch_that_is_killed_half_way_and_started_again_answers_every_line_once(
+    files: tuple[Path, Path],
+) -> None:
     source, output = files
     count = 60
-    source.write_text("".join(json.dumps({"id": f"s{k}", **SYSTEM, "name": f"{k}"}) + "\n" for k in range(count)))
+    source.write_text(
+        "".join(json.dumps({"id": f"s{k}", **SYSTEM, "name": f"{k}"}) + "\n" for k in range(count))
+    )
     command = [*COMMAND, str(source), "--output", str(output), "--workers", "2"]
     with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
         until(lambda: output.exists() and output.read_bytes().count(b"\n") >= 10, 120, 0.01)
@@ -90,7 +114,9 @@ def test_a_batch_that_is_killed_half_way_and_started_again_answers_every_line_on
         stream.write(b'{"id": "s149", "line"')  # as if killed during a write
     run = batch(source, output)
     assert run.returncode == 0, run.stderr
-    assert sorted(answer["id"] for answer in answers(output)) == sorted(f"s{k}" for k in range(count))
+    assert sorted(answer["id"] for answer in answers(output)) == sorted(
+        f"s{k}" for k in range(count)
+    )
     assert {answer["verdict"] for answer in answers(output)} == {"variational"}
 
 
@@ -123,12 +149,18 @@ SWIRL = {"equations": ["x'' = x^2+y^2", "y'' = 0"]}
 
 
 @pytest.mark.slow
-def test_an_inserted_or_changed_line_is_never_given_the_answer_of_another(files: tuple[Path, Path]) -> None:
+def test_an_inserted_or_changed_line_is_never_given_the_answer_of_another(
+    files: tuple[Path, Path],
+) -> None:
     source, output = files
-    source.write_text(written(SPRING, SWIRL, {"id": "a", **SPRING}, {"id": "typo", "equations": "x'' = -k*x"}))
+    source.write_text(
+        written(SPRING, SWIRL, {"id": "a", **SPRING}, {"id": "typo", "equations": "x'' = -k*x"})
+    )
     assert batch(source, output).returncode == 1
     mended = {"id": "typo", "equations": "x'' = -k*x", "parameters": ["k"]}
-    source.write_text(written({"equations": "z'' = -z^5"}, SPRING, SWIRL, {"id": "a", **SWIRL}, mended))
+    source.write_text(
+        written({"equations": "z'' = -z^5"}, SPRING, SWIRL, {"id": "a", **SWIRL}, mended)
+    )
     run = batch(source, output)
     assert (run.returncode, "answered by an earlier" in run.stderr) == (0, False), run.stderr
     assert f"Answers that were replaced are in {output}.replaced." in run.stderr
@@ -142,24 +174,37 @@ def test_an_inserted_or_changed_line_is_never_given_the_answer_of_another(files:
 
 
 @pytest.mark.slow
-def test_errors_and_undetermined_lines_are_asked_again_where_it_is_wished(files: tuple[Path, Path]) -> None:
+def test_errors_and_undetermined_lines_are_asked_again_where_it_is_wished(
+    files: tuple[Path, Path],
+) -> None:
     source, output = files
     source.write_text(written({"id": "good", **SPRING}, {"id": "bad", "equations": "x'' = -k*x"}))
     batch(source, output)
     good, bad = ([a for a in answers(output) if a["id"] == id] for id in ("good", "bad"))
-    undetermined = {"id": "good", "line": 1, "digest": good[0]["digest"], "verdict": "undetermined", "reason": "so"}
+    undetermined = {
+        "id": "good",
+        "line": 1,
+        "digest": good[0]["digest"],
+        "verdict": "undetermined",
+        "reason": "so",
+    }
     output.write_text(written(undetermined, *bad))
     kept = batch(source, output)
     assert "1 undetermined, 1 error" in kept.stderr
     assert "The first undetermined: so" in kept.stderr
     run = batch(source, output, "--again", "errors,undetermined")
     assert "1 variational, 1 error" in run.stderr
-    assert sorted((a["id"], a.get("verdict")) for a in answers(output)) == [("bad", None), ("good", "variational")]
+    assert sorted((a["id"], a.get("verdict")) for a in answers(output)) == [
+        ("bad", None),
+        ("good", "variational"),
+    ]
     assert batch(source, output, "--again", "everything").returncode == 2
 
 
 @pytest.mark.slow
-def test_a_batch_goes_from_standard_input_to_standard_output_and_through_gzip(files: tuple[Path, Path]) -> None:
+def test_a_batch_goes_from_standard_input_to_standard_output_and_through_gzip(
+    files: tuple[Path, Path],
+) -> None:
     source, output = files
     piped = batch("-", "-", input=written({"id": "a", **SPRING}, {"id": "b", **SWIRL}))
     assert {json.loads(line)["id"]: json.loads(line)["verdict"] for line in piped.stdout.splitlines()} == {
@@ -168,7 +213,10 @@ def test_a_batch_goes_from_standard_input_to_standard_output_and_through_gzip(fi
     packed = source.with_suffix(".ndjson.gz")
     packed.write_bytes(gzip.compress(written({"id": "a", **SPRING}).encode()))
     assert batch(packed, output.with_suffix(".gz")).returncode == 0
-    assert json.loads(gzip.decompress(output.with_suffix(".gz").read_bytes()))["verdict"] == "variational"
+    assert (
+        json.loads(gzip.decompress(output.with_suffix(".gz").read_bytes()))["verdict"]
+        == "variational"
+    )
 
 
 @pytest.mark.slow
@@ -183,7 +231,9 @@ def test_a_file_of_another_kind_is_exit_2_at_once(files: tuple[Path, Path]) -> N
         source.write_text(text)
         for _ in range(2):  # the second time the ten answers exist
             run = batch(source, output)
-            assert (run.returncode, words in run.stderr, run.stderr.count("\n")) == (2, True, 1), run.stderr
+            assert (run.returncode, words in run.stderr, run.stderr.count("\n")) == (2, True, 1), (
+                run.stderr
+            )
     nine = "nonsense\n" * 9 + json.dumps(SPRING) + "\n" + "nonsense\n" * 9
     source.write_text(nine)
     output.unlink()
@@ -192,10 +242,16 @@ def test_a_file_of_another_kind_is_exit_2_at_once(files: tuple[Path, Path]) -> N
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupted_batch_says_how_far_it_came(files: tuple[Path, Path], number: signal.Signals) -> None:
+def test_an_interrupted_batch_says_how_far_it_came(
+    files: tuple[Path, Path], number: signal.Signals
+) -> None:
     source, output = files
     hard = [
-        {"equations": {f"x{k}": "+".join(f"x{j}'^2*sin({m}*x{k}*x{j})" for j in range(8)) for k in range(8)}}
+        {
+            "equations": {
+                f"x{k}": "+".join(f"x{j}'^2*sin({m}*x{k}*x{j})" for j in range(8)) for k in range(8)
+            }
+        }
         for m in range(2, 42)
     ]
     source.write_text(written(SPRING, *hard))
@@ -211,7 +267,10 @@ def test_an_interrupted_batch_says_how_far_it_came(files: tuple[Path, Path], num
     count = len(answers(output))
     assert 1 <= count < 41
     # The signal may come between a line and its count.
-    said_of = [f"{k} of 41 lines answered; run the same command again to resume." for k in (count, count - 1)]
+    said_of = [
+        f"{k} of 41 lines answered; run the same command again to resume."
+        for k in (count, count - 1)
+    ]
     assert process.returncode == 130
     assert said.splitlines()[-1] in said_of
 
@@ -221,8 +280,13 @@ def test_a_full_output_is_exit_2(files: tuple[Path, Path]) -> None:
     source, _ = files
     source.write_text(written(SPRING))
     with open("/dev/full", "wb") as full:
-        run = subprocess.run([*COMMAND, source, "--output", "-"], stdout=full, stderr=subprocess.PIPE, text=True)
-    assert (run.returncode, run.stderr) == (2, "The output cannot be written: no space left on device.\n")
+        run = subprocess.run(
+            [*COMMAND, source, "--output", "-"], stdout=full, stderr=subprocess.PIPE, text=True
+        )
+    assert (run.returncode, run.stderr) == (
+        2,
+        "The output cannot be written: no space left on device.\n",
+    )
 
 
 def command(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -251,14 +315,19 @@ def test_a_batch_is_checked_and_tabulated_line_by_line(tmp_path: Path, ending: s
 
 
 @pytest.mark.slow
-def test_the_check_of_a_batch_finds_a_forged_line_and_counts_error_lines(files: tuple[Path, Path]) -> None:
+def test_the_check_of_a_batch_finds_a_forged_line_and_counts_error_lines(
+    files: tuple[Path, Path],
+) -> None:
     source, output = files
     unknown = {"coordinates": ["x"], "equations": {"x": "-k*x"}}
-    lines = written({"id": "true", **SYSTEM}, {"id": "forged", **SYSTEM}, {"id": "error", **unknown})
+    lines = written(
+        {"id": "true", **SYSTEM}, {"id": "forged", **SYSTEM}, {"id": "error", **unknown}
+    )
     source.write_text(lines + "[1]\n")  # its answer has the id null
     assert batch(source, output).returncode == 1
     forged = [
-        {**answer, "verdict": "not_variational"} if answer["id"] == "forged" else answer for answer in answers(output)
+        {**answer, "verdict": "not_variational"} if answer["id"] == "forged" else answer
+        for answer in answers(output)
     ]
     output.write_text(written(*forged))
     checked = command("check", str(output))
@@ -266,7 +335,9 @@ def test_the_check_of_a_batch_finds_a_forged_line_and_counts_error_lines(files: 
     assert 'id "forged": invalid' in checked.stdout
     assert checked.stdout.splitlines()[-1] == "1 invalid, 1 valid, 2 error lines."
     rows = list(csv.DictReader(io.StringIO(command("table", str(output)).stdout)))
-    assert ["k" in row["reason"] for row in rows if row["verdict"] == "error" and row["id"]] == [True]
+    assert ["k" in row["reason"] for row in rows if row["verdict"] == "error" and row["id"]] == [
+        True
+    ]
 
 
 @pytest.mark.slow

@@ -1,4 +1,6 @@
-"""Two thousand lines through signals, kill -9, changed lines, --again, .gz and -: none is lost or mismatched."""
+"""Two thousand lines through signals, kill -9, changed lines, --again, .gz and -: none is lost or
+mismatched.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,10 @@ from typing import Any
 
 import pytest
 
-pytestmark = [pytest.mark.nightly, pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")]
+pytestmark = [
+    pytest.mark.nightly,
+    pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX"),
+]
 COMMAND = [sys.executable, "-m", "inverse_service", "batch"]
 LINES = 2000
 SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGKILL)
@@ -30,7 +35,11 @@ def line(k: int, stiffness: int) -> dict[str, Any]:
     if k % 50 == 7:
         return {"id": k, "coordinates": ["x"], "equations": {"x": f"-omega{stiffness}*x"}}
     if k % 25 == 3:
-        return {"id": k, "coordinates": ["x", "y"], "equations": {"x": f"{stiffness}*(x^2+y^2)", "y": "0"}}
+        return {
+            "id": k,
+            "coordinates": ["x", "y"],
+            "equations": {"x": f"{stiffness}*(x^2+y^2)", "y": "0"},
+        }
     return {"id": k, "coordinates": ["x"], "equations": {"x": f"-{stiffness}*x"}}
 
 
@@ -41,7 +50,10 @@ def write(path: Path, lines: list[dict[str, Any]]) -> None:
 
 def answers(path: Path) -> list[dict[str, Any]]:
     text = path.read_bytes()
-    return [json.loads(each) for each in (gzip.decompress(text) if path.suffix == ".gz" else text).splitlines()]
+    return [
+        json.loads(each)
+        for each in (gzip.decompress(text) if path.suffix == ".gz" else text).splitlines()
+    ]
 
 
 def interrupted(source: Path, output: Path, times: int) -> Counter[int]:
@@ -49,7 +61,8 @@ def interrupted(source: Path, output: Path, times: int) -> Counter[int]:
     dice, codes = random.Random(times), Counter[int]()
     for k in range(1000):
         process = subprocess.Popen(
-            [*COMMAND, str(source), "--output", str(output), "--workers", "2"], stderr=subprocess.DEVNULL
+            [*COMMAND, str(source), "--output", str(output), "--workers", "2"],
+            stderr=subprocess.DEVNULL,
         )
         if k < times:
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -62,7 +75,9 @@ def interrupted(source: Path, output: Path, times: int) -> Counter[int]:
     raise AssertionError("it never ends")
 
 
-def assert_each_is_answered_by_its_own(lines: list[dict[str, Any]], found: list[dict[str, Any]]) -> None:
+def assert_each_is_answered_by_its_own(
+    lines: list[dict[str, Any]], found: list[dict[str, Any]]
+) -> None:
     assert Counter(answer["id"] for answer in found) == Counter(each["id"] for each in lines)
     asked = {each["id"]: each["equations"]["x"] for each in lines}
     for answer in found:
@@ -79,16 +94,25 @@ def assert_each_is_answered_by_its_own(lines: list[dict[str, Any]], found: list[
 
 
 @pytest.mark.parametrize("ending", ["ndjson", "ndjson.gz"])
-def test_two_thousand_lines_through_interruptions_changes_and_again(ending: str, tmp_path: Path) -> None:
+def test_two_thousand_lines_through_interruptions_changes_and_again(
+    ending: str, tmp_path: Path
+) -> None:
     source, output = tmp_path / f"in.{ending}", tmp_path / f"out.{ending}"
     lines = [line(k, 2 * (k + 100)) for k in range(LINES)]
     write(source, lines)
     began = time.monotonic()
     codes = interrupted(source, output, 9)
     assert_each_is_answered_by_its_own(lines, answers(output))
-    # Every tenth line is changed, one line is new, and the errors are fixed: only these are computed.
-    changed = [line(each["id"], 3 * (each["id"] + 7000)) if each["id"] % 10 == 0 else each for each in lines]
-    mended = [each | {"equations": {"x": "-6*x"}} if "omega" in each["equations"]["x"] else each for each in changed]
+    # Every tenth line is changed, one line is new, and the errors are fixed: only these are
+    # computed.
+    changed = [
+        line(each["id"], 3 * (each["id"] + 7000)) if each["id"] % 10 == 0 else each
+        for each in lines
+    ]
+    mended = [
+        each | {"equations": {"x": "-6*x"}} if "omega" in each["equations"]["x"] else each
+        for each in changed
+    ]
     mended.insert(5, line(LINES, 8))
     write(source, mended)
     codes += interrupted(source, output, 3)
@@ -103,6 +127,10 @@ def test_two_thousand_lines_through_interruptions_changes_and_again(ending: str,
 def test_two_thousand_lines_from_standard_input_to_standard_output() -> None:
     lines = [line(k, 2 * (k + 100)) for k in range(LINES)]
     text = "".join(json.dumps(each) + "\n" for each in lines)
-    done = subprocess.run([*COMMAND, "-", "--output", "-"], input=text, capture_output=True, text=True)
+    done = subprocess.run(
+        [*COMMAND, "-", "--output", "-"], input=text, capture_output=True, text=True
+    )
     assert done.returncode == 1
-    assert_each_is_answered_by_its_own(lines, [json.loads(each) for each in done.stdout.splitlines()])
+    assert_each_is_answered_by_its_own(
+        lines, [json.loads(each) for each in done.stdout.splitlines()]
+    )

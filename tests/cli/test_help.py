@@ -1,4 +1,6 @@
-"""The help of each command opens with a call that the command takes; wrong words are refused in our own."""
+"""The help of each command opens with a call that the command takes; wrong words are refused in our
+own.
+"""
 
 from __future__ import annotations
 
@@ -51,12 +53,24 @@ def test_all_commands_have_a_help() -> None:
     ("call", "words"),
     [
         (lambda: solve_command.given_document("", None), "No system is given: write its equations"),
-        (lambda: solve_command.given_document("  ", None), "No system is given: write its equations"),
+        (
+            lambda: solve_command.given_document("  ", None),
+            "No system is given: write its equations",
+        ),
         (lambda: cli.read_bytes(""), "The name of the file is empty"),
         (lambda: simulate_command.scene_document(""), "The name of the file is empty"),
-        (lambda: simulate_command.scene_document("x''=-x"), "These are equations, and a scene is a file"),
-        (lambda: cli.one_of(solve_command.Format, "format")["parser"]("pdf"), "There is no format 'pdf': choose one"),
-        (lambda: cli.one_of(solve_command.Format, "format")["parser"]("latx"), "Did you mean 'latex'?"),
+        (
+            lambda: simulate_command.scene_document("x''=-x"),
+            "These are equations, and a scene is a file",
+        ),
+        (
+            lambda: cli.one_of(solve_command.Format, "format")["parser"]("pdf"),
+            "There is no format 'pdf': choose one",
+        ),
+        (
+            lambda: cli.one_of(solve_command.Format, "format")["parser"]("latx"),
+            "Did you mean 'latex'?",
+        ),
     ],
 )
 def test_a_wrong_call_gets_a_sentence(call: Callable[[], object], words: str) -> None:

@@ -42,8 +42,14 @@ def test_an_assistant_solves_checks_parses_and_hears_what_is_wrong() -> None:
     ]
     solved, checked, wrong, parsed, refused, empty, whole = asyncio.run(_ask(calls))
     answer = solved.structured_content
-    assert (answer["verdict"], answer["checked"], answer["incomplete"]) == ("variational", "valid", [])
-    assert answer["lagrangian"] == whole["answers"][0]["lagrangian"]["text"]  # what every door shows
+    assert (answer["verdict"], answer["checked"], answer["incomplete"]) == (
+        "variational",
+        "valid",
+        [],
+    )
+    assert (
+        answer["lagrangian"] == whole["answers"][0]["lagrangian"]["text"]
+    )  # what every door shows
     assert len(json.dumps(answer)) < len(json.dumps(whole)) / 2
     assert checked.structured_content["verdict"] == "valid"
     assert wrong.structured_content["verdict"] in ("invalid", "differs")

@@ -1,4 +1,6 @@
-"""`simulate` and `work-precision`: files that other programs read, exit codes, one sentence on standard error."""
+"""`simulate` and `work-precision`: files that other programs read, exit codes, one sentence on
+standard error.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ def scene_file(tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_a_directory_gets_tables_figures_and_a_summary(call: Any, scene_file: Path, tmp_path: Path) -> None:
+def test_a_directory_gets_tables_figures_and_a_summary(
+    call: Any, scene_file: Path, tmp_path: Path
+) -> None:
     folder = tmp_path / "new" / "out"
     code, out, _ = call("simulate", str(scene_file), "--output", str(folder))
     assert code == 0
@@ -58,7 +62,11 @@ def test_a_directory_gets_tables_figures_and_a_summary(call: Any, scene_file: Pa
         assert figure["caption"].endswith(".")
         for name in figure["files"]:
             first = (folder / name).read_bytes()[:300]
-            assert first.startswith(b"\x89PNG") if name.endswith("png") else b"<svg" in first or b"<?xml" in first
+            assert (
+                first.startswith(b"\x89PNG")
+                if name.endswith("png")
+                else b"<svg" in first or b"<?xml" in first
+            )
     assert {name for figure in summary["figures"] for name in figure["files"]} == {
         f"{name}.{ending}"
         for name in ("path", "energy", "discrete_energy", "constraints", "error")
@@ -71,8 +79,12 @@ def test_without_a_directory_the_summary_is_printed(call: Any) -> None:
     assert (code, err) == (0, "")
     assert "points" not in json.loads(out)["methods"][0]
     asked = ("simulate", "-", "--format")
-    assert json.loads(call(*asked, "json", given=short("disk", steps=5, methods=["exact"])).out).keys() >= {"methods"}
-    assert call(*asked, "text", given=short("disk", steps=5, methods=["exact"])).out.startswith("method ")
+    assert json.loads(
+        call(*asked, "json", given=short("disk", steps=5, methods=["exact"])).out
+    ).keys() >= {"methods"}
+    assert call(*asked, "text", given=short("disk", steps=5, methods=["exact"])).out.startswith(
+        "method "
+    )
 
 
 def test_yaml_scenes_are_read(call: Any, tmp_path: Path) -> None:
@@ -99,9 +111,18 @@ def test_bad_scenes_end_with_two_and_a_sentence(call: Any, tmp_path: Path) -> No
 
 
 def test_a_doubtful_run_is_reported_and_completed(call: Any, tmp_path: Path) -> None:
-    scene = {"system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}, "step": 0.5, "time": 20}
-    scene |= {"initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "methods": ["stormer-verlet"]}
-    code, out, _ = call("simulate", "-", "--no-figures", "--output", str(tmp_path), given=json.dumps(scene).encode())
+    scene = {
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"},
+        "step": 0.5,
+        "time": 20,
+    }
+    scene |= {
+        "initial": {"positions": {"x": 1}, "velocities": {"x": 0}},
+        "methods": ["stormer-verlet"],
+    }
+    code, out, _ = call(
+        "simulate", "-", "--no-figures", "--output", str(tmp_path), given=json.dumps(scene).encode()
+    )
     assert code == 0
     assert "estimated error" in out.splitlines()[0]
     assert "stormer-verlet: The energy" in out
@@ -111,17 +132,29 @@ def test_a_doubtful_run_is_reported_and_completed(call: Any, tmp_path: Path) -> 
 def test_what_does_not_converge_has_no_value(call: Any, tmp_path: Path) -> None:
     """The stage iteration of a pendulum on a spring with h omega = 10 does not converge."""
     lagrangian = "(x'^2+y'^2)/2 - 10^6*(sqrt(x^2+y^2)-1)^2/2 - 9.81*y"
-    scene = {"system": {"coordinates": ["x", "y"], "lagrangian": lagrangian}, "step": 0.01, "steps": 9}
+    scene = {
+        "system": {"coordinates": ["x", "y"], "lagrangian": lagrangian},
+        "step": 0.01,
+        "steps": 9,
+    }
     initial = {"positions": {"x": 1, "y": 0}, "velocities": {"x": 0, "y": 0}}
     scene |= {"initial": initial, "methods": ["reference"]}
-    code, out, _ = call("simulate", "-", "--no-figures", "--output", str(tmp_path), given=json.dumps(scene).encode())
+    code, out, _ = call(
+        "simulate", "-", "--no-figures", "--output", str(tmp_path), given=json.dumps(scene).encode()
+    )
     assert code == 1
     assert "the stage equations, whose" in out
 
 
 @pytest.mark.slow
 def test_no_method_that_gets_through_is_exit_one(call: Any) -> None:
-    scene = short("disk", steps=5, terms={"spring": "-x^2"}, effects=["constraints", "spring"], methods=["exact"])
+    scene = short(
+        "disk",
+        steps=5,
+        terms={"spring": "-x^2"},
+        effects=["constraints", "spring"],
+        methods=["exact"],
+    )
     code, out, _ = call("simulate", "-", given=scene)
     assert code == 1
     assert json.loads(out)["methods"][0]["outcome"] == "unavailable"
@@ -140,7 +173,12 @@ def test_an_ensemble_with_some_completed_members_is_exit_zero(call: Any) -> None
 
 @pytest.mark.slow
 def test_work_precision_writes_table_json_and_figure(call: Any, tmp_path: Path) -> None:
-    scene = short("particle-work-precision", time=2, repeats=1, methods=["variational", "nonholonomic", "exact"])
+    scene = short(
+        "particle-work-precision",
+        time=2,
+        repeats=1,
+        methods=["variational", "nonholonomic", "exact"],
+    )
     code, out, _ = call("work-precision", "-", "--output", str(tmp_path), given=scene)
     assert code == 0
     names = {path.name for path in tmp_path.iterdir()}
@@ -148,7 +186,10 @@ def test_work_precision_writes_table_json_and_figure(call: Any, tmp_path: Path) 
     found = json.loads((tmp_path / "work-precision.json").read_text())
     assert all(sentence in out for sentence in found["sentences"])
     assert out.splitlines()[0].split()[0] == "error"
-    assert [method["label"] for method in found["methods"]][:2] == ["variational-0.5", "nonholonomic-0.5"]
+    assert [method["label"] for method in found["methods"]][:2] == [
+        "variational-0.5",
+        "nonholonomic-0.5",
+    ]
     rows = list(csv.reader((tmp_path / "work-precision.csv").read_text().splitlines()))
     assert len(rows) == 1 + len(found["runs"])
     assert rows[0][:5] == ["method", "order", "step", "tolerance", "error"]
@@ -159,8 +200,12 @@ ENSEMBLE = {"initial": {"positions": {"x": [1, 2, 3]}}, "parameters": {"k": [1, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("further", [{}, {"ensemble": ENSEMBLE}], ids=["run", "ensemble"])
-def test_netcdf_files_hold_every_recorded_step_with_units(call: Any, tmp_path: Path, further: dict[str, Any]) -> None:
-    """h5py, a second reader, finds all columns of the NPZ, the units, and the scene with the version."""
+def test_netcdf_files_hold_every_recorded_step_with_units(
+    call: Any, tmp_path: Path, further: dict[str, Any]
+) -> None:
+    """h5py, a second reader, finds all columns of the NPZ, the units, and the scene with the
+    version.
+    """
     h5py = pytest.importorskip("h5py")
     scene = {
         "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - k*x^2/2", "parameters": ["k"]},
@@ -168,9 +213,14 @@ def test_netcdf_files_hold_every_recorded_step_with_units(call: Any, tmp_path: P
         "step": 0.01, "steps": 3000, "methods": ["stormer-verlet"], "observe": ["trajectory", "energy"],
         "units": {"x": "m", "v_x": "m/s", "t": "s"}, **further,
     }  # fmt: skip
-    code, _, _ = call("simulate", "-", "--output", str(tmp_path), "--no-figures", given=json.dumps(scene).encode())
+    code, _, _ = call(
+        "simulate", "-", "--output", str(tmp_path), "--no-figures", given=json.dumps(scene).encode()
+    )
     assert code == 0
-    with h5py.File(tmp_path / "stormer-verlet.nc") as file, np.load(tmp_path / "stormer-verlet.npz") as archive:
+    with (
+        h5py.File(tmp_path / "stormer-verlet.nc") as file,
+        np.load(tmp_path / "stormer-verlet.npz") as archive,
+    ):
         names = set(archive.files) - {"metadata"}
         assert names >= {"t", "x", "v_x", "energy"}
         for name in names:

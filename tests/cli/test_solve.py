@@ -20,7 +20,12 @@ OSCILLATOR = {"coordinates": ["x"], "equations": {"x": "-x"}}
 DISK = {
     "name": "disk & wheel_1",
     "coordinates": ["phi", "theta", "x", "y"],
-    "equations": {"phi": "0", "theta": "0", "x": "-R*sin(phi)*phi'*theta'", "y": "R*cos(phi)*phi'*theta'"},
+    "equations": {
+        "phi": "0",
+        "theta": "0",
+        "x": "-R*sin(phi)*phi'*theta'",
+        "y": "R*cos(phi)*phi'*theta'",
+    },
     "parameters": ["R"],
 }
 
@@ -67,8 +72,12 @@ def test_the_verdict_is_checked_by_the_check_command(call: Any, tmp_path: Path) 
 
 @pytest.mark.slow
 def test_a_result_is_compared_with_the_document_in_a_file(call: Any, tmp_path: Path) -> None:
-    result = written(tmp_path, call("solve", written(tmp_path, {"equations": "x'' + x = 0"})).out, "r.json")
-    same, other = (written(tmp_path, f"equations: x'' {sign} x = 0\n", f"{sign}.yaml") for sign in "+-")
+    result = written(
+        tmp_path, call("solve", written(tmp_path, {"equations": "x'' + x = 0"})).out, "r.json"
+    )
+    same, other = (
+        written(tmp_path, f"equations: x'' {sign} x = 0\n", f"{sign}.yaml") for sign in "+-"
+    )
     assert call("check", result, "--document", same).code == 0
     found = call("check", result, "--document", other, "--format", "text")
     assert (found.code, found.out.split("\n")[0]) == (1, "invalid")
@@ -83,7 +92,9 @@ def test_a_result_in_yaml_is_checked(call: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", ["", "{", "[1]", "NaN", '{"a": 1, "a": 1}'])
-def test_check_of_an_object_that_is_not_a_result_is_exit_2(call: Any, tmp_path: Path, content: str) -> None:
+def test_check_of_an_object_that_is_not_a_result_is_exit_2(
+    call: Any, tmp_path: Path, content: str
+) -> None:
     found = call("check", written(tmp_path, content))
     assert (found.code, found.err.count("\n")) == (2, 1)
 
@@ -105,7 +116,11 @@ def test_text_is_readable(call: Any, tmp_path: Path) -> None:
 def test_a_result_goes_to_the_file_that_is_named(call: Any, tmp_path: Path) -> None:
     target = tmp_path / "result.json"
     ended = call("solve", "sho", "-o", str(target))
-    assert (ended.code, ended.out, json.loads(target.read_text())["verdict"]) == (0, "", "variational")
+    assert (ended.code, ended.out, json.loads(target.read_text())["verdict"]) == (
+        0,
+        "",
+        "variational",
+    )
     assert call("check", str(target)).code == 0
     assert call("solve", "sho", "-o", str(tmp_path / "none" / "result.json")).code == 2
 
@@ -146,7 +161,9 @@ def test_a_file_that_cannot_be_read_is_exit_2(call: Any, name: str) -> None:
     assert (found.code, found.err.count("\n")) == (2, 1)
 
 
-def test_a_bad_setting_is_exit_2(call: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bad_setting_is_exit_2(
+    call: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("INVERSE_SERVICE_MEMORY_LIMIT", "lots")
     found = call("solve", written(tmp_path, OSCILLATOR))
     assert found.code == 2
@@ -165,7 +182,9 @@ def test_a_fault_of_the_program_is_exit_3_and_no_traceback(
 
 
 @pytest.mark.slow
-def test_the_catalogue_lists_names_and_gives_documents_that_solve_takes(call: Any, tmp_path: Path) -> None:
+def test_the_catalogue_lists_names_and_gives_documents_that_solve_takes(
+    call: Any, tmp_path: Path
+) -> None:
     name = call("catalogue").out.split()[0]
     document = json.loads(call("catalogue", name).out)
     assert call("solve", written(tmp_path, document)).code == 0
@@ -215,14 +234,21 @@ def test_a_suspect_name_is_asked_back_on_the_command_line(call: Any) -> None:
 
 def test_a_run_of_letters_with_one_meaning_is_parsed_and_noted(call: Any) -> None:
     found = call("solve", "mx'' = -kx")
-    assert json.loads(found.out)["readings"] == [{"text": "mx", "as": "m*x"}, {"text": "kx", "as": "k*x"}]
+    assert json.loads(found.out)["readings"] == [
+        {"text": "mx", "as": "m*x"},
+        {"text": "kx", "as": "k*x"},
+    ]
     assert "kx as k*x" in found.err
     assert call("solve", "x'' = -kx", "--no-guess").code == 2
 
 
 @pytest.mark.slow
 def test_options_declare_names_for_a_text(call: Any) -> None:
-    found = json.loads(call("solve", "x'' = -q*B(y) + w; y'' = -y", "--parameters", "q=2,w", "--functions", "B(y)").out)
+    found = json.loads(
+        call(
+            "solve", "x'' = -q*B(y) + w; y'' = -y", "--parameters", "q=2,w", "--functions", "B(y)"
+        ).out
+    )
     assert found["system"]["equations"]["x"] == "-2*B(y) + w"
     assert (found["system"]["parameters"], found["guessed"]) == (["w"], [])
     assert '--functions "sn(u, k)"' in call("solve", "x'' = -sn(x, k)").err
@@ -248,11 +274,24 @@ def test_a_name_of_the_catalogue_is_an_argument(call: Any) -> None:
 
 @pytest.mark.slow
 def test_kinds_and_a_clock_are_options(call: Any) -> None:
-    options = ("--kind", "natural", "--kind", "rayleigh", "--kind", "invariant:y", "--clock", "1 + y^2")
+    options = (
+        "--kind",
+        "natural",
+        "--kind",
+        "rayleigh",
+        "--kind",
+        "invariant:y",
+        "--clock",
+        "1 + y^2",
+    )
     done = call("solve", "x'' = -x'^3; y'' = 0", *options, "--format", "json")
     result = json.loads(done.out)
     found = {kind: part["verdict"] for kind, part in result["kinds"].items()}
-    assert found == {"natural": "not_variational", "rayleigh": "not_variational", "invariant": "variational"}
+    assert found == {
+        "natural": "not_variational",
+        "rayleigh": "not_variational",
+        "invariant": "variational",
+    }
     assert result["with_clock"]["factor"] in ("1 + y^2", "y^2 + 1")
     refused = call("solve", "x'' = -x", "--kind", "convex")
     assert (refused.code, "rayleigh" in refused.err) == (2, True)
@@ -263,7 +302,11 @@ def test_kinds_and_a_clock_are_options(call: Any) -> None:
 def test_a_lagrangian_alone_is_answered(call: Any, tmp_path: Path) -> None:
     name = written(tmp_path, {"lagrangian": "x'^2/2 - k*x^2/2", "parameters": ["k"]})
     found = call("solve", name, "--format", "text")
-    assert (found.code, "  x'' = -k*x\n" in found.out, "with p_x = x'\n" in found.out) == (0, True, True)
+    assert (found.code, "  x'' = -k*x\n" in found.out, "with p_x = x'\n" in found.out) == (
+        0,
+        True,
+        True,
+    )
     assert "\\[ H = " in call("solve", name, "--format", "latex").out
 
 

@@ -1,4 +1,6 @@
-"""A closed or full stream gives one sentence and exit code 2; kernels are compiled before any time limit starts."""
+"""A closed or full stream gives one sentence and exit code 2; kernels are compiled before any time
+limit starts.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ COMMAND = f"{sys.executable} -m inverse_service"
 
 
 def shell(line: str, **more: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(["bash", "-c", line], capture_output=True, text=True, timeout=300, env=os.environ | more)
+    return subprocess.run(
+        ["bash", "-c", line], capture_output=True, text=True, timeout=300, env=os.environ | more
+    )
 
 
 @pytest.mark.slow
@@ -34,7 +38,9 @@ def test_a_closed_or_full_stream_is_exit_2(line: str, words: str) -> None:
 
 @pytest.mark.slow
 def test_a_reader_that_disconnects_is_not_an_error() -> None:
-    run = shell(f"set -o pipefail; for k in 1 2 3; do {COMMAND} catalogue | head -1 || exit 9; done")
+    run = shell(
+        f"set -o pipefail; for k in 1 2 3; do {COMMAND} catalogue | head -1 || exit 9; done"
+    )
     assert (run.returncode, run.stderr) == (0, "")
 
 
@@ -46,8 +52,13 @@ def test_short_options_of_help_and_version_are_there() -> None:
 
 @pytest.mark.slow
 def test_the_shell_completes_names_of_the_catalogue() -> None:
-    environment = {"_INVERSE_SERVICE_COMPLETE": "complete_bash", "COMP_WORDS": "inverse-service catalogue sh"}
-    code = "import sys; sys.argv[0] = 'inverse-service'; from inverse_service.cli import main; main()"
+    environment = {
+        "_INVERSE_SERVICE_COMPLETE": "complete_bash",
+        "COMP_WORDS": "inverse-service catalogue sh",
+    }
+    code = (
+        "import sys; sys.argv[0] = 'inverse-service'; from inverse_service.cli import main; main()"
+    )
     run = shell(f'{sys.executable} -c "{code}"', **environment, COMP_CWORD="2")
     assert "sho" in run.stdout.split()
 
@@ -56,7 +67,9 @@ def test_the_shell_completes_names_of_the_catalogue() -> None:
 def test_a_new_machine_compiles_before_the_clock_starts_and_says_so(tmp_path: Path) -> None:
     cache = str(tmp_path / "cache")
     first = shell(f"{COMMAND} solve sho --time-limit 2 --format text", INVERSE_SERVICE_CACHE=cache)
-    assert first.stderr.startswith("Compiling for this machine, once") or first.stderr == "", "a kernel is stored there"
+    assert first.stderr.startswith("Compiling for this machine, once") or first.stderr == "", (
+        "a kernel is stored there"
+    )
     assert (first.returncode, "Lagrangian" in first.stdout) == (0, True), first.stdout
     second = shell(f"{COMMAND} solve sho --time-limit 2 --format text", INVERSE_SERVICE_CACHE=cache)
     assert (second.returncode, second.stderr) == (0, "")
@@ -65,7 +78,9 @@ def test_a_new_machine_compiles_before_the_clock_starts_and_says_so(tmp_path: Pa
 @pytest.mark.slow
 def test_a_terminal_shows_each_part_of_a_slow_answer_as_it_comes() -> None:
     spawn = f'{sys.executable} -c "import pty, sys; pty.spawn(sys.argv[1:])"'
-    run = shell(f"{spawn} {COMMAND} solve {Path(__file__).parents[2]}/docs/questions/robot-second.json --format text")
+    run = shell(
+        f"{spawn} {COMMAND} solve {Path(__file__).parents[2]}/docs/questions/robot-second.json --format text"
+    )
     shown = (
         run.stdout.index("motion: found"),
         run.stdout.index("any associated: variational"),

@@ -15,7 +15,9 @@ from inverse_service.client import AsyncClient, Client
 
 @dataclass
 class Script:
-    """Responses in order; a callable may raise, as a broken connection does. `requests` records the requests."""
+    """Responses in order; a callable may raise, as a broken connection does. `requests` records the
+    requests.
+    """
 
     answers: list[httpx.Response | Exception]
     requests: list[httpx.Request] = field(default_factory=list)
@@ -30,7 +32,9 @@ class Script:
 
 def answer(status: int, value: Any = None, **headers: str) -> httpx.Response:
     """A JSON response; `retry_after="1"` is the header Retry-After."""
-    return httpx.Response(status, json=value, headers={name.replace("_", "-"): text for name, text in headers.items()})
+    return httpx.Response(
+        status, json=value, headers={name.replace("_", "-"): text for name, text in headers.items()}
+    )
 
 
 class Broken(httpx.SyncByteStream, httpx.AsyncByteStream):
@@ -57,19 +61,29 @@ def lines(*values: Any) -> bytes:
 Ask = Callable[[Script, str, Any], Any]
 
 
-def blocking(script: Script, method: str, *arguments: Any, patience: float = 5.0, **options: Any) -> Any:
+def blocking(
+    script: Script, method: str, *arguments: Any, patience: float = 5.0, **options: Any
+) -> Any:
     """The value of a method of the blocking client, as a list if it is an iterator."""
-    with Client("http://service", patience=patience, transport=httpx.MockTransport(script)) as client:
+    with Client(
+        "http://service", patience=patience, transport=httpx.MockTransport(script)
+    ) as client:
         found = getattr(client, method)(*arguments, **options)
         return list(found) if isinstance(found, Iterator) else found
 
 
-def asynchronous(script: Script, method: str, *arguments: Any, patience: float = 5.0, **options: Any) -> Any:
+def asynchronous(
+    script: Script, method: str, *arguments: Any, patience: float = 5.0, **options: Any
+) -> Any:
     """The same for the asynchronous client."""
 
     async def run() -> Any:
-        async with AsyncClient("http://service", patience=patience, transport=httpx.MockTransport(script)) as client:
+        async with AsyncClient(
+            "http://service", patience=patience, transport=httpx.MockTransport(script)
+        ) as client:
             found = getattr(client, method)(*arguments, **options)
-            return [item async for item in found] if isinstance(found, AsyncIterator) else await found
+            return (
+                [item async for item in found] if isinstance(found, AsyncIterator) else await found
+            )
 
     return asyncio.run(run())

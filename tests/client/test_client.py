@@ -39,7 +39,14 @@ both = pytest.mark.parametrize("ask", [blocking, asynchronous])
 
 
 def job(status: str, **more: Any) -> dict[str, Any]:
-    return {"id": "abc", "kind": "solve", "status": status, "progress": None, "result": None, **more}
+    return {
+        "id": "abc",
+        "kind": "solve",
+        "status": status,
+        "progress": None,
+        "result": None,
+        **more,
+    }
 
 
 @both
@@ -47,7 +54,11 @@ def test_a_quick_result_comes_with_the_first_answer(ask: Any) -> None:
     script = Script([answer(200, RESULT)])
     assert ask(script, "solve", SYSTEM, time_limit=3.5) == RESULT
     (request,) = script.requests
-    assert (request.method, request.url.path, request.url.query) == ("POST", "/v1/solve", b"time_limit=3.5")
+    assert (request.method, request.url.path, request.url.query) == (
+        "POST",
+        "/v1/solve",
+        b"time_limit=3.5",
+    )
     assert request.headers["prefer"] == "wait=20"
 
 
@@ -61,7 +72,11 @@ def test_a_slow_result_is_waited_for(ask: Any) -> None:
         ]
     )
     assert ask(script, "solve", SYSTEM).verdict == "variational"
-    assert [request.url.path for request in script.requests] == ["/v1/solve", "/v1/jobs/abc", "/v1/jobs/abc"]
+    assert [request.url.path for request in script.requests] == [
+        "/v1/solve",
+        "/v1/jobs/abc",
+        "/v1/jobs/abc",
+    ]
 
 
 @both
@@ -112,7 +127,10 @@ def test_a_refusal_is_not_repeated_and_carries_its_problem(ask: Any) -> None:
 
 @both
 def test_the_ends_of_a_job_are_distinguished(ask: Any) -> None:
-    failed = job("failed", problem={"type": "urn:x", "title": "t", "status": 500, "detail": "three crashes", "new": 1})
+    failed = job(
+        "failed",
+        problem={"type": "urn:x", "title": "t", "status": 500, "detail": "three crashes", "new": 1},
+    )
     with pytest.raises(JobFailed, match="three crashes"):
         ask(Script([answer(200, failed)]), "wait", "abc")
     with pytest.raises(JobDismissed):
@@ -183,7 +201,11 @@ def test_events_end_with_the_job_even_if_the_last_one_is_lost(ask: Any) -> None:
 @both
 def test_a_batch_is_handed_out_once_through_a_broken_stream(ask: Any) -> None:
     one, two = {"id": "a", "line": 1, **RESULT}, {"id": "b", "line": 2, **RESULT}
-    bad = {"id": None, "line": 3, "error": {"type": "bad-input", "detail": "Line 3: no.", "errors": []}}
+    bad = {
+        "id": None,
+        "line": 3,
+        "error": {"type": "bad-input", "detail": "Line 3: no.", "errors": []},
+    }
     script = Script(
         [
             answer(202, BATCH, location="/v1/batches/b"),
@@ -203,7 +225,9 @@ def test_a_batch_is_handed_out_once_through_a_broken_stream(ask: Any) -> None:
 def test_a_finished_batch_without_results_is_not_an_answer(ask: Any) -> None:
     done = {**BATCH, "status": "successful", "counts": {"successful": 3}}
     empty = httpx.Response(200, content=b"")
-    script = Script([answer(202, BATCH), empty, answer(200, done), httpx.Response(200, content=b"")])
+    script = Script(
+        [answer(202, BATCH), empty, answer(200, done), httpx.Response(200, content=b"")]
+    )
     with pytest.raises(UnexpectedAnswer, match="3 of 3"):
         ask(script, "batch", [SYSTEM] * 3)
 
@@ -214,8 +238,12 @@ def test_an_empty_batch_has_no_answers(ask: Any) -> None:
 
 
 def test_the_key_is_sent_and_ids_cannot_leave_their_place() -> None:
-    script = Script([answer(200, {"id": "b", "total": 1}), answer(200, job("dismissed")), answer(200, {"a": 1})])
-    with Client("http://service/", api_key="secret", transport=httpx.MockTransport(script)) as client:
+    script = Script(
+        [answer(200, {"id": "b", "total": 1}), answer(200, job("dismissed")), answer(200, {"a": 1})]
+    )
+    with Client(
+        "http://service/", api_key="secret", transport=httpx.MockTransport(script)
+    ) as client:
         client.cancel(client.submit_batch([]))
         client.cancel("../../x?y#z")
     assert script.requests[0].headers["authorization"] == "Bearer secret"
@@ -234,7 +262,11 @@ def test_an_address_without_http_is_refused(address: str) -> None:
 def test_both_clients_have_the_same_methods() -> None:
     def methods(client: type) -> dict[str, list[str]]:
         found = inspect.getmembers(client, inspect.isfunction)
-        return {name: list(inspect.signature(f).parameters) for name, f in found if not name.startswith("_")}
+        return {
+            name: list(inspect.signature(f).parameters)
+            for name, f in found
+            if not name.startswith("_")
+        }
 
     assert methods(Client) == methods(AsyncClient)
     assert len(methods(Client)) > 10

@@ -54,7 +54,9 @@ def test_a_job_is_submitted_followed_and_fetched(client: Client) -> None:
     assert result == client.solve(oscillator(3)), "the same question has the same answer"
     assert client.call(f"/v1/jobs/{job.id}").status == "successful"
     assert job.id in listed(client)
-    assert list(client.stream(job))[-1].data["status"] == "successful", "the events of a finished job end"
+    assert list(client.stream(job))[-1].data["status"] == "successful", (
+        "the events of a finished job end"
+    )
 
 
 def test_a_fresh_answer_is_computed_again(client: Client) -> None:

@@ -1,4 +1,6 @@
-"""A Dask cluster of real processes on loopback, started as users start it; all processes are stopped at the end."""
+"""A Dask cluster of real processes on loopback, started as users start it; all processes are
+stopped at the end.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ QUIET = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": su
 
 
 class Cluster:
-    """One scheduler and some workers, each in a session of its own; they can be killed and started again."""
+    """One scheduler and some workers, each in a session of its own; they can be killed and started
+    again.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -38,8 +42,17 @@ class Cluster:
         self.scheduler = self._start([*DASK, "scheduler", *options])
 
     def start_worker(self, threads: int = 1) -> None:
-        options = ["--nthreads", str(threads), "--no-dashboard", "--local-directory", str(self._folder), *NANNY]
-        self.workers.append(self._start([*DASK, "worker", self.address, "--host", "127.0.0.1", *options]))
+        options = [
+            "--nthreads",
+            str(threads),
+            "--no-dashboard",
+            "--local-directory",
+            str(self._folder),
+            *NANNY,
+        ]
+        self.workers.append(
+            self._start([*DASK, "worker", self.address, "--host", "127.0.0.1", *options])
+        )
 
     def kill_scheduler(self) -> None:
         assert self.scheduler is not None
@@ -64,16 +77,22 @@ class Cluster:
 
     def left(self, seconds: float) -> list[int]:
         """Processes of all earlier sessions that are alive after this many seconds."""
-        present = {worker.pid for worker in self.workers} | ({self.scheduler.pid} if self.scheduler else set())
+        present = {worker.pid for worker in self.workers} | (
+            {self.scheduler.pid} if self.scheduler else set()
+        )
         gone = [session for session in self._sessions if session not in present]
         stop = time.monotonic() + seconds
-        while (found := [pid for session in gone for pid in processes(session)]) and time.monotonic() < stop:
+        while (
+            found := [pid for session in gone for pid in processes(session)]
+        ) and time.monotonic() < stop:
             time.sleep(0.05)
         return found
 
     def _start(self, command: list[str]) -> subprocess.Popen[bytes]:
         # A test run that is killed leaves no cluster behind.
-        process = subprocess.Popen(command, start_new_session=True, preexec_fn=die_with_parent, **QUIET)  # type: ignore[call-overload]
+        process = subprocess.Popen(
+            command, start_new_session=True, preexec_fn=die_with_parent, **QUIET
+        )  # type: ignore[call-overload]
         self._sessions.append(process.pid)
         return process  # type: ignore[no-any-return]
 

@@ -24,7 +24,9 @@ pytest.importorskip("distributed")
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="reads /proc"),
     # Dask leaves sockets and loops to the garbage collector when it closes.
-    pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"),
+    pytest.mark.filterwarnings(
+        "ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"
+    ),
 ]
 from inverse_service.service.jobs import cluster as on_dask  # noqa: E402
 from inverse_service.service.jobs.cluster import Cluster  # noqa: E402
@@ -50,7 +52,9 @@ def cluster(machines: processes.Cluster) -> Iterator[Cluster]:
     connected.stop()
 
 
-def outcome(cluster: Cluster, task: Any, arguments: tuple[Any, ...] = (), deadline: float = 60.0) -> Any:
+def outcome(
+    cluster: Cluster, task: Any, arguments: tuple[Any, ...] = (), deadline: float = 60.0
+) -> Any:
     return cluster.submit(Call(task, arguments, deadline)).outcome.result(90)
 
 
@@ -96,7 +100,11 @@ def _busy(session: int) -> list[int]:
     before = ticks()
     time.sleep(0.2)
     used = {pid: now - before.get(pid, now) for pid, now in ticks().items()}
-    return [pid for pid, spent in used.items() if spent >= 4 and b"forkserver" in processes.command_of(pid)]
+    return [
+        pid
+        for pid, spent in used.items()
+        if spent >= 4 and b"forkserver" in processes.command_of(pid)
+    ]
 
 
 def test_progress_comes_through(cluster: Cluster) -> None:
@@ -112,13 +120,24 @@ def test_progress_comes_through(cluster: Cluster) -> None:
 @pytest.mark.slow
 def test_a_batch_is_answered_once_a_line(machines: processes.Cluster, tmp_path: Path) -> None:
     lines: list[dict[str, Any]] = [
-        {"id": f"line {k}", "coordinates": ["x"], "equations": {"x": f"-{k % 5 + 1}*x"}} for k in range(20)
+        {"id": f"line {k}", "coordinates": ["x"], "equations": {"x": f"-{k % 5 + 1}*x"}}
+        for k in range(20)
     ]
     lines[7]["equations"] = {"x": "omega"}
     source, output = tmp_path / "in.ndjson", tmp_path / "out.ndjson"
     source.write_text("".join(json.dumps(line) + "\n" for line in lines))
-    command = [sys.executable, "-m", "inverse_service", "batch", str(source), "--output", str(output)]
-    done = subprocess.run([*command, "--cluster", machines.address], capture_output=True, text=True, timeout=120)
+    command = [
+        sys.executable,
+        "-m",
+        "inverse_service",
+        "batch",
+        str(source),
+        "--output",
+        str(output),
+    ]
+    done = subprocess.run(
+        [*command, "--cluster", machines.address], capture_output=True, text=True, timeout=120
+    )
     assert done.returncode == 1, done.stderr  # one line is an error
     answers = [json.loads(line) for line in output.read_text().splitlines()]
     assert sorted(answer["id"] for answer in answers) == sorted(line["id"] for line in lines)
@@ -127,10 +146,16 @@ def test_a_batch_is_answered_once_a_line(machines: processes.Cluster, tmp_path: 
 
 @pytest.mark.slow
 def test_the_service_solves_on_the_cluster(machines: processes.Cluster, tmp_path: Path) -> None:
-    settings = {"cluster": machines.address, "database": str(tmp_path / "jobs.sqlite"), "log_level": "error"}
+    settings = {
+        "cluster": machines.address,
+        "database": str(tmp_path / "jobs.sqlite"),
+        "log_level": "error",
+    }
     with serving(**settings) as (_, address):
         document = {"coordinates": ["x"], "equations": {"x": "-x"}}
-        answer = httpx.post(f"{address}/v1/solve", json=document, headers={"Prefer": "wait=20"}, timeout=60)
+        answer = httpx.post(
+            f"{address}/v1/solve", json=document, headers={"Prefer": "wait=20"}, timeout=60
+        )
         assert answer.status_code == 200, answer.text
         assert answer.json()["verdict"] == "variational"
 
@@ -142,9 +167,13 @@ def test_a_cluster_with_another_program_is_refused(
     with monkeypatch.context() as patched:
         patched.setattr(on_dask, "fingerprint", lambda: other)
         stranger = Cluster(machines.address, MEMORY)
-    with pytest.raises(errors.InputError, match=r"another program: engine .* instead of 9\.9; install the same"):
+    with pytest.raises(
+        errors.InputError, match=r"another program: engine .* instead of 9\.9; install the same"
+    ):
         stranger.start()
-    answer = on_dask.perform("k", Call(tasks.load_engine, (), 1.0), on_dask.Terms(other, MEMORY, "t"))
+    answer = on_dask.perform(
+        "k", Call(tasks.load_engine, (), 1.0), on_dask.Terms(other, MEMORY, "t")
+    )
     assert isinstance(answer, str), "a worker that joins later must reject too"
     assert "engine" in answer
 
@@ -152,7 +181,10 @@ def test_a_cluster_with_another_program_is_refused(
 def test_what_differs_is_named() -> None:
     ours = on_dask.fingerprint()
     assert on_dask.difference(ours, ours) == ""
-    assert on_dask.difference(ours, ours | {"python": "3.1"}) == f"python 3.1 instead of {ours['python']}"
+    assert (
+        on_dask.difference(ours, ours | {"python": "3.1"})
+        == f"python 3.1 instead of {ours['python']}"
+    )
 
 
 @pytest.mark.slow

@@ -1,4 +1,6 @@
-"""kill -9 of Dask's scheduler and workers during a batch: every line is answered once, nothing is left behind."""
+"""kill -9 of Dask's scheduler and workers during a batch: every line is answered once, nothing is
+left behind.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,11 @@ def write_source(path: Path) -> None:
     with path.open("w") as stream:
         for k in range(LINES):
             force = "omega" if k % 97 == 5 else f"-{k + 1}*x - y^3"
-            line = {"id": k, "coordinates": ["x", "y"], "equations": {"x": force, "y": f"-{k + 2}*y - 3*x*y^2"}}
+            line = {
+                "id": k,
+                "coordinates": ["x", "y"],
+                "equations": {"x": force, "y": f"-{k + 2}*y - 3*x*y^2"},
+            }
             stream.write(json.dumps(line) + "\n")
 
 
@@ -54,10 +60,20 @@ def kill_worker(cluster: processes.Cluster) -> None:
 def test_every_line_is_answered_once_through_ten_kills(kill: Kill, tmp_path: Path) -> None:
     source, output = tmp_path / "in.ndjson", tmp_path / "out.ndjson"
     write_source(source)
-    command = [sys.executable, "-m", "inverse_service", "batch", str(source), "--output", str(output)]
+    command = [
+        sys.executable,
+        "-m",
+        "inverse_service",
+        "batch",
+        str(source),
+        "--output",
+        str(output),
+    ]
     moments, killed, end = random.Random(1), 0, time.monotonic() + 900
     with processes.dask_cluster(tmp_path / "dask", workers=2) as cluster:
-        with subprocess.Popen([*command, "--cluster", cluster.address], stderr=subprocess.PIPE, text=True) as batch:
+        with subprocess.Popen(
+            [*command, "--cluster", cluster.address], stderr=subprocess.PIPE, text=True
+        ) as batch:
             try:
                 while batch.poll() is None and time.monotonic() < end:
                     # Each kill comes at a random time in its tenth of the work.

@@ -6,7 +6,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from inverse_service.kernels.codegen.compiled import Card, Machine, card_of, kernel_text, load, object_code
+from inverse_service.kernels.codegen.compiled import (
+    Card,
+    Machine,
+    card_of,
+    kernel_text,
+    load,
+    object_code,
+)
 from inverse_service.kernels.codegen.program import Program
 from inverse_service.kernels.codegen.symengine_trees import Formula
 
@@ -17,7 +24,13 @@ def program_for(formulas: Sequence[Formula], arguments: Sequence[str]) -> Progra
     return Program(state, ("h", *arguments), (), tuple(formulas))
 
 
-def call(machine: Machine, card: Card, memory: np.ndarray, steps: int = 1, weights: Sequence[float] = (1.0,)) -> int:
+def call(
+    machine: Machine,
+    card: Card,
+    memory: np.ndarray,
+    steps: int = 1,
+    weights: Sequence[float] = (1.0,),
+) -> int:
     """Run the program; return the number of steps."""
     substeps = np.array(weights)
     control = np.array([steps, len(substeps), 10**9, 10**9, 0, 0, 0], dtype=np.int64)

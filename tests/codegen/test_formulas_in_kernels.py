@@ -25,7 +25,12 @@ FORMULAS = [
     "asinh(x)", "asin(x/4)", "acos(x/4)", "acosh(3 + x)", "atanh(x/4)", "pi*x", "x/3", "sin(x + y)/cos(x + y)^2",
     "x*y + x*y*pi", "(x + y)*(x + y + 1)/(x + y)", "sin(x)^2 + cos(x)^2", "1e100*x/1e100", "x - x",
 ]  # fmt: skip
-POINTS = [{"c0": 0.7, "c1": 1.3}, {"c0": 1.9, "c1": -0.4}, {"c0": 2.5, "c1": 3.1}, {"c0": 1e-3, "c1": 0.2}]
+POINTS = [
+    {"c0": 0.7, "c1": 1.3},
+    {"c0": 1.9, "c1": -0.4},
+    {"c0": 2.5, "c1": 3.1},
+    {"c0": 1e-3, "c1": 0.2},
+]
 
 
 def tree_of(text: str) -> Expression:
@@ -34,7 +39,9 @@ def tree_of(text: str) -> Expression:
 
 def exact(tree: Expression, point: dict[str, float]) -> float:
     with mp.workdps(40):
-        return float(evaluate(tree, {Symbol("x"): mp.mpf(point["c0"]), Symbol("y"): mp.mpf(point["c1"])}))
+        return float(
+            evaluate(tree, {Symbol("x"): mp.mpf(point["c0"]), Symbol("y"): mp.mpf(point["c1"])})
+        )
 
 
 @pytest.mark.slow
@@ -53,12 +60,21 @@ def test_values_agree_with_forty_digits(lanes: int) -> None:
 
 @pytest.mark.slow
 def test_sine_and_cosine_are_good_to_two_units() -> None:
-    """For small and large arguments, multiples of pi/2, beyond the fast range, and for values that are not finite."""
+    """For small and large arguments, multiples of pi/2, beyond the fast range, and for values that
+    are not finite.
+    """
     generator = random.Random(1)
     points = [generator.uniform(-10, 10) for _ in range(4000)]
     points += [generator.uniform(-6e7, 6e7) for _ in range(4000)]
     points += [k * math.pi / 2 for k in range(-2000, 2000)]
-    points += [10.0**k for k in range(-300, 300, 7)] + [0.0, -0.0, 5e-324, 6.7108864e7, 6.7108865e7, 1.7e308]
+    points += [10.0**k for k in range(-300, 300, 7)] + [
+        0.0,
+        -0.0,
+        5e-324,
+        6.7108864e7,
+        6.7108865e7,
+        1.7e308,
+    ]
     points += [0.0] * (-len(points) % 8)
     x = symbol("x")
     worst = 0.0
@@ -107,4 +123,6 @@ def test_closures_have_the_values_of_their_formulas_for_any_names() -> None:
     numbers = [5.0, 6.0, 7.0, 0.3, 0.7, -1.1]
     u = math.sin(0.3 * 0.7 - 1.1) + 1.0**3
     expected = [u * 0.3, u / (1 + 0.7**2), u - 1.1 * u**2]
-    assert closure(tuple(names), tuple(formulas))(numbers).ravel().tolist() == pytest.approx(expected, rel=1e-14)
+    assert closure(tuple(names), tuple(formulas))(numbers).ravel().tolist() == pytest.approx(
+        expected, rel=1e-14
+    )

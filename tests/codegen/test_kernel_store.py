@@ -70,7 +70,9 @@ def test_damaged_entries_are_made_again(folder: Path, damage: str) -> None:
     assert result("two", 5)[0] == 30.0
 
 
-def test_a_folder_that_cannot_be_written_costs_time_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_that_cannot_be_written_costs_time_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     monkeypatch.setenv("INVERSE_SERVICE_CACHE", str(tmp_path / "file" / "below"))
     loaded_kernels.clear()
@@ -104,10 +106,14 @@ def test_the_oldest_entries_go(folder: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 def test_place_of_the_cache() -> None:
     assert code_store.cache_directory({"INVERSE_SERVICE_CACHE": "/a"}) == Path("/a")
-    assert code_store.cache_directory({"XDG_CACHE_HOME": "/b"}, "linux") == Path("/b/inverse-service")
+    assert code_store.cache_directory({"XDG_CACHE_HOME": "/b"}, "linux") == Path(
+        "/b/inverse-service"
+    )
     assert code_store.cache_directory({}, "linux").parts[-2:] == (".cache", "inverse-service")
     assert code_store.cache_directory({}, "darwin").parts[-2:] == ("Caches", "inverse-service")
-    assert code_store.cache_directory({"LOCALAPPDATA": "/c"}, "win32") == Path("/c/inverse-service/Cache")
+    assert code_store.cache_directory({"LOCALAPPDATA": "/c"}, "win32") == Path(
+        "/c/inverse-service/Cache"
+    )
 
 
 def test_threads_compile_one_after_the_other(folder: Path) -> None:

@@ -1,7 +1,7 @@
 """A bare Debian in a folder, and commands that run in it as on a separate machine.
 
-debootstrap creates it once, under build/; each test gets a copy. Commands have their own mounts and processes and, on
-request, a network with loopback only.
+debootstrap creates it once, under build/; each test gets a copy. Commands have their own mounts and
+processes and, on request, a network with loopback only.
 """
 
 from __future__ import annotations
@@ -27,7 +27,10 @@ def can_bootstrap() -> bool:
     if os.geteuid() != 0 or shutil.which("debootstrap") is None:
         return False
     return (
-        subprocess.run(["unshare", "--mount", "--net", "--pid", "--fork", "true"], capture_output=True).returncode == 0
+        subprocess.run(
+            ["unshare", "--mount", "--net", "--pid", "--fork", "true"], capture_output=True
+        ).returncode
+        == 0
     )
 
 
@@ -37,7 +40,13 @@ def bare_debian(folder: Path) -> Path:
         shutil.rmtree(KEPT, ignore_errors=True)
         partly = KEPT.with_name(f"bare-debian-{os.getpid()}")
         KEPT.parent.mkdir(exist_ok=True)
-        command = ["debootstrap", "--variant=minbase", "--include=ca-certificates", RELEASE, str(partly)]
+        command = [
+            "debootstrap",
+            "--variant=minbase",
+            "--include=ca-certificates",
+            RELEASE,
+            str(partly),
+        ]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL, timeout=PATIENCE)
         partly.rename(KEPT)
     copy(KEPT, folder)
@@ -60,11 +69,11 @@ def run_in(
     is_read_only: bool = False,
     writable: Sequence[str] = (),
 ) -> str:
-    """Run a bash script and return its output on both streams; fails with that output. `is_alone`: only a loopback
-    network.
+    """Run a bash script and return its output on both streams; fails with that output. `is_alone`:
+    only a loopback network.
 
-    `is_read_only`: everything except /proc, /dev, the paths in `writable`, and a /tmp of 64 MiB where nothing can be
-    executed.
+    `is_read_only`: everything except /proc, /dev, the paths in `writable`, and a /tmp of 64 MiB
+    where nothing can be executed.
     """
     place = shlex.quote(str(root))
     mounts = [
@@ -84,8 +93,24 @@ def run_in(
     shell = shlex.join(["bash", "-euo", "pipefail", "-c", script])
     mounts.append(f"exec chroot --userspec={user} {place} {shell}")
     alone = ["--net"] if is_alone else []
-    command = ["unshare", "--mount", "--pid", "--fork", "--kill-child", *alone, "bash", "-c", "\n".join(mounts)]
-    whole = {"PATH": SEARCHED, "HOME": "/root", "LANG": "C.UTF-8", "PIP_CERT": str(AUTHORITIES), **(environment or {})}
+    command = [
+        "unshare",
+        "--mount",
+        "--pid",
+        "--fork",
+        "--kill-child",
+        *alone,
+        "bash",
+        "-c",
+        "\n".join(mounts),
+    ]
+    whole = {
+        "PATH": SEARCHED,
+        "HOME": "/root",
+        "LANG": "C.UTF-8",
+        "PIP_CERT": str(AUTHORITIES),
+        **(environment or {}),
+    }
     done = subprocess.run(
         command, env=whole, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
         timeout=PATIENCE, cwd="/",

@@ -1,4 +1,6 @@
-"""Run the steps of the Dockerfile in a bare Debian: the image starts, solves, draws, and has no installer."""
+"""Run the steps of the Dockerfile in a bare Debian: the image starts, solves, draws, and has no
+installer.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,10 @@ import pytest
 
 from tests.deploy.bare import ROOT, SEARCHED, bare_debian, can_bootstrap, copy, run_in
 
-pytestmark = [pytest.mark.nightly, pytest.mark.skipif(not can_bootstrap(), reason="needs root and debootstrap")]
+pytestmark = [
+    pytest.mark.nightly,
+    pytest.mark.skipif(not can_bootstrap(), reason="needs root and debootstrap"),
+]
 # The official image has Python under the name `python`, with a pip that is not Debian's.
 LIKE_THE_BASE = """
 apt-get update -qq
@@ -70,16 +75,24 @@ class Stage:
 def instructions() -> list[tuple[str, str]]:
     text = re.sub(r"^#.*\n", "", (ROOT / "Dockerfile").read_text(), flags=re.MULTILINE)
     lines = text.replace("\\\n", " ").splitlines()
-    return [(word, rest.strip()) for word, _, rest in (line.partition(" ") for line in lines if line)]
+    return [
+        (word, rest.strip()) for word, _, rest in (line.partition(" ") for line in lines if line)
+    ]
 
 
 def copied(stage: Stage, rest: str, stages: dict[str, Stage]) -> None:
     *sources, target = rest.split()
-    start = stages[sources.pop(0).removeprefix("--from=")].root if sources[0].startswith("--from") else None
+    start = (
+        stages[sources.pop(0).removeprefix("--from=")].root
+        if sources[0].startswith("--from")
+        else None
+    )
     for source in sources:
         for found in [start / source.lstrip("/")] if start else sorted(ROOT.glob(source)):
             assert start or not is_ignored(found), f"{found} is kept out by .dockerignore"
-            there = stage.root / (target if target.startswith("/") else f"{stage.folder}/{target}").lstrip("/")
+            there = stage.root / (
+                target if target.startswith("/") else f"{stage.folder}/{target}"
+            ).lstrip("/")
             if found.is_dir():
                 ignored = None if start else shutil.ignore_patterns("__pycache__")
                 shutil.copytree(found, there, symlinks=True, dirs_exist_ok=True, ignore=ignored)
@@ -89,7 +102,11 @@ def copied(stage: Stage, rest: str, stages: dict[str, Stage]) -> None:
 
 
 def is_ignored(path: Path) -> bool:
-    kept = [line[1:] for line in (ROOT / ".dockerignore").read_text().splitlines() if line.startswith("!")]
+    kept = [
+        line[1:]
+        for line in (ROOT / ".dockerignore").read_text().splitlines()
+        if line.startswith("!")
+    ]
     return not any(fnmatch(str(path.relative_to(ROOT)), pattern) for pattern in kept)
 
 
@@ -115,7 +132,12 @@ def built(base: Path, folder: Path, **arguments: str) -> Stage:
         elif word == "COPY":
             copied(stage, rest, stages)
         elif word == "RUN":
-            run_in(stage.root, f"cd {stage.folder}; set +u; {rest}", stage.environment | stage.arguments, stage.user)
+            run_in(
+                stage.root,
+                f"cd {stage.folder}; set +u; {rest}",
+                stage.environment | stage.arguments,
+                stage.user,
+            )
         elif word == "USER":
             stage.user = rest
         else:
@@ -143,22 +165,37 @@ for _ in $(seq 240); do python /health.py 2>/dev/null && break; sleep 0.5; done
 python /ask.py || {{ cat /tmp/log; exit 1; }}
 kill -TERM $service; wait $service
 """
-    out = run_in(image.root, script, image.environment, image.user, True, True, [image.said["VOLUME"]])
+    out = run_in(
+        image.root, script, image.environment, image.user, True, True, [image.said["VOLUME"]]
+    )
     found = json.loads(out.splitlines()[-1])
-    assert found == {"verdict": "variational", "outcome": "completed", "figure": "<?xml", "user": [10001, 10001]}
+    assert found == {
+        "verdict": "variational",
+        "outcome": "completed",
+        "figure": "<?xml",
+        "user": [10001, 10001],
+    }
 
 
 def test_nothing_in_it_installs_and_it_is_owned_by_root(image: Stage) -> None:
     tried = 'for name in pip setuptools ensurepip; do python -c "import $name" 2>/dev/null && echo "$name"; done; true'
     for path in (image.environment["PATH"], SEARCHED):
         assert run_in(image.root, tried, {"PATH": path}, image.user) == ""
-    assert run_in(image.root, "find /opt/inverse-service -not -user root -o -perm -o+w -not -type l") == ""
+    assert (
+        run_in(image.root, "find /opt/inverse-service -not -user root -o -perm -o+w -not -type l")
+        == ""
+    )
     assert run_in(image.root, "find / -xdev -name 'pip*' -path '*bin*' -not -path '/proc/*'") == ""
 
 
 def test_the_image_of_the_cluster_has_its_commands(image: Stage) -> None:
     out = run_in(
-        image.root, "dask scheduler --version; python -c 'import psycopg'", image.environment, image.user, True, True
+        image.root,
+        "dask scheduler --version; python -c 'import psycopg'",
+        image.environment,
+        image.user,
+        True,
+        True,
     )
     assert "version" in out
 

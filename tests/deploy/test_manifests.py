@@ -20,18 +20,30 @@ from tests.deploy.bare import ROOT
 DEPLOY = ROOT / "deploy"
 COMPOSE: dict[str, Any] = yaml.safe_load((DEPLOY / "compose.yaml").read_text())
 MANIFESTS: list[dict[str, Any]] = yaml.safe_load((DEPLOY / "kubernetes.yaml").read_text())["items"]
-PODS = {one["metadata"]["name"]: one["spec"]["template"]["spec"] for one in MANIFESTS if one["kind"] == "Deployment"}
+PODS = {
+    one["metadata"]["name"]: one["spec"]["template"]["spec"]
+    for one in MANIFESTS
+    if one["kind"] == "Deployment"
+}
 OURS = [one for one in COMPOSE["services"].values() if one["image"] == "inverse-service"]
 
 
 def test_the_compose_file_follows_its_schema() -> None:
     pytest.importorskip("check_jsonschema")
-    command = ["-m", "check_jsonschema", "--builtin-schema", "vendor.compose-spec", str(DEPLOY / "compose.yaml")]
+    command = [
+        "-m",
+        "check_jsonschema",
+        "--builtin-schema",
+        "vendor.compose-spec",
+        str(DEPLOY / "compose.yaml"),
+    ]
     done = subprocess.run([sys.executable, *command], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
 
 
-@pytest.mark.parametrize("manifest", MANIFESTS, ids=lambda one: f"{one['kind']} {one['metadata']['name']}")
+@pytest.mark.parametrize(
+    "manifest", MANIFESTS, ids=lambda one: f"{one['kind']} {one['metadata']['name']}"
+)
 def test_each_manifest_follows_its_schema(manifest: dict[str, Any]) -> None:
     validator = pytest.importorskip("kubernetes_validate")
     newest = validator.latest_version()
@@ -42,13 +54,18 @@ def test_each_manifest_follows_its_schema(manifest: dict[str, Any]) -> None:
 
 def test_the_conda_recipe_is_rendered_with_the_dependencies_of_the_package() -> None:
     builder = pytest.importorskip("rattler_build")
-    (variant,) = builder.Stage0Recipe.from_file(str(DEPLOY / "conda" / "recipe.yaml")).render(builder.VariantConfig())
+    (variant,) = builder.Stage0Recipe.from_file(str(DEPLOY / "conda" / "recipe.yaml")).render(
+        builder.VariantConfig()
+    )
     package = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     compiled = ["llvmlite>=0.45", "numba>=0.62"]  # nothing is compiled ahead of time
     wanted = {
-        one.replace("-", "_") for one in [*package["dependencies"], *compiled, f"python{package['requires-python']}"]
+        one.replace("-", "_")
+        for one in [*package["dependencies"], *compiled, f"python{package['requires-python']}"]
     }
-    assert {str(one).replace("-", "_").replace(" ", "") for one in variant.recipe.requirements.run} == wanted
+    assert {
+        str(one).replace("-", "_").replace(" ", "") for one in variant.recipe.requirements.run
+    } == wanted
     assert str(variant.recipe.package.version) == inverse_service.__version__
 
 
@@ -68,15 +85,23 @@ def test_a_pod_has_no_rights_and_bounds(name: str) -> None:
 
 def test_the_front_ends_are_asked_whether_they_live_and_are_ready() -> None:
     (front,) = PODS["inverse-service"]["containers"]
-    asked = {name: front[f"{name}Probe"]["httpGet"]["path"] for name in ("startup", "liveness", "readiness")}
+    asked = {
+        name: front[f"{name}Probe"]["httpGet"]["path"]
+        for name in ("startup", "liveness", "readiness")
+    }
     assert asked == {"startup": "/livez", "liveness": "/livez", "readiness": "/readyz"}
 
 
 def test_the_settings_in_the_manifests_are_settings(tmp_path: Path) -> None:
     (front,) = PODS["inverse-service"]["containers"]
-    kubernetes = {one["name"]: one.get("value", "postgresql://inverse@database/inverse") for one in front["env"]}
+    kubernetes = {
+        one["name"]: one.get("value", "postgresql://inverse@database/inverse")
+        for one in front["env"]
+    }
     compose = {
-        name: value for name, value in COMPOSE["services"]["service"]["environment"].items() if name != "PGPASSFILE"
+        name: value
+        for name, value in COMPOSE["services"]["service"]["environment"].items()
+        if name != "PGPASSFILE"
     }
     for environment in (kubernetes, compose):
         keys = tmp_path / "keys"
@@ -90,7 +115,11 @@ def test_the_settings_in_the_manifests_are_settings(tmp_path: Path) -> None:
 
 
 def test_every_service_and_policy_selects_pods() -> None:
-    labels = [one["spec"]["template"]["metadata"]["labels"] for one in MANIFESTS if one["kind"] == "Deployment"]
+    labels = [
+        one["spec"]["template"]["metadata"]["labels"]
+        for one in MANIFESTS
+        if one["kind"] == "Deployment"
+    ]
     for one in MANIFESTS:
         if one["kind"] == "Service":
             wanted = one["spec"]["selector"].items()
@@ -111,16 +140,19 @@ def test_a_container_of_compose_has_no_rights(service: dict[str, Any]) -> None:
 def test_the_image_has_the_versions_of_the_tests_and_all_that_is_needed() -> None:
     pin = re.compile(r"^([\w.-]+)==(\S+)", re.MULTILINE)
     tested = {
-        name.lower().replace("_", "-"): version for name, version in pin.findall((ROOT / "constraints.txt").read_text())
+        name.lower().replace("_", "-"): version
+        for name, version in pin.findall((ROOT / "constraints.txt").read_text())
     }
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     for extra in ("", "dask", "postgres"):
         text = (DEPLOY / "image" / f"requirements{extra and '-' + extra}.txt").read_text()
         pinned = dict(pin.findall(text))
         assert pinned.items() <= tested.items(), "python deploy/image/pin.py writes them again"
-        assert len(re.findall(r"--hash=sha256:[0-9a-f]{64}$|--hash=sha256:[0-9a-f]{64} ", text, re.MULTILINE)) >= len(
-            pinned
-        )
+        assert len(
+            re.findall(
+                r"--hash=sha256:[0-9a-f]{64}$|--hash=sha256:[0-9a-f]{64} ", text, re.MULTILINE
+            )
+        ) >= len(pinned)
         needed = project["optional-dependencies"][extra] if extra else project["dependencies"]
         assert {re.match(r"[\w.-]+", one)[0] for one in needed} <= pinned.keys()  # type: ignore[index]
 
@@ -139,4 +171,6 @@ def test_each_panel_of_the_dashboard_has_its_own_place_and_its_queries() -> None
     panels = json.loads((DEPLOY / "dashboard.json").read_text())["panels"]
     places = [(one["gridPos"]["x"], one["gridPos"]["y"]) for one in panels]
     assert len({*places}) == len({one["id"] for one in panels}) == len(panels)
-    assert all(target["expr"] and target["legendFormat"] for one in panels for target in one["targets"])
+    assert all(
+        target["expr"] and target["legendFormat"] for one in panels for target in one["targets"]
+    )

@@ -1,4 +1,6 @@
-"""The steps of docs/how-to/deploy.md on a bare Debian: TLS, keys, backup, restore, a new key, an upgrade."""
+"""The steps of docs/how-to/deploy.md on a bare Debian: TLS, keys, backup, restore, a new key, an
+upgrade.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,10 @@ import pytest
 from tests.deploy.bare import ROOT, bare_debian, can_bootstrap, run_in
 from tests.docs.blocks import blocks
 
-pytestmark = [pytest.mark.nightly, pytest.mark.skipif(not can_bootstrap(), reason="needs root and debootstrap")]
+pytestmark = [
+    pytest.mark.nightly,
+    pytest.mark.skipif(not can_bootstrap(), reason="needs root and debootstrap"),
+]
 PAGE = ROOT / "docs" / "how-to" / "deploy.md"
 INSTALL, *STEPS, UPGRADE = [block.text for block in blocks(PAGE) if block.language == "sh"]
 SOURCES = "/root/inverse-service"
@@ -106,6 +111,8 @@ def test_the_unit_is_one_that_systemd_takes(tmp_path: Path) -> None:
         pytest.skip("needs systemd-analyze")
     unit = tmp_path / "inverse-service.service"
     text = (ROOT / "deploy" / "inverse-service.service").read_text()
-    unit.write_text(text.replace("/opt/inverse-service/bin/inverse-service", shutil.which("true") or ""))
+    unit.write_text(
+        text.replace("/opt/inverse-service/bin/inverse-service", shutil.which("true") or "")
+    )
     done = subprocess.run(["systemd-analyze", "verify", str(unit)], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")

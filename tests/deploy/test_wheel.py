@@ -72,18 +72,24 @@ def test_the_compiler_sees_the_modules_of_the_build_environment(
 def test_a_build_that_cannot_compile_fails_with_its_reason(
     hook: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sys, "executable", interpreter(tmp_path, "echo no module named llvmlite >&2; exit 1"))
+    monkeypatch.setattr(
+        sys, "executable", interpreter(tmp_path, "echo no module named llvmlite >&2; exit 1")
+    )
     with pytest.raises(RuntimeError, match=r"no module named llvmlite.*INVERSE_SERVICE_WHEEL=pure"):
         built(hook)
 
 
-def test_a_wheel_without_kernels_is_asked_for_and_says_so(hook: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_wheel_without_kernels_is_asked_for_and_says_so(
+    hook: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(hook, "MACHINE", hook.PURE)
     kernels, data = built(hook)
     assert "pure_python" not in data
     assert data["dependencies"] == hook.COMPILER
     said = list[str]()
-    monkeypatch.setattr(hook.Kernels, "app", SimpleNamespace(display_warning=said.append), raising=False)
+    monkeypatch.setattr(
+        hook.Kernels, "app", SimpleNamespace(display_warning=said.append), raising=False
+    )
     kernels.finalize("standard", data, "/dist/name-py3-none-any.whl")
     assert len(said) == 1
     assert "name-py3-none-any.whl has no kernels" in said[0]
@@ -130,6 +136,10 @@ def test_the_manuscript_is_short_and_has_its_parts() -> None:
     text = (ROOT / "paper" / "paper.md").read_text(encoding="utf-8")
     body = text.split("---", 2)[2]
     assert len(body.split()) < 1_000
-    assert {"# Summary", "# Statement of need", "# State of the field", "# References"} <= {*body.splitlines()}
-    entries = {*re.findall(r"@\w+\{(\w+),", (ROOT / "paper" / "paper.bib").read_text(encoding="utf-8"))}
+    assert {"# Summary", "# Statement of need", "# State of the field", "# References"} <= {
+        *body.splitlines()
+    }
+    entries = {
+        *re.findall(r"@\w+\{(\w+),", (ROOT / "paper" / "paper.bib").read_text(encoding="utf-8"))
+    }
     assert {*re.findall(r"@(\w+)", body)} == entries

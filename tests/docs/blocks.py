@@ -1,7 +1,7 @@
-"""Fenced blocks of the pages, and how the tests run those that are programs. The first word after the fence is the
-language. `output` is the output of the previous program, with `...` for any text within a line and, alone on a line,
-for any lines. A second word may follow: for `json` and `yaml` the name of the file to write; for a program `slow` (not
-in the default tests) or `not-run`.
+"""Fenced blocks of the pages, and how the tests run those that are programs. The first word after
+the fence is the language. `output` is the output of the previous program, with `...` for any text
+within a line and, alone on a line, for any lines. A second word may follow: for `json` and `yaml`
+the name of the file to write; for a program `slow` (not in the default tests) or `not-run`.
 """
 
 from __future__ import annotations
@@ -77,23 +77,34 @@ def programs(page: Path, with_slow: bool) -> list[tuple[Block, str | None]]:
 
 
 def pattern(expected: str) -> re.Pattern[str]:
-    """A pattern for the expected output: `...` matches any text in a line, and any lines if it is a whole line."""
+    """A pattern for the expected output: `...` matches any text in a line, and any lines if it is a
+    whole line.
+    """
     parts = [
-        "(?:.*\n)*?" if line.strip() == "..." else re.escape(line).replace(re.escape("..."), ".*") + "\n"
+        "(?:.*\n)*?"
+        if line.strip() == "..."
+        else re.escape(line).replace(re.escape("..."), ".*") + "\n"
         for line in expected.splitlines()
     ]
     return re.compile("".join(parts))
 
 
 def run_page(page: Path, folder: Path, address: str, with_slow: bool) -> list[str]:
-    """Run the programs of a page in one shell; return a sentence for each that does not behave as the page says."""
+    """Run the programs of a page in one shell; return a sentence for each that does not behave as
+    the page says.
+    """
     chosen = programs(page, with_slow)
     prepare(page, folder)
     script = "set -euo pipefail\n" + "".join(command(block, folder, address) for block, _ in chosen)
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     environment = {**os.environ, "PATH": path}
     done = subprocess.run(
-        ["bash", "-c", script], cwd=folder, capture_output=True, text=True, timeout=600, env=environment
+        ["bash", "-c", script],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=600,
+        env=environment,
     )
     printed = done.stdout.split(END)
     faults = [
@@ -119,7 +130,9 @@ def prepare(page: Path, folder: Path) -> None:
 def command(block: Block, folder: Path, address: str) -> str:
     """The block as shell lines that end by printing a separator."""
     text = block.text.replace(ADDRESS, address).replace(".venv/bin/", "")
-    if interpreter := {"python": ("python", "py"), "javascript": ("node", "mjs")}.get(block.language):
+    if interpreter := {"python": ("python", "py"), "javascript": ("node", "mjs")}.get(
+        block.language
+    ):
         name = f"line{block.line}.{interpreter[1]}"
         (folder / name).write_text(text, encoding="utf-8")
         text = f"{interpreter[0]} {name}\n"

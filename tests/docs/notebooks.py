@@ -1,6 +1,7 @@
 """The notebooks of the documentation: `python -m tests.docs.notebooks` executes them in place.
 
-A code cell with the tag `varies` prints times or sentences; it is executed, but its output is not compared.
+A code cell with the tag `varies` prints times or sentences; it is executed, but its output is not
+compared.
 """
 
 from __future__ import annotations
@@ -24,14 +25,21 @@ def execute(path: Path, write: bool = False) -> Any:
     found = nbformat.read(path, as_version=4)
     os.environ["PYTHONPATH"] = str(ROOT)
     client = NotebookClient(
-        found, timeout=120, kernel_name="python3", resources={"metadata": {"path": str(path.parent)}}
+        found,
+        timeout=120,
+        kernel_name="python3",
+        resources={"metadata": {"path": str(path.parent)}},
     )
     client.execute()
     for cell in found.cells:
         cell.metadata.pop("execution", None)
         if cell.cell_type == "code":
             cell["execution_count"] = None
-            cell["outputs"] = [_without_count(output) for output in cell["outputs"] if output.get("name") != "stderr"]
+            cell["outputs"] = [
+                _without_count(output)
+                for output in cell["outputs"]
+                if output.get("name") != "stderr"
+            ]
     if write:
         nbformat.write(found, path)
     return found
@@ -39,7 +47,10 @@ def execute(path: Path, write: bool = False) -> Any:
 
 def texts(cell: Any) -> str:
     """The printed output of the cell and its value as text, without pictures."""
-    shown = [output.get("text") or output.get("data", {}).get("text/plain", "") for output in cell["outputs"]]
+    shown = [
+        output.get("text") or output.get("data", {}).get("text/plain", "")
+        for output in cell["outputs"]
+    ]
     return "".join(ADDRESS.sub("", text) for text in shown if not text.startswith("<Figure"))
 
 

@@ -17,38 +17,63 @@ BEGIN, END = "<!-- fields -->\n\n", "<!-- end of fields -->\n"
 
 
 # The results of commands and calls; nested objects follow the first result that contains them.
-RESULTS = ("ResultDocument", "ForwardResult", "CheckAnswer", "SimulationResult", "WorkPrecisionResult")
+RESULTS = (
+    "ResultDocument",
+    "ForwardResult",
+    "CheckAnswer",
+    "SimulationResult",
+    "WorkPrecisionResult",
+)
 HEAD = "| field | what it is | type |\n| --- | --- | --- |"
 
 
 def fields(description: dict[str, Any]) -> str:
-    """Every field once: first those with the same meaning in several objects, then the remaining ones by object."""
+    """Every field once: first those with the same meaning in several objects, then the remaining
+    ones by object.
+    """
     schemas = description["components"]["schemas"]
     groups: dict[str, list[str]] = {}
     for result in RESULTS:
         before = {name for group in groups.values() for name in group} | set(RESULTS)
-        groups[result] = [result, *(name for name in _within(result, schemas) if name not in before)]
+        groups[result] = [
+            result,
+            *(name for name in _within(result, schemas) if name not in before),
+        ]
     kinds: dict[tuple[str, str], list[str]] = defaultdict(list)
     for field, of_field in (
         row for group in groups.values() for name in group for row in _fields(schemas[name]).items()
     ):
         kinds[field].append(of_field)
     shared = {field for field, found in kinds.items() if len(found) > 1}
-    parts = ["## Fields of several objects", "", HEAD, *(_row(each, kinds[each]) for each in kinds if each in shared)]
+    parts = [
+        "## Fields of several objects",
+        "",
+        HEAD,
+        *(_row(each, kinds[each]) for each in kinds if each in shared),
+    ]
     for result, group in groups.items():
         parts += ["", f"## {result}", "", HEAD]
         for name in group:
             of_object = _fields(schemas[name])
             also = [f"`{key}`" for key, meaning in of_object if (key, meaning) in shared]
-            text = " ".join(filter(None, [_cell(schemas[name].get("description", "")) + ".", _also(also)]))
-            own = [_row(field, [of_field]) for field, of_field in of_object.items() if field not in shared]
+            text = " ".join(
+                filter(None, [_cell(schemas[name].get("description", "")) + ".", _also(also)])
+            )
+            own = [
+                _row(field, [of_field])
+                for field, of_field in of_object.items()
+                if field not in shared
+            ]
             parts += [f"| **{name}** | {text} | |", *own]
     return "\n".join([*parts, ""])
 
 
 def _fields(schema: dict[str, Any]) -> dict[tuple[str, str], str]:
     """The type of each field, by its name and description."""
-    return {(key, _cell(part.get("description", ""))): kind(part) for key, part in schema.get("properties", {}).items()}
+    return {
+        (key, _cell(part.get("description", ""))): kind(part)
+        for key, part in schema.get("properties", {}).items()
+    }
 
 
 def _row(field: tuple[str, str], kinds: list[str]) -> str:
@@ -66,7 +91,9 @@ def _also(names: list[str]) -> str:
 def _within(name: str, schemas: dict[str, Any]) -> Iterator[str]:
     """The nested objects, each once, depth first."""
     found = dict.fromkeys(_references(schemas[name]))
-    while more := [each for part in found for each in _references(schemas[part]) if each not in found]:
+    while more := [
+        each for part in found for each in _references(schemas[part]) if each not in found
+    ]:
         found |= dict.fromkeys(more)
     yield from found
 
@@ -106,8 +133,16 @@ def kind(schema: dict[str, Any]) -> str:
         return f"list of {kind(schema.get('items', {}))}"
     if schema.get("type") == "object":
         values = schema.get("additionalProperties")
-        return f"object of {kind(values)} by name" if isinstance(values, dict) and values else "object"
-    plain = {"string": "text", "null": "null", "boolean": "true or false", "integer": "integer", "number": "number"}
+        return (
+            f"object of {kind(values)} by name" if isinstance(values, dict) and values else "object"
+        )
+    plain = {
+        "string": "text",
+        "null": "null",
+        "boolean": "true or false",
+        "integer": "integer",
+        "number": "number",
+    }
     return plain.get(schema.get("type", ""), "anything")
 
 

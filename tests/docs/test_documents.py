@@ -42,10 +42,16 @@ from tests.docs.blocks import (
 NOT_RUN = {
     "README.md": (3, "one does not end, one is these tests, one runs overnight"),
     "CONTRIBUTING.md": (2, "these are the tests themselves, and hooks are installed"),
-    "docs/how-to/deploy.md": (8, "tests/deploy/test_operating.py runs them in a Debian of its own, but for Docker"),
+    "docs/how-to/deploy.md": (
+        8,
+        "tests/deploy/test_operating.py runs them in a Debian of its own, but for Docker",
+    ),
     "docs/how-to/install.md": (1, "downloads and installs"),
     "docs/how-to/operate.md": (1, "tests/store/test_backup.py runs it"),
-    "docs/how-to/scale.md": (3, "no cluster, SLURM or PostgreSQL here; tests/cluster and tests/store have theirs"),
+    "docs/how-to/scale.md": (
+        3,
+        "no cluster, SLURM or PostgreSQL here; tests/cluster and tests/store have theirs",
+    ),
     "docs/records/benchmarks.md": (1, "ten minutes"),
     "docs/records/reliability.md": (1, "these are the tests themselves"),
     "docs/tutorials/rest.md": (1, "no Julia where the tests run"),
@@ -55,16 +61,24 @@ NOT_RUN = {
 # Blocks of plain text: diagrams, and blocks that other tests compare.
 TEXTS = {
     "docs/explanation/architecture.md": (3, "pictures of the house, the way of a document"),
-    "docs/how-to/constrained-systems.md": (1, "compared by tests/service/test_nonholonomic_page.py"),
+    "docs/how-to/constrained-systems.md": (
+        1,
+        "compared by tests/service/test_nonholonomic_page.py",
+    ),
     "docs/simulation.md": (1, "the times of one machine"),
 }
 COMMAND = re.compile(
-    r"^(?:\$ |    )(?:[A-Z_]+=\S+ )?(?:\.venv/|inverse-service |python |pip |make |curl |dask |docker |git )", re.M
+    r"^(?:\$ |    )(?:[A-Z_]+=\S+ )?(?:\.venv/|inverse-service |python |pip |make |curl |dask |docker |git )",
+    re.M,
 )
 IDS = [name(page) for page in PAGES]
 ALL = [block for page in PAGES for block in blocks(page)]
 QUICK = [page for page in PAGES if programs(page, with_slow=False)]
-LONG = [page for page in PAGES if len(programs(page, with_slow=True)) > len(programs(page, with_slow=False))]
+LONG = [
+    page
+    for page in PAGES
+    if len(programs(page, with_slow=True)) > len(programs(page, with_slow=False))
+]
 BASE = catalogue.document("vertically-rolling-disk")
 
 
@@ -79,9 +93,16 @@ def run(page: Path, folder: Path, request: pytest.FixtureRequest, with_slow: boo
 
 @pytest.mark.parametrize(
     "page",
-    [pytest.param(page, id=name(page), marks=() if page.name == "README.md" else pytest.mark.slow) for page in QUICK],
+    [
+        pytest.param(
+            page, id=name(page), marks=() if page.name == "README.md" else pytest.mark.slow
+        )
+        for page in QUICK
+    ],
 )
-def test_every_program_does_what_the_page_says(page: Path, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+def test_every_program_does_what_the_page_says(
+    page: Path, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
     run(page, tmp_path, request, with_slow=False)
 
 
@@ -91,14 +112,20 @@ def test_the_long_programs_too(page: Path, tmp_path: Path, request: pytest.Fixtu
     run(page, tmp_path, request, with_slow=True)
 
 
-@pytest.mark.parametrize("block", [one for one in ALL if one.language == "diff"], ids=lambda block: block.place)
+@pytest.mark.parametrize(
+    "block", [one for one in ALL if one.language == "diff"], ids=lambda block: block.place
+)
 def test_every_change_that_is_shown_applies(block: Block) -> None:
     command = ["git", "apply", "--check", "-C1", "-"]
-    done = subprocess.run(command, cwd=ROOT, input=block.text, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command, cwd=ROOT, input=block.text, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("module", [inverse_service, inverse_service.sympy], ids=lambda module: module.__name__)
+@pytest.mark.parametrize(
+    "module", [inverse_service, inverse_service.sympy], ids=lambda module: module.__name__
+)
 def test_examples_of_the_reference_run(module: ModuleType) -> None:
     assert doctest.testmod(module) == (0, 3 if module is inverse_service else 4)
 
@@ -122,13 +149,23 @@ def _written(folder: Path) -> list[Path]:
 @pytest.mark.slow
 def test_python_in_the_pages_passes_mypy_strict(tmp_path: Path) -> None:
     files = map(str, _written(tmp_path))
-    command = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(tmp_path / "cache"), *files]
+    command = [
+        sys.executable,
+        "-m",
+        "mypy",
+        "--strict",
+        "--cache-dir",
+        str(tmp_path / "cache"),
+        *files,
+    ]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not find_spec("pyright") or not shutil.which("npm"), reason="pyright and npm are not installed")
+@pytest.mark.skipif(
+    not find_spec("pyright") or not shutil.which("npm"), reason="pyright and npm are not installed"
+)
 def test_python_in_the_pages_passes_pyright_strict(tmp_path: Path) -> None:
     """Missing types in SymPy itself are ignored."""
     of_sympy = ("reportMissingTypeStubs", "reportUnknownVariableType", "reportUnknownMemberType")
@@ -143,9 +180,15 @@ def test_python_in_the_pages_passes_pyright_strict(tmp_path: Path) -> None:
 
 def test_a_measurement_names_its_commit() -> None:
     head = subprocess.run(
-        ["git", "rev-parse", "--short=8", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False
+        ["git", "rev-parse", "--short=8", "HEAD"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
     )
-    assert conditions().startswith(f"commit {head.stdout.strip()}" if head.returncode == 0 else "no commit")
+    assert conditions().startswith(
+        f"commit {head.stdout.strip()}" if head.returncode == 0 else "no commit"
+    )
 
 
 def test_the_pages_have_programs() -> None:
@@ -156,9 +199,16 @@ def test_the_pages_have_programs() -> None:
 def test_no_block_is_left_out_in_silence(page: Path) -> None:
     for block in blocks(page):
         assert block.language in LANGUAGES, f"{block.place}: no such language"
-        assert block.language in DOCUMENTS or block.mark in ("", *MARKS), f"{block.place}: no such mark"
-    assert sum(block.mark == "not-run" for block in blocks(page)) == NOT_RUN.get(name(page), (0, ""))[0]
-    assert sum(block.language == "text" for block in blocks(page)) == TEXTS.get(name(page), (0, ""))[0]
+        assert block.language in DOCUMENTS or block.mark in ("", *MARKS), (
+            f"{block.place}: no such mark"
+        )
+    assert (
+        sum(block.mark == "not-run" for block in blocks(page))
+        == NOT_RUN.get(name(page), (0, ""))[0]
+    )
+    assert (
+        sum(block.language == "text" for block in blocks(page)) == TEXTS.get(name(page), (0, ""))[0]
+    )
 
 
 @pytest.mark.parametrize("page", PAGES, ids=IDS)
@@ -178,19 +228,25 @@ def test_commands_stand_in_blocks_that_are_run(page: Path) -> None:
     assert COMMAND.findall(text) == []
 
 
-@pytest.mark.parametrize("block", [one for one in ALL if one.language in DOCUMENTS], ids=lambda block: block.place)
+@pytest.mark.parametrize(
+    "block", [one for one in ALL if one.language in DOCUMENTS], ids=lambda block: block.place
+)
 def test_every_document_is_accepted(block: Block) -> None:
     if block.language == "yaml":
         assert list(yaml.safe_load_all(block.text))
     elif block.mark.endswith(".ndjson"):
         for line in block.text.splitlines():
-            accept({key: value for key, value in read_json(line).items() if key != "id"})  # a line of a batch
+            accept(
+                {key: value for key, value in read_json(line).items() if key != "id"}
+            )  # a line of a batch
     else:
         accept(read_json(block.text))
 
 
 def accept(document: Any) -> None:
-    """Raise unless this is a System, Nonholonomic, or Scene document, or some keys of a Nonholonomic one."""
+    """Raise unless this is a System, Nonholonomic, or Scene document, or some keys of a
+    Nonholonomic one.
+    """
     if "methods" in document or "step" in document:
         SceneDocument.model_validate(document)
     elif {"equations", "lagrangian"} & set(document):

@@ -1,4 +1,6 @@
-"""docs/records/kinds.md lists the systems of the tests: `python -m tests.docs.test_known_kinds` writes it."""
+"""docs/records/kinds.md lists the systems of the tests: `python -m tests.docs.test_known_kinds`
+writes it.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,12 @@ rows without one are our own examples. Types: [how to ask](../how-to/lagrangian-
 COSTS = "\n## What a kind costs\n"
 SOURCES = {row["cited"]: row["title"] for row in rows("sources")}
 CITED = re.compile(r"(.*) \(((.*?\d{4})[^()]*)\)")
-SAID = {"variational": "yes", "not_variational": "no", "undetermined": "open", None: "no other clock"}
+SAID = {
+    "variational": "yes",
+    "not_variational": "no",
+    "undetermined": "open",
+    None: "no other clock",
+}
 
 
 def listed() -> Iterator[tuple[str, str, str, str]]:
@@ -35,7 +42,12 @@ def listed() -> Iterator[tuple[str, str, str, str]]:
         kind = document["kinds"][0]
         point = ", ".join(f"{name} = {value}" for name, value in document.get("near", {}).items())
         question = kind if isinstance(kind, str) else json.dumps(kind)
-        yield row["source"], written(document["equations"]), question + (f" at {point}" if point else ""), SAID[verdict]
+        yield (
+            row["source"],
+            written(document["equations"]),
+            question + (f" at {point}" if point else ""),
+            SAID[verdict],
+        )
     for row in rows("constrained"):
         document = row["document"]
         if "reduced" in row:
@@ -43,7 +55,12 @@ def listed() -> Iterator[tuple[str, str, str, str]]:
             answer = f"{SAID[row['reduced']['verdict']]}; {SAID[row['reduced']['with_clock']]}"
             yield row["source"], system, "reduced; with another clock", answer
         elif "factor" in row.get("clock", {}):
-            yield row["source"], written(document["equations"]), "a clock", f"N = {row['clock']['factor']}"
+            yield (
+                row["source"],
+                written(document["equations"]),
+                "a clock",
+                f"N = {row['clock']['factor']}",
+            )
 
 
 def written(equations: Any) -> str:
@@ -51,7 +68,9 @@ def written(equations: Any) -> str:
 
 
 def cited(named: str) -> tuple[str, str, str]:
-    """The name of a row, its citation, and the name of the source; the last two are empty for our own systems."""
+    """The name of a row, its citation, and the name of the source; the last two are empty for our
+    own systems.
+    """
     found = CITED.fullmatch(named)
     return (found[1], found[2], found[3]) if found else (named, "", "")
 

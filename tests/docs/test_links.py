@@ -77,7 +77,11 @@ def declared() -> set[str]:
     """The packages of pyproject.toml, without the project itself."""
     whole = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     extras = whole["project"]["optional-dependencies"].values()
-    lines = [*whole["build-system"]["requires"], *whole["project"]["dependencies"], *itertools.chain(*extras)]
+    lines = [
+        *whole["build-system"]["requires"],
+        *whole["project"]["dependencies"],
+        *itertools.chain(*extras),
+    ]
     return {re.split(r"[\[<>=~! ]", line)[0] for line in lines} - {"inverse-service"}
 
 
@@ -94,4 +98,6 @@ def test_citation_and_licence_belong_to_this_version() -> None:
     assert citation["version"] == inverse_service.__version__
     assert citation["license"] == project["license"] == "MIT"
     assert "MIT License" in (ROOT / project["license-files"][0]).read_text(encoding="utf-8")
-    assert f"## {inverse_service.__version__}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert f"## {inverse_service.__version__}" in (ROOT / "CHANGELOG.md").read_text(
+        encoding="utf-8"
+    )

@@ -18,7 +18,9 @@ def test_the_notebook_is_valid_and_executed(path: Path) -> None:
     nbformat.validate(found)
     code = [cell for cell in found.cells if cell.cell_type == "code"]
     assert len(code) > 3
-    assert all(cell["outputs"] for cell in code if not cell.source.startswith(("import", "t = ", "def ")))
+    assert all(
+        cell["outputs"] for cell in code if not cell.source.startswith(("import", "t = ", "def "))
+    )
 
 
 @pytest.mark.slow

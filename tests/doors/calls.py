@@ -1,4 +1,6 @@
-"""Send one document through one interface and return the result in the form of the Python interface."""
+"""Send one document through one interface and return the result in the form of the Python
+interface.
+"""
 
 import contextlib
 import io
@@ -40,7 +42,9 @@ def check(result: dict[str, Any], door: str, service: str | None = None) -> str:
     if door == "python":
         verdict: str = inverse_service.check(text)["verdict"]
     elif door == "http":
-        verdict = httpx.post(f"{service}/v1/check", content=text, headers=JSON, timeout=120).json()["verdict"]
+        verdict = httpx.post(f"{service}/v1/check", content=text, headers=JSON, timeout=120).json()[
+            "verdict"
+        ]
     else:
         code, out, err = command("check", "-", given=text)
         verdict = "valid" if code == 0 else f"{out} {err}"
@@ -105,4 +109,6 @@ def refusal(answer: httpx.Response) -> Refusal:
     problem = answer.json()
     first = (problem.get("errors") or [{}])[0]
     detail = first.get("detail") or problem["detail"]
-    return Refusal(detail, first.get("pointer", ""), first.get("column"), tuple(first.get("instead") or ()))
+    return Refusal(
+        detail, first.get("pointer", ""), first.get("column"), tuple(first.get("instead") or ())
+    )

@@ -1,10 +1,10 @@
 """Parse and evaluate canonical formulas of results and of the corpus without the package.
 
-The grammar is that of `system.equations` in a result: numbers, names, primes, + - * / ^, functions, derivatives such as
-A'(x), diff(A(x, y), x, y) and A[1,0](x, y). A value is a `Jet`: a number to 30 digits with its first and second
-derivatives by the variables of a point, so Euler-Lagrange expressions are exact up to rounding. Arbitrary
-functions are replaced by particular ones (what fails for these fails in general). A formula that is not real raises
-`NotReal`.
+The grammar is that of `system.equations` in a result: numbers, names, primes, + - * / ^, functions,
+derivatives such as A'(x), diff(A(x, y), x, y) and A[1,0](x, y). A value is a `Jet`: a number to 30
+digits with its first and second derivatives by the variables of a point, so Euler-Lagrange
+expressions are exact up to rounding. Arbitrary functions are replaced by particular ones (what
+fails for these fails in general). A formula that is not real raises `NotReal`.
 """
 
 from __future__ import annotations
@@ -124,7 +124,17 @@ class _Parser:
         start = self.place, self.kind, self.value
         if self.accept("("):
             inside = self.condition()
-            if self.accept(")") and self.value not in ("+", "-", "*", "/", "^", "<", ">", "<=", ">="):
+            if self.accept(")") and self.value not in (
+                "+",
+                "-",
+                "*",
+                "/",
+                "^",
+                "<",
+                ">",
+                "<=",
+                ">=",
+            ):
                 return inside
             self.place, self.kind, self.value = start
         parts: list[Any] = [self.sum()]
@@ -160,7 +170,12 @@ class _Parser:
         if name == "diff":
             return _derivative(arguments)
         bare = name.rstrip("'")
-        return ("call", bare, tuple(arguments), orders or (len(name) - len(bare), *[0] * (len(arguments) - 1)))
+        return (
+            "call",
+            bare,
+            tuple(arguments),
+            orders or (len(name) - len(bare), *[0] * (len(arguments) - 1)),
+        )
 
 
 def _derivative(arguments: Sequence[Tree]) -> Tree:
@@ -205,7 +220,9 @@ def _times(left: Jet, right: Jet) -> Jet:
     if not right.slopes:
         c = right.value
         return Jet(
-            left.value * c, {i: x * c for i, x in left.slopes.items()}, {k: x * c for k, x in left.bends.items()}
+            left.value * c,
+            {i: x * c for i, x in left.slopes.items()},
+            {k: x * c for k, x in left.bends.items()},
         )
     a, b = left.value, right.value
     slopes = {i: x * b for i, x in left.slopes.items()}
@@ -272,8 +289,16 @@ _ROOTS: dict[str, Callable[[Any], tuple[Any, Any, Any]]] = {
         -mpmath.csch(u) * mpmath.coth(u),
         mpmath.csch(u) * (1 + 2 * mpmath.csch(u) ** 2),
     ),
-    "tanh": lambda u: (mpmath.tanh(u), mpmath.sech(u) ** 2, -2 * mpmath.tanh(u) * mpmath.sech(u) ** 2),
-    "coth": lambda u: (mpmath.coth(u), -(mpmath.csch(u) ** 2), 2 * mpmath.coth(u) * mpmath.csch(u) ** 2),
+    "tanh": lambda u: (
+        mpmath.tanh(u),
+        mpmath.sech(u) ** 2,
+        -2 * mpmath.tanh(u) * mpmath.sech(u) ** 2,
+    ),
+    "coth": lambda u: (
+        mpmath.coth(u),
+        -(mpmath.csch(u) ** 2),
+        2 * mpmath.coth(u) * mpmath.csch(u) ** 2,
+    ),
     "atan": lambda u: (mpmath.atan(u), 1 / (1 + u**2), -2 * u / (1 + u**2) ** 2),
     "acot": lambda u: (mpmath.acot(u), -1 / (1 + u**2), 2 * u / (1 + u**2) ** 2),
     "asin": lambda u: _circle(u, mpmath.sqrt(1 - u**2), mpmath.asin(u), 1, 1),
@@ -289,7 +314,9 @@ _ROOTS: dict[str, Callable[[Any], tuple[Any, Any, Any]]] = {
 
 
 def arbitrary(name: str, orders: Sequence[int], place: Sequence[Any]) -> Any:
-    """A derivative of the particular function that replaces an arbitrary one: c + exp(a.u)/2 + sin(b.u + d)."""
+    """A derivative of the particular function that replaces an arbitrary one: c + exp(a.u)/2 +
+    sin(b.u + d).
+    """
     draw = random.Random(name)
     a, b = ([mpmath.mpf(draw.randint(20, 90)) / 100 for _ in place] for _ in range(2))
     shift = mpmath.mpf(draw.randint(10, 90)) / 100
@@ -302,7 +329,9 @@ def arbitrary(name: str, orders: Sequence[int], place: Sequence[Any]) -> Any:
 
 
 class Point:
-    """A real point: numbers for names, jets for the variables among them; integrals have the given slopes."""
+    """A real point: numbers for names, jets for the variables among them; integrals have the given
+    slopes.
+    """
 
     def __init__(
         self,
@@ -338,13 +367,17 @@ class Point:
             ">=": lambda a, b: a >= b,
             "<=": lambda a, b: a <= b,
         }
-        return all(compare[sign](a, b) for sign, a, b in zip(parts[1::2], values, values[1:], strict=False))
+        return all(
+            compare[sign](a, b) for sign, a, b in zip(parts[1::2], values, values[1:], strict=False)
+        )
 
     def _is_true(self, tree: Tree) -> bool:
         if tree[0] == "compare":
             values = [self._of(part).value for part in tree[1::2]]
             pairs = zip(tree[2::2], values, values[1:], strict=False)
-            return all(left < right if sign[0] == "<" else left > right for sign, left, right in pairs)
+            return all(
+                left < right if sign[0] == "<" else left > right for sign, left, right in pairs
+            )
         found = [self._is_true(part) for part in tree[1:]]
         return not found[0] if tree[0] == "not" else any(found) if tree[0] == "or" else all(found)
 
@@ -388,7 +421,12 @@ class Point:
             e = int(e)
             if e in (0, 1):
                 return base if e else _constant(mpmath.mpf(1))
-            return composed(base, u**e, e * u ** (e - 1), e * (e - 1) * u ** (e - 2) if e != 2 else mpmath.mpf(2))
+            return composed(
+                base,
+                u**e,
+                e * u ** (e - 1),
+                e * (e - 1) * u ** (e - 2) if e != 2 else mpmath.mpf(2),
+            )
         if u <= 0:
             raise NotReal("a power")
         return composed(base, u**e, e * u ** (e - 1), e * (e - 1) * u ** (e - 2))
@@ -408,7 +446,9 @@ class Point:
         return _applied(name, orders, inner)
 
     def _integral(self, name: str) -> Jet:
-        """A function with an integral sign: an arbitrary value, and the given slopes along its arguments."""
+        """A function with an integral sign: an arbitrary value, and the given slopes along its
+        arguments.
+        """
         found = Jet(mpmath.mpf(7) / 5, {}, {})
         for by, slope in self.integrals[name]["derivatives"].items():
             if by not in self.index:
@@ -435,7 +475,11 @@ def _applied(name: str, orders: Sequence[int], inner: Sequence[Jet]) -> Jet:
     found = _constant(slope())
     for k, jet in enumerate(inner):
         first = slope(k)
-        scaled = Jet(0, {i: x * first for i, x in jet.slopes.items()}, {i: x * first for i, x in jet.bends.items()})
+        scaled = Jet(
+            0,
+            {i: x * first for i, x in jet.slopes.items()},
+            {i: x * first for i, x in jet.bends.items()},
+        )
         found = _added(found, scaled, 1)
         for m, other in enumerate(inner):
             second = slope(k, m)

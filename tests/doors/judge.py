@@ -1,4 +1,6 @@
-"""Test Lagrangians, Hamiltonians, and interpretations numerically at random points of the domain."""
+"""Test Lagrangians, Hamiltonians, and interpretations numerically at random points of the
+domain.
+"""
 
 import itertools
 import random
@@ -33,14 +35,18 @@ class Equations:
 
 
 def equations_of(system: Mapping[str, Any], values: Mapping[str, Any] | None = None) -> Equations:
-    """The equations of `system.equations` in a result, or of a document with explicit accelerations."""
+    """The equations of `system.equations` in a result, or of a document with explicit
+    accelerations.
+    """
     names = tuple(system.get("coordinates") or system["equations"])
     texts = tuple(system["equations"][name] for name in names)
     return Equations(names, texts, values or {}, system.get("time") or "t")
 
 
 class _Anything(dict[str, Any]):
-    """A parameter gets a value on first use, determined by name and seed, and positive unless `signs`."""
+    """A parameter gets a value on first use, determined by name and seed, and positive unless
+    `signs`.
+    """
 
     def __init__(self, given: Mapping[str, Any], seed: int, high: int, signs: bool) -> None:
         super().__init__(given)
@@ -51,7 +57,11 @@ class _Anything(dict[str, Any]):
 
     def __missing__(self, name: str) -> Any:
         draw = random.Random(f"{name} {self.seed}")
-        self[name] = mpmath.mpf(draw.randint(10**6, self.high * 10**6)) / (5 * 10**6) * draw.choice(self.signs)
+        self[name] = (
+            mpmath.mpf(draw.randint(10**6, self.high * 10**6))
+            / (5 * 10**6)
+            * draw.choice(self.signs)
+        )
         return self[name]
 
 
@@ -62,7 +72,9 @@ def points(
     integrals: Mapping[str, Any] | None = None,
     seed: int = 1,
 ) -> Iterator[Point]:
-    """Random points of a domain with values of the parameters, starting close to `near` if it is given."""
+    """Random points of a domain with values of the parameters, starting close to `near` if it is
+    given.
+    """
     draw = random.Random(seed)
     for attempt in range(TRIES):
         numbers: dict[str, Any] = {}
@@ -71,14 +83,20 @@ def points(
         signs = attempt > 40
         high = 2 + 2 * (attempt // 2 % 4)
         for name in given.variables:
-            numbers[name] = mpmath.mpf(draw.uniform(0.1, 0.3 * high)) * (draw.choice((-1, 1)) if signs else 1)
+            numbers[name] = mpmath.mpf(draw.uniform(0.1, 0.3 * high)) * (
+                draw.choice((-1, 1)) if signs else 1
+            )
         for name, value in (close or {}).items():
             numbers[name] = _number(value) * (1 + mpmath.mpf(draw.uniform(-span, span)))
-        numbers |= {name: _number(value) for name, value in given.values.items() if value is not None}
+        numbers |= {
+            name: _number(value) for name, value in given.values.items() if value is not None
+        }
         point = Point({}, given.variables, integrals)
         point.numbers = _Anything(numbers, draw.randint(0, 10**6), high, attempt > TRIES // 2)
         try:
-            if all(map(point.holds, domain)) and all(point.jet(text) for text in given.accelerations):
+            if all(map(point.holds, domain)) and all(
+                point.jet(text) for text in given.accelerations
+            ):
                 yield point
         except NotReal:
             continue
@@ -97,7 +115,9 @@ def faults_of_lagrangian(
     integrals: Mapping[str, Any] | None = None,
     count: int = 2,
 ) -> str | None:
-    """None if L is regular and its Euler-Lagrange expressions vanish along f at `count` points, else the failure."""
+    """None if L is regular and its Euler-Lagrange expressions vanish along f at `count` points,
+    else the failure.
+    """
     with mpmath.workdps(DIGITS):
         seen = 0
         for point in points(given, domain, near, integrals):
@@ -131,13 +151,19 @@ def euler_lagrange(jet: Jet, given: Equations, point: Point) -> tuple[list[list[
 
     g = [[second(1 + n + i, 1 + n + j) for j in range(n)] for i in range(n)]
     drift = [
-        second(0, 1 + n + i) + mpmath.fsum(second(1 + k, 1 + n + i) * v for k, v in enumerate(speeds)) for i in range(n)
+        second(0, 1 + n + i)
+        + mpmath.fsum(second(1 + k, 1 + n + i) * v for k, v in enumerate(speeds))
+        for i in range(n)
     ]
     return g, [d - jet.slopes.get(1 + i, zero) for i, d in enumerate(drift)]
 
 
-def same_lagrangian(left: str, right: str, given: Equations, domain: Sequence[str] = (), **more: Any) -> bool:
-    """Whether one is a constant times the other plus a total derivative, by Euler-Lagrange expressions for any q''."""
+def same_lagrangian(
+    left: str, right: str, given: Equations, domain: Sequence[str] = (), **more: Any
+) -> bool:
+    """Whether one is a constant times the other plus a total derivative, by Euler-Lagrange
+    expressions for any q''.
+    """
     with mpmath.workdps(DIGITS):
         ratio, seen = None, 0
         # A constant may depend on parameters, so they have the same values at all points.
@@ -169,11 +195,17 @@ def same_lagrangian(left: str, right: str, given: Equations, domain: Sequence[st
         raise AssertionError(f"no point where both {left} and {right} are real")
 
 
-def faults_of_hamiltonian(hamiltonian: Mapping[str, Any], lagrangian: str, given: Equations, **more: Any) -> str | None:
-    """None if the momenta are L_v and H is p v - L at two points; `implicit` formulas contain velocities."""
+def faults_of_hamiltonian(
+    hamiltonian: Mapping[str, Any], lagrangian: str, given: Equations, **more: Any
+) -> str | None:
+    """None if the momenta are L_v and H is p v - L at two points; `implicit` formulas contain
+    velocities.
+    """
     domain = [*more.pop("domain", ()), *hamiltonian.get("domain", ())]
     momenta = dict(hamiltonian["momenta"])
-    on_velocities = [condition for condition in domain if not any(name in condition for name in momenta)]
+    on_velocities = [
+        condition for condition in domain if not any(name in condition for name in momenta)
+    ]
     with mpmath.workdps(DIGITS):
         seen = 0
         for point in points(given, on_velocities, **more):
@@ -200,7 +232,9 @@ def faults_of_hamiltonian(hamiltonian: Mapping[str, Any], lagrangian: str, given
         return f"no point of the domain of {hamiltonian['text']} was found"
 
 
-def faults_of_endomorphism(printed: Sequence[Sequence[str]], given: Equations, **more: Any) -> str | None:
+def faults_of_endomorphism(
+    printed: Sequence[Sequence[str]], given: Equations, **more: Any
+) -> str | None:
     """None if the printed Phi is d/dt(df_i/dv_j) - 2 df_i/dq_j - (1/2) df_i/dv_k df_k/dv_j."""
     n = len(given.coordinates)
     span, zero = range(n), mpmath.mpf(0)
@@ -216,19 +250,30 @@ def faults_of_endomorphism(printed: Sequence[Sequence[str]], given: Equations, *
             rates |= {1 + n + k: jet.value for k, jet in enumerate(jets)}
             for i, j in itertools.product(span, span):
                 along = (
-                    rate * jets[i].bends.get((min(k, 1 + n + j), max(k, 1 + n + j)), zero) for k, rate in rates.items()
+                    rate * jets[i].bends.get((min(k, 1 + n + j), max(k, 1 + n + j)), zero)
+                    for k, rate in rates.items()
                 )
-                squares = (jets[i].slopes.get(1 + n + k, zero) * jets[k].slopes.get(1 + n + j, zero) for k in span)
-                wanted = mpmath.fsum(along) - 2 * jets[i].slopes.get(1 + j, zero) - mpmath.fsum(squares) / 2
-                if abs(shown[i][j] - wanted) > mpmath.mpf(10) ** -14 * (1 + abs(wanted) + abs(jets[i].value)):
+                squares = (
+                    jets[i].slopes.get(1 + n + k, zero) * jets[k].slopes.get(1 + n + j, zero)
+                    for k in span
+                )
+                wanted = (
+                    mpmath.fsum(along)
+                    - 2 * jets[i].slopes.get(1 + j, zero)
+                    - mpmath.fsum(squares) / 2
+                )
+                if abs(shown[i][j] - wanted) > mpmath.mpf(10) ** -14 * (
+                    1 + abs(wanted) + abs(jets[i].value)
+                ):
                     return f"Phi_{i + 1}{j + 1} is not {printed[i][j]}"
             return None
     return "no point was found"
 
 
 def faults_of_motion(part: Mapping[str, Any], coordinates: Sequence[str]) -> str | None:
-    """None if the motion on constraints is d'Alembert's: E_i = lambda_a dw^a/dv_i, w^a = 0 and its rate is 0. The rates
-    of first integrals along it must vanish too. `part` is `nonholonomic` of a result.
+    """None if the motion on constraints is d'Alembert's: E_i = lambda_a dw^a/dv_i, w^a = 0 and its
+    rate is 0. The rates of first integrals along it must vanish too. `part` is `nonholonomic` of a
+    result.
     """
     given, motion = Equations(tuple(coordinates), ()), part["equations_of_motion"]
     n, zero = len(coordinates), mpmath.mpf(0)
@@ -244,27 +289,37 @@ def faults_of_motion(part: Mapping[str, Any], coordinates: Sequence[str]) -> str
                 multipliers = [point.value(each["text"]) for each in motion["multipliers"]]
             except NotReal:
                 continue
-            rates = {0: mpmath.mpf(1)} | {1 + k: point.numbers[v] for k, v in enumerate(given.velocities)}
+            rates = {0: mpmath.mpf(1)} | {
+                1 + k: point.numbers[v] for k, v in enumerate(given.velocities)
+            }
             rates |= {1 + n + k: a for k, a in enumerate(q_tt)}
             left = [mpmath.fdot(row, q_tt) + rest for row, rest in zip(g, b, strict=True)]
             for i in range(n):
-                left[i] -= mpmath.fdot(multipliers, [w.slopes.get(1 + n + i, zero) for w in constraints])
+                left[i] -= mpmath.fdot(
+                    multipliers, [w.slopes.get(1 + n + i, zero) for w in constraints]
+                )
             along = [
-                mpmath.fsum(rate * jet.slopes.get(k, zero) for k, rate in rates.items()) for jet in constraints + kept
+                mpmath.fsum(rate * jet.slopes.get(k, zero) for k, rate in rates.items())
+                for jet in constraints + kept
             ]
             found = [*left, *(w.value for w in constraints), *along]
             size = 1 + max(map(abs, [*q_tt, *b, *multipliers]))
-            return None if max(map(abs, found)) < NEAR_ZERO * size**2 else "the motion is not d'Alembert's"
+            return (
+                None
+                if max(map(abs, found)) < NEAR_ZERO * size**2
+                else "the motion is not d'Alembert's"
+            )
     return "no point of the motion was found"
 
 
 def faults_of_lagrangian_on_constraints(
     found: Mapping[str, Any], motion: Mapping[str, Any], coordinates: Sequence[str]
 ) -> str | None:
-    """None if a Lagrangian is regular and its Euler-Lagrange expressions vanish along a motion on constraints.
+    """None if a Lagrangian is regular and its Euler-Lagrange expressions vanish along a motion on
+    constraints.
 
-    `found` is `lagrangian` of `any_associated`, `motion` is `equations_of_motion`, which `faults_of_motion` judges. The
-    free velocities have both signs where the domain of L allows it.
+    `found` is `lagrangian` of `any_associated`, `motion` is `equations_of_motion`, which
+    `faults_of_motion` judges. The free velocities have both signs where the domain of L allows it.
     """
     given, seen = Equations(tuple(coordinates), ()), set[tuple[bool, ...]]()
     with mpmath.workdps(DIGITS):

@@ -29,7 +29,9 @@ def _lines(name: str) -> Iterable[str]:
 
 
 def systems() -> list[Row]:
-    """All rows that are solved, including the catalog, whose rows have their times in catalogue.ndjson."""
+    """All rows that are solved, including the catalog, whose rows have their times in
+    catalogue.ndjson.
+    """
     return [*rows(*SYSTEMS), *_of_the_catalogue()]
 
 
@@ -69,4 +71,6 @@ def marks(row: Row) -> list[pytest.MarkDecorator]:
     return [*found, pytest.mark.xfail(strict=True, reason=row["open"])] if "open" in row else found
 
 
-_COSTS: dict[str, Row] = {row["id"]: row for row in rows("catalogue")} if (CORPUS / "catalogue.ndjson").exists() else {}
+_COSTS: dict[str, Row] = (
+    {row["id"]: row for row in rows("catalogue")} if (CORPUS / "catalogue.ndjson").exists() else {}
+)

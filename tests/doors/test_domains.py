@@ -1,4 +1,6 @@
-"""The domains of a verdict and of its Lagrangian's formula: in the result, the statement, text, and page."""
+"""The domains of a verdict and of its Lagrangian's formula: in the result, the statement, text, and
+page.
+"""
 
 import copy
 import json
@@ -13,7 +15,11 @@ from inverse_service.service.documents.printed_pages import text_page
 from tests.doors.formulas import Point
 from tests.values import slow
 
-OSCILLATOR = {"equations": {"x": "-x - c*x'"}, "parameters": ["c"], "time_dependent_lagrangian": False}
+OSCILLATOR = {
+    "equations": {"x": "-x - c*x'"},
+    "parameters": ["c"],
+    "time_dependent_lagrangian": False,
+}
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +28,9 @@ def damped() -> dict[str, Any]:
 
 
 def without_answers(result: dict[str, Any]) -> dict[str, Any]:
-    """A copy of a result as older programs wrote it, whose fields are compared with its certificates alone."""
+    """A copy of a result as older programs wrote it, whose fields are compared with its
+    certificates alone.
+    """
     return {key: value for key, value in copy.deepcopy(result).items() if key != "answers"}
 
 
@@ -58,8 +66,12 @@ def test_a_formula_needs_its_own_domain(damped: dict[str, Any], missing: str) ->
         ("-x'/t - x^5", ["t != 0"]),
     ],
 )
-def test_a_verdict_on_one_coordinate_holds_where_f_is_analytic(force: str, domain: list[str]) -> None:
-    result = inverse_service.solve({"equations": {"x": force}, "parameters": ["k"] if "k" in force else []})
+def test_a_verdict_on_one_coordinate_holds_where_f_is_analytic(
+    force: str, domain: list[str]
+) -> None:
+    result = inverse_service.solve(
+        {"equations": {"x": force}, "parameters": ["k"] if "k" in force else []}
+    )
     assert result["domain"] == domain
     forged = without_answers(json.loads(result.to_json())) | {"domain": []}
     assert inverse_service.check(forged)["verdict"] == ("incomplete" if domain else "valid")
@@ -71,7 +83,10 @@ def test_a_verdict_on_one_coordinate_holds_where_f_is_analytic(force: str, domai
         ({"equations": "x x'' = 0"}, ["x != 0"]),
         ({"equations": ["x'' H(x) = 0"], "functions": {"H": ["x"]}}, ["H(x) != 0"]),
         ({"equations": "(x - y) x'' = 0; y'' = -y"}, ["x - y != 0"]),
-        ({"equations": "x'' + cos(x - y) y'' = 0; cos(x - y) x'' + y'' = 0"}, [f"cos(x - y) {s} 1 != 0" for s in "+-"]),
+        (
+            {"equations": "x'' + cos(x - y) y'' = 0; cos(x - y) x'' + y'' = 0"},
+            [f"cos(x - y) {s} 1 != 0" for s in "+-"],
+        ),
         ({"equations": "x''/x = -1"}, ["x != 0"]),
         ({"equations": "sqrt(x) x'' = 0"}, ["x > 0"]),
         slow({"equations": "(x + abs(x)) x'' = 0"}, ["x > 0"]),
@@ -80,14 +95,26 @@ def test_a_verdict_on_one_coordinate_holds_where_f_is_analytic(force: str, domai
         slow({"equations": "x''/(cos(y)^2 + sin(y)^2) = -x; y'' = -y/(cos(x)^2 + sin(x)^2)"}, []),
     ],
 )
-def test_lines_are_the_system_only_where_what_they_are_divided_by_is_not_0(lines: Any, domain: list[str]) -> None:
-    """M(t, q, q') q'' = -b means q'' = f where det M != 0; where det M = 0 it does not determine the motion."""
+def test_lines_are_the_system_only_where_what_they_are_divided_by_is_not_0(
+    lines: Any, domain: list[str]
+) -> None:
+    """M(t, q, q') q'' = -b means q'' = f where det M != 0; where det M = 0 it does not determine
+    the motion.
+    """
     result = json.loads(inverse_service.solve(lines).to_json())
-    assert (result["verdict"], result["domain"], result["not_answered"]) == ("variational", domain, [])
+    assert (result["verdict"], result["domain"], result["not_answered"]) == (
+        "variational",
+        domain,
+        [],
+    )
     said = inverse_service.check(result)
     assert (said["verdict"], said["statement"]["domain"]) == ("valid", domain)
     if domain:
-        (headline,) = (line for line in text_page(result, explain=False).splitlines() if line.startswith("  Where"))
+        (headline,) = (
+            line
+            for line in text_page(result, explain=False).splitlines()
+            if line.startswith("  Where")
+        )
         assert all(one in headline for one in domain)
     own = {"system": lines, "lagrangian": result["lagrangian"]["text"]}
     assert {*inverse_service.check(own)["cells"][0]["domain"]} >= {*domain}
@@ -109,8 +136,13 @@ def test_a_condition_that_holds_nowhere_is_not_proven(damped: dict[str, Any], ne
         slow("z' - y*x'", "(x^2 - 1)*w'", ["x - 1 != 0", "x + 1 != 0"]),
     ],
 )
-def test_where_constraints_are_dependent_the_motion_is_open(first: str, second: str, domain: list[str]) -> None:
-    document = {"lagrangian": "(x'^2 + y'^2 + z'^2 + w'^2)/2", "constraints": [first, f"{first} + {second}"]}
+def test_where_constraints_are_dependent_the_motion_is_open(
+    first: str, second: str, domain: list[str]
+) -> None:
+    document = {
+        "lagrangian": "(x'^2 + y'^2 + z'^2 + w'^2)/2",
+        "constraints": [first, f"{first} + {second}"],
+    }
     result = json.loads(inverse_service.solve(document).to_json())
     assert {*result["domain"]} >= {*domain}
     assert {*result["any_associated"]["lagrangian"]["domain"]} >= {*domain}
@@ -121,7 +153,11 @@ def test_where_constraints_are_dependent_the_motion_is_open(first: str, second: 
 def everywhere(value: Any) -> Any:
     """The same without any condition, also in the certificate."""
     if isinstance(value, dict):
-        kept = {key: [] if key == "domain" else everywhere(part) for key, part in value.items() if key != "conditions"}
+        kept = {
+            key: [] if key == "domain" else everywhere(part)
+            for key, part in value.items()
+            if key != "conditions"
+        }
         return kept if "given" not in value else {**kept, "given": value["given"]}
     return [everywhere(part) for part in value] if isinstance(value, list) else value
 
@@ -135,14 +171,20 @@ def test_sides_on_which_f_is_another_formula_are_cells_of_their_own() -> None:
 
 @pytest.mark.slow
 def test_several_coordinates_have_the_domain_of_the_proof() -> None:
-    result = inverse_service.solve({"equations": {"x": "-x - c*x'", "y": "-y"}, "parameters": ["c"]})
+    result = inverse_service.solve(
+        {"equations": {"x": "-x - c*x'", "y": "-y"}, "parameters": ["c"]}
+    )
     said = inverse_service.check(result)
     assert result["domain"] == said["statement"]["domain"]
     assert "lagrangian_domain" not in said["statement"]
 
 
 LINES = [{"equations": {"x": f"-x - {name}*x'"}, "time": name} for name in ("t", "tau")]
-FREE = {"lagrangian": "(x'^2 + y'^2)/2", "constraints": ["y' = x*x'"], "associated": "any"}  # no formula contains t
+FREE = {
+    "lagrangian": "(x'^2 + y'^2)/2",
+    "constraints": ["y' = x*x'"],
+    "associated": "any",
+}  # no formula contains t
 
 
 @pytest.mark.parametrize("document", [*LINES, FREE])
@@ -210,7 +252,9 @@ def test_a_set_beyond_the_domain_where_the_equations_are_real_is_listed(
 @pytest.mark.slow
 @pytest.mark.parametrize("angle", ["x*y", "x"])
 def test_cells_and_what_is_left_open_cover_the_plane(angle: str) -> None:
-    """There are infinitely many cells; the result lists sets that contain the cells without an answer."""
+    """There are infinitely many cells; the result lists sets that contain the cells without an
+    answer.
+    """
     lines = {"x": f"atan(tan({angle}))*y' - y^2", "y": f"-({angle})*x' - 2*x*y"}
     result = inverse_service.solve({"equations": lines})
     domains = [one["domain"] for one in (*result["branches"], *result["not_answered"])]
@@ -221,7 +265,11 @@ def test_cells_and_what_is_left_open_cover_the_plane(angle: str) -> None:
 
 
 HALF = "atan(sin(x)/(1 + cos(x)))"  # x/2 between -pi and pi
-ZERO = {"asinh(sinh(x)) - x": "valid", "asin(cos(x)) - pi/2 + x": "differs", f"{HALF} - x/2": "differs"}
+ZERO = {
+    "asinh(sinh(x)) - x": "valid",
+    "asin(cos(x)) - pi/2 + x": "differs",
+    f"{HALF} - x/2": "differs",
+}
 
 
 @pytest.mark.parametrize("term", ZERO)

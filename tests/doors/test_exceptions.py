@@ -1,4 +1,6 @@
-"""The special parameter values that a verdict excludes: in the result, the statement, and every interface."""
+"""The special parameter values that a verdict excludes: in the result, the statement, and every
+interface.
+"""
 
 import copy
 import json
@@ -44,7 +46,9 @@ def test_the_hessian_of_a_yes_vanishes_at_its_exceptions() -> None:
 
 
 @pytest.mark.slow
-def test_neither_a_product_with_exp_nor_the_directions_of_an_existence_proof_have_exceptions() -> None:
+def test_neither_a_product_with_exp_nor_the_directions_of_an_existence_proof_have_exceptions() -> (
+    None
+):
     particles = {"equations": {"x": "F(x - y)/m", "y": "-F(x - y)/k"}, "functions": {"F": ["s"]}}
     damped = {"equations": {"x": "-k*x/m - c*x'"}, "time_dependent_lagrangian": True}
     documents: tuple[dict[str, Any], ...] = (damped, particles)
@@ -78,7 +82,10 @@ def test_the_command_decides_them(no: dict[str, Any], tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     found = json.loads(done.stdout)["exceptions"]
     assert done.returncode == 0
-    assert {one["where"]: one["verdict"] for one in found} == {"c = 0": "variational", "k = 0": "variational"}
+    assert {one["where"]: one["verdict"] for one in found} == {
+        "c = 0": "variational",
+        "k = 0": "variational",
+    }
 
 
 @pytest.mark.parametrize(
@@ -97,7 +104,9 @@ def test_one_coordinate_is_never_undetermined(force: str) -> None:
 
 
 def test_van_der_pol_is_one_sentence() -> None:
-    (step,) = inverse_service.solve({"equations": {"x": "-x + (1 - x^2)*x'"}}, time_limit=1)["explanation"]
+    (step,) = inverse_service.solve({"equations": {"x": "-x + (1 - x^2)*x'"}}, time_limit=1)[
+        "explanation"
+    ]
     assert "Sonin" in step["text"]
 
 
@@ -132,7 +141,9 @@ def test_kinds_and_motions_on_constraints_name_what_their_proofs_leave_out(
         assert place not in report["not_checked"]
     forged = copy.deepcopy(kinds)
     forged["kinds"]["natural"]["exceptions"] = ["k = 17"]
-    assert [one["field"] for one in inverse_service.check(forged)["contradictions"]] == ["/kinds/natural/exceptions"]
+    assert [one["field"] for one in inverse_service.check(forged)["contradictions"]] == [
+        "/kinds/natural/exceptions"
+    ]
 
 
 @pytest.mark.parametrize("form", [slow("text"), "latex"])
@@ -145,24 +156,35 @@ def test_the_exceptions_of_kinds_and_motions_are_written(
 
 
 def test_over_http_a_result_its_page_and_its_check_have_the_exceptions(service: str) -> None:
-    found = httpx.post(f"{service}/v1/solve", json=FRICTION, headers={"Prefer": "wait=20"}, timeout=60)
+    found = httpx.post(
+        f"{service}/v1/solve", json=FRICTION, headers={"Prefer": "wait=20"}, timeout=60
+    )
     result = found.json()
     assert {*result["exceptions"]} == {"c = 0", "k = 0"}
-    text = httpx.post(f"{service}/v1/solve", json=FRICTION, headers={"Accept": "text/plain"}, timeout=60).text
+    text = httpx.post(
+        f"{service}/v1/solve", json=FRICTION, headers={"Accept": "text/plain"}, timeout=60
+    ).text
     assert "Not decided here: c = 0, k = 0" in text
-    checked = httpx.post(f"{service}/v1/check", json={"document": FRICTION, "result": result}, timeout=60).json()
+    checked = httpx.post(
+        f"{service}/v1/check", json={"document": FRICTION, "result": result}, timeout=60
+    ).json()
     assert {*checked["statement"]["exceptions"]} == {"c = 0", "k = 0"}
     result["exceptions"] = ["c = 0"]
-    checked = httpx.post(f"{service}/v1/check", json={"document": FRICTION, "result": result}, timeout=60).json()
+    checked = httpx.post(
+        f"{service}/v1/check", json={"document": FRICTION, "result": result}, timeout=60
+    ).json()
     assert "/exceptions" in [one["field"] for one in checked["contradictions"]]
     page = httpx.get(service + found.links["canonical"]["url"], timeout=60)
     assert "ot decided here" in page.text
 
 
 @pytest.mark.parametrize(
-    ("powers", "real"), [((1, 0, 1), False), ((-2, 0, 0, 1), True), ((-1, 1, -1, 1), True), ((3, 2, 1), False)]
+    ("powers", "real"),
+    [((1, 0, 1), False), ((-2, 0, 0, 1), True), ((-1, 1, -1, 1), True), ((3, 2, 1), False)],
 )
-def test_only_a_factor_without_real_zeros_excludes_nothing(powers: tuple[int, ...], real: bool) -> None:
+def test_only_a_factor_without_real_zeros_excludes_nothing(
+    powers: tuple[int, ...], real: bool
+) -> None:
     """c^2 + 1, c^3 - 2, (c - 1) (c^2 + 1), and c^2 + 2 c + 3, alone and with another letter."""
     context = flint.fmpq_mpoly_ctx.get(["c", "k"], flint.Ordering.degrevlex)
     polynomial = context.from_dict({(k, 0): value for k, value in enumerate(powers) if value})

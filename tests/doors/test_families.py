@@ -1,7 +1,9 @@
-"""Families: which members have a Lagrangian. Members on and off each leaf, each solved alone, agree with the leaves.
+"""Families: which members have a Lagrangian. Members on and off each leaf, each solved alone, agree
+with the leaves.
 
-The conditions of FAMILIES of constants were derived by hand; those of functions are from separation of variables, from
-Douglas (1941), and from the force k(r) across the velocity, r (k r)' = k r (1 + k r)(2 + k r).
+The conditions of FAMILIES of constants were derived by hand; those of functions are from separation
+of variables, from Douglas (1941), and from the force k(r) across the velocity, r (k r)' = k r (1 +
+k r)(2 + k r).
 """
 
 from __future__ import annotations
@@ -61,7 +63,9 @@ def leaf_of(family: Mapping[str, Any], values: Mapping[str, Any]) -> Mapping[str
     fitting = [
         leaf
         for leaf in family["leaves"]
-        if not any(value_of(one["text"].replace(" = ", " - (") + ")", values) for one in leaf["equations"])
+        if not any(
+            value_of(one["text"].replace(" = ", " - (") + ")", values) for one in leaf["equations"]
+        )
         and all(value_of(text, values) for text in leaf["nonzero"])
     ]
     return fitting[-1]
@@ -69,7 +73,9 @@ def leaf_of(family: Mapping[str, Any], values: Mapping[str, Any]) -> Mapping[str
 
 def value_of(text: str, values: Mapping[str, Any]) -> sympy.Expr:
     """A formula in constants with rational values, exactly."""
-    table = {name: sympy.Rational(value.numerator, value.denominator) for name, value in values.items()}
+    table = {
+        name: sympy.Rational(value.numerator, value.denominator) for name, value in values.items()
+    }
     return sympy.sympify(text.replace("^", "**"), locals=table)
 
 
@@ -82,7 +88,9 @@ def test_the_leaves_are_the_conditions_derived_by_hand(name: str) -> None:
     for numbers in itertools.product((-1, 0, 1, 2), repeat=len(names)):
         values = dict(zip(names, numbers, strict=True))
         leaf = leaf_of(family, {name: Fraction(value) for name, value in values.items()})
-        assert (leaf["verdict_with_time" if timed else "verdict"] == "variational") == exists(values), values
+        assert (leaf["verdict_with_time" if timed else "verdict"] == "variational") == exists(
+            values
+        ), values
 
 
 # Equations, constants; members on each leaf and members off all are drawn.
@@ -95,31 +103,45 @@ DRAWN = [
 ]
 
 
-def members(result: Mapping[str, Any], source: random.Random, count: int) -> list[dict[str, Fraction]]:
+def members(
+    result: Mapping[str, Any], source: random.Random, count: int
+) -> list[dict[str, Fraction]]:
     """Random values of the constants, some on each leaf by its solved constants, some anywhere."""
     names, found = result["system"]["parameters"], list[dict[str, Fraction]]()
     symbols = {name: sympy.Symbol(name) for name in names}
     for leaf in result["family"]["leaves"]:
         lines = [part["text"].split(" = ") for part in leaf["solved"]]
         for _ in range(count):
-            values = {name: sympy.Rational(source.randint(-6, 6), source.choice((1, 1, 2))) for name in names}
+            values = {
+                name: sympy.Rational(source.randint(-6, 6), source.choice((1, 1, 2)))
+                for name in names
+            }
             for left, right in lines:
                 value = sympy.sympify(right.replace("^", "**"), locals=symbols).subs(values)
                 values[left] = value
             if all(value.is_Rational for value in values.values()):
-                found.append({name: Fraction(int(value.p), int(value.q)) for name, value in values.items()})
+                found.append(
+                    {name: Fraction(int(value.p), int(value.q)) for name, value in values.items()}
+                )
     return found
 
 
 @pytest.mark.parametrize(("equations", "names"), DRAWN)
-def test_members_solved_alone_agree_with_their_leaf(equations: dict[str, str], names: str, request: Any) -> None:
+def test_members_solved_alone_agree_with_their_leaf(
+    equations: dict[str, str], names: str, request: Any
+) -> None:
     result = solved(asked(equations, parameters=[*names]))
     count = 30 if request.node.get_closest_marker("slow") else 1
     for values in members(result, random.Random(5), count):
         leaf = leaf_of(result["family"], values)
         plain = {name: str(value) for name, value in values.items()}
-        alone = inverse_service.solve({"equations": equations, "parameters": plain, "first_integrals": False})
-        assert (alone["verdict"], alone["verdict_with_time"]) == (leaf["verdict"], leaf["verdict_with_time"]), values
+        alone = inverse_service.solve(
+            {"equations": equations, "parameters": plain, "first_integrals": False}
+        )
+        assert (alone["verdict"], alone["verdict_with_time"]) == (
+            leaf["verdict"],
+            leaf["verdict_with_time"],
+        ), values
 
 
 OF_FUNCTIONS: list[tuple[dict[str, str], dict[str, list[str]], list[dict[str, str]], list[dict[str, str]]]] = [
@@ -145,7 +167,9 @@ OF_FUNCTIONS: list[tuple[dict[str, str], dict[str, list[str]], list[dict[str, st
 ]  # fmt: skip
 
 
-def put_in(equations: dict[str, str], functions: dict[str, list[str]], member: dict[str, str]) -> dict[str, str]:
+def put_in(
+    equations: dict[str, str], functions: dict[str, list[str]], member: dict[str, str]
+) -> dict[str, str]:
     """The equations with formulas in the place of functions, and with their derivatives."""
     found = dict(equations)
     for name, text in member.items():
@@ -163,16 +187,23 @@ def put_in(equations: dict[str, str], functions: dict[str, list[str]], member: d
     [slow(*row) if k not in (1,) else row for k, row in enumerate(OF_FUNCTIONS)],
 )
 def test_functions_on_a_leaf_have_a_lagrangian_and_others_have_none(
-    equations: dict[str, str], functions: dict[str, list[str]], on: list[dict[str, str]], off: list[dict[str, str]]
+    equations: dict[str, str],
+    functions: dict[str, list[str]],
+    on: list[dict[str, str]],
+    off: list[dict[str, str]],
 ) -> None:
     family = solved({"equations": equations, "functions": functions, "family": True})["family"]
     leaves = [leaf for leaf in family["leaves"] if leaf["verdict_with_time"] == "variational"]
     for member, exists in [*((one, True) for one in on), *((one, False) for one in off)]:
         fitting = [
-            leaf for leaf in leaves if all(satisfied(one["text"], functions, member) for one in leaf["equations"])
+            leaf
+            for leaf in leaves
+            if all(satisfied(one["text"], functions, member) for one in leaf["equations"])
         ]
         assert bool(fitting) is exists, member
-        alone = inverse_service.solve({"equations": put_in(equations, functions, member), "first_integrals": False})
+        alone = inverse_service.solve(
+            {"equations": put_in(equations, functions, member), "first_integrals": False}
+        )
         assert (alone["verdict_with_time"] == "variational") is exists, member
 
 
@@ -184,7 +215,8 @@ def satisfied(text: str, functions: dict[str, list[str]], member: dict[str, str]
         (argument, *_) = arguments
         for order in (4, 3, 2, 1):
             left = left.replace(
-                f"{name}{chr(39) * order}({argument})", f"diff({name}({argument}), {', '.join([argument] * order)})"
+                f"{name}{chr(39) * order}({argument})",
+                f"diff({name}({argument}), {', '.join([argument] * order)})",
             )
     places = {name: sympy.Symbol(name) for of in functions.values() for name in of}
 
@@ -227,13 +259,24 @@ def forgeries(result: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
         if not leaf["equations"]:
             continue
         forged(f"{k} too large", lambda one, k=k: one[k]["equations"].pop())
-        forged(f"{k} other equation", lambda one, k=k: one[k]["equations"][0].update(text="a = 2*d"))
-        forged(f"{k} product", lambda one, k=k: one[k]["equations"][0].update(text="(a - d)*(a + d)*b = 0"))
+        forged(
+            f"{k} other equation", lambda one, k=k: one[k]["equations"][0].update(text="a = 2*d")
+        )
+        forged(
+            f"{k} product",
+            lambda one, k=k: one[k]["equations"][0].update(text="(a - d)*(a + d)*b = 0"),
+        )
         forged(f"{k} other values", lambda one, k=k: one[k]["solved"][0].update(text="d = 3*a"))
-        forged(f"{k} other exceptions", lambda one, k=k: one[k]["proof"].update(exceptions=["a = 7"]))
+        forged(
+            f"{k} other exceptions", lambda one, k=k: one[k]["proof"].update(exceptions=["a = 7"])
+        )
         if leaf["lagrangian"]:
-            forged(f"{k} other L", lambda one, k=k: one[k]["lagrangian"].update(text="x'^2/2 + y'^2/2"))
-            forged(f"{k} L of another", lambda one, k=k: one[k].update(proof=one[k % 3 + 1]["proof"]))
+            forged(
+                f"{k} other L", lambda one, k=k: one[k]["lagrangian"].update(text="x'^2/2 + y'^2/2")
+            )
+            forged(
+                f"{k} L of another", lambda one, k=k: one[k].update(proof=one[k % 3 + 1]["proof"])
+            )
             forged(f"{k} no proof", lambda one, k=k: one[k].update(proof=None))
     return found
 
@@ -258,7 +301,11 @@ def refuse(kept: list[tuple[str, dict[str, Any]]]) -> None:
 
 @pytest.mark.parametrize(
     ("family", "pointer"),
-    [({"letters": ["q"]}, "/family/letters"), ({"functions": {"F": ["x"]}}, "/family/functions"), ("yes", "/family")],
+    [
+        ({"letters": ["q"]}, "/family/letters"),
+        ({"functions": {"F": ["x"]}}, "/family/functions"),
+        ("yes", "/family"),
+    ],
 )
 def test_a_family_in_names_that_are_not_declared_is_refused(family: Any, pointer: str) -> None:
     from inverse_service.errors import InputError
@@ -271,7 +318,11 @@ def test_a_family_in_names_that_are_not_declared_is_refused(family: Any, pointer
 
 def test_only_the_constants_that_are_named_are_free() -> None:
     named = {"letters": ["a"]}
-    found = solved(asked({"x": "-a*x' + b*y", "y": "c*x - d*y'"}, parameters=["a", "b", "c", "d"], family=named))
+    found = solved(
+        asked(
+            {"x": "-a*x' + b*y", "y": "c*x - d*y'"}, parameters=["a", "b", "c", "d"], family=named
+        )
+    )
     texts = [[one["text"] for one in leaf["equations"]] for leaf in found["family"]["leaves"]]
     assert texts == [[], ["a = d"], ["a = -d"]]
 
@@ -289,12 +340,16 @@ def test_members_at_which_an_inequation_fails_belong_to_another_leaf() -> None:
     for c, verdict in ((1, "variational"), (0, "not_variational")):
         values = {"a": Fraction(-2), "b": Fraction(2), "c": Fraction(c)}
         assert leaf_of(family, values)["verdict_with_time"] == verdict
-        alone = inverse_service.solve({"equations": equations, "parameters": {"a": "-2", "b": "2", "c": str(c)}})
+        alone = inverse_service.solve(
+            {"equations": equations, "parameters": {"a": "-2", "b": "2", "c": str(c)}}
+        )
         assert alone["verdict_with_time"] == verdict
 
 
 def test_sparse_conditions_of_four_coordinates_have_their_leaf() -> None:
-    """The first associated system of a two-wheeled carriage (Bloch, Fernandez, Mestdag 2009): free for R = 0 alone."""
+    """The first associated system of a two-wheeled carriage (Bloch, Fernandez, Mestdag 2009): free
+    for R = 0 alone.
+    """
     carriage = {"p": "0", "s": "0", "x": "R/2*sin(p)*p'*s'", "y": "-R/2*cos(p)*p'*s'"}
     result = solved(asked(carriage, False, first_integrals=False))
     for value, verdict in ((0, "variational"), (1, "not_variational")):
@@ -314,7 +369,9 @@ def test_sparse_conditions_of_four_coordinates_have_their_leaf() -> None:
 def test_a_function_in_the_lagrangian_of_a_leaf_is_defined(
     force: dict[str, str], functions: dict[str, list[str]], family: Any
 ) -> None:
-    """L = T - V with V_x = -F(x), V_y = y where a = 0 or F_y = 0: text and LaTeX say what V is, as JSON."""
+    """L = T - V with V_x = -F(x), V_y = y where a = 0 or F_y = 0: text and LaTeX say what V is, as
+    JSON.
+    """
     document = asked(force, False, functions=functions, first_integrals=False)
     result = solved(document | {"family": family})
     leaf = next(one for one in result["family"]["leaves"] if one.get("lagrangian"))

@@ -25,7 +25,8 @@ KNIFE_EDGE = {
 HENON_HEILES = {"equations": {"x": "-x - 2*x*y - x'", "y": "-y - x^2 + y^2 - y'"}}
 EMDEN = {"equations": {"x": "-3*x*x' - x^3"}}
 DRAG = {"equations": {"x": "-k(x)*x'^2 - g"}, "parameters": ["g"], "functions": {"k": ["x"]}}
-# L without t is an arctangent, there is one with t alone, L has a quotient, an F, none is, cells, constraints.
+# L without t is an arctangent, there is one with t alone, L has a quotient, an F, none is, cells,
+# constraints.
 CHEAP: list[Document] = [
     {"equations": {"x": "-x - c*x'"}, "parameters": ["c"]},
     HENON_HEILES,
@@ -58,7 +59,9 @@ def assert_every_door_shows(result: Document) -> None:
     row = answer_rows.first_row(result)
     assert [row["L"], row["H"] or row["E"]] == texts
     assert str(answer.lagrangian) == str(answer.answers[0].lagrangian)
-    assert [answer.lagrangian is None, answer.hamiltonian is None] == [text is None for text in texts]
+    assert [answer.lagrangian is None, answer.hamiltonian is None] == [
+        text is None for text in texts
+    ]
     assert sheet.first is not None
     shown = {one.letter: one.text for one in sheet.first.formulas}
     assert [shown.get("L"), shown.get("H") or shown.get("E")] == texts
@@ -78,17 +81,25 @@ def at(result: Document, pointer: str) -> Any:
 
 
 def assert_each_is_whole(result: Document) -> None:
-    """No verdict without proof, no formula without its set, no H without momenta, no F without its derivatives."""
+    """No verdict without proof, no formula without its set, no H without momenta, no F without its
+    derivatives.
+    """
     for one in result["answers"]:
         schemas.AnswerPart.model_validate(one)
         whole = stated.with_shared(one, result["answers"])
-        lagrangian, energy, certificate = whole["lagrangian"], whole["hamiltonian"], whole.get("certificate", "")
+        lagrangian, energy, certificate = (
+            whole["lagrangian"],
+            whole["hamiltonian"],
+            whole.get("certificate", ""),
+        )
         is_settled = one["verdict"] != "undetermined"
         assert is_settled is (one["checked"] == "valid") is bool(certificate)
         is_open = not is_settled or (one["verdict"] == "variational" and not lagrangian)
         assert is_open is (whole["open"] is not None)
         if lagrangian:
-            named = set(re.findall(r"\b([A-Z]\w*)\(", lagrangian["text"])) - {*result["system"]["functions"]}
+            named = set(re.findall(r"\b([A-Z]\w*)\(", lagrangian["text"])) - {
+                *result["system"]["functions"]
+            }
             assert named <= {*lagrangian["auxiliary"]}
             assert at(result, certificate)["lagrangian"] == lagrangian["text"]
         if energy:

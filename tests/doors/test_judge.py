@@ -6,15 +6,46 @@ import mpmath
 import pytest
 
 from tests.doors.formulas import DIGITS, NotReal, Point
-from tests.doors.judge import Equations, faults_of_hamiltonian, faults_of_lagrangian, same_formula, same_lagrangian
+from tests.doors.judge import (
+    Equations,
+    faults_of_hamiltonian,
+    faults_of_lagrangian,
+    same_formula,
+    same_lagrangian,
+)
 
 OSCILLATOR = Equations(("x",), ("-x",))
 KEPLER = Equations(("x", "y"), ("-m*x/(x^2+y^2)^(3/2)", "-m*y/(x^2+y^2)^(3/2)"))
 FORMULAS = (
-    *("x^2*y/(1 + x*y)", "(x*y)^(3/2) - 2^x", "x^y", "sqrt(x)*log(y)", "exp(x*y) - 3.5e-1*x", "sin(x*y)*cos(y)"),
-    *("tan(x) + cot(y)", "sec(x)*csc(y)", "sinh(x)*cosh(y)", "tanh(x*y) + coth(x)", "sech(x) - csch(y)"),
-    *("asin(x/2)*acos(y/2)", "atan(x*y) + acot(x)", "asinh(x*y)", "acosh(2 + x*y)", "atanh(x/3) + acoth(2 + y)"),
-    *("A(x, y)", "A[1,0](x*y, y)", "B''(x) + diff(B(x), x)", "abs(x - 9)*sign(y)", "Heaviside(x)*x^2*y"),
+    *(
+        "x^2*y/(1 + x*y)",
+        "(x*y)^(3/2) - 2^x",
+        "x^y",
+        "sqrt(x)*log(y)",
+        "exp(x*y) - 3.5e-1*x",
+        "sin(x*y)*cos(y)",
+    ),
+    *(
+        "tan(x) + cot(y)",
+        "sec(x)*csc(y)",
+        "sinh(x)*cosh(y)",
+        "tanh(x*y) + coth(x)",
+        "sech(x) - csch(y)",
+    ),
+    *(
+        "asin(x/2)*acos(y/2)",
+        "atan(x*y) + acot(x)",
+        "asinh(x*y)",
+        "acosh(2 + x*y)",
+        "atanh(x/3) + acoth(2 + y)",
+    ),
+    *(
+        "A(x, y)",
+        "A[1,0](x*y, y)",
+        "B''(x) + diff(B(x), x)",
+        "abs(x - 9)*sign(y)",
+        "Heaviside(x)*x^2*y",
+    ),
     *("piecewise((x^2, x > 9), (y^3, not (y > 8) and 0 < x < 1), (1, true))",),
 )
 
@@ -37,7 +68,9 @@ def test_jets_are_values_and_derivatives(text: str) -> None:
             assert abs(jet.bends.get(pair, 0) - mpmath.diff(value, at, order)) < 1e-10
 
 
-@pytest.mark.parametrize("text", ["sqrt(0 - x)", "log(-x)", "1/(x - x)", "asin(x + 9)", "(-x)^(1/3)"])
+@pytest.mark.parametrize(
+    "text", ["sqrt(0 - x)", "log(-x)", "1/(x - x)", "asin(x + 9)", "(-x)^(1/3)"]
+)
 def test_a_formula_that_is_not_real_is_not_a_number(text: str) -> None:
     with pytest.raises(NotReal):
         Point({"x": mpmath.mpf(2)}).value(text)

@@ -27,7 +27,9 @@ FORCES = [
 
 
 def no_about(more: dict[str, Any]) -> dict[str, Any]:
-    force = " + ".join(["x^2*y", *(["F(x, y)"] * ("functions" in more)), *(["a*y^2"] * ("parameters" in more))])
+    force = " + ".join(
+        ["x^2*y", *(["F(x, y)"] * ("functions" in more)), *(["a*y^2"] * ("parameters" in more))]
+    )
     document = {"equations": {"x": force, "y": "-sqrt(2)*y"}, "first_integrals": False, **more}
     found: dict[str, Any] = json.loads(inverse_service.solve(document).to_json())
     assert found["verdict"] == "not_variational"

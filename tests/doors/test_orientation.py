@@ -1,4 +1,6 @@
-"""L is written with a positive kinetic energy where there is one, however the equations are given."""
+"""L is written with a positive kinetic energy where there is one, however the equations are
+given.
+"""
 
 from __future__ import annotations
 
@@ -26,6 +28,8 @@ UPRIGHT = [
 def test_the_kinetic_energy_is_positive(equations: str) -> None:
     """All leading minors of the Hessian of L in the velocities are positive (Sylvester)."""
     hessian = sympy.Matrix(solve(equations).answers[0].multiplier)
-    place = {part: sympy.Rational(3, 7) for part in (*hessian.atoms(AppliedUndef), *hessian.free_symbols)}
+    place = {
+        part: sympy.Rational(3, 7) for part in (*hessian.atoms(AppliedUndef), *hessian.free_symbols)
+    }
     minors = [hessian[:n, :n].subs(place).det() for n in range(1, hessian.rows + 1)]
     assert all(minor > 0 for minor in minors), hessian

@@ -39,7 +39,10 @@ def fault_of(row: Row, found: Any) -> str | None:
     for name, text in row["reads"].items():
         if not same_formula(texts.get(name, "no such equation"), text, found["coordinates"]):
             return f"{name} is read as {texts.get(name)}, not {text}"
-    lists = {"guessed": list(found["guessed"] or []), "noted": [part["text"] for part in found["readings"]]}
+    lists = {
+        "guessed": list(found["guessed"] or []),
+        "noted": [part["text"] for part in found["readings"]],
+    }
     for key in lists.keys() & row.keys():
         if lists[key] != row[key]:
             return f"{key} {lists[key]}"
@@ -68,12 +71,18 @@ def parsed(document: Any, service: str | None = None) -> Any:
             return parse_document(document)
         except InputError as error:
             return calls.Refusal(error.detail, error.pointer, error.column, error.instead)
-    answer = httpx.post(f"{service}/v1/parse", content=json.dumps(document), headers=calls.JSON, timeout=60)
+    answer = httpx.post(
+        f"{service}/v1/parse", content=json.dumps(document), headers=calls.JSON, timeout=60
+    )
     return answer.json() if answer.status_code == 200 else calls.refusal(answer)
 
 
 def assert_all(chosen: list[Row], service: str | None = None) -> None:
-    faults = {row["id"]: fault for row in chosen if (fault := fault_of(row, parsed(row["document"], service)))}
+    faults = {
+        row["id"]: fault
+        for row in chosen
+        if (fault := fault_of(row, parsed(row["document"], service)))
+    }
     assert not faults, json.dumps(faults, indent=1)
 
 
@@ -121,7 +130,9 @@ def test_a_radius_over_a_power_of_itself_is_said_to_be_one_number(text: str, sai
 
 def examples_of_programs() -> list[str]:
     """The examples of the table of notations in the documentation."""
-    page = (Path(__file__).parents[2] / "docs" / "how-to" / "enter-systems.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "enter-systems.md").read_text(
+        encoding="utf-8"
+    )
     table = page.partition("| from | derivatives |")[2].partition("\n\n")[0]
     return re.findall(r"\| `([^`]+)` \|$", table, re.MULTILINE)
 
@@ -142,11 +153,17 @@ def test_no_names_declared_means_guessed_at_the_service_too(service: str) -> Non
 
 
 LONG = {
-    "huge integer": ('{"coordinates": ["x"], "equations": {"x": ' + "9" * 5000 + "}}", "characters"),
+    "huge integer": (
+        '{"coordinates": ["x"], "equations": {"x": ' + "9" * 5000 + "}}",
+        "characters",
+    ),
     "long word": ('{"equations": "' + "x" * 19_000 + "''=-1\"}", "too many characters"),
     "long word of digits": ('{"equations": "' + "d2" * 9_500 + "''=-1\"}", "too many characters"),
     "empty lines": ('{"equations": "x\'\'=-x' + "\\n" * 19_000 + '"}', "too many parts"),
-    "many Lagrange's equations": ('{"equations": "L = x\'^2; ' + "d/dt \u2202L " * 2_000 + '"}', "too many parts"),
+    "many Lagrange's equations": (
+        '{"equations": "L = x\'^2; ' + "d/dt \u2202L " * 2_000 + '"}',
+        "too many parts",
+    ),
     "many dots": ('{"equations": "x\'\'=-x' + "\u0307" * 9_000 + '"}', "third derivative"),
     "deep lists": ("[" * 100_000 + "]" * 100_000, "deep"),
     "deep objects": ('{"a":' * 3_000 + "1" + "}" * 3_000, "deep"),

@@ -1,10 +1,12 @@
-"""Equations of one coordinate with constants: where a printed L is no Lagrangian, the result says so, and answers.
+"""Equations of one coordinate with constants: where a printed L is no Lagrangian, the result says
+so, and answers.
 
-The constants get the values -3 ... 3 and 1/2 one after another. The Euler-Lagrange equation and d2L/dx'2 are computed
-with SymPy and mpmath, at points where the equation has a value. Sources: Polyanin and Zaitsev, Handbook of Exact
-Solutions (2003), sections 2.2 to 2.7 (PZ); Kamke, Differentialgleichungen (K); Goldstein, Classical Mechanics (G);
-Nayfeh and Mook, Nonlinear Oscillations (NM); Lane and Emden, Chandrasekhar, Stellar Structure (C); the textbook forms
-of drag (D).
+The constants get the values -3 ... 3 and 1/2 one after another. The Euler-Lagrange equation and
+d2L/dx'2 are computed with SymPy and mpmath, at points where the equation has a value. Sources:
+Polyanin and Zaitsev, Handbook of Exact Solutions (2003), sections 2.2 to 2.7 (PZ); Kamke,
+Differentialgleichungen (K); Goldstein, Classical Mechanics (G); Nayfeh and Mook, Nonlinear
+Oscillations (NM); Lane and Emden, Chandrasekhar, Stellar Structure (C); the textbook forms of drag
+(D).
 """
 
 import json
@@ -89,7 +91,14 @@ SLOW = [
 
 
 def _names(force: str) -> str:
-    return next((name for name in ("th", "r") if f"{name}" in force.replace("sqrt", "") and "x" not in force), "x")
+    return next(
+        (
+            name
+            for name in ("th", "r")
+            if f"{name}" in force.replace("sqrt", "") and "x" not in force
+        ),
+        "x",
+    )
 
 
 def document(force: str, constants: str) -> dict[str, Any]:
@@ -98,7 +107,10 @@ def document(force: str, constants: str) -> dict[str, Any]:
 
 def _sympy(text: str, coordinate: str, names: list[str]) -> sympy.Expr:
     x, v = sympy.symbols("position rate", real=True)
-    table = {name: sympy.Symbol(name, real=True) for name in (*names, "t")} | {coordinate: x, "vv": v}
+    table = {name: sympy.Symbol(name, real=True) for name in (*names, "t")} | {
+        coordinate: x,
+        "vv": v,
+    }
     return sympy.sympify(text.replace(f"{coordinate}'", "vv").replace("^", "**"), locals=table)
 
 
@@ -106,13 +118,20 @@ def false_values(found: dict[str, Any], answer: dict[str, Any]) -> list[str]:
     """The values "n = 1" at which L is none: singular, or without the equation."""
     system = found["system"]
     ((coordinate, force),), names = system["equations"].items(), system["parameters"]
-    f, lagrangian = (_sympy(text, coordinate, names) for text in (force, answer["lagrangian"]["text"]))
+    f, lagrangian = (
+        _sympy(text, coordinate, names) for text in (force, answer["lagrangian"]["text"])
+    )
     x, v = sympy.symbols("position rate", real=True)
     letters = [sympy.Symbol(name, real=True) for name in (*names, "t")]
     slope = lagrangian.diff(v)
     hessian = slope.diff(v)
     rest = hessian * f + slope.diff(x) * v + slope.diff(letters[-1]) - lagrangian.diff(x)
-    size = abs(hessian * f) + abs(slope.diff(x) * v) + abs(lagrangian.diff(x)) + abs(slope.diff(letters[-1]))
+    size = (
+        abs(hessian * f)
+        + abs(slope.diff(x) * v)
+        + abs(lagrangian.diff(x))
+        + abs(slope.diff(letters[-1]))
+    )
     motion = sympy.lambdify([x, v, *letters], f, "mpmath")
     parts = sympy.lambdify([x, v, *letters], [hessian, rest, size, lagrangian], "mpmath")
     drawn, wrong = random.Random(1), list[str]()
@@ -120,7 +139,10 @@ def false_values(found: dict[str, Any], answer: dict[str, Any]) -> list[str]:
         for value in (-3, -2, -1, 0, mpmath.mpf(1) / 2, 1, 2, 3):
             good, defined = False, False
             for attempt in range(40):
-                point = [mpmath.mpf(drawn.uniform(0.2, 1.7 + attempt % 5)) for _ in range(len(letters) + 2)]
+                point = [
+                    mpmath.mpf(drawn.uniform(0.2, 1.7 + attempt % 5))
+                    for _ in range(len(letters) + 2)
+                ]
                 point[2 + k] = mpmath.mpf(value)
                 try:
                     acceleration = motion(*point)
@@ -155,19 +177,31 @@ def check_values(asked: dict[str, Any]) -> None:
         if part["decided"]:
             there = {"system": {**found["system"], "equations": part["equations"]}}
             if not part["integrals"] and part["lagrangian"]:
-                left = [name for name in found["system"]["parameters"] if name not in part["where"]["text"]]
+                left = [
+                    name
+                    for name in found["system"]["parameters"]
+                    if name not in part["where"]["text"]
+                ]
                 there["system"]["parameters"] = left
                 assert all(one.split(" = ")[0] in left for one in false_values(there, part))
 
 
-@pytest.mark.parametrize(("force", "constants"), [row[1:] for row in FAST], ids=[row[1] for row in FAST])
-def test_no_value_of_a_constant_makes_a_printed_lagrangian_false(force: str, constants: str) -> None:
+@pytest.mark.parametrize(
+    ("force", "constants"), [row[1:] for row in FAST], ids=[row[1] for row in FAST]
+)
+def test_no_value_of_a_constant_makes_a_printed_lagrangian_false(
+    force: str, constants: str
+) -> None:
     check_values(document(force, constants))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("force", "constants"), [row[1:] for row in SLOW], ids=[row[1] for row in SLOW])
-def test_no_value_of_a_constant_makes_any_of_these_lagrangians_false(force: str, constants: str) -> None:
+@pytest.mark.parametrize(
+    ("force", "constants"), [row[1:] for row in SLOW], ids=[row[1] for row in SLOW]
+)
+def test_no_value_of_a_constant_makes_any_of_these_lagrangians_false(
+    force: str, constants: str
+) -> None:
     check_values(document(force, constants))
 
 
@@ -178,15 +212,23 @@ def _rows() -> list[Any]:
             row = json.loads(line)
             asked = row.get("document", row)
             single = isinstance(asked, dict) and len(asked.get("equations") or ()) == 1
-            single = single and isinstance(asked.get("parameters"), list) and bool(asked["parameters"])
-            if single and not {"constraints", "functions", "lagrangian", "kinds", "clock", "where"} & asked.keys():
+            single = (
+                single and isinstance(asked.get("parameters"), list) and bool(asked["parameters"])
+            )
+            if (
+                single
+                and not {"constraints", "functions", "lagrangian", "kinds", "clock", "where"}
+                & asked.keys()
+            ):
                 found.append(pytest.param(asked, id=row["id"]))
     return found
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("asked", _rows())
-def test_no_value_of_a_constant_makes_a_lagrangian_of_the_corpus_false(asked: dict[str, Any]) -> None:
+def test_no_value_of_a_constant_makes_a_lagrangian_of_the_corpus_false(
+    asked: dict[str, Any],
+) -> None:
     check_values(asked)
 
 
@@ -198,14 +240,18 @@ def test_no_value_of_a_constant_makes_a_lagrangian_of_the_corpus_false(asked: di
         ("a*x'^2/x + b*x", "a b", {"a = 1": "(x'^2 + b*x^2)/x"}),
     ],
 )
-def test_the_values_left_out_have_their_own_answer(force: str, constants: str, special: dict[str, str]) -> None:
+def test_the_values_left_out_have_their_own_answer(
+    force: str, constants: str, special: dict[str, str]
+) -> None:
     found = inverse_service.solve(document(force, constants), time_limit=20)
     parts = {part["where"]["text"]: part for part in found["left_out"]}
     assert {*parts} == {*special}
     for where, there in special.items():
         part = parts[where]
         assert part["decided"]
-        difference = _sympy(part["equations"]["x"], "x", constants.split()) - _sympy(there, "x", constants.split())
+        difference = _sympy(part["equations"]["x"], "x", constants.split()) - _sympy(
+            there, "x", constants.split()
+        )
         assert sympy.simplify(difference) == 0
         assert part["verdict"] == "variational"
         assert part["checked"] == "valid"
@@ -218,5 +264,8 @@ def test_a_check_refuses_a_result_that_hides_the_values_left_out() -> None:
     found = json.loads(inverse_service.solve(document("a*x'^n", "a n"), time_limit=20).to_json())
     for forged in (found | {"exceptions": [], "left_out": []}, found | {"exceptions": ["n = 1"]}):
         assert inverse_service.check(forged)["verdict"] == "invalid"
-    swapped = [found["left_out"][0] | {"where": found["left_out"][1]["where"]}, *found["left_out"][1:]]
+    swapped = [
+        found["left_out"][0] | {"where": found["left_out"][1]["where"]},
+        *found["left_out"][1:],
+    ]
     assert inverse_service.check(found | {"left_out": swapped})["verdict"] == "invalid"

@@ -1,6 +1,6 @@
-"""Systems of the corpus have the known verdicts, correct Lagrangians and Hamiltonians, and valid certificates. Expected
-values come from the literature, from the Lagrangian that defines a system, or from an argument. The judge uses nothing
-from the package.
+"""Systems of the corpus have the known verdicts, correct Lagrangians and Hamiltonians, and valid
+certificates. Expected values come from the literature, from the Lagrangian that defines a system,
+or from an argument. The judge uses nothing from the package.
 """
 
 import re
@@ -22,9 +22,15 @@ def given_equations(row: rows.Row) -> judge.Equations | None:
     if not isinstance(equations, dict):
         return None
     parameters = document.get("parameters")
-    values = {name: value for name, value in parameters.items() if value} if isinstance(parameters, dict) else {}
+    values = (
+        {name: value for name, value in parameters.items() if value}
+        if isinstance(parameters, dict)
+        else {}
+    )
     names = document.get("coordinates") or list(equations)
-    return judge.equations_of({"equations": equations, "coordinates": names, "time": document.get("time")}, values)
+    return judge.equations_of(
+        {"equations": equations, "coordinates": names, "time": document.get("time")}, values
+    )
 
 
 @pytest.mark.slow
@@ -59,7 +65,9 @@ def test_no_row_has_a_key_that_the_readme_does_not_list() -> None:
 
 
 @pytest.mark.parametrize(("row", "door"), rows.cases(SYSTEMS))
-def test_a_system_is_answered_as_is_known(row: rows.Row, door: str, request: pytest.FixtureRequest) -> None:
+def test_a_system_is_answered_as_is_known(
+    row: rows.Row, door: str, request: pytest.FixtureRequest
+) -> None:
     service = request.getfixturevalue("patient") if door == "http" else None
     result = calls.solve(row["document"], door, service)
     assert not isinstance(result, calls.Refusal), result
@@ -77,9 +85,13 @@ def assert_as_known(row: rows.Row, result: Mapping[str, Any]) -> None:
         assert_answer_holds(answer, given, result)
     if result["conditions"] and not result["branches"] and not result.get("nonholonomic"):
         shown = result["conditions"]["Phi"]
-        assert not shown or judge.faults_of_endomorphism(shown, given, domain=result["domain"]) is None
+        assert (
+            not shown or judge.faults_of_endomorphism(shown, given, domain=result["domain"]) is None
+        )
     if result.get("nonholonomic") and not result["branches"] and not result["system"]["functions"]:
-        assert judge.faults_of_motion(result["nonholonomic"], result["system"]["coordinates"]) is None
+        assert (
+            judge.faults_of_motion(result["nonholonomic"], result["system"]["coordinates"]) is None
+        )
     found = [answer for answer in answers if answer["lagrangian"]]
     plain = [answer for answer in found if given.time not in _names(answer)]
     for wanted in row.get("found", ()):
@@ -88,12 +100,18 @@ def assert_as_known(row: rows.Row, result: Mapping[str, Any]) -> None:
         assert wanted != "hamiltonian" or any(one["hamiltonian"] for one in having)
     for key in ("lagrangian", "lagrangian_with_time"):
         if key in row:
-            assert any(_same(answer, row[key], given) for answer in found), [a["lagrangian"]["text"] for a in found]
+            assert any(_same(answer, row[key], given) for answer in found), [
+                a["lagrangian"]["text"] for a in found
+            ]
     for key in PARTS:
         if key in row:
             PARTS[key](row[key], result)
     if "textbook" in row:
-        texts = [answer["lagrangian"]["text"] for answer in found if _same(answer, row["textbook"], given)]
+        texts = [
+            answer["lagrangian"]["text"]
+            for answer in found
+            if _same(answer, row["textbook"], given)
+        ]
         assert texts, [answer["lagrangian"]["text"] for answer in found]
         assert min(map(len, texts)) <= LONGER * len(row["textbook"]) + 20, texts
 
@@ -105,13 +123,17 @@ def assert_kinds(wanted: Mapping[str, str], result: Mapping[str, Any]) -> None:
 
 def assert_cases(wanted: Mapping[str, str], result: Mapping[str, Any]) -> None:
     """Assert the verdict on each connected set, which its conditions describe."""
-    found = {frozenset(branch["domain"]): branch["verdict"] for branch in result["branches"] or [result]}
+    found = {
+        frozenset(branch["domain"]): branch["verdict"] for branch in result["branches"] or [result]
+    }
     assert found == {frozenset(domain.split(", ")): verdict for domain, verdict in wanted.items()}
 
 
 def assert_domain(wanted: Sequence[str], result: Mapping[str, Any]) -> None:
     assert result["branches"] == []
-    assert sorted(result["domain"]) == [condition for condition in wanted if condition != "everywhere"]
+    assert sorted(result["domain"]) == [
+        condition for condition in wanted if condition != "everywhere"
+    ]
 
 
 def assert_clock(wanted: Mapping[str, Any], result: Mapping[str, Any]) -> None:
@@ -126,11 +148,18 @@ def assert_clock(wanted: Mapping[str, Any], result: Mapping[str, Any]) -> None:
         assert judge.same_formula(found["equations"][name], text, names)
     if found["lagrangian"]:
         given = judge.equations_of({"equations": found["equations"]})
-        assert judge.faults_of_lagrangian(found["lagrangian"]["text"], given, found["lagrangian"]["domain"]) is None
+        assert (
+            judge.faults_of_lagrangian(
+                found["lagrangian"]["text"], given, found["lagrangian"]["domain"]
+            )
+            is None
+        )
 
 
 def assert_reduced(wanted: Mapping[str, Any], result: Mapping[str, Any]) -> None:
-    """Assert the reduced system with and without Chaplygin's time change; None means there is no time change."""
+    """Assert the reduced system with and without Chaplygin's time change; None means there is no
+    time change.
+    """
     found = result["reduced"]
     with_clock = found["with_clock"]
     assert found["verdict"] == wanted["verdict"]
@@ -138,7 +167,12 @@ def assert_reduced(wanted: Mapping[str, Any], result: Mapping[str, Any]) -> None
     for part in (found, with_clock):
         if part and part["lagrangian"]:
             given = judge.equations_of(part)
-            assert judge.faults_of_lagrangian(part["lagrangian"]["text"], given, part["lagrangian"]["domain"]) is None
+            assert (
+                judge.faults_of_lagrangian(
+                    part["lagrangian"]["text"], given, part["lagrangian"]["domain"]
+                )
+                is None
+            )
 
 
 def assert_associated(wanted: Mapping[str, str], result: Mapping[str, Any]) -> None:
@@ -148,8 +182,12 @@ def assert_associated(wanted: Mapping[str, str], result: Mapping[str, Any]) -> N
         assert found[kind]["checked"] == "valid"
         lagrangian = found[kind]["lagrangian"]
         if lagrangian:
-            given = judge.equations_of(found[kind] | {"coordinates": result["system"]["coordinates"]})
-            assert judge.faults_of_lagrangian(lagrangian["text"], given, lagrangian["domain"]) is None
+            given = judge.equations_of(
+                found[kind] | {"coordinates": result["system"]["coordinates"]}
+            )
+            assert (
+                judge.faults_of_lagrangian(lagrangian["text"], given, lagrangian["domain"]) is None
+            )
 
 
 def assert_motion(wanted: str, result: Mapping[str, Any]) -> None:
@@ -169,8 +207,12 @@ PARTS: dict[str, Callable[[Any, Mapping[str, Any]], None]] = {
     "kinds": assert_kinds,
     "cases": assert_cases,
     "domain": assert_domain,
-    "branches": lambda wanted, result: pytest.fail("branches") if len(result["branches"]) != wanted else None,
-    "reason": lambda wanted, result: pytest.fail(result["reason"]) if wanted not in result["reason"] else None,
+    "branches": lambda wanted, result: (
+        pytest.fail("branches") if len(result["branches"]) != wanted else None
+    ),
+    "reason": lambda wanted, result: (
+        pytest.fail(result["reason"]) if wanted not in result["reason"] else None
+    ),
     "clock": assert_clock,
     "reduced": assert_reduced,
     "associated": assert_associated,
@@ -187,8 +229,12 @@ def answers_of(result: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
             yield branch["with_time"]
 
 
-def assert_answer_holds(answer: Mapping[str, Any], given: judge.Equations, result: Mapping[str, Any]) -> None:
-    """Assert that an answer is checked and explained, and that its formulas agree with each other."""
+def assert_answer_holds(
+    answer: Mapping[str, Any], given: judge.Equations, result: Mapping[str, Any]
+) -> None:
+    """Assert that an answer is checked and explained, and that its formulas agree with each
+    other.
+    """
     if answer["verdict"] == "undetermined":
         return
     assert answer["checked"] == "valid"
@@ -214,4 +260,6 @@ def _names(answer: Mapping[str, Any]) -> set[str]:
 
 def _same(answer: Mapping[str, Any], wanted: str, given: judge.Equations) -> bool:
     near = (answer["certificate"] or {}).get("near")
-    return judge.same_lagrangian(answer["lagrangian"]["text"], wanted, given, answer["lagrangian"]["domain"], near=near)
+    return judge.same_lagrangian(
+        answer["lagrangian"]["text"], wanted, given, answer["lagrangian"]["domain"], near=near
+    )

@@ -1,8 +1,8 @@
 """Statements about unknown functions say for which functions they were proven.
 
-Each family is answered with no for general functions, and members of it that have a Lagrangian are known by hand: from
-separation of variables, from the force k(r) across the velocity with r (k r)' = k r (1 + k r)(2 + k r), and from
-constant matrices.
+Each family is answered with no for general functions, and members of it that have a Lagrangian are
+known by hand: from separation of variables, from the force k(r) across the velocity with r (k r)' =
+k r (1 + k r)(2 + k r), and from constant matrices.
 """
 
 import json
@@ -30,7 +30,9 @@ CASES = [
 ]
 
 
-def general_no(equations: dict[str, str], functions: dict[str, list[str]], constants: list[str]) -> dict[str, Any]:
+def general_no(
+    equations: dict[str, str], functions: dict[str, list[str]], constants: list[str]
+) -> dict[str, Any]:
     asked = {"equations": equations, "functions": functions, "parameters": constants}
     found: dict[str, Any] = json.loads(inverse_service.solve(asked, time_limit=20).to_json())
     return found
@@ -38,7 +40,10 @@ def general_no(equations: dict[str, str], functions: dict[str, list[str]], const
 
 @pytest.mark.parametrize(("equations", "functions", "constants", "members"), CASES)
 def test_a_no_about_unknown_functions_is_about_general_ones(
-    equations: dict[str, str], functions: dict[str, list[str]], constants: list[str], members: list[dict[str, str]]
+    equations: dict[str, str],
+    functions: dict[str, list[str]],
+    constants: list[str],
+    members: list[dict[str, str]],
 ) -> None:
     found = general_no(equations, functions, constants)
     written = ", ".join(f"{name}({', '.join(of)})" for name, of in functions.items())
@@ -56,7 +61,9 @@ def test_a_no_about_unknown_functions_is_about_general_ones(
     forged = found | {"exceptions": [one for one in found["exceptions"] if "special" not in one]}
     assert inverse_service.check(forged)["verdict"] == "invalid"
     for member in members:
-        assert inverse_service.solve({"equations": member}, time_limit=20)["verdict"] == "variational"
+        assert (
+            inverse_service.solve({"equations": member}, time_limit=20)["verdict"] == "variational"
+        )
 
 
 @pytest.mark.parametrize(
@@ -76,7 +83,12 @@ def test_a_proof_that_divides_by_no_function_is_about_all_of_them(
 
 
 def test_what_was_checked_is_said() -> None:
-    for force, said in (("-x", "L gives these equations"), ("F(x, y)", "no regular solution near a general point")):
+    for force, said in (
+        ("-x", "L gives these equations"),
+        ("F(x, y)", "no regular solution near a general point"),
+    ):
         asked = {"equations": {"x": force, "y": "-y"}, "functions": {"F": ["x", "y"]}}
-        assert "An independent checker verified that" in (text := text_page(inverse_service.solve(asked), False))
+        assert "An independent checker verified that" in (
+            text := text_page(inverse_service.solve(asked), False)
+        )
         assert said in text

@@ -5,7 +5,12 @@ from __future__ import annotations
 import pytest
 from mpmath import mp, mpf
 
-from inverse_service.expressions.calculus import NoRealValue, differentiate, differentiate_in_time, evaluate
+from inverse_service.expressions.calculus import (
+    NoRealValue,
+    differentiate,
+    differentiate_in_time,
+    evaluate,
+)
 from inverse_service.expressions.functions import FUNCTION
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import ZERO, Apply, Expression, Symbol, Velocity, number
@@ -41,7 +46,9 @@ def test_velocity_and_coordinate_are_different_variables() -> None:
 
 def test_arbitrary_functions_obey_the_chain_rule() -> None:
     assert to_text(differentiate(parse("A(x^2)", NAMES), X)) == "2*A'(x^2)*x"
-    assert to_text(differentiate(parse("B(x*y, y)", NAMES), Y)) == "B[1,0](x*y, y)*x + B[0,1](x*y, y)"
+    assert (
+        to_text(differentiate(parse("B(x*y, y)", NAMES), Y)) == "B[1,0](x*y, y)*x + B[0,1](x*y, y)"
+    )
 
 
 def test_derivative_by_an_absent_name_is_zero() -> None:
@@ -49,7 +56,10 @@ def test_derivative_by_an_absent_name_is_zero() -> None:
 
 
 def test_derivative_along_the_motion_has_accelerations() -> None:
-    assert to_text(differentiate_in_time(parse("m*x*x'*t", NAMES), ("x", "y"))) == "m*x'^2*t + m*x*x''*t + m*x*x'"
+    assert (
+        to_text(differentiate_in_time(parse("m*x*x'*t", NAMES), ("x", "y")))
+        == "m*x'^2*t + m*x*x''*t + m*x*x'"
+    )
 
 
 def test_derivative_by_a_sum_and_third_time_derivatives_are_errors() -> None:
@@ -59,7 +69,9 @@ def test_derivative_by_a_sum_and_third_time_derivatives_are_errors() -> None:
         differentiate_in_time(parse("x''", NAMES), ("x",))
 
 
-@pytest.mark.parametrize("formula", ["1/(x - x)", "log(y - y)", "sqrt(-x)", "acosh(x/9)", "z", "A(x)"])
+@pytest.mark.parametrize(
+    "formula", ["1/(x - x)", "log(y - y)", "sqrt(-x)", "acosh(x/9)", "z", "A(x)"]
+)
 def test_value_that_is_not_real_is_an_error(formula: str) -> None:
     tree = parse(formula, Names(("x", "y"), ("z",), {"A": ("x",)}))
     with pytest.raises(NoRealValue):

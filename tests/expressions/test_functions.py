@@ -1,4 +1,6 @@
-"""The table of functions agrees with mpmath, and with the checker's and the browser's own tables."""
+"""The table of functions agrees with mpmath, and with the checker's and the browser's own
+tables.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,9 @@ def test_each_column_of_a_row_is_true_of_its_function(name: str) -> None:
             differences = [slope - mp.diff(lambda w: at(f, w), u)]
             differences += [at(f, -u) - row.parity * value] if row.parity else []
             differences += [at(row.kernel(U), u) - value] if row.kernel else []
-            differences += [value * at(ex.Apply(row.reciprocal, U), u) - 1] if row.reciprocal else []
+            differences += (
+                [value * at(ex.Apply(row.reciprocal, U), u) - 1] if row.reciprocal else []
+            )
             if row.powers:
                 pair = ("sinh", "cosh") if row.family == "hyperbolic" else ("sin", "cos")
                 factors = (ex.Apply(one, U) ** e for one, e in zip(pair, row.powers, strict=True))
@@ -57,7 +61,9 @@ def test_each_column_of_a_row_is_true_of_its_function(name: str) -> None:
             if row.slope:
                 sign, constant, quadratic, exponent = row.slope
                 below = constant + quadratic * u**2
-                differences.append(sign / below ** (mpf(exponent.numerator) / exponent.denominator) - slope)
+                differences.append(
+                    sign / below ** (mpf(exponent.numerator) / exponent.denominator) - slope
+                )
             assert all(abs(one) < TINY * (1 + abs(value)) for one in differences), (u, differences)
             assert all(at(tree, u) > 0 for tree in row.needs(U))
             assert all(at(tree, u) != 0 for tree in row.poles(U))
@@ -75,7 +81,9 @@ def test_inverse_functions_undo_each_other_near_zero(name: str) -> None:
             assert abs(at(ex.Apply(name, ex.Apply(row.undoes, U)), u) - u) < TINY * (1 + abs(u))
         for u in points(row.root[0]) if row.root else ():
             inner, a, b = row.root or ("", 0, 0)
-            assert abs(at(ex.Apply(name, ex.Apply(inner, U)), u) - mp.sqrt(a + b * u**2)) < TINY * (1 + abs(u))
+            assert abs(at(ex.Apply(name, ex.Apply(inner, U)), u) - mp.sqrt(a + b * u**2)) < TINY * (
+                1 + abs(u)
+            )
 
 
 @pytest.mark.parametrize("name", [name for name, row in ROWS.items() if row.holds])
@@ -112,7 +120,9 @@ def test_the_browser_has_the_same_functions() -> None:
         for (const [name, values] of Object.entries({json.dumps(asked)})) found[name] = values.map(FUNCTIONS[name]);
         console.log(JSON.stringify(found));"""
     )
-    done = subprocess.run(["node", "-e", program], capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run(
+        ["node", "-e", program], capture_output=True, text=True, check=True, timeout=60
+    )
     for name, values in json.loads(done.stdout).items():
         with mp.workdps(30):
             expected = [float(at(ex.Apply(name, U), mpf(u))) for u in asked[name]]

@@ -46,11 +46,15 @@ def _compound(inner: some.SearchStrategy[ex.Expression]) -> some.SearchStrategy[
         several.map(lambda parts: ex.add(*parts)),
         several.map(lambda parts: ex.multiply(*parts)),
         inner.map(lambda part: ex.multiply(ex.MINUS_ONE, part)),
-        some.builds(ex.power, inner.filter(lambda part: part != ex.ZERO), some.sampled_from(EXPONENTS)),
+        some.builds(
+            ex.power, inner.filter(lambda part: part != ex.ZERO), some.sampled_from(EXPONENTS)
+        ),
         some.builds(ex.power, inner.filter(lambda part: part != ex.ZERO), inner),
         some.builds(ex.Apply, some.sampled_from(sorted(functions.FUNCTION)), inner),
         some.builds(lambda u, k: ex.Arbitrary("A", (u,), (k,)), inner, some.integers(0, 3)),
-        some.builds(lambda u, w, k: ex.Arbitrary("B", (u, w), (k, 1)), inner, inner, some.integers(0, 2)),
+        some.builds(
+            lambda u, w, k: ex.Arbitrary("B", (u, w), (k, 1)), inner, inner, some.integers(0, 2)
+        ),
     )
 
 
@@ -59,7 +63,9 @@ TREES = some.recursive(NUMBERS | some.sampled_from(LEAVES), _compound, max_leave
 
 
 def _values(trees: list[ex.Expression], seed: int) -> list[object]:
-    """The values of all trees at one point; arbitrary functions are a fixed function of their arguments."""
+    """The values of all trees at one point; arbitrary functions are a fixed function of their
+    arguments.
+    """
     source = random.Random(seed)
     table = {leaf: mpf(source.uniform(0.2, 2)) for leaf in LEAVES if leaf != ex.PI}
     return [_value(tree, dict(table)) for tree in trees]
@@ -102,7 +108,8 @@ def test_text_of_what_was_read_is_the_same_text(tree: ex.Expression) -> None:
     except errors.LimitError:
         return  # a number with too many digits, or too large an exponent
     except errors.InputError as error:
-        assert re.search("no real value|not real|real for few|has no value|division by zero", error.detail)  # noqa: PT017
+        known = "no real value|not real|real for few|has no value|division by zero"
+        assert re.search(known, error.detail)  # noqa: PT017
         return
     assert printing.to_text(first) == text
     assert reader.read_formula(printing.to_text(first), NAMES) == first
@@ -134,9 +141,17 @@ TABLE = [
     (ex.multiply(ex.Symbol("x"), ex.Symbol("x")), "x^2", "x^{2}"),
     (ex.add(ex.multiply(ex.MINUS_ONE, ex.Symbol("x")), ex.Symbol("y")), "-x + y", "-x + y"),
     (ex.multiply(ex.Symbol("x"), ex.power(ex.Symbol("y"), -1)), "x/y", r"\frac{x}{y}"),
-    (ex.multiply(ex.MINUS_ONE, ex.add(ex.Symbol("x"), ex.Symbol("y"))), "-(x + y)", r"-\left(x + y\right)"),
+    (
+        ex.multiply(ex.MINUS_ONE, ex.add(ex.Symbol("x"), ex.Symbol("y"))),
+        "-(x + y)",
+        r"-\left(x + y\right)",
+    ),
     (ex.power(ex.Symbol("x"), Fraction(-1, 2)), "1/sqrt(x)", r"\frac{1}{\sqrt{x}}"),
-    (ex.multiply(ex.number(Fraction(1, 2)), ex.power(ex.Velocity("r1"), 2)), "r1'^2/2", r"\frac{\dot{r}_{1}^{2}}{2}"),
+    (
+        ex.multiply(ex.number(Fraction(1, 2)), ex.power(ex.Velocity("r1"), 2)),
+        "r1'^2/2",
+        r"\frac{\dot{r}_{1}^{2}}{2}",
+    ),
     (ex.power(ex.Apply("sin", ex.Symbol("phi")), 2), "sin(phi)^2", r"\sin^{2}\left(\phi\right)"),
     (ex.Apply("exp", ex.multiply(ex.MINUS_ONE, ex.TIME)), "exp(-t)", "e^{-t}"),
     (ex.power(ex.Apply("exp", ex.ONE), 2), "exp(2)", r"\exp\left(2\right)"),
@@ -148,7 +163,11 @@ TABLE = [
         "diff(B(x, y), x, y, y)",
         r"\frac{\partial^{3} B}{\partial x \partial y^{2}}\left(x, y\right)",
     ),
-    (ex.Arbitrary("B", (ex.Symbol("x"), ex.Symbol("x")), (1, 0)), "B[1,0](x, x)", r"B^{(1,0)}\left(x, x\right)"),
+    (
+        ex.Arbitrary("B", (ex.Symbol("x"), ex.Symbol("x")), (1, 0)),
+        "B[1,0](x, x)",
+        r"B^{(1,0)}\left(x, x\right)",
+    ),
     (ex.Symbol("x_left"), "x_left", r"x_{\mathrm{left}}"),
     (ex.power(ex.power(ex.Symbol("x"), ex.Symbol("y")), 2), "(x^y)^2", r"\left(x^{y}\right)^{2}"),
     (ex.Power(ex.number(2), ex.Symbol("x")), "2^x", "2^{x}"),
@@ -157,7 +176,10 @@ TABLE = [
     (ex.power(ex.power(ex.Symbol("x"), 2), Fraction(1, 2)), "abs(x)", r"\left|x\right|"),
     (
         ex.power(
-            ex.power(ex.add(ex.Symbol("x"), ex.power(ex.power(ex.Symbol("y"), 2), Fraction(1, 2))), 2), Fraction(1, 2)
+            ex.power(
+                ex.add(ex.Symbol("x"), ex.power(ex.power(ex.Symbol("y"), 2), Fraction(1, 2))), 2
+            ),
+            Fraction(1, 2),
         ),
         "abs(x + abs(y))",
         r"\left|x + \left|y\right|\right|",
@@ -171,7 +193,11 @@ TABLE = [
     (ex.multiply(ex.number(Fraction("-0.06171")), ex.Symbol("x")), "-0.06171*x", "-0.06171 x"),
     (ex.multiply(ex.number(Fraction("0.003")), ex.Symbol("x")), "3*x/1000", r"\frac{3 x}{1000}"),
     (ex.multiply(ex.number(Fraction(1, 1024)), ex.Symbol("x")), "x/1024", r"\frac{x}{1024}"),
-    (ex.multiply(ex.number(Fraction(12345, 7000)), ex.Symbol("x")), "2469*x/1400", r"\frac{2469 x}{1400}"),
+    (
+        ex.multiply(ex.number(Fraction(12345, 7000)), ex.Symbol("x")),
+        "2469*x/1400",
+        r"\frac{2469 x}{1400}",
+    ),
 ]
 
 
@@ -185,7 +211,9 @@ def test_mathml_shows_dots_subscripts_and_greek_letters() -> None:
     assert "<mover" in shown
     assert "<mn>1</mn>" in shown
     assert "\u03c6" in shown
-    assert "<mo>|</mo><mrow><mi>x</mi></mrow><mo>|</mo>" in printing.to_mathml(reader.read_formula("|x|", NAMES))
+    assert "<mo>|</mo><mrow><mi>x</mi></mrow><mo>|</mo>" in printing.to_mathml(
+        reader.read_formula("|x|", NAMES)
+    )
 
 
 @pytest.mark.parametrize(
@@ -209,7 +237,9 @@ def test_nested_powers_cost_little_to_print(opening: str, closing: str) -> None:
 @pytest.mark.parametrize("text", ["x*(t + 1)", "-x*(x + t)", "x'*(t - x)*2", "t*(t - 1)*x"])
 def test_a_bracket_with_the_time_after_a_coordinate_is_read_back_as_a_factor(text: str) -> None:
     tree = reader.read_formula(text, NAMES)
-    assert printing.to_text(reader.read_formula("{" + printing.to_latex(tree) + "}", NAMES)) == printing.to_text(tree)
+    assert printing.to_text(
+        reader.read_formula("{" + printing.to_latex(tree) + "}", NAMES)
+    ) == printing.to_text(tree)
 
 
 def test_the_order_of_a_set_of_trees_is_the_same_in_all_processes() -> None:

@@ -30,11 +30,15 @@ def random_rows(count: int, width: int, density: float, seed: int) -> Rows:
             a, b, k = generator.choice(rows), generator.choice(rows), generator.randrange(P)
             rows.append({c: (a.get(c, 0) + k * b.get(c, 0)) % P for c in {*a, *b}})
         else:
-            rows.append({c: generator.randrange(1, P) for c in range(width) if generator.random() < density})
+            rows.append(
+                {c: generator.randrange(1, P) for c in range(width) if generator.random() < density}
+            )
     return rows
 
 
-def insert(echelon: Echelon, rows: Rows, expected: Flags | None = None, in_order: bool = True) -> Flags:
+def insert(
+    echelon: Echelon, rows: Rows, expected: Flags | None = None, in_order: bool = True
+) -> Flags:
     starts = np.cumsum([0, *map(len, rows)]).astype(np.int64)
     columns = np.array([c for row in rows for c in row], np.int64)
     values = np.array([x for row in rows for x in row.values()], np.uint64)
@@ -60,12 +64,26 @@ def reduced(rows: Rows, width: int) -> tuple[list[int], int]:
     return [int(x) for x in matrix.entries()[: rank * width]], rank
 
 
-SHAPES = [(0, 0), (0, 5), (1, 1), (5, 1), (1, 5), (3, 3), (12, 7), (7, 12), (40, 40), (90, 60), (60, 300)]
+SHAPES = [
+    (0, 0),
+    (0, 5),
+    (1, 1),
+    (5, 1),
+    (1, 5),
+    (3, 3),
+    (12, 7),
+    (7, 12),
+    (40, 40),
+    (90, 60),
+    (60, 300),
+]
 
 
 @pytest.mark.parametrize(("count", "width"), SHAPES)
 @pytest.mark.parametrize("density", [0.0, 0.05, 0.3, 1.0])
-def test_rank_and_row_space_are_those_of_the_dense_form(count: int, width: int, density: float) -> None:
+def test_rank_and_row_space_are_those_of_the_dense_form(
+    count: int, width: int, density: float
+) -> None:
     rows = random_rows(count, width, density, 1)
     echelon = echelon_of(rows, width)
     basis = list(echelon.rows_within(0, width).values())
@@ -117,7 +135,9 @@ def test_a_combination_of_basis_rows_is_traced_too() -> None:
     echelon = echelon_of(rows, width)
     basis = echelon.rows_within(0, width)
     weights = {number: 3 * number + 1 for number in basis}
-    total = {c: sum(weights[k] * row.get(c, 0) for k, row in basis.items()) % P for c in range(width)}
+    total = {
+        c: sum(weights[k] * row.get(c, 0) for k, row in basis.items()) % P for c in range(width)
+    }
     used = [rows[k] for k in echelon.trace(weights)]
     assert in_span(total, used, width)
     assert all(not in_span(total, used[:k] + used[k + 1 :], width) for k in range(len(used)))
@@ -216,11 +236,15 @@ def test_rows_may_be_put_off_without_changing_what_follows_from_all(
     parts = [rows[:25], rows[25:]]
     dependent = np.concatenate([insert(echelon, part, in_order=False) for part in parts])
     kept = [row for row, flag in zip(rows, dependent, strict=True) if not flag]
-    assert reduced(list(echelon.rows_within(0, 40).values()), 40) == reduced(rows, 40) == reduced(kept, 40)
-    assert len(kept) == echelon.count < len(rows)
-    assert sorted({k for number in range(echelon.count) for k in echelon.trace({number: 1})}) == sorted(
-        np.flatnonzero(~dependent).tolist()
+    assert (
+        reduced(list(echelon.rows_within(0, 40).values()), 40)
+        == reduced(rows, 40)
+        == reduced(kept, 40)
     )
+    assert len(kept) == echelon.count < len(rows)
+    assert sorted(
+        {k for number in range(echelon.count) for k in echelon.trace({number: 1})}
+    ) == sorted(np.flatnonzero(~dependent).tolist())
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -14,7 +14,9 @@ RADIX = 1 << 64
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("prime", [3, 101, safe_prime(1), safe_prime(2), (1 << 61) - 1, (1 << 62) - 57])
+@pytest.mark.parametrize(
+    "prime", [3, 101, safe_prime(1), safe_prime(2), (1 << 61) - 1, (1 << 62) - 57]
+)
 def test_products_are_those_of_integers(prime: int) -> None:
     field = modular.field_of(prime)
     generator = random.Random(prime)

@@ -8,7 +8,13 @@ import pytest
 from flint import fmpz
 from hypothesis import given, strategies as st
 
-from inverse_service.field.modular import is_positive, positive_power, prime_factors, reconstruct, safe_prime
+from inverse_service.field.modular import (
+    is_positive,
+    positive_power,
+    prime_factors,
+    reconstruct,
+    safe_prime,
+)
 
 P = safe_prime(1)
 EXPONENTS = st.fractions(min_value=-7, max_value=7, max_denominator=12)
@@ -73,7 +79,9 @@ def test_odd_roots_exist_for_all_residues_and_are_odd_functions(x: int, k: int) 
     assert positive_power(P - x, Fraction(1, k), P) == P - root
 
 
-@pytest.mark.parametrize("exponent", [Fraction(1, 2), Fraction(3, 4), Fraction(-1, 2), Fraction(5, 6)])
+@pytest.mark.parametrize(
+    "exponent", [Fraction(1, 2), Fraction(3, 4), Fraction(-1, 2), Fraction(5, 6)]
+)
 def test_even_roots_of_negative_residues_are_refused(exponent: Fraction) -> None:
     with pytest.raises(ValueError, match="even root"):
         positive_power(-4 % P, exponent, P)

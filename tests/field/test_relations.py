@@ -96,7 +96,13 @@ def test_equal_functions_have_equal_values_at_every_point(left: str, right: str)
 @pytest.mark.slow
 @pytest.mark.parametrize("angle", ["asin(x)/2", "atan(x*y)/2", "acos(x)/3", "asin(x*y)/9"])
 def test_a_part_of_an_inverse_function_is_on_its_own_branch(angle: str) -> None:
-    values = f"sin({angle})", f"-sin({angle})", f"cos({angle})", f"-cos({angle})", f"cos({angle}+2*pi/3)"
+    values = (
+        f"sin({angle})",
+        f"-sin({angle})",
+        f"cos({angle})",
+        f"-cos({angle})",
+        f"cos({angle}+2*pi/3)",
+    )
     tower, trees = tower_of(*values)
     point = draw_point(tower, 3)
     assert len({evaluate(found, point) for found in trees}) == len(trees)
@@ -110,7 +116,10 @@ def test_functions_that_differ_have_different_values() -> None:
 
 def test_a_point_is_the_same_for_the_same_seed_and_another_for_another() -> None:
     tower, (found,) = tower_of("sqrt(1+sin(x))*exp(y)")
-    values = [(draw_point(tower, seed).prime, evaluate(found, draw_point(tower, seed))) for seed in (1, 1, 2)]
+    values = [
+        (draw_point(tower, seed).prime, evaluate(found, draw_point(tower, seed)))
+        for seed in (1, 1, 2)
+    ]
     assert values[0] == values[1] != values[2]
 
 
@@ -145,7 +154,10 @@ def test_what_has_no_value_or_no_reduction_is_refused_with_a_sentence(text: str)
 
 def test_atoms_come_once_and_inner_ones_first() -> None:
     found = atoms_in_order([tree("exp(sin(x)+log(y))+sin(x)"), tree("sqrt(1+exp(sin(x)+log(y)))")])
-    assert found == [tree(text) for text in ("sin(x)", "log(y)", "exp(sin(x)+log(y))", "sqrt(1+exp(sin(x)+log(y)))")]
+    assert found == [
+        tree(text)
+        for text in ("sin(x)", "log(y)", "exp(sin(x)+log(y))", "sqrt(1+exp(sin(x)+log(y)))")
+    ]
 
 
 def test_a_root_of_an_exponential_is_an_exponential() -> None:
@@ -176,7 +188,9 @@ def test_parts_of_pi_add_and_are_of_the_order_that_they_should_be(parts: int) ->
     for k in (2, 3, parts - 1):
         assert circle_power(turn, k, prime) == circle_turn(Fraction(k, parts), prime)
     third = circle_turn(Fraction(1, 3), prime)
-    assert circle_product(turn, third, prime) == circle_turn(Fraction(1, parts) + Fraction(1, 3), prime)
+    assert circle_product(turn, third, prime) == circle_turn(
+        Fraction(1, parts) + Fraction(1, 3), prime
+    )
 
 
 def test_angles_that_are_finer_than_the_prime_has_are_refused() -> None:

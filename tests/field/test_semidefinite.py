@@ -1,4 +1,6 @@
-"""Either a space of symmetric matrices contains a definite one, or a semidefinite matrix is orthogonal to it."""
+"""Either a space of symmetric matrices contains a definite one, or a semidefinite matrix is
+orthogonal to it.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,12 @@ from itertools import combinations_with_replacement
 import numpy as np
 import pytest
 
-from inverse_service.field.matrices import Matrix, definite_or_orthogonal, kernel, rank_if_semidefinite
+from inverse_service.field.matrices import (
+    Matrix,
+    definite_or_orthogonal,
+    kernel,
+    rank_if_semidefinite,
+)
 
 
 def symmetric(entries: list[int] | list[Fraction], n: int) -> Matrix:
@@ -19,7 +26,9 @@ def symmetric(entries: list[int] | list[Fraction], n: int) -> Matrix:
 
 def any_space(rng: random.Random, n: int) -> list[Matrix]:
     size = n * (n + 1) // 2
-    return [symmetric([rng.randint(-3, 3) for _ in range(size)], n) for _ in range(rng.randint(1, size))]
+    return [
+        symmetric([rng.randint(-3, 3) for _ in range(size)], n) for _ in range(rng.randint(1, size))
+    ]
 
 
 def gram(rng: random.Random, n: int, rank: int) -> np.ndarray:
@@ -62,7 +71,9 @@ def test_planted_spaces_are_settled_with_an_exact_proof(seed: int) -> None:
     if has:
         assert member is not None
         assert rank_if_semidefinite(member) == len(member)
-        assert np.linalg.matrix_rank(np.array([np.ravel(w) for w in [*space, member]], float)) <= len(space)
+        assert np.linalg.matrix_rank(
+            np.array([np.ravel(w) for w in [*space, member]], float)
+        ) <= len(space)
     else:
         assert orthogonal is not None
         assert any(map(any, orthogonal))
@@ -72,7 +83,9 @@ def test_planted_spaces_are_settled_with_an_exact_proof(seed: int) -> None:
 
 
 def test_an_irrational_face_stays_open() -> None:
-    """S K symmetric for K with characteristic polynomial x^3 - 2: the only Y has entries in Q(2^(1/3))."""
+    """S K symmetric for K with characteristic polynomial x^3 - 2: the only Y has entries in
+    Q(2^(1/3)).
+    """
     rows = []
     K = ((0, 0, 2), (1, 0, 0), (0, 1, 0))
     places = list(combinations_with_replacement(range(3), 2))
@@ -91,7 +104,9 @@ def test_an_irrational_face_stays_open() -> None:
     [([1, 0, 1], True, True), ([0, 0, 1], True, False), ([0, 1, 1], False, False), ([1, 2, 1], False, False),
      ([1, 1, 1], True, False), ([0, 0, 0], True, False)],
 )  # fmt: skip
-def test_semidefinite_is_recognized_exactly(entries: list[int], semidefinite: bool, definite: bool) -> None:
+def test_semidefinite_is_recognized_exactly(
+    entries: list[int], semidefinite: bool, definite: bool
+) -> None:
     matrix = symmetric(entries, 2)
     assert (rank_if_semidefinite(matrix) is not None) is semidefinite
     assert (rank_if_semidefinite(matrix) == len(matrix)) is definite

@@ -1,4 +1,6 @@
-"""Power series over a prime field: identities between functions, derivatives, and sums of products of series."""
+"""Power series over a prime field: identities between functions, derivatives, and sums of products
+of series.
+"""
 
 from __future__ import annotations
 
@@ -74,7 +76,9 @@ def test_sums_products_and_derivations_of_series_are_those_of_functions() -> Non
     a, b, c = (series_of(program, tree) for tree in trees)
     found = (a + b.scaled(3)) * c - along([(0, a), (1, b)], c * b)
     product = trees[2] * trees[1]
-    parts = [part * differentiate(product, x) for part, x in zip(trees, VARIABLES[:2], strict=False)]
+    parts = [
+        part * differentiate(product, x) for part, x in zip(trees, VARIABLES[:2], strict=False)
+    ]
     expected = (trees[0] + 3 * trees[1]) * trees[2] - parts[0] - parts[1]
     first, second = coefficients(program, point, found.register, program.expand(expected))
     assert first[:15] == second[:15]  # to degree 4

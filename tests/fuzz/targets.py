@@ -1,6 +1,6 @@
-"""Fuzz targets: formulas, documents, and bytes are parsed or rejected with a sentence, without internal errors. Every
-target is a Hypothesis test. Hypothesis runs it by itself, and atheris drives it with bytes that reach new lines of the
-readers (`hypothesis.fuzz_one_input`).
+"""Fuzz targets: formulas, documents, and bytes are parsed or rejected with a sentence, without
+internal errors. Every target is a Hypothesis test. Hypothesis runs it by itself, and atheris drives
+it with bytes that reach new lines of the readers (`hypothesis.fuzz_one_input`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,11 @@ from inverse_service.service.documents.plain_data import read_json, read_toml, r
 from inverse_service.service.jobs.tasks import guard
 
 SETTINGS = settings(
-    max_examples=60, deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck)
+    max_examples=60,
+    deadline=None,
+    derandomize=True,
+    database=None,
+    suppress_health_check=list(HealthCheck),
 )
 NAMES = Names(("x", "y", "r1"), ("k", "m"), {"A": ("x",), "B": ("x", "y")})
 WORDS = r"""
@@ -30,28 +34,51 @@ x y x' y'' x_dot \dot{x} \ddot{y} diff(x,t) Derivative(x, t) r1 k m A A(x) A'(x)
 \frac{1}{2} sin cos( tan sqrt( \sqrt[3]{ log exp( atan abs( \ \sin \left( \right) \cdot
 ( ) { } [ ] + - * / ^ ** , ; = < ! ' '' _ . .. 0 1 2 3 0.5 .5 1e3 1e999 3/2 9^9 -1 $ & # "
 """
-PIECES = [*WORDS.split(), " ", "\n", "\u00b2", "\u2212", "\u03b1", "\u00e9", "\u221a", "\u200b", "\u0445"]
+PIECES = [
+    *WORDS.split(),
+    " ",
+    "\n",
+    "\u00b2",
+    "\u2212",
+    "\u03b1",
+    "\u00e9",
+    "\u221a",
+    "\u200b",
+    "\u0445",
+]
 FORMULAS = some.lists(some.sampled_from(PIECES), max_size=16).map("".join) | some.text(max_size=30)
 SCALARS = some.none() | some.booleans() | some.integers() | some.floats() | FORMULAS
 VALUES = some.recursive(
     SCALARS,
-    lambda inner: some.lists(inner, max_size=3) | some.dictionaries(some.text(max_size=4), inner, max_size=3),
+    lambda inner: (
+        some.lists(inner, max_size=3) | some.dictionaries(some.text(max_size=4), inner, max_size=3)
+    ),
     max_leaves=6,
 )
 COORDINATES = some.sampled_from(["x", "y", "z1", "phi"])
-EQUATIONS = some.dictionaries(COORDINATES, FORMULAS, max_size=3) | some.lists(FORMULAS, max_size=3) | FORMULAS
+EQUATIONS = (
+    some.dictionaries(COORDINATES, FORMULAS, max_size=3)
+    | some.lists(FORMULAS, max_size=3)
+    | FORMULAS
+)
 SHARED = {
     "coordinates": some.lists(COORDINATES | FORMULAS, max_size=3) | VALUES,
-    "parameters": some.lists(some.sampled_from(["k", "m"]), max_size=2) | some.dictionaries(FORMULAS, SCALARS) | VALUES,
+    "parameters": some.lists(some.sampled_from(["k", "m"]), max_size=2)
+    | some.dictionaries(FORMULAS, SCALARS)
+    | VALUES,
     "functions": some.just({"A": ["x"]}) | VALUES,
     "name": FORMULAS | VALUES,
 }
 SYSTEMS = some.fixed_dictionaries(
-    {"equations": EQUATIONS | VALUES}, optional={**SHARED, "time_dependent_lagrangian": VALUES, "ansatz": VALUES}
+    {"equations": EQUATIONS | VALUES},
+    optional={**SHARED, "time_dependent_lagrangian": VALUES, "ansatz": VALUES},
 )
 NONHOLONOMIC = some.fixed_dictionaries(
     {"lagrangian": FORMULAS | VALUES, "constraints": some.lists(FORMULAS, max_size=2) | VALUES},
-    optional={**SHARED, "associated": some.sampled_from(["first", "second", "third", "search", "any"]) | VALUES},
+    optional={
+        **SHARED,
+        "associated": some.sampled_from(["first", "second", "third", "search", "any"]) | VALUES,
+    },
 )
 
 
@@ -97,7 +124,9 @@ def documents(document: Any) -> None:
         assert_told(place.detail, place.column)
 
 
-BYTES = some.binary(max_size=80) | VALUES.map(lambda value: json.dumps(value).encode("utf-8", "surrogatepass"))
+BYTES = some.binary(max_size=80) | VALUES.map(
+    lambda value: json.dumps(value).encode("utf-8", "surrogatepass")
+)
 
 
 @SETTINGS
@@ -113,4 +142,8 @@ def files(data: bytes) -> None:
     assert found.verdict in ("incomplete", "invalid")
 
 
-TARGETS: Final[dict[str, Callable[[], None]]] = {"formulas": formulas, "documents": documents, "files": files}
+TARGETS: Final[dict[str, Callable[[], None]]] = {
+    "formulas": formulas,
+    "documents": documents,
+    "files": files,
+}

@@ -1,4 +1,6 @@
-"""Every interface parses a prefix of a formula, or one with a missing character, or rejects it with a sentence."""
+"""Every interface parses a prefix of a formula, or one with a missing character, or rejects it with
+a sentence.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ def damaged(seed: int, count: int) -> Iterator[dict[str, Any]]:
         places = [(document, key) for key in FORMULAS if isinstance(document.get(key), str)]
         for key in FORMULAS:
             if isinstance(inner := document.get(key), dict | list):
-                places += [(inner, at) for at in (inner if isinstance(inner, dict) else range(len(inner)))]
+                places += [
+                    (inner, at) for at in (inner if isinstance(inner, dict) else range(len(inner)))
+                ]
         holder, key = source.choice(places)
         if isinstance(text := holder[key], str) and text:
             place = source.randrange(len(text))
@@ -64,11 +68,15 @@ def test_no_damaged_document_is_a_fault_of_the_program(seed: int) -> None:
 def ask(service: str, count: int, seed: int) -> None:
     """Send each document by HTTP, and each text through the page and the command line."""
     for document in damaged(seed, count):
-        answer = httpx.post(f"{service}/v1/parse", content=json.dumps(document), headers=calls.JSON, timeout=60)
+        answer = httpx.post(
+            f"{service}/v1/parse", content=json.dumps(document), headers=calls.JSON, timeout=60
+        )
         assert answer.status_code in (200, 422), (answer.text, document)
         if not isinstance(text := document.get("equations"), str):
             continue
-        page = httpx.post(f"{service}/understood", data={"equations": text}, timeout=60, follow_redirects=True)
+        page = httpx.post(
+            f"{service}/understood", data={"equations": text}, timeout=60, follow_redirects=True
+        )
         assert page.status_code in (200, 422), (page.text, text)
         if answer.status_code == 422 and "=" in text:
             code, out, err = calls.command("solve", "--time-limit", "5", "--", text)

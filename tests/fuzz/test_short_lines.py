@@ -1,4 +1,6 @@
-"""No short line, prefix of a formula, or formula with a missing character causes an internal error."""
+"""No short line, prefix of a formula, or formula with a missing character causes an internal
+error.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,9 @@ def short_lines(seed: int, count: int) -> Iterator[str]:
     source = random.Random(seed)
     for _ in range(count):
         pieces = [source.choice(PIECES) for _ in range(source.randint(1, 6))]
-        yield source.choice(["x'' = ", "x'' = -k x ", r"\ddot{x} = ", ""]) + source.choice(["", " "]).join(pieces)
+        yield source.choice(["x'' = ", "x'' = -k x ", r"\ddot{x} = ", ""]) + source.choice(
+            ["", " "]
+        ).join(pieces)
 
 
 @pytest.mark.parametrize("seed", [0, *(slow(seed) for seed in range(1, 4))])
@@ -85,13 +89,20 @@ def shortened() -> list[str]:
     texts = formulas()
     assert len(texts) > 300
     begun = [text[:length] for text in texts for length in range(1, len(text))]
-    return begun + [text[:place] + text[place + 1 :] for text in texts for place in range(len(text))]
+    return begun + [
+        text[:place] + text[place + 1 :] for text in texts for place in range(len(text))
+    ]
 
 
 @pytest.mark.nightly
-def test_no_beginning_of_a_formula_is_a_fault_of_the_program_at_any_door(service: str, tmp_path: Path) -> None:
+def test_no_beginning_of_a_formula_is_a_fault_of_the_program_at_any_door(
+    service: str, tmp_path: Path
+) -> None:
     chosen = random.Random(0).sample(shortened(), 3000)
-    documents = [{"id": str(place), "equations": text, "parameters": "guess"} for place, text in enumerate(chosen)]
+    documents = [
+        {"id": str(place), "equations": text, "parameters": "guess"}
+        for place, text in enumerate(chosen)
+    ]
     with httpx.Client(base_url=service, timeout=60) as client:
         for document in documents:
             form = {"kind": "equations", "equations": document["equations"]}
@@ -101,4 +112,6 @@ def test_no_beginning_of_a_formula_is_a_fault_of_the_program_at_any_door(service
     lines.write_text("".join(f"{json.dumps(document)}\n" for document in documents[:300]))
     code, _, err = calls.command("batch", str(lines), "-o", str(answers), "--time-limit", "1")
     assert code in (0, 1), err
-    assert all(json.loads(line).get("status", 200) < 500 for line in answers.read_text().splitlines())
+    assert all(
+        json.loads(line).get("status", 200) < 500 for line in answers.read_text().splitlines()
+    )

@@ -25,7 +25,14 @@ def test_nothing_made_up_is_a_fault(name: str) -> None:
 @pytest.mark.skipif(importlib.util.find_spec("atheris") is None, reason="atheris is not installed")
 @pytest.mark.parametrize("name", TARGETS)
 def test_nothing_that_atheris_finds_is_a_fault(name: str, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "tests.fuzz.with_atheris", name, f"-runs={RUNS}", f"-artifact_prefix={tmp_path}/"]
+    command = [
+        sys.executable,
+        "-m",
+        "tests.fuzz.with_atheris",
+        name,
+        f"-runs={RUNS}",
+        f"-artifact_prefix={tmp_path}/",
+    ]
     run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=3600)
     assert run.returncode == 0, run.stderr[-4000:]
     assert f"Done {RUNS} runs" in run.stderr

@@ -1,4 +1,5 @@
-"""`python -m tests.fuzz.with_atheris TARGET -runs=N [options of libFuzzer]`: run a target driven by coverage.
+"""`python -m tests.fuzz.with_atheris TARGET -runs=N [options of libFuzzer]`: run a target driven by
+coverage.
 
 Needs `pip install atheris`, which is not a dependency of the tests.
 """

@@ -1,6 +1,7 @@
 """Transform a system to other coordinates, q = phi(Q), with L and f, so the verdict is unchanged.
 
-f is transformed by itself, Q'' = J^-1 (f - (d/dt J) Q') with J = d phi / d Q, not derived from the new L.
+f is transformed by itself, Q'' = J^-1 (f - (d/dt J) Q') with J = d phi / d Q, not derived from the
+new L.
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ CHANGES = ("rotation", "polar", "shear", "exponential")
 
 
 def disguised(system: GeneratedSystem, seed: int) -> GeneratedSystem:
-    """The same system in other coordinates; a single coordinate is only stretched or exponentiated."""
+    """The same system in other coordinates; a single coordinate is only stretched or
+    exponentiated.
+    """
     rng = random.Random(f"disguise/{system.id}/{seed}")
     new = space([name.upper() for name in system.coordinates])
     change = rng.choice(CHANGES if system.n > 1 else CHANGES[2:])
@@ -28,7 +31,9 @@ def disguised(system: GeneratedSystem, seed: int) -> GeneratedSystem:
     table = dict(zip(before, (*old, *rates), strict=True))
     jacobian = sympy.Matrix(old).jacobian(new.coordinates)
     drift = [_rate(rate, new) for rate in rates]
-    forces = sympy.Matrix([f.subs(table, simultaneous=True) for f in system.accelerations]) - sympy.Matrix(drift)
+    forces = sympy.Matrix(
+        [f.subs(table, simultaneous=True) for f in system.accelerations]
+    ) - sympy.Matrix(drift)
     f = [shortest(a) for a in inverse(jacobian).applyfunc(sympy.trigsimp) * forces]
     lagrangian = system.lagrangian_expression.subs(table, simultaneous=True)
     return assembled(f"{system.id}-{change}-{seed}", system.family, new, f, lagrangian)

@@ -24,7 +24,9 @@ def equations_of(lagrangian: sympy.Expr, s: Space) -> tuple[sympy.Matrix, list[s
     mass = sympy.Matrix(s.n, s.n, lambda i, j: momenta[i].diff(s.velocities[j]))
     forces = []
     for p, q in zip(momenta, s.coordinates, strict=True):
-        drift = sum((p.diff(a) * v for a, v in zip(s.coordinates, s.velocities, strict=True)), p.diff(TIME))
+        drift = sum(
+            (p.diff(a) * v for a, v in zip(s.coordinates, s.velocities, strict=True)), p.diff(TIME)
+        )
         forces.append(sympy.expand(lagrangian.diff(q) - drift))
     return mass, forces
 
@@ -47,12 +49,16 @@ def _quotient(numerator: sympy.Expr, denominator: sympy.Expr) -> sympy.Expr:
 
 
 def _over_one_bar(row: Sequence[sympy.Expr], forces: Sequence[sympy.Expr]) -> sympy.Expr:
-    """Sum of row_j b_j; entries with the same denominator share it, and a constant row is multiplied out."""
+    """Sum of row_j b_j; entries with the same denominator share it, and a constant row is
+    multiplied out.
+    """
     above: dict[sympy.Expr, sympy.Expr] = {}
     for entry, b in zip(row, forces, strict=True):
         numerator, denominator = sympy.fraction(entry)
         above[denominator] = above.get(denominator, 0) + sympy.expand(numerator * b)
-    return sum((numerator / denominator for denominator, numerator in above.items()), sympy.Integer(0))
+    return sum(
+        (numerator / denominator for denominator, numerator in above.items()), sympy.Integer(0)
+    )
 
 
 def shortest(expression: sympy.Expr) -> sympy.Expr:
@@ -63,8 +69,12 @@ def shortest(expression: sympy.Expr) -> sympy.Expr:
     return min(forms, key=lambda form: len(str(form)))
 
 
-def residual(lagrangian: sympy.Expr, f: Sequence[sympy.Expr], s: Space, seed: int) -> tuple[mpmath.mpf, mpmath.mpf]:
-    """(max |M f - b| / (1 + max |b|), |det M|) at a random point with 0 < q, v < 1/2, to 40 digits."""
+def residual(
+    lagrangian: sympy.Expr, f: Sequence[sympy.Expr], s: Space, seed: int
+) -> tuple[mpmath.mpf, mpmath.mpf]:
+    """(max |M f - b| / (1 + max |b|), |det M|) at a random point with 0 < q, v < 1/2, to 40
+    digits.
+    """
     rng = random.Random(seed)
     with mpmath.workdps(DIGITS):
         symbols = (*s.coordinates, *s.velocities, TIME)

@@ -8,7 +8,12 @@ from dataclasses import dataclass
 
 import sympy
 
-COORDINATE_NAMES = (("x", "y", "z", "w"), ("q1", "q2", "q3", "q4"), ("r", "a", "s", "b"), ("u", "v", "phi", "theta"))
+COORDINATE_NAMES = (
+    ("x", "y", "z", "w"),
+    ("q1", "q2", "q3", "q4"),
+    ("r", "a", "s", "b"),
+    ("u", "v", "phi", "theta"),
+)
 TIME = sympy.Symbol("t")
 
 
@@ -35,7 +40,9 @@ def random_space(rng: random.Random, n: int) -> Space:
 
 def coefficient(rng: random.Random) -> sympy.Rational:
     """A small nonzero number, mostly an integer."""
-    return sympy.Rational(rng.choice((-3, -2, -1, -1, 1, 1, 1, 2, 3)), rng.choice((1, 1, 1, 1, 2, 3)))
+    return sympy.Rational(
+        rng.choice((-3, -2, -1, -1, 1, 1, 1, 2, 3)), rng.choice((1, 1, 1, 1, 2, 3))
+    )
 
 
 def positive(rng: random.Random) -> sympy.Rational:
@@ -50,11 +57,19 @@ def function_of(rng: random.Random, q: sympy.Symbol) -> sympy.Expr:
 
 
 def monomial(rng: random.Random, q: Sequence[sympy.Symbol]) -> sympy.Expr:
-    """One term of a potential: a polynomial, trigonometric, exponential, logarithmic or root term."""
+    """One term of a potential: a polynomial, trigonometric, exponential, logarithmic or root
+    term.
+    """
     a, b = rng.choice(q), rng.choice(q)
     polynomial = (a * b, a**2 * b, a * b**2, a**2 * b**2, a**3 - a * b)
     smooth = (*polynomial, sympy.cos(a), b * sympy.sin(a), sympy.cos(a - 2 * b))
-    other = (sympy.exp(a - 2 * b), sympy.exp(-a), sympy.log(a), 1 / (a + b), sympy.sqrt(1 + a**2 + b**2))
+    other = (
+        sympy.exp(a - 2 * b),
+        sympy.exp(-a),
+        sympy.log(a),
+        1 / (a + b),
+        sympy.sqrt(1 + a**2 + b**2),
+    )
     return coefficient(rng) * rng.choice(smooth if rng.random() < 0.7 else other)
 
 

@@ -1,7 +1,7 @@
 """Compute the exact inverse of a small matrix of elementary functions quickly.
 
-Every exponential, root, sine, and cosine gets its own symbol, so all arithmetic is that of polynomials; roots are
-reduced modulo their squares before they are substituted back.
+Every exponential, root, sine, and cosine gets its own symbol, so all arithmetic is that of
+polynomials; roots are reduced modulo their squares before they are substituted back.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ def inverse(matrix: sympy.Matrix) -> sympy.Matrix:
     """The inverse. Raises ValueError if the determinant is zero.
 
     Cofactors over determinant: Gauss in the fraction field takes up to a minute for n = 4, and
-    DomainMatrix.adj_det of SymPy 1.14 fails where a coefficient of the characteristic polynomial is 0.
+    DomainMatrix.adj_det of SymPy 1.14 fails where a coefficient of the characteristic polynomial is
+    0.
     """
     atoms = Atoms()
     named = matrix.applyfunc(lambda entry: _named(sympy.expand(entry), atoms))
@@ -65,7 +66,12 @@ def _minor(matrix: DomainMatrix, row: int, column: int) -> Any:
 
 def _named(expression: sympy.Expr, atoms: Atoms) -> sympy.Expr:
     if isinstance(expression, sympy.exp):
-        return sympy.Mul(*(_exponential(term, atoms) for term in sympy.Add.make_args(sympy.expand(expression.exp))))
+        return sympy.Mul(
+            *(
+                _exponential(term, atoms)
+                for term in sympy.Add.make_args(sympy.expand(expression.exp))
+            )
+        )
     if isinstance(expression, sympy.Function):
         return atoms.symbol(expression)
     if expression.is_Pow and not expression.exp.is_Integer:

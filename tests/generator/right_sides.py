@@ -1,4 +1,6 @@
-"""Random right-hand sides without any structure; almost none of them has a Lagrangian for n >= 2."""
+"""Random right-hand sides without any structure; almost none of them has a Lagrangian for n >=
+2.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,11 @@ class RandomRightSide:
     @property
     def document(self) -> dict[str, object]:
         """The system as a user would send it."""
-        return {"name": self.id, "coordinates": list(self.coordinates), "equations": dict(self.equations)}
+        return {
+            "name": self.id,
+            "coordinates": list(self.coordinates),
+            "equations": dict(self.equations),
+        }
 
 
 def random_right_sides(count: int, seed: int) -> list[RandomRightSide]:
@@ -45,7 +51,9 @@ def _one(index: int, seed: int, kind: str, n: int) -> RandomRightSide:
     s = random_space(rng, n)
     f = [_right_side(rng, s, kind) for _ in s.coordinates]
     names = tuple(q.name for q in s.coordinates)
-    return RandomRightSide(f"{kind}-{seed}-{index}", kind, n, names, dict(zip(names, map(text, f), strict=True)))
+    return RandomRightSide(
+        f"{kind}-{seed}-{index}", kind, n, names, dict(zip(names, map(text, f), strict=True))
+    )
 
 
 def _right_side(rng: random.Random, s: Space, kind: str) -> sympy.Expr:
@@ -55,7 +63,9 @@ def _right_side(rng: random.Random, s: Space, kind: str) -> sympy.Expr:
         return polynomial / (1 + rng.choice(atoms) ** rng.randint(1, 2))
     if kind == "trigonometric":
         a, b = rng.choice(s.coordinates), rng.choice(s.coordinates)
-        return polynomial + coefficient(rng) * rng.choice((sympy.sin(a), sympy.cos(a - b))) * rng.choice(atoms)
+        return polynomial + coefficient(rng) * rng.choice(
+            (sympy.sin(a), sympy.cos(a - b))
+        ) * rng.choice(atoms)
     return polynomial
 
 

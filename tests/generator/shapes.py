@@ -1,4 +1,5 @@
-"""Random Lagrangians of less usual shapes: Finsler, logarithms, arctangents, products and powers of velocities.
+"""Random Lagrangians of less usual shapes: Finsler, logarithms, arctangents, products and powers of
+velocities.
 
 Each is regular at a generic point; coefficients are short functions of position.
 """
@@ -24,7 +25,9 @@ def _position(rng: random.Random, s: Space) -> sympy.Expr:
 
 
 def _each(rng: random.Random, s: Space, shapes: list[sympy.Expr]) -> sympy.Expr:
-    return sum((coefficient(rng) * _factor(rng, s) * shape for shape in shapes), sympy.Integer(0)) + _position(rng, s)
+    return sum(
+        (coefficient(rng) * _factor(rng, s) * shape for shape in shapes), sympy.Integer(0)
+    ) + _position(rng, s)
 
 
 def powers(rng: random.Random, s: Space) -> sympy.Expr:
@@ -68,7 +71,9 @@ def finsler(rng: random.Random, s: Space) -> sympy.Expr:
 
 
 def first_integrals(rng: random.Random, s: Space) -> sympy.Expr:
-    """phi v_i^2 v_n^k + W v_n^m + v_n^2, where the last coordinate is cyclic and its momentum conserved."""
+    """phi v_i^2 v_n^k + W v_n^m + v_n^2, where the last coordinate is cyclic and its momentum
+    conserved.
+    """
     *others, last = s.velocities
     if not others:
         return _factor(rng, s) * last ** rng.choice((2, 3, 4))
@@ -85,7 +90,11 @@ def arctangents(rng: random.Random, s: Space) -> sympy.Expr:
         k = positive(rng)
         arc = k * v * sympy.atan(k * v) - sympy.log(1 + k**2 * v**2) / 2
         shapes.append(rng.choice((arc, v**2, sympy.exp(v))))
-    return sum(shapes, sympy.Integer(0)) + coefficient(rng) * monomial(rng, s.coordinates) + s.coordinates[0] ** 2
+    return (
+        sum(shapes, sympy.Integer(0))
+        + coefficient(rng) * monomial(rng, s.coordinates)
+        + s.coordinates[0] ** 2
+    )
 
 
 SHAPES = {

@@ -35,21 +35,31 @@ class GeneratedSystem:
     @property
     def document(self) -> dict[str, object]:
         """The system as a user would send it."""
-        return {"name": self.id, "coordinates": list(self.coordinates), "equations": dict(self.equations)}
+        return {
+            "name": self.id,
+            "coordinates": list(self.coordinates),
+            "equations": dict(self.equations),
+        }
 
 
 def text(expression: sympy.Expr) -> str:
-    """The expression in the canonical grammar; a velocity is a symbol whose name ends in a prime."""
+    """The expression in the canonical grammar; a velocity is a symbol whose name ends in a
+    prime.
+    """
     printed: str = sympy.sstr(expression)
     return printed.replace("**", "^")
 
 
-def random_systems(count: int, seed: int, families: Sequence[str] = tuple(FAMILIES)) -> list[GeneratedSystem]:
+def random_systems(
+    count: int, seed: int, families: Sequence[str] = tuple(FAMILIES)
+) -> list[GeneratedSystem]:
     """`count` systems that cycle through the families and n = 1 to 4; a seed determines them."""
     return [random_system(index, seed, families) for index in range(count)]
 
 
-def random_system(index: int, seed: int, families: Sequence[str] = tuple(FAMILIES)) -> GeneratedSystem:
+def random_system(
+    index: int, seed: int, families: Sequence[str] = tuple(FAMILIES)
+) -> GeneratedSystem:
     """The system with this number."""
     kinds = len(families)
     return _one(index, seed, families[index % kinds], 1 + index // kinds % 4)
@@ -70,13 +80,21 @@ def _one(index: int, seed: int, family: str, n: int) -> GeneratedSystem:
             return assembled(f"{family}-{seed}-{index}", family, s, f, lagrangian)
 
 
-def assembled(name: str, family: str, s: Space, f: Sequence[sympy.Expr], lagrangian: sympy.Expr) -> GeneratedSystem:
-    """The system, after its Lagrangian is verified at two points with 40 digits. Raises AssertionError if it fails."""
+def assembled(
+    name: str, family: str, s: Space, f: Sequence[sympy.Expr], lagrangian: sympy.Expr
+) -> GeneratedSystem:
+    """The system, after its Lagrangian is verified at two points with 40 digits. Raises
+    AssertionError if it fails.
+    """
     for seed in (1, 2):
         defect, determinant = residual(lagrangian, f, s, seed)
         if not (defect < 1e-30 and determinant > 1e-12):
-            raise AssertionError(f"{name}: Euler-Lagrange residual {defect}, determinant {determinant}")
+            raise AssertionError(
+                f"{name}: Euler-Lagrange residual {defect}, determinant {determinant}"
+            )
     names = tuple(q.name for q in s.coordinates)
     equations = dict(zip(names, map(text, f), strict=True))
     timed = any(symbol.name == "t" for symbol in lagrangian.free_symbols)
-    return GeneratedSystem(name, family, s.n, names, equations, text(lagrangian), timed, s, tuple(f), lagrangian)
+    return GeneratedSystem(
+        name, family, s.n, names, equations, text(lagrangian), timed, s, tuple(f), lagrangian
+    )

@@ -1,10 +1,12 @@
-"""What a change does to a hundred results: `python -m tests.golden --base REVISION [--but KEY ...]`.
+"""What a change does to a hundred results: `python -m tests.golden --base REVISION [--but KEY
+...]`.
 
-Each document is solved in a process of its own, by the working tree and by the revision, which is checked out below
-build/golden. The results are compared as JSON, key by key. `documents()` draws systems of the corpus that are not slow,
-motions of docs/questions, kinds and systems with cells, evenly from each file. Two limits that a busy machine reaches
-are ten times as long in both trees, and the keys of `CLOCKS` are left out: the rest of a result depends on the document
-alone. Exit 1 and one line for each difference.
+Each document is solved in a process of its own, by the working tree and by the revision, which is
+checked out below build/golden. The results are compared as JSON, key by key. `documents()` draws
+systems of the corpus that are not slow, motions of docs/questions, kinds and systems with cells,
+evenly from each file. Two limits that a busy machine reaches are ten times as long in both trees,
+and the keys of `CLOCKS` are left out: the rest of a result depends on the document alone. Exit 1
+and one line for each difference.
 """
 
 from __future__ import annotations
@@ -24,7 +26,12 @@ from tests.doors.rows import rows
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "build" / "golden"
 LIMIT = 15.0  # s of processor time for one document
-CLOCKS = ("/provenance/seconds", "/provenance/time_limit", "/provenance/engine", "/provenance/version")
+CLOCKS = (
+    "/provenance/seconds",
+    "/provenance/time_limit",
+    "/provenance/engine",
+    "/provenance/version",
+)
 # Files of the corpus and the number of documents from each.
 DRAWN = {
     "textbook": 15,
@@ -56,10 +63,16 @@ def documents() -> dict[str, Any]:
     """The documents by name; the same ones in every run."""
     chosen: dict[str, Any] = {}
     for name, number in DRAWN.items():
-        quick = [row for row in rows(name) if "document" in row and not {"slow", "nightly", "open"} & set(row)]
+        quick = [
+            row
+            for row in rows(name)
+            if "document" in row and not {"slow", "nightly", "open"} & set(row)
+        ]
         step = max(1, len(quick) // number)
         chosen |= {f"{name}: {row['id']}": row["document"] for row in quick[::step][:number]}
-    lines = (ROOT / "docs" / "questions" / "motions.ndjson").read_text(encoding="utf-8").splitlines()
+    lines = (
+        (ROOT / "docs" / "questions" / "motions.ndjson").read_text(encoding="utf-8").splitlines()
+    )
     for line in lines[:: len(lines) // 10][:10]:
         motion = json.loads(line)
         chosen[f"motions: {motion.pop('name')}"] = motion
@@ -80,7 +93,11 @@ def answers(tree: Path, processes: int) -> dict[str, Any]:
             env={**os.environ, "PYTHONPATH": str(tree)},
         )
         lines = run.stderr.strip().splitlines()
-        return json.loads(run.stdout) if run.returncode == 0 else f"no result: {lines[-1] if lines else run.returncode}"
+        return (
+            json.loads(run.stdout)
+            if run.returncode == 0
+            else f"no result: {lines[-1] if lines else run.returncode}"
+        )
 
     asked = documents()
     with ThreadPoolExecutor(processes) as pool:
@@ -88,7 +105,9 @@ def answers(tree: Path, processes: int) -> dict[str, Any]:
 
 
 def differences(old: Any, new: Any, but: Sequence[str], at: str = "") -> Iterator[str]:
-    """JSON pointers with what was and what is; pointers that end with a part in `but` and clocks are left out."""
+    """JSON pointers with what was and what is; pointers that end with a part in `but` and clocks
+    are left out.
+    """
     if old == new or at.startswith(CLOCKS) or (at and at.rpartition("/")[2] in but):
         return
     if isinstance(old, Mapping) and isinstance(new, Mapping):
@@ -109,17 +128,25 @@ def _short(value: Any) -> str:
 def tree_of(revision: str) -> Path:
     """A checkout of the revision below build/golden."""
     command = ["git", "rev-parse", "--verify", f"{revision}^{{commit}}"]
-    commit = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT).stdout.strip()
+    commit = subprocess.run(
+        command, capture_output=True, text=True, check=True, cwd=ROOT
+    ).stdout.strip()
     tree = FOLDER / commit
     if not tree.exists():
-        subprocess.run(["git", "worktree", "add", "--quiet", "--detach", str(tree), commit], check=True, cwd=ROOT)
+        subprocess.run(
+            ["git", "worktree", "add", "--quiet", "--detach", str(tree), commit],
+            check=True,
+            cwd=ROOT,
+        )
     return tree
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the differences; 0 without any."""
     parser = argparse.ArgumentParser(prog="python -m tests.golden", description=__doc__)
-    parser.add_argument("--base", default="HEAD", help="the revision to compare with (default HEAD)")
+    parser.add_argument(
+        "--base", default="HEAD", help="the revision to compare with (default HEAD)"
+    )
     parser.add_argument("--but", nargs="*", default=[], help="keys that are meant to change")
     parser.add_argument("--processes", type=int, default=2)
     options = parser.parse_args(arguments)
@@ -128,7 +155,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not stored.exists():
         stored.write_text(json.dumps(answers(base, options.processes)), encoding="utf-8")
     before, after = json.loads(stored.read_text(encoding="utf-8")), answers(ROOT, options.processes)
-    found = [f"{name} {each}" for name in after for each in differences(before.get(name), after[name], options.but)]
+    found = [
+        f"{name} {each}"
+        for name in after
+        for each in differences(before.get(name), after[name], options.but)
+    ]
     print(*found, f"{len(after)} documents, {len(found)} differences", sep="\n")
     return 1 if found else 0
 

@@ -38,7 +38,9 @@ Tree = tuple["Tree", ...]
 
 @functools.cache
 def trees(size: int) -> frozenset[Tree]:
-    """The rooted trees with this number of nodes, each as the sorted tuple of the subtrees of its root."""
+    """The rooted trees with this number of nodes, each as the sorted tuple of the subtrees of its
+    root.
+    """
     grown: set[Tree] = {()} if size == 1 else set()
     for last in range(1, size):
         for rest, tree in itertools.product(trees(size - last), trees(last)):
@@ -54,33 +56,47 @@ def nodes_and_density(tree: Tree) -> tuple[int, int]:
 
 @pytest.mark.parametrize("order", method_table.RUNGE_KUTTA)
 def test_runge_kutta_methods_satisfy_the_condition_of_every_rooted_tree(order: int) -> None:
-    """sum_i b_i Phi_i(t) = 1/gamma(t) for the trees of at most `order` nodes (Hairer, Norsett, Wanner II.2)."""
+    """sum_i b_i Phi_i(t) = 1/gamma(t) for the trees of at most `order` nodes (Hairer, Norsett,
+    Wanner II.2).
+    """
     tableau = method_table.TABLEAUX[order]
 
     def stages(tree: Tree) -> Any:
-        return np.prod([np.ones(len(tableau.rows)), *(tableau.rows @ stages(part) for part in tree)], axis=0)
+        return np.prod(
+            [np.ones(len(tableau.rows)), *(tableau.rows @ stages(part) for part in tree)], axis=0
+        )
 
     for tree in itertools.chain.from_iterable(trees(size) for size in range(1, order + 1)):
-        assert np.dot(tableau.weights, stages(tree)) == pytest.approx(1 / nodes_and_density(tree)[1], abs=1e-13)
+        assert np.dot(tableau.weights, stages(tree)) == pytest.approx(
+            1 / nodes_and_density(tree)[1], abs=1e-13
+        )
 
 
 @pytest.mark.parametrize("order", method_table.TABLEAUX)
 def test_forces_without_velocities_need_the_conditions_of_nystrom(order: int) -> None:
-    """A force along q = t^m, or along positions due to other such forces, is exact up to t^order (II.14)."""
+    """A force along q = t^m, or along positions due to other such forces, is exact up to t^order
+    (II.14).
+    """
     one = method_table.TABLEAUX[order]
     assert not np.triu(one.places).any()
-    grown = {0: [(np.ones(len(one.nodes)), 1.0)]}  # by power of t: values at the stages, and the factor
+    grown = {
+        0: [(np.ones(len(one.nodes)), 1.0)]
+    }  # by power of t: values at the stages, and the factor
     for power in range(1, order):
         grown[power] = [(one.nodes * values, factor) for values, factor in grown[power - 1]]
         for last in range(power - 1):
             scale = 1 / ((last + 1) * (last + 2))
-            for (values, factor), (inner, size) in itertools.product(grown[power - 2 - last], grown[last]):
+            for (values, factor), (inner, size) in itertools.product(
+                grown[power - 2 - last], grown[last]
+            ):
                 grown[power].append((values * (one.places @ inner), factor * size * scale))
     for power, found in grown.items():
         for values, factor in found:
             assert one.weights @ values == pytest.approx(factor / (power + 1), abs=1e-13)
             if power + 2 <= order:
-                assert one.ends @ values == pytest.approx(factor / ((power + 1) * (power + 2)), abs=1e-13)
+                assert one.ends @ values == pytest.approx(
+                    factor / ((power + 1) * (power + 2)), abs=1e-13
+                )
 
 
 def test_formulas_hold_for_plain_numbers() -> None:
@@ -88,7 +104,9 @@ def test_formulas_hold_for_plain_numbers() -> None:
     q, p, h = np.array([0.4]), np.array([0.7]), 0.1
     d = h * (p - h * q / 2) / (1 + h * h / 4)
     e = -h * (q + d / 2)
-    residuals, pushes = variational.hamiltonian_step(q, p, d, e, h, 0.5, lambda x, y: x, lambda x, y: y)
+    residuals, pushes = variational.hamiltonian_step(
+        q, p, d, e, h, 0.5, lambda x, y: x, lambda x, y: y
+    )
     assert np.abs(residuals).max() < 1e-16
     assert pushes == e
     residuals, pushes = variational.raw_step(q, p, d, h, (0.5,), lambda x, v: -x, lambda x, v: v)

@@ -53,14 +53,20 @@ def test_the_parts_of_a_function_of_numbers(formula: str, square: int) -> None:
             wanted = [whole.real, whole.imag]
         else:  # F + i dF
             wanted = [value(tree, {z: at[a], w: at[c]})]
-            wanted.append(mpmath.diff(lambda h: value(tree, {z: at[a] + h * at[b], w: at[c] + h * at[d]}), 0))
+            wanted.append(
+                mpmath.diff(lambda h: value(tree, {z: at[a] + h * at[b], w: at[c] + h * at[d]}), 0)
+            )
         for x, y in zip(found, wanted, strict=True):
             assert abs(x - y) < mpmath.mpf(10) ** -15
 
 
 def test_a_complex_system_is_found_in_sums_of_its_coordinates() -> None:
-    """z'' = (1 + 2 i) z'^2 for z = x + i y, J = (0, -1; 1, 0), and in other coordinates J = T^-1 J T."""
-    system = read_system(["x", "y"], {"x": "x'^2 - y'^2 - 4*x'*y'", "y": "2*(x'^2 - y'^2) + 2*x'*y'"})
+    """z'' = (1 + 2 i) z'^2 for z = x + i y, J = (0, -1; 1, 0), and in other coordinates J = T^-1 J
+    T.
+    """
+    system = read_system(
+        ["x", "y"], {"x": "x'^2 - y'^2 - 4*x'*y'", "y": "2*(x'^2 - y'^2) + 2*x'*y'"}
+    )
     turned = [[Fraction(3), Fraction(-5)], [Fraction(2), Fraction(1)]]  # 2 + J', J'^2 = -9
     plain = algebras.structure_of([[Fraction(4), Fraction(-1)], [Fraction(1), Fraction(4)]])
     assert plain is not None
@@ -76,4 +82,6 @@ def test_a_complex_system_is_found_in_sums_of_its_coordinates() -> None:
 def test_matrices_that_are_no_unit_make_no_numbers() -> None:
     zero, one = Fraction(0), Fraction(1)
     for matrix in ([[one, zero], [zero, one]], [[zero, one], [one, zero]], [[one]]):
-        assert algebras.structure_of(matrix) is None  # 1 itself, a matrix with the square 1, an odd size
+        assert (
+            algebras.structure_of(matrix) is None
+        )  # 1 itself, a matrix with the square 1, an odd size

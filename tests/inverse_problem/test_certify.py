@@ -39,9 +39,13 @@ def test_certificates_are_json_and_name_the_question() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("equations", [HENON_HEILES, ROTATION, ROOTS, {"x": "0"}, {"x": "-sin(x)*x'^2", "y": "-y"}])
+@pytest.mark.parametrize(
+    "equations", [HENON_HEILES, ROTATION, ROOTS, {"x": "0"}, {"x": "-sin(x)*x'^2", "y": "-y"}]
+)
 @pytest.mark.parametrize("time_dependent", [False, True])
-def test_the_checker_confirms_what_was_decided(equations: dict[str, str], time_dependent: bool) -> None:
+def test_the_checker_confirms_what_was_decided(
+    equations: dict[str, str], time_dependent: bool
+) -> None:
     found = check_certificate(certificate(equations, time_dependent), seed=3)
     assert found.verdict == "valid", found.reasons
 
@@ -82,7 +86,9 @@ def take_another_degree(found: dict[str, Any]) -> None:
     found["degree"] += 1
 
 
-@pytest.mark.parametrize("corrupt", [drop_a_row, drop_all_rows, repeat_one_row, flip_the_claim, change_the_system])
+@pytest.mark.parametrize(
+    "corrupt", [drop_a_row, drop_all_rows, repeat_one_row, flip_the_claim, change_the_system]
+)
 def test_a_corrupted_proof_of_nonexistence_is_refused(corrupt: Corruption) -> None:
     right = certificate(ROTATION)
     wrong = copy.deepcopy(right)
@@ -92,7 +98,14 @@ def test_a_corrupted_proof_of_nonexistence_is_refused(corrupt: Corruption) -> No
 
 
 @pytest.mark.parametrize(
-    "corrupt", [flip_the_claim, change_the_system, raise_a_dimension, lower_the_characters, take_another_degree]
+    "corrupt",
+    [
+        flip_the_claim,
+        change_the_system,
+        raise_a_dimension,
+        lower_the_characters,
+        take_another_degree,
+    ],
 )
 def test_a_corrupted_proof_of_existence_is_refused(corrupt: Corruption) -> None:
     wrong = certificate(HENON_HEILES)
@@ -110,11 +123,15 @@ def test_no_row_used_is_superfluous() -> None:
         assert check_certificate(wrong, seed=3).verdict == "invalid"
 
 
-@pytest.mark.parametrize(("lagrangian", "verdict"), [("x'*y'-x*y", "valid"), ("x'*y'+x*y", "invalid")])
+@pytest.mark.parametrize(
+    ("lagrangian", "verdict"), [("x'*y'-x*y", "valid"), ("x'*y'+x*y", "invalid")]
+)
 def test_a_lagrangian_is_its_own_certificate(lagrangian: str, verdict: str) -> None:
     analysis = analyze(read_system(["x", "y"], {"x": "-x", "y": "-y"}))
     tree = parse(lagrangian, Names(("x", "y"), ()))
-    assert check_certificate(certify.of_lagrangian(analysis, tree, False), seed=3).verdict == verdict
+    assert (
+        check_certificate(certify.of_lagrangian(analysis, tree, False), seed=3).verdict == verdict
+    )
 
 
 def test_an_undetermined_decision_has_no_certificate() -> None:
@@ -129,7 +146,8 @@ def test_the_real_point_of_the_domain_is_written_down() -> None:
     assert float(near["x"]) > 0
 
 
-# Functions that a decision over a prime field must not treat as independent; the checker uses real numbers.
+# Functions that a decision over a prime field must not treat as independent; the checker uses real
+# numbers.
 RELATED = [
     {"x": "-x-2*x*y+(sin(atan(1/x))-cos(atan(x)))*x'*y'^2", "y": "-y-x^2+y^2"},
     {"x": "sqrt(x-y)*sqrt(x+y)*y'", "y": "sqrt(x^2-y^2)*x'+log(x-y)+log(x+y)"},
@@ -140,7 +158,9 @@ RELATED = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize("equations", RELATED)
-def test_the_checker_confirms_verdicts_on_functions_that_are_related(equations: dict[str, str]) -> None:
+def test_the_checker_confirms_verdicts_on_functions_that_are_related(
+    equations: dict[str, str],
+) -> None:
     found = check_certificate(certificate(equations), seed=5)
     assert found.verdict == "valid", found.reasons
 

@@ -26,12 +26,16 @@ from inverse_service.statements.stages import Stage
 
 
 def system(
-    equations: dict[str, str], parameters: Sequence[str] = (), functions: dict[str, list[str]] | None = None
+    equations: dict[str, str],
+    parameters: Sequence[str] = (),
+    functions: dict[str, list[str]] | None = None,
 ) -> SecondOrderSystem:
     return read_system(list(equations), equations, parameters, functions)
 
 
-@pytest.mark.parametrize("force", ["0", "-x", "-sin(x)-x'^3*x", "-x*t", "A(x)*x'^2+1/(1+x^2)", "sqrt(1+x'^2)"])
+@pytest.mark.parametrize(
+    "force", ["0", "-x", "-sin(x)-x'^3*x", "-x*t", "A(x)*x'^2+1/(1+x^2)", "sqrt(1+x'^2)"]
+)
 def test_the_theorem_for_one_coordinate_says_what_prolongation_finds(force: str) -> None:
     one = system({"x": force}, (), {"A": ["x"]} if "A" in force else None)
     for time_dependent in (False, True):
@@ -57,10 +61,14 @@ def test_constants_only_are_as_free_motion() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("n", [5, 8])
-def test_a_random_quadratic_system_of_many_coordinates_is_refused_at_low_order_at_once(n: int) -> None:
+def test_a_random_quadratic_system_of_many_coordinates_is_refused_at_low_order_at_once(
+    n: int,
+) -> None:
     names, rng = list("abcdefgh")[:n], random.Random(1)
     equations = {
-        name: "+".join(f"{rng.randint(1, 9)}*{rng.choice(names)}*{rng.choice(names)}'" for _ in range(3))
+        name: "+".join(
+            f"{rng.randint(1, 9)}*{rng.choice(names)}*{rng.choice(names)}'" for _ in range(3)
+        )
         for name in names
     }
     found = decide(system(equations), False)
@@ -98,7 +106,15 @@ def test_parameters_and_arbitrary_functions_are_generic(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "force", ["x/(k-k)", "1/(sin(x)^2+cos(x)^2-1)", "log(x-x)", "exp(1/(x-x))", "sqrt(-1-x^2)", "x^sqrt(y-y)/(x-x)"]
+    "force",
+    [
+        "x/(k-k)",
+        "1/(sin(x)^2+cos(x)^2-1)",
+        "log(x-x)",
+        "exp(1/(x-x))",
+        "sqrt(-1-x^2)",
+        "x^sqrt(y-y)/(x-x)",
+    ],
 )
 def test_what_has_no_value_anywhere_is_undetermined_with_a_sentence(force: str) -> None:
     found = decide(system({"x": force, "y": "x"}, ["k"]), False)
@@ -123,13 +139,17 @@ def test_a_limit_that_is_reached_is_named(limits: Limits, reason: str) -> None:
 
 
 def test_a_deadline_in_the_future_has_no_effect() -> None:
-    assert decide(system({"x": "y", "y": "x"}), False, limits=Limits(deadline=now() + 60)).order == 3
+    assert (
+        decide(system({"x": "y", "y": "x"}), False, limits=Limits(deadline=now() + 60)).order == 3
+    )
 
 
 def test_progress_is_reported_order_by_order() -> None:
     told: list[Stage] = []
     decide(system({"x": "y", "y": "x"}), False, progress=told.append)
-    assert [stage.text for stage in told[:4]] == [f"prolongation to order {order}" for order in range(4)]
+    assert [stage.text for stage in told[:4]] == [
+        f"prolongation to order {order}" for order in range(4)
+    ]
 
 
 def test_two_points_of_two_primes_confirm_the_verdict() -> None:
@@ -138,7 +158,9 @@ def test_two_points_of_two_primes_confirm_the_verdict() -> None:
     assert len({point["seed"] for point in points}) == 2
 
 
-@pytest.mark.parametrize("equations", [{"x": "-x-2*x*y", "y": "-y-x^2+y^2"}, {"x": "x*y'", "y": "y*x'^2"}])
+@pytest.mark.parametrize(
+    "equations", [{"x": "-x-2*x*y", "y": "-y-x^2+y^2"}, {"x": "x*y'", "y": "y*x'^2"}]
+)
 def test_verdict_dimensions_and_rows_do_not_depend_on_the_seed(equations: dict[str, str]) -> None:
     found = [decide(system(equations), False, seed=seed) for seed in range(1, 6)]
     assert len({(d.verdict, d.history, d.rows) for d in found}) == 1
@@ -152,7 +174,21 @@ def test_a_negative_verdict_names_rows_of_the_order_and_a_positive_one_none() ->
     assert decide(system({"x": "-x", "y": "-y"}), False).rows == ()
 
 
-ATOMS = ("x", "y", "x'", "y'", "x*y", "x'*y'", "x'^2", "x^2", "y'^2", "sin(x)", "1/(2+y)", "x*y'", "exp(y)")
+ATOMS = (
+    "x",
+    "y",
+    "x'",
+    "y'",
+    "x*y",
+    "x'*y'",
+    "x'^2",
+    "x^2",
+    "y'^2",
+    "sin(x)",
+    "1/(2+y)",
+    "x*y'",
+    "exp(y)",
+)
 TERMS = st.lists(st.tuples(st.integers(-3, 3), st.sampled_from(ATOMS)), min_size=0, max_size=3)
 MATRICES = st.lists(st.fractions(-3, 3, max_denominator=3), min_size=4, max_size=4).filter(
     lambda m: m[0] * m[3] != m[1] * m[2]
@@ -187,17 +223,25 @@ def linear_change(given: SecondOrderSystem, matrix: list[Fraction]) -> SecondOrd
 @settings(max_examples=25, deadline=None)
 @given(TERMS, TERMS, MATRICES, st.booleans())
 def test_verdict_and_dimensions_survive_linear_changes_of_coordinates(
-    first: list[tuple[int, str]], second: list[tuple[int, str]], matrix: list[Fraction], time_dependent: bool
+    first: list[tuple[int, str]],
+    second: list[tuple[int, str]],
+    matrix: list[Fraction],
+    time_dependent: bool,
 ) -> None:
     given = plane_system(first, second)
-    assert essence(decide(linear_change(given, matrix), time_dependent)) == essence(decide(given, time_dependent))
+    assert essence(decide(linear_change(given, matrix), time_dependent)) == essence(
+        decide(given, time_dependent)
+    )
 
 
 @pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(TERMS, TERMS, st.fractions(Fraction(1, 9), 9, max_denominator=9), st.booleans())
 def test_verdict_and_dimensions_survive_other_units(
-    first: list[tuple[int, str]], second: list[tuple[int, str]], unit: Fraction, time_dependent: bool
+    first: list[tuple[int, str]],
+    second: list[tuple[int, str]],
+    unit: Fraction,
+    time_dependent: bool,
 ) -> None:
     given = plane_system(first, second)
     scaled = linear_change(given, [unit, Fraction(0), Fraction(0), -2 * unit])
@@ -206,16 +250,25 @@ def test_verdict_and_dimensions_survive_other_units(
 
 @pytest.mark.slow
 @settings(max_examples=20, deadline=None)
-@given(TERMS, TERMS, st.sampled_from([("x", "y"), ("u", "v"), ("q1", "q2"), ("theta", "alpha"), ("y", "x")]))
+@given(
+    TERMS,
+    TERMS,
+    st.sampled_from([("x", "y"), ("u", "v"), ("q1", "q2"), ("theta", "alpha"), ("y", "x")]),
+)
 def test_verdict_and_dimensions_survive_renaming_and_exchange(
     first: list[tuple[int, str]], second: list[tuple[int, str]], names: tuple[str, str]
 ) -> None:
     given = plane_system(first, second)
     table: dict[Expression, Expression] = {
-        kind(old): kind(new) for kind in (Symbol, Velocity) for old, new in zip(given.coordinates, names, strict=True)
+        kind(old): kind(new)
+        for kind in (Symbol, Velocity)
+        for old, new in zip(given.coordinates, names, strict=True)
     }
     forces = tuple(substitute(force, table) for force in given.accelerations)
-    renamed, exchanged = SecondOrderSystem(names, forces), SecondOrderSystem(names[::-1], forces[::-1])
+    renamed, exchanged = (
+        SecondOrderSystem(names, forces),
+        SecondOrderSystem(names[::-1], forces[::-1]),
+    )
     expected = essence(decide(given, False))
     assert essence(decide(renamed, False)) == expected
     assert essence(decide(exchanged, False)) == expected

@@ -38,7 +38,10 @@ def test_all_scalings_and_reflections_map_motions_to_motions(
 ) -> None:
     system = read(equations)
     found = gradings(system)
-    for table, factor, count in ((found.scalings, 2, scalings), (found.reflections, -1, reflections)):
+    for table, factor, count in (
+        (found.scalings, 2, scalings),
+        (found.reflections, -1, reflections),
+    ):
         assert len(table[ex.TIME]) == count
         for k in range(count):
             rate = table[ex.TIME][k]
@@ -50,7 +53,9 @@ def test_all_scalings_and_reflections_map_motions_to_motions(
                 before[x] = mpmath.mpf(3 + place) / 7
                 after[x] = before[x] * mpmath.mpf(factor) ** weight + shift
                 before[ex.Velocity(name)] = mpmath.mpf(5 - place) / 11
-                after[ex.Velocity(name)] = before[ex.Velocity(name)] * mpmath.mpf(factor) ** (weight + rate)
+                after[ex.Velocity(name)] = before[ex.Velocity(name)] * mpmath.mpf(factor) ** (
+                    weight + rate
+                )
             for name, f in zip(system.coordinates, system.accelerations, strict=True):
                 whole = mpmath.mpf(factor) ** (table[ex.Symbol(name)][k] + 2 * rate)
                 wanted = whole * calculus.evaluate(f, before)
@@ -60,7 +65,10 @@ def test_all_scalings_and_reflections_map_motions_to_motions(
 def test_products_of_one_degree_are_homogeneous_and_each_product_occurs_once() -> None:
     found = gradings(read({"x": "-x/(x^2+y^2)^(3/2)", "y": "-y/(x^2+y^2)^(3/2)"}))
     x, y = ex.Symbol("x"), ex.Symbol("y")
-    velocities = [grading.Block(tm.monomial(ex.Velocity(name)), range(3), "velocity", moves=True) for name in "xy"]
+    velocities = [
+        grading.Block(tm.monomial(ex.Velocity(name)), range(3), "velocity", moves=True)
+        for name in "xy"
+    ]
     radius = grading.Block(tm.monomial(x**2 + y**2), [Fraction(k, 2) for k in range(-2, 2)])
     limits = {"velocity": 2}
     groups = list(grading.products_by_degree([*velocities, radius], found, limits, 1_000, 100))
@@ -68,6 +76,10 @@ def test_products_of_one_degree_are_homogeneous_and_each_product_occurs_once() -
     assert len(listed) == len(set(listed)) > 0
     for group in groups:
         assert len({tuple(row) for row in found.degrees_of(group).tolist()}) == 1
-    # L = (x'^2 + y'^2)/2 + 1/r is of one degree, and the products with a Hessian decide which degrees are listed.
-    kepler = {tm.monomial(ex.Velocity("x"), ex.Velocity("x")), frozenset([(x**2 + y**2, Fraction(-1, 2))])}
+    # L = (x'^2 + y'^2)/2 + 1/r is of one degree, and the products with a Hessian decide which
+    # degrees are listed.
+    kepler = {
+        tm.monomial(ex.Velocity("x"), ex.Velocity("x")),
+        frozenset([(x**2 + y**2, Fraction(-1, 2))]),
+    }
     assert any(kepler <= set(group) for group in groups)

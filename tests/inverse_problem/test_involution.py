@@ -25,7 +25,9 @@ def decided(equations: dict[str, str], time_dependent: bool = False) -> Decision
 
 
 def free_characters(n: int, with_time: bool) -> tuple[int, ...]:
-    """alpha_k = n(n + 1)/2 - k(k - 1)/2 for k = 1 … n; one more character n(n + 1)/2 first with time."""
+    """alpha_k = n(n + 1)/2 - k(k - 1)/2 for k = 1 … n; one more character n(n + 1)/2 first with
+    time.
+    """
     values = [math.comb(n + 1, 2) - math.comb(k, 2) for k in range(1, n + 1)]
     return (math.comb(n + 1, 2), *values, *[0] * n) if with_time else (*values, *[0] * n)
 
@@ -46,7 +48,9 @@ def test_free_motion_has_the_characters_of_the_closed_form(n: int, with_time: bo
 
 
 @pytest.mark.parametrize("force", ["0", "-x^3+x*x'", "sin(x)*x'^2", "-x'", "exp(x'*x)"])
-def test_one_dimension_leaves_one_function_of_as_many_variables_as_there_are_invariants(force: str) -> None:
+def test_one_dimension_leaves_one_function_of_as_many_variables_as_there_are_invariants(
+    force: str,
+) -> None:
     found = decided({"x": force})
     assert found.history[-1] == (1, 2, 3)
     assert found.symbol == Symbol(1, 1, (1, 0))
@@ -63,7 +67,9 @@ def test_one_dimension_leaves_one_function_of_as_many_variables_as_there_are_inv
         ({"x": "-x-2*x*y", "y": "-y-x^2+y^2"}, (0, 0, 0, 0)),  # unique multiplier
     ],
 )
-def test_known_pairs_have_their_characters(equations: dict[str, str], characters: tuple[int, ...]) -> None:
+def test_known_pairs_have_their_characters(
+    equations: dict[str, str], characters: tuple[int, ...]
+) -> None:
     found = decided(equations)
     assert found.symbol is not None
     assert found.symbol.characters == characters
@@ -73,7 +79,9 @@ def test_known_pairs_have_their_characters(equations: dict[str, str], characters
 def test_uncoupled_systems_have_the_dimensions_of_their_parts_together() -> None:
     parts = [decided({"x": "-x^3"}), decided({"x": "-sin(x)"})]
     together = decided({"x": "-x^3", "y": "-sin(y)"}).history[-1]
-    assert together[:3] == tuple(a + b for a, b in zip(*(part.history[-1] for part in parts), strict=True))
+    assert together[:3] == tuple(
+        a + b for a, b in zip(*(part.history[-1] for part in parts), strict=True)
+    )
 
 
 def test_a_symbol_is_involutive_only_where_cartans_equality_holds() -> None:
@@ -91,7 +99,9 @@ def test_a_symbol_is_involutive_only_where_cartans_equality_holds() -> None:
         (3, (2, 1, 0), "1 function of 2 variables"),
     ],
 )
-def test_the_sentence_names_the_last_character(dimension: int, characters: tuple[int, ...], sentence: str) -> None:
+def test_the_sentence_names_the_last_character(
+    dimension: int, characters: tuple[int, ...], sentence: str
+) -> None:
     assert statement(dimension, characters) == f"the multiplier depends on {sentence}"
 
 

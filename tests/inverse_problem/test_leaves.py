@@ -1,4 +1,6 @@
-"""Leaves have exactly the members that satisfy the equations: tried one by one, for constants from -2 to 2."""
+"""Leaves have exactly the members that satisfy the equations: tried one by one, for constants from
+-2 to 2.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +52,8 @@ def test_the_members_of_the_leaves_are_those_of_the_equations(texts: list[str]) 
         for name, value in zip(LETTERS, values, strict=True):
             point[places[name]] = value
         on_a_leaf = any(
-            not any(equation(*point) for equation in leaf.equations) and all(one(*point) for one in leaf.nonzero)
+            not any(equation(*point) for equation in leaf.equations)
+            and all(one(*point) for one in leaf.nonzero)
             for leaf in found
         )
         assert on_a_leaf == (not any(equation(*point) for equation in equations)), values

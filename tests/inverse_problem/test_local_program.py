@@ -1,4 +1,6 @@
-"""X, N and Phi by compiled series: room for rows, singular points, and programs for higher orders."""
+"""X, N and Phi by compiled series: room for rows, singular points, and programs for higher
+orders.
+"""
 
 from __future__ import annotations
 
@@ -26,11 +28,18 @@ SYSTEMS: list[tuple[dict[str, str], list[str], bool]] = [
 
 def system_of(equations_of: dict[str, str], parameters: list[str]) -> SecondOrderSystem:
     functions = {"A": ["x"]} if any("A(" in f for f in equations_of.values()) else None
-    return read_system(list(equations_of), {q: f"{q}''={f}" for q, f in equations_of.items()}, parameters, functions)
+    return read_system(
+        list(equations_of),
+        {q: f"{q}''={f}" for q, f in equations_of.items()},
+        parameters,
+        functions,
+    )
 
 
 @pytest.mark.parametrize("room", [0, 1, 2])
-def test_rows_that_find_no_room_are_written_into_more(room: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_that_find_no_room_are_written_into_more(
+    room: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     found = HelmholtzAt(analyze(system_of(*SYSTEMS[4][:2])), with_time=True).at(3, 3).equations[0]
     wanted = [rows_of_degree(found.table, degree, PRIME).struct for degree in range(3)]
     monkeypatch.setattr(emission, "ENTRIES", room)
@@ -46,7 +55,9 @@ def told(found: Decision) -> tuple[object, ...]:
     return found.verdict, found.order, found.history, found.degree, found.space, found.reason
 
 
-def test_a_denominator_that_vanishes_everywhere_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_denominator_that_vanishes_everywhere_is_reported(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     system = system_of({"x": "y/(k-x)", "y": "x"}, ["k"])
     real = settling.constants_at
 
@@ -61,7 +72,10 @@ def test_a_denominator_that_vanishes_everywhere_is_reported(monkeypatch: pytest.
 
 @pytest.mark.parametrize(("equations_of", "parameters", "with_time"), SYSTEMS)
 def test_a_program_is_rewritten_for_a_higher_order(
-    equations_of: dict[str, str], parameters: list[str], with_time: bool, monkeypatch: pytest.MonkeyPatch
+    equations_of: dict[str, str],
+    parameters: list[str],
+    with_time: bool,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Arbitrary functions are expanded only to the order of the program."""
     system = system_of(equations_of, parameters)
@@ -71,5 +85,7 @@ def test_a_program_is_rewritten_for_a_higher_order(
 
 
 def test_one_of_these_systems_needs_more_than_the_first_order_of_an_arbitrary_function() -> None:
-    found = [decide(system_of(f, p), t) for f, p, t in SYSTEMS if any("A(" in one for one in f.values())]
+    found = [
+        decide(system_of(f, p), t) for f, p, t in SYSTEMS if any("A(" in one for one in f.values())
+    ]
     assert any(decision.order > 1 for decision in found)

@@ -20,20 +20,31 @@ from tests.values import slow
 
 def test_points_in_no_solved_cell_are_in_a_set_without_an_answer() -> None:
     """atan(tan(x)) has infinitely many branches, of which two are cells."""
-    system = second_order_system.read_system(None, {"x": "atan(tan(x))*y' - y^2", "y": "-x*x' - 2*x*y"})
-    cells, left = solving.cell_by_cell(system, lambda cell, _: (cell, tuple(map(collecting.collect, cell.positive))))
+    system = second_order_system.read_system(
+        None, {"x": "atan(tan(x))*y' - y^2", "y": "-x*x' - 2*x*y"}
+    )
+    cells, left = solving.cell_by_cell(
+        system, lambda cell, _: (cell, tuple(map(collecting.collect, cell.positive)))
+    )
     sets = [*(cell.positive for cell in cells), *(one.positive for one in left)]
     draw = random.Random(3)
     for _ in range(40):
-        values = {ex.Symbol(name): real_branch.table_at({name: str(draw.uniform(-9, 9))}) for name in ("x", "y")}
+        values = {
+            ex.Symbol(name): real_branch.table_at({name: str(draw.uniform(-9, 9))})
+            for name in ("x", "y")
+        }
         point = {key: value for table in values.values() for key, value in table.items()}
         assert any(real_branch.are_positive(positive, point) for positive in sets)
 
 
 @pytest.mark.parametrize("exponent", [2, slow(-3), slow(3)])
 def test_an_exponent_at_which_a_force_vanishes_is_an_exception(exponent: int) -> None:
-    """With a = exponent nothing is coupled, so there is a Lagrangian; the general member has none."""
-    found = inverse_service.solve({"equations": {"x": f"(x^a - x^({exponent}))*y", "y": "x'"}, "parameters": ["a"]})
+    """With a = exponent nothing is coupled, so there is a Lagrangian; the general member has
+    none.
+    """
+    found = inverse_service.solve(
+        {"equations": {"x": f"(x^a - x^({exponent}))*y", "y": "x'"}, "parameters": ["a"]}
+    )
     assert found["verdict"] == "not_variational"
     assert f"a = {exponent}" in found["exceptions"]
 
@@ -43,7 +54,9 @@ def test_a_claim_that_is_false_at_some_points_is_refuted() -> None:
     force = formulas.read_tokens("sqrt(x^2) - x", "a formula")
     for seed in range(8):
         tools = question.Tools(random.Random(seed), time.thread_time() + 60)
-        asked = question.Question(tools, {"coordinates": ["x"], "equations": {"x": "-x"}}, False, {})
+        asked = question.Question(
+            tools, {"coordinates": ["x"], "equations": {"x": "-x"}}, False, {}
+        )
         asked.place = numbers.Place(tools.generator, dict.fromkeys(asked.names, Fraction(1)))
 
         def claims(ring: Any) -> question.Claims:

@@ -1,4 +1,6 @@
-"""A decision uses new points after a singular one and for each seed, and goes up to the right order at them."""
+"""A decision uses new points after a singular one and for each seed, and goes up to the right order
+at them.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ def run_of(seed: int) -> settling.Run:
     return settling.Run(HelmholtzAt(analyze(OSCILLATORS), False), seed, Limits(), lambda _: None)
 
 
-def test_after_singular_points_others_are_taken_and_nothing_of_them_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_after_singular_points_others_are_taken_and_nothing_of_them_is_kept(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     seeds: list[int] = []
     plain = settling.prolong
 
@@ -61,9 +65,13 @@ def test_two_seeds_have_no_point_in_common(monkeypatch: pytest.MonkeyPatch) -> N
     assert len(set(used)) == len(used) == 8
 
 
-@pytest.mark.parametrize("relation", ["exp(x)*(1+cos(exp(x)))-1+cos(exp(x))", "log(x)*(1+cos(log(x)))-sin(log(x))"])
+@pytest.mark.parametrize(
+    "relation", ["exp(x)*(1+cos(exp(x)))-1+cos(exp(x))", "log(x)*(1+cos(log(x)))-sin(log(x))"]
+)
 def test_an_angle_is_drawn_apart_from_the_function_that_it_is(relation: str) -> None:
-    """Where tan(u/2)^2 = u for u = e^x, or tan(u/2) = u for u = log x, the sixth power is 0 to order five."""
+    """Where tan(u/2)^2 = u for u = e^x, or tan(u/2) = u for u = log x, the sixth power is 0 to
+    order five.
+    """
     system = read_system(["x", "y"], {"x": f"({relation})^6*x*y'", "y": "y*x'^2"})
     found = decide(system, False)
     assert (found.verdict, found.order) == ("not_variational", 2)
@@ -73,7 +81,9 @@ def test_an_angle_is_drawn_apart_from_the_function_that_it_is(relation: str) -> 
 def test_no_order_is_begun_whose_monomials_have_no_keys(
     size: int, highest: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An exponent has floor(63/size) bits, and an unknown of degree r in g has the total degree r + 2."""
+    """An exponent has floor(63/size) bits, and an unknown of degree r in g has the total degree r +
+    2.
+    """
     monkeypatch.setattr(settling.pde, "count_of_degree", lambda *_: 0)
     unknowns = SimpleNamespace(most=2)
     prolongation: Any = SimpleNamespace(size=size, width=lambda _: 0, unknowns=unknowns)
@@ -91,12 +101,15 @@ def test_a_limit_of_order_lets_that_order_be_done() -> None:
 
 
 @pytest.mark.parametrize(
-    "equations", [{"x": "y'", "y": "x*y'"}, {"x": "x*y", "y": "x"}, {"x": "y^2+x'*y'", "y": "y*x'+x^2"}]
+    "equations",
+    [{"x": "y'", "y": "x*y'"}, {"x": "x*y", "y": "x"}, {"x": "y^2+x'*y'", "y": "y*x'+x^2"}],
 )
 def test_of_three_consequences_that_leave_nothing_two_are_traced(
     equations: dict[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In the end all of g(p) is zero; two equations leave one g(p) of rank one, and that is enough."""
+    """In the end all of g(p) is zero; two equations leave one g(p) of rank one, and that is
+    enough.
+    """
     traced: list[Mapping[int, int]] = []
     trace = Echelon.trace
 
@@ -133,7 +146,9 @@ def test_the_space_of_a_positive_verdict_is_that_of_an_involutive_system() -> No
 def test_no_multiplier_is_seen_at_the_first_order_that_leaves_none(
     equations: dict[str, str], values: list[int]
 ) -> None:
-    """`values` are the dimensions of the remaining space of g(p), order by order, at both points."""
+    """`values` are the dimensions of the remaining space of g(p), order by order, at both
+    points.
+    """
     found = decide(read_system(["x", "y"], equations), False)
     assert (found.verdict, found.order) == ("not_variational", len(values) - 1)
     assert [dimensions[0] for dimensions in found.history] == values

@@ -37,7 +37,9 @@ def decided(
     return analysis, deciding.decide(system, with_time, analysis=analysis)
 
 
-def certificate(equations: dict[str, str], parameters: tuple[str, ...], with_time: bool, order: int) -> dict[str, Any]:
+def certificate(
+    equations: dict[str, str], parameters: tuple[str, ...], with_time: bool, order: int
+) -> dict[str, Any]:
     analysis, decision = decided(equations, parameters, with_time)
     return certify.of_decision(analysis, decision, series_order=order)
 
@@ -84,11 +86,16 @@ def test_a_series_that_is_prolonged_far_enough_continues() -> None:
     assert spare > 0
     series = deciding.regular_series(analysis, False, 1, seed=5, spare=spare)
     longer = deciding.prolonged(analysis, tower.draw_point(analysis.tower, 5), False, 4)
-    indices = [index for degree in range(5) for _, index in pde.unknown_names(longer.unknowns, degree)]
+    indices = [
+        index for degree in range(5) for _, index in pde.unknown_names(longer.unknowns, degree)
+    ]
     values = {tuple(index): int(value) for index, value in series["terms"]}
     assert tower.draw_point(analysis.tower, 5).prime == series["prime"]
     for row in longer.echelon.rows_within(0, longer.width(1)).values():
-        assert sum(value * values.get(indices[k], 0) for k, value in row.items()) % series["prime"] == 0
+        assert (
+            sum(value * values.get(indices[k], 0) for k, value in row.items()) % series["prime"]
+            == 0
+        )
 
 
 @pytest.mark.parametrize("with_time", [False, True])
@@ -104,7 +111,9 @@ def test_the_unknowns_are_counted_right(n: int, with_time: bool) -> None:
 
 @pytest.mark.parametrize("force", ["sin(x)", "sqrt(x)", "exp(x')", "x^(1/3)", "log(x)*x'", "A(x)"])
 def test_only_rational_systems_have_a_series(force: str) -> None:
-    analysis = deciding.analyze(second_order_system.read_system(["x"], {"x": force}, (), {"A": ["x"]}))
+    analysis = deciding.analyze(
+        second_order_system.read_system(["x"], {"x": force}, (), {"A": ["x"]})
+    )
     assert not deciding.is_rational(analysis)
     with pytest.raises(ValueError, match="rational"):
         deciding.regular_series(analysis, False, 2, seed=1)

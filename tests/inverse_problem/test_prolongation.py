@@ -1,4 +1,6 @@
-"""The rows of the prolonged Helmholtz system agree with the Helmholtz conditions of a known multiplier."""
+"""The rows of the prolonged Helmholtz system agree with the Helmholtz conditions of a known
+multiplier.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +14,27 @@ import pytest
 from flint import nmod_mat, nmod_mpoly, nmod_mpoly_ctx
 
 from inverse_service.decision.deciding import HelmholtzAt, RowName, analyze
-from inverse_service.expressions.tree import TIME, Expression, Number, Power, Product, Sum, Symbol, Velocity
+from inverse_service.expressions.tree import (
+    TIME,
+    Expression,
+    Number,
+    Power,
+    Product,
+    Sum,
+    Symbol,
+    Velocity,
+)
 from inverse_service.field.dense_series import SeriesProgram, constants_at, exponents_of_degree, run
 from inverse_service.field.echelon import Echelon, Flags, SparseRows
 from inverse_service.field.modular import Point, safe_prime
 from inverse_service.linear_pde import equations as room
-from inverse_service.linear_pde.equations import Prolongation, advance, count_of_degree, start, unknown_names
+from inverse_service.linear_pde.equations import (
+    Prolongation,
+    advance,
+    count_of_degree,
+    start,
+    unknown_names,
+)
 from inverse_service.mechanics.second_order_system import read_system
 
 P = safe_prime(6)
@@ -28,7 +45,9 @@ def card_of(equations_of: dict[str, str], with_time: bool) -> HelmholtzAt:
     return HelmholtzAt(analyze(system), with_time, draw=lambda _: Point(P, 5))
 
 
-def prolongation_of(equations_of: dict[str, str], order: int, with_time: bool = False) -> Prolongation:
+def prolongation_of(
+    equations_of: dict[str, str], order: int, with_time: bool = False
+) -> Prolongation:
     prolongation = start(card_of(equations_of, with_time).at(0, order))
     for _ in range(order + 1):
         advance(prolongation)
@@ -36,7 +55,9 @@ def prolongation_of(equations_of: dict[str, str], order: int, with_time: bool = 
 
 
 class Polynomials:
-    """Polynomial formulas about the point of the prolongations, and the tensors of a system of them."""
+    """Polynomial formulas about the point of the prolongations, and the tensors of a system of
+    them.
+    """
 
     def __init__(self, equations_of: dict[str, str], with_time: bool) -> None:
         system = read_system(list(equations_of), equations_of)
@@ -99,16 +120,26 @@ def test_rows_are_the_taylor_coefficients_of_the_helmholtz_conditions(
 
     def record(echelon: Echelon, rows: SparseRows, expected: Flags, in_order: bool) -> Flags:
         pairs = list(zip(rows.columns.tolist(), rows.values.tolist(), strict=True))
-        recorded.extend(pairs[a:b] for a, b in itertools.pairwise(rows.starts[: len(expected) + 1].tolist()))
+        recorded.extend(
+            pairs[a:b] for a, b in itertools.pairwise(rows.starts[: len(expected) + 1].tolist())
+        )
         return insert(echelon, rows, expected, in_order)
 
     monkeypatch.setattr(Echelon, "insert", record)
     prolongation = prolongation_of(system, order, with_time)
     exact, generator = Polynomials(system, with_time), random.Random(1)
-    names = [index for d in range(order + 1) for _, index in unknown_names(prolongation.unknowns, d)]
+    names = [
+        index for d in range(order + 1) for _, index in unknown_names(prolongation.unknowns, d)
+    ]
     values = [generator.randrange(P) for _ in names]
-    lagrangian, first = exact.context.from_dict(dict(zip(names, values, strict=True))), prolongation.size - exact.n
-    g = [[lagrangian.derivative(first + i).derivative(first + j) for j in range(exact.n)] for i in range(exact.n)]
+    lagrangian, first = (
+        exact.context.from_dict(dict(zip(names, values, strict=True))),
+        prolongation.size - exact.n,
+    )
+    g = [
+        [lagrangian.derivative(first + i).derivative(first + j) for j in range(exact.n)]
+        for i in range(exact.n)
+    ]
     residues = {name: exact.helmholtz(g, *name).to_dict() for name in dict.fromkeys(
         prolongation.row_name(number)[:3] for number in range(len(recorded)))}  # fmt: skip
     assert len(recorded) == prolongation.echelon.inserted
@@ -121,7 +152,11 @@ def test_rows_are_the_taylor_coefficients_of_the_helmholtz_conditions(
 def satisfied(prolongation: Prolongation, terms: dict[tuple[int, ...], int]) -> bool:
     """Whether a Lagrangian, given by its Taylor coefficients, solves all rows."""
     degrees = range(prolongation.order + 1)
-    names = [exponents for degree in degrees for _, exponents in unknown_names(prolongation.unknowns, degree)]
+    names = [
+        exponents
+        for degree in degrees
+        for _, exponents in unknown_names(prolongation.unknowns, degree)
+    ]
     values = [terms.get(exponents, 0) for exponents in names]
     rows = prolongation.echelon.rows_within(0, prolongation.echelon.width).values()
     return all(sum(values[c] * x for c, x in row.items()) % P == 0 for row in rows)
@@ -129,11 +164,19 @@ def satisfied(prolongation: Prolongation, terms: dict[tuple[int, ...], int]) -> 
 
 def lagrangian_terms(text: str, names: list[str], order: int) -> dict[tuple[int, ...], int]:
     """Taylor coefficients of a Lagrangian about the point used by `prolongation_of`."""
-    tree = read_system(names, {name: text if name == names[0] else "0" for name in names}).accelerations[0]
+    tree = read_system(
+        names, {name: text if name == names[0] else "0" for name in names}
+    ).accelerations[0]
     program = SeriesProgram([*map(Symbol, names), *map(Velocity, names)], order)
     register, instructions = program.expand(tree), program.listed
-    found = run(program, instructions, constants_at(program, Point(P, 5)), P, order).numbers(register)
-    rows = [row for degree in range(order + 1) for row in exponents_of_degree(2 * len(names), degree).tolist()]
+    found = run(program, instructions, constants_at(program, Point(P, 5)), P, order).numbers(
+        register
+    )
+    rows = [
+        row
+        for degree in range(order + 1)
+        for row in exponents_of_degree(2 * len(names), degree).tolist()
+    ]
     return {tuple(row): value for row, value in zip(rows, found, strict=True)}
 
 
@@ -159,14 +202,21 @@ def test_hessians_of_lagrangians_solve_all_rows_and_others_do_not(
 
 
 @pytest.mark.parametrize(("n", "with_time"), [(1, False), (2, False), (2, True), (3, False)])
-def test_unknowns_are_the_monomials_of_velocity_degree_two_and_more(n: int, with_time: bool) -> None:
+def test_unknowns_are_the_monomials_of_velocity_degree_two_and_more(
+    n: int, with_time: bool
+) -> None:
     names = ["x", "y", "z"][:n]
     prolongation = prolongation_of(dict.fromkeys(names, "0"), 2, with_time)
     size = 2 * n + with_time
     for degree in range(3):
-        block = np.array([exponents for _, exponents in unknown_names(prolongation.unknowns, degree)])
+        block = np.array(
+            [exponents for _, exponents in unknown_names(prolongation.unknowns, degree)]
+        )
         positions, total = size - n, degree + 2
-        below = sum(math.comb(n - 1 + v, v) * math.comb(positions - 1 + total - v, total - v) for v in (0, 1))
+        below = sum(
+            math.comb(n - 1 + v, v) * math.comb(positions - 1 + total - v, total - v)
+            for v in (0, 1)
+        )
         assert len(block) == math.comb(size - 1 + total, total) - below
         assert (block[:, size - n :].sum(axis=1) >= 2).all()
     assert prolongation.width(2) == sum(count_of_degree(prolongation.unknowns, d) for d in range(3))
@@ -180,7 +230,9 @@ def test_every_row_has_its_own_name_of_the_right_degree(n: int, with_time: bool)
     found = [prolongation.row_name(number) for number in range(prolongation.echelon.inserted)]
     size = 2 * n + with_time
     below = [math.comb(size + d, d) for d in (order - 1, order)]
-    assert len(set(found)) == len(found) == n * (n + 1) // 2 * below[0] + n * (n - 1) // 2 * below[1]
+    assert (
+        len(set(found)) == len(found) == n * (n + 1) // 2 * below[0] + n * (n - 1) // 2 * below[1]
+    )
     for kind, i, j, alpha in cast(list[RowName], found):
         assert len(alpha) == size
         assert sum(alpha) <= (order - 1 if kind == "H2" else order)
@@ -224,5 +276,7 @@ def test_rows_foreseen_to_depend_on_others_change_nothing(
 
 
 def test_the_cases_have_rows_that_depend_on_others() -> None:
-    found = [prolongation_of(equations_of, 4, with_time).dependent for equations_of, with_time in CASES]
+    found = [
+        prolongation_of(equations_of, 4, with_time).dependent for equations_of, with_time in CASES
+    ]
     assert sum(any(flags.any() for flags in dependent.values()) for dependent in found) >= 3

@@ -20,7 +20,12 @@ COQC = shutil.which("coqc")
 needs_coq = pytest.mark.skipif(COQC is None, reason="coqc is not installed")
 QUICK = ["vertically-rolling-disk-first", "knife-edge-first", "vertically-rolling-disk-third"]
 LETTERED = ["generic-class-three-first", "generic-class-with-potential-first"]
-NEGATIVE = ["vertically-rolling-disk-first", "knife-edge-first", "generic-class-one-first", "extension"]
+NEGATIVE = [
+    "vertically-rolling-disk-first",
+    "knife-edge-first",
+    "generic-class-one-first",
+    "extension",
+]
 
 
 def solved(document: dict[str, Any]) -> dict[str, Any]:
@@ -30,7 +35,9 @@ def solved(document: dict[str, Any]) -> dict[str, Any]:
 def compiled(text: str, folder: Path) -> subprocess.CompletedProcess[str]:
     assert COQC is not None
     (folder / "verdict.v").write_text(text, encoding="utf-8")
-    return subprocess.run([COQC, "verdict.v"], cwd=folder, capture_output=True, text=True, check=False)
+    return subprocess.run(
+        [COQC, "verdict.v"], cwd=folder, capture_output=True, text=True, check=False
+    )
 
 
 def theorems(result: dict[str, Any]) -> list[dict[str, Any]]:
@@ -57,7 +64,9 @@ def test_coq_refuses_the_proof_for_another_f(tmp_path: Path) -> None:
     text = proof_document(solved({"equations": {"x": "-x - x'^2*y", "y": "-y + x'*y'"}}), "coq", 1)
     assert "  | 1%nat => (num (-1 # 1) * _y + _v_x * _v_y)%poly" in text
     assert compiled(text, tmp_path).returncode == 0
-    spoilt = text.replace("num (-1 # 1) * _y + _v_x * _v_y", "num (-1 # 1) * _y + num (2 # 1) * _v_x * _v_y")
+    spoilt = text.replace(
+        "num (-1 # 1) * _y + _v_x * _v_y", "num (-1 # 1) * _y + num (2 # 1) * _v_x * _v_y"
+    )
     assert compiled(spoilt, tmp_path).returncode != 0
 
 
@@ -74,14 +83,19 @@ def test_coq_differentiates_the_lagrangian(equations: dict[str, str], tmp_path: 
     text = proof_document(solved({"equations": equations, "parameters": "guess"}), "coq", 1)
     assert text.count("Motion.euler_lagrange ") == len(equations)
     assert compiled(text, tmp_path).returncode == 0
-    wrong = text.replace("Definition L : poly := (", "Definition L : poly := (_" + next(iter(equations)) + " + ")
+    wrong = text.replace(
+        "Definition L : poly := (", "Definition L : poly := (_" + next(iter(equations)) + " + "
+    )
     assert compiled(wrong, tmp_path).returncode != 0
 
 
 @pytest.mark.slow
 @needs_coq
 def test_names_of_coq_may_be_names_of_a_system(tmp_path: Path) -> None:
-    document = {"equations": {"forall": "-R*eq1", "eq1": "-nz1*forall - u1"}, "parameters": ["R", "nz1", "u1"]}
+    document = {
+        "equations": {"forall": "-R*eq1", "eq1": "-nz1*forall - u1"},
+        "parameters": ["R", "nz1", "u1"],
+    }
     text = proof_document(solved(document), "coq", 1)
     assert "(* R_ is R *)" in text
     assert compiled(text, tmp_path).returncode == 0
@@ -107,9 +121,14 @@ def test_long_factors_are_symbols_with_their_meaning(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*NEGATIVE, *LETTERED])
 def test_the_identities_hold_over_the_rationals(name: str) -> None:
-    """SymPy expands each step; together they give the determinant, and they divide only by named factors."""
+    """SymPy expands each step; together they give the determinant, and they divide only by named
+    factors.
+    """
     (theorem,) = theorems(solved(catalogue.document(name)))
-    known = {key: sympy.sympify(text) for key, text in (theorem["relations"] | theorem["equations"]).items()}
+    known = {
+        key: sympy.sympify(text)
+        for key, text in (theorem["relations"] | theorem["equations"]).items()
+    }
     named = {sympy.expand(sympy.sympify(text)) for text in theorem["nonzero"]}
     for step in theorem["steps"]:
         gives, factor = sympy.sympify(step["gives"]), sympy.sympify(step["factor"])
@@ -120,11 +139,15 @@ def test_the_identities_hold_over_the_rationals(name: str) -> None:
         known[step["name"]] = gives
     size = len(catalogue.document(name)["coordinates"])
     entry = lambda i, j: sympy.Symbol(f"g_{min(i, j) + 1}{max(i, j) + 1}")  # noqa: E731
-    assert sympy.expand(known["det_g"] - sympy.Matrix(size, size, entry).det(method="berkowitz")) == 0
+    assert (
+        sympy.expand(known["det_g"] - sympy.Matrix(size, size, entry).det(method="berkowitz")) == 0
+    )
 
 
 def test_the_rows_are_those_of_the_conditions() -> None:
-    """The knife edge: (Phi)_23 is g_2j Phi^j_3 - g_3j Phi^j_2 with the Phi of the result, up to a factor."""
+    """The knife edge: (Phi)_23 is g_2j Phi^j_3 - g_3j Phi^j_2 with the Phi of the result, up to a
+    factor.
+    """
     result = solved(catalogue.document("knife-edge-first"))
     (theorem,) = theorems(result)
     u = {letter: sympy.Symbol(letter) for letter in theorem["meanings"]}
@@ -134,7 +157,9 @@ def test_the_rows_are_those_of_the_conditions() -> None:
     phi = sympy.Matrix(
         3,
         3,
-        lambda i, j: sympy.sympify(result["conditions"]["Phi"][i][j].replace("phi'", "v_phi").replace("x'", "v_x")),
+        lambda i, j: sympy.sympify(
+            result["conditions"]["Phi"][i][j].replace("phi'", "v_phi").replace("x'", "v_x")
+        ),
     ).subs(sympy.tan(sympy.Symbol("phi")), u["u3"])
     row = (g * phi)[1, 2] - (g * phi)[2, 1]
     assert sympy.simplify(row / sympy.sympify(theorem["equations"]["eq1"])).is_number
@@ -142,7 +167,10 @@ def test_the_rows_are_those_of_the_conditions() -> None:
 
 def test_a_lagrangian_is_a_theorem_for_each_coordinate() -> None:
     result = solved({"equations": {"x": "-x/(x^2 + y^2)^(3/2)", "y": "-y/(x^2 + y^2)^(3/2)"}})
-    assert [theorem["theorem"] for theorem in theorems(result)] == ["euler_lagrange_x", "euler_lagrange_y"]
+    assert [theorem["theorem"] for theorem in theorems(result)] == [
+        "euler_lagrange_x",
+        "euler_lagrange_y",
+    ]
 
 
 @pytest.mark.slow
@@ -154,7 +182,9 @@ def test_a_lagrangian_is_a_theorem_for_each_coordinate() -> None:
         ({"x": "-exp(-x^2)"}, "the Lagrangian holds integrals"),
     ],
 )
-def test_where_no_proof_is_written_a_sentence_says_why(equations: dict[str, str], reason: str) -> None:
+def test_where_no_proof_is_written_a_sentence_says_why(
+    equations: dict[str, str], reason: str
+) -> None:
     result = solved({"equations": equations})
     text = proof_document(result, "coq", 1)
     assert ("Theorem " in text) != text.startswith("(* No proof by identities is written: ")
@@ -165,4 +195,6 @@ def test_where_no_proof_is_written_a_sentence_says_why(equations: dict[str, str]
 def test_a_theorem_of_one_branch_says_which() -> None:
     result = solved({"equations": {"x": "sqrt((x - 1)^2)*y' - y^2", "y": "-(x - 1)*x' - 2*x*y"}})
     assert result["domain"]
-    assert f"The formulas are those on {', '.join(result['domain'])}." in proof_document(result, "coq", 1)
+    assert f"The formulas are those on {', '.join(result['domain'])}." in proof_document(
+        result, "coq", 1
+    )

@@ -22,7 +22,10 @@ def test_a_symbol_that_is_not_involutive_proves_nothing(monkeypatch: pytest.Monk
     assert decide(OSCILLATORS, False).verdict == "variational"
     monkeypatch.setattr(involution, "symbol_of", lambda *_: involution.Symbol(2, 1, (2, 0, 0, 0)))
     found = decide(OSCILLATORS, False, limits=Limits(order=4))
-    assert (found.verdict, found.reason) == ("undetermined", "not decided by order 4 of prolongation")
+    assert (found.verdict, found.reason) == (
+        "undetermined",
+        "not decided by order 4 of prolongation",
+    )
 
 
 def test_a_dimension_that_still_falls_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -42,7 +45,9 @@ FIRST = Finding(True, 3, history=((1,), (1, 2)))
         replace(FIRST, history=((1,), (1, 3))),
     ],
 )
-def test_two_points_that_do_not_agree_leave_it_undetermined(second: Finding, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_points_that_do_not_agree_leave_it_undetermined(
+    second: Finding, monkeypatch: pytest.MonkeyPatch
+) -> None:
     answers = iter((FIRST, second, FIRST, FIRST))
     monkeypatch.setattr(settling, "settle_once", lambda _: next(answers))
     found = decide(OSCILLATORS, False)
@@ -50,30 +55,46 @@ def test_two_points_that_do_not_agree_leave_it_undetermined(second: Finding, mon
     assert decide(OSCILLATORS, False).verdict == "variational"
 
 
-def test_a_second_point_that_meets_a_limit_leaves_it_undetermined(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_second_point_that_meets_a_limit_leaves_it_undetermined(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     answers = iter((FIRST, Finding(None, 2, "the time limit")))
     monkeypatch.setattr(settling, "settle_once", lambda _: next(answers))
     found = decide(OSCILLATORS, False)
     assert (found.verdict, found.reason) == ("undetermined", "the time limit")
 
 
-def test_the_second_point_expands_to_the_order_at_which_the_first_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_second_point_expands_to_the_order_at_which_the_first_ended(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     orders: list[int] = []
     plain = HelmholtzAt.at
-    monkeypatch.setattr(HelmholtzAt, "at", lambda self, seed, order: orders.append(order) or plain(self, seed, order))
+    monkeypatch.setattr(
+        HelmholtzAt,
+        "at",
+        lambda self, seed, order: orders.append(order) or plain(self, seed, order),
+    )
     assert decide(OSCILLATORS, False).order == 3
     assert orders == [1, 3, 3]
 
 
 def test_what_the_first_point_leaves_open_is_not_asked_at_a_second() -> None:
     told: list[Stage] = []
-    assert decide(OSCILLATORS, False, limits=Limits(order=1), progress=told.append).verdict == "undetermined"
-    assert [(stage.step, stage.order) for stage in told] == [("prolongation", 0), ("prolongation", 1)]
+    assert (
+        decide(OSCILLATORS, False, limits=Limits(order=1), progress=told.append).verdict
+        == "undetermined"
+    )
+    assert [(stage.step, stage.order) for stage in told] == [
+        ("prolongation", 0),
+        ("prolongation", 1),
+    ]
 
 
 @pytest.mark.parametrize(("most", "order"), [(2, 0), (3, 1), (12, 1), (13, 2), (34, 2), (35, 3)])
 def test_no_more_unknowns_than_the_limit_are_ever_made(most: int, order: int) -> None:
-    """With two coordinates there are 3, 13, and 35 unknowns of degree 0, at most 1, and at most 2."""
+    """With two coordinates there are 3, 13, and 35 unknowns of degree 0, at most 1, and at most
+    2.
+    """
     found = decide(OSCILLATORS, False, limits=Limits(unknowns=most))
     assert (found.verdict, found.order) == ("undetermined", order - 1)
     assert found.reason == f"order {order} of prolongation would need more than {most} unknowns"
@@ -88,9 +109,15 @@ def test_only_a_positive_verdict_has_a_degree_and_a_symbol() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("equations", "count"),
-    [({"x": "x*y'", "y": "y*x'^2"}, 2), ({"x": "x*y", "y": "0"}, 2), ({"x": "y'^3", "y": "x*y*x'"}, 2)],
+    [
+        ({"x": "x*y'", "y": "y*x'^2"}, 2),
+        ({"x": "x*y", "y": "0"}, 2),
+        ({"x": "y'^3", "y": "x*y*x'"}, 2),
+    ],
 )
-def test_consequences_that_are_not_needed_are_not_traced(equations: dict[str, str], count: int) -> None:
+def test_consequences_that_are_not_needed_are_not_traced(
+    equations: dict[str, str], count: int
+) -> None:
     """g_11 = g_12 = 0 or similar suffices: without any one of the listed rows the proof fails."""
     system = read_system(["x", "y"], equations)
     analysis = analyze(system)

@@ -29,22 +29,36 @@ def test_what_is_no_total_derivative_stays_in_a_lagrangian() -> None:
     assert ansatz.without_gauge(magnetic, [terms("x'^2"), terms("x*y' + y*x'")]) != terms("y'^2/2")
     total = ansatz.without_gauge(magnetic, [terms("x*y' + y*x'")])
     names, still = ("x", "y"), (ex.Symbol("a"), ex.Symbol("b"))
-    found, given = (euler_lagrange.euler_lagrange_residual(tm.tree_of(one), names, still) for one in (total, magnetic))
+    found, given = (
+        euler_lagrange.euler_lagrange_residual(tm.tree_of(one), names, still)
+        for one in (total, magnetic)
+    )
     assert found == given
 
 
 def test_a_linear_term_vanishes_at_the_pole_where_the_kinetic_energy_does() -> None:
-    """cos(u)^2 p' is not continuous at the pole u = 0 of the sphere, where p has no direction; -sin(u)^2 p' is."""
-    system = read_system(["u", "p"], {"u": "(p'^2 - 2*B*p')*sin(u)*cos(u)", "p": "2*(B - p')*u'*cos(u)/sin(u)"}, ["B"])
+    """cos(u)^2 p' is not continuous at the pole u = 0 of the sphere, where p has no direction;
+    -sin(u)^2 p' is.
+    """
+    system = read_system(
+        ["u", "p"],
+        {"u": "(p'^2 - 2*B*p')*sin(u)*cos(u)", "p": "2*(B - p')*u'*cos(u)/sin(u)"},
+        ["B"],
+    )
     names = nm.Names(("u", "p"), ("B",), {})
     given = reader.read_formula("u'^2/2 + sin(u)^2*p'^2/2 + B*cos(u)^2*p'", names)
     shown = tidy.tidied(given, system)
-    residuals = euler_lagrange.euler_lagrange_residual(shown, system.coordinates, system.accelerations)
+    residuals = euler_lagrange.euler_lagrange_residual(
+        shown, system.coordinates, system.accelerations
+    )
     assert {str(tm.collected(each)) for each in residuals} == {str(ex.ZERO)}
     momentum = calculus.differentiate(shown, ex.Velocity("p"))
     at_pole = ex.substitute(momentum, {ex.Symbol("u"): ex.ZERO})
     assert (
-        calculus.evaluate(at_pole, {ex.Velocity("p"): 3, ex.Velocity("u"): 2, ex.Symbol("B"): 5, ex.Symbol("p"): 1})
+        calculus.evaluate(
+            at_pole,
+            {ex.Velocity("p"): 3, ex.Velocity("u"): 2, ex.Symbol("B"): 5, ex.Symbol("p"): 1},
+        )
         == 0
     )
 
@@ -71,5 +85,9 @@ def test_the_common_factor_of_all_equations_is_seen() -> None:
     factor = homogeneous.common_factor(material)
     assert factor is not None
     assert tm.monomial_tree(factor) * ex.Velocity("x") == tm.tree_of(material.motion.forces[0])
-    other = read_system(["x", "y"], {"x": "x'*sqrt(x'^2 + y'^2)/x", "y": "2*y'*sqrt(x'^2 + y'^2)/x"})
-    assert not homogeneous.has_common_factor(tm.gather_material(deciding.analyze(other), with_time=False))
+    other = read_system(
+        ["x", "y"], {"x": "x'*sqrt(x'^2 + y'^2)/x", "y": "2*y'*sqrt(x'^2 + y'^2)/x"}
+    )
+    assert not homogeneous.has_common_factor(
+        tm.gather_material(deciding.analyze(other), with_time=False)
+    )

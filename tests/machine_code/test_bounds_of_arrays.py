@@ -1,5 +1,5 @@
-"""No kernel reads or writes beyond an array: numba checks each index here, which stored machine code does not do. A
-word written past its row can crash the process much later.
+"""No kernel reads or writes beyond an array: numba checks each index here, which stored machine
+code does not do. A word written past its row can crash the process much later.
 """
 
 from __future__ import annotations
@@ -44,9 +44,15 @@ MOVING = """{"lagrangian": "(x'^2+y'^2+z'^2+u'^2+v'^2+w'^2)/2", "constraints": [
 
 
 def documents(count: int) -> list[str]:
-    """A sample of the systems of papers and textbooks, and a motion whose constraints depend on time."""
-    lines = (ROOT / "tests" / "corpus" / "literature.ndjson").read_text(encoding="utf-8").splitlines()
-    return [json.dumps(json.loads(line)["document"]) for line in lines[:: len(lines) // count]] + [MOVING]
+    """A sample of the systems of papers and textbooks, and a motion whose constraints depend on
+    time.
+    """
+    lines = (
+        (ROOT / "tests" / "corpus" / "literature.ndjson").read_text(encoding="utf-8").splitlines()
+    )
+    return [json.dumps(json.loads(line)["document"]) for line in lines[:: len(lines) // count]] + [
+        MOVING
+    ]
 
 
 @pytest.mark.nightly

@@ -1,4 +1,6 @@
-"""Kernels agree with their Python source, from the store and from the compiler, and stored entries are verified."""
+"""Kernels agree with their Python source, from the store and from the compiler, and stored entries
+are verified.
+"""
 
 from __future__ import annotations
 
@@ -82,7 +84,13 @@ def again(kernel: Any) -> Kernel:
 def arguments(seed: int) -> tuple[Any, ...]:
     random = np.random.default_rng(seed)
     table = random.integers(0, 2**63, (2, 3)).astype(np.uint64)
-    return int(random.integers(-9, 9)), random.integers(-99, 99, 5), table, np.uint64(2**61 - 1), bool(seed % 2)
+    return (
+        int(random.integers(-9, 9)),
+        random.integers(-99, 99, 5),
+        table,
+        np.uint64(2**61 - 1),
+        bool(seed % 2),
+    )
 
 
 def outcome(work: Callable[..., Any], given: tuple[Any, ...]) -> tuple[Any, list[Any]]:
@@ -218,7 +226,9 @@ def test_a_kernel_that_needs_more_than_itself_runs_but_is_not_stored(folder: Pat
     assert not folder.exists() or not list(folder.iterdir())
 
 
-def test_a_folder_that_cannot_be_written_costs_time_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_that_cannot_be_written_costs_time_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     monkeypatch.setenv("INVERSE_SERVICE_CACHE", str(tmp_path / "file" / "below"))
     assert again(is_positive)(1) is True

@@ -1,4 +1,6 @@
-"""Kernels in the library of a wheel are found by name and kinds, and only with the sources they were built from."""
+"""Kernels in the library of a wheel are found by name and kinds, and only with the sources they
+were built from.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,9 @@ def test_the_shipped_kernels_answer_without_a_compiler(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not shutil.which("aarch64-linux-gnu-ld"), reason="no linker for aarch64 is installed")
+@pytest.mark.skipif(
+    not shutil.which("aarch64-linux-gnu-ld"), reason="no linker for aarch64 is installed"
+)
 def test_kernels_are_compiled_for_another_machine(tmp_path: Path) -> None:
     made = [sys.executable, "-m", "inverse_service.service.compiling", str(tmp_path), "aarch64"]
     subprocess.run(made, check=True, capture_output=True)
@@ -55,17 +59,24 @@ def test_kernels_are_compiled_for_another_machine(tmp_path: Path) -> None:
     assert library[:5] == b"\x7fELF\x02"
     assert int.from_bytes(library[18:20], "little") == 183  # EM_AARCH64
     assert all(
-        one["symbol"].encode() in library for one in json.loads((tmp_path / "kernels.json").read_text())["kernels"]
+        one["symbol"].encode() in library
+        for one in json.loads((tmp_path / "kernels.json").read_text())["kernels"]
     )
 
 
-def test_a_library_of_other_sources_is_not_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "kernels.json").write_text(json.dumps({"kernels": [], "sources": {"kernels.py": "0" * 64}}))
+def test_a_library_of_other_sources_is_not_loaded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "kernels.json").write_text(
+        json.dumps({"kernels": [], "sources": {"kernels.py": "0" * 64}})
+    )
     monkeypatch.setattr(code_store, "digest", lambda name: "1" * 64)
     assert code_store.library(tmp_path) == {}
 
 
-def test_every_processor_has_a_library_that_it_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_processor_has_a_library_that_it_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert all(targets[-1][1] == frozenset() for targets in code_store.TARGETS.values())
     monkeypatch.setattr(code_store, "CPUINFO", tmp_path / "not mounted")
     assert code_store.processor_flags() == frozenset()

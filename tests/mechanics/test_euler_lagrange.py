@@ -52,7 +52,10 @@ def test_the_residual_of_polynomials_is_exactly_zero() -> None:
 def test_the_hessian_is_symmetric_and_exact() -> None:
     names = ["x", "y"]
     found = hessian(read(["x'^2/2 + y*x'*y' + y'^3"], names)[0], names)
-    assert found == ((ONE, read(["y"], names)[0]), (read(["y"], names)[0], read(["6*y'"], names)[0]))
+    assert found == (
+        (ONE, read(["y"], names)[0]),
+        (read(["y"], names)[0], read(["6*y'"], names)[0]),
+    )
 
 
 def test_momenta_of_a_free_particle_are_its_velocities() -> None:

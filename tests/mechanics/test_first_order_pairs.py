@@ -1,4 +1,6 @@
-"""First-order pairs are joined to x'' = f without constants above and below a fraction line, and with every pole."""
+"""First-order pairs are joined to x'' = f without constants above and below a fraction line, and
+with every pole.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ from inverse_service.mechanics.second_order_system import read_system
         ("y' = v; v' = (1 - y^2)*v - y", "y", "(1 - y^2)*y' - y"),
     ],
 )
-def test_pairs_are_joined_in_the_words_of_their_writer(equations: str, name: str, acceleration: str) -> None:
+def test_pairs_are_joined_in_the_words_of_their_writer(
+    equations: str, name: str, acceleration: str
+) -> None:
     system = read_system(None, equations, "guess")
     assert system.coordinates == (name,)
     assert printing.to_text(system.accelerations[0]) == acceleration
@@ -30,4 +34,7 @@ def test_the_joined_equation_has_the_values_of_the_pair() -> None:
     system = read_system(None, "x' = x*p; p' = -p^2/2 + x", "guess")
     x, p = mpf(2), mpf(3)
     point: dict[ex.Expression, mpf] = {ex.Symbol("x"): x, ex.Velocity("x"): x * p}
-    assert abs(calculus.evaluate(system.accelerations[0], point) - (x * p * p + x * (x - p**2 / 2))) < mpf(10) ** -12
+    assert (
+        abs(calculus.evaluate(system.accelerations[0], point) - (x * p * p + x * (x - p**2 / 2)))
+        < mpf(10) ** -12
+    )

@@ -1,4 +1,6 @@
-"""The flow of H on the image of the constraints is the motion, for both signs of each velocity; false claims fail."""
+"""The flow of H on the image of the constraints is the motion, for both signs of each velocity;
+false claims fail.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,11 @@ import pytest
 from inverse_service.constrained import hamiltonise as hm, lagrangian as on_constraints
 from inverse_service.deadline import now
 from inverse_service.expressions import calculus, tree as ex
-from inverse_service.mechanics.constrained_motion import EquationsOfMotion, equations_of_motion, read_nonholonomic
+from inverse_service.mechanics.constrained_motion import (
+    EquationsOfMotion,
+    equations_of_motion,
+    read_nonholonomic,
+)
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import document_names, names as nm, reader
 
@@ -23,7 +29,9 @@ Numbers = Sequence[mpmath.mpf]
 
 @dataclass(frozen=True)
 class Case:
-    """A motion with a Lagrangian of it; `velocities` and `accelerations` are of d'Alembert's principle, by hand."""
+    """A motion with a Lagrangian of it; `velocities` and `accelerations` are of d'Alembert's
+    principle, by hand.
+    """
 
     names: tuple[str, ...]
     given: str
@@ -59,7 +67,11 @@ CASES = [
         ("x'*sin(phi)-y'*cos(phi)",),
         "phi'^2/2+x'*y'/(cos(phi)*phi')-sin(phi)*x'^2/(2*cos(phi)^2*phi')",
         lambda q, u: [u[0], u[1] * mpmath.cos(q[0]), u[1] * mpmath.sin(q[0])],
-        lambda q, u: [mpmath.mpf(0), -u[0] * u[1] * mpmath.sin(q[0]), u[0] * u[1] * mpmath.cos(q[0])],
+        lambda q, u: [
+            mpmath.mpf(0),
+            -u[0] * u[1] * mpmath.sin(q[0]),
+            u[0] * u[1] * mpmath.cos(q[0]),
+        ],
     ),
     Case(
         ("phi", "theta", "x", "y"),
@@ -86,8 +98,13 @@ def system_of(case: Case) -> SecondOrderSystem:
     return system
 
 
-def hamiltonised(case: Case, images: Sequence[ex.Expression] = ()) -> tuple[EquationsOfMotion, hm.Hamiltonisation]:
-    motion, tree = motion_of(case), reader.read_formula(case.lagrangian, nm.Names(case.names, (), {}))
+def hamiltonised(
+    case: Case, images: Sequence[ex.Expression] = ()
+) -> tuple[EquationsOfMotion, hm.Hamiltonisation]:
+    motion, tree = (
+        motion_of(case),
+        reader.read_formula(case.lagrangian, nm.Names(case.names, (), {})),
+    )
     return motion, hm.hamiltonise(motion, system_of(case), tree, known_images=images)
 
 
@@ -103,7 +120,9 @@ def test_the_flow_of_h_is_the_motion_for_both_signs_of_the_velocities(case: Case
         return calculus.evaluate(transform.hamiltonian, dict(zip(symbols, state, strict=True)))
 
     def momenta(q: Numbers, v: Numbers) -> list[mpmath.mpf]:
-        state = dict(zip([*map(ex.Symbol, case.names), *map(ex.Velocity, case.names)], [*q, *v], strict=True))
+        state = dict(
+            zip([*map(ex.Symbol, case.names), *map(ex.Velocity, case.names)], [*q, *v], strict=True)
+        )
         return [calculus.evaluate(p, state) for p in transform.momenta]
 
     q = [mpmath.mpf(k) / 7 for k in (3, 5, 2, 4)][: len(case.names)]
@@ -113,7 +132,10 @@ def test_the_flow_of_h_is_the_motion_for_both_signs_of_the_velocities(case: Case
             v, a = case.velocities(q, u), case.accelerations(q, u)
 
             def along(k: int, h: mpmath.mpf, v: Numbers = v, a: Numbers = a) -> mpmath.mpf:
-                ahead = ([x + h * y for x, y in zip(left, right, strict=True)] for left, right in ((q, v), (v, a)))
+                ahead = (
+                    [x + h * y for x, y in zip(left, right, strict=True)]
+                    for left, right in ((q, v), (v, a))
+                )
                 return momenta(*ahead)[k]
 
             start, n = [*q, *momenta(q, v)], len(q)
@@ -147,17 +169,23 @@ def test_a_constraint_that_the_flow_leaves_is_refused() -> None:
 
 
 def test_equations_of_another_motion_are_refused() -> None:
-    """x'' = y'' = z'' = 0 with half the squares: L and H belong together, but the particle moves otherwise."""
+    """x'' = y'' = z'' = 0 with half the squares: L and H belong together, but the particle moves
+    otherwise.
+    """
     case = CASES[0]
     motion, names = motion_of(case), nm.Names(case.names, (), {})
     free = replace(system_of(case), accelerations=(ex.ZERO,) * 3)
     found = hm.hamiltonise(motion, free, reader.read_formula(case.given, names))
-    assert {s.verdict for s in found.statements if "accelerations of the motion" in s.text} == {"fails"}
+    assert {s.verdict for s in found.statements if "accelerations of the motion" in s.text} == {
+        "fails"
+    }
     assert not found.holds
 
 
 def test_the_difference_of_two_flows_is_the_largest_over_positions_and_time() -> None:
-    """x = t and x = (1 + 1/4) t, y = 0 in both: 0 at the start, 1/4 at the end of one second, 0 for y at any time."""
+    """x = t and x = (1 + 1/4) t, y = 0 in both: 0 at the start, 1/4 at the end of one second, 0 for
+    y at any time.
+    """
     x, y, p, r = (ex.Symbol(name) for name in ("x", "y", "p_x", "p_y"))
     u, w = ex.Velocity("x"), ex.Velocity("y")
     zero, quarter = ex.ZERO, ex.number(1) / ex.number(4)
@@ -167,4 +195,6 @@ def test_the_difference_of_two_flows_is_the_largest_over_positions_and_time() ->
     assert found is not None
     assert np.isclose(found.difference, hm.STEPS * hm.STEP / 4)
     assert np.isclose(found.energy, 0)
-    assert found.constraint >= 1 + hm.STEPS * hm.STEP / 4  # r + x is not kept, and is not 0 at the start
+    assert (
+        found.constraint >= 1 + hm.STEPS * hm.STEP / 4
+    )  # r + x is not kept, and is not 0 at the start

@@ -6,7 +6,11 @@ from inverse_service.constrained import answering, lagrangian as on_constraints
 from inverse_service.deadline import now
 from inverse_service.decision.solutions import Lagrangian
 from inverse_service.mechanics import euler_lagrange
-from inverse_service.mechanics.constrained_motion import EquationsOfMotion, equations_of_motion, read_nonholonomic
+from inverse_service.mechanics.constrained_motion import (
+    EquationsOfMotion,
+    equations_of_motion,
+    read_nonholonomic,
+)
 from inverse_service.reading import document_names, names as nm, reader
 
 NAMES = ("x", "y", "z")
@@ -14,7 +18,9 @@ NAMES = ("x", "y", "z")
 
 def particle(potential: str = "0") -> EquationsOfMotion:
     declared = document_names.Declared(list(NAMES), (), {})
-    return equations_of_motion(read_nonholonomic(declared, f"(x'^2+y'^2+z'^2)/2-{potential}", ["z'+x*y'"], ""))
+    return equations_of_motion(
+        read_nonholonomic(declared, f"(x'^2+y'^2+z'^2)/2-{potential}", ["z'+x*y'"], "")
+    )
 
 
 def known_of(motion: EquationsOfMotion, text: str) -> answering.KnownLagrangian:

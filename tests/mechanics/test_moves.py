@@ -25,7 +25,9 @@ DOUBLE = Move("double", Holds.FACTOR, double)
 
 
 @pytest.mark.parametrize(
-    "table", [tidy.GAUGES, tidy.FORMS, tidy.STYLE, legendre.ENERGY], ids=["gauges", "forms", "style", "energy"]
+    "table",
+    [tidy.GAUGES, tidy.FORMS, tidy.STYLE, legendre.ENERGY],
+    ids=["gauges", "forms", "style", "energy"],
 )
 def test_names_in_a_table_are_different(table: tuple[Move[object] | Form[object], ...]) -> None:
     assert len({move.name for move in table}) == len(table) > 3
@@ -55,13 +57,17 @@ def test_the_first_of_the_cheapest_forms_is_kept_and_counted() -> None:
     longer = Form("longer", Holds.FACTOR, lambda subject, tree: (X * Y * tree,))
     with moves.counted() as counts:
         assert moves.cheapest([longer, one, other], "", X + Y, cost) == X
-        assert moves.cheapest([longer, one, other], "", X + Y, cost, admit=lambda form: form != X) == Y
+        assert (
+            moves.cheapest([longer, one, other], "", X + Y, cost, admit=lambda form: form != X) == Y
+        )
         assert moves.cheapest([longer], "", X + Y, cost) == X + Y
     assert counts == {one: 1, other: 1}
 
 
 def test_a_lagrangian_without_the_move_for_its_form_is_longer() -> None:
-    """A spring of natural length l: one move completes the square, which changes the constant in the potential."""
+    """A spring of natural length l: one move completes the square, which changes the constant in
+    the potential.
+    """
     document = {"equations": {"x": "-k*(x - l)"}, "parameters": ["k", "l"]}
     tidy._shortest.cache_clear()
     with moves.without("springs: (u - l)^2"):

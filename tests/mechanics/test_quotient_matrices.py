@@ -19,8 +19,12 @@ RING = ExactRing(FIELD, (), 0, slopes=False)
 def test_determinants_are_those_of_flint(size: int, share: int) -> None:
     draw = random.Random(size).randint
     entries = [[draw(-5, 5) * (draw(1, share) == 1) for _ in range(size)] for _ in range(size)]
-    found = determinant([[RING.constant(entry) for entry in row] for row in entries], RING.constant(1))
-    expected = fmpq_mat(size, size, [entry for row in entries for entry in row]).det() if size else 1
+    found = determinant(
+        [[RING.constant(entry) for entry in row] for row in entries], RING.constant(1)
+    )
+    expected = (
+        fmpq_mat(size, size, [entry for row in entries for entry in row]).det() if size else 1
+    )
     assert (found - RING.constant(int(expected))).is_zero
 
 

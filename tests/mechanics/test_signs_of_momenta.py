@@ -25,17 +25,23 @@ ONE_SIGN = (
 def answers(equation: str) -> list[dict[str, Any]]:
     result = solve_document({"equations": equation}, SolveOptions(time_limit=30))
     return [
-        part for part in (result, *result["branches"]) if part["hamiltonian"] and not part["hamiltonian"]["implicit"]
+        part
+        for part in (result, *result["branches"])
+        if part["hamiltonian"] and not part["hamiltonian"]["implicit"]
     ]
 
 
 def read(text: str) -> Any:
-    return sympy.sympify(text.replace("x'", "v").replace("^", "**"), locals={"v": sympy.Symbol("v", real=True)})
+    return sympy.sympify(
+        text.replace("x'", "v").replace("^", "**"), locals={"v": sympy.Symbol("v", real=True)}
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("equation", "domain"), ONE_SIGN)
-def test_the_flow_of_h_is_the_motion_all_over_its_domain(equation: str, domain: list[str] | None) -> None:
+def test_the_flow_of_h_is_the_motion_all_over_its_domain(
+    equation: str, domain: list[str] | None
+) -> None:
     """Momenta of both signs are drawn independently of velocities."""
     x, p, v = (sympy.Symbol(name, real=True) for name in ("x", "p_x", "v"))
     found = answers(equation)
@@ -43,7 +49,9 @@ def test_the_flow_of_h_is_the_motion_all_over_its_domain(equation: str, domain: 
     assert domain is None or all(part["hamiltonian"]["domain"] == domain for part in found)
     generator, seen = random.Random(7), 0
     for part in found:
-        energy = read(part["hamiltonian"]["text"]).subs({sympy.Symbol("x"): x, sympy.Symbol("p_x"): p})
+        energy = read(part["hamiltonian"]["text"]).subs(
+            {sympy.Symbol("x"): x, sympy.Symbol("p_x"): p}
+        )
         conditions = [read(text).subs({sympy.Symbol("x"): x, sympy.Symbol("p_x"): p})
                       for text in part["hamiltonian"]["domain"]]  # fmt: skip
         force = read(equation.split("=")[1]).subs(sympy.Symbol("x"), x)
@@ -52,7 +60,9 @@ def test_the_flow_of_h_is_the_motion_all_over_its_domain(equation: str, domain: 
         for _ in range(40):
             place = {x: generator.uniform(-2, 2), p: generator.uniform(-2, 2)}
             moving = place | {v: rate.subs(place).evalf()}
-            if not moving[v].is_real or not all(bool(condition.subs(moving)) for condition in conditions):
+            if not moving[v].is_real or not all(
+                bool(condition.subs(moving)) for condition in conditions
+            ):
                 continue
             have, want = second.subs(place).evalf(), force.subs(moving).evalf()
             if have.is_real and want.is_real:

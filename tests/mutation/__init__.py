@@ -1,1 +1,3 @@
-"""Mutation testing of checker and decision: a test has to detect each small change of their source."""
+"""Mutation testing of checker and decision: a test has to detect each small change of their
+source.
+"""

@@ -1,7 +1,7 @@
 """Mutation testing of the mathematics: `python -m tests.mutation --sample N --output DIR`.
 
-Each mutant has a quick trial; if that is inconclusive, it has a slow one that reloads the package and runs all tests.
-survivors.md in the folder lists the survivors. An interrupted run resumes.
+Each mutant has a quick trial; if that is inconclusive, it has a slow one that reloads the package
+and runs all tests. survivors.md in the folder lists the survivors. An interrupted run resumes.
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ DECISION_TESTS = tuple(
         "certify",
     )
 )
-# Files of the package below inverse_service (patterns), and the tests that are responsible for them.
+# Files of the package below inverse_service (patterns), and the tests that are responsible for
+# them.
 ROOMS: dict[str, tuple[str, ...]] = {
     "certificate/*.py": ("tests/certificate",),
     "linear_pde/*.py": DECISION_TESTS,
@@ -58,13 +59,21 @@ TESTS = {
 def options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(prog="python -m tests.mutation", description=__doc__)
-    parser.add_argument("--module", choices=[name.split(".")[-1] for name in TESTS], action="append")
+    parser.add_argument(
+        "--module", choices=[name.split(".")[-1] for name in TESTS], action="append"
+    )
     parser.add_argument("--sample", type=int, help="so many mutants of each module (default all)")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--limit", type=int, default=60, help="processor seconds for the tests of one mutant")
+    parser.add_argument(
+        "--limit", type=int, default=60, help="processor seconds for the tests of one mutant"
+    )
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--budget", type=float, default=math.inf, help="of these, seconds of tests that are chosen")
-    parser.add_argument("--again", action="store_true", help="try survivors of an earlier run once more")
+    parser.add_argument(
+        "--budget", type=float, default=math.inf, help="of these, seconds of tests that are chosen"
+    )
+    parser.add_argument(
+        "--again", action="store_true", help="try survivors of an earlier run once more"
+    )
     parser.add_argument("--tests", nargs="+", help="these tests only, such as new ones for --again")
     parser.add_argument("--output", type=Path, default=Path("build/mutation"))
     return parser.parse_args(arguments)
@@ -96,7 +105,9 @@ def tried(module: str, asked: argparse.Namespace) -> list[str]:
 
 def recorded(module: str, asked: argparse.Namespace) -> Record:
     source = path_of(module).read_text(encoding="utf-8")
-    return Record(asked.output.absolute() / f"{module.split('.')[-1]}.jsonl", source, mutants(source))
+    return Record(
+        asked.output.absolute() / f"{module.split('.')[-1]}.jsonl", source, mutants(source)
+    )
 
 
 def quickly(module: str, wanted: Sequence[Mutant], asked: argparse.Namespace) -> None:
@@ -110,20 +121,32 @@ def quickly(module: str, wanted: Sequence[Mutant], asked: argparse.Namespace) ->
 def slowly(module: str, wanted: Sequence[Mutant], asked: argparse.Namespace) -> None:
     record, source = recorded(module, asked), path_of(module).read_text(encoding="utf-8")
     tests = asked.tests or TESTS[module]
-    jobs = ((one, lambda one=one: anew(module, mutated(source, one), tests), asked.limit) for one in wanted)
+    jobs = (
+        (one, lambda one=one: anew(module, mutated(source, one), tests), asked.limit)
+        for one in wanted
+    )
     for mutant, said in answers(jobs, asked.processes):
         add(record, mutant, said)
 
 
 def add(record: Record, mutant: Mutant, said: str) -> None:
     record.add(mutant, said)
-    print(f"{said[:70]:70} {mutant.line}: {mutant.before[:60]}: {mutant.rule}", file=sys.stderr, flush=True)
+    print(
+        f"{said[:70]:70} {mutant.line}: {mutant.before[:60]}: {mutant.rule}",
+        file=sys.stderr,
+        flush=True,
+    )
 
 
 def report(module: str, sample: Sequence[Mutant], record: Record) -> list[str]:
     ends = Counter(record.said[mutant].split()[0] for mutant in sample)
-    survivors = sorted((one for one in sample if record.said[one] == SURVIVED), key=lambda one: one.number)
-    lines = [f"- line {one.line}, {one.function or 'module'}: `{one.before}`: {one.rule}" for one in survivors]
+    survivors = sorted(
+        (one for one in sample if record.said[one] == SURVIVED), key=lambda one: one.number
+    )
+    lines = [
+        f"- line {one.line}, {one.function or 'module'}: `{one.before}`: {one.rule}"
+        for one in survivors
+    ]
     tried = f"{len(record.keys)} mutants, {len(sample)} tried"
     ended = f"{ends['killed']} killed, {ends['stopped']} stopped by the limit, {ends[SURVIVED]} survived"
     return [f"## {module}", "", f"{tried}: {ended}.", "", *lines, ""]
@@ -134,7 +157,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     prepare()
     lines = [line for module in TESTS if not asked.module or module.split(".")[-1] in asked.module
              for line in tried(module, asked)]  # fmt: skip
-    (asked.output / "survivors.md").write_text("\n".join(["# Mutants", "", *lines]), encoding="utf-8")
+    (asked.output / "survivors.md").write_text(
+        "\n".join(["# Mutants", "", *lines]), encoding="utf-8"
+    )
     print("\n".join(lines), f"\n{time.monotonic() - began:.0f} s")
 
 

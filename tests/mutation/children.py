@@ -1,4 +1,6 @@
-"""Run work in forked processes with limits on processor time and memory, and return their answers."""
+"""Run work in forked processes with limits on processor time and memory, and return their
+answers.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ MEMORY = 8 << 30  # bytes of addresses; a mutant may ask for any amount
 
 
 def answers(jobs: Iterator[tuple[Name, Job, float]], processes: int) -> Iterator[tuple[Name, str]]:
-    """Yield the answer of each (name, job, seconds) when it arrives, STOPPED beyond the limit; limited concurrency.
+    """Yield the answer of each (name, job, seconds) when it arrives, STOPPED beyond the limit;
+    limited concurrency.
 
     Raises RuntimeError if a job itself fails, because that is not an answer.
     """
@@ -25,7 +28,9 @@ def answers(jobs: Iterator[tuple[Name, Job, float]], processes: int) -> Iterator
             yield _ended(running)
         reading, writing = os.pipe()
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # newer Pythons warn about threads; libraries have some
+            warnings.simplefilter(
+                "ignore", DeprecationWarning
+            )  # newer Pythons warn about threads; libraries have some
             child = os.fork()
         if not child:
             os.close(reading)

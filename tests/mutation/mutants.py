@@ -1,5 +1,6 @@
-"""All small changes of a source: a comparison shifted, a condition dropped, a number off by one, a sign reversed.
-Annotations, decorators, docstrings, and messages stay unchanged, because they decide nothing.
+"""All small changes of a source: a comparison shifted, a condition dropped, a number off by one, a
+sign reversed. Annotations, decorators, docstrings, and messages stay unchanged, because they decide
+nothing.
 """
 
 from __future__ import annotations
@@ -22,8 +23,9 @@ Site = tuple[ast.expr, str, Change]
 class Mutant:
     """One change: its number in the source, its line, the original expression, and the change.
 
-    `lines` are the first and the last line of the statement, or of its head if it has a body; `function` is the
-    outermost function around it, "Class.method" or "function", empty if there is none.
+    `lines` are the first and the last line of the statement, or of its head if it has a body;
+    `function` is the outermost function around it, "Class.method" or "function", empty if there is
+    none.
     """
 
     number: int
@@ -39,7 +41,10 @@ def mutants(source: str) -> list[Mutant]:
     tree = ast.parse(source)
     places = dict(_places(tree, "", False, (0, 0)))
     sites = enumerate(_sites(tree))
-    return [Mutant(number, node.lineno, ast.unparse(node), rule, *places[node]) for number, (node, rule, _) in sites]
+    return [
+        Mutant(number, node.lineno, ast.unparse(node), rule, *places[node])
+        for number, (node, rule, _) in sites
+    ]
 
 
 def mutated(source: str, mutant: Mutant) -> ast.Module:
@@ -61,7 +66,11 @@ def _places(
         for child in value if isinstance(value, list) else [value]:
             if isinstance(child, ast.AST):
                 around = name if within or isinstance(node, ast.ClassDef) else function
-                own = _head(child) if isinstance(child, ast.stmt | ast.excepthandler | ast.match_case) else lines
+                own = (
+                    _head(child)
+                    if isinstance(child, ast.stmt | ast.excepthandler | ast.match_case)
+                    else lines
+                )
                 yield child, (own, around if within else "")
                 yield from _places(child, around, within, own)
 
@@ -93,7 +102,11 @@ def _expressions(node: ast.AST) -> Iterator[tuple[ast.AST, str, int | None, ast.
         if name in ("annotation", "returns", "decorator_list", "type_comment", "format_spec"):
             continue
         for index, child in enumerate(value) if isinstance(value, list) else [(None, value)]:
-            if not isinstance(child, ast.AST) or isinstance(child, ast.JoinedStr) or _is_docstring(child):
+            if (
+                not isinstance(child, ast.AST)
+                or isinstance(child, ast.JoinedStr)
+                or _is_docstring(child)
+            ):
                 continue
             yield node, name, index, child
             yield from _expressions(child)
@@ -108,12 +121,20 @@ def _changes(node: ast.AST, put: Callable[[ast.expr], None]) -> Iterator[Site]:
         case ast.Compare(ops=operators):
             for k, operator in enumerate(operators):
                 new = OPERATORS[type(operator)]
-                yield node, _turned(operator, new), lambda k=k, new=new: operators.__setitem__(k, new())  # type: ignore[misc]
+                yield (
+                    node,
+                    _turned(operator, new),
+                    lambda k=k, new=new: operators.__setitem__(k, new()),
+                )  # type: ignore[misc]
         case ast.BoolOp(op=operator) | ast.BinOp(op=operator) if type(operator) in OPERATORS:
             new = OPERATORS[type(operator)]
             yield node, _turned(operator, new), lambda: setattr(node, "op", new())
         case ast.UnaryOp(op=ast.Not() | ast.USub(), operand=operand):
-            yield node, "dropped " + ("not" if isinstance(node.op, ast.Not) else "minus"), lambda: put(operand)
+            yield (
+                node,
+                "dropped " + ("not" if isinstance(node.op, ast.Not) else "minus"),
+                lambda: put(operand),
+            )
         case ast.Constant(value=bool() as truth):
             yield node, f"{not truth}", lambda: put(ast.Constant(not truth))
         case ast.Constant(value=int() as number):

@@ -1,4 +1,6 @@
-"""The answer for each mutant, on disk: an interrupted run resumes; a source change invalidates only its function."""
+"""The answer for each mutant, on disk: an interrupted run resumes; a source change invalidates only
+its function.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ from tests.mutation.mutants import Mutant
 
 
 class Record:
-    """The answers for the mutants of one source, in a file of JSON lines; the later of two answers counts."""
+    """The answers for the mutants of one source, in a file of JSON lines; the later of two answers
+    counts.
+    """
 
     def __init__(self, path: Path, source: str, every: Sequence[Mutant]) -> None:
         self.path, self.keys = path, keys(source, every)
@@ -23,17 +27,24 @@ class Record:
     def add(self, mutant: Mutant, said: str) -> None:
         self.said[mutant] = said
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        entry = {"key": self.keys[mutant], "line": mutant.line, "before": mutant.before, "rule": mutant.rule}
+        entry = {
+            "key": self.keys[mutant],
+            "line": mutant.line,
+            "before": mutant.before,
+            "rule": mutant.rule,
+        }
         with self.path.open("a", encoding="utf-8") as stream:
             stream.write(json.dumps({**entry, "said": said}) + "\n")
 
 
 def examined() -> dict[str, str]:
-    """The type of each harmless change by the key of its mutant; these survivors were examined by hand.
+    """The type of each harmless change by the key of its mutant; these survivors were examined by
+    hand.
 
-    The files, one per module, have a line for each survivor with the reason: `same` (all documents are treated the
-    same), `stricter` (it only rejects more), `sound` (it accepts more, by rows that are also true), `chance` (random
-    points, their number or size: the bounds of FORMAT.md hold), `effort` (limits of time and size), `words` (messages).
+    The files, one per module, have a line for each survivor with the reason: `same` (all documents
+    are treated the same), `stricter` (it only rejects more), `sound` (it accepts more, by rows that
+    are also true), `chance` (random points, their number or size: the bounds of FORMAT.md hold),
+    `effort` (limits of time and size), `words` (messages).
     """
     files = (Path(__file__).parent / "examined").glob("*.ndjson")
     lines = [line for file in files for line in file.read_text(encoding="utf-8").splitlines()]
@@ -41,7 +52,9 @@ def examined() -> dict[str, str]:
 
 
 def keys(source: str, every: Sequence[Mutant]) -> dict[Mutant, str]:
-    """A name for each mutant that is stable while its function, or outside functions its statement, is unchanged."""
+    """A name for each mutant that is stable while its function, or outside functions its statement,
+    is unchanged.
+    """
     texts, lines = dict(_functions(ast.parse(source))), source.splitlines()
     places: dict[str, int] = {}
     found = {}

@@ -1,7 +1,8 @@
-"""Documents instead of tests: `python -m tests.mutation.replay --output DIR` tries mutants of the checker. Every
-document that the tests give to the checker is recorded with its verdict; a mutant that gives one of them another
-verdict is killed. A test takes seconds but its documents take milliseconds, so all mutants can be tried. The remaining
-mutants have survived only the quick trial; `python -m tests.mutation --output DIR` continues with that record.
+"""Documents instead of tests: `python -m tests.mutation.replay --output DIR` tries mutants of the
+checker. Every document that the tests give to the checker is recorded with its verdict; a mutant
+that gives one of them another verdict is killed. A test takes seconds but its documents take
+milliseconds, so all mutants can be tried. The remaining mutants have survived only the quick trial;
+`python -m tests.mutation --output DIR` continues with that record.
 """
 
 from __future__ import annotations
@@ -40,7 +41,9 @@ SEEDS = (1, 2, 3)  # the verdict is the same for all of these, or the document t
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A document as text, its check, its verdict, its seconds, and the (module, line)s that it runs."""
+    """A document as text, its check, its verdict, its seconds, and the (module, line)s that it
+    runs.
+    """
 
     check: str
     content: str
@@ -63,7 +66,9 @@ class Listener:
 
     def listening(self, name: str, check: Callable[..., Any]) -> Callable[..., Any]:
         def listening(document: Any, *more: Any, **named: Any) -> Any:
-            with contextlib.suppress(TypeError, ValueError, RecursionError):  # an attack on the reader
+            with contextlib.suppress(
+                TypeError, ValueError, RecursionError
+            ):  # an attack on the reader
                 self.met.setdefault((name, json.dumps(document, sort_keys=True)))
             return check(document, *more, **named)
 
@@ -71,13 +76,19 @@ class Listener:
 
 
 def recorded(path: Path) -> None:
-    """In a child, run the tests, then each of their documents once per seed and once with line tracing."""
+    """In a child, run the tests, then each of their documents once per seed and once with line
+    tracing.
+    """
     listener = Listener()
     # A test of time limits may fail here; its input to the checker is recorded anyway.
     code = pytest.main([*OPTIONS[1:], "-n", "0", *FOLDERS], plugins=[listener])
     if code not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
         raise SystemExit(int(code))
-    found = [one for name, content in listener.met if len(content) < LARGEST and (one := document(name, content))]
+    found = [
+        one
+        for name, content in listener.met
+        if len(content) < LARGEST and (one := document(name, content))
+    ]
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(pickle.dumps(found))
 
@@ -96,7 +107,10 @@ def document(name: str, content: str) -> Document | None:
     with tracer.collect():
         tracer.switch_context("document")
         verdict(name, content, SEEDS[0])
-    lines = {module: lines_met(tracer, PACKAGE + module).get("document", frozenset()) for module in CHECKER}
+    lines = {
+        module: lines_met(tracer, PACKAGE + module).get("document", frozenset())
+        for module in CHECKER
+    }
     pairs = frozenset((module, line) for module, met in lines.items() for line in met)
     return Document(name, content, verdicts.pop(), longest, pairs)
 
@@ -107,7 +121,9 @@ def verdict(name: str, content: str, seed: int) -> str:
 
 
 class Replay:
-    """Run the mutants of one module on the documents that run their statements, within the budget."""
+    """Run the mutants of one module on the documents that run their statements, within the
+    budget.
+    """
 
     def __init__(self, module: str, documents: Sequence[Document], budget: float) -> None:
         self.module, self.budget, self.kills = module, budget, Counter[tuple[str, int]]()
@@ -116,7 +132,9 @@ class Replay:
     def said(self, wanted: Sequence[Mutant], processes: int) -> Iterator[tuple[Mutant, str]]:
         for mutant, said in answers(self.jobs(wanted), processes):
             if said.startswith(KILLED):
-                self.kills.update((place, int(said.split()[3].rstrip(":"))) for place in {mutant.function, ""})
+                self.kills.update(
+                    (place, int(said.split()[3].rstrip(":"))) for place in {mutant.function, ""}
+                )
             yield mutant, said
 
     def jobs(self, wanted: Sequence[Mutant]) -> Iterator[tuple[Mutant, Job, float]]:
@@ -141,7 +159,10 @@ class Replay:
                 put(PACKAGE + self.module, source, function)
             except (KeyError, StopIteration, TypeError, ValueError):
                 return QUICK
-            return next((f"{KILLED} by document {k}: {said}" for k in chosen if (said := self.noticed(k))), QUICK)
+            return next(
+                (f"{KILLED} by document {k}: {said}" for k in chosen if (said := self.noticed(k))),
+                QUICK,
+            )
 
         return work
 
@@ -158,8 +179,12 @@ class Replay:
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.mutation.replay", description=__doc__)
     parser.add_argument("--module", choices=CHECKER, action="append")
-    parser.add_argument("--budget", type=float, default=math.inf, help="seconds of documents for a mutant")
-    parser.add_argument("--again", action="store_true", help="try once more what survived the quick trial")
+    parser.add_argument(
+        "--budget", type=float, default=math.inf, help="seconds of documents for a mutant"
+    )
+    parser.add_argument(
+        "--again", action="store_true", help="try once more what survived the quick trial"
+    )
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--output", type=Path, default=Path("build/mutation"))
     asked = parser.parse_args(arguments)
@@ -170,13 +195,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
         child.start()
         child.join()
     known = pickle.loads(documents.read_bytes())
-    print(f"{len(known)} documents, {sum(one.seconds for one in known):.0f} s", Counter(one.verdict for one in known))
+    print(
+        f"{len(known)} documents, {sum(one.seconds for one in known):.0f} s",
+        Counter(one.verdict for one in known),
+    )
     for module in asked.module or CHECKER:
         print(module, tried(module, known, asked))
 
 
 def tried(module: str, documents: Sequence[Document], asked: argparse.Namespace) -> Counter[str]:
-    """The numbers of mutants killed, stopped, and surviving, and the manual findings about survivors."""
+    """The numbers of mutants killed, stopped, and surviving, and the manual findings about
+    survivors.
+    """
     source = path_of(PACKAGE + module).read_text(encoding="utf-8")
     every = mutants(source)
     record = Record(asked.output.absolute() / f"{module}.jsonl", source, every)
@@ -185,10 +215,16 @@ def tried(module: str, documents: Sequence[Document], asked: argparse.Namespace)
     checker()
     for mutant, said in Replay(module, documents, asked.budget).said(wanted, asked.processes):
         record.add(mutant, said)
-        print(f"{said[:70]:70} {mutant.line}: {mutant.before[:60]}: {mutant.rule}", file=sys.stderr, flush=True)
+        print(
+            f"{said[:70]:70} {mutant.line}: {mutant.before[:60]}: {mutant.rule}",
+            file=sys.stderr,
+            flush=True,
+        )
     harmless = examined()
     ends = {one: record.said.get(one, "not tried").split(" by ")[0] for one in every}
-    return Counter(harmless.get(record.keys[one], end) if end == QUICK else end for one, end in ends.items())
+    return Counter(
+        harmless.get(record.keys[one], end) if end == QUICK else end for one, end in ends.items()
+    )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,6 @@
-"""Mutants differ from the source in one place, and a trial distinguishes tests that detect a mutant from others."""
+"""Mutants differ from the source in one place, and a trial distinguishes tests that detect a mutant
+from others.
+"""
 
 from __future__ import annotations
 
@@ -69,7 +71,10 @@ def test_the_modules_and_their_tests_are_there(module: str) -> None:
 def test_a_requirement_loses_its_condition() -> None:
     source = "require(a < b, 'a sentence')"
     first = mutants(source)[0]
-    assert (first.rule, ast.unparse(mutated(source, first))) == ("condition dropped", "require(True, 'a sentence')")
+    assert (first.rule, ast.unparse(mutated(source, first))) == (
+        "condition dropped",
+        "require(True, 'a sentence')",
+    )
 
 
 PLACES = """
@@ -167,12 +172,17 @@ def test_what_was_examined_by_hand_has_its_reason() -> None:
     found = examined()
     assert {*found.values()} <= {"same", "stricter", "sound", "chance", "effort", "words"}
     for file in (Path(__file__).parent / "examined").glob("*.ndjson"):
-        assert all(len(json.loads(line)["why"]) > 10 for line in file.read_text(encoding="utf-8").splitlines())
+        assert all(
+            len(json.loads(line)["why"]) > 10
+            for line in file.read_text(encoding="utf-8").splitlines()
+        )
 
 
 @pytest.mark.slow
 def test_a_document_notices_a_mutant_that_gives_it_another_verdict() -> None:
-    """A false claim detects a mutant that never rejects; no document detects a mutant of an unused function."""
+    """A false claim detects a mutant that never rejects; no document detects a mutant of an unused
+    function.
+    """
     false = json.dumps(lagrangian("oscillator", "x'^2/2"))
     known = document("check_certificate", false)
     assert known is not None

@@ -1,4 +1,6 @@
-"""Run the tests of a module against one mutant of it, in a process that loads the package itself."""
+"""Run the tests of a module against one mutant of it, in a process that loads the package
+itself.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,11 @@ from types import ModuleType
 
 ROOT = Path(__file__).parent.parent.parent
 # The modules of the checker.
-CHECKER = tuple(sorted({file.stem for file in (ROOT / "inverse_service/certificate").glob("*.py")} - {"__init__"}))
+CHECKER = tuple(
+    sorted(
+        {file.stem for file in (ROOT / "inverse_service/certificate").glob("*.py")} - {"__init__"}
+    )
+)
 # Loaded once, before the fork.
 LIBRARIES = ("flint", "hypothesis", "llvmlite", "mpmath", "numba", "numpy", "pytest", "sympy")
 SURVIVED, KILLED, QUICK = "survived", "killed", "survived the quick trial"
@@ -27,7 +33,9 @@ def prepare() -> None:
         importlib.import_module(name)
     from hypothesis import Phase, settings
 
-    settings.register_profile("trial", database=None, deadline=None, phases=[Phase.explicit, Phase.generate])
+    settings.register_profile(
+        "trial", database=None, deadline=None, phases=[Phase.explicit, Phase.generate]
+    )
     settings.load_profile("trial")
     os.chdir(ROOT)
 
@@ -38,7 +46,9 @@ class Changed(importlib.abc.MetaPathFinder, importlib.abc.Loader):
     def __init__(self, module: str, source: ast.Module) -> None:
         self.module, self.source = module, source
 
-    def find_spec(self, name: str, path: object, target: object = None) -> importlib.machinery.ModuleSpec | None:
+    def find_spec(
+        self, name: str, path: object, target: object = None
+    ) -> importlib.machinery.ModuleSpec | None:
         if name != self.module:
             return None
         return importlib.machinery.ModuleSpec(name, self, origin=str(path_of(name)))
@@ -48,8 +58,12 @@ class Changed(importlib.abc.MetaPathFinder, importlib.abc.Loader):
 
     def exec_module(self, module: ModuleType) -> None:
         module.__file__ = str(path_of(self.module))
-        # Under a name that is not a file, so numba neither finds nor stores machine code of the plain source.
-        exec(compile(self.source, f"<mutant of {self.module}>", "exec", dont_inherit=True), module.__dict__)
+        # Under a name that is not a file, so numba neither finds nor stores machine code of the
+        # plain source.
+        exec(
+            compile(self.source, f"<mutant of {self.module}>", "exec", dont_inherit=True),
+            module.__dict__,
+        )
 
 
 def path_of(module: str) -> Path:
@@ -68,7 +82,9 @@ class FirstFailure:
 
 def anew(module: str, source: ast.Module, tests: Sequence[str]) -> str:
     """In a child, return SURVIVED, or KILLED and the test that detected the mutant."""
-    for name in [name for name in sys.modules if name.split(".")[0] in ("inverse_service", "api_schemas")]:
+    for name in [
+        name for name in sys.modules if name.split(".")[0] in ("inverse_service", "api_schemas")
+    ]:
         del sys.modules[name]
     sys.meta_path.insert(0, Changed(module, source))
     import pytest

@@ -1,6 +1,7 @@
-"""Quick trials: tests are collected once; for each mutant a child changes one function and runs the tests of its lines.
-First a child measures which test runs which lines, so that no cache keeps a result. A mutant outside functions has no
-quick trial. A survivor whose lines ran before any test needs a slow trial.
+"""Quick trials: tests are collected once; for each mutant a child changes one function and runs the
+tests of its lines. First a child measures which test runs which lines, so that no cache keeps a
+result. A mutant outside functions has no quick trial. A survivor whose lines ran before any test
+needs a slow trial.
 """
 
 from __future__ import annotations
@@ -32,10 +33,18 @@ class Ready:
     """A collected pytest session, paused before it runs its tests."""
 
     def __init__(
-        self, module: str, wanted: Sequence[Mutant], limit: int, processes: int, budget: float = math.inf
+        self,
+        module: str,
+        wanted: Sequence[Mutant],
+        limit: int,
+        processes: int,
+        budget: float = math.inf,
     ) -> None:
         self.module, self.wanted, self.limit, self.processes = module, wanted, limit, processes
-        self.budget, self.kills = budget, Counter[tuple[str, str]]()  # keys (function or "" for all, test)
+        self.budget, self.kills = (
+            budget,
+            Counter[tuple[str, str]](),
+        )  # keys (function or "" for all, test)
         self.found: Found = print
         self.failure, self.tracer = FirstFailure(), tracer_of(module)
 
@@ -47,7 +56,9 @@ class Ready:
         self.lines, self.seconds = self.measured()
         for mutant, said in answers(self.jobs(), self.processes):
             if said.startswith(KILLED):
-                self.kills.update((place, said.removeprefix(f"{KILLED} ")) for place in {mutant.function, ""})
+                self.kills.update(
+                    (place, said.removeprefix(f"{KILLED} ")) for place in {mutant.function, ""}
+                )
             early = said == SURVIVED and not self.early.isdisjoint(self.statement(mutant))
             self.found(mutant, QUICK if early else said)
         return True
@@ -93,10 +104,16 @@ class Ready:
             yield mutant, self.job(mutated(source, mutant), mutant.function, chosen), limit
 
     def chosen(self, mutant: Mutant) -> list[str]:
-        """The tests that run the statement, within the budget, in descending order of detections per time."""
+        """The tests that run the statement, within the budget, in descending order of detections
+        per time.
+        """
         statement, kills, seconds = self.statement(mutant), self.kills, self.seconds
         met = [name for name, met in self.lines.items() if not met.isdisjoint(statement)]
-        met.sort(key=lambda name: (seconds[name] + 0.01) / (1 + kills["", name] + 10 * kills[mutant.function, name]))
+        met.sort(
+            key=lambda name: (
+                (seconds[name] + 0.01) / (1 + kills["", name] + 10 * kills[mutant.function, name])
+            )
+        )
         return [name for name, spent in zip(met, itertools.accumulate(map(seconds.__getitem__, met)), strict=True)
                 if spent <= self.budget]  # fmt: skip
 
@@ -120,7 +137,9 @@ def lines_met(tracer: coverage.Coverage, module: str) -> Lines:
     """The lines run in each context."""
     contexts = tracer.get_data().contexts_by_lineno(str(path_of(module)))
     names = {name for named in contexts.values() for name in named}
-    return {name: frozenset(line for line, named in contexts.items() if name in named) for name in names}
+    return {
+        name: frozenset(line for line, named in contexts.items() if name in named) for name in names
+    }
 
 
 def put(module: str, source: ast.Module, function: str) -> None:
@@ -133,7 +152,9 @@ def put(module: str, source: ast.Module, function: str) -> None:
 
 
 def plain(place: object) -> FunctionType:
-    """The function behind a property, cached property, class method, or cache. Raises TypeError for machine code."""
+    """The function behind a property, cached property, class method, or cache. Raises TypeError for
+    machine code.
+    """
     if hasattr(place, "py_func"):
         raise TypeError(f"{place} is compiled")
     for name in ("fget", "func", "__func__", "__wrapped__"):
@@ -151,7 +172,9 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 
 
 def run(ready: Ready, tests: Sequence[str], found: Found) -> None:
-    """Pass (mutant, SURVIVED, STOPPED, or KILLED and the detecting test) to `found` as they arrive."""
+    """Pass (mutant, SURVIVED, STOPPED, or KILLED and the detecting test) to `found` as they
+    arrive.
+    """
     ready.found = found
     ready.tracer.start()
     code = pytest.main([*OPTIONS, *tests], plugins=[ready])

@@ -1,4 +1,6 @@
-"""The report on the paper marks statements that the computation contradicts, and the pages show the findings."""
+"""The report on the paper marks statements that the computation contradicts, and the pages show the
+findings.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,10 @@ def test_the_statements_of_section_two_agree_for_the_particle(particle: Member) 
 @pytest.mark.slow
 def test_a_wrong_formula_differs(particle: Member, monkeypatch: pytest.MonkeyPatch) -> None:
     def doubled(system: Member, form: int) -> object:
-        return add(lagrangian(system, form), multiply(number(2), lagrangian(system, form), lagrangian(system, form)))
+        return add(
+            lagrangian(system, form),
+            multiply(number(2), lagrangian(system, form), lagrangian(system, form)),
+        )
 
     monkeypatch.setattr(propositions, "lagrangian", doubled)
     assert propositions.second_has_lagrangians([particle]).finding == "differs"
@@ -45,7 +50,9 @@ def test_wrong_motion_and_wrong_associated_systems_differ(particle: Member) -> N
 
 @pytest.mark.slow
 def test_a_verdict_without_a_check_differs_and_is_printed(particle: Member) -> None:
-    associated = [{**one, "verdict": "undetermined", "checked": None} for one in particle.result["associated"]]
+    associated = [
+        {**one, "verdict": "undetermined", "checked": None} for one in particle.result["associated"]
+    ]
     other = replace(particle, result={**particle.result, "associated": associated})
     found = propositions.first_has_no_lagrangian([other])
     assert found.finding == "differs"

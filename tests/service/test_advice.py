@@ -12,7 +12,10 @@ from inverse_service.service.scenes.work_precision import work_precision
 from tests.values import slow
 
 HENON = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2 - (x^2+y^2)/2 - x^2*y + y^3/3"}
-PENDULA = {"coordinates": ["a", "b"], "lagrangian": "a'^2 + b'^2/2 + a'*b'*cos(a-b) + 2*cos(a) + cos(b)"}
+PENDULA = {
+    "coordinates": ["a", "b"],
+    "lagrangian": "a'^2 + b'^2/2 + a'*b'*cos(a-b) + 2*cos(a) + cos(b)",
+}
 EDGE = {
     "coordinates": ["phi", "x", "y"],
     "lagrangian": "(x'^2+y'^2+phi'^2)/2",
@@ -24,9 +27,17 @@ DAMPED = {"coordinates": ["x"], "equations": ["x'' = -x - x'/10"]}
 
 
 def scene(system: dict[str, Any], methods: list[Any], **more: Any) -> dict[str, Any]:
-    rates = {name: 0.1 for name in system["coordinates"] if name != "y" or "constraints" not in system}
+    rates = {
+        name: 0.1 for name in system["coordinates"] if name != "y" or "constraints" not in system
+    }
     initial = {"positions": dict.fromkeys(system["coordinates"], 0.2), "velocities": rates}
-    return {"system": system, "initial": initial, "step": 0.1, "time": 20, "methods": methods} | more
+    return {
+        "system": system,
+        "initial": initial,
+        "step": 0.1,
+        "time": 20,
+        "methods": methods,
+    } | more
 
 
 @pytest.mark.slow
@@ -88,7 +99,9 @@ def test_peers_are_measured() -> None:
           "associated": "second"}, "nonholonomic", "constraints to round-off"),
     ],
 )  # fmt: skip
-def test_a_result_of_solve_says_what_to_simulate_it_with(document: dict[str, Any], method: str, words: str) -> None:
+def test_a_result_of_solve_says_what_to_simulate_it_with(
+    document: dict[str, Any], method: str, words: str
+) -> None:
     advice = solve(document)["advice"]
     assert advice["method"] == method
     assert advice["order"] == (None if method == "adaptive" else 8)
@@ -112,14 +125,24 @@ def test_advice_says_where_the_lagrangian_of_a_branch_ends(force: str, wall: str
 
 def test_advice_does_not_warn_of_constants_that_change() -> None:
     """x^(2 k) x'^2/2 - l x^(2 k + 2)/(2 (k + 1)): motions end at x = 0, and k + 1 is a constant."""
-    reason = solve({"equations": "x'' = -k*x'^2/x - l*x", "parameters": ["k", "l"]})["advice"]["reason"]
+    reason = solve({"equations": "x'' = -k*x'^2/x - l*x", "parameters": ["k", "l"]})["advice"][
+        "reason"
+    ]
     assert "It ends where x" in reason
 
 
 def test_no_method_is_advised_for_a_degenerate_lagrangian() -> None:
     system = {"coordinates": ["x", "y"], "lagrangian": "x'^2/2 - x^2/2 - x*y"}
     initial = {"positions": {"x": 1, "y": 1}, "velocities": {"x": 0, "y": 0}}
-    found = simulate({"system": system, "initial": initial, "step": 0.1, "steps": 5, "methods": ["stormer-verlet"]})
+    found = simulate(
+        {
+            "system": system,
+            "initial": initial,
+            "step": 0.1,
+            "steps": 5,
+            "methods": ["stormer-verlet"],
+        }
+    )
     assert found["methods"][0]["outcome"] == "unavailable"
     assert found["advice"] is None
 
@@ -134,8 +157,14 @@ QUADRATIC = "(x'^2+y'^2+z'^2)/2 - (x^2+y^2+z^2)/2"
     [
         (CONTACT | {"lagrangian": QUADRATIC}, "and the energy drifts little"),
         (CONTACT | {"lagrangian": f"{QUADRATIC} + 3*z*y'/10"}, "but the energy may drift"),
-        (CONTACT | {"lagrangian": f"{QUADRATIC} + x*cos(2*t)/2"}, "contains t, so the energy is not constant"),
-        (CONTACT | {"lagrangian": QUADRATIC, "constraints": ["x' + y*z' - 1"]}, "energy is not constant"),
+        (
+            CONTACT | {"lagrangian": f"{QUADRATIC} + x*cos(2*t)/2"},
+            "contains t, so the energy is not constant",
+        ),
+        (
+            CONTACT | {"lagrangian": QUADRATIC, "constraints": ["x' + y*z' - 1"]},
+            "energy is not constant",
+        ),
     ],
 )
 def test_the_energy_of_a_constrained_motion_is_promised_only_where_it_is_kept(
@@ -159,7 +188,9 @@ def test_a_strong_damper_with_a_lagrangian_needs_the_stiff_method() -> None:
 
 
 def test_the_advice_is_about_the_lagrangian_that_ends_at_the_fewest_places() -> None:
-    """exp(t/10) (x'^2 - x^2)/2 is regular everywhere, the L without t (an arctangent of x'/x) ends where x is 0."""
+    """exp(t/10) (x'^2 - x^2)/2 is regular everywhere, the L without t (an arctangent of x'/x) ends
+    where x is 0.
+    """
     advice = solve(DAMPED)["advice"]
     assert "contains t" in advice["reason"]
     assert "ends where" not in advice["reason"]

@@ -1,4 +1,6 @@
-"""A row of a table says what its formulas need: sets, momenta, constraints, functions, and the question."""
+"""A row of a table says what its formulas need: sets, momenta, constraints, functions, and the
+question.
+"""
 
 from __future__ import annotations
 
@@ -19,24 +21,40 @@ def row_of(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_a_branch_of_the_inverse_has_its_set() -> None:
-    """Modified Emden: L = 1/(x' + x^2) has p = -1/(x' + x^2)^2, and H = -2 sqrt(-p) - x^2 p where x' + x^2 > 0 only."""
+    """Modified Emden: L = 1/(x' + x^2) has p = -1/(x' + x^2)^2, and H = -2 sqrt(-p) - x^2 p where
+    x' + x^2 > 0 only.
+    """
     row = row_of({"equations": {"x": "-3*x*x' - x^3"}})
     assert row["L_where"] == "x^2 + x' != 0"
     assert "x^2 + x' > 0" in row["H_where"].split(", ")
     assert row["momenta"].startswith("p_x = ")
-    assert (row["about"], row["with_time"], row["verdict"], row["checked"]) == ("main", False, "variational", "valid")
+    assert (row["about"], row["with_time"], row["verdict"], row["checked"]) == (
+        "main",
+        False,
+        "variational",
+        "valid",
+    )
 
 
 def test_a_nonholonomic_motion_is_answered_as_in_the_text() -> None:
-    """The first associated system of the knife edge has no Lagrangian, but the motion can be given a Hamiltonian."""
+    """The first associated system of the knife edge has no Lagrangian, but the motion can be given
+    a Hamiltonian.
+    """
     row = row_of(KNIFE_EDGE)
-    assert (row["about"], row["verdict"], row["checked"], row["open"]) == ("any", "variational", "valid", None)
+    assert (row["about"], row["verdict"], row["checked"], row["open"]) == (
+        "any",
+        "variational",
+        "valid",
+        None,
+    )
     assert row["L"]
     assert row["image"].endswith(" = 0")
 
 
 def test_a_function_in_l_has_its_derivative() -> None:
-    """x'' = -k(x) x'^2 - g has L = exp(2 F) x'^2/2 - g G with F' = k, G' = exp(2 F) (an integrating factor)."""
+    """x'' = -k(x) x'^2 - g has L = exp(2 F) x'^2/2 - g G with F' = k, G' = exp(2 F) (an integrating
+    factor).
+    """
     found = {"equations": {"x": "-k(x)*x'^2 - g"}, "parameters": ["g"], "functions": {"k": ["x"]}}
     row = row_of(found)
     assert "dF/dx = k(x)" in row["auxiliary"]
@@ -44,7 +62,9 @@ def test_a_function_in_l_has_its_derivative() -> None:
 
 
 def test_there_is_a_row_for_each_answer_and_for_a_line_without_one() -> None:
-    damped = dict(inverse_service.solve({"equations": {"x": "-x - 2*x*y - x'", "y": "-y - x^2 + y^2 - y'"}}))
+    damped = dict(
+        inverse_service.solve({"equations": {"x": "-x - 2*x*y - x'", "y": "-y - x^2 + y^2 - y'"}})
+    )
     rows = list(answer_rows.rows({"id": "damped", **damped}))
     assert [(row["id"], row["with_time"], row["verdict"]) for row in rows] == [
         ("damped", True, "variational"),

@@ -17,12 +17,16 @@ from inverse_service.service.jobs import batch
 def lines(*texts: str) -> list[tuple[object, ...]]:
     stream = io.BytesIO("\n".join(texts).encode())
     return [
-        (line.number, line.identifier, line.fault is not None, line.duplicate_of) for line in batch.read_lines(stream)
+        (line.number, line.identifier, line.fault is not None, line.duplicate_of)
+        for line in batch.read_lines(stream)
     ]
 
 
 def test_empty_lines_are_skipped_but_counted() -> None:
-    assert lines("", '{"id": "a"}', "  ", '{"id": 7}') == [(2, "a", False, None), (4, 7, False, None)]
+    assert lines("", '{"id": "a"}', "  ", '{"id": 7}') == [
+        (2, "a", False, None),
+        (4, 7, False, None),
+    ]
     with pytest.raises(errors.InputError, match="1,000,000 blank lines"):
         lines(*[""] * 1_000_002)
 
@@ -37,7 +41,17 @@ def test_a_second_use_of_an_id_is_a_fault_that_names_the_first() -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["{", "[]", "3", '{"id": null}', '{"id": 1.5}', '{"id": true}', '{"id": [1]}', '{"a": NaN}', '{"id": "\\ud800"}'],
+    [
+        "{",
+        "[]",
+        "3",
+        '{"id": null}',
+        '{"id": 1.5}',
+        '{"id": true}',
+        '{"id": [1]}',
+        '{"a": NaN}',
+        '{"id": "\\ud800"}',
+    ],
 )
 def test_an_unreadable_line_is_an_error_and_the_others_continue(text: str) -> None:
     assert lines(text, '{"id": "b"}') == [(1, None, True, None), (2, "b", False, None)]
@@ -57,7 +71,12 @@ def test_ids_one_and_text_one_are_two_ids() -> None:
 
 
 def answer(id: object, line: int = 1, **more: object) -> bytes:
-    return json.dumps({"id": id, "line": line, "verdict": "variational", "digest": "d", **more}).encode() + b"\n"
+    return (
+        json.dumps(
+            {"id": id, "line": line, "verdict": "variational", "digest": "d", **more}
+        ).encode()
+        + b"\n"
+    )
 
 
 def test_a_digest_is_of_document_and_options_and_not_of_the_id() -> None:
@@ -88,7 +107,9 @@ def test_what_was_half_written_is_cut_off_and_the_rest_kept(tmp_path: Path, name
 
 
 @pytest.mark.parametrize("name", ["out.ndjson", "out.ndjson.gz"])
-def test_an_answer_to_another_question_is_replaced_and_kept_elsewhere(tmp_path: Path, name: str) -> None:
+def test_an_answer_to_another_question_is_replaced_and_kept_elsewhere(
+    tmp_path: Path, name: str
+) -> None:
     path = tmp_path / name
     with batch.open_output(path) as output:
         for line in (answer("a", 1, digest="old"), answer("b", 2)):
@@ -125,8 +146,13 @@ def test_a_device_a_pipe_and_a_folder_are_no_output(tmp_path: Path) -> None:
 def test_a_damaged_compressed_input_is_one_sentence(tmp_path: Path, damage: str) -> None:
     good = gzip.compress(b"{}\n" * 9)
     path = tmp_path / "in.ndjson.gz"
-    path.write_bytes({"plain": b"{}\n", "cut": good[:-9], "foreign": good[:20] + b"abc" * 9}[damage])
-    with pytest.raises(errors.InputError, match="damaged or end too"), batch.open_source(path) as stream:
+    path.write_bytes(
+        {"plain": b"{}\n", "cut": good[:-9], "foreign": good[:20] + b"abc" * 9}[damage]
+    )
+    with (
+        pytest.raises(errors.InputError, match="damaged or end too"),
+        batch.open_source(path) as stream,
+    ):
         list(batch.read_lines(stream))
 
 

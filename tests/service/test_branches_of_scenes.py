@@ -11,7 +11,8 @@ from inverse_service.service.documents.documents import solve_system
 from inverse_service.service.scenes.simulating import simulate
 
 METHODS = ["variational", {"method": "variational", "form": "raw", "alpha": 0.3}, "stormer-verlet"]
-# The force, the start and its velocity, the L of the branch of the start, and the end of that branch.
+# The force, the start and its velocity, the L of the branch of the start, and the end of that
+# branch.
 FORCES = [
     ("-sign(x)", 1.0, 0.0, "x'^2/2 - x", 0.0),
     ("-sign(x)", -1.0, 0.0, "x'^2/2 + x", 0.0),
@@ -48,7 +49,9 @@ def test_a_run_ends_where_the_branch_of_its_lagrangian_ends(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("force", "position", "velocity", "lagrangian"), [case[:4] for case in FORCES])
+@pytest.mark.parametrize(
+    ("force", "position", "velocity", "lagrangian"), [case[:4] for case in FORCES]
+)
 def test_a_lagrangian_that_is_given_is_held_against_the_equations(
     force: str, position: float, velocity: float, lagrangian: str
 ) -> None:
@@ -64,10 +67,14 @@ def test_a_result_is_simulated_on_the_branch_of_the_start() -> None:
 
 
 def test_the_energy_of_one_branch_judges_no_run_over_two() -> None:
-    """x'' = -sign(x) from rest at 1: x(t) has period 4 sqrt(2), and x(5) = 1 - (4 sqrt(2) - 5)^2/2."""
+    """x'' = -sign(x) from rest at 1: x(t) has period 4 sqrt(2), and x(5) = 1 - (4 sqrt(2) -
+    5)^2/2.
+    """
     (method,) = simulate(scene("-sign(x)", 1.0, 0.0, methods=["adaptive"]))["methods"]
     assert method["outcome"] == "completed"
-    assert method["final"]["positions"]["x"] == pytest.approx(1 - (4 * 2**0.5 - 5) ** 2 / 2, abs=1e-9)
+    assert method["final"]["positions"]["x"] == pytest.approx(
+        1 - (4 * 2**0.5 - 5) ** 2 / 2, abs=1e-9
+    )
     assert method["max_energy_error"] is None
     assert "ends where x = 0" in method["energy_note"]
 
@@ -76,6 +83,10 @@ def test_the_energy_of_one_branch_judges_no_run_over_two() -> None:
 def test_drag_against_the_motion_has_its_lagrangian_in_each_direction() -> None:
     """x'' = -x'|x'|: x(t) = x_0 + s log(1 + |v_0| t)."""
     for velocity in (1.0, -1.0):
-        (method,) = simulate(scene("-x'*abs(x')", 0.5, velocity, methods=["variational"], step=0.01))["methods"]
+        (method,) = simulate(
+            scene("-x'*abs(x')", 0.5, velocity, methods=["variational"], step=0.01)
+        )["methods"]
         assert method["outcome"] == "completed"
-        assert method["final"]["positions"]["x"] == pytest.approx(0.5 + velocity * 1.791759469228055, abs=1e-4)
+        assert method["final"]["positions"]["x"] == pytest.approx(
+            0.5 + velocity * 1.791759469228055, abs=1e-4
+        )

@@ -1,4 +1,6 @@
-"""A certificate is about the given system: the user's unsolved equations are compared with its right sides."""
+"""A certificate is about the given system: the user's unsolved equations are compared with its
+right sides.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,12 @@ DISK = {
     "parameters": ["M", "I", "J", "R"],
 }
 MOTIONS = {
-    "first": {"phi": "0", "theta": "0", "x": "-R*sin(phi)*phi'*theta'", "y": "R*cos(phi)*phi'*theta'"},
+    "first": {
+        "phi": "0",
+        "theta": "0",
+        "x": "-R*sin(phi)*phi'*theta'",
+        "y": "R*cos(phi)*phi'*theta'",
+    },
     "second": {"phi": "0", "theta": "0", "x": "-tan(phi)*phi'*x'", "y": "cot(phi)*phi'*y'"},
     "third": {"phi": "0", "theta": "0", "x": "-phi'*y'", "y": "phi'*x'"},
 }
@@ -62,7 +69,9 @@ def compared(document: Any, equations: dict[str, str], claim: Any = None, **name
     ],
     ids=lambda value: str(value)[:40],
 )  # fmt: skip
-def test_the_same_system_in_another_form_is_the_system_given(document: Any, equations: Any, names: Any) -> None:
+def test_the_same_system_in_another_form_is_the_system_given(
+    document: Any, equations: Any, names: Any
+) -> None:
     assert compared(document, equations, **names) == "valid"
 
 
@@ -104,7 +113,8 @@ def test_another_system_is_not_the_system_given(document: Any, equations: Any, n
 def test_another_branch_of_a_root_is_another_system() -> None:
     document = {"equations": "x'' = sqrt(x^2)"}
     right, left = (
-        {"near": {"x": value}, "conditions": [f"x {sign} 0"]} for value, sign in (("3/2", ">"), ("-3/2", "<"))
+        {"near": {"x": value}, "conditions": [f"x {sign} 0"]}
+        for value, sign in (("3/2", ">"), ("-3/2", "<"))
     )
     assert compared(document, {"x": "x"}, right) == "valid"
     assert compared(document, {"x": "x"}, left) == "invalid"
@@ -115,7 +125,9 @@ def test_another_branch_of_a_root_is_another_system() -> None:
 
 def test_related_arctangents_are_another_system_beyond_their_poles() -> None:
     system = {"coordinates": ["x"], "equations": {"x": "-x"}}
-    found = compared_with_document({"equations": "x'' = -atan(tan(x))"}, Canonical(system, {"near": {"x": "1/3"}}))
+    found = compared_with_document(
+        {"equations": "x'' = -atan(tan(x))"}, Canonical(system, {"near": {"x": "1/3"}})
+    )
     assert (found.verdict, found.cell and found.cell.domain) == ("valid", ("cos(x) > 0",))
 
 
@@ -129,7 +141,9 @@ def test_numbers_beyond_all_measure_are_not_judged(f: str) -> None:
     assert compared({"equations": f"x'' = {f}"}, {"x": "0"}) == "incomplete"
 
 
-@pytest.mark.parametrize("document", [None, 3, {}, {"equations": "x'' ="}, {"lagrangian": 1}, {"equations": {"x": []}}])
+@pytest.mark.parametrize(
+    "document", [None, 3, {}, {"equations": "x'' ="}, {"lagrangian": 1}, {"equations": {"x": []}}]
+)
 def test_an_invalid_document_is_not_compared(document: Any) -> None:
     assert compared(document, {"x": "0"}) == "invalid"
 
@@ -139,7 +153,9 @@ def test_every_associated_system_is_the_motion_on_the_constraints(kind: str) -> 
     assert compared(DISK, MOTIONS[kind], parameters=DISK["parameters"]) == "valid"
 
 
-@pytest.mark.parametrize("changed", [{"phi": "x'"}, {"theta": "1"}, {"x": "tan(phi)*phi'*x'"}, {"y": "phi'*y'"}])
+@pytest.mark.parametrize(
+    "changed", [{"phi": "x'"}, {"theta": "1"}, {"x": "tan(phi)*phi'*x'"}, {"y": "phi'*y'"}]
+)
 def test_another_motion_is_not_that_of_the_lagrangian(changed: dict[str, str]) -> None:
     assert compared(DISK, MOTIONS["second"] | changed, parameters=DISK["parameters"]) == "invalid"
 
@@ -163,8 +179,13 @@ def test_a_certificate_alone_is_compared_with_a_document() -> None:
     certificate = solve({"equations": "x'' = -a*x", "parameters": ["a"]})["certificate"]
     for shown in (certificate, json.dumps(certificate)):
         assert check(shown)["verdict"] == "valid"
-        assert check(shown, {"equations": "x'' + a*x = 0", "parameters": ["a"]})["verdict"] == "valid"
-        assert check(shown, {"equations": "x'' - a*x = 0", "parameters": ["a"]})["verdict"] == "invalid"
+        assert (
+            check(shown, {"equations": "x'' + a*x = 0", "parameters": ["a"]})["verdict"] == "valid"
+        )
+        assert (
+            check(shown, {"equations": "x'' - a*x = 0", "parameters": ["a"]})["verdict"]
+            == "invalid"
+        )
 
 
 @pytest.mark.slow
@@ -189,7 +210,9 @@ def test_the_associated_system_of_a_result_is_compared_and_the_others_named() ->
 def test_what_the_checker_can_read_is_read_twice(
     equations: Any, is_read_twice: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An error of our reader is detected: here it gives every product of a formula the opposite sign."""
+    """An error of our reader is detected: here it gives every product of a formula the opposite
+    sign.
+    """
     document = {"equations": equations, "parameters": {"a": "3/7"}}
     result = solve(document)
     assert check(result)["verdict"] == "valid"
@@ -205,13 +228,17 @@ def test_what_the_checker_can_read_is_read_twice(
 def solve_nothing(document: Any) -> dict[str, Any]:
     """The canonical system as the active reader parses the document."""
     system = accepting.to_system(accepting.to_schema(document))
-    equations = {name: to_text(f) for name, f in zip(system.coordinates, system.accelerations, strict=True)}
+    equations = {
+        name: to_text(f) for name, f in zip(system.coordinates, system.accelerations, strict=True)
+    }
     return {"coordinates": list(system.coordinates), "equations": equations}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("broken", ["solving", "printing"])
-def test_a_fault_between_reading_and_canonical_form_never_leaves(broken: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fault_between_reading_and_canonical_form_never_leaves(
+    broken: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     document = {"equations": "x'' + y'' + sin(x) = 0; x'' - y'' = y"}
     assert solve(document)["verdict"] == "variational"
     if broken == "solving":
@@ -222,7 +249,9 @@ def test_a_fault_between_reading_and_canonical_form_never_leaves(broken: str, mo
 
         monkeypatch.setattr(euler_lagrange, "solve_lines", wrong)
     else:
-        monkeypatch.setattr(translate, "printing", SimpleNamespace(**vars(printing) | {"to_text": lambda tree: "0"}))
+        monkeypatch.setattr(
+            translate, "printing", SimpleNamespace(**vars(printing) | {"to_text": lambda tree: "0"})
+        )
     result = solve(document)
     assert (result["verdict"], result["lagrangian"]) == ("undetermined", None)
     assert result["provenance"]["fault"] == "CertificateRefused"

@@ -1,4 +1,6 @@
-"""Contacts against exact solutions, and against a small solver of complementarity problems that is written here."""
+"""Contacts against exact solutions, and against a small solver of complementarity problems that is
+written here.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,11 @@ Scene = dict[str, Any]
 def scene(lagrangian: str, start: Start, contacts: list[Scene], time: float, **more: Any) -> Scene:
     positions, velocities = ({name: float(pair[k]) for name, pair in start.items()} for k in (0, 1))
     system = {"coordinates": list(start), "lagrangian": lagrangian} | more.pop("system", {})
-    document = {"system": system, "initial": {"positions": positions, "velocities": velocities}, "contacts": contacts}
+    document = {
+        "system": system,
+        "initial": {"positions": positions, "velocities": velocities},
+        "contacts": contacts,
+    }
     return document | {"step": 0.02, "time": time, "methods": ["adaptive"]} | more
 
 
@@ -77,10 +83,16 @@ def folded(x: float, length: float) -> float:
 
 
 def driven(t: float) -> float:
-    """x'' = 4 sin(t) with dry friction 1 between stops at 0 and 1 without restitution, from rest at 1/2."""
+    """x'' = 4 sin(t) with dry friction 1 between stops at 0 and 1 without restitution, from rest at
+    1/2.
+    """
     begin = np.arcsin(0.25)
     s = t - np.pi - begin
-    return float(1 - 4 * np.cos(begin) * s - 4 * (np.sin(t) + np.sin(begin)) + s * s / 2) if s > 0 else 1.0
+    return (
+        float(1 - 4 * np.cos(begin) * s - 4 * (np.sin(t) + np.sin(begin)) + s * s / 2)
+        if s > 0
+        else 1.0
+    )
 
 
 FLOOR = {"name": "floor", "gap": "y"}
@@ -276,9 +288,12 @@ def test_exact_solutions_are_met(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["variational", {"method": "runge-kutta", "order": 8}, "reference", "stiff"])
 @pytest.mark.parametrize(
-    "name", ["a ball that comes to rest", "cradle of three", "pushed into a corner", "slides and stops"]
+    "method", ["variational", {"method": "runge-kutta", "order": 8}, "reference", "stiff"]
+)
+@pytest.mark.parametrize(
+    "name",
+    ["a ball that comes to rest", "cradle of three", "pushed into a corner", "slides and stops"],
 )
 def test_other_methods_meet_them_too(name: str, method: Any) -> None:
     document, ends = {**ONE, **SEVERAL}[name]
@@ -287,7 +302,8 @@ def test_other_methods_meet_them_too(name: str, method: Any) -> None:
     assert {x: found["final"]["positions"][x] for x in ends} == pytest.approx(ends, abs=1e-7)
 
 
-# Independent: bodies on a line with constant accelerations, one impact after another, rest by complementarity.
+# Independent: bodies on a line with constant accelerations, one impact after another, rest by
+# complementarity.
 
 
 def presses(masses: np.ndarray, rows: np.ndarray, forces: np.ndarray) -> np.ndarray:
@@ -295,7 +311,9 @@ def presses(masses: np.ndarray, rows: np.ndarray, forces: np.ndarray) -> np.ndar
     for count in range(len(rows), -1, -1):
         for chosen in combinations(range(len(rows)), count):
             part = rows[list(chosen)]
-            x = np.linalg.lstsq(part @ np.diag(1 / masses) @ part.T, -part @ (forces / masses), rcond=None)[0]
+            x = np.linalg.lstsq(
+                part @ np.diag(1 / masses) @ part.T, -part @ (forces / masses), rcond=None
+            )[0]
             a = (forces + part.T @ x) / masses
             if (x >= -1e-12).all() and (rows @ a >= -1e-9).all():
                 return a
@@ -342,7 +360,9 @@ PILES = {  # masses, forces, heights, speeds, restitutions, length of time
 }
 
 
-@pytest.mark.parametrize("name", [name if 0 < k < 4 else slow(name) for k, name in enumerate(PILES)])
+@pytest.mark.parametrize(
+    "name", [name if 0 < k < 4 else slow(name) for k, name in enumerate(PILES)]
+)
 def test_piles_are_those_of_the_solver_by_quadratics(name: str) -> None:
     masses, heights, speeds, restitutions, time = PILES[name]
     names = "abc"[: len(masses)]
@@ -364,23 +384,44 @@ def test_piles_are_those_of_the_solver_by_quadratics(name: str) -> None:
 
 
 def test_a_mass_leaves_a_sphere_where_its_height_has_fallen_by_a_third() -> None:
-    """From rest at the angle s: cos = 2/3 cos(s); the time to there is an integral, and then it falls freely."""
+    """From rest at the angle s: cos = 2/3 cos(s); the time to there is an integral, and then it
+    falls freely.
+    """
     s, length = 0.1, 2.0
     ball = {"gap": "sqrt(x^2 + y^2) - 1"}
-    found = run(scene("(x'^2 + y'^2)/2 - y", {"x": (np.sin(s), 0), "y": (np.cos(s), 0)}, [ball], length + 1))
+    found = run(
+        scene("(x'^2 + y'^2)/2 - y", {"x": (np.sin(s), 0), "y": (np.cos(s), 0)}, [ball], length + 1)
+    )
     leaves = np.arccos(2 / 3 * np.cos(s))
-    time, _ = quad(lambda u: 2 * u / np.sqrt(2 * (np.cos(s) - np.cos(s + u * u))), 0, np.sqrt(leaves - s), epsabs=1e-13)
+    time, _ = quad(
+        lambda u: 2 * u / np.sqrt(2 * (np.cos(s) - np.cos(s + u * u))),
+        0,
+        np.sqrt(leaves - s),
+        epsabs=1e-13,
+    )
     (contact,) = found["contacts"]
     assert contact["rests"] == [{"begin": 0, "end": pytest.approx(time, abs=1e-8)}]
     assert contact["greatest_force"] == pytest.approx(np.cos(s), abs=1e-8)
     speed, rest = np.sqrt(2 * (np.cos(s) - np.cos(leaves))), found["final"]["t"] - time
-    x, y = np.sin(leaves) + speed * np.cos(leaves) * rest, np.cos(leaves) - speed * np.sin(leaves) * rest - rest**2 / 2
+    x, y = (
+        np.sin(leaves) + speed * np.cos(leaves) * rest,
+        np.cos(leaves) - speed * np.sin(leaves) * rest - rest**2 / 2,
+    )
     assert found["final"]["positions"] == pytest.approx({"x": x, "y": y}, abs=1e-8)
 
 
 def test_a_mass_falls_out_of_a_loop() -> None:
-    """Inside of a circle of radius 1, from its lowest point with 6: it leaves where v^2 = -g cos."""
-    found = run(scene("(x'^2 + y'^2)/2 - 9.81*y", {"x": (0, 6), "y": (-1, 0)}, [{"gap": "1 - x^2 - y^2"}], 0.56))
+    """Inside of a circle of radius 1, from its lowest point with 6: it leaves where v^2 = -g
+    cos.
+    """
+    found = run(
+        scene(
+            "(x'^2 + y'^2)/2 - 9.81*y",
+            {"x": (0, 6), "y": (-1, 0)},
+            [{"gap": "1 - x^2 - y^2"}],
+            0.56,
+        )
+    )
     last = np.arccos((2 * G - 36) / (3 * G))
     time, _ = quad(lambda p: 1 / np.sqrt(36 - 2 * G * (1 - np.cos(p))), 0, last, epsabs=1e-13)
     speed, rest = np.sqrt(-G * np.cos(last)), 0.56 - time
@@ -393,7 +434,10 @@ def test_a_mass_falls_out_of_a_loop() -> None:
 def test_a_mass_follows_a_hill_while_it_is_slow() -> None:
     """On y = -x^2, one equation for x."""
     hill = [{"gap": "y + x^2"}]
-    slow_, fast = (run(scene("(x'^2 + y'^2)/2 - 9.81*y", {"x": (0, v), "y": (0, 0)}, hill, 0.5)) for v in (1, 3))
+    slow_, fast = (
+        run(scene("(x'^2 + y'^2)/2 - 9.81*y", {"x": (0, v), "y": (0, 0)}, hill, 0.5))
+        for v in (1, 3)
+    )
     done = solve_ivp(
         lambda t, s: [s[1], (2 * G * s[0] - 4 * s[0] * s[1] ** 2) / (1 + 4 * s[0] ** 2)], (0, 0.5), [0, 1], "DOP853",
         rtol=1e-13, atol=1e-14,
@@ -404,16 +448,24 @@ def test_a_mass_follows_a_hill_while_it_is_slow() -> None:
 
 
 def test_friction_of_a_contact_is_that_of_a_force() -> None:
-    """A belt that shakes faster than friction can follow: a contact and a force with sign are two ways to write it."""
+    """A belt that shakes faster than friction can follow: a contact and a force with sign are two
+    ways to write it.
+    """
     belt = [ROUGH | {"friction": 0.1, "slides": "x' - sin(20*t)"}]
     first = run(scene(POINT, {"x": (0, 0), "y": (0, 0)}, belt, 1, **GRAVITY))
-    second = run(scene("x'^2/2", {"x": (0, 0)}, [], 1, forces={"x": "-0.1*9.81*sign(x' - sin(20*t))"}))
+    second = run(
+        scene("x'^2/2", {"x": (0, 0)}, [], 1, forces={"x": "-0.1*9.81*sign(x' - sin(20*t))"})
+    )
     assert first["outcome"] == second["outcome"] == "completed"
-    assert first["final"]["positions"]["x"] == pytest.approx(second["final"]["positions"]["x"], abs=1e-9)
+    assert first["final"]["positions"]["x"] == pytest.approx(
+        second["final"]["positions"]["x"], abs=1e-9
+    )
 
 
 def test_a_rod_leaves_the_wall_at_two_thirds_of_its_height() -> None:
-    """Half of its length is 1: it slides down a wall and a floor until sin(p) = 2/3 sin(p0), where p is its slope."""
+    """Half of its length is 1: it slides down a wall and a floor until sin(p) = 2/3 sin(p0), where
+    p is its slope.
+    """
     first = 1.2
     lagrangian = "(x'^2 + y'^2)/2 + p'^2/6 - 9.81*y"
     contacts = [{"name": "wall", "gap": "x - cos(p)"}, {"name": "floor", "gap": "y - sin(p)"}]
@@ -432,16 +484,29 @@ def test_a_rod_leaves_the_wall_at_two_thirds_of_its_height() -> None:
     normal, t = np.array(columns["normal_wall"]), np.array(columns["t"])
     assert (normal[t < end - 1e-9] > 0).all()
     assert (normal[t > end + 1e-9] == 0).all()
-    assert columns["normal_floor"][0] == pytest.approx(G * (1 - 0.75 * np.cos(first) ** 2), abs=1e-9)
+    assert columns["normal_floor"][0] == pytest.approx(
+        G * (1 - 0.75 * np.cos(first) ** 2), abs=1e-9
+    )
 
 
 def test_a_rolling_disk_leaves_a_cylinder_at_four_sevenths() -> None:
-    """Disk of radius 1/2 on a cylinder of radius 1/2, without slipping: cos = 4/7 cos(s) from rest at s."""
+    """Disk of radius 1/2 on a cylinder of radius 1/2, without slipping: cos = 4/7 cos(s) from rest
+    at s.
+    """
     s = 0.1
     system = {"constraints": ["r*a' - p'/2"]}
     lagrangian = "(r'^2 + r^2*a'^2)/2 + p'^2/16 - r*cos(a)"
     start = {"r": (1, 0), "a": (s, 0), "p": (0, 0)}
-    found = run(scene(lagrangian, start, [{"gap": "r - 1"}], 4, system=system, observe=["trajectory", "velocities"]))
+    found = run(
+        scene(
+            lagrangian,
+            start,
+            [{"gap": "r - 1"}],
+            4,
+            system=system,
+            observe=["trajectory", "velocities"],
+        )
+    )
     ((end,),) = ([span["end"] for span in one["rests"]] for one in found["contacts"])
     t, a = (np.array(found["points"]["columns"][name]) for name in ("t", "a"))
     assert np.interp(end, t, a) == pytest.approx(np.arccos(4 / 7 * np.cos(s)), abs=2e-4)
@@ -460,18 +525,24 @@ def test_a_ball_on_a_table_that_moves() -> None:
     hits.terminal, hits.direction = True, -1  # type: ignore[attr-defined]
     begin, y, impacts = 0.0, np.array([1.0, 0.0]), 0
     while True:
-        done = solve_ivp(lambda t, s: [s[1], -G], (begin, 3), y, "DOP853", events=hits, rtol=3e-14, atol=1e-14)
+        done = solve_ivp(
+            lambda t, s: [s[1], -G], (begin, 3), y, "DOP853", events=hits, rtol=3e-14, atol=1e-14
+        )
         if not len(done.t_events[0]):
             break
         begin, impacts = float(done.t_events[0][0]), impacts + 1
         table = np.cos(5 * begin) / 2
-        y = np.array([np.sin(5 * begin) / 10 + 1e-15, table - 0.9 * (done.y_events[0][0][1] - table)])
+        y = np.array(
+            [np.sin(5 * begin) / 10 + 1e-15, table - 0.9 * (done.y_events[0][0][1] - table)]
+        )
     assert found["contacts"][0]["impacts"] == impacts > 3
     assert found["final"]["positions"]["y"] == pytest.approx(done.y[0, -1], abs=1e-8)
 
 
 def test_rests_begin_and_end_where_they_do() -> None:
-    """It comes to rest after (1 + e)/(1 - e) times the first fall, and is lifted when 6 t = 9.81."""
+    """It comes to rest after (1 + e)/(1 - e) times the first fall, and is lifted when 6 t =
+    9.81.
+    """
     lifted = scene("y'^2/2 - 9.81*y + 6*t*y", {"y": (0, 0)}, [{"name": "floor", "gap": "y"}], 2)
     (floor,) = run(lifted)["contacts"]
     rest = {"begin": 0, "end": pytest.approx(G / 6)}
@@ -479,7 +550,8 @@ def test_rests_begin_and_end_where_they_do() -> None:
     (floor,) = run(ONE["a ball that comes to rest"][0])["contacts"]
     assert floor["rests"] == [{"begin": pytest.approx(3 * FALL, abs=1e-5), "end": 2}]
     assert floor["greatest_force"] == pytest.approx(G)
-    # The last impact is faster than 4 times the fall by 1e-13 of the size, 1 m and the way of a step.
+    # The last impact is faster than 4 times the fall by 1e-13 of the size, 1 m and the way of a
+    # step.
     size = 1 + 0.02 * SPEED
     assert floor["impacts"] == 1 + np.floor(np.log2(SPEED / (4 * np.sqrt(2 * G * 1e-13 * size))))
 
@@ -504,13 +576,18 @@ def test_friction_is_what_holds() -> None:
 
 
 def test_where_the_laws_allow_no_motion_the_run_ends_by_name() -> None:
-    """A rod that is dragged along a rough floor, mu = 3 (P. Painleve, 1895): its tip would dig in."""
+    """A rod that is dragged along a rough floor, mu = 3 (P. Painleve, 1895): its tip would dig
+    in.
+    """
     slope = 1.1  # of the rod, whose half is 1, against the floor
     lagrangian = "(x'^2 + y'^2)/2 + p'^2/6 - 9.81*y"
     tip = {"name": "tip", "gap": "y - sin(p)", "friction": 3, "slides": "x' + sin(p)*p'"}
     start = {"x": (0, 5), "y": (np.sin(slope), 0), "p": (slope, 0)}
-    found = {way: run(scene(lagrangian, {**start, "x": (0, way * 5)}, [tip], 0.05)) for way in (1, -1)}
-    # Forward it is pushed onto its tip where 1 + 3 cos(p) (cos(p) - 3 sin(p)) < 0, backward it is pulled along.
+    found = {
+        way: run(scene(lagrangian, {**start, "x": (0, way * 5)}, [tip], 0.05)) for way in (1, -1)
+    }
+    # Forward it is pushed onto its tip where 1 + 3 cos(p) (cos(p) - 3 sin(p)) < 0, backward it is
+    # pulled along.
     assert 1 + 3 * np.cos(slope) * (np.cos(slope) - 3 * np.sin(slope)) < 0
     kinds = {found[1]["outcome"], found[-1]["outcome"]}
     assert kinds == {"no_one_motion", "completed"}
@@ -519,8 +596,9 @@ def test_where_the_laws_allow_no_motion_the_run_ends_by_name() -> None:
 
 
 def test_where_a_tip_may_press_or_leave_the_run_ends_by_name() -> None:
-    """The same rod while it rotates so fast that its tip would leave: A < 0 in g'' = A L + sin(p) p'^2 - g, and
-    sin(p) p'^2 > g, so L = 0 and L > 0 both go on."""
+    """The same rod while it rotates so fast that its tip would leave: A < 0 in g'' = A L + sin(p)
+    p'^2 - g, and sin(p) p'^2 > g, so L = 0 and L > 0 both go on.
+    """
     slope, turn = 1.1, 5.0
     assert np.sin(slope) * turn**2 > G
     lagrangian = "(x'^2 + y'^2)/2 + p'^2/6 - 9.81*y"
@@ -532,10 +610,18 @@ def test_where_a_tip_may_press_or_leave_the_run_ends_by_name() -> None:
 
 @pytest.mark.parametrize(("speed", "way"), [(5, 1), (-5, -1), (0, -1)])
 def test_the_tip_of_a_rod_that_slips_in_an_impact(speed: float, way: int) -> None:
-    """Without gravity, e = 1/2, mu = 3/10: S = -mu sign(u) L, u after it where it was 0 before; g' from -1 to 1/2."""
+    """Without gravity, e = 1/2, mu = 3/10: S = -mu sign(u) L, u after it where it was 0 before; g'
+    from -1 to 1/2.
+    """
     slope, mu = 0.7, 0.3
     sine, cosine = np.sin(slope), np.cos(slope)
-    tip = {"name": "tip", "gap": "y - sin(p)", "friction": mu, "restitution": 0.5, "slides": "x' + sin(p)*p'"}
+    tip = {
+        "name": "tip",
+        "gap": "y - sin(p)",
+        "friction": mu,
+        "restitution": 0.5,
+        "slides": "x' + sin(p)*p'",
+    }
     start = {"x": (0, speed), "y": (sine + 0.1, -1), "p": (slope, 0)}
     found = run(scene("(x'^2 + y'^2)/2 + p'^2/6", start, [tip], 0.16))["final"]["velocities"]
     normal = 1.5 / (1 + 3 * cosine**2 + way * mu * 3 * sine * cosine)
@@ -560,7 +646,9 @@ def test_the_tip_of_a_rod_that_slips_in_an_impact(speed: float, way: int) -> Non
         ({"gap": "z"}, "/contacts/0/gap", "z"),
     ],
 )
-def test_what_is_no_contact_is_refused_at_its_place(contact: Scene, pointer: str, words: str) -> None:
+def test_what_is_no_contact_is_refused_at_its_place(
+    contact: Scene, pointer: str, words: str
+) -> None:
     with pytest.raises(InputError) as refused:
         simulate(scene("y'^2/2", {"y": (1, 0)}, [contact], 1))
     assert refused.value.pointer.startswith(pointer)
@@ -572,7 +660,9 @@ def test_several_equations_without_masses_and_names_of_columns_are_refused() -> 
     document["system"] = {"coordinates": ["x", "y"], "equations": {"x": "0", "y": "-1"}}
     with pytest.raises(InputError, match="masses"):
         simulate(document)
-    document = scene("y'^2/2", {"y": (1, 0)}, [{"gap": "y"}], 1, observe=[{"normal_contact_1": "y"}])
+    document = scene(
+        "y'^2/2", {"y": (1, 0)}, [{"gap": "y"}], 1, observe=[{"normal_contact_1": "y"}]
+    )
     with pytest.raises(InputError):
         simulate(document)
     twice = [{"name": "floor", "gap": "y"}, {"name": "floor", "gap": "y"}]
@@ -582,15 +672,25 @@ def test_several_equations_without_masses_and_names_of_columns_are_refused() -> 
 
 def test_contacts_that_depend_on_one_another_have_one_motion() -> None:
     """The same floor three times."""
-    found = run(scene("y'^2/2 - 9.81*y", {"y": (1, 0)}, [{"gap": "y"}, {"gap": "2*y"}, {"gap": "sin(y)"}], 1))
+    found = run(
+        scene(
+            "y'^2/2 - 9.81*y", {"y": (1, 0)}, [{"gap": "y"}, {"gap": "2*y"}, {"gap": "sin(y)"}], 1
+        )
+    )
     assert found["outcome"] == "completed"
     assert found["final"]["positions"]["y"] == pytest.approx(0, abs=1e-12)
 
 
 def test_events_see_impacts() -> None:
-    """An event counts the passages of a line, and one that stops the ball at its third apex ends the run."""
+    """An event counts the passages of a line, and one that stops the ball at its third apex ends
+    the run.
+    """
     events = [{"when": "y - 1/10"}, {"when": "y'", "direction": -1, "do": "stop", "count": 2}]
-    found = run(scene("y'^2/2 - 9.81*y", {"y": (1, 0)}, [{"gap": "y", "restitution": 0.8}], 5, events=events))
+    found = run(
+        scene(
+            "y'^2/2 - 9.81*y", {"y": (1, 0)}, [{"gap": "y", "restitution": 0.8}], 5, events=events
+        )
+    )
     assert found["events"][0]["count"] == 4
     assert found["final"]["t"] == pytest.approx(FALL * (1 + 1.6 + 0.64), abs=1e-9)
 
@@ -601,14 +701,18 @@ def test_a_terminal_shows_what_contacts_did() -> None:
 
 
 def test_contacts_of_an_ensemble_are_refused() -> None:
-    document = ONE["a ball at rest"][0] | {"ensemble": {"initial": {"positions": {"y": ["0", "1"]}}}}
+    document = ONE["a ball at rest"][0] | {
+        "ensemble": {"initial": {"positions": {"y": ["0", "1"]}}}
+    }
     with pytest.raises(InputError, match="contacts are") as refused:
         simulate(document)
     assert refused.value.pointer == "/contacts"
 
 
 def test_impacts_are_where_the_gap_is_zero() -> None:
-    """Not where it is overlapped enough to be seen: the error is within the uncertainty that is shown."""
+    """Not where it is overlapped enough to be seen: the error is within the uncertainty that is
+    shown.
+    """
     document = ONE["a ball in the air after five impacts"][0] | {"observe": ["trajectory", "error"]}
     found = run(document)
     columns = found["points"]["columns"]

@@ -1,4 +1,6 @@
-"""Answers cut at a time limit contain everything known at half of it, and only proven or undecided parts."""
+"""Answers cut at a time limit contain everything known at half of it, and only proven or undecided
+parts.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +14,9 @@ from tests.doors.rows import rows
 
 ALL = 120.0
 MOTIONS = [row for row in rows("constrained") if "constraints" in row["document"]][-20:]
-SYSTEMS = [*(row for row in rows("books") if row["id"].endswith("-added") and "lagrangian" in row)][:10] + [
-    row for row in rows("literature") if len(row["document"]["equations"]) > 1
-][:10]
+SYSTEMS = [*(row for row in rows("books") if row["id"].endswith("-added") and "lagrangian" in row)][
+    :10
+] + [row for row in rows("literature") if len(row["document"]["equations"]) > 1][:10]
 
 
 @pytest.mark.nightly

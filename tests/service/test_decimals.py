@@ -1,4 +1,6 @@
-"""Decimal numbers and absolute values are printed as they were typed, and the checker confirms the answer."""
+"""Decimal numbers and absolute values are printed as they were typed, and the checker confirms the
+answer.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +16,19 @@ from inverse_service import check, solve
     ("document", "equation", "lagrangian", "hamiltonian"),
     [
         ({"equations": "x'' = -9.81*x"}, "-9.81*x", "x'^2/2 - 9.81*x^2/2", "p_x^2/2 + 9.81*x^2/2"),
-        ({"equations": {"x": "-g"}, "parameters": {"g": "9.81"}}, "-9.81", "x'^2/2 - 9.81*x", "p_x^2/2 + 9.81*x"),
+        (
+            {"equations": {"x": "-g"}, "parameters": {"g": "9.81"}},
+            "-9.81",
+            "x'^2/2 - 9.81*x",
+            "p_x^2/2 + 9.81*x",
+        ),
         ({"equations": "x'' = -0.5*x"}, "-x/2", "x'^2/2 - x^2/4", "p_x^2/2 + x^2/4"),
-        ({"equations": "x'' = -2.0*x - 1.5"}, "-2*x - 1.5", "x'^2/2 - 1.5*x - x^2", "p_x^2/2 + 1.5*x + x^2"),
+        (
+            {"equations": "x'' = -2.0*x - 1.5"},
+            "-2*x - 1.5",
+            "x'^2/2 - 1.5*x - x^2",
+            "p_x^2/2 + 1.5*x + x^2",
+        ),
     ],
 )
 def test_a_decimal_number_is_the_same_in_the_equations_l_and_h(
@@ -30,6 +42,12 @@ def test_a_decimal_number_is_the_same_in_the_equations_l_and_h(
 
 
 def test_an_absolute_value_is_printed_as_one() -> None:
-    found = solve({"equations": "x'' = -k*abs(x)*x", "time_dependent_lagrangian": False, "first_integrals": False})
+    found = solve(
+        {
+            "equations": "x'' = -k*abs(x)*x",
+            "time_dependent_lagrangian": False,
+            "first_integrals": False,
+        }
+    )
     assert found["system"]["equations"]["x"] == "-k*abs(x)*x"
     assert check(json.dumps(found))["verdict"] == "valid"

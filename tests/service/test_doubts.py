@@ -19,8 +19,17 @@ FIXED = ["stormer-verlet", {"method": "stormer-verlet", "order": 4}, "runge-kutt
 
 def orbit(eccentricity: float, **changes: Any) -> dict[str, Any]:
     speed = np.sqrt((1 + eccentricity) / (1 - eccentricity))
-    initial = {"positions": {"x": 1 - eccentricity, "y": 0}, "velocities": {"x": 0, "y": float(speed)}}
-    return {"system": KEPLER, "initial": initial, "time": 40, "methods": FIXED, "observe": ["trajectory"]} | changes
+    initial = {
+        "positions": {"x": 1 - eccentricity, "y": 0},
+        "velocities": {"x": 0, "y": float(speed)},
+    }
+    return {
+        "system": KEPLER,
+        "initial": initial,
+        "time": 40,
+        "methods": FIXED,
+        "observe": ["trajectory"],
+    } | changes
 
 
 def true_orbit(eccentricity: float, times: list[float]) -> Any:
@@ -40,7 +49,9 @@ def test_who_is_a_tenth_of_the_range_off_says_so(eccentricity: float, step: floa
             continue
         columns = found["points"]["columns"]
         true = true_orbit(eccentricity, columns["t"])
-        off = np.abs(np.array([columns["x"], columns["y"]]) - true).max(axis=1) / np.ptp(true, axis=1)
+        off = np.abs(np.array([columns["x"], columns["y"]]) - true).max(axis=1) / np.ptp(
+            true, axis=1
+        )
         assert off.max() < 0.12 or "With half the step" in found["doubt"], found["label"]
         assert off.max() > 0.08 or "doubt" not in found, found["label"]
 
@@ -48,9 +59,15 @@ def test_who_is_a_tenth_of_the_range_off_says_so(eccentricity: float, step: floa
 @pytest.mark.parametrize("symmetrised", [False, True])
 @pytest.mark.parametrize("method", ["variational", "nonholonomic"])
 @pytest.mark.parametrize("step", [0.5, 0.1])
-def test_a_method_of_order_1_says_its_error_too(method: str, symmetrised: bool, step: float) -> None:
+def test_a_method_of_order_1_says_its_error_too(
+    method: str, symmetrised: bool, step: float
+) -> None:
     """The run with half the step differs by only half of the error. The motion is x = cos(t)."""
-    scene = {"system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}, "step": step, "time": 20}
+    scene = {
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"},
+        "step": step,
+        "time": 20,
+    }
     scene |= {"initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "start_time": 1}
     choice = {"method": method, "alpha": 0, "symmetrised": symmetrised}
     (found,) = simulate(scene | {"methods": [choice]})["methods"]
@@ -58,23 +75,39 @@ def test_a_method_of_order_1_says_its_error_too(method: str, symmetrised: bool, 
     error = np.abs(columns["x"] - np.cos(columns["t"] - 1)).max()
     assert found["estimated_error"] == pytest.approx(error, rel=0.3)
     assert found["estimated_error_share"] == pytest.approx(error / 2, rel=0.3)
-    assert ("With half the step" in found.get("doubt", "")) == (found["estimated_error_share"] > 0.1)
+    assert ("With half the step" in found.get("doubt", "")) == (
+        found["estimated_error_share"] > 0.1
+    )
 
 
-@pytest.mark.parametrize("method", [*FIXED, "adaptive", "stiff", {"method": "adaptive", "tolerance": 1e-5}])
+@pytest.mark.parametrize(
+    "method", [*FIXED, "adaptive", "stiff", {"method": "adaptive", "tolerance": 1e-5}]
+)
 def test_the_error_of_each_run_is_estimated(method: Any) -> None:
     scene = orbit(0.3, step=0.1, methods=[method], observe=["trajectory", "error"])
     (found,) = simulate(scene)["methods"]
-    assert found["max_error"] / 2 - 1e-12 < found["estimated_error"] < 2 * found["max_error"] + 1e-12
+    assert (
+        found["max_error"] / 2 - 1e-12 < found["estimated_error"] < 2 * found["max_error"] + 1e-12
+    )
     assert "estimated_until" not in found
 
 
 @pytest.mark.parametrize("method", ["variational", "nonholonomic"])
 def test_an_error_is_estimated_where_the_guard_ends_the_run_with_half_the_step(method: str) -> None:
-    """A force that acts a step too early from rest: four steps of h/2 end far from the result of shorter ones."""
+    """A force that acts a step too early from rest: four steps of h/2 end far from the result of
+    shorter ones.
+    """
     system = {"coordinates": ["x"], "lagrangian": "0.33*x'^2 + 1.11*x*cos(0.72*t)"}
-    scene = {"system": system, "step": 0.1, "time": 200, "methods": [{"method": method, "alpha": 1}]}
-    scene |= {"initial": {"positions": {"x": -0.507}, "velocities": {"x": -0.09}}, "observe": ["error"]}
+    scene = {
+        "system": system,
+        "step": 0.1,
+        "time": 200,
+        "methods": [{"method": method, "alpha": 1}],
+    }
+    scene |= {
+        "initial": {"positions": {"x": -0.507}, "velocities": {"x": -0.09}},
+        "observe": ["error"],
+    }
     (found,) = simulate(scene)["methods"]
     assert found["estimated_error"] == pytest.approx(found["max_error"], rel=0.05)
     assert found["doubt"].startswith("With half the step, the trajectory differs")
@@ -83,7 +116,9 @@ def test_an_error_is_estimated_where_the_guard_ends_the_run_with_half_the_step(m
 
 @pytest.mark.slow
 def test_the_order_of_a_method_is_reported() -> None:
-    """The order in the positions: 1 if a step is not symmetric or begins with the discrete velocity."""
+    """The order in the positions: 1 if a step is not symmetric or begins with the discrete
+    velocity.
+    """
     orders: list[tuple[Any, int | None]] = [
         ("variational", 2), ({"method": "variational", "alpha": 0}, 1),
         ({"method": "variational", "alpha": 1, "symmetrised": True}, 2), ({"method": "variational", "order": 6}, 6),
@@ -91,18 +126,33 @@ def test_the_order_of_a_method_is_reported() -> None:
         ("runge-kutta", 4), ({"method": "runge-kutta", "order": 5}, 5), ("reference", 12), ("adaptive", None),
         ("stiff", 4), ("heyoka", None), ("exact", None),
     ]  # fmt: skip
-    found = simulate(orbit(0.3, step=0.05, time=10, methods=[method for method, _ in orders]))["methods"]
+    found = simulate(orbit(0.3, step=0.05, time=10, methods=[method for method, _ in orders]))[
+        "methods"
+    ]
     assert [method["order"] for method in found] == [order for _, order in orders]
-    (half,) = simulate(orbit(0.3, step=0.005, time=10, methods=[orders[4][0]], observe=["error"]))["methods"]
-    (whole,) = simulate(orbit(0.3, step=0.01, time=10, methods=[orders[4][0]], observe=["error"]))["methods"]
+    (half,) = simulate(orbit(0.3, step=0.005, time=10, methods=[orders[4][0]], observe=["error"]))[
+        "methods"
+    ]
+    (whole,) = simulate(orbit(0.3, step=0.01, time=10, methods=[orders[4][0]], observe=["error"]))[
+        "methods"
+    ]
     assert whole["max_error"] / half["max_error"] == pytest.approx(2, rel=0.1)
 
 
-@pytest.mark.parametrize(("potential", "angle"), [("cos(x)", True), ("cos(2*x) - sin(x)", True), ("cos(x/2)", False)])
+@pytest.mark.parametrize(
+    ("potential", "angle"), [("cos(x)", True), ("cos(2*x) - sin(x)", True), ("cos(x/2)", False)]
+)
 def test_an_angle_that_is_off_by_a_turn_is_lost(potential: str, angle: bool) -> None:
     """A pendulum that turns more than once in each step is off by one turn in a thousand."""
-    scene = {"system": {"coordinates": ["x"], "lagrangian": f"x'^2/2 + {potential}"}, "step": 0.1, "time": 100}
-    scene |= {"initial": {"positions": {"x": 0}, "velocities": {"x": 100}}, "methods": ["stormer-verlet", "adaptive"]}
+    scene = {
+        "system": {"coordinates": ["x"], "lagrangian": f"x'^2/2 + {potential}"},
+        "step": 0.1,
+        "time": 100,
+    }
+    scene |= {
+        "initial": {"positions": {"x": 0}, "velocities": {"x": 100}},
+        "methods": ["stormer-verlet", "adaptive"],
+    }
     rough, good = simulate(scene | {"observe": ["error"]})["methods"]
     assert rough["max_error"] > 1
     assert ("doubt" in rough) == angle
@@ -113,21 +163,34 @@ def test_an_angle_that_is_off_by_a_turn_is_lost(potential: str, angle: bool) -> 
 def test_a_taylor_series_estimates_its_error_at_any_step(step: float) -> None:
     """Its own steps, and so the run, are the same to the last bit for all coarser grids."""
     pytest.importorskip("heyoka")
-    system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2 - (x^2+y^2)/2 - x^2*y + y^3/3"}
+    system = {
+        "coordinates": ["x", "y"],
+        "lagrangian": "(x'^2+y'^2)/2 - (x^2+y^2)/2 - x^2*y + y^3/3",
+    }
     initial = {"positions": {"x": 0, "y": 0.1}, "velocities": {"x": 0.57, "y": 0}}
-    scene = {"system": system, "initial": initial, "step": step, "time": 2000, "methods": ["heyoka"]}
+    scene = {
+        "system": system,
+        "initial": initial,
+        "step": step,
+        "time": 2000,
+        "methods": ["heyoka"],
+    }
     assert 1e-12 < simulate(scene)["methods"][0]["estimated_error"] < 1e-9
 
 
 def test_of_a_long_run_it_says_until_when() -> None:
-    scene = orbit(0.3, step=1e-3, steps=2_000_000, record_every=1000, methods=["stormer-verlet"]) | {"time": None}
+    scene = orbit(
+        0.3, step=1e-3, steps=2_000_000, record_every=1000, methods=["stormer-verlet"]
+    ) | {"time": None}
     (found,) = simulate(scene)["methods"]
     assert found["estimated_until"] == pytest.approx(1000)
     assert found["estimated_error"] < 1e-3
 
 
 def test_the_energy_of_a_run_is_reported_if_it_is_not_constant() -> None:
-    (found,) = simulate(orbit(0.9, step=2 * np.pi / 200, methods=["stormer-verlet"], observe=["energy"]))["methods"]
+    (found,) = simulate(
+        orbit(0.9, step=2 * np.pi / 200, methods=["stormer-verlet"], observe=["energy"])
+    )["methods"]
     assert found["outcome"] == "completed"
     assert found["max_energy_error"] > 0.4
     assert "The energy should be constant" in found["doubt"]
@@ -150,13 +213,23 @@ def test_members_of_an_ensemble_are_compared() -> None:
     assert rough["doubt"].endswith("member 0.")
     assert "doubt" not in good
     for k, speed in enumerate(members["initial"]["velocities"]["y"]):
-        alone = scene | {"initial": {"positions": {"x": 0.5, "y": 0}, "velocities": {"x": 0, "y": speed}}}
+        alone = scene | {
+            "initial": {"positions": {"x": 0.5, "y": 0}, "velocities": {"x": 0, "y": speed}}
+        }
         del alone["ensemble"]
         for member, method in zip((rough, good), simulate(alone)["methods"], strict=True):
-            assert member["members_columns"]["estimated_error"][k] == pytest.approx(method["estimated_error"], rel=1e-2)
-    scene |= {"methods": ["runge-kutta"], "ensemble": {"initial": {"velocities": {"y": [1.4, 2**0.5]}}}}
+            assert member["members_columns"]["estimated_error"][k] == pytest.approx(
+                method["estimated_error"], rel=1e-2
+            )
+    scene |= {
+        "methods": ["runge-kutta"],
+        "ensemble": {"initial": {"velocities": {"y": [1.4, 2**0.5]}}},
+    }
     (pushed,) = simulate(scene | {"forces": {"x": "100*exp(-((t - 3.333)/0.0001)^2)"}})["methods"]
-    assert "Member 0: With `adaptive`, stopping at the peaks of the forces, the traj" in pushed["doubt"]
+    assert (
+        "Member 0: With `adaptive`, stopping at the peaks of the forces, the traj"
+        in pushed["doubt"]
+    )
 
 
 def test_command_and_page_show_it_next_to_the_outcome() -> None:
@@ -176,30 +249,46 @@ def test_command_and_page_show_it_next_to_the_outcome() -> None:
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-5, 1e-8])
 def test_steps_of_its_own_that_the_grid_shortens_are_doubted_too(tolerance: float) -> None:
     """A chaotic double pendulum, where no step exceeds that of the grid at any tolerance."""
-    system = {"coordinates": ["a", "b"], "lagrangian": "a'^2 + b'^2/2 + a'*b'*cos(a - b) + 9.81*(2*cos(a) + cos(b))"}
+    system = {
+        "coordinates": ["a", "b"],
+        "lagrangian": "a'^2 + b'^2/2 + a'*b'*cos(a - b) + 9.81*(2*cos(a) + cos(b))",
+    }
     initial = {"positions": {"a": -2.8534, "b": 1.0169}, "velocities": {"a": 0, "b": 0}}
     scene = {"system": system, "initial": initial, "step": 0.03, "time": 40, "observe": ["error"]}
-    (found,) = simulate(scene | {"methods": [{"method": "adaptive", "tolerance": tolerance}]})["methods"]
+    (found,) = simulate(scene | {"methods": [{"method": "adaptive", "tolerance": tolerance}]})[
+        "methods"
+    ]
     until = found.get("error_until") or {"max_error": found["max_error"]}
     assert until["max_error"] > 3
     assert "half the step and" in found["doubt"]
 
 
 def test_an_energy_error_of_a_tenth_is_not_shown_without_a_word() -> None:
-    """A skate on an incline: the change is large relative to E_0 and small relative to the kinetic energy."""
+    """A skate on an incline: the change is large relative to E_0 and small relative to the kinetic
+    energy.
+    """
     system = {"coordinates": ["x", "y", "th"], "constraints": ["-sin(th)*x' + cos(th)*y'"]}
     system["lagrangian"] = "(x'^2 + y'^2)/2 + th'^2 + th'*(-sin(th)*x' + cos(th)*y')/2 - x"
-    initial = {"positions": {"x": 0, "y": 0, "th": 2.82}, "velocities": {"x": -1.2475, "th": -0.2586}}
+    initial = {
+        "positions": {"x": 0, "y": 0, "th": 2.82},
+        "velocities": {"x": -1.2475, "th": -0.2586},
+    }
     scene = {"system": system, "initial": initial, "step": 0.16, "time": 12, "observe": ["energy"]}
-    rough, good = simulate(scene | {"methods": [{"method": "nonholonomic", "alpha": 0}, "nonholonomic"]})["methods"]
+    rough, good = simulate(
+        scene | {"methods": [{"method": "nonholonomic", "alpha": 0}, "nonholonomic"]}
+    )["methods"]
     assert rough["max_energy_error"] > 0.1 > good["max_energy_error"]
     assert "The energy should be constant" in rough["doubt"]
     assert "The energy" not in good.get("doubt", "")
 
 
 def test_the_page_says_when_a_run_stopped_and_what_to_do() -> None:
-    scene = orbit(0.6, step=0.02, methods=["adaptive"]) | {"system": {"equations": ["x'' = 6*x^2", "y'' = -y"]}}
-    result = simulate(scene | {"initial": {"positions": {"x": 1, "y": 0}, "velocities": {"x": 2, "y": 1}}})
+    scene = orbit(0.6, step=0.02, methods=["adaptive"]) | {
+        "system": {"equations": ["x'' = 6*x^2", "y'' = -y"]}
+    }
+    result = simulate(
+        scene | {"initial": {"positions": {"x": 1, "y": 0}, "velocities": {"x": 2, "y": 1}}}
+    )
     html = bytes(simulation_result("http://here", {"id": "1", "kind": "simulate", "status": "successful",
                                                    "result": result}, "{}").body).decode()  # fmt: skip
     assert "Stopped at t = " in html

@@ -19,7 +19,10 @@ DOCUMENTS: dict[str, Document] = {
     },
     "emden": {"equations": {"x": "-3*x*x'-x^3"}},
     "friction": {"equations": {"x": "-sqrt(x)", "y": "-x'"}},
-    "invariant": {"equations": {"x": "-x", "y": "-y"}, "kinds": [{"invariant": [{"x": "-y", "y": "x"}]}]},
+    "invariant": {
+        "equations": {"x": "-x", "y": "-y"},
+        "kinds": [{"invariant": [{"x": "-y", "y": "x"}]}],
+    },
     "quartic": {"equations": "x'' = -2*x*y^2/(1 - x'^2); y'' = -2*x^2*y/(1 + 3*y'^2)"},
     "clock": {"equations": {"x": "-x*y'^2", "y": "-x'*y'"}, "clock": "exp(x)"},
 }
@@ -109,7 +112,9 @@ def test_an_edited_result_is_not_valid(name: str, path: tuple[str | int, ...], v
 
 
 def test_a_domain_that_was_widened_everywhere_is_not_valid() -> None:
-    """In the result and in its certificate: then formulas are undefined or L is wrong at random points."""
+    """In the result and in its certificate: then formulas are undefined or L is wrong at random
+    points.
+    """
     result = json.loads(solved("branches"))
     for part in result["branches"][1], result["branches"][1]["lagrangian"]:
         part["domain"] = ["x > -5"]
@@ -119,7 +124,9 @@ def test_a_domain_that_was_widened_everywhere_is_not_valid() -> None:
 
 @pytest.mark.slow
 def test_a_motion_on_fewer_directions_is_another_motion() -> None:
-    """phi'' = 0, z'' = 0 next to the knife edge: with z' = 0 in addition it is the knife edge alone."""
+    """phi'' = 0, z'' = 0 next to the knife edge: with z' = 0 in addition it is the knife edge
+    alone.
+    """
     document = {
         "coordinates": ["phi", "x", "y", "z"],
         "lagrangian": "(phi'^2 + x'^2 + y'^2 + z'^2)/2",
@@ -145,7 +152,12 @@ def test_a_hamiltonian_with_too_many_roots_is_compared_at_points_and_noted() -> 
 
 def test_the_statement_writes_the_equations_in_latex_as_the_result_does() -> None:
     result = dict(
-        solve({"equations": {"phi": "-sin(phi)*theta_1'", "theta_1": "0"}, "time_dependent_lagrangian": False})
+        solve(
+            {
+                "equations": {"phi": "-sin(phi)*theta_1'", "theta_1": "0"},
+                "time_dependent_lagrangian": False,
+            }
+        )
     )
     written = check(result)["statement"]["latex"]
     assert all(equation in written for equation in result["system"]["latex"].values())

@@ -35,27 +35,45 @@ NAMES = {"constraints": "gamma", "potential": "alpha", "magnetic": "beta", "spri
 )
 @pytest.mark.parametrize("left_out", NAMES)
 def test_an_effect_that_is_left_out_leaves_no_symbol(left_out: str, method: str) -> None:
-    """Each effect has its own parameter, which must not appear in the equations, the kernel, or the answer."""
+    """Each effect has its own parameter, which must not appear in the equations, the kernel, or the
+    answer.
+    """
     acting = [name for name in NAMES if name != left_out]
-    scene, _ = read_scene(scene_schema(EFFECTS | {"effects": acting, "methods": [method], "observe": ["energy"]}))
+    scene, _ = read_scene(
+        scene_schema(EFFECTS | {"effects": acting, "methods": [method], "observe": ["energy"]})
+    )
     for name, parameter in NAMES.items():
         derived = Derived(scene, None)
         problem = problem_of(scene.methods[0], derived)
         assert isinstance(problem, Problem)
         problem, observation = observed_problem(scene, problem, scene.methods[0].choice)
         is_there = name != left_out
-        trees = [problem.lagrangian, *(problem.accelerations or ()), *problem.constraints, *problem.forces]
-        assert any(Symbol(parameter) in set(walk(tree)) for tree in trees if tree is not None) == is_there, name
+        trees = [
+            problem.lagrangian,
+            *(problem.accelerations or ()),
+            *problem.constraints,
+            *problem.forces,
+        ]
+        assert (
+            any(Symbol(parameter) in set(walk(tree)) for tree in trees if tree is not None)
+            == is_there
+        ), name
         assert (parameter in problem.parameters) == is_there, name
         program = program_of(Formulas(problem), scene.methods[0].choice, observation)
         place = problem.parameters.index(parameter) if is_there else len(problem.parameters)
         assert (f"c{place}" in program.arguments) == is_there
     # The kernel is identical to that of a system without the effect.
     kernel = kernel_text(program)
-    bare, _ = read_scene(scene_schema(without(left_out) | {"methods": [method], "observe": ["energy"]}))
-    own = observed_problem(bare, problem_of(bare.methods[0], Derived(bare, None)), bare.methods[0].choice)
+    bare, _ = read_scene(
+        scene_schema(without(left_out) | {"methods": [method], "observe": ["energy"]})
+    )
+    own = observed_problem(
+        bare, problem_of(bare.methods[0], Derived(bare, None)), bare.methods[0].choice
+    )
     assert kernel_text(program_of(Formulas(own[0]), bare.methods[0].choice, own[1])) == kernel
-    result = simulate(EFFECTS | {"effects": acting, "methods": [method], "observe": ["trajectory", "constraints"]})
+    result = simulate(
+        EFFECTS | {"effects": acting, "methods": [method], "observe": ["trajectory", "constraints"]}
+    )
     texts = [result["system"]["lagrangian"], *result["system"]["constraints"]]
     if left_out in ("potential", "magnetic", "constraints", "spring"):
         assert not any(NAMES[left_out] in text for text in texts)
@@ -63,7 +81,11 @@ def test_an_effect_that_is_left_out_leaves_no_symbol(left_out: str, method: str)
     assert ("constraint_1" in columns) == (left_out != "constraints")
     assert [part["name"] for part in result["effects"]["left_out"]] == [left_out]
     assert {part["name"] for part in result["effects"]["acting"]} == set(acting)
-    assert all(part["operations"] > 0 for part in result["effects"]["acting"] if part["name"] != "constraints")
+    assert all(
+        part["operations"] > 0
+        for part in result["effects"]["acting"]
+        if part["name"] != "constraints"
+    )
     assert result["effects"]["left_out"][0]["operations"] > 0
 
 
@@ -144,14 +166,18 @@ def test_an_omitted_quantity_outside_the_kernel_is_not_in_the_answer() -> None:
     assert set(IN_THE_ANSWER.values()) <= keys_of(simulate(observing(list(IN_THE_ANSWER))))
     for part in (0, 1):  # each half is omitted while the other is present
         left_out = list(IN_THE_ANSWER)[part::2]
-        found = keys_of(simulate(observing([name for name in IN_THE_ANSWER if name not in left_out])))
+        found = keys_of(
+            simulate(observing([name for name in IN_THE_ANSWER if name not in left_out]))
+        )
         assert not found & {*left_out, *map(IN_THE_ANSWER.get, left_out)}
     assert simulate(observing([]))["truth"] is None
 
 
 @pytest.mark.parametrize("method", ["adaptive", "nonholonomic", "variational", "stiff"])
 def test_no_effect_has_a_negative_price(method: str) -> None:
-    """Leaving out a potential that others cancel against, or repeat, saves what it alone needs: at least nothing."""
+    """Leaving out a potential that others cancel against, or repeat, saves what it alone needs: at
+    least nothing.
+    """
     system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2 - (x - y)^2/2 + x^2/2"}
     scene = {
         "system": system, "terms": {"twin": "-x^2/2", "own": "-sin(x*y)"}, "step": 0.1, "steps": 2, "methods": [method],

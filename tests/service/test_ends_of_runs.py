@@ -29,7 +29,10 @@ ENDS = {
 def test_the_steps_done_are_those_recorded(potential: str, method: Any) -> None:
     """The steps, end time, last point, and final state of a stopped run agree."""
     scene = {"system": {"coordinates": ["x"], "lagrangian": f"x'^2/2 + {potential}"}, "step": 0.01}
-    scene |= {"initial": {"positions": {"x": 1}, "velocities": {"x": -0.5}}, "observe": ["trajectory", "energy"]}
+    scene |= {
+        "initial": {"positions": {"x": 1}, "velocities": {"x": -0.5}},
+        "observe": ["trajectory", "energy"],
+    }
     (found,) = simulate(scene | {"time": 20, "methods": [method]})["methods"]
     if found["outcome"] == "completed":
         assert found["steps"] == 2000
@@ -46,12 +49,24 @@ def test_what_is_watched_ends_with_the_run() -> None:
         "lagrangian": "(x'^2 + y'^2 + z'^2)/2 - x^4",
         "constraints": ["z' - y*x'"],
     }
-    scene = {"system": system, "step": 0.05, "time": 3, "methods": [{"method": "nonholonomic", "alpha": 0}]}
-    scene |= {"initial": {"positions": {"x": 0, "y": 0, "z": 0}, "velocities": {"x": 1, "y": 1}}, "observe": ["energy"]}
+    scene = {
+        "system": system,
+        "step": 0.05,
+        "time": 3,
+        "methods": [{"method": "nonholonomic", "alpha": 0}],
+    }
+    scene |= {
+        "initial": {"positions": {"x": 0, "y": 0, "z": 0}, "velocities": {"x": 1, "y": 1}},
+        "observe": ["energy"],
+    }
     key, until = "max_discrete_energy_error", 0.5
     (whole,), (ended,), (short,) = (
         simulate(scene | more)["methods"]
-        for more in ({}, {"events": [{"when": f"t - {until + 0.01}", "do": "stop"}]}, {"time": until})
+        for more in (
+            {},
+            {"events": [{"when": f"t - {until + 0.01}", "do": "stop"}]},
+            {"time": until},
+        )
     )
     assert ended["steps"] == short["steps"] == 10
     assert ended[key] == pytest.approx(short[key])
@@ -59,9 +74,15 @@ def test_what_is_watched_ends_with_the_run() -> None:
 
 
 @pytest.mark.parametrize("step", [1e300, 1e-300])
-@pytest.mark.parametrize("method", ["stormer-verlet", "variational", "runge-kutta", "adaptive", "stiff", "heyoka"])
+@pytest.mark.parametrize(
+    "method", ["stormer-verlet", "variational", "runge-kutta", "adaptive", "stiff", "heyoka"]
+)
 def test_no_step_is_too_large_or_small_for_a_typed_end(step: float, method: str) -> None:
-    scene = {"system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}, "step": step, "steps": 4}
+    scene = {
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"},
+        "step": step,
+        "steps": 4,
+    }
     scene |= {"initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "methods": [method]}
     (found,) = simulate(scene)["methods"]
     assert found["outcome"] not in ("failed", "unavailable")

@@ -1,4 +1,6 @@
-"""Events are found however close they are within a step; touching 0 is not an event, and the result says so."""
+"""Events are found however close they are within a step; touching 0 is not an event, and the result
+says so.
+"""
 
 from __future__ import annotations
 
@@ -57,7 +59,9 @@ def test_touching_zero_is_not_an_event_and_is_reported(when: str, time: float) -
 @pytest.mark.parametrize("height", [0.0, 1e-17, -1e-17])
 @pytest.mark.parametrize("method", ["adaptive", "stormer-verlet"])
 def test_a_hop_that_is_shorter_than_the_step_ends_on_the_ground(method: str, height: float) -> None:
-    """Thrown up from the ground with 0.01 at g = 10 it is back after 0.002, long before the first step is over."""
+    """Thrown up from the ground with 0.01 at g = 10 it is back after 0.002, long before the first
+    step is over.
+    """
     found = events(
         "", method, system={"coordinates": ["y"], "lagrangian": "y'^2/2 - 10*y"},
         initial={"positions": {"y": height}, "velocities": {"y": 0.01}},
@@ -88,7 +92,9 @@ def test_a_formula_that_jumps_has_an_event_at_every_jump() -> None:
 def test_a_formula_that_is_faster_than_the_examined_points_has_all_its_events(rate: float) -> None:
     found = events(f"sin({rate!r}*t + 1/2)")
     numbers = np.arange(1, np.floor((12 * rate + 0.5) / np.pi) + 1)
-    assert np.array(found["columns"]["t"]) == pytest.approx((numbers * np.pi - 0.5) / rate, rel=1e-12)
+    assert np.array(found["columns"]["t"]) == pytest.approx(
+        (numbers * np.pi - 0.5) / rate, rel=1e-12
+    )
     assert "note" not in found["events"][0]
 
 
@@ -124,7 +130,9 @@ def test_an_event_that_is_narrower_than_a_step_is_found(when: str, step: float) 
     assert back["final"]["positions"]["x"] == pytest.approx(14.6 - 2 * half - 10, abs=1e-8)
 
 
-@pytest.mark.parametrize("when", ["1/(x - 7.3)^2", "(x - 7.3)^2 + 10^-12", "1/(x - 7.3)", "exp(-(10^4*(x - 7.3))^2)"])
+@pytest.mark.parametrize(
+    "when", ["1/(x - 7.3)^2", "(x - 7.3)^2 + 10^-12", "1/(x - 7.3)", "exp(-(10^4*(x - 7.3))^2)"]
+)
 def test_what_comes_near_zero_or_has_a_pole_is_no_event(when: str) -> None:
     found = events(when, system={"coordinates": ["x"], "lagrangian": "x'^2/2"}, step=1, time=10)
     assert found["count"] == 0

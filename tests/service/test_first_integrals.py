@@ -14,7 +14,9 @@ BY_NAME = {row["id"]: row["document"] for row in rows("integrals")}
 ROWS = [pytest.param(row, id=row["id"], marks=marks(row)) for row in rows("integrals")]
 
 
-def rates(result: inverse_service.Result, accelerations: dict[str, str], velocities: dict[str, str]) -> list[Any]:
+def rates(
+    result: inverse_service.Result, accelerations: dict[str, str], velocities: dict[str, str]
+) -> list[Any]:
     """dF/dt along the motion of each first integral, at a point."""
     table = table_of_result({"system": result["system"]})
     q = list(result["system"]["coordinates"])
@@ -26,7 +28,10 @@ def rates(result: inverse_service.Result, accelerations: dict[str, str], velocit
     found = []
     for one in result["first_integrals"]:
         rate = sympy.diff(read(one["text"]), time).subs(bend).subs(on)
-        numbers = {s: sympy.Rational(3 + k, 7) for k, s in enumerate(sorted(rate.free_symbols - {time}, key=str))}
+        numbers = {
+            s: sympy.Rational(3 + k, 7)
+            for k, s in enumerate(sorted(rate.free_symbols - {time}, key=str))
+        }
         leaves = [*speed.values(), *(table.coordinates[name] for name in q)]
         values = {leaf: sympy.Rational(11 + 3 * k, 23) for k, leaf in enumerate(leaves)}
         found.append(rate.subs(values).subs(numbers).subs(time, sympy.Rational(2, 5)).evalf(30))
@@ -38,7 +43,9 @@ def test_first_integrals_are_found_and_are_constant(row: Row) -> None:
     result = inverse_service.solve(row["document"])
     found = [one["name"] for one in result["first_integrals"]]
     assert len(found) >= len(row["integrals"])
-    assert all(one.startswith(name) for one, name in zip(found, row["integrals"], strict=False)), found
+    assert all(one.startswith(name) for one, name in zip(found, row["integrals"], strict=False)), (
+        found
+    )
     if "complete" in row:
         assert len(found) == len(row["integrals"])
         complete = result["first_integrals_complete"]
@@ -54,7 +61,11 @@ def test_first_integrals_are_found_and_are_constant(row: Row) -> None:
 @pytest.mark.parametrize(
     ("equations", "place", "text"),
     [
-        slow("x'' = -k*x - c*x'", 0, "log(x'^2+k*x^2+c*x*x')/2 - c/sqrt(4*k-c^2)*atan((c*x+2*x')/(x*sqrt(4*k-c^2)))"),
+        slow(
+            "x'' = -k*x - c*x'",
+            0,
+            "log(x'^2+k*x^2+c*x*x')/2 - c/sqrt(4*k-c^2)*atan((c*x+2*x')/(x*sqrt(4*k-c^2)))",
+        ),
         slow("x'' = -k*x - c*x'", 1, "t + 2*atan((c*x+2*x')/(x*sqrt(4*k-c^2)))/sqrt(4*k-c^2)"),
         slow("x' = a*x - b*x*y; y' = -c*y + d*x*y", 0, "d*x + (a-c)*log(x) - x'/x - a*log(a*x-x')"),
         slow("x'' + 3*k*x*x' + k^2*x^3 = 0", 0, "(k*x^2+2*x')/(k*x^2+x')^2"),
@@ -73,7 +84,12 @@ def test_those_of_one_side_are_said_to_be() -> None:
 
 
 def test_they_are_left_out_when_asked() -> None:
-    assert inverse_service.solve({"equations": "x'' = -x", "first_integrals": False})["first_integrals"] == []
+    assert (
+        inverse_service.solve({"equations": "x'' = -x", "first_integrals": False})[
+            "first_integrals"
+        ]
+        == []
+    )
 
 
 @pytest.mark.slow

@@ -27,15 +27,24 @@ def labelled(document: dict[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("force", [{"forces": {"x": "-c*x'"}}, {"rayleigh": "c*x'^2/2"}], ids=["forces", "rayleigh"])
+@pytest.mark.parametrize(
+    "force", [{"forces": {"x": "-c*x'"}}, {"rayleigh": "c*x'^2/2"}], ids=["forces", "rayleigh"]
+)
 def test_friction_acts_in_every_method(force: dict[str, Any]) -> None:
     """x'' = -x - c x' has x = exp(-ct/2)(cos wt + c/2w sin wt)."""
     methods = [
         "variational", EIGHTH, {"method": "variational", "alpha": 0}, {"method": "variational", "form": "raw"},
         "nonholonomic", "adaptive", "reference",
     ]  # fmt: skip
-    document = scene(OSCILLATOR, methods, parameters={"c": 0.1}, observe=["energy", "trajectory"], **force)
-    bounds = {"variational-0": 3e-2, "variational-0.5-order8": 1e-12, "adaptive": 1e-10, "reference": 1e-12}
+    document = scene(
+        OSCILLATOR, methods, parameters={"c": 0.1}, observe=["energy", "trajectory"], **force
+    )
+    bounds = {
+        "variational-0": 3e-2,
+        "variational-0.5-order8": 1e-12,
+        "adaptive": 1e-10,
+        "reference": 1e-12,
+    }
     for label, method in labelled(document).items():
         columns = method["points"]["columns"]
         t, w = np.array(columns["t"]), np.sqrt(1 - 0.05**2)
@@ -63,7 +72,13 @@ def test_friction_acts_with_constraints() -> None:
 
 @pytest.mark.slow
 def test_a_force_that_is_not_named_does_not_act() -> None:
-    document = scene(OSCILLATOR, ["variational"], parameters={"c": 0.1}, forces={"x": "-c*x'"}, observe=["energy"])
+    document = scene(
+        OSCILLATOR,
+        ["variational"],
+        parameters={"c": 0.1},
+        forces={"x": "-c*x'"},
+        observe=["energy"],
+    )
     (free,) = labelled(document | {"effects": ["potential"]}).values()
     (held,) = labelled(document | {"effects": ["potential", "forces"]}).values()
     assert free["max_energy_error"] < 1e-14
@@ -75,26 +90,43 @@ def test_observables_by_formula() -> None:
     kepler = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2 + 1/sqrt(x^2+y^2)"}
     start = {"positions": {"x": 1, "y": 0}, "velocities": {"x": 0, "y": 0.8}}
     document = scene(
-        kepler, ["variational", "adaptive"], initial=start, observe=[{"Lz": "x*y' - y*x'", "r": "sqrt(x^2+y^2)"}]
+        kepler,
+        ["variational", "adaptive"],
+        initial=start,
+        observe=[{"Lz": "x*y' - y*x'", "r": "sqrt(x^2+y^2)"}],
     )
     for method in labelled(document).values():
         assert method["observables"]["Lz"]["first"] == pytest.approx(0.8)
-        assert method["observables"]["Lz"]["greatest"] - method["observables"]["Lz"]["least"] < 1e-10
+        assert (
+            method["observables"]["Lz"]["greatest"] - method["observables"]["Lz"]["least"] < 1e-10
+        )
         assert method["observables"]["r"]["least"] == pytest.approx(0.8**2 / (1 + 0.36), rel=2e-2)
         assert set(method["points"]["columns"]) == {"t", "Lz", "r"}
 
 
-EVERYTHING = [name for name in get_args(Observed) if name not in ("lyapunov", "period", "cost")]  # numbers alone
-FOLLOWED = {"coordinates": ["x", "y"], "lagrangian": "exp(t/9)*(x'^2 + y'^2 - x^2)/2", "constraints": ["y' - x*x'"]}
+EVERYTHING = [
+    name for name in get_args(Observed) if name not in ("lyapunov", "period", "cost")
+]  # numbers alone
+FOLLOWED = {
+    "coordinates": ["x", "y"],
+    "lagrangian": "exp(t/9)*(x'^2 + y'^2 - x^2)/2",
+    "constraints": ["y' - x*x'"],
+}
 AT_REST = {"positions": {"x": 1, "y": 0}, "velocities": {"x": 0, "y": 0}}
 
 
 def test_no_observable_replaces_a_column_that_a_run_has() -> None:
-    """Each column of three runs that together observe everything is a name that an observable cannot have."""
+    """Each column of three runs that together observe everything is a name that an observable
+    cannot have.
+    """
     seen = ["energy", "momenta", "velocities"]
-    driven = scene(OSCILLATOR, ["variational"], forces={"x": "sin(t) - x'/9"}, observe=seen, time=0.3)
+    driven = scene(
+        OSCILLATOR, ["variational"], forces={"x": "sin(t) - x'/9"}, observe=seen, time=0.3
+    )
     damped = scene({"equations": {"x": "-x - x'/5"}}, ["adaptive"], observe=seen, time=0.3)
-    held = scene(FOLLOWED, ["adaptive", "nonholonomic"], initial=AT_REST, observe=EVERYTHING, time=0.3)
+    held = scene(
+        FOLLOWED, ["adaptive", "nonholonomic"], initial=AT_REST, observe=EVERYTHING, time=0.3
+    )
     met = set[str]()
     for document in (driven, damped, held):
         runs = simulate_tables(document)["tables"].values()
@@ -102,7 +134,9 @@ def test_no_observable_replaces_a_column_that_a_run_has() -> None:
         met |= own
         for name in own:
             with pytest.raises(InputError, match=f"has the name {name}: choose") as refused:
-                scene_reading.read_scene(scene_reading.scene_schema(document | {"observe": [{name: "7"}]}))
+                scene_reading.read_scene(
+                    scene_reading.scene_schema(document | {"observe": [{name: "7"}]})
+                )
             assert refused.value.pointer == f"/observe/0/{name}"
     assert met >= {
         "t",
@@ -120,28 +154,40 @@ def test_no_observable_replaces_a_column_that_a_run_has() -> None:
 
 
 def test_a_point_of_a_body_does_not_replace_a_column() -> None:
-    held = scene(FOLLOWED, ["adaptive"], initial=AT_REST, observe=["constraint_forces"], points={"force": ["x", "y"]})
+    held = scene(
+        FOLLOWED,
+        ["adaptive"],
+        initial=AT_REST,
+        observe=["constraint_forces"],
+        points={"force": ["x", "y"]},
+    )
     with pytest.raises(InputError, match="has the name force_x: choose"):
         simulate(held)
 
 
 def test_a_parameter_of_an_ensemble_does_not_replace_a_column() -> None:
     system = {"equations": {"x": "-x_end*x"}, "parameters": ["x_end"]}
-    document = scene(system, ["adaptive"], ensemble={"parameters": {"x_end": [1, 2]}}, parameters={"x_end": 1})
+    document = scene(
+        system, ["adaptive"], ensemble={"parameters": {"x_end": [1, 2]}}, parameters={"x_end": 1}
+    )
     with pytest.raises(InputError, match="has the name x_end: choose"):
         simulate(document)
 
 
 def test_a_name_that_only_looks_like_a_column_is_free() -> None:
     document = scene(
-        OSCILLATOR, ["adaptive"], observe=["energy", {"force_y": "-x", "lambda_1": "x", "kinetic": "x'^2/2"}]
+        OSCILLATOR,
+        ["adaptive"],
+        observe=["energy", {"force_y": "-x", "lambda_1": "x", "kinetic": "x'^2/2"}],
     )
     (method,) = labelled(document).values()
     assert set(method["observables"]) == {"force_y", "lambda_1", "kinetic"}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["adaptive", "reference", "heyoka", EIGHTH, {"method": "nonholonomic", "order": 8}])
+@pytest.mark.parametrize(
+    "method", ["adaptive", "reference", "heyoka", EIGHTH, {"method": "nonholonomic", "order": 8}]
+)
 def test_events_are_located_to_round_off(method: Any) -> None:
     if method == "heyoka":
         pytest.importorskip("heyoka")
@@ -155,9 +201,16 @@ def test_events_are_located_to_round_off(method: Any) -> None:
 
 def test_an_event_of_a_method_is_where_its_own_motion_is() -> None:
     """The midpoint rule turns too slowly: its crossings follow its own frequency 2 atan(h/2)/h."""
-    (found,) = labelled(scene(OSCILLATOR, ["variational"], step=0.1, events=[{"when": "x", "direction": -1}])).values()
+    (found,) = labelled(
+        scene(OSCILLATOR, ["variational"], step=0.1, events=[{"when": "x", "direction": -1}])
+    ).values()
     slow = 2 * np.arctan(0.05) / 0.1
-    assert np.abs(np.array(found["events"][0]["columns"]["t"]) * slow - np.pi * np.array([0.5, 2.5, 4.5])).max() < 1e-3
+    assert (
+        np.abs(
+            np.array(found["events"][0]["columns"]["t"]) * slow - np.pi * np.array([0.5, 2.5, 4.5])
+        ).max()
+        < 1e-3
+    )
 
 
 @pytest.mark.slow
@@ -168,13 +221,20 @@ def test_a_projectile_stops_at_the_ground() -> None:
     drag = {name: f"-k*{name}'*sqrt(x'^2+y'^2)" for name in "xy"}
     stop = [{"when": "y", "direction": -1, "do": "stop"}]
     document = scene(
-        system, ["adaptive", "variational"], initial=start, forces=drag, events=stop, observe=["trajectory"]
+        system,
+        ["adaptive", "variational"],
+        initial=start,
+        forces=drag,
+        events=stop,
+        observe=["trajectory"],
     )
     for k, time in ((0, 6.0), (0.01, 4.6841)):
         for method in labelled(document | {"parameters": {"k": k}}).values():
             assert method["outcome"] == "completed"
             assert "ended by an event" in method["note"]
-            assert method["events"][0]["columns"]["t"] == pytest.approx([time], abs=2e-3 if k else 1e-9)
+            assert method["events"][0]["columns"]["t"] == pytest.approx(
+                [time], abs=2e-3 if k else 1e-9
+            )
             assert min(method["points"]["columns"]["y"]) >= 0
             assert method["final"]["t"] == method["events"][0]["columns"]["t"][0]
             assert abs(method["final"]["positions"]["y"]) < 1e-12
@@ -183,14 +243,21 @@ def test_a_projectile_stops_at_the_ground() -> None:
 
 @pytest.mark.slow
 def test_a_section_of_henon_and_heiles_keeps_its_energy() -> None:
-    system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2 - (x^2+y^2)/2 - x^2*y + y^3/3"}
+    system = {
+        "coordinates": ["x", "y"],
+        "lagrangian": "(x'^2+y'^2)/2 - (x^2+y^2)/2 - x^2*y + y^3/3",
+    }
     start = {"positions": {"x": 0, "y": 0.1}, "velocities": {"x": 0.3, "y": 0.1}}
-    document = scene(system, [EIGHTH], initial=start, time=500, events=[{"when": "x", "direction": 1}])
+    document = scene(
+        system, [EIGHTH], initial=start, time=500, events=[{"when": "x", "direction": 1}]
+    )
     (found,) = labelled(document).values()
     columns = {name: np.array(column) for name, column in found["events"][0]["columns"].items()}
     assert found["events"][0]["count"] > 70
     assert np.abs(columns["x"]).max() < 1e-14
-    energy = (columns["v_x"] ** 2 + columns["v_y"] ** 2 + columns["y"] ** 2) / 2 - columns["y"] ** 3 / 3
+    energy = (columns["v_x"] ** 2 + columns["v_y"] ** 2 + columns["y"] ** 2) / 2 - columns[
+        "y"
+    ] ** 3 / 3
     assert np.ptp(energy) < 1e-10
 
 
@@ -210,7 +277,9 @@ def test_a_scene_starts_at_its_time_and_continues_a_result() -> None:
     assert whole["methods"][0]["max_error"] < 1e-9
     assert whole["methods"][0]["points"]["columns"]["t"][0] == 3
     assert columns["t"][-1] == pytest.approx(23)
-    assert columns["x"][-1] == pytest.approx(whole["methods"][0]["points"]["columns"]["x"][-1], abs=1e-12)
+    assert columns["x"][-1] == pytest.approx(
+        whole["methods"][0]["points"]["columns"]["x"][-1], abs=1e-12
+    )
     with pytest.raises(InputError, match="begins where the result"):
         simulate(scene(driven, methods, restart=first))
 
@@ -219,7 +288,10 @@ def test_an_ensemble_of_starts_and_parameters() -> None:
     system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - k*x^2/2", "parameters": {"k": 1}}
     ensemble = {"initial": {"positions": {"x": [1, 2, 3]}}, "parameters": {"k": [1, 4]}}
     document = scene(
-        system, ["reference", "variational", "heyoka"], ensemble=ensemble, observe=["energy", {"a": "x^2"}]
+        system,
+        ["reference", "variational", "heyoka"],
+        ensemble=ensemble,
+        observe=["energy", {"a": "x^2"}],
     )
     found = labelled(document)
     assert found["heyoka"]["outcome"] == "unavailable"
@@ -238,7 +310,9 @@ def test_members_of_an_ensemble_end_by_themselves() -> None:
     kepler = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2 + 1/sqrt(x^2+y^2)"}
     start = {"positions": {"x": 1, "y": 0}, "velocities": {"x": 0, "y": 1}}
     ensemble = {"initial": {"velocities": {"y": [1, 0.9, 0]}}}
-    (found,) = labelled(scene(kepler, ["adaptive"], initial=start, ensemble=ensemble, time=5)).values()
+    (found,) = labelled(
+        scene(kepler, ["adaptive"], initial=start, ensemble=ensemble, time=5)
+    ).values()
     assert found["outcome"] == "partly"
     assert found["outcomes"] == {"completed": 2, "singular": 1}
     assert found["ended"][0]["member"] == 2
@@ -250,7 +324,10 @@ def test_members_of_an_ensemble_end_by_themselves() -> None:
 @pytest.mark.slow
 def test_members_are_put_on_the_constraints() -> None:
     disk = {"catalogue": "vertically-rolling-disk"}
-    start = {"positions": {"phi": 0.3, "theta": 0, "x": 0, "y": 0}, "velocities": {"phi": 1, "theta": 0.5}}
+    start = {
+        "positions": {"phi": 0.3, "theta": 0, "x": 0, "y": 0},
+        "velocities": {"phi": 1, "theta": 0.5},
+    }
     document = {
         "system": disk, "parameters": {"M": 1, "R": 1, "I": "1/2", "J": "1/4"}, "initial": start, "step": 0.05,
         "steps": 50, "methods": ["variational", "nonholonomic"],
@@ -258,7 +335,8 @@ def test_members_are_put_on_the_constraints() -> None:
     }  # fmt: skip
     found = labelled(document)
     single = labelled(
-        {key: value for key, value in document.items() if key != "ensemble"} | {"observe": ["trajectory"]}
+        {key: value for key, value in document.items() if key != "ensemble"}
+        | {"observe": ["trajectory"]}
     )
     for label, method in found.items():
         assert method["outcomes"] == {"completed": 2}
@@ -277,18 +355,32 @@ DISK: dict[str, Any] = {
 def test_each_member_is_on_the_constraints_of_its_own_parameters() -> None:
     """The constraints contain R: with R = 2 the disk rolls twice as far."""
     single = labelled(DISK | {"parameters": DISK["parameters"] | {"R": 2}})
-    starts = ({}, {"initial": {"positions": {"theta": [0]}}}, {"initial": [{"positions": {"theta": 0}}]})
+    starts = (
+        {},
+        {"initial": {"positions": {"theta": [0]}}},
+        {"initial": [{"positions": {"theta": 0}}]},
+    )
     for further in starts:
-        for label, method in labelled(DISK | {"ensemble": {"parameters": {"R": [1, 2]}} | further}).items():
+        for label, method in labelled(
+            DISK | {"ensemble": {"parameters": {"R": [1, 2]}} | further}
+        ).items():
             assert method["outcomes"] == {"completed": 2}
-            assert method["members_columns"]["x_end"][1] == pytest.approx(single[label]["final"]["positions"]["x"])
+            assert method["members_columns"]["x_end"][1] == pytest.approx(
+                single[label]["final"]["positions"]["x"]
+            )
 
 
 def test_each_member_has_the_momenta_that_were_given() -> None:
     """p = m v, so twice the mass has half the speed."""
     system = {"coordinates": ["x"], "lagrangian": "m*x'^2/2", "parameters": ["m"]}
     start = {"positions": {"x": 0}, "momenta": {"x": 1}}
-    document = scene(system, ["reference"], initial=start, parameters={"m": 1}, ensemble={"parameters": {"m": [1, 2]}})
+    document = scene(
+        system,
+        ["reference"],
+        initial=start,
+        parameters={"m": 1},
+        ensemble={"parameters": {"m": [1, 2]}},
+    )
     (found,) = labelled(document).values()
     assert found["members_columns"]["v_x_end"] == pytest.approx([1, 0.5])
     with pytest.raises(InputError, match="columns of starts need"):
@@ -296,8 +388,12 @@ def test_each_member_has_the_momenta_that_were_given() -> None:
 
 
 def test_velocities_of_a_member_that_break_the_constraints_are_refused() -> None:
-    with pytest.raises(InputError, match=r"member 1: the velocities violate constraint 1 by -0\.9") as refused:
-        simulate(DISK | {"ensemble": {"initial": {"velocities": {"x": [0.5 * math.cos(0.3), -0.4223]}}}})
+    with pytest.raises(
+        InputError, match=r"member 1: the velocities violate constraint 1 by -0\.9"
+    ) as refused:
+        simulate(
+            DISK | {"ensemble": {"initial": {"velocities": {"x": [0.5 * math.cos(0.3), -0.4223]}}}}
+        )
     assert refused.value.pointer == "/ensemble/initial/velocities"
     assert '"project"' in refused.value.detail
     plain = refused.value.places[0].plain  # the value from a form, which has no such key
@@ -309,7 +405,12 @@ def test_velocities_of_a_member_that_break_the_constraints_are_refused() -> None
 def test_many_starts_are_put_on_constraints_at_once() -> None:
     angles = np.linspace(0, 1, 10_000).tolist()
     (found,) = labelled(
-        DISK | {"methods": ["nonholonomic"], "steps": 2, "ensemble": {"initial": {"positions": {"phi": angles}}}}
+        DISK
+        | {
+            "methods": ["nonholonomic"],
+            "steps": 2,
+            "ensemble": {"initial": {"positions": {"phi": angles}}},
+        }
     ).values()
     assert found["outcomes"] == {"completed": 10_000}
 
@@ -319,7 +420,9 @@ def test_lyapunov_exponents_come_from_the_variational_equations() -> None:
     """x'' = x has the exponent 1; an oscillator none; friction c divides by two."""
     for equation, expected in (("x'' = x", 1.0), ("x'' = -x", 0.0), ("x'' = -x - x'/5", -0.1)):
         system = {"coordinates": ["x"], "equations": [equation]}
-        found = simulate(scene(system, ["adaptive"], time=200, step=1, observe=["lyapunov"]))["lyapunov"]
+        found = simulate(scene(system, ["adaptive"], time=200, step=1, observe=["lyapunov"]))[
+            "lyapunov"
+        ]
         assert found["largest"] == pytest.approx(expected, abs=0.02)
     pole = {"coordinates": ["x"], "equations": ["x'' = -1/x^2"]}
     found = simulate(scene(pole, ["adaptive"], time=5, observe=["lyapunov"]))["lyapunov"]
@@ -328,7 +431,12 @@ def test_lyapunov_exponents_come_from_the_variational_equations() -> None:
 
 
 def test_an_exponent_for_which_the_time_was_over_says_so() -> None:
-    long = scene({"coordinates": ["x"], "equations": ["x'' = -sin(x)"]}, ["adaptive"], time=5, observe=["lyapunov"])
+    long = scene(
+        {"coordinates": ["x"], "equations": ["x'' = -sin(x)"]},
+        ["adaptive"],
+        time=5,
+        observe=["lyapunov"],
+    )
     assert simulate(long, None, 0.001)["lyapunov"]["note"].startswith("The time limit was reached")
 
 
@@ -340,20 +448,26 @@ def test_an_exponent_for_which_the_time_was_over_says_so() -> None:
     ids=["Ueda", "Duffing, two wells", "simplest driven"],
 )  # fmt: skip
 def test_lyapunov_exponents_are_those_published(force: str, start: float, published: float) -> None:
-    """J. C. Sprott, Chaos and Time-Series Analysis, Oxford 2003, appendix A.5 (driven dissipative and conservative)."""
+    """J. C. Sprott, Chaos and Time-Series Analysis, Oxford 2003, appendix A.5 (driven dissipative
+    and conservative).
+    """
     system = {"coordinates": ["x"], "equations": [f"x'' = {force}"]}
     given = {"positions": {"x": start}, "velocities": {"x": 0}}
     document = scene(system, ["adaptive"], initial=given, step=1, time=10_000, observe=["lyapunov"])
-    assert simulate(document, None, 300.0)["lyapunov"]["largest"] == pytest.approx(published, abs=0.005)
+    assert simulate(document, None, 300.0)["lyapunov"]["largest"] == pytest.approx(
+        published, abs=0.005
+    )
 
 
 def test_the_potential_of_a_high_power_is_not_multiplied_out() -> None:
-    """(1 + x^2 y^2)^-5 at q + d/2 has tens of thousands of terms: expanding it would take minutes and gigabytes."""
+    """(1 + x^2 y^2)^-5 at q + d/2 has tens of thousands of terms: expanding it would take minutes
+    and gigabytes.
+    """
     system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2-50/(1+x^2*y^2)^4"}
     given = {"positions": {"x": 2.0, "y": 0.3}, "velocities": {"x": -1.0, "y": 0.2}}
-    (method,) = simulate(scene(system, ["variational"], initial=given, step=0.001, time=1, observe=["energy"]))[
-        "methods"
-    ]
+    (method,) = simulate(
+        scene(system, ["variational"], initial=given, step=0.001, time=1, observe=["energy"])
+    )["methods"]
     assert method["outcome"] == "completed"
     assert method["max_energy_error"] < 1e-4
 
@@ -378,8 +492,14 @@ def test_the_velocities_of_a_row_are_those_of_its_time(method: Any) -> None:
 
 @pytest.mark.slow
 def test_motions_that_break_the_constraints_have_no_exponent() -> None:
-    """x is constant and y' = 1: nothing diverges. If exp(-y) x' is another constant, x' grows as exp(t)."""
-    system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2", "constraints": ["exp(-y)*x'"]}
+    """x is constant and y' = 1: nothing diverges. If exp(-y) x' is another constant, x' grows as
+    exp(t).
+    """
+    system = {
+        "coordinates": ["x", "y"],
+        "lagrangian": "(x'^2 + y'^2)/2",
+        "constraints": ["exp(-y)*x'"],
+    }
     found = simulate({
         "system": system, "initial": {"positions": {"x": 0, "y": 0}, "velocities": {"x": 0, "y": 1}}, "step": 0.1,
         "time": 20, "methods": ["adaptive"], "observe": ["lyapunov"],

@@ -1,4 +1,6 @@
-"""A result grows: each part is reported when it is finished and checked, and a limit keeps all of these parts."""
+"""A result grows: each part is reported when it is finished and checked, and a limit keeps all of
+these parts.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,11 @@ DAMPED = {"equations": "x'' = -x - x'/10", "time_dependent_lagrangian": False}
 NONE = {"equations": {"x": "y", "y": "-x*x'"}}  # no Lagrangian of either kind
 CASES = {"equations": {"x": "-sqrt(x^2)"}}
 PARTICLE = {"lagrangian": "(x'^2 + y'^2 + z'^2)/2", "constraints": ["z' = y*x'"]}
-MOTION = {"coordinates": ["x", "y", "z"], "motion": {"x": "0", "y": "0"}, "constraints": ["z' = y*x'"]}
+MOTION = {
+    "coordinates": ["x", "y", "z"],
+    "motion": {"x": "0", "y": "0"},
+    "constraints": ["z' = y*x'"],
+}
 BOTH = {"equations": "x'' = -x - x'/10"}
 ALL = {
     "damped": DAMPED,
@@ -76,11 +82,16 @@ def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("document", ALL.values(), ids=ALL)
-def test_together_the_parts_are_the_result_and_each_state_passes_the_check(document: dict[str, Any]) -> None:
+def test_together_the_parts_are_the_result_and_each_state_passes_the_check(
+    document: dict[str, Any],
+) -> None:
     messages, result = told_once(document)
     found = states(messages)
     assert found[-1] == result
-    assert {check_plain(json.loads(json.dumps(state)))["verdict"] for state in found} <= {"valid", "incomplete"}
+    assert {check_plain(json.loads(json.dumps(state)))["verdict"] for state in found} <= {
+        "valid",
+        "incomplete",
+    }
     names = [part for message in messages for part in message["parts"]]
     assert len(names) == len(set(names))
     assert result["incomplete"] == []
@@ -91,7 +102,9 @@ def test_a_definite_answer_is_never_taken_back(document: dict[str, Any]) -> None
     seen: dict[str, Any] = {}
     for state in states(told_once(document)[0]):
         about = state.get("any_associated") or {}
-        now = {key: state[key] for key in ("verdict", "verdict_with_time")} | {"any": about.get("verdict")}
+        now = {key: state[key] for key in ("verdict", "verdict_with_time")} | {
+            "any": about.get("verdict")
+        }
         if state["branches"]:
             continue  # the first branch represents all branches
         for key, verdict in now.items():
@@ -119,7 +132,9 @@ def test_existence_of_a_lagrangian_is_reported_before_its_formula() -> None:
     assert with_lagrangian["lagrangian"]["domain"] == result["lagrangian"]["domain"] != []
 
 
-def test_of_constraints_the_motion_comes_first_and_the_verdict_on_it_before_its_lagrangian() -> None:
+def test_of_constraints_the_motion_comes_first_and_the_verdict_on_it_before_its_lagrangian() -> (
+    None
+):
     parts = [part for message in told_once(PARTICLE)[0] for part in message["parts"]]
     assert parts.index("motion") < parts.index("existence") < parts.index("any_associated")
 
@@ -138,7 +153,9 @@ def test_unconfirmed_parts_are_not_reported(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_parts_use_the_names_of_the_document() -> None:
-    first = states(told({"coordinates": ["x"], "equations": {"x": "-x*tau - x'/10"}, "time": "tau"})[0])[0]
+    first = states(
+        told({"coordinates": ["x"], "equations": {"x": "-x*tau - x'/10"}, "time": "tau"})[0]
+    )[0]
     assert first["system"]["equations"] == {"x": "-x*tau - x'/10"}
     assert first["system"]["time"] == "tau"
     assert first["system"]["given"]["time"] == "tau"
@@ -164,16 +181,23 @@ def test_cut_off_anywhere_the_result_is_what_was_finished(place: int) -> None:
     messages, result = told_once(PARTICLE)
     so_far = states(messages)[min(place, len(messages) - 2)]
     cut = growing.cut_off(so_far, "The time limit of 1 s was reached.", {"motion": 0.5}, 1.0)
-    assert {entry["reason"] for entry in cut["incomplete"]} <= {"The time limit of 1 s was reached."}
-    assert sum(cut["provenance"]["seconds"].values()) == pytest.approx(1.0 if cut["incomplete"] else 0.5)
+    assert {entry["reason"] for entry in cut["incomplete"]} <= {
+        "The time limit of 1 s was reached."
+    }
+    assert sum(cut["provenance"]["seconds"].values()) == pytest.approx(
+        1.0 if cut["incomplete"] else 0.5
+    )
     assert check_plain(json.loads(json.dumps(cut)))["verdict"] in ("valid", "incomplete")
-    assert cut["nonholonomic"]["equations_of_motion"] == result["nonholonomic"]["equations_of_motion"]
+    assert (
+        cut["nonholonomic"]["equations_of_motion"] == result["nonholonomic"]["equations_of_motion"]
+    )
     assert "not decided yet" not in json.dumps(cut)
 
 
 def test_later_stages_keep_the_reported_parts() -> None:
     before = described(
-        {"parts": ["existence"], "value": {"verdict": "variational"}, "seconds": {}}, {"stage": "decision"}
+        {"parts": ["existence"], "value": {"verdict": "variational"}, "seconds": {}},
+        {"stage": "decision"},
     )
     after = described("Hamiltonian", before)
     assert after == {"so_far": {"verdict": "variational"}, "seconds": {}, "stage": "Hamiltonian"}
@@ -183,13 +207,19 @@ def test_later_stages_keep_the_reported_parts() -> None:
 def test_the_page_says_no_more_than_is_known(document: dict[str, Any]) -> None:
     """The statements "no closed form" and "undetermined" are true only at the end."""
     for part in states(told_once(document)[0])[:-1]:
-        job = {"id": "a", "status": "running", "progress": {"stage": "search", "so_far": json.loads(json.dumps(part))}}
+        job = {
+            "id": "a",
+            "status": "running",
+            "progress": {"stage": "search", "so_far": json.loads(json.dumps(part))},
+        }
         text = bytes(so_far_task(job, Look(Visitor(), "http://localhost", 60.0), 3).body).decode()
         assert not [words for words in ("none was found", "ndetermined") if words in text]
         assert 'data-events="/v1/jobs/a/events"' in text
 
 
-def test_a_result_longer_than_what_is_read_is_not_called_invalid(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_result_longer_than_what_is_read_is_not_called_invalid(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     result = json.loads(json.dumps(told_once(PARTICLE)[1]))
     monkeypatch.setattr(refusals, "LIMITS", dataclasses.replace(refusals.LIMITS, tokens=1))
     found = check_plain(result)
@@ -201,4 +231,6 @@ def test_a_result_longer_than_what_is_read_is_not_called_invalid(monkeypatch: py
 def test_in_the_first_half_of_a_limit_no_share_ends_a_decision(part: float) -> None:
     with deadline.whole(100.0):
         assert deadline.share(part, deadline.now() + 20.0) > deadline.now() + 49.0
-    assert deadline.share(0.5, deadline.now() + 20.0) == pytest.approx(deadline.now() + 10.0, abs=0.1)
+    assert deadline.share(0.5, deadline.now() + 20.0) == pytest.approx(
+        deadline.now() + 10.0, abs=0.1
+    )

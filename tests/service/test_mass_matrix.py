@@ -1,4 +1,6 @@
-"""A long H of three coordinates is also given by its mass matrix M and its potential V: H = p^T M^-1 p/2 + V."""
+"""A long H of three coordinates is also given by its mass matrix M and its potential V: H = p^T
+M^-1 p/2 + V.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,9 @@ def test_both_forms_of_h_have_the_same_values() -> None:
     with mp.workdps(30):
         point = {ex.Symbol(name): mpf(rng.uniform(-2, 2)) for name in (*ANGLES, *names.parameters)}
         value = functools.partial(calculus.evaluate, table=point)
-        masses = matrix([[value(read_formula(entry, names)) for entry in row] for row in energy["mass_matrix"]])
+        masses = matrix(
+            [[value(read_formula(entry, names)) for entry in row] for row in energy["mass_matrix"]]
+        )
         p = matrix([point[ex.Symbol(f"p_{name}")] for name in ANGLES])
         kinetic = (p.T * lu_solve(masses, p))[0] / 2
         whole = kinetic + value(read_formula(energy["potential"]["text"], names))
@@ -55,7 +59,9 @@ def test_both_forms_of_h_have_the_same_values() -> None:
 
 
 def test_text_and_latex_print_the_short_form() -> None:
-    lines = "\n".join(printed_pages.plain(line.said, line.most) for line in printed_pages.outline(chain(), False))
+    lines = "\n".join(
+        printed_pages.plain(line.said, line.most) for line in printed_pages.outline(chain(), False)
+    )
     assert "H = p^T M^(-1) p/2 + V" in lines
     assert "M = [[3, 2*cos(a1 - a2), cos(a1 - a3)], " in lines
 
@@ -82,4 +88,6 @@ def _of_equations() -> dict[str, Any]:
         "2*cos(a1-a2)*a1'' + 2*a2'' + cos(a2-a3)*a3'' - 2*sin(a1-a2)*a1'^2 + sin(a2-a3)*a3'^2 + 2*sin(a2) = 0",
         "cos(a1-a3)*a1'' + cos(a2-a3)*a2'' + a3'' - sin(a1-a3)*a1'^2 - sin(a2-a3)*a2'^2 + sin(a3) = 0",
     ]
-    return dict(solve({"equations": lines, "first_integrals": False, "time_dependent_lagrangian": False}))
+    return dict(
+        solve({"equations": lines, "first_integrals": False, "time_dependent_lagrangian": False})
+    )

@@ -15,7 +15,9 @@ from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.documents.printed_pages import text_page
 
-PAGE = (Path(__file__).parent.parent.parent / "docs" / "how-to" / "constrained-systems.md").read_text(encoding="utf-8")
+PAGE = (
+    Path(__file__).parent.parent.parent / "docs" / "how-to" / "constrained-systems.md"
+).read_text(encoding="utf-8")
 ROWS = re.findall(r"^\| ([a-z-]+) \| (n?v) \| (n?v) \| (n?v) \| `(.+)` \|$", PAGE, re.MULTILINE)
 LONG = ("generic-class-two", "generic-class-three")
 WORDS = {"v": "variational", "nv": "not_variational"}
@@ -30,21 +32,29 @@ def solved(name: str) -> dict[str, Any]:
 def test_the_example_prints_what_the_page_shows() -> None:
     (document,) = re.findall(r"```json\n(.*?)```", PAGE, re.DOTALL)
     (shown,) = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
-    printed = text_page(solve_document(json.loads(document), SolveOptions(time_limit=120)), explain=False).splitlines()
+    printed = text_page(
+        solve_document(json.loads(document), SolveOptions(time_limit=120)), explain=False
+    ).splitlines()
     places = [printed.index(line) for line in shown.splitlines()]
     assert places == sorted(places)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "row", [pytest.param(row, id=row[0], marks=[pytest.mark.slow] if row[0] in LONG else []) for row in ROWS]
+    "row",
+    [
+        pytest.param(row, id=row[0], marks=[pytest.mark.slow] if row[0] in LONG else [])
+        for row in ROWS
+    ],
 )
 def test_the_table_is_what_the_solver_finds(row: tuple[str, str, str, str, str]) -> None:
     name, *verdicts, density = row
     part = solved(name)["nonholonomic"]
     found = {one["kind"]: (one["verdict"], one["checked"]) for one in part["associated"]}
     kinds = ("first", "second", "third")
-    assert found == {kind: (WORDS[word], "valid") for kind, word in zip(kinds, verdicts, strict=True)}
+    assert found == {
+        kind: (WORDS[word], "valid") for kind, word in zip(kinds, verdicts, strict=True)
+    }
     assert part["measure_density"]["density"]["text"] == density
 
 

@@ -26,7 +26,9 @@ def only(scene: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_a_constraint_exerts_the_force_that_the_motion_has() -> None:
-    """A bead on the line y = x under gravity: the line exerts m g cos(45 degrees), normal to itself."""
+    """A bead on the line y = x under gravity: the line exerts m g cos(45 degrees), normal to
+    itself.
+    """
     scene = {
         "system": {"coordinates": ["x", "y"], "lagrangian": "m*(x'^2 + y'^2)/2 - m*g*y", "constraints": ["y' - x'"]},
         "parameters": {"m": 2, "g": 9.81}, "initial": {"positions": {"x": 0, "y": 0}, "velocities": {"x": 0, "y": 0}},
@@ -41,7 +43,9 @@ def test_a_constraint_exerts_the_force_that_the_motion_has() -> None:
         assert "g" in found["constraint_forces"]["formulas"]["lambda_1"]
 
 
-@pytest.mark.parametrize("method", ["adaptive", "reference", {"method": "stormer-verlet", "order": 8}])
+@pytest.mark.parametrize(
+    "method", ["adaptive", "reference", {"method": "stormer-verlet", "order": 8}]
+)
 def test_the_period_of_a_pendulum_is_an_elliptic_integral(method: Any) -> None:
     period = only(PENDULUM | {"methods": [method], "observe": ["period"]})["period"]
     assert period["mean"] == pytest.approx(4 * ellipk(np.sin(0.5) ** 2), abs=1e-9)
@@ -51,8 +55,14 @@ def test_the_period_of_a_pendulum_is_an_elliptic_integral(method: Any) -> None:
 
 
 def test_the_other_end_of_a_swing_is_not_a_return() -> None:
-    """A planar pendulum starts at rest on one side and is at rest on the other side after half a period."""
-    system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2 - y", "constraints": ["x*x' + y*y'"]}
+    """A planar pendulum starts at rest on one side and is at rest on the other side after half a
+    period.
+    """
+    system = {
+        "coordinates": ["x", "y"],
+        "lagrangian": "(x'^2 + y'^2)/2 - y",
+        "constraints": ["x*x' + y*y'"],
+    }
     start = {"positions": {"x": 1, "y": 0}, "velocities": {"x": 0, "y": 0}}
     period = only(PENDULUM | {"system": system, "initial": start, "observe": ["period"]})["period"]
     assert period["mean"] == pytest.approx(4 * ellipk(0.5), abs=1e-9)
@@ -70,26 +80,45 @@ def test_a_motion_that_does_not_return_has_no_period() -> None:
 def test_a_period_may_lead_over_a_bounce_but_not_begin_there(x: float, v: float) -> None:
     bounce = {"when": "a - 0.5", "direction": -1, "do": {"set": {"a'": "-a'"}}}
     start = {"positions": {"a": x}, "velocities": {"a": v}}
-    spring = PENDULUM | {"system": {"coordinates": ["a"], "lagrangian": "(a'^2 - a^2)/2"}, "initial": start}
+    spring = PENDULUM | {
+        "system": {"coordinates": ["a"], "lagrangian": "(a'^2 - a^2)/2"},
+        "initial": start,
+    }
     period = only(spring | {"observe": ["period"], "events": [bounce]})["period"]
-    assert period is None if x == 0.5 else period["mean"] == pytest.approx(2 * np.arccos(0.5 / np.hypot(x, v)))
+    assert (
+        period is None
+        if x == 0.5
+        else period["mean"] == pytest.approx(2 * np.arccos(0.5 / np.hypot(x, v)))
+    )
 
 
 def test_a_damped_oscillator_keeps_what_the_solver_found() -> None:
-    """T + V falls, and H is constant to round-off on each side of x = 0; a method of order 2 shows its drift."""
+    """T + V falls, and H is constant to round-off on each side of x = 0; a method of order 2 shows
+    its drift.
+    """
     scene = {
         "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}, "rayleigh": "c*x'^2/2",
         "parameters": {"c": 0.1}, "initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "step": 0.02, "time": 20,
         "observe": ["energy"],
     }  # fmt: skip
     exact, rough = (only(scene | {"methods": [method]}) for method in ("adaptive", "variational"))
-    assert exact["conserved"]["H"]["max_error"] < 1e-13 < 1e-7 < rough["conserved"]["H"]["max_error"] < 1e-3
+    assert (
+        exact["conserved"]["H"]["max_error"]
+        < 1e-13
+        < 1e-7
+        < rough["conserved"]["H"]["max_error"]
+        < 1e-3
+    )
     assert exact["points"]["columns"]["energy"][-1] < 0.2 * exact["points"]["columns"]["energy"][0]
     assert max(map(abs, exact["points"]["columns"]["conserved_1"])) < 1e-13
 
 
 def test_bodies_are_columns_and_a_moving_picture(tmp_path: Path) -> None:
-    scene = PENDULUM | {"points": {"bob": ["l*sin(a)", "-l*cos(a)"]}, "parameters": {"l": 2}, "time": 0.4}
+    scene = PENDULUM | {
+        "points": {"bob": ["l*sin(a)", "-l*cos(a)"]},
+        "parameters": {"l": 2},
+        "time": 0.4,
+    }
     result = simulate(scene | {"observe": ["trajectory"]})
     assert result["bodies"] == {"bob": ["bob_x", "bob_y"]}
     columns = result["methods"][0]["points"]["columns"]
@@ -97,5 +126,8 @@ def test_bodies_are_columns_and_a_moving_picture(tmp_path: Path) -> None:
     assert columns["bob_y"] == pytest.approx(-2 * np.cos(columns["a"]))
     path = tmp_path / "scene.json"
     path.write_text(json.dumps(scene))
-    assert simulate_command.simulate(str(path), tmp_path, figures=False, moving=tmp_path / "bob.gif") == 0
+    assert (
+        simulate_command.simulate(str(path), tmp_path, figures=False, moving=tmp_path / "bob.gif")
+        == 0
+    )
     assert (tmp_path / "bob.gif").read_bytes().startswith(b"GIF8")

@@ -1,4 +1,6 @@
-"""The order in which people meet what was found: one function, and the same first statement at every door."""
+"""The order in which people meet what was found: one function, and the same first statement at
+every door.
+"""
 
 from __future__ import annotations
 
@@ -31,15 +33,21 @@ def before(one: Standing, other: Standing, timed: bool) -> bool:
 
 @pytest.mark.parametrize("timed", [False, True])
 def test_what_is_about_the_system_itself_comes_before_what_is_about_others(timed: bool) -> None:
-    """A no about the equations as given is no reason to show an L of other equations in its place."""
+    """A no about the equations as given is no reason to show an L of other equations in its
+    place.
+    """
     here = [one for one in ALL if one.cell == 0]
-    own, others = ([one for one in here if one.question.is_about_others is kind] for kind in (False, True))
+    own, others = (
+        [one for one in here if one.question.is_about_others is kind] for kind in (False, True)
+    )
     assert all(before(one, other, timed) for one, other in itertools.product(own, others))
 
 
 @pytest.mark.parametrize("timed", [False, True])
 def test_a_yes_with_a_simple_lagrangian_comes_first(timed: bool) -> None:
-    """A yes before a no, a no before an open question; a yes with L before one without; simple L first."""
+    """A yes before a no, a no before an open question; a yes with L before one without; simple L
+    first.
+    """
     own = [one for one in ALL if one.cell == 0 and not one.question.is_about_others]
     for one, other in itertools.permutations(own, 2):
         if VERDICTS.index(one.verdict) < VERDICTS.index(other.verdict):
@@ -51,13 +59,20 @@ def test_a_yes_with_a_simple_lagrangian_comes_first(timed: bool) -> None:
 @pytest.mark.parametrize("timed", [False, True])
 def test_of_two_alike_the_question_that_was_asked_comes_first(timed: bool) -> None:
     for verdict in VERDICTS:
-        asked, other = (Standing(Question(timed=kind), verdict, 0, None) for kind in (timed, not timed))
+        asked, other = (
+            Standing(Question(timed=kind), verdict, 0, None) for kind in (timed, not timed)
+        )
         assert before(asked, other, timed)
 
 
 def test_the_order_does_not_depend_on_where_the_answers_are_written() -> None:
-    """Questions differ, so no two statements are of one place: every arrangement is sorted into the same one."""
-    found, generator = [one for one in ALL if one.verdict == "variational" and one.form == 0], random.Random(1)
+    """Questions differ, so no two statements are of one place: every arrangement is sorted into the
+    same one.
+    """
+    found, generator = (
+        [one for one in ALL if one.verdict == "variational" and one.form == 0],
+        random.Random(1),
+    )
     own = [one for one in found if not one.question.is_about_others]
     wanted = in_order(own, False, lambda seen: seen)
     for _ in range(20):
@@ -66,7 +81,9 @@ def test_the_order_does_not_depend_on_where_the_answers_are_written() -> None:
 
 
 def test_the_damped_oscillator_is_shown_with_its_exponential() -> None:
-    """Bateman 1931: L = exp(t/10) (x'^2 - x^2)/2 is simpler than the L without t, an arctangent of x'/x."""
+    """Bateman 1931: L = exp(t/10) (x'^2 - x^2)/2 is simpler than the L without t, an arctangent of
+    x'/x.
+    """
     first, second = solve({"equations": {"x": "-x - x'/10"}})["answers"]
     assert (first["with_time"], first["lagrangian"]["text"]) == (True, "exp(t/10)*(x'^2 - x^2)/2")
     assert (second["with_time"], "atan" in second["lagrangian"]["text"]) == (False, True)

@@ -22,9 +22,9 @@ FORCES = 9.81 * 0.3
 
 
 def run(scene: dict[str, Any], method: Any = "adaptive") -> dict[str, Any]:
-    (found,) = simulate({"step": 0.01, "observe": ["trajectory", "velocities"], **scene, "methods": [method]})[
-        "methods"
-    ]
+    (found,) = simulate(
+        {"step": 0.01, "observe": ["trajectory", "velocities"], **scene, "methods": [method]}
+    )["methods"]
     assert isinstance(found, dict)
     return found
 
@@ -40,7 +40,10 @@ def system(lagrangian: str, *names: str, **parameters: float) -> dict[str, Any]:
 
 def start(*values: float, names: str = "x") -> dict[str, Any]:
     half = len(values) // 2
-    positions, velocities = dict(zip(names, values[:half], strict=True)), dict(zip(names, values[half:], strict=True))
+    positions, velocities = (
+        dict(zip(names, values[:half], strict=True)),
+        dict(zip(names, values[half:], strict=True)),
+    )
     return {"initial": {"positions": positions, "velocities": velocities}}
 
 
@@ -130,7 +133,9 @@ def test_switches_and_events_are_listed() -> None:
     found = run(KNOWN["an oscillator with dry friction"][0])
     assert found["switches"]["count"] == 4
     assert found["switches"]["columns"]["to"] == ["above", "below", "above", "sticks"]
-    assert found["switches"]["columns"]["t"] == pytest.approx(np.pi / 2 * np.arange(1, 5), abs=1e-12)
+    assert found["switches"]["columns"]["t"] == pytest.approx(
+        np.pi / 2 * np.arange(1, 5), abs=1e-12
+    )
     found = run(KNOWN["a ball that bounces"][0])
     assert found["events"][0]["count"] == 6
     first = np.sqrt(2 / 9.81)
@@ -149,7 +154,10 @@ def test_a_count_ends_the_run() -> None:
     assert found["outcome"] == "completed"
     assert found["final"]["t"] == pytest.approx(np.sqrt(2 / 9.81) * (1 + 1.6 + 1.28), abs=1e-12)
     assert found["final"]["velocities"]["y"] == pytest.approx(np.sqrt(2 * 9.81) * 0.8**3, abs=1e-9)
-    third = run(BALL | {"time": 6, "events": [BOUNCE, {"when": "y'", "direction": -1, "do": "stop", "count": 2}]})
+    third = run(
+        BALL
+        | {"time": 6, "events": [BOUNCE, {"when": "y'", "direction": -1, "do": "stop", "count": 2}]}
+    )
     assert third["final"]["t"] == pytest.approx(np.sqrt(2 / 9.81) * (1 + 1.6 + 0.64), abs=1e-12)
 
 
@@ -162,7 +170,9 @@ def oracle(
     rows, begin, y = [], float(times[0]), np.array(state)
     while begin < times[-1]:
         wanted = times[times >= begin]
-        done = solve_ivp(f, (begin, times[-1]), y, "DOP853", wanted, events=hits, rtol=3e-14, atol=1e-14)
+        done = solve_ivp(
+            f, (begin, times[-1]), y, "DOP853", wanted, events=hits, rtol=3e-14, atol=1e-14
+        )
         rows += list(done.y.T)
         if not len(done.t_events[0]):
             break
@@ -172,7 +182,11 @@ def oracle(
 
 
 def test_a_ball_on_a_table_that_moves() -> None:
-    hit = {"when": "y - sin(5*t)/10", "direction": -1, "do": {"set": {"y'": "0.95*cos(5*t) - 0.9*y'"}}}
+    hit = {
+        "when": "y - sin(5*t)/10",
+        "direction": -1,
+        "do": {"set": {"y'": "0.95*cos(5*t) - 0.9*y'"}},
+    }
     scene = system("y'^2/2 - 9.81*y", "y") | start(1, 0, names="y") | {"time": 4, "events": [hit]}
     t, y = columns(run(scene), "y")
     expected = oracle(
@@ -197,7 +211,9 @@ def test_a_ball_with_drag_bounces_in_a_box() -> None:
         low = s[1] < 1e-9
         return np.array([s[0], s[1], 0.95 * s[2] if low else -s[2], -0.9 * s[3] if low else s[3]])
 
-    expected = oracle(lambda t, s: [s[2], s[3], -s[2] / 10, -1 - s[3] / 10], [0.2, 1, 1, 0], t, walls, bounce, -1)
+    expected = oracle(
+        lambda t, s: [s[2], s[3], -s[2] / 10, -1 - s[3] / 10], [0.2, 1, 1, 0], t, walls, bounce, -1
+    )
     assert np.abs(x - expected[:, 0]).max() < 1e-8
     assert np.abs(y - expected[:, 1]).max() < 1e-8
 
@@ -230,14 +246,17 @@ def test_a_billiard_in_a_circle() -> None:
 
 
 def test_stick_and_slip_on_a_belt() -> None:
-    """x'' = -x - m(u) with u = x' - 1/2 and m = sign(u)/(1 + |u|): sticks to the belt, slips, sticks again."""
+    """x'' = -x - m(u) with u = x' - 1/2 and m = sign(u)/(1 + |u|): sticks to the belt, slips,
+    sticks again.
+    """
     scene = system("x'^2/2 - x^2/2", "x") | start(0, 0.5) | {
         "forces": {"x": "-sign(x' - 1/2)/(1 + abs(x' - 1/2))"}, "time": 12}  # fmt: skip
     found = run(scene)
     assert found["outcome"] == "completed"
     t, x = columns(found, "x")
 
-    # The belt carries it until x = 1; then u < 0 until u = 0 again, where it sticks because |x| < 1.
+    # The belt carries it until x = 1; then u < 0 until u = 0 again, where it sticks because |x| <
+    # 1.
     def caught(t: float, s: np.ndarray) -> float:
         return float(s[1] - 0.5)
 
@@ -259,7 +278,9 @@ def test_stick_and_slip_on_a_belt() -> None:
 
 @pytest.mark.slow
 def test_two_blocks_that_rub_at_once() -> None:
-    """Both slide, one comes to rest first, is pulled along, and both rest in the end; SciPy's events give the times."""
+    """Both slide, one comes to rest first, is pulled along, and both rest in the end; SciPy's
+    events give the times.
+    """
     scene = system("(x'^2 + y'^2)/2 - (x - y)^2/2", "x", "y") | start(0, 1, 1.5, 0, names="xy") | {
         "forces": {"x": "-0.4*sign(x')", "y": "-0.2*sign(y')"}, "time": 12, "step": 0.02}  # fmt: skip
     found = run(scene)
@@ -274,7 +295,9 @@ def test_two_blocks_that_rub_at_once() -> None:
 
     apart = []
     for width in (1e-2, 1e-3):
-        done = solve_ivp(smooth, (0, 12), [0, 1, 1.5, 0], "LSODA", t, args=(width,), rtol=1e-9, atol=1e-11)
+        done = solve_ivp(
+            smooth, (0, 12), [0, 1, 1.5, 0], "LSODA", t, args=(width,), rtol=1e-9, atol=1e-11
+        )
         apart.append(max(np.abs(done.y[0] - x).max(), np.abs(done.y[1] - y).max()))
     # Steeper friction laws converge to it, in proportion to their width.
     assert apart[1] < 0.2 * apart[0]
@@ -282,7 +305,9 @@ def test_two_blocks_that_rub_at_once() -> None:
 
 @pytest.mark.parametrize("method", ["adaptive", slow("runge-kutta"), slow("variational")])
 def test_drag_by_the_square_has_a_kink_only(method: str) -> None:
-    scene = system("x'^2/2 - x^2/2", "x") | start(1, 0) | {"forces": {"x": "-x'*abs(x')/2"}, "time": 10}
+    scene = (
+        system("x'^2/2 - x^2/2", "x") | start(1, 0) | {"forces": {"x": "-x'*abs(x')/2"}, "time": 10}
+    )
     found = run(scene, method)
     t, x = columns(found, "x")
     done = solve_ivp(lambda t, s: [s[1], -s[0] - s[1] * abs(s[1]) / 2], (0, 10), [1, 0], "DOP853", t, rtol=1e-13,
@@ -291,7 +316,9 @@ def test_drag_by_the_square_has_a_kink_only(method: str) -> None:
 
 
 def test_a_place_from_which_two_motions_go_ends_by_name() -> None:
-    scene = {"system": {"coordinates": ["x"], "equations": {"x": "sign(x)"}}, "time": 1} | start(0, 0)
+    scene = {"system": {"coordinates": ["x"], "equations": {"x": "sign(x)"}}, "time": 1} | start(
+        0, 0
+    )
     found = run(scene)
     assert found["outcome"] == "singular"
     assert "several continuations" in found["stopped"]["quantity"]
@@ -299,7 +326,9 @@ def test_a_place_from_which_two_motions_go_ends_by_name() -> None:
 
 @pytest.mark.slow
 def test_errors_are_against_the_motion_with_its_events() -> None:
-    found = run(BALL | {"time": 3, "events": [BOUNCE], "observe": ["error", "energy"]}, "stormer-verlet")
+    found = run(
+        BALL | {"time": 3, "events": [BOUNCE], "observe": ["error", "energy"]}, "stormer-verlet"
+    )
     assert found["max_error"] < 1e-9
     assert found["max_energy_error"] is None
     assert "Events" in found["energy_note"]
@@ -315,16 +344,32 @@ def test_errors_are_against_the_motion_with_its_events() -> None:
         ("jump", "/events/0/do", ""),
     ],
 )
-def test_what_an_event_cannot_set_is_refused_at_its_place(event: Any, pointer: str, words: str) -> None:
+def test_what_an_event_cannot_set_is_refused_at_its_place(
+    event: Any, pointer: str, words: str
+) -> None:
     with pytest.raises(InputError) as refused:
-        simulate(BALL | {"step": 0.1, "steps": 3, "events": [{"when": "y", "do": event}], "methods": ["adaptive"]})
+        simulate(
+            BALL
+            | {
+                "step": 0.1,
+                "steps": 3,
+                "events": [{"when": "y", "do": event}],
+                "methods": ["adaptive"],
+            }
+        )
     assert refused.value.pointer.startswith(pointer)
     assert words in refused.value.detail
 
 
 def test_a_force_like_a_root_is_passed_where_it_is_zero() -> None:
-    """x'' = -sign(x) sqrt|x| from rest at 1: x = 0 after B(2/3, 1/2)/sqrt(3), and after three times that."""
-    scene = {"system": {"coordinates": ["x"], "equations": {"x": "-sign(x)*sqrt(abs(x))"}}, "time": 6, "step": 0.02}
+    """x'' = -sign(x) sqrt|x| from rest at 1: x = 0 after B(2/3, 1/2)/sqrt(3), and after three times
+    that.
+    """
+    scene = {
+        "system": {"coordinates": ["x"], "equations": {"x": "-sign(x)*sqrt(abs(x))"}},
+        "time": 6,
+        "step": 0.02,
+    }
     found = run(scene | start(1, 0) | {"events": [{"when": "x"}]})
     assert found["outcome"] == "completed"
     quarter = beta(2 / 3, 1 / 2) / np.sqrt(3)

@@ -7,7 +7,12 @@ from decimal import Decimal
 import pytest
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.service.documents.plain_data import read_document, read_json, read_toml, read_yaml
+from inverse_service.service.documents.plain_data import (
+    read_document,
+    read_json,
+    read_toml,
+    read_yaml,
+)
 from tests.values import slow
 
 
@@ -94,7 +99,9 @@ def test_toml_numbers_stay_exact() -> None:
     assert read_toml("[parameters]\ng = 9.81") == {"parameters": {"g": Decimal("9.81")}}
 
 
-@pytest.mark.parametrize("text", ["a = 1\na = 2", "a = nan", "a = inf", "a = ", "a = 1e999", "a = " + "[" * 3000])
+@pytest.mark.parametrize(
+    "text", ["a = 1\na = 2", "a = nan", "a = inf", "a = ", "a = 1e999", "a = " + "[" * 3000]
+)
 def test_bad_toml_gets_one_sentence(text: str) -> None:
     with pytest.raises(InputError):
         read_toml(text)

@@ -53,13 +53,20 @@ def test_one_method_that_fails_leaves_the_others(monkeypatch: pytest.MonkeyPatch
 @pytest.mark.slow
 @pytest.mark.parametrize("step", [0.02, 0.01])
 def test_what_falls_into_a_pole_ends_there(step: float) -> None:
-    """L = x'^2/2 - log(x) from rest at x = 1: x = 0 at t = sqrt(pi/2), where E and the motion end."""
+    """L = x'^2/2 - log(x) from rest at x = 1: x = 0 at t = sqrt(pi/2), where E and the motion
+    end.
+    """
     scene = {
         "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - log(x)"},
         "initial": {"positions": {"x": 1}, "velocities": {"x": 0}},
         "step": step,
         "time": 5,
-        "methods": ["reference", "runge-kutta", {"method": "runge-kutta", "order": 8}, "variational"],
+        "methods": [
+            "reference",
+            "runge-kutta",
+            {"method": "runge-kutta", "order": 8},
+            "variational",
+        ],
         "observe": ["energy", "trajectory"],
     }
     for method in methods(scene).values():
@@ -79,7 +86,9 @@ def test_a_first_step_that_does_not_converge_is_not_called_singular() -> None:
 
 
 def test_the_energy_error_is_of_one_quantity_for_every_method() -> None:
-    """The implicit midpoint rule conserves the energy of the oscillator exactly, and the table shows it."""
+    """The implicit midpoint rule conserves the energy of the oscillator exactly, and the table
+    shows it.
+    """
     alike = ["variational", {"method": "variational", "form": "raw"}, "nonholonomic"]
     scene = OSCILLATOR | {"time": 100, "observe": ["energy"], "methods": [*alike, "runge-kutta"]}
     found = methods(scene)
@@ -91,7 +100,9 @@ def test_the_energy_error_is_of_one_quantity_for_every_method() -> None:
 
 
 @pytest.mark.parametrize("method", ["heyoka"])
-def test_a_series_whose_steps_shrink_without_end_is_stopped(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_series_whose_steps_shrink_without_end_is_stopped(
+    method: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("heyoka")
     from inverse_service.simulation import peers
 
@@ -110,12 +121,24 @@ def test_the_time_limit_stops_heyoka() -> None:
 
 def test_heyoka_is_compiled_once() -> None:
     pytest.importorskip("heyoka")
-    scene = OSCILLATOR | {"steps": 100, "methods": [{"method": "heyoka", "label": name} for name in "ab"]}
+    scene = OSCILLATOR | {
+        "steps": 100,
+        "methods": [{"method": "heyoka", "label": name} for name in "ab"],
+    }
     found = methods(scene)
     assert found["b"]["seconds"]["compile"] < 0.01
 
 
-EVERY = ["variational", "stormer-verlet", "nonholonomic", "runge-kutta", "reference", "adaptive", "stiff", "heyoka"]
+EVERY = [
+    "variational",
+    "stormer-verlet",
+    "nonholonomic",
+    "runge-kutta",
+    "reference",
+    "adaptive",
+    "stiff",
+    "heyoka",
+]
 
 
 FIXED = ["variational", "stormer-verlet", "runge-kutta", "adaptive"]
@@ -127,7 +150,13 @@ def test_a_force_far_faster_than_the_step_is_doubted(observe: list[str]) -> None
     """Its mean is 0; sampled at the steps it looks like a slow force, which changes the motion."""
     system = {"coordinates": ["x"], "lagrangian": "x'^2/2 + sin(1000*t)*x^2/2"}
     start = {"positions": {"x": 1}, "velocities": {"x": 1}}
-    scene = OSCILLATOR | {"system": system, "initial": start, "step": 0.05, "steps": 200, "methods": FIXED}
+    scene = OSCILLATOR | {
+        "system": system,
+        "initial": start,
+        "step": 0.05,
+        "steps": 200,
+        "methods": FIXED,
+    }
     found = methods(scene | {"observe": observe})
     assert found["adaptive"]["outcome"] == "completed"
     assert "doubt" not in found.pop("adaptive")
@@ -136,15 +165,22 @@ def test_a_force_far_faster_than_the_step_is_doubted(observe: list[str]) -> None
 
 def test_a_pole_of_an_event_is_not_a_zero() -> None:
     events = [{"when": "1/x"}, {"when": "x"}]
-    (method,) = methods(OSCILLATOR | {"steps": 50, "methods": ["adaptive"], "events": events}).values()
+    (method,) = methods(
+        OSCILLATOR | {"steps": 50, "methods": ["adaptive"], "events": events}
+    ).values()
     assert [event["count"] for event in method["events"]] == [0, 2]
 
 
 def test_a_start_at_which_the_momenta_are_singular_is_named() -> None:
     """The top upright: in Euler's angles det g = sin(theta)^2 = 0."""
-    system = {"coordinates": ["phi", "theta"], "lagrangian": "(theta'^2 + phi'^2*sin(theta)^2)/2 - cos(theta)"}
+    system = {
+        "coordinates": ["phi", "theta"],
+        "lagrangian": "(theta'^2 + phi'^2*sin(theta)^2)/2 - cos(theta)",
+    }
     start = {"positions": {"phi": 0, "theta": 0}, "velocities": {"phi": 1, "theta": 0}}
-    found = methods(OSCILLATOR | {"system": system, "initial": start, "steps": 5, "methods": ["variational"]})
+    found = methods(
+        OSCILLATOR | {"system": system, "initial": start, "steps": 5, "methods": ["variational"]}
+    )
     assert "singular there" in found["variational-0.5"]["reason"]
 
 
@@ -154,23 +190,37 @@ def test_a_start_at_which_the_momenta_are_singular_is_named() -> None:
 def test_a_restart_without_a_point_is_rejected(final: dict[str, Any]) -> None:
     scene = {key: value for key, value in OSCILLATOR.items() if key != "initial"}
     with pytest.raises(InputError):
-        simulate(scene | {"steps": 5, "methods": ["adaptive"], "restart": {"methods": [{"final": final}]}})
+        simulate(
+            scene
+            | {"steps": 5, "methods": ["adaptive"], "restart": {"methods": [{"final": final}]}}
+        )
 
 
 def begun_at_zero(force: str, velocity: float, method: str) -> dict[str, Any]:
     initial = {"positions": {"x": 0}, "velocities": {"x": velocity}}
-    scene = {"system": {"equations": [f"x'' = {force}"]}, "initial": initial, "step": 0.1, "time": 1}
+    scene = {
+        "system": {"equations": [f"x'' = {force}"]},
+        "initial": initial,
+        "step": 0.1,
+        "time": 1,
+    }
     return methods(scene | {"methods": [method]})[method]
 
 
 @pytest.mark.parametrize("force", ["sqrt(x)", "6*x^(1/3)", "1 + sqrt(x)"])
 def test_what_leaves_the_root_at_once_is_the_one_motion(force: str) -> None:
-    """v dv = f dx gives the time as an integral over x; a method that solves by slopes loses the velocity here."""
+    """v dv = f dx gives the time as an integral over x; a method that solves by slopes loses the
+    velocity here.
+    """
     energy = {"sqrt(x)": lambda x: 4 / 3 * x**1.5, "6*x^(1/3)": lambda x: 9 * x ** (4 / 3)}.get(
         force, lambda x: 2 * x + 4 / 3 * x**1.5
     )
     found = begun_at_zero(force, 1, "adaptive")
-    passed, _ = quad(lambda u: 3 * u**2 / math.sqrt(1 + energy(u**3)), 0, found["final"]["positions"]["x"] ** (1 / 3))
+    passed, _ = quad(
+        lambda u: 3 * u**2 / math.sqrt(1 + energy(u**3)),
+        0,
+        found["final"]["positions"]["x"] ** (1 / 3),
+    )
     assert abs(passed - 1) < 1e-9
     assert begun_at_zero(force, 1, "stiff")["outcome"] == "singular"
 
@@ -180,7 +230,14 @@ def test_what_leaves_the_root_at_once_is_the_one_motion(force: str) -> None:
 def test_methods_with_the_same_equations_pass_a_kink_alike(alpha: Any) -> None:
     system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - 3*abs(x)"}
     scene = OSCILLATOR | {"system": system, "steps": 40}
-    found = methods(scene | {"methods": [{"method": name, "alpha": alpha} for name in ("variational", "nonholonomic")]})
+    found = methods(
+        scene
+        | {
+            "methods": [
+                {"method": name, "alpha": alpha} for name in ("variational", "nonholonomic")
+            ]
+        }
+    )
     switches = [method["switches"]["columns"] for method in found.values()]
     assert switches[0]["to"] == switches[1]["to"]
     assert switches[0]["to"][:2] == ["below", "above"]
@@ -197,7 +254,13 @@ def test_a_constrained_motion_passes_a_kink_of_the_potential() -> None:
     }
     start = {"positions": {"x": 0, "y": 0.5, "z": 0}, "velocities": {"x": 0, "y": 0}}
     found = methods(
-        {"system": system, "initial": start, "step": 0.05, "time": 1, "methods": ["nonholonomic", "adaptive"]}
+        {
+            "system": system,
+            "initial": start,
+            "step": 0.05,
+            "time": 1,
+            "methods": ["nonholonomic", "adaptive"],
+        }
     )
     assert {method["outcome"] for method in found.values()} == {"completed"}
     ends = [method["final"]["positions"]["x"] for method in found.values()]

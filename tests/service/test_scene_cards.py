@@ -16,7 +16,10 @@ EACH = pytest.mark.parametrize("card", CARDS, ids=lambda card: card.name)
 
 
 LONG = ("a charged particle with drag, by its equations", "a snakeboard with feedback")
-QUICK = [pytest.param(card, marks=pytest.mark.slow if card.name in LONG else (), id=card.name) for card in CARDS]
+QUICK = [
+    pytest.param(card, marks=pytest.mark.slow if card.name in LONG else (), id=card.name)
+    for card in CARDS
+]
 
 
 @pytest.mark.slow
@@ -43,4 +46,6 @@ def test_the_command_line_answers_as_the_card_says(card: Card) -> None:
         return
     methods = json.loads(ran.stdout)["methods"]
     judge(card, methods)
-    assert ran.returncode == (0 if any(method["outcome"] == "completed" for method in methods) else 1)
+    assert ran.returncode == (
+        0 if any(method["outcome"] == "completed" for method in methods) else 1
+    )

@@ -18,7 +18,13 @@ def scene(system: dict[str, Any], methods: list[Any], **more: Any) -> dict[str, 
         "positions": dict.fromkeys(system["coordinates"], 0.5),
         "velocities": dict.fromkeys(system["coordinates"], 0),
     }
-    return {"system": system, "initial": initial, "step": 0.05, "steps": 100, "methods": methods} | more
+    return {
+        "system": system,
+        "initial": initial,
+        "step": 0.05,
+        "steps": 100,
+        "methods": methods,
+    } | more
 
 
 @pytest.mark.parametrize(
@@ -47,7 +53,9 @@ def test_a_term_of_the_lagrangian_is_not_friction(name: str) -> None:
 
 def test_a_degenerate_lagrangian_is_refused_by_every_method() -> None:
     system = {"coordinates": ["x", "y"], "lagrangian": "x'^2/2 - x^2/2 - x*y"}
-    for method in simulate(scene(system, ["nonholonomic", "variational", "runge-kutta"]))["methods"]:
+    for method in simulate(scene(system, ["nonholonomic", "variational", "runge-kutta"]))[
+        "methods"
+    ]:
         assert method["outcome"] == "unavailable"
         assert "singular" in method["reason"]
 
@@ -56,7 +64,10 @@ def test_a_degenerate_lagrangian_is_refused_by_every_method() -> None:
 @pytest.mark.parametrize("turning", [0, 1])
 def test_parameters_that_leave_no_motion_are_said_as_such(turning: float) -> None:
     """I + M R^2 = 0: no method may complete from any start, and each asks to change parameters."""
-    start = {"positions": {"phi": 0.1, "theta": 0, "x": 0, "y": 0}, "velocities": {"phi": turning, "theta": 1}}
+    start = {
+        "positions": {"phi": 0.1, "theta": 0, "x": 0, "y": 0},
+        "velocities": {"phi": turning, "theta": 1},
+    }
     document = {
         "system": {"catalogue": "vertically-rolling-disk"}, "parameters": {"M": -1, "I": 1, "J": 1, "R": 1},
         "initial": start, "step": 0.05, "steps": 5,
@@ -69,7 +80,9 @@ def test_parameters_that_leave_no_motion_are_said_as_such(turning: float) -> Non
 
 @pytest.mark.slow
 def test_a_ball_on_a_turntable_is_run_geometrically() -> None:
-    """Constraints with a part without velocities: the ball moves on a circle at 2/7 of the table's rate (Routh)."""
+    """Constraints with a part without velocities: the ball moves on a circle at 2/7 of the table's
+    rate (Routh).
+    """
     rate = 0.5
     system = {
         "coordinates": ["x", "y", "u", "w"], "lagrangian": "(x'^2+y'^2)/2 + (u'^2+w'^2)/5",
@@ -78,7 +91,11 @@ def test_a_ball_on_a_turntable_is_run_geometrically() -> None:
     start = {"positions": {"x": 1, "y": 0, "u": 0, "w": 0}, "velocities": {"x": 0.1, "y": 0.2}}
     methods = ["nonholonomic", {"method": "nonholonomic", "order": 4}]
     document = scene(
-        system, methods, initial=start, observe=["trajectory", "energy", "error", "constraints"], steps=400
+        system,
+        methods,
+        initial=start,
+        observe=["trajectory", "energy", "error", "constraints"],
+        steps=400,
     )
     found = simulate(document)["methods"]
     columns = found[1]["points"]["columns"]
@@ -129,12 +146,20 @@ def test_twelve_masses_on_a_chain_are_simulated() -> None:
     """Fermi, Pasta, Ulam and Tsingou: the harmonic chain has frequencies 2 sin(k pi/2(n+1))."""
     n = 12
     names = [f"x{k}" for k in range(n)]
-    springs = [f"({names[k + 1]}-{names[k]})^2/2" for k in range(n - 1)] + [f"{names[0]}^2/2", f"{names[-1]}^2/2"]
+    springs = [f"({names[k + 1]}-{names[k]})^2/2" for k in range(n - 1)] + [
+        f"{names[0]}^2/2",
+        f"{names[-1]}^2/2",
+    ]
     lagrangian = "+".join(f"{name}'^2/2" for name in names) + "-(" + "+".join(springs) + ")"
     mode = np.sin(np.pi * np.arange(1, n + 1) / (n + 1))
-    start = {"positions": dict(zip(names, map(float, mode), strict=True)), "velocities": dict.fromkeys(names, 0)}
+    start = {
+        "positions": dict(zip(names, map(float, mode), strict=True)),
+        "velocities": dict.fromkeys(names, 0),
+    }
     system = {"coordinates": names, "lagrangian": lagrangian}
-    document = scene(system, [{"method": "runge-kutta", "order": 4}], initial=start, observe=["trajectory"])
+    document = scene(
+        system, [{"method": "runge-kutta", "order": 4}], initial=start, observe=["trajectory"]
+    )
     columns = simulate(document)["methods"][0]["points"]["columns"]
     expected = mode[3] * np.cos(2 * np.sin(np.pi / 2 / (n + 1)) * np.array(columns["t"]))
     assert np.abs(np.array(columns["x3"]) - expected).max() < 1e-6
@@ -150,7 +175,13 @@ def test_the_lagrangian_that_runs_for_ever_is_preferred() -> None:
         "with_time": {"lagrangian": driven, "hamiltonian": {"text": "x", "implicit": False}},
     }  # fmt: skip
     start = {"positions": {"x": 1}, "velocities": {"x": 0}}
-    document = {"system": {"result": result}, "initial": start, "step": 0.02, "time": 20, "methods": ["variational"]}
+    document = {
+        "system": {"result": result},
+        "initial": start,
+        "step": 0.02,
+        "time": 20,
+        "methods": ["variational"],
+    }
     (found,) = simulate(document)["methods"]
     assert found["outcome"] == "completed"
     assert "exp" in found["free_lagrangian"]

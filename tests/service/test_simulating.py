@@ -1,4 +1,6 @@
-"""Scenes give the known numbers, compute only what they name, and report the outcome of each method."""
+"""Scenes give the known numbers, compute only what they name, and report the outcome of each
+method.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ SCENES = Path(__file__).parents[2] / "docs" / "scenes"
 
 def scene(name: str, **changes: Any) -> dict[str, Any]:
     found: dict[str, Any] = read_json((SCENES / f"{name}.json").read_bytes())
-    return {key: value for key, value in (copy.deepcopy(found) | changes).items() if value is not None}
+    return {
+        key: value for key, value in (copy.deepcopy(found) | changes).items() if value is not None
+    }
 
 
 def by_label(result: dict[str, Any]) -> dict[str, dict[str, Any]]:
@@ -41,7 +45,8 @@ def table() -> dict[str, dict[str, Any]]:
     return by_label(simulate(scene("disk-table")))
 
 
-# Radial distance, radius change, energy, constraint: to 5 %, or half a unit of the last digit known; None is round-off.
+# Radial distance, radius change, energy, constraint: to 5 %, or half a unit of the last digit
+# known; None is round-off.
 KNOWN = {
     "variational-0": (1.8e-1, -9e-5, 4.2e-2, 1.2e-2),
     "variational-0.5": (3.4e-3, 3e-7, 1.8e-3, 5e-4),
@@ -67,7 +72,9 @@ def test_the_disk_gives_the_known_figures(label: str, table: dict[str, dict[str,
 
 @pytest.mark.slow
 def test_drift_phase_and_trajectory_are_distinguished(table: dict[str, dict[str, Any]]) -> None:
-    """A spiral has the right phase, the variational circle does not; at 1/2 the nonholonomic circle is exact."""
+    """A spiral has the right phase, the variational circle does not; at 1/2 the nonholonomic circle
+    is exact.
+    """
     assert table["nonholonomic-0"]["max_phase_error"] == pytest.approx(0.1)
     assert abs(table["variational-0"]["final_phase_error"]) > 0.5
     assert table["nonholonomic-0.5"]["max_phase_error"] < 1e-12
@@ -95,7 +102,8 @@ def test_the_scene_of_the_contract_runs() -> None:
     assert found["reference"]["max_error"] < 1e-11
     assert found["nonholonomic-0"]["circle"]["radius_last"] < 0.9
     stopped = found["modified-0"]["stopped"]
-    # For these data 1 + cos phi + sin phi, the singular set of the modified method, is reached at phi = pi.
+    # For these data 1 + cos phi + sin phi, the singular set of the modified method, is reached at
+    # phi = pi.
     assert found["modified-0"]["outcome"] == "singular"
     assert stopped["time"] == pytest.approx(math.pi - 0.1, abs=0.1)
     assert "determinant" in stopped["quantity"]
@@ -117,7 +125,12 @@ def kernel(document: dict[str, Any]) -> str:
 @pytest.mark.slow
 def test_results_are_always_plain_json() -> None:
     document = scene("disk-table", step=3, steps=50, time=None)
-    document["methods"] += ["modified", "exact", "reference", {"method": "variational", "form": "raw"}]
+    document["methods"] += [
+        "modified",
+        "exact",
+        "reference",
+        {"method": "variational", "form": "raw"},
+    ]
     result = simulate(document)
     assert json.loads(json.dumps(result, allow_nan=False)) == result
     outcomes = {method["label"]: method["outcome"] for method in result["methods"]}
@@ -165,7 +178,9 @@ def test_a_solve_result_is_simulated_with_its_lagrangian() -> None:
     from inverse_service.decision.solutions import SolveOptions
     from inverse_service.service.documents.documents import solve_system
 
-    result = solve_system({"coordinates": ["x"], "equations": {"x": "-4*x"}}, SolveOptions(time_limit=20))
+    result = solve_system(
+        {"coordinates": ["x"], "equations": {"x": "-4*x"}}, SolveOptions(time_limit=20)
+    )
     document = {
         "system": {"result": result}, "initial": {"positions": {"x": 1}, "velocities": {"x": 0}},
         "step": 0.01, "time": 1, "methods": ["variational"], "observe": ["error"],
@@ -184,7 +199,9 @@ def test_series_are_thinned_and_say_how() -> None:
 
 
 def test_the_last_step_counts_for_any_interval_of_records() -> None:
-    document = scene("disk", methods=["nonholonomic", "exact"], observe=["error"], steps=47, record_every=10)
+    document = scene(
+        "disk", methods=["nonholonomic", "exact"], observe=["error"], steps=47, record_every=10
+    )
     found = simulate_tables(document)
     assert found["tables"]["nonholonomic-0.5"]["t"][-1] == pytest.approx(47 * 0.05)
     errors = by_label(found["result"])
@@ -210,7 +227,9 @@ DAMPED = "((x + 4*x')*atan((x + 4*x')/(x*sqrt(15)))/(x*sqrt(15)) - log(2*x^2 + 2
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["hamiltonian", "raw"])
 def test_a_pole_of_the_free_lagrangian_on_the_way_is_named(form: str) -> None:
-    """The damped oscillator passes x = 0, and this Lagrangian divides by x; the guard alone would not say why."""
+    """The damped oscillator passes x = 0, and this Lagrangian divides by x; the guard alone would
+    not say why.
+    """
     found = simulate({
         "system": {"document": {"coordinates": ["x"], "equations": {"x": "-x - x'/2"}}},
         "initial": {"positions": {"x": 1}, "velocities": {"x": "1/10"}},
@@ -276,4 +295,8 @@ def test_a_formula_without_a_value_anywhere_is_reported(term: str) -> None:
         found = simulate(scene)
     except InputError:
         return
-    assert {method["outcome"] for method in found["methods"]} <= {"unavailable", "off_domain", "not_finite"}
+    assert {method["outcome"] for method in found["methods"]} <= {
+        "unavailable",
+        "off_domain",
+        "not_finite",
+    }

@@ -17,7 +17,12 @@ from inverse_service.service.scenes.simulating import simulate
 ROOT = Path(__file__).parents[2]
 PAGE = "\n".join(
     (ROOT / "docs" / page).read_text(encoding="utf-8")
-    for page in ("simulation.md", "how-to/simulate.md", "how-to/choose-a-method.md", "reference/documents.md")
+    for page in (
+        "simulation.md",
+        "how-to/simulate.md",
+        "how-to/choose-a-method.md",
+        "reference/documents.md",
+    )
 )
 ROUND_OFF = 2e-12
 
@@ -33,14 +38,24 @@ def test_the_example_runs() -> None:
 
 def test_the_first_example_is_the_scene_in_the_folder() -> None:
     (first, *_) = re.findall(r"```json.*?\n(.*?)```", PAGE, re.DOTALL)
-    assert json.loads(first) == json.loads((ROOT / "docs" / "scenes" / "double-pendulum.json").read_text())
+    assert json.loads(first) == json.loads(
+        (ROOT / "docs" / "scenes" / "double-pendulum.json").read_text()
+    )
 
 
 def test_the_table_of_methods_is_that_of_the_program() -> None:
     for name, method in METHODS.items():
         if not method.scipy:
-            orders = method.listed_orders or ("varies" if method.order is None else str(method.order))
-            row = (name.replace("_", "-"), method.needs, orders, "yes" if method.implicit else "no", method.cost)
+            orders = method.listed_orders or (
+                "varies" if method.order is None else str(method.order)
+            )
+            row = (
+                name.replace("_", "-"),
+                method.needs,
+                orders,
+                "yes" if method.implicit else "no",
+                method.cost,
+            )
             assert "| `{}` | {} | {} | {} | {} |".format(*row) in PAGE
 
 

@@ -1,7 +1,9 @@
-"""Events of bodies that touch: each is asked again after every jump, so that none passes through another.
+"""Events of bodies that touch: each is asked again after every jump, so that none passes through
+another.
 
-Exact ends by hand: equal balls exchange their velocities, a wall reverses one, masses m and M of an elastic impact have
-the velocities ((m - M) v + 2 M w)/(m + M) and ((M - m) w + 2 m v)/(m + M) after it.
+Exact ends by hand: equal balls exchange their velocities, a wall reverses one, masses m and M of an
+elastic impact have the velocities ((m - M) v + 2 M w)/(m + M) and ((M - m) w + 2 m v)/(m + M) after
+it.
 """
 
 from __future__ import annotations
@@ -14,14 +16,23 @@ import pytest
 from inverse_service.service.scenes.simulating import simulate
 from tests.values import slow
 
-METHODS = ["adaptive", slow("variational"), slow({"method": "runge-kutta", "order": 8}), slow("reference")]
+METHODS = [
+    "adaptive",
+    slow("variational"),
+    slow({"method": "runge-kutta", "order": 8}),
+    slow("reference"),
+]
 BALLS = "(a'^2 + b'^2 + c'^2)/2"
 KICK = {"when": "t - 1", "do": {"set": {"x'": "-1"}}}
 Row = tuple[dict[str, Any], float, dict[str, float]]
 
 
 def swap(a: str, b: str, direction: int = -1) -> dict[str, Any]:
-    return {"when": f"{b} - {a}", "direction": direction, "do": {"set": {f"{a}'": f"{b}'", f"{b}'": f"{a}'"}}}
+    return {
+        "when": f"{b} - {a}",
+        "direction": direction,
+        "do": {"set": {f"{a}'": f"{b}'", f"{b}'": f"{a}'"}},
+    }
 
 
 def wall(x: str, direction: int = -1) -> dict[str, Any]:
@@ -38,19 +49,30 @@ def elastic(a: str, b: str, m: int, w: int) -> dict[str, Any]:
 
 
 def scene(
-    lagrangian: str, start: dict[str, tuple[float, float]], events: list[Any], time: float = 3, **more: Any
+    lagrangian: str,
+    start: dict[str, tuple[float, float]],
+    events: list[Any],
+    time: float = 3,
+    **more: Any,
 ) -> dict[str, Any]:
     positions, velocities = ({name: pair[k] for name, pair in start.items()} for k in (0, 1))
     initial = {"positions": positions, "velocities": velocities}
     system = {"coordinates": list(start), "lagrangian": lagrangian} | more.pop("system", {})
-    return {"system": system, "initial": initial, "events": events, "step": 0.1, "time": time} | more
+    return {
+        "system": system,
+        "initial": initial,
+        "events": events,
+        "step": 0.1,
+        "time": time,
+    } | more
 
 
 CRADLE = {"a": (-1, 1), "b": (0, 0), "c": (0, 0)}
 MEETING = {"a": (-1, 1), "b": (0, 0), "c": (1, -1)}
 REST, AT_WALL = {"x": (0, 0)}, {"x": (0, 0), "a": (1, -1)}
 EDGE = {"x": (0, 0), "y": (0, 0), "p": (0, 0)}
-# Masses 2 and 1 fall in contact from 1: the lower one has u/3 after it has been turned back twice, the upper one 5 u/3.
+# Masses 2 and 1 fall in contact from 1: the lower one has u/3 after it has been turned back twice,
+# the upper one 5 u/3.
 FALL = float(np.sqrt(2 / 9.81))
 LATER, SPEED = 0.5 - FALL, 9.81 * FALL
 FIVE = {"a": (-1, 1), "b": (0, 0), "c": (0, 0), "d": (0, 0), "e": (0, 0)}
@@ -132,7 +154,9 @@ SCENES: dict[str, Row] = {
 def test_no_body_passes_through_another(name: str, method: Any) -> None:
     document, apart, ends = SCENES[name]
     (found,) = simulate(document | {"methods": [method]})["methods"]
-    if method == "variational" and "constraints" in document["system"]:  # no free Lagrangian has this motion
+    if (
+        method == "variational" and "constraints" in document["system"]
+    ):  # no free Lagrangian has this motion
         assert found["outcome"] == "unavailable"
         return
     assert found["outcome"] == "completed"
@@ -147,9 +171,13 @@ def test_what_is_pressed_against_a_wall_by_events_ends_by_name(lagrangian: str) 
 
 
 def test_a_ball_that_an_impact_brings_to_rest_on_the_floor_ends_by_name() -> None:
-    """Masses 3 and 1 that fall in contact: the lower one has no velocity after the impact, and lies on the floor."""
+    """Masses 3 and 1 that fall in contact: the lower one has no velocity after the impact, and lies
+    on the floor.
+    """
     events = [wall("a"), elastic("a", "b", 3, 1)]
-    (found,) = simulate(scene("3*a'^2/2 + b'^2/2 - 9.81*(3*a + b)", {"a": (1, 0), "b": (1, 0)}, events))["methods"]
+    (found,) = simulate(
+        scene("3*a'^2/2 + b'^2/2 - 9.81*(3*a + b)", {"a": (1, 0), "b": (1, 0)}, events)
+    )["methods"]
     assert found["outcome"] == "zeno"
     assert found["stopped"]["time"] == pytest.approx(FALL, abs=1e-6)
 

@@ -1,4 +1,6 @@
-"""The uncertainty of the reference solution bounds its error, and no error is given where the reference fails."""
+"""The uncertainty of the reference solution bounds its error, and no error is given where the
+reference fails.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ from inverse_service.service.scenes.simulating import simulate
 KEPLER = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2 + 1/sqrt(x^2+y^2)"}
 
 
-def kepler(eccentricity: float, step: float, methods: list[Any], time: float = 20) -> dict[str, Any]:
+def kepler(
+    eccentricity: float, step: float, methods: list[Any], time: float = 20
+) -> dict[str, Any]:
     speed = ((1 + eccentricity) / (1 - eccentricity)) ** 0.5
     initial = {"positions": {"x": 1 - eccentricity, "y": 0}, "velocities": {"x": 0, "y": speed}}
     scene = {"system": KEPLER, "initial": initial, "step": step, "time": time, "methods": methods}
@@ -29,13 +33,19 @@ def kepler_position(eccentricity: float, time: float) -> tuple[float, float]:
         e = 1 - x / axis
         mean = time / axis ** mp.mpf(1.5)
         anomaly = findroot(lambda u: u - e * mp.sin(u) - mean, mean)
-        return float(axis * (mp.cos(anomaly) - e)), float(axis * mp.sqrt(1 - e**2) * mp.sin(anomaly))
+        return float(axis * (mp.cos(anomaly) - e)), float(
+            axis * mp.sqrt(1 - e**2) * mp.sin(anomaly)
+        )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("eccentricity", [0.5, 0.9, 0.999])
 def test_near_collisions_end_right_or_typed(eccentricity: float) -> None:
-    found = kepler(eccentricity, 0.01, ["adaptive", "variational", {"method": "runge-kutta", "order": 8}, "reference"])
+    found = kepler(
+        eccentricity,
+        0.01,
+        ["adaptive", "variational", {"method": "runge-kutta", "order": 8}, "reference"],
+    )
     true = kepler_position(eccentricity, 20.0)
     for method in found["methods"]:
         assert method["outcome"] in ("completed", "unresolved"), method["label"]

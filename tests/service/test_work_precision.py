@@ -1,4 +1,6 @@
-"""Error against work: orders are right, round-off ends a curve, failures keep their reason and are not drawn."""
+"""Error against work: orders are right, round-off ends a curve, failures keep their reason and are
+not drawn.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,13 @@ from inverse_service.service.scenes.drawing import precision_figure
 from inverse_service.service.scenes.simulating import simulate
 from inverse_service.service.scenes.views import price_sentences
 from inverse_service.service.scenes.work_precision import target_errors, work_precision
-from inverse_service.simulation.precision import Precision, Setting, measured_order, price_of, with_floor
+from inverse_service.simulation.precision import (
+    Precision,
+    Setting,
+    measured_order,
+    price_of,
+    with_floor,
+)
 from inverse_service.simulation.scene_data import MethodChoice, Requested
 from inverse_service.web.pages.simulations import precision_result
 
@@ -26,7 +34,9 @@ METHOD = Requested("variational-0.5", MethodChoice("variational"), "0.5")
 def found() -> dict[str, Any]:
     scene = read_json((SCENES / "particle-work-precision.json").read_bytes())
     scene["repeats"] = 2
-    scene["methods"] += [{"method": "modified", "alpha": 0, "constants": {"C_y": 10**6, "C_z": -(10**6)}}]
+    scene["methods"] += [
+        {"method": "modified", "alpha": 0, "constants": {"C_y": 10**6, "C_z": -(10**6)}}
+    ]
     return work_precision(scene)
 
 
@@ -59,12 +69,17 @@ def test_runs_go_from_coarse_to_fine_with_all_columns(found: dict[str, Any]) -> 
 def test_the_price_list_has_every_method_at_every_error(found: dict[str, Any]) -> None:
     labels = {method["label"] for method in found["methods"]}
     assert [target["error"] for target in found["targets"]] == [1e-3, 1e-6, 1e-9, 1e-12]
-    runs = {label: [run for run in found["runs"] if run["method"] == label and run["error"]] for label in labels}
+    runs = {
+        label: [run for run in found["runs"] if run["method"] == label and run["error"]]
+        for label in labels
+    }
     for target in found["targets"]:
         assert {row["method"] for row in target["rows"]} == labels
         reached = [row for row in target["rows"] if row["seconds"] is not None]
         assert reached == target["rows"][: len(reached)]
-        assert [row["ratio"] for row in reached] == sorted(row["seconds"] / reached[0]["seconds"] for row in reached)
+        assert [row["ratio"] for row in reached] == sorted(
+            row["seconds"] / reached[0]["seconds"] for row in reached
+        )
         for row in target["rows"]:
             best = min((run["error"] for run in runs[row["method"]]), default=1.0)
             assert (row["seconds"] is not None) == (best <= target["error"])
@@ -74,12 +89,24 @@ def test_the_price_list_has_every_method_at_every_error(found: dict[str, Any]) -
 
 def test_a_long_run_shows_what_drifts() -> None:
     system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}
-    scene = {"system": system, "initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "step": 0.1, "time": 10}
+    scene = {
+        "system": system,
+        "initial": {"positions": {"x": 1}, "velocities": {"x": 0}},
+        "step": 0.1,
+        "time": 10,
+    }
     methods = ["stormer-verlet", {"method": "runge-kutta", "order": 4}]
     found = work_precision(scene | {"methods": methods, "long": True, "repeats": 2})
     long = {run["method"]: run for run in found["long"]}
-    assert long["stormer-verlet"]["energy_drift"] < 1e-5 < 1e-3 < long["runge-kutta-order4"]["energy_drift"]
-    assert long["stormer-verlet"]["shape_change"] < 2e-3 < long["runge-kutta-order4"]["shape_change"]
+    assert (
+        long["stormer-verlet"]["energy_drift"]
+        < 1e-5
+        < 1e-3
+        < long["runge-kutta-order4"]["energy_drift"]
+    )
+    assert (
+        long["stormer-verlet"]["shape_change"] < 2e-3 < long["runge-kutta-order4"]["shape_change"]
+    )
     assert "Over 100 times the time" in found["sentences"][-1]
 
 
@@ -87,7 +114,9 @@ def test_a_long_run_shows_what_drifts() -> None:
 def test_heyoka_is_measured_by_tolerance() -> None:
     pytest.importorskip("heyoka")
     scene = read_json((SCENES / "particle-work-precision.json").read_bytes())
-    found = work_precision(scene | {"repeats": 1, "methods": ["heyoka", {"method": "runge-kutta", "order": 4}]})
+    found = work_precision(
+        scene | {"repeats": 1, "methods": ["heyoka", {"method": "runge-kutta", "order": 4}]}
+    )
     settings = [run for run in found["runs"] if run["method"] == "heyoka"]
     tolerances = [setting["tolerance"] for setting in settings]
     assert len(tolerances) >= 6
@@ -97,7 +126,9 @@ def test_heyoka_is_measured_by_tolerance() -> None:
     assert found["methods"][0]["measured_order"] is None
     assert found["methods"][1]["measured_order"] == pytest.approx(4, abs=0.1)
     assert all(
-        run["tolerance"] is None for run in found["runs"] if run not in settings and "SciPy" not in run["method"]
+        run["tolerance"] is None
+        for run in found["runs"]
+        if run not in settings and "SciPy" not in run["method"]
     )
 
 
@@ -106,11 +137,17 @@ def test_what_failed_is_listed_and_not_drawn(found: dict[str, Any]) -> None:
     assert any(run["reason"] for run in found["runs"] if run["method"] == "modified-0")
     figure, caption = precision_figure(found)
     labels = {str(line.get_label()): line for line in figure.axes[0].get_lines()}
-    lines = {label: line for label, line in labels.items() if not label.startswith("_")}  # others lead to names
+    lines = {
+        label: line for label, line in labels.items() if not label.startswith("_")
+    }  # others lead to names
     for method in found["methods"]:
         own = [run for run in found["runs"] if run["method"] == method["label"]]
         drawn = [run for run in own if run["seconds"] and not run["at_floor"] and run["error"]]
-        assert len(lines[method["label"]].get_xdata()) == len(drawn) if drawn else method["label"] not in lines
+        assert (
+            len(lines[method["label"]].get_xdata()) == len(drawn)
+            if drawn
+            else method["label"] not in lines
+        )
     names = {text.get_text() for text in figure.axes[0].texts}
     assert names == set(lines)
     assert found["sentences"][0] in caption
@@ -165,7 +202,9 @@ def test_the_time_to_an_error_is_interpolated() -> None:
 
 
 def test_an_order_is_the_slope() -> None:
-    assert measured_order([setting(2.0**-k, 1e-3 * 8.0**-k) for k in range(5)], 1.0) == pytest.approx(3)
+    assert measured_order(
+        [setting(2.0**-k, 1e-3 * 8.0**-k) for k in range(5)], 1.0
+    ) == pytest.approx(3)
 
 
 @pytest.mark.parametrize(("order", "stages"), [(2, 1), (4, 5), (6, 9), (8, 17)])
@@ -173,7 +212,9 @@ def test_every_substep_of_a_composition_evaluates_its_forces(order: int, stages:
     system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}
     start = {"positions": {"x": 1}, "velocities": {"x": 0}}
     methods = [{"method": "stormer-verlet", "order": order}]
-    found = simulate({"system": system, "initial": start, "step": 0.1, "steps": 100, "methods": methods})
+    found = simulate(
+        {"system": system, "initial": start, "step": 0.1, "steps": 100, "methods": methods}
+    )
     assert found["methods"][0]["force_evaluations"] == 100 * stages
 
 
@@ -181,12 +222,19 @@ def test_every_substep_of_a_composition_evaluates_its_forces(order: int, stages:
 def test_none_is_the_fastest_where_a_method_might_be_faster_than_its_coarsest_setting(
     coarsest: float | None, sure: bool
 ) -> None:
-    """The variational method reaches 1e-3 in at most 5 s, the other in 3 s: longer steps may make the first faster."""
+    """The variational method reaches 1e-3 in at most 5 s, the other in 3 s: longer steps may make
+    the first faster.
+    """
     other = Requested("other", MethodChoice("runge_kutta"))
     own = [setting(0.5, coarsest, 5.0), setting(0.25, 1e-4, 5.0)]
-    settings = [*own, *(replace(setting(2.0**-k, 10.0 ** (1 - 5 * k), 3.0), requested=other) for k in range(2))]
+    settings = [
+        *own,
+        *(replace(setting(2.0**-k, 10.0 ** (1 - 5 * k), 3.0), requested=other) for k in range(2)),
+    ]
     measured = Precision(None, None, 1.0, tuple(settings))  # type: ignore[arg-type]
-    (text, *_) = price_sentences(target_errors(measured, {"variational-0.5": METHOD, "other": other}))
+    (text, *_) = price_sentences(
+        target_errors(measured, {"variational-0.5": METHOD, "other": other})
+    )
     assert ("1e-3: other;" in text or "1e-3: other." in text or "1e-3, " in text) == sure, text
     assert ("1e-3: other or variational-0.5" in text) != sure
 
@@ -200,7 +248,12 @@ def test_a_difference_below_the_uncertainty_of_the_reference_is_not_an_error() -
 def test_a_motion_known_only_for_some_time_is_rejected_with_the_reason() -> None:
     """The reason must not be that the results of all methods are not finite."""
     duffing = {"coordinates": ["x"], "equations": ["x'' = x - x^3 - 0.3*x' + 0.5*cos(1.2*t)"]}
-    scene = {"system": duffing, "initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "step": 0.05, "time": 400}
+    scene = {
+        "system": duffing,
+        "initial": {"positions": {"x": 1}, "velocities": {"x": 0}},
+        "step": 0.05,
+        "time": 400,
+    }
     with pytest.raises(InputError, match=r"known until t = .* only"):
         work_precision(scene | {"methods": ["reference"], "repeats": 1}, None, 20.0)
 

@@ -63,7 +63,9 @@ def no_process(memory_limit: int) -> None:
 
 
 def quickest(measured: Callable[[], float]) -> float:
-    """The smallest of up to five times, or the first below 0.3 s: other load on the machine only increases it."""
+    """The smallest of up to five times, or the first below 0.3 s: other load on the machine only
+    increases it.
+    """
     found: list[float] = []
     while len(found) < 5 and min(found, default=1.0) > 0.3:
         found.append(measured())
@@ -79,8 +81,12 @@ def workers() -> Iterator[Workers]:
 
 
 def test_processes_that_solve_look_for_garbage_seldom(workers: Workers) -> None:
-    # With Python's default of 700 objects it takes half of the time of a long search in an old worker.
-    for outcome in (run(workers, gc.get_threshold, (), 30.0), run_alone(gc.get_threshold, (), 30.0, MEMORY)):
+    # With Python's default of 700 objects it takes half of the time of a long search in an old
+    # worker.
+    for outcome in (
+        run(workers, gc.get_threshold, (), 30.0),
+        run_alone(gc.get_threshold, (), 30.0, MEMORY),
+    ):
         assert outcome.value[0] >= 100_000
 
 
@@ -92,7 +98,9 @@ def test_a_loop_in_c_that_holds_the_interpreter_is_killed_at_its_deadline(worker
         assert run(workers, pow, (3, 10**9), 0.3).status == "deadline"
         return time.monotonic() - begin - 0.3
 
-    assert quickest(seconds_late) < 0.5 + (MOST_CROWDED - 1) * 0.3  # of which at least 0.5 is its own
+    assert (
+        quickest(seconds_late) < 0.5 + (MOST_CROWDED - 1) * 0.3
+    )  # of which at least 0.5 is its own
     assert run(workers, tasks.load_engine, (), 30.0).status == "done"
 
 
@@ -101,16 +109,21 @@ def test_a_task_waits_for_a_processor_as_long_as_it_has_patience(
     workers: Workers, monkeypatch: pytest.MonkeyPatch, patience: float, status: str
 ) -> None:
     run(workers, tasks.load_engine, (), 30.0)
-    monkeypatch.setattr("inverse_service.service.jobs.workers._waited", lambda _: 1e6)  # others have had it all along
+    monkeypatch.setattr(
+        "inverse_service.service.jobs.workers._waited", lambda _: 1e6
+    )  # others have had it all along
     call = tasks.Call(busy, (0.2,), 0.05, patience=patience)
     assert workers.submit(call).outcome.result(60).status == status
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not os.path.exists("/proc/self/schedstat"), reason="the system does not tell who waits")
+@pytest.mark.skipif(
+    not os.path.exists("/proc/self/schedstat"), reason="the system does not tell who waits"
+)
 def test_a_task_is_not_killed_while_others_have_the_processor() -> None:
     """In 1 s by the clock it gets about 0.3 s of processor time."""
-    # The test process may already use more than MEMORY; then its fork could not start another process.
+    # The test process may already use more than MEMORY; then its fork could not start another
+    # process.
     assert run_alone(crowded, (0.6,), 1.0, 16 * MEMORY).status == "done"
 
 
@@ -121,7 +134,10 @@ def test_cancelling_kills_a_loop_in_c_and_drops_a_task_that_waits(workers: Worke
         waiting.cancel()
         begin = time.monotonic()
         running.cancel()
-        assert (running.outcome.result(60).status, waiting.outcome.result(60).status) == ("cancelled", "cancelled")
+        assert (running.outcome.result(60).status, waiting.outcome.result(60).status) == (
+            "cancelled",
+            "cancelled",
+        )
         return time.monotonic() - begin
 
     assert quickest(seconds) < 0.5
@@ -131,7 +147,12 @@ def test_a_task_may_have_less_memory_and_tells_what_it_does(workers: Workers) ->
     call = Call(bytearray, (1500 * 2**20,), 30.0, memory_limit=1200)
     assert workers.submit(call).outcome.result().status == "memory"
     reports: list[str] = []
-    assert workers.submit(Call(reporting, (), 30.0, reports=True), reports.append).outcome.result().status == "done"
+    assert (
+        workers.submit(Call(reporting, (), 30.0, reports=True), reports.append)
+        .outcome.result()
+        .status
+        == "done"
+    )
     assert reports == ["one", "two"]
 
 
@@ -183,7 +204,10 @@ def test_memory_is_bounded(workers: Workers) -> None:
 def test_an_abort_counts_as_memory_and_a_segmentation_fault_as_crash(workers: Workers) -> None:
     assert run(workers, os.abort, (), 30.0).status == "memory"
     killed = run(workers, signal.raise_signal, (signal.SIGKILL,), 30.0)
-    assert (killed.status, killed.spent.cpu >= 0.0) == ("killed", True)  # the system counts in units of 10 ms
+    assert (killed.status, killed.spent.cpu >= 0.0) == (
+        "killed",
+        True,
+    )  # the system counts in units of 10 ms
     assert run(workers, signal.raise_signal, (signal.SIGSEGV,), 30.0).status == "crash"
     assert run(workers, os._exit, (7,), 30.0).status == "crash"
     assert run(workers, tasks.load_engine, (), 30.0).status == "done"
@@ -200,7 +224,9 @@ def test_the_pool_heals_when_an_idle_worker_is_killed(workers: Workers) -> None:
     assert run(workers, tasks.load_engine, (), 30.0).status == "done"
 
 
-def test_without_a_process_a_task_is_not_started_and_later_ones_are(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_process_a_task_is_not_started_and_later_ones_are(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(workers_module, "START_PAUSE", 0.01)
     pool = Workers(1, MEMORY)
     with monkeypatch.context() as patched:
@@ -212,7 +238,9 @@ def test_without_a_process_a_task_is_not_started_and_later_ones_are(monkeypatch:
 
 
 def test_a_process_that_has_ended_is_told_and_left_to_who_waits_for_it() -> None:
-    with subprocess.Popen([sys.executable, "-S", "-c", "input()"], stdin=subprocess.PIPE) as process:
+    with subprocess.Popen(
+        [sys.executable, "-S", "-c", "input()"], stdin=subprocess.PIPE
+    ) as process:
         assert not workers_module.has_ended(process.pid)
         assert process.stdin is not None
         process.stdin.close()
@@ -239,14 +267,20 @@ if __name__ == "__main__":
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere no death of a server reaches its workers")
+@pytest.mark.skipif(
+    sys.platform != "linux", reason="elsewhere no death of a server reaches its workers"
+)
 def test_a_job_does_not_answer_for_the_death_of_the_server_that_forks(tmp_path: Path) -> None:
     (tmp_path / "killed.py").write_text(KILLED_SERVER)
-    done = subprocess.run([sys.executable, tmp_path / "killed.py"], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, tmp_path / "killed.py"], capture_output=True, text=True, check=True
+    )
     assert done.stdout.split() == ["unstarted", "done"]
 
 
-def test_workers_that_are_stopped_before_their_first_answer_report_no_fault(caplog: pytest.LogCaptureFixture) -> None:
+def test_workers_that_are_stopped_before_their_first_answer_report_no_fault(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     pool = Workers(1, MEMORY)
     pool.start()
     pool.stop()
@@ -271,7 +305,10 @@ def test_alone_a_task_answers_is_killed_and_is_bounded() -> None:
 
 
 def test_exit_codes_are_distinguished() -> None:
-    told = {code: outcome_of_exit(code).status for code in (-signal.SIGKILL, -signal.SIGABRT, -signal.SIGXCPU, -11, 1)}
+    told = {
+        code: outcome_of_exit(code).status
+        for code in (-signal.SIGKILL, -signal.SIGABRT, -signal.SIGXCPU, -11, 1)
+    }
     assert list(told.values()) == ["killed", "memory", "deadline", "crash", "crash"]
     assert outcome_of_exit(None).status == "crash"
 

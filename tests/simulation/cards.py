@@ -1,5 +1,5 @@
-"""Difficult scenes and the required outcome of each method, for every interface. A card is a scene with the outcome of
-each method, or the error message if the scene is rejected.
+"""Difficult scenes and the required outcome of each method, for every interface. A card is a scene
+with the outcome of each method, or the error message if the scene is rejected.
 """
 
 from __future__ import annotations
@@ -10,7 +10,9 @@ Outcomes = dict[str, str | tuple[str, ...]]
 
 
 class Card(NamedTuple):
-    """`answer` is label → outcome, or a part of the error message; errors of completed methods are below `error`."""
+    """`answer` is label → outcome, or a part of the error message; errors of completed methods are
+    below `error`.
+    """
 
     name: str
     scene: dict[str, Any]
@@ -19,17 +21,29 @@ class Card(NamedTuple):
 
 
 def _scene(
-    system: dict[str, Any], positions: dict[str, float], velocities: dict[str, float], methods: list[Any], **more: Any
+    system: dict[str, Any],
+    positions: dict[str, float],
+    velocities: dict[str, float],
+    methods: list[Any],
+    **more: Any,
 ) -> dict[str, Any]:
-    given = {"system": system, "initial": {"positions": positions, "velocities": velocities}, "methods": methods}
+    given = {
+        "system": system,
+        "initial": {"positions": positions, "velocities": velocities},
+        "methods": methods,
+    }
     return given | {"step": 0.05, "steps": 40, "observe": ["error"]} | more
 
 
 def _line(lagrangian: str, x: float, v: float, methods: list[Any], **more: Any) -> dict[str, Any]:
-    return _scene({"coordinates": ["x"], "lagrangian": lagrangian}, {"x": x}, {"x": v}, methods, **more)
+    return _scene(
+        {"coordinates": ["x"], "lagrangian": lagrangian}, {"x": x}, {"x": v}, methods, **more
+    )
 
 
-def _plane(lagrangian: str, start: list[float], methods: list[Any], constraints: Any = None, **more: Any) -> Any:
+def _plane(
+    lagrangian: str, start: list[float], methods: list[Any], constraints: Any = None, **more: Any
+) -> Any:
     system: dict[str, Any] = {"coordinates": ["x", "y"], "lagrangian": lagrangian}
     system |= {"constraints": constraints} if constraints else {}
     return _scene(system, dict(zip("xy", start[:2], strict=True)), dict(zip("xy", start[2:], strict=True)), methods,
@@ -43,7 +57,9 @@ EXCLUDED: Outcomes = {
 WHEEL = {"m": 1, "I": 1, "J": 1, "R": 1}
 
 
-def _excluded(name: str, values: dict[str, Any], positions: dict[str, float], velocities: dict[str, float]) -> Card:
+def _excluded(
+    name: str, values: dict[str, Any], positions: dict[str, float], velocities: dict[str, float]
+) -> Card:
     scene = _scene({"catalogue": name}, positions, velocities, OF_PAPER, parameters=values)
     return Card(f"{name} where r1' = 0", scene, EXCLUDED, 1e-12)
 
@@ -55,15 +71,33 @@ PAPER = [
     _excluded("vertically-rolling-disk", DISK, AT_DISK, {"phi": 0, "theta": 0}),
     _excluded("knife-edge", {"m": 1, "J": 1}, {"phi": 0.3, "x": 0, "y": 0}, {"phi": 0, "x": 1}),
     _excluded("nonholonomic-particle", {}, {"x": 0.5, "y": 0, "z": 0}, {"x": 0, "y": 1}),
-    _excluded("mobile-robot", WHEEL, {"theta": 0.3, "psi": 0, "x": 0, "y": 0}, {"theta": 0, "psi": 1}),
-    _excluded("two-wheeled-carriage", WHEEL, {"phi": 0.3, "sigma": 0, "x": 0, "y": 0}, {"phi": 0, "sigma": 1}),
+    _excluded(
+        "mobile-robot", WHEEL, {"theta": 0.3, "psi": 0, "x": 0, "y": 0}, {"theta": 0, "psi": 1}
+    ),
+    _excluded(
+        "two-wheeled-carriage",
+        WHEEL,
+        {"phi": 0.3, "sigma": 0, "x": 0, "y": 0},
+        {"phi": 0, "sigma": 1},
+    ),
 ]
 
-DRAG = {"coordinates": ["x", "y"], "equations": ["x''=B*y'-c*x'", "y''=-B*x'-c*y'"], "parameters": ["B", "c"]}
+DRAG = {
+    "coordinates": ["x", "y"],
+    "equations": ["x''=B*y'-c*x'", "y''=-B*x'-c*y'"],
+    "parameters": ["B", "c"],
+}
 FOUR = {"coordinates": list("xyzw"), "lagrangian": "(x'^2+y'^2+z'^2+w'^2)/2"}
-STEPPED = ["variational", {"method": "variational", "order": 4}, "nonholonomic", "reference", "adaptive"]
+STEPPED = [
+    "variational",
+    {"method": "variational", "order": 4},
+    "nonholonomic",
+    "reference",
+    "adaptive",
+]
 LOST: Outcomes = dict.fromkeys(
-    ("variational-0.5", "variational-0.5-order4", "nonholonomic-0.5", "reference", "adaptive"), "singular"
+    ("variational-0.5", "variational-0.5-order4", "nonholonomic-0.5", "reference", "adaptive"),
+    "singular",
 )
 TYPED = ("singular", "unresolved", "no_convergence", "not_finite", "off_domain", "guard")
 
@@ -73,9 +107,24 @@ def _rank(constraints: list[str], speeds: dict[str, float]) -> dict[str, Any]:
                   steps=150, observe=["energy"])  # fmt: skip
 
 
-ENDS = ["runge-kutta", {"method": "runge-kutta", "order": 8}, "reference", "adaptive", "stiff", "variational"]
+ENDS = [
+    "runge-kutta",
+    {"method": "runge-kutta", "order": 8},
+    "reference",
+    "adaptive",
+    "stiff",
+    "variational",
+]
 NOWHERE: Outcomes = dict.fromkeys(
-    ("runge-kutta-order4", "runge-kutta-order8", "reference", "adaptive", "stiff", "variational-0.5"), TYPED
+    (
+        "runge-kutta-order4",
+        "runge-kutta-order8",
+        "reference",
+        "adaptive",
+        "stiff",
+        "variational-0.5",
+    ),
+    TYPED,
 )
 KEPLER = "(x'^2+y'^2)/2 + 1/sqrt(x^2+y^2)"
 WRONG = [
@@ -141,7 +190,10 @@ SNAKE = {
     "lagrangian": "(x'^2+y'^2+th'^2)/2 + psi'^2/8 + psi'*th'/4 + phi'^2/4",
     "constraints": ["-sin(th+phi)*x'+cos(th+phi)*y'-cos(phi)*th'", "-sin(th-phi)*x'+cos(th-phi)*y'+cos(phi)*th'"],
 }  # fmt: skip
-AT_SNAKE = {"x": 0.0, "y": 0.0, "th": 0.0, "psi": 0.0, "phi": 0.5}, {"psi": 0.0, "phi": 0.0, "th": 0.1}
+AT_SNAKE = (
+    {"x": 0.0, "y": 0.0, "th": 0.0, "psi": 0.0, "phi": 0.5},
+    {"psi": 0.0, "phi": 0.0, "th": 0.1},
+)
 SAID = [
     Card("a sleigh with friction", _scene(SLEIGH, {"phi": 0.1, "x": 0, "y": 0}, {"phi": 1, "x": 0.5}, GEOMETRIC,
                                           parameters={"a": 0.3, "c": 0.2}, rayleigh="c*(x'^2+y'^2)/2"), WENT, 1e-7),
@@ -169,7 +221,9 @@ def judge(card: Card, methods: list[dict[str, Any]]) -> None:
     assert not isinstance(card.answer, str), "the scene should be rejected"
     assert len(methods) == len(card.answer)
     for method, expected in zip(methods, card.answer.values(), strict=True):
-        assert method["outcome"] in (expected if isinstance(expected, tuple) else (expected,)), method["label"]
+        assert method["outcome"] in (expected if isinstance(expected, tuple) else (expected,)), (
+            method["label"]
+        )
         if method["outcome"] == "completed" and card.error is not None:
             assert method["max_error"] <= card.error, method["label"]
         if method["outcome"] in TYPED:

@@ -1,8 +1,9 @@
-"""Random scenes: a system of the catalogue, a start, a step and a method, run at its step and at a finer one.
+"""Random scenes: a system of the catalogue, a start, a step and a method, run at its step and at a
+finer one.
 
-A pair is wrong if both runs complete and the errors do not decrease with the order: the finer error exceeds ten times
-the prediction from the coarser one, and the uncertainty of the reference. This detects methods that are wrong at every
-step or lost their order, and a wrong reference.
+A pair is wrong if both runs complete and the errors do not decrease with the order: the finer error
+exceeds ten times the prediction from the coarser one, and the uncertainty of the reference. This
+detects methods that are wrong at every step or lost their order, and a wrong reference.
 """
 
 from __future__ import annotations
@@ -36,7 +37,9 @@ OWN_STEPS = ("adaptive", "stiff")
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """One method of one scene: `complaint` is empty if nothing is wrong; `pair` has the outcomes of both runs."""
+    """One method of one scene: `complaint` is empty if nothing is wrong; `pair` has the outcomes of
+    both runs.
+    """
 
     scene: dict[str, Any]
     label: str
@@ -52,12 +55,23 @@ def random_scene(seed: int) -> dict[str, Any]:
     document = catalogue.entry(name)["document"]
     coordinates = list(document.get("coordinates") or document.get("equations") or ())
     at_zero = chance.random() < 0.3
-    positions = {q: 0.0 if at_zero and chance.random() < 0.5 else round(chance.uniform(-1, 1), 3) for q in coordinates}
-    velocities = {q: 0.0 if at_zero and chance.random() < 0.3 else round(chance.uniform(-1, 1), 3) for q in coordinates}
+    positions = {
+        q: 0.0 if at_zero and chance.random() < 0.5 else round(chance.uniform(-1, 1), 3)
+        for q in coordinates
+    }
+    velocities = {
+        q: 0.0 if at_zero and chance.random() < 0.3 else round(chance.uniform(-1, 1), 3)
+        for q in coordinates
+    }
     return {
         "system": {"catalogue": name},
-        "parameters": {p: round(chance.uniform(0.5, 1.5), 3) for p in document.get("parameters", ())},
-        "functions": {f: chance.choice(FUNCTIONS).format(a[0]) for f, a in document.get("functions", {}).items()},
+        "parameters": {
+            p: round(chance.uniform(0.5, 1.5), 3) for p in document.get("parameters", ())
+        },
+        "functions": {
+            f: chance.choice(FUNCTIONS).format(a[0])
+            for f, a in document.get("functions", {}).items()
+        },
         "initial": {"positions": positions, "velocities": velocities, "project": True},
         "step": chance.choice((0.5, 0.2, 0.1, 0.05, 0.02)),
         "methods": [dict(chance.choice(METHODS)[0]) for _ in range(4)],

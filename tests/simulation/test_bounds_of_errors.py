@@ -1,4 +1,6 @@
-"""The error that a run shows, with its uncertainty, is at least the distance from the exact solution."""
+"""The error that a run shows, with its uncertainty, is at least the distance from the exact
+solution.
+"""
 
 from __future__ import annotations
 
@@ -45,12 +47,19 @@ KNOWN: dict[str, Motion] = {
     "pendulum": ({"coordinates": ["x"], "lagrangian": "x'^2/2 + cos(x)"}, [2], [0], pendulum),
     "repelled": ({"coordinates": ["x"], "lagrangian": "x'^2/2 - 1/(2*x^2)"}, [1], [0], repelled),
 }  # fmt: skip
-METHODS = ["variational", {"method": "runge-kutta", "order": 4}, {"method": "adaptive", "tolerance": 1e-6}, "adaptive"]
+METHODS = [
+    "variational",
+    {"method": "runge-kutta", "order": 4},
+    {"method": "adaptive", "tolerance": 1e-6},
+    "adaptive",
+]
 
 
 @pytest.fixture
 def _own_references(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Without heyoka, the reference is ours, and its own error is most of its distance from the second one."""
+    """Without heyoka, the reference is ours, and its own error is most of its distance from the
+    second one.
+    """
 
     def missing() -> None:
         raise InputError("not here")
@@ -66,7 +75,13 @@ def scene(name: str, step: float, time: float, methods: list[Any]) -> dict[str, 
     names = system["coordinates"]
     pairs = (("positions", positions), ("velocities", velocities))
     initial = {kind: dict(zip(names, values, strict=True)) for kind, values in pairs}
-    document = {"system": system, "initial": initial, "step": step, "time": time, "methods": methods}
+    document = {
+        "system": system,
+        "initial": initial,
+        "step": step,
+        "time": time,
+        "methods": methods,
+    }
     return document | {"observe": ["trajectory", "error"]}
 
 
@@ -95,7 +110,9 @@ def test_the_uncertainty_bounds_the_error_of_the_reference(
 
 @pytest.mark.usefixtures("_own_references")
 @pytest.mark.parametrize("name", KNOWN)
-def test_the_error_shown_with_its_uncertainty_is_the_distance_from_the_exact_solution(name: str) -> None:
+def test_the_error_shown_with_its_uncertainty_is_the_distance_from_the_exact_solution(
+    name: str,
+) -> None:
     for method in simulate(scene(name, 0.1, 10, METHODS))["methods"]:
         error, shown = distance(name, method["points"]["columns"]), method["max_error"]
         assert method["outcome"] == "completed"

@@ -15,7 +15,9 @@ from inverse_service.simulation.execution import Run, run, run_ensemble
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Problem, Start
 
 
-def together(what: Problem, choice: MethodChoice, starts: list[Start], grid: Grid, values: dict[str, object]) -> Run:
+def together(
+    what: Problem, choice: MethodChoice, starts: list[Start], grid: Grid, values: dict[str, object]
+) -> Run:
     positions, velocities = (
         np.array([getattr(start, name) for start in starts]) for name in ("positions", "velocities")
     )
@@ -43,7 +45,9 @@ def test_many_steps_and_constants() -> None:
     steps, constants = np.linspace(0.02, 0.065, 10), 10.0 ** -np.arange(10)
     start = disk_start()
     grid, choice = Grid(0.02, 100), MethodChoice("variational", 0.3)
-    positions, velocities = (np.tile(getattr(start, name), (10, 1)) for name in ("positions", "velocities"))
+    positions, velocities = (
+        np.tile(getattr(start, name), (10, 1)) for name in ("positions", "velocities")
+    )
     found = run_ensemble(DISK, choice, positions, velocities, grid, {"c": constants}, steps=steps)
     for step, constant, one in zip(steps, constants, found.positions, strict=True):
         alone = run(DISK, choice, start, Grid(float(step), 100), {"c": float(constant)})
@@ -51,7 +55,9 @@ def test_many_steps_and_constants() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["nonholonomic", "runge_kutta", "reference", "adaptive", "stiff"])
+@pytest.mark.parametrize(
+    "method", ["nonholonomic", "runge_kutta", "reference", "adaptive", "stiff"]
+)
 def test_other_methods(method: str) -> None:
     starts = [particle_start(-0.5 + 0.1 * k) for k in range(10)]
     choice = MethodChoice(method, order=4, tolerance=1e-9)
@@ -66,7 +72,12 @@ def test_members_end_by_themselves() -> None:
     """Rejected, stopped, and completed members in one ensemble."""
     starts = [disk_start(), disk_start(0.3, 0.0), disk_start(0.3, 0.05), disk_start(1.0)]
     found = together(DISK, MethodChoice("variational"), starts, Grid(0.1, 2000), {"c": 1.0})
-    assert [found.outcome(k).kind for k in range(4)] == ["completed", "off_domain", "guard", "completed"]
+    assert [found.outcome(k).kind for k in range(4)] == [
+        "completed",
+        "off_domain",
+        "guard",
+        "completed",
+    ]
     swings = [Start((0.1 * k,), (0.0,)) for k in range(1, 9)]
     ks = 10.0 ** np.arange(-3, 5)
     stopped = together(PENDULUM, MethodChoice("variational"), swings, Grid(0.3, 100), {"k": ks})
@@ -88,7 +99,9 @@ def test_methods_without_kernels_are_refused() -> None:
 
 @pytest.mark.slow
 def test_starts_with_momenta_of_their_own_are_those_of_single_runs() -> None:
-    """L~ of the disk is 0/0 where sin(phi) = 0: all starts are computed at once, and equal those of single runs."""
+    """L~ of the disk is 0/0 where sin(phi) = 0: all starts are computed at once, and equal those of
+    single runs.
+    """
     angles = ["0", "pi/2", "0.3", "1"]
     scene: dict[str, Any] = {
         "system": {"catalogue": "vertically-rolling-disk"}, "parameters": {"M": 1, "R": 1, "I": "1/2", "J": "1/4"},
@@ -97,7 +110,10 @@ def test_starts_with_momenta_of_their_own_are_those_of_single_runs() -> None:
     }  # fmt: skip
     (many,) = simulate(scene | {"ensemble": {"initial": {"positions": {"phi": angles}}}})["methods"]
     for k, angle in enumerate(angles):
-        scene["initial"] = {**scene["initial"], "positions": {"phi": angle, "theta": 0, "x": 0, "y": 0}}
+        scene["initial"] = {
+            **scene["initial"],
+            "positions": {"phi": angle, "theta": 0, "x": 0, "y": 0},
+        }
         (one,) = simulate(scene)["methods"]
         for name, value in one["final"]["positions"].items():
             assert many["members_columns"][f"{name}_end"][k] == pytest.approx(value, abs=1e-13)

@@ -1,4 +1,6 @@
-"""The exact motion follows the closed forms, recognized by structure; otherwise the reason is given."""
+"""The exact motion follows the closed forms, recognized by structure; otherwise the reason is
+given.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +15,14 @@ from inverse_service.simulation.scene_data import Problem, Unavailable
 TIMES = np.linspace(0, 50, 401)
 
 
-def known(coordinates: str, lagrangian: str, constraints: list[str], **values: float) -> ExactMotion:
+def known(
+    coordinates: str, lagrangian: str, constraints: list[str], **values: float
+) -> ExactMotion:
     names = Names(tuple(coordinates.split()), tuple(values))
     trees = tuple(read_formula(text, names) for text in constraints)
-    return motion_by_quadrature(Problem(names.coordinates, (), read_formula(lagrangian, names), trees), values)
+    return motion_by_quadrature(
+        Problem(names.coordinates, (), read_formula(lagrangian, names), trees), values
+    )
 
 
 def motion(*arguments: object, **values: float) -> ExactMotion:
@@ -41,7 +47,9 @@ def test_the_disk_runs_on_its_circle() -> None:
 
 
 def test_the_knife_edge_crosses_both_zeros_of_its_constraint() -> None:
-    found = motion("phi x y", "m/2*(x'^2 + y'^2) + J/2*phi'^2", ["x'*sin(phi) - y'*cos(phi)"], m=2.0, J=1.0)
+    found = motion(
+        "phi x y", "m/2*(x'^2 + y'^2) + J/2*phi'^2", ["x'*sin(phi) - y'*cos(phi)"], m=2.0, J=1.0
+    )
     q, _ = positions_of(found, np.array([0.0, 0, 0]), np.array([-1.0, -0.7, 0]), TIMES)
     expected = [-TIMES, -0.7 * np.sin(TIMES), -0.7 * (np.cos(TIMES) - 1)]
     assert np.abs(q - np.column_stack(expected)).max() < 2e-14
@@ -60,7 +68,9 @@ def test_the_particle_passes_zero_at_any_times(steps: int) -> None:
 
 
 def test_any_coefficients_of_the_class_are_integrated() -> None:
-    """The velocity satisfies the constraints, conserves the energy, and is the derivative of the position."""
+    """The velocity satisfies the constraints, conserves the energy, and is the derivative of the
+    position.
+    """
     found = motion("a b c", "a'^2 + 3*b'^2/2 + 5*c'^2/2", ["c' + (1 + a^2)*exp(-a)*b'"])
     a, b = 0.2, 1.0
     start = np.array([a, 0, 0])
@@ -71,7 +81,9 @@ def test_any_coefficients_of_the_class_are_integrated() -> None:
     assert np.abs(v[:, 2] + A * v[:, 1]).max() < 1e-14
     assert energy == pytest.approx(energy[0], rel=1e-14)
     step = np.array([1e-3])
-    later, earlier = (positions_of(found, start, velocity, 20 + sign * step)[0][0] for sign in (1, -1))
+    later, earlier = (
+        positions_of(found, start, velocity, 20 + sign * step)[0][0] for sign in (1, -1)
+    )
     middle = positions_of(found, start, velocity, np.array([20.0]))[1][0]
     assert (later - earlier) / 2e-3 == pytest.approx(middle, rel=1e-6)
 
@@ -99,7 +111,9 @@ def test_a_turning_coordinate_at_rest_gives_a_straight_line() -> None:
     ("x y z", "(x'^2 + y'^2 + z'^2)/2", ["z' - x*y' + 1"], "homogeneous"),
     ("x y z", "(x'^2 + y'^2 + z'^2)/2", ["z' - t*y'"], "more than one coordinate"),
 ])  # fmt: skip
-def test_other_systems_are_not_claimed(coordinates: str, lagrangian: str, constraints: list[str], word: str) -> None:
+def test_other_systems_are_not_claimed(
+    coordinates: str, lagrangian: str, constraints: list[str], word: str
+) -> None:
     with pytest.raises(Unavailable, match=word):
         known(coordinates, lagrangian, constraints)
 

@@ -1,4 +1,6 @@
-"""Every hard case ends in a correct result or in an outcome that names step, time, quantity, and remedy."""
+"""Every hard case ends in a correct result or in an outcome that names step, time, quantity, and
+remedy.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,11 @@ OTHERS = [case for case in CASES if case not in FAST]
 
 def complaint(case: HardCase) -> str:
     judged = judge(case)
-    return "" if judged.right else f"{judged.trajectory.outcome}, error {judged.error}, bound {case.bound}"
+    return (
+        ""
+        if judged.right
+        else f"{judged.trajectory.outcome}, error {judged.error}, bound {case.bound}"
+    )
 
 
 @pytest.mark.slow
@@ -59,11 +65,19 @@ def test_the_groups_are_whole() -> None:
 
 @pytest.mark.slow
 def test_singular_quantity_is_named() -> None:
-    raw = [judge(case).trajectory.outcome for case in crossings() if "raw" in case.group and case.grid.step == 0.1]
+    raw = [
+        judge(case).trajectory.outcome
+        for case in crossings()
+        if "raw" in case.group and case.grid.step == 0.1
+    ]
     assert {outcome.quantity for outcome in raw} <= {"cos(phi)", "sin(phi)", "x"}
-    halted = [judge(case).trajectory.outcome for case in slow_rates() if case.allowed == ("off_domain",)]
+    halted = [
+        judge(case).trajectory.outcome for case in slow_rates() if case.allowed == ("off_domain",)
+    ]
     assert {outcome.quantity for outcome in halted} == {"phi'"}
-    assert all("determinant" in (judge(case).trajectory.outcome.quantity or "") for case in near_singular())
+    assert all(
+        "determinant" in (judge(case).trajectory.outcome.quantity or "") for case in near_singular()
+    )
 
 
 def test_the_modified_methods_own_singular_set_is_named() -> None:
@@ -87,7 +101,9 @@ def test_what_fails_between_the_places_of_a_mean_is_the_factor_that_passes_zero(
 @pytest.mark.slow
 @pytest.mark.parametrize("alpha", [0.0, 1 / 3, 0.5, 1.0])
 def test_on_the_knife_edge_the_modified_method_is_the_variational_one(alpha: float) -> None:
-    """Its momenta conserve the discrete constraint, so both solve the same equations, also across cos phi = 0."""
+    """Its momenta conserve the discrete constraint, so both solve the same equations, also across
+    cos phi = 0.
+    """
     found = [
         run(KNIFE, MethodChoice(method, alpha), knife_start(), Grid(0.05, 200), {"c": 0.1})
         for method in ("modified", "variational")
@@ -98,11 +114,15 @@ def test_on_the_knife_edge_the_modified_method_is_the_variational_one(alpha: flo
 
 @pytest.mark.slow
 def test_a_start_on_the_singular_set_is_an_ordinary_start() -> None:
-    assert {judge(case).trajectory.outcome.kind for case in starts() if case.choice.form != "raw"} == {"completed"}
+    assert {
+        judge(case).trajectory.outcome.kind for case in starts() if case.choice.form != "raw"
+    } == {"completed"}
 
 
 def test_a_guard_gives_number_and_remedy() -> None:
-    found = run(DISK, MethodChoice("variational", 0.5), disk_start(0.3, 0.1), Grid(0.1, 1000), {"c": 1.0})
+    found = run(
+        DISK, MethodChoice("variational", 0.5), disk_start(0.3, 0.1), Grid(0.1, 1000), {"c": 1.0}
+    )
     outcome = found.outcome
     assert outcome.kind == "guard"
     assert outcome.value is not None
@@ -112,17 +132,31 @@ def test_a_guard_gives_number_and_remedy() -> None:
 
 
 def test_the_judge_finds_wrong_answers() -> None:
-    """It rejects a wrong trajectory, an outcome that is not allowed, and one without a named quantity."""
+    """It rejects a wrong trajectory, an outcome that is not allowed, and one without a named
+    quantity.
+    """
     case = next(iter(crossings()))
     good = judge(case)
     assert good.right
     assert not Judged(case, good.trajectory, 10 * case.bound).right
     assert not Judged(case, good.trajectory, float("nan")).right
     empty = np.zeros((1, 4))
-    other = Trajectory(np.zeros(1), empty, None, None, Outcome("singular", 3, 0.3, "x", 0.0, "none"), 0, 0, 0.0, 0.0)
+    other = Trajectory(
+        np.zeros(1),
+        empty,
+        None,
+        None,
+        Outcome("singular", 3, 0.3, "x", 0.0, "none"),
+        0,
+        0,
+        0.0,
+        0.0,
+    )
     assert not Judged(case, other, None).right
     raw = next(case for case in crossings() if "raw" in case.group)
-    nameless = Trajectory(np.zeros(1), empty, None, None, Outcome("singular", 3, 0.3), 0, 0, 0.0, 0.0)
+    nameless = Trajectory(
+        np.zeros(1), empty, None, None, Outcome("singular", 3, 0.3), 0, 0, 0.0, 0.0
+    )
     assert not Judged(raw, nameless, None).right
 
 
@@ -131,16 +165,22 @@ def test_completed_runs_are_on_the_branch_of_small_steps() -> None:
     """For growing h the roots are those of the continuation from small h, up to the guard."""
     for constant in (1.0, 4.0, 10.0):
         for step in (0.05, 0.2, 0.4, 0.6, 0.8, 1.0):
-            found = run(DISK, MethodChoice("variational", 0.5), disk_start(), Grid(step, 1), {"c": constant})
+            found = run(
+                DISK, MethodChoice("variational", 0.5), disk_start(), Grid(step, 1), {"c": constant}
+            )
             if not found.outcome.completed:
                 assert found.outcome.kind == "guard"
                 continue
             expected = continued_step(step, constant)
-            assert found.positions[1, 0] - found.positions[0, 0] == pytest.approx(expected, rel=1e-12)
+            assert found.positions[1, 0] - found.positions[0, 0] == pytest.approx(
+                expected, rel=1e-12
+            )
 
 
 def continued_step(step: float, constant: float) -> float:
-    """Delta phi of the midpoint step with L~2, followed from h = 0 in 400 small increases by Newton."""
+    """Delta phi of the midpoint step with L~2, followed from h = 0 in 400 small increases by
+    Newton.
+    """
     phi, p_x, p_y = 0.3, 0.5 * constant, 0.5 * constant
 
     def shape(angle: float) -> tuple[float, float, float]:
@@ -167,6 +207,8 @@ def test_stiff_potentials_beyond_the_step_are_refused() -> None:
 
 def test_a_start_at_rest_stays_at_rest() -> None:
     for method in ("variational", "nonholonomic"):
-        found = run(PENDULUM, MethodChoice(method, 0.5), Start((0.0,), (0.0,)), Grid(0.1, 50), {"k": 1.0})
+        found = run(
+            PENDULUM, MethodChoice(method, 0.5), Start((0.0,), (0.0,)), Grid(0.1, 50), {"k": 1.0}
+        )
         assert found.outcome.completed
         assert np.all(found.positions == 0)

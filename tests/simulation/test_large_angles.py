@@ -14,4 +14,6 @@ from inverse_service.simulation.scene_data import Grid, MethodChoice, Start
 @pytest.mark.parametrize("alpha", [0.0, 0.5, 1.0])
 def test_newton_is_content_with_round_off(angle: float, alpha: float) -> None:
     start = Start((angle, 0.0, 0.0, 0.0), (1.0, 0.5, 0.0, 0.0), convention="discrete_constraint")
-    assert run(DISK, MethodChoice("variational", alpha), start, Grid(0.1, 2000), {"c": 1.0}).outcome.completed
+    assert run(
+        DISK, MethodChoice("variational", alpha), start, Grid(0.1, 2000), {"c": 1.0}
+    ).outcome.completed

@@ -1,4 +1,6 @@
-"""Steps in loops are the steps that are written out for a scene; their graph has the derivatives of its formulas."""
+"""Steps in loops are the steps that are written out for a scene; their graph has the derivatives of
+its formulas.
+"""
 
 import itertools
 from collections.abc import Iterator
@@ -21,7 +23,10 @@ FORMULAS = [
     "sec(x)*cot(y) + csc(x)*coth(y)",
 ]  # fmt: skip
 LEAVES = {
-    name: place for place, name in enumerate((*map(ex.Symbol, ("x", "y", "k")), ex.Velocity("x"), ex.Velocity("y")))
+    name: place
+    for place, name in enumerate(
+        (*map(ex.Symbol, ("x", "y", "k")), ex.Velocity("x"), ex.Velocity("y"))
+    )
 }
 
 
@@ -39,7 +44,9 @@ def test_a_graph_has_the_values_and_derivatives_of_a_tree(text: str) -> None:
     slopes = [calculus.differentiate(tree, name) for name in LEAVES]
     true = np.array(arrays.array_values([tree, *slopes], table))
     zero = graph.constant(0.0)
-    found = graph.values([node, *(gradient.get(place, zero) for place in LEAVES.values()), rate], inputs)
+    found = graph.values(
+        [node, *(gradient.get(place, zero) for place in LEAVES.values()), rate], inputs
+    )
     shown = np.array([np.broadcast_to(one, 5) for one in found])
     whole = np.array([*true, np.arange(1, len(LEAVES) + 1) @ true[1:]])
     assert np.abs(shown - whole).max() <= 1e-12 * (1 + np.abs(whole).max())
@@ -83,14 +90,20 @@ SCENES: dict[str, dict[str, Any]] = {
     },
 }  # fmt: skip
 RK4, VARIATIONAL = {"method": "runge-kutta", "order": 4}, {"method": "variational"}
-FAST = [("constrained", RK4), ("constrained", "nonholonomic"), ("pushed", VARIATIONAL | {"order": 4})]
+FAST = [
+    ("constrained", RK4),
+    ("constrained", "nonholonomic"),
+    ("pushed", VARIATIONAL | {"order": 4}),
+]
 SLOW = [
     ("chain", VARIATIONAL), ("pendulum", "adaptive"), ("bodies", "adaptive"), ("pushed", "adaptive"), ("pendulum", RK4),
     ("pendulum", VARIATIONAL | {"order": 4}), ("bodies", VARIATIONAL), ("pendulum", VARIATIONAL | {"alpha": "0.3"}),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("name", "method"), [*FAST, *(pytest.param(*one, marks=pytest.mark.slow) for one in SLOW)])
+@pytest.mark.parametrize(
+    ("name", "method"), [*FAST, *(pytest.param(*one, marks=pytest.mark.slow) for one in SLOW)]
+)
 def test_loops_make_the_steps_of_a_written_kernel(name: str, method: Any, limits: Any) -> None:
     found = []
     for small in (0, 1000):

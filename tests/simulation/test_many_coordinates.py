@@ -14,7 +14,9 @@ Array = Any
 
 
 def pendulum_rates(t: float, y: Array) -> Array:
-    """n links of length and mass 1: M_ij = (n - max(i, j)) cos(q_i - q_j), from a textbook's torque balance."""
+    """n links of length and mass 1: M_ij = (n - max(i, j)) cos(q_i - q_j), from a textbook's torque
+    balance.
+    """
     q, v = np.split(y, 2)
     count = len(q)
     weights = count - np.maximum.outer(np.arange(count), np.arange(count)).astype(float)
@@ -49,18 +51,30 @@ CASES: dict[str, Any] = {
 def test_the_motion_is_that_of_an_independent_program(name: str) -> None:
     scene, rates = CASES[name]
     (found,) = simulate(scene | {"observe": ["trajectory"]})["methods"]
-    begin = [scene["initial"][part][x] for part in ("positions", "velocities") for x in scene["system"]["coordinates"]]
+    begin = [
+        scene["initial"][part][x]
+        for part in ("positions", "velocities")
+        for x in scene["system"]["coordinates"]
+    ]
     true = solve_ivp(rates, (0, scene["time"]), begin, "DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
-    end = [found["final"][part][x] for part in ("positions", "velocities") for x in scene["system"]["coordinates"]]
+    end = [
+        found["final"][part][x]
+        for part in ("positions", "velocities")
+        for x in scene["system"]["coordinates"]
+    ]
     assert found["outcome"] == "completed"
     assert np.abs(np.array(end) - true).max() < 1e-9
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", [{"method": "variational", "order": 8}, {"method": "runge-kutta", "order": 8}])
+@pytest.mark.parametrize(
+    "method", [{"method": "variational", "order": 8}, {"method": "runge-kutta", "order": 8}]
+)
 def test_other_methods_agree_for_a_chain_of_links(method: dict[str, Any]) -> None:
     scene = pendulum(10) | {"time": 1, "step": 0.005, "observe": ["trajectory"]}
-    first, second = (simulate(scene | {"methods": [one]})["methods"][0] for one in (method, "adaptive"))
+    first, second = (
+        simulate(scene | {"methods": [one]})["methods"][0] for one in (method, "adaptive")
+    )
     for x, value in second["final"]["positions"].items():
         assert abs(first["final"]["positions"][x] - value) < 1e-9
 

@@ -1,4 +1,6 @@
-"""The matching circle is the circle of the motion, and there is none if the motion is not circular."""
+"""The matching circle is the circle of the motion, and there is none if the motion is not
+circular.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +12,14 @@ from tests.values import present
 
 
 def arc(center: tuple[float, float], radius: float, angles: np.ndarray) -> np.ndarray:
-    return np.column_stack([center[0] + radius * np.cos(angles), center[1] + radius * np.sin(angles)])
+    return np.column_stack(
+        [center[0] + radius * np.cos(angles), center[1] + radius * np.sin(angles)]
+    )
 
 
-@pytest.mark.parametrize(("center", "radius"), [((0.0, 0.0), 1.0), ((1e3, -2.0), 0.5), ((-3.0, 4.0), 1e-4)])
+@pytest.mark.parametrize(
+    ("center", "radius"), [((0.0, 0.0), 1.0), ((1e3, -2.0), 0.5), ((-3.0, 4.0), 1e-4)]
+)
 def test_three_points_of_a_circle_give_it_back(center: tuple[float, float], radius: float) -> None:
     found = present(circles.least_squares_circle(arc(center, radius, np.array([0.1, 1.3, 4.0]))))
     assert found.radius == pytest.approx(radius, rel=1e-8)
@@ -60,19 +66,29 @@ def test_the_drift_of_a_steady_circle_is_nothing() -> None:
 def test_a_moving_center_and_a_growing_radius_are_distinguished() -> None:
     angles = 0.05 * np.arange(2001)
     growing = circles.circle_drift(arc((0, 0), 1, angles) * (1 + 0.001 * angles)[:, None])
-    moving = circles.circle_drift(arc((0, 0), 1, angles) + np.column_stack([0.001 * angles, 0 * angles]))
+    moving = circles.circle_drift(
+        arc((0, 0), 1, angles) + np.column_stack([0.001 * angles, 0 * angles])
+    )
     assert growing is not None
     assert moving is not None
-    assert growing.last.radius - growing.first.radius == pytest.approx(0.001 * (100 - 2 * np.pi), rel=2e-2)
+    assert growing.last.radius - growing.first.radius == pytest.approx(
+        0.001 * (100 - 2 * np.pi), rel=2e-2
+    )
     assert growing.centre_drift < 2e-3
     assert moving.centre_drift == pytest.approx(0.001 * (100 - 2 * np.pi), rel=2e-2)
     assert moving.last.radius == pytest.approx(moving.first.radius, rel=1e-3)
 
 
 def test_a_path_known_at_few_steps_has_its_circles_too() -> None:
-    """Chords that turn by 10 radians do not resolve revolutions, but the points are still on the circle."""
+    """Chords that turn by 10 radians do not resolve revolutions, but the points are still on the
+    circle.
+    """
     angles = 10.0 * np.arange(20_000)
-    drift = present(circles.circle_drift(arc((0, 0), 2, angles) + np.column_stack([1e-6 * angles, 0 * angles]), 20.0))
+    drift = present(
+        circles.circle_drift(
+            arc((0, 0), 2, angles) + np.column_stack([1e-6 * angles, 0 * angles]), 20.0
+        )
+    )
     assert np.isnan(drift.revolutions)
     assert drift.last.radius == pytest.approx(2, rel=1e-3)
     assert drift.centre_drift == pytest.approx(0.2, rel=0.02)

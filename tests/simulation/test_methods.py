@@ -35,7 +35,9 @@ C = {"c": 1.0}
                         (PARTICLE_THIRD, particle_start())], ids=["disk", "particle", "disk 3", "particle 3"],
 )  # fmt: skip
 @pytest.mark.parametrize("convention", ["momenta", "discrete_constraint"])
-def test_raw_form_and_hamiltonian_form_agree(what: Problem, start: Start, alpha: float, convention: str) -> None:
+def test_raw_form_and_hamiltonian_form_agree(
+    what: Problem, start: Start, alpha: float, convention: str
+) -> None:
     begin = Start(start.positions, start.velocities, convention=convention)
     grid = Grid(0.02, 30 if what in (DISK, PARTICLE) else 2000)
     one = run(what, MethodChoice("variational", alpha), begin, grid, C)
@@ -53,11 +55,18 @@ def test_raw_form_and_hamiltonian_form_agree(what: Problem, start: Start, alpha:
 @pytest.mark.parametrize("symmetrised", [False, True])
 @pytest.mark.parametrize(
     ("what", "start"),
-    [(DOUBLE_PENDULUM, Start((1.0, 1.5), (0.0, 0.3))), (CHAIN, Start((0.0, 0.1, 0.2, 0.3), (0.2, -0.2, 0.2, -0.2)))],
+    [
+        (DOUBLE_PENDULUM, Start((1.0, 1.5), (0.0, 0.3))),
+        (CHAIN, Start((0.0, 0.1, 0.2, 0.3), (0.2, -0.2, 0.2, -0.2))),
+    ],
     ids=["double pendulum", "chain"],
 )
-def test_without_constraints_all_methods_are_one(what: Problem, start: Start, alpha: float, symmetrised: bool) -> None:
-    """The raw, Hamiltonian, and nonholonomic forms agree for a system with L~ = L and no constraints."""
+def test_without_constraints_all_methods_are_one(
+    what: Problem, start: Start, alpha: float, symmetrised: bool
+) -> None:
+    """The raw, Hamiltonian, and nonholonomic forms agree for a system with L~ = L and no
+    constraints.
+    """
     grid = Grid(0.01, 300)
     choices = [
         MethodChoice("variational", alpha, symmetrised), MethodChoice("variational", alpha, symmetrised, form="raw"),
@@ -72,7 +81,13 @@ def test_without_constraints_all_methods_are_one(what: Problem, start: Start, al
 def test_symmetrised_forms_agree() -> None:
     for alpha in (0.0, 0.3, 1.0):
         found = [
-            run(DISK_THIRD, MethodChoice("variational", alpha, True, form=form), disk_start(), Grid(0.05, 400), C)
+            run(
+                DISK_THIRD,
+                MethodChoice("variational", alpha, True, form=form),
+                disk_start(),
+                Grid(0.05, 400),
+                C,
+            )
             for form in ("hamiltonian", "raw")
         ]
         assert all(one.outcome.completed for one in found)
@@ -82,7 +97,9 @@ def test_symmetrised_forms_agree() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("alpha", [0.0, 0.3, 0.5, 1.0])
 @pytest.mark.parametrize("symmetrised", [False, True])
-def test_raw_trajectories_solve_the_discrete_euler_lagrange_equations(alpha: float, symmetrised: bool) -> None:
+def test_raw_trajectories_solve_the_discrete_euler_lagrange_equations(
+    alpha: float, symmetrised: bool
+) -> None:
     """The literal equations D1 L_d + D2 L_d = 0, derivatives by complex steps."""
     choice = MethodChoice("variational", alpha, symmetrised, form="raw")
     h, found = 0.02, run(DISK, choice, disk_start(), Grid(0.02, 40), C)
@@ -93,7 +110,10 @@ def test_raw_trajectories_solve_the_discrete_euler_lagrange_equations(alpha: flo
         for part in parts:
             phi = (1 - part) * first[0] + part * second[0]
             kinetic = velocity[0] ** 2 + velocity[1] ** 2
-            total += 0.5 * (kinetic + (velocity[2] ** 2 / np.cos(phi) + velocity[3] ** 2 / np.sin(phi)) / velocity[0])
+            total += 0.5 * (
+                kinetic
+                + (velocity[2] ** 2 / np.cos(phi) + velocity[3] ** 2 / np.sin(phi)) / velocity[0]
+            )
         return total / len(parts)
 
     q = found.positions
@@ -125,8 +145,13 @@ def test_momenta_of_cyclic_coordinates_never_change() -> None:
 
 
 def test_third_type_keeps_its_constraint_exactly() -> None:
-    """p_y = 0 (disk) and p_z = 0 (particle) are discrete Noether momenta, and the start gives them exactly."""
-    for what, start, place in ((DISK_THIRD, disk_start(), 3), (PARTICLE_THIRD, particle_start(), 2)):
+    """p_y = 0 (disk) and p_z = 0 (particle) are discrete Noether momenta, and the start gives them
+    exactly.
+    """
+    for what, start, place in (
+        (DISK_THIRD, disk_start(), 3),
+        (PARTICLE_THIRD, particle_start(), 2),
+    ):
         found = run(what, MethodChoice("variational", 0.5), start, Grid(0.05, 2000), C)
         assert found.momenta is not None
         assert np.abs(found.momenta[:, place]).max() < 1e-15
@@ -158,8 +183,19 @@ def test_steps_back_return_to_the_start() -> None:
 def test_compensated_sums_keep_a_million_steps() -> None:
     """A uniform motion: increments that are not binary fractions add up without loss."""
     free = problem("u", free="1/2*u'^2", hamiltonian="1/2*p_u^2")
-    found = run(free, MethodChoice("variational", 0.5), Start((0.0,), (1.0,)), Grid(0.1, 1_000_000, 250_000), {})
-    assert np.abs(found.positions[:, 0] / np.array([1.0, 25e3, 5e4, 75e3, 1e5]) - [0, 1, 1, 1, 1]).max() < 4e-16
+    found = run(
+        free,
+        MethodChoice("variational", 0.5),
+        Start((0.0,), (1.0,)),
+        Grid(0.1, 1_000_000, 250_000),
+        {},
+    )
+    assert (
+        np.abs(
+            found.positions[:, 0] / np.array([1.0, 25e3, 5e4, 75e3, 1e5]) - [0, 1, 1, 1, 1]
+        ).max()
+        < 4e-16
+    )
 
 
 def test_records_are_decimated_and_the_last_step_is_always_there() -> None:
@@ -173,7 +209,9 @@ def test_records_are_decimated_and_the_last_step_is_always_there() -> None:
 def test_maxima_count_every_step() -> None:
     observed = (DISK_ENERGY,)
     every = run(DISK, MethodChoice("variational", 0.0), disk_start(), Grid(0.1, 500), C, observed)
-    some = run(DISK, MethodChoice("variational", 0.0), disk_start(), Grid(0.1, 500, 499), C, observed)
+    some = run(
+        DISK, MethodChoice("variational", 0.0), disk_start(), Grid(0.1, 500, 499), C, observed
+    )
     assert some.maxima["energy"] == every.maxima["energy"] == np.abs(every.series["energy"]).max()
 
 
@@ -188,7 +226,14 @@ def test_short_runs(steps: int, every: int) -> None:
 
 
 def test_a_run_can_be_stopped() -> None:
-    found = run(DISK, MethodChoice("variational", 0.5), disk_start(), Grid(1e-6, 10**9, 10**6), C, stop=lambda: True)
+    found = run(
+        DISK,
+        MethodChoice("variational", 0.5),
+        disk_start(),
+        Grid(1e-6, 10**9, 10**6),
+        C,
+        stop=lambda: True,
+    )
     assert found.outcome.kind == "cancelled"
 
 
@@ -208,6 +253,11 @@ def test_a_composition_of_a_step_that_is_not_symmetric_is_refused() -> None:
 
 
 def test_a_redundant_constraint_is_refused() -> None:
-    twice = problem("x y", lagrangian="1/2*(x'^2 + y'^2)", constraints=("x' - y'", "2*x' - 2*y'"), free="x'^2 + y'^2")
+    twice = problem(
+        "x y",
+        lagrangian="1/2*(x'^2 + y'^2)",
+        constraints=("x' - y'", "2*x' - 2*y'"),
+        free="x'^2 + y'^2",
+    )
     with pytest.raises(InputError, match="not independent"):
         run(twice, MethodChoice("modified"), Start((0.0, 0.0), (1.0, 1.0)), Grid(0.1, 1), {})

@@ -1,4 +1,6 @@
-"""An undefined formula is reported: a function without a formula, a start outside the domain, a column, an event."""
+"""An undefined formula is reported: a function without a formula, a start outside the domain, a
+column, an event.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,15 @@ from inverse_service.service.scenes.simulating import simulate
 from inverse_service.service.scenes.work_precision import work_precision
 from inverse_service.web.pages.simulations import notes_of
 
-METHODS = ["variational", "nonholonomic", "runge-kutta", "reference", "adaptive", "stiff", "stormer-verlet"]
+METHODS = [
+    "variational",
+    "nonholonomic",
+    "runge-kutta",
+    "reference",
+    "adaptive",
+    "stiff",
+    "stormer-verlet",
+]
 
 
 def test_a_function_without_a_value_is_refused_as_input() -> None:
@@ -48,11 +58,19 @@ def test_the_member_that_begins_outside_ends_there(method: str) -> None:
     ensemble = {"initial": [{"positions": {"x": x}, "velocities": {"x": 0}} for x in (6, 7, 4)]}
     (found,) = run("x'^2/2 + log(x - 5)", 6, ensemble=ensemble, methods=[method])["methods"]
     assert found["outcome"] == "partly"
-    assert [(each["member"], each["outcome"], each["step"]) for each in found["ended"]] == [(2, "off_domain", 0)]
+    assert [(each["member"], each["outcome"], each["step"]) for each in found["ended"]] == [
+        (2, "off_domain", 0)
+    ]
 
 
 def test_an_observable_without_a_value_is_noted() -> None:
-    result = run("x'^2/2 - x^2/2", observe=[{"F": "sqrt(x)"}, {"G": "x"}], time=6, steps=None, methods=["adaptive"])
+    result = run(
+        "x'^2/2 - x^2/2",
+        observe=[{"F": "sqrt(x)"}, {"G": "x"}],
+        time=6,
+        steps=None,
+        methods=["adaptive"],
+    )
     found = result["methods"][0]["observables"]
     assert "no value at" in found["F"]["note"]
     assert "note" not in found["G"]
@@ -60,7 +78,11 @@ def test_an_observable_without_a_value_is_noted() -> None:
 
 
 def test_an_event_whose_formula_has_no_value_is_noted() -> None:
-    result = run("x'^2/2 - x^2/2", events=[{"when": "log(x - 5)"}, {"when": "x^2 + 1"}], methods=["variational"])
+    result = run(
+        "x'^2/2 - x^2/2",
+        events=[{"when": "log(x - 5)"}, {"when": "x^2 + 1"}],
+        methods=["variational"],
+    )
     lost, never = result["methods"][0]["events"]
     assert "no value at 41" in lost["note"]
     assert lost["count"] == never["count"] == 0

@@ -22,9 +22,11 @@ PROBLEMS: dict[str, tuple[Problem, Start, dict[str, float]]] = {
     "robot": (ROBOT, ROBOT_START, {"k": 2.0}),
     "contact": (CONTACT, contact_start(), {"k": 0.3}),
 }
-# order: (span, steps of the coarsest run, allowed difference); long spans keep high orders above round-off.
+# order: (span, steps of the coarsest run, allowed difference); long spans keep high orders above
+# round-off.
 COARSE = defaultdict(
-    lambda: (4, 20, 0.1), {1: (4, 100, 0.1), 2: (4, 48, 0.1), 5: (4, 20, 0.15), 6: (4, 12, 0.1), 8: (40, 80, 0.5)}
+    lambda: (4, 20, 0.1),
+    {1: (4, 100, 0.1), 2: (4, 48, 0.1), 5: (4, 20, 0.15), 6: (4, 12, 0.1), 8: (40, 80, 0.5)},
 )
 IMPLICIT = [
     *(("variational", problem) for problem in ("disk", "particle", "pendulum")),
@@ -34,10 +36,14 @@ IMPLICIT = [
 
 
 def measured_order(problem: str, choice: MethodChoice, order: int) -> float:
-    """log2 of the ratio of the greatest errors at four times for h and h/2, the finest pair above round-off."""
+    """log2 of the ratio of the greatest errors at four times for h and h/2, the finest pair above
+    round-off.
+    """
     span, steps, _ = COARSE[order]
     what, start, values = PROBLEMS[problem]
-    reference = run(what, MethodChoice("reference"), start, Grid(0.01, 100 * span, 25 * span), values)
+    reference = run(
+        what, MethodChoice("reference"), start, Grid(0.01, 100 * span, 25 * span), values
+    )
     assert reference.outcome.completed
     errors: list[float] = []
     for count in (steps * 2**k for k in range(5)):
@@ -67,7 +73,9 @@ def test_other_alphas_have_order_one(method: str, problem: str, alpha: float) ->
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("method", "problem"), [("nonholonomic", "robot"), ("nonholonomic", "contact")])
+@pytest.mark.parametrize(
+    ("method", "problem"), [("nonholonomic", "robot"), ("nonholonomic", "contact")]
+)
 @pytest.mark.parametrize("alpha", [0.0, 0.3, 1.0])
 def test_symmetrised_has_order_two(method: str, problem: str, alpha: float) -> None:
     choice = MethodChoice(method, alpha, symmetrised=True)
@@ -87,5 +95,6 @@ def test_symmetrised_variational_has_order_two(form: str, alpha: float) -> None:
 @pytest.mark.parametrize("order", RUNGE_KUTTA)
 def test_runge_kutta(problem: str, order: int) -> None:
     found = measured_order(problem, MethodChoice("runge_kutta", order=order), order)
-    # On the pendulum's closed curve the leading term of DOP853 nearly cancels, so its measured order is higher.
+    # On the pendulum's closed curve the leading term of DOP853 nearly cancels, so its measured
+    # order is higher.
     assert order - COARSE[order][2] < found < order + (2 if order == 8 else COARSE[order][2])

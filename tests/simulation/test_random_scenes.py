@@ -13,7 +13,9 @@ SAMPLE = (0, 4, 37)
 def complaints(seed: int, patch: pytest.MonkeyPatch) -> tuple[list[Verdict], int]:
     patch.setattr(scene_lagrangian, "SOLVE_SECONDS", 2.0)
     found = list(verdicts(seed))
-    return [one for one in found if one.complaint], sum(one.pair == ("completed", "completed") for one in found)
+    return [one for one in found if one.complaint], sum(
+        one.pair == ("completed", "completed") for one in found
+    )
 
 
 @pytest.mark.slow

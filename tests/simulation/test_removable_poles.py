@@ -1,6 +1,8 @@
-"""Motions through points at which the masses of the coordinates are singular and those on the constraints are not.
+"""Motions through points at which the masses of the coordinates are singular and those on the
+constraints are not.
 
-Each is compared with the equations of its free coordinates, which are regular, written by hand, by SciPy's DOP853.
+Each is compared with the equations of its free coordinates, which are regular, written by hand, by
+SciPy's DOP853.
 """
 
 from collections.abc import Callable
@@ -17,7 +19,9 @@ TIME = 5.0
 
 
 def disk(t: float, y: Array) -> list[float]:
-    """A disk that falls over without turning or spinning is a pendulum with its rim at rest: q2 and q2'."""
+    """A disk that falls over without turning or spinning is a pendulum with its rim at rest: q2 and
+    q2'.
+    """
     return [y[1], 9.81 * np.sin(y[0]) / (0.25 + 1)]
 
 

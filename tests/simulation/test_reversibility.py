@@ -1,4 +1,6 @@
-"""The good long-time behavior of the nonholonomic method depends on reversibility: measured on two oscillators."""
+"""The good long-time behavior of the nonholonomic method depends on reversibility: measured on two
+oscillators.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ from inverse_service.simulation.scene_data import Grid, MethodChoice, Problem
 
 K = {"k": 0.3}
 # The reflections of space that keep x' + y z' = 0.
-REFLECTIONS = [signs for signs in itertools.product((1, -1), repeat=3) if signs[0] == signs[1] * signs[2]]
+REFLECTIONS = [
+    signs for signs in itertools.product((1, -1), repeat=3) if signs[0] == signs[1] * signs[2]
+]
 
 
 def reversors(problem: Problem) -> list[tuple[int, int, int]]:
@@ -29,9 +33,13 @@ def reversors(problem: Problem) -> list[tuple[int, int, int]]:
 
     def accelerations(positions: Array, velocities: Array) -> Array:
         table = table_of(problem.coordinates, positions, velocities, K)
-        return np.stack([arrays.array_value(tree, table) for tree in problem.accelerations or ()], axis=1)
+        return np.stack(
+            [arrays.array_value(tree, table) for tree in problem.accelerations or ()], axis=1
+        )
 
-    return [s for s in REFLECTIONS if np.allclose(accelerations(q * s, -v * s), accelerations(q, v) * s)]
+    return [
+        s for s in REFLECTIONS if np.allclose(accelerations(q * s, -v * s), accelerations(q, v) * s)
+    ]
 
 
 def drift(problem: Problem, method: MethodChoice, step: float, length: float) -> float:

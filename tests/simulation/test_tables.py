@@ -13,7 +13,8 @@ from inverse_service.simulation.circles import circle_drift
 from inverse_service.simulation.execution import run
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Start
 
-# method, alpha, radial distance / R, R_last / R_first - 1, energy, discrete constraint; None for round-off.
+# method, alpha, radial distance / R, R_last / R_first - 1, energy, discrete constraint; None for
+# round-off.
 TABLE = [
     ("variational", 0.0, 1.8e-1, -9e-5, 4.2e-2, 1.2e-2),
     ("variational", 0.5, 3.4e-3, 3e-7, 1.8e-3, 5e-4),
@@ -23,7 +24,9 @@ TABLE = [
     ("nonholonomic", 1.0, 797.0, 530.0, 3.8e5, None),
 ]
 START = Start(
-    (0.3, 0.0, 0.0, 0.0), (1.0, 0.5, 0.5 * math.cos(0.3), 0.5 * math.sin(0.3)), convention="discrete_constraint"
+    (0.3, 0.0, 0.0, 0.0),
+    (1.0, 0.5, 0.5 * math.cos(0.3), 0.5 * math.sin(0.3)),
+    convention="discrete_constraint",
 )
 OBSERVED = (DISK_ENERGY, *DISK_CONSTRAINTS)
 
@@ -31,7 +34,12 @@ OBSERVED = (DISK_ENERGY, *DISK_CONSTRAINTS)
 @pytest.mark.slow
 @pytest.mark.parametrize(("method", "alpha", "radial", "growth", "energy", "constraint"), TABLE)
 def test_disk_table(
-    method: str, alpha: float, radial: float, growth: float | None, energy: float | None, constraint: float | None
+    method: str,
+    alpha: float,
+    radial: float,
+    growth: float | None,
+    energy: float | None,
+    constraint: float | None,
 ) -> None:
     found = run(DISK, MethodChoice(method, alpha), START, Grid(0.2, 500), {"c": 1.0}, OBSERVED)
     assert found.outcome.completed
@@ -46,14 +54,21 @@ def test_disk_table(
     assert drift == pytest.approx(energy, rel=0.05) if energy else drift < 2e-12
     worst = max(found.maxima["constraint 0"], found.maxima["constraint 1"])
     # Round-off; the coordinates of the outward spiral grow to 800 R.
-    assert worst == pytest.approx(constraint, rel=0.05) if constraint else worst < (1e-13 if alpha == 1 else 1e-14)
+    assert (
+        worst == pytest.approx(constraint, rel=0.05)
+        if constraint
+        else worst < (1e-13 if alpha == 1 else 1e-14)
+    )
 
 
 @pytest.mark.parametrize(
-    ("alpha", "ratio"), [(0.0, 0.996669443519), (1 / 3, 0.998888991766), (0.5, 1.0), (1.0, 1.003341686156)]
+    ("alpha", "ratio"),
+    [(0.0, 0.996669443519), (1 / 3, 0.998888991766), (0.5, 1.0), (1.0, 1.003341686156)],
 )
 def test_disk_radius_ratio_is_exact(alpha: float, ratio: float) -> None:
-    """Chord lengths shrink or grow by (1/2 + cos((1 - alpha) D))/(1/2 + cos(alpha D)) each step, D = h phi'."""
+    """Chord lengths shrink or grow by (1/2 + cos((1 - alpha) D))/(1/2 + cos(alpha D)) each step, D
+    = h phi'.
+    """
     found = run(DISK, MethodChoice("nonholonomic", alpha), START, Grid(0.1, 40), {"c": 1.0})
     rolled = np.diff(found.positions[:, 1])
     expected = (0.5 + math.cos((1 - alpha) * 0.1)) / (0.5 + math.cos(alpha * 0.1))
@@ -91,7 +106,9 @@ def test_explicit_formula_of_the_class() -> None:
 def test_free_constants_set_the_accuracy(constant: float, misfit: float) -> None:
     """The variational error in r1 is proportional to C, with one kernel for all values."""
     found = run(DISK, MethodChoice("variational", 0.0), START, Grid(0.05, 2000), {"c": constant})
-    assert np.abs(found.positions[:, 0] - 0.3 - found.times).max() == pytest.approx(misfit, rel=0.05)
+    assert np.abs(found.positions[:, 0] - 0.3 - found.times).max() == pytest.approx(
+        misfit, rel=0.05
+    )
 
 
 @pytest.mark.slow
@@ -104,5 +121,7 @@ def test_starting_from_momenta_makes_one_half_the_best() -> None:
         return float(np.abs(found.positions[:, 2] - truth).max())
 
     for method in ("variational", "nonholonomic"):
-        errors = {alpha: error(alpha, method) for alpha in (0.0, 1 / 5, 1 / 3, 1 / 2, 2 / 3, 4 / 5, 1.0)}
+        errors = {
+            alpha: error(alpha, method) for alpha in (0.0, 1 / 5, 1 / 3, 1 / 2, 2 / 3, 4 / 5, 1.0)
+        }
         assert min(errors, key=lambda alpha: errors[alpha]) == 0.5

@@ -1,4 +1,6 @@
-"""Systems with t: every method converges to the known solution with its order, and no energy is reported."""
+"""Systems with t: every method converges to the known solution with its order, and no energy is
+reported.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,11 @@ from inverse_service.service.scenes.simulating import simulate
 
 W = 2.0
 FORCED: dict[str, Any] = {
-    "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2 + x*cos(w*t)", "parameters": ["w"]},
+    "system": {
+        "coordinates": ["x"],
+        "lagrangian": "x'^2/2 - x^2/2 + x*cos(w*t)",
+        "parameters": ["w"],
+    },
     "parameters": {"w": W},
     "initial": {"positions": {"x": "1/2"}, "velocities": {"x": 1}},
 }
@@ -37,7 +43,9 @@ def damped(t: Any) -> Any:
 
 
 def errors(scene: dict[str, Any], method: dict[str, Any], true: Any, steps: int) -> float:
-    found = simulate(scene | {"step": 10 / steps, "steps": steps, "methods": [method]})["methods"][0]
+    found = simulate(scene | {"step": 10 / steps, "steps": steps, "methods": [method]})["methods"][
+        0
+    ]
     assert found["outcome"] == "completed"
     columns = found["points"]["columns"]
     return float(np.abs(np.array(columns["x"]) - true(np.array(columns["t"]))).max())
@@ -54,15 +62,21 @@ METHODS: list[tuple[dict[str, Any], float]] = [
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("scene", "true"), [(FORCED, forced), (GIVEN, damped)], ids=["forced", "damped"])
+@pytest.mark.parametrize(
+    ("scene", "true"), [(FORCED, forced), (GIVEN, damped)], ids=["forced", "damped"]
+)
 @pytest.mark.parametrize(("method", "order"), METHODS, ids=[str(method) for method, _ in METHODS])
-def test_methods_have_their_order(scene: dict[str, Any], true: Any, method: dict[str, Any], order: float) -> None:
+def test_methods_have_their_order(
+    scene: dict[str, Any], true: Any, method: dict[str, Any], order: float
+) -> None:
     coarse, fine = (errors(scene, method, true, steps) for steps in (400, 800))
     assert np.log2(coarse / fine) == pytest.approx(order, abs=0.12)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("scene", "true"), [(FORCED, forced), (DAMPED, damped)], ids=["forced", "damped"])
+@pytest.mark.parametrize(
+    ("scene", "true"), [(FORCED, forced), (DAMPED, damped)], ids=["forced", "damped"]
+)
 @pytest.mark.parametrize("method", ["reference", "heyoka"])
 def test_references_meet_the_known_solution(scene: dict[str, Any], true: Any, method: str) -> None:
     if method == "heyoka":
@@ -83,7 +97,9 @@ def test_the_lagrangian_of_a_damped_system_is_found_with_t() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("method", "order"), [({"method": "nonholonomic"}, 2), ({"method": "runge-kutta"}, 4),
                                                ({"method": "nonholonomic", "order": 4}, 4)])  # fmt: skip
-def test_a_driven_constrained_system_keeps_constraint_and_order(method: dict[str, Any], order: int) -> None:
+def test_a_driven_constrained_system_keeps_constraint_and_order(
+    method: dict[str, Any], order: int
+) -> None:
     driven = {
         "system": {"coordinates": ["phi", "theta", "x", "y"],
                    "constraints": ["x' - cos(phi)*theta'", "y' - sin(phi)*theta'"],
@@ -91,14 +107,21 @@ def test_a_driven_constrained_system_keeps_constraint_and_order(method: dict[str
         "initial": {"positions": {"phi": 0.1, "theta": 0, "x": 0, "y": 0}, "velocities": {"phi": 1, "theta": 1}},
         "methods": [method], "observe": ["error", "constraints"],
     }  # fmt: skip
-    coarse, fine = (simulate(driven | {"step": 5 / steps, "steps": steps})["methods"][0] for steps in (200, 400))
+    coarse, fine = (
+        simulate(driven | {"step": 5 / steps, "steps": steps})["methods"][0] for steps in (200, 400)
+    )
     assert np.log2(coarse["max_error"] / fine["max_error"]) == pytest.approx(order, abs=0.15)
     if method["method"] == "nonholonomic":
         assert fine["max_constraint"] < 1e-14
 
 
 def test_an_energy_that_is_not_constant_has_no_error() -> None:
-    scene = FORCED | {"step": 0.1, "steps": 50, "observe": ["energy"], "methods": ["variational", "reference"]}
+    scene = FORCED | {
+        "step": 0.1,
+        "steps": 50,
+        "observe": ["energy"],
+        "methods": ["variational", "reference"],
+    }
     for method in simulate(scene)["methods"]:
         assert method["max_energy_error"] is None
         assert "contains t" in method["energy_note"]
@@ -115,7 +138,12 @@ def test_the_energy_of_a_driven_system_is_that_of_its_motion() -> None:
 
 
 def test_a_lagrangian_that_has_other_motions_is_refused() -> None:
-    scene = DAMPED | {"step": 0.1, "steps": 5, "methods": ["variational"], "free_lagrangian": "exp(t)*(x'^2 - x^2)"}
+    scene = DAMPED | {
+        "step": 0.1,
+        "steps": 5,
+        "methods": ["variational"],
+        "free_lagrangian": "exp(t)*(x'^2 - x^2)",
+    }
     with pytest.raises(InputError, match="does not solve"):
         simulate(scene)
 
@@ -134,8 +162,19 @@ FORCES = ["log(t)", "1/t", "sqrt(t - 1)"]
 def test_a_force_undefined_at_the_start_does_not_complete(force: str) -> None:
     """The midpoint and the collocation points would skip it unnoticed."""
     system = {"coordinates": ["x"], "lagrangian": f"x'^2/2 + x*{force}"}
-    methods = ["variational", {"method": "variational", "form": "raw"}, "nonholonomic", "runge-kutta", "reference"]
-    scene = {"system": system, "initial": {"positions": {"x": 0}, "velocities": {"x": 1}}, "step": 0.1, "steps": 10}
+    methods = [
+        "variational",
+        {"method": "variational", "form": "raw"},
+        "nonholonomic",
+        "runge-kutta",
+        "reference",
+    ]
+    scene = {
+        "system": system,
+        "initial": {"positions": {"x": 0}, "velocities": {"x": 1}},
+        "step": 0.1,
+        "steps": 10,
+    }
     for method in simulate(scene | {"methods": methods})["methods"]:
         assert method["outcome"] == "off_domain"
         assert "t = 0" in method["stopped"]["quantity"]
@@ -143,13 +182,19 @@ def test_a_force_undefined_at_the_start_does_not_complete(force: str) -> None:
 
 def test_heyoka_at_such_a_start_is_not_finite() -> None:
     pytest.importorskip("heyoka")
-    scene = FORCED | {"system": {"coordinates": ["x"], "equations": {"x": "log(t)"}}, "parameters": {}}
+    scene = FORCED | {
+        "system": {"coordinates": ["x"], "equations": {"x": "log(t)"}},
+        "parameters": {},
+    }
     scene |= {"step": 0.1, "steps": 10, "methods": ["heyoka"], "observe": ["energy", "velocities"]}
     assert simulate(scene)["methods"][0]["outcome"] == "not_finite"
 
 
 def test_an_energy_with_t_is_observed_where_the_motion_has_none() -> None:
-    scene = FORCED | {"system": {"coordinates": ["x"], "lagrangian": "x'^2/2 + 1/(t + 1)"}, "parameters": {}}
+    scene = FORCED | {
+        "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 + 1/(t + 1)"},
+        "parameters": {},
+    }
     scene |= {"step": 0.1, "steps": 10, "methods": ["runge-kutta"], "observe": ["energy"]}
     energies = simulate(scene)["methods"][0]["points"]["columns"]["energy"]
     assert energies[-1] == pytest.approx(0.5 - 1 / 2, abs=0.06)

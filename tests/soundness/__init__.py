@@ -1,1 +1,3 @@
-"""The soundness campaign: decide, check, disguise, and rewrite thousands of systems, and corrupt certificates."""
+"""The soundness campaign: decide, check, disguise, and rewrite thousands of systems, and corrupt
+certificates.
+"""

@@ -1,4 +1,6 @@
-"""Run many cases on all cores; each outcome is a line of a file, and cases with a line are not repeated."""
+"""Run many cases on all cores; each outcome is a line of a file, and cases with a line are not
+repeated.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ Task = tuple[str, int, int]
 _EVERY = 5.0
 
 
-def run(counts: Mapping[str, int], seed: int, folder: Path, processes: int | None = None) -> list[Line]:
+def run(
+    counts: Mapping[str, int], seed: int, folder: Path, processes: int | None = None
+) -> list[Line]:
     """All outcomes of the kinds and counts, including those of earlier runs with this seed."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"cases-{seed}.ndjson"
@@ -28,7 +32,9 @@ def run(counts: Mapping[str, int], seed: int, folder: Path, processes: int | Non
     ordered = sorted(wanted, key=lambda case: case[1] / counts[case[0]])
     open_tasks = [(kind, seed, index) for kind, index in ordered if (kind, index) not in known]
     with path.open("a", encoding="utf-8") as file:
-        for line in _shown(_outcomes(open_tasks, processes or os.cpu_count() or 1), len(open_tasks)):
+        for line in _shown(
+            _outcomes(open_tasks, processes or os.cpu_count() or 1), len(open_tasks)
+        ):
             file.write(json.dumps(line) + "\n")
             file.flush()
             known[line["kind"], line["index"]] = line
@@ -38,7 +44,11 @@ def run(counts: Mapping[str, int], seed: int, folder: Path, processes: int | Non
 def done(counts: Mapping[str, int], seed: int, folder: Path) -> list[Line]:
     """The outcomes so far of an unfinished campaign."""
     order = {kind: place for place, kind in enumerate(counts)}
-    lines = [line for line in _read(folder / f"cases-{seed}.ndjson") if line["index"] < counts.get(line["kind"], 0)]
+    lines = [
+        line
+        for line in _read(folder / f"cases-{seed}.ndjson")
+        if line["index"] < counts.get(line["kind"], 0)
+    ]
     return sorted(lines, key=lambda line: (order[line["kind"]], line["index"]))
 
 
@@ -74,5 +84,9 @@ def _shown(lines: Iterator[Line], total: int) -> Iterator[Line]:
             print(f"WRONG {line['kind']} {line['index']}: {sentence}", file=sys.stderr, flush=True)
         if time.monotonic() > last + _EVERY or count == total:
             last = time.monotonic()
-            print(f"{count} of {total} cases, {wrong} wrong, now {line['kind']}", file=sys.stderr, flush=True)
+            print(
+                f"{count} of {total} cases, {wrong} wrong, now {line['kind']}",
+                file=sys.stderr,
+                flush=True,
+            )
         yield line

@@ -1,4 +1,6 @@
-"""One case of the campaign: generated from its kind, seed, and number, decided, and judged; never raises."""
+"""One case of the campaign: generated from its kind, seed, and number, decided, and judged; never
+raises.
+"""
 
 from __future__ import annotations
 
@@ -84,14 +86,18 @@ def note(outcome: Outcome, found: Decided) -> str:
 
 
 def confirm(outcome: Outcome, found: Decided) -> dict[str, Any] | None:
-    """Return the certificate, if there is one; if the checker rejects it, the verdict or the proof is wrong."""
+    """Return the certificate, if there is one; if the checker rejects it, the verdict or the proof
+    is wrong.
+    """
     if found.analysis is None or found.decision.verdict == "undetermined":
         return None
     certificate = certify.of_decision(found.analysis, found.decision)
     checked = check_certificate(certificate, time_limit=CHECK_LIMIT)
     outcome.checked[checked.verdict] = outcome.checked.get(checked.verdict, 0) + 1
     if checked.verdict == "invalid":
-        outcome.wrong.append(f"the checker refused {certificate['system']['equations']}: {'; '.join(checked.reasons)}")
+        outcome.wrong.append(
+            f"the checker refused {certificate['system']['equations']}: {'; '.join(checked.reasons)}"
+        )
     return certificate if checked.verdict == "valid" else None
 
 
@@ -153,11 +159,15 @@ def rewriting(outcome: Outcome, seed: int, index: int) -> None:
 
 
 def _expect_equal(outcome: Outcome, first: Decision, second: Decision, shown: str) -> None:
-    """Compare verdict, order, and all dimensions, which do not depend on coordinates and notation."""
+    """Compare verdict, order, and all dimensions, which do not depend on coordinates and
+    notation.
+    """
     if "undetermined" in (first.verdict, second.verdict):
         return
     if (first.verdict, first.history) != (second.verdict, second.history):
-        outcome.wrong.append(f"{first.verdict} {first.history} and {second.verdict} {second.history}: {shown}")
+        outcome.wrong.append(
+            f"{first.verdict} {first.history} and {second.verdict} {second.history}: {shown}"
+        )
 
 
 def corruption(outcome: Outcome, seed: int, index: int) -> None:

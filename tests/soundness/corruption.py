@@ -1,7 +1,7 @@
 """Corrupt certificates so that their claims are false; the checker must never accept them.
 
-Each corruption is false by construction: decision and checker confirmed the verdict of the system, and the corrupted
-certificate claims another verdict, or another value of a unique number.
+Each corruption is false by construction: decision and checker confirmed the verdict of the system,
+and the corrupted certificate claims another verdict, or another value of a unique number.
 """
 
 from __future__ import annotations
@@ -25,14 +25,25 @@ TIME_LIMIT = 20.0
 
 
 def corruptions(right: Certificate, other: Certificate, rng: random.Random) -> Iterator[Spoilt]:
-    """Corrupted copies of a valid certificate; `other` is a valid one of the other verdict, in the same coordinates."""
+    """Corrupted copies of a valid certificate; `other` is a valid one of the other verdict, in the
+    same coordinates.
+    """
     yield "claim turned round", _with(right, claim=_opposite(right["claim"]))
-    yield "the proof of another system", _with(other, system=right["system"], near=right.get("near"), series=None)
+    yield (
+        "the proof of another system",
+        _with(other, system=right["system"], near=right.get("near"), series=None),
+    )
     if right["kind"] == "nonexistence":
         yield "no rows", _with(right, rows=[])
-        yield "rows kept, order lowered", _with(right, order=0, rows=[row for row in right["rows"] if _degree(row) > 0])
+        yield (
+            "rows kept, order lowered",
+            _with(right, order=0, rows=[row for row in right["rows"] if _degree(row) > 0]),
+        )
         yield "a row twice", _with(right, rows=[*right["rows"], rng.choice(right["rows"])])
-        yield "an index out of range", _with(right, rows=[[kind, i, 9, alpha] for kind, i, _, alpha in right["rows"]])
+        yield (
+            "an index out of range",
+            _with(right, rows=[[kind, i, 9, alpha] for kind, i, _, alpha in right["rows"]]),
+        )
     else:
         yield from _spoilt_numbers(right, rng)
         yield "every row of low order against it", _all_rows(right)
@@ -40,9 +51,17 @@ def corruptions(right: Certificate, other: Certificate, rng: random.Random) -> I
         yield "a series with g(p) = 0", _spoilt_series(right)
 
 
-def spoilt_lagrangians(right: Certificate, system: GeneratedSystem, rng: random.Random) -> Iterator[Spoilt]:
-    """Certificates of kind lagrangian that are false: singular, another force, another coefficient."""
-    head = {key: value for key, value in right.items() if key in ("format", "system", "question", "near")}
+def spoilt_lagrangians(
+    right: Certificate, system: GeneratedSystem, rng: random.Random
+) -> Iterator[Spoilt]:
+    """Certificates of kind lagrangian that are false: singular, another force, another
+    coefficient.
+    """
+    head = {
+        key: value
+        for key, value in right.items()
+        if key in ("format", "system", "question", "near")
+    }
     head |= {"claim": "variational", "kind": "lagrangian"}
     good, q = system.lagrangian, rng.choice(system.coordinates)
     total = "+".join(f"{name}'" for name in system.coordinates)
@@ -52,13 +71,19 @@ def spoilt_lagrangians(right: Certificate, system: GeneratedSystem, rng: random.
     yield "a spring added", head | {"lagrangian": f"{good}-({q}-{rng.randint(2, 9)})^2"}
     yield "claimed against", head | {"lagrangian": good, "claim": "not_variational"}
     terms = sympy.Add.make_args(sympy.expand(system.lagrangian_expression))
-    altered = system.lagrangian_expression + rng.choice((1, -2, sympy.Rational(1, 1000))) * rng.choice(terms)
-    if all(residual(altered, system.accelerations, system.space, seed)[0] > 1e-12 for seed in (1, 2)):
+    altered = system.lagrangian_expression + rng.choice(
+        (1, -2, sympy.Rational(1, 1000))
+    ) * rng.choice(terms)
+    if all(
+        residual(altered, system.accelerations, system.space, seed)[0] > 1e-12 for seed in (1, 2)
+    ):
         yield "a coefficient of the Lagrangian", head | {"lagrangian": text(altered)}
 
 
 def found_valid(spoilt: Iterator[Spoilt]) -> tuple[dict[str, int], list[Spoilt]]:
-    """How often the checker rejected (invalid) or could not judge (incomplete), and which ones it accepted."""
+    """How often the checker rejected (invalid) or could not judge (incomplete), and which ones it
+    accepted.
+    """
     counts: dict[str, int] = {}
     wrong = []
     for name, certificate in spoilt:
@@ -111,7 +136,9 @@ def _all_rows(right: Certificate, order: int = 2) -> Certificate:
     rows: list[list[Any]] = []
     for kind, most in (("H2", order - 1), ("H3", order)):
         pairs = [(i, j) for i in range(n) for j in range(i, n) if kind == "H2" or i < j]
-        indices = [list(a) for a in itertools.product(range(most + 1), repeat=size) if sum(a) <= most]
+        indices = [
+            list(a) for a in itertools.product(range(most + 1), repeat=size) if sum(a) <= most
+        ]
         rows += [[kind, i, j, alpha] for i, j in pairs for alpha in indices]
     kept = {key: right[key] for key in ("format", "system", "question", "near") if key in right}
     return kept | {"claim": "not_variational", "kind": "nonexistence", "order": order, "rows": rows}

@@ -84,7 +84,9 @@ def summary(lines: Sequence[Line]) -> Counter[str]:
     counts: Counter[str] = Counter(verdict for line in lines for verdict in line["verdicts"])
     for line in lines:
         counts.update({f"checked {verdict}": count for verdict, count in line["checked"].items()})
-        counts.update({f"corrupted {verdict}": count for verdict, count in line["corrupted"].items()})
+        counts.update(
+            {f"corrupted {verdict}": count for verdict, count in line["corrupted"].items()}
+        )
         counts["wrong"] += len(line["wrong"])
     return counts
 
@@ -95,7 +97,15 @@ def _kinds_table(lines: Sequence[Line]) -> str:
         of_kind = [line for line in lines if line["kind"] == kind]
         counts = summary(of_kind)
         checks = [counts[f"checked {verdict}"] for verdict in ("valid", "incomplete", "invalid")]
-        rows.append([kind, len(of_kind), *(counts[verdict] for verdict in VERDICTS), *checks, counts["wrong"]])
+        rows.append(
+            [
+                kind,
+                len(of_kind),
+                *(counts[verdict] for verdict in VERDICTS),
+                *checks,
+                counts["wrong"],
+            ]
+        )
     head = ["kind", "cases", *(verdict.replace("_", " ") for verdict in VERDICTS)]
     return table([*head, "checked: valid", "incomplete", "invalid", "**wrong**"], rows)
 
@@ -106,7 +116,9 @@ def _sizes_table(lines: Sequence[Line]) -> str:
         of_size = [line for line in lines if line["n"] == n]
         counts = summary(of_size)
         rows.append([n, len(of_size), *(counts[verdict] for verdict in VERDICTS), counts["wrong"]])
-    return table(["n", "cases", *(verdict.replace("_", " ") for verdict in VERDICTS), "wrong"], rows)
+    return table(
+        ["n", "cases", *(verdict.replace("_", " ") for verdict in VERDICTS), "wrong"], rows
+    )
 
 
 def _reasons(lines: Sequence[Line]) -> str:
@@ -121,7 +133,9 @@ def _corrupted(lines: Sequence[Line]) -> str:
     total = sum(counts[f"corrupted {verdict}"] for verdict in ("valid", "incomplete", "invalid"))
     if not total:
         return "None were made."
-    invalid, incomplete, valid = (counts[f"corrupted {verdict}"] for verdict in ("invalid", "incomplete", "valid"))
+    invalid, incomplete, valid = (
+        counts[f"corrupted {verdict}"] for verdict in ("invalid", "incomplete", "valid")
+    )
     return (
         f"{total} certificates: {invalid} invalid, {incomplete} incomplete, {valid} valid (each of these would be a "
         "fault of the checker). Spoilt are the claim, the system, the rows, dimensions, characters, the series, "
@@ -131,7 +145,9 @@ def _corrupted(lines: Sequence[Line]) -> str:
 
 
 def _wrong(lines: Sequence[Line]) -> str:
-    found = [(line["kind"], line["index"], sentence) for line in lines for sentence in line["wrong"]]
+    found = [
+        (line["kind"], line["index"], sentence) for line in lines for sentence in line["wrong"]
+    ]
     if not found:
         return "None."
     return "\n".join(f"- {kind} {index}: {sentence}" for kind, index, sentence in found)

@@ -13,8 +13,18 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 # u is replaced by the argument, already written and in brackets.
 FUNCTION_RULES: dict[str, tuple[str, ...]] = {
-    "sin": ("2*sin(u/2)*cos(u/2)", "(sin(u+1)*cos(1)-cos(u+1)*sin(1))", "(3*sin(u/3)-4*sin(u/3)^3)", "cos(u-pi/2)"),
-    "cos": ("(1-2*sin(u/2)^2)", "(2*cos(u/2)^2-1)", "(cos(u+1)*cos(1)+sin(u+1)*sin(1))", "sin(u+pi/2)"),
+    "sin": (
+        "2*sin(u/2)*cos(u/2)",
+        "(sin(u+1)*cos(1)-cos(u+1)*sin(1))",
+        "(3*sin(u/3)-4*sin(u/3)^3)",
+        "cos(u-pi/2)",
+    ),
+    "cos": (
+        "(1-2*sin(u/2)^2)",
+        "(2*cos(u/2)^2-1)",
+        "(cos(u+1)*cos(1)+sin(u+1)*sin(1))",
+        "sin(u+pi/2)",
+    ),
     "exp": ("exp(u/2)^2", "(cosh(u)+sinh(u))", "exp(u+1)/exp(1)", "1/exp(-u)", "sqrt(exp(2*u))"),
     "log": ("(log(2*u)-log(2))", "2*log(sqrt(u))", "(-log(1/u))", "log(u^3)/3"),
 }
@@ -34,7 +44,10 @@ def rewritten(system: SecondOrderSystem, seed: int) -> dict[str, str]:
     """The equations with some parts rewritten, including at least one factor 1."""
     rng = random.Random(f"rewritten/{seed}")
     names = [*system.coordinates, *(f"{name}'" for name in system.coordinates)]
-    equations = {name: written(f, rng) for name, f in zip(system.coordinates, system.accelerations, strict=True)}
+    equations = {
+        name: written(f, rng)
+        for name, f in zip(system.coordinates, system.accelerations, strict=True)
+    }
     chosen = rng.choice(system.coordinates)
     one = _put(rng.choice(ONES), u=rng.choice(names))
     equations[chosen] = f"({equations[chosen]})*{one}"
@@ -59,7 +72,11 @@ def written(expression: ex.Expression, rng: random.Random) -> str:
         case ex.Apply(function, argument):
             inside = f"({written(argument, rng)})"
             rules = FUNCTION_RULES.get(function, ())
-            return _put(rng.choice(rules), u=inside) if rules and rng.random() < 0.7 else f"{function}{inside}"
+            return (
+                _put(rng.choice(rules), u=inside)
+                if rules and rng.random() < 0.7
+                else f"{function}{inside}"
+            )
         case _:
             raise ValueError(f"{type(expression).__name__} is not rewritten")
 

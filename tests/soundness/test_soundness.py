@@ -24,7 +24,8 @@ EQUATIONS = {"x": "sin(x*y)*x'^2+sqrt(1+x^2)", "y": "exp(x-y)*log(y)*y'+cos(x)*x
 
 
 @pytest.mark.parametrize(
-    "kind", [pytest.param(kind, marks=pytest.mark.slow if kind == "corrupted" else ()) for kind in KINDS]
+    "kind",
+    [pytest.param(kind, marks=pytest.mark.slow if kind == "corrupted" else ()) for kind in KINDS],
 )
 def test_no_verdict_is_wrong(kind: str) -> None:
     count = 4 if kind in ("corrupted", "disguised") else 10
@@ -41,7 +42,9 @@ def test_a_wrong_verdict_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "has a Lagrangian" in run_case("generated", 5, 8).wrong[0]
 
 
-def test_other_dimensions_are_reported_although_the_verdict_is_right(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_dimensions_are_reported_although_the_verdict_is_right(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     answers = iter(range(9))
     right = cases.decide
 
@@ -66,7 +69,9 @@ def test_a_corrupted_certificate_that_is_true_is_reported() -> None:
         "format": "inverse-service/certificate/2", "question": "autonomous", "claim": "variational",
         "kind": "lagrangian", "system": {"coordinates": ["x"], "equations": {"x": "-x"}}, "lagrangian": "x'^2-x^2",
     }  # fmt: skip
-    counts, wrong = found_valid(iter([("nothing", true), ("the sign", {**true, "lagrangian": "x'^2+x^2"})]))
+    counts, wrong = found_valid(
+        iter([("nothing", true), ("the sign", {**true, "lagrangian": "x'^2+x^2"})])
+    )
     assert counts == {"valid": 1, "invalid": 1}
     assert [name for name, _ in wrong] == ["nothing"]
 
@@ -86,7 +91,18 @@ def test_what_is_written_otherwise_has_the_same_values(seed: int) -> None:
             assert abs(evaluate(first, point) - evaluate(second, point)) < 1e-24
 
 
-SMALL = ("--random", "3", "--generated", "2", "--rewritten", "1", "--corrupted", "1", "--disguised", "1")
+SMALL = (
+    "--random",
+    "3",
+    "--generated",
+    "2",
+    "--rewritten",
+    "1",
+    "--corrupted",
+    "1",
+    "--disguised",
+    "1",
+)
 
 
 @pytest.mark.slow
@@ -111,6 +127,8 @@ def test_a_campaign_resumes_and_writes_its_page(tmp_path: Path) -> None:
 def test_a_wrong_verdict_gives_exit_code_one_and_is_on_the_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(campaign, "run_case", lambda kind, _, index: Outcome(kind, index, n=1, wrong=["sentence"]))
+    monkeypatch.setattr(
+        campaign, "run_case", lambda kind, _, index: Outcome(kind, index, n=1, wrong=["sentence"])
+    )
     assert main([*SMALL, "--processes", "1", "--output", str(tmp_path)]) == 1
     assert "- random 2: sentence" in (tmp_path / "soundness.md").read_text()

@@ -33,7 +33,11 @@ def stores(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Stores]:
         address = request.getfixturevalue("postgres").database(f"test{next(COUNT)}")
 
     def open_store() -> JobStore:
-        store: JobStore = SqliteStore(tmp_path / "jobs.sqlite") if request.param == "sqlite" else PostgresStore(address)
+        store: JobStore = (
+            SqliteStore(tmp_path / "jobs.sqlite")
+            if request.param == "sqlite"
+            else PostgresStore(address)
+        )
         opened.append(store)
         return store
 

@@ -1,5 +1,5 @@
-"""Measure the throughput of both stores: `python -m tests.store.measure_store [docs/records/reliability.md]` prints a
-table.
+"""Measure the throughput of both stores: `python -m tests.store.measure_store
+[docs/records/reliability.md]` prints a table.
 
 No engine runs: jobs are accepted, claimed, and answered as fast as the store allows.
 """
@@ -25,7 +25,9 @@ from tests.store.server import programs, server
 JOBS = 2000
 LINES = 10_000
 THREADS = 16
-DOCUMENT = json.dumps({"coordinates": ["x", "y"], "equations": {"x": "-x - y^3", "y": "-2*y - 3*x*y^2"}})
+DOCUMENT = json.dumps(
+    {"coordinates": ["x", "y"], "equations": {"x": "-x - y^3", "y": "-2*y - 3*x*y^2"}}
+)
 # A result of n = 2 with its certificate has about this size.
 BODY = os.urandom(4_000) + bytes(16_000)
 
@@ -79,7 +81,13 @@ def measure(name: str, store: JobStore) -> list[str]:
 
 
 def main(pages: list[str]) -> None:
-    head = ["changes a second", "accepted, one caller", f"accepted, {THREADS} callers", "lines of a batch", "answered"]
+    head = [
+        "changes a second",
+        "accepted, one caller",
+        f"accepted, {THREADS} callers",
+        "lines of a batch",
+        "answered",
+    ]
     with tempfile.TemporaryDirectory() as folder:
         rows = [measure("SQLite", SqliteStore(Path(folder) / "jobs.sqlite"))]
     if programs() is not None:

@@ -1,4 +1,6 @@
-"""A PostgreSQL server for the tests: a new cluster in a temporary folder, on loopback, without a password."""
+"""A PostgreSQL server for the tests: a new cluster in a temporary folder, on loopback, without a
+password.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +21,15 @@ FOLDERS = sorted(Path("/usr/lib/postgresql").glob("*/bin"), reverse=True)
 
 
 def programs() -> Path | None:
-    """The folder of initdb and pg_ctl, or None if there is no server to start (or only root could start it)."""
+    """The folder of initdb and pg_ctl, or None if there is no server to start (or only root could
+    start it).
+    """
     on_path = shutil.which("initdb")
-    found = Path(on_path).resolve().parent if on_path else next((f for f in FOLDERS if (f / "initdb").exists()), None)
+    found = (
+        Path(on_path).resolve().parent
+        if on_path
+        else next((f for f in FOLDERS if (f / "initdb").exists()), None)
+    )
     if os.name != "posix" or (os.geteuid() == 0 and shutil.which("runuser") is None):
         return None
     return found
@@ -41,7 +49,9 @@ class Server:
         return f"postgresql://postgres@127.0.0.1:{self.port}/postgres"
 
     def start(self) -> None:
-        options = f"-p {self.port} -c listen_addresses=127.0.0.1 -c unix_socket_directories={self.folder}"
+        options = (
+            f"-p {self.port} -c listen_addresses=127.0.0.1 -c unix_socket_directories={self.folder}"
+        )
         if not self.durable:
             options += " -c fsync=off -c full_page_writes=off"
         run(
@@ -62,7 +72,9 @@ class Server:
     def database(self, name: str) -> str:
         """The address of a new database."""
         with psycopg.connect(self.address, autocommit=True) as connection:
-            connection.execute(psycopg.sql.SQL("CREATE DATABASE {}").format(psycopg.sql.Identifier(name)))
+            connection.execute(
+                psycopg.sql.SQL("CREATE DATABASE {}").format(psycopg.sql.Identifier(name))
+            )
         return f"postgresql://postgres@127.0.0.1:{self.port}/{name}"
 
 
@@ -71,7 +83,9 @@ def run(*command: object) -> None:
     words = [str(word) for word in command]
     if os.geteuid() == 0:
         words = ["runuser", "-u", "postgres", "--", *words]
-    subprocess.run(words, check=True, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, timeout=60, cwd="/")
+    subprocess.run(
+        words, check=True, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, timeout=60, cwd="/"
+    )
 
 
 @contextmanager

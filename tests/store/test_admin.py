@@ -1,4 +1,6 @@
-"""`inverse-service admin` with a running service: drain, resume, cancel, and erase, as an operator types them."""
+"""`inverse-service admin` with a running service: drain, resume, cancel, and erase, as an operator
+types them.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,9 @@ def service(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[ht
 
     def admin(*words: str) -> list[Any]:
         command = [*COMMAND[:3], "admin", *words]
-        done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment, timeout=60)
+        done = subprocess.run(
+            command, capture_output=True, text=True, check=True, env=environment, timeout=60
+        )
         return [json.loads(line) for line in done.stdout.splitlines()]
 
     with (
@@ -49,7 +53,9 @@ def test_an_operator_drains_resumes_cancels_and_erases_while_the_service_runs(
     service: tuple[httpx.Client, Admin],
 ) -> None:
     client, admin = service
-    assert client.post("/v1/solve", json=EASY, headers=BOB | {"Prefer": "wait=20"}).status_code == 200
+    assert (
+        client.post("/v1/solve", json=EASY, headers=BOB | {"Prefer": "wait=20"}).status_code == 200
+    )
     long = client.post("/v1/solve", json=HARD, headers=ALICE | ASYNC).json()
     place = f"/v1/jobs/{long['id']}"
     until(lambda: client.get(place, headers=ALICE).json()["status"] == "running")
@@ -65,7 +71,11 @@ def test_an_operator_drains_resumes_cancels_and_erases_while_the_service_runs(
     time.sleep(1.0)
     assert client.get(f"/v1/jobs/{waits['id']}", headers=ALICE).json()["status"] == "accepted"
     admin("resume")
-    until(lambda: client.get(f"/v1/jobs/{waits['id']}", headers=ALICE).json()["status"] == "successful")
+    until(
+        lambda: (
+            client.get(f"/v1/jobs/{waits['id']}", headers=ALICE).json()["status"] == "successful"
+        )
+    )
     until(lambda: client.get("/readyz").status_code == 200)
     assert admin("cancel", "alice") == [{"jobs": 1}]
     assert client.get(place, headers=ALICE).json()["status"] == "dismissed"

@@ -25,7 +25,9 @@ def asked(store: SqliteStore, id: str, client: str = "") -> None:
         store.finish(job.id, job.attempt, b'{"verdict": "variational"}', Usage())
 
 
-def test_a_copy_that_is_made_while_jobs_are_stored_has_all_that_was_acknowledged_before(tmp_path: Path) -> None:
+def test_a_copy_that_is_made_while_jobs_are_stored_has_all_that_was_acknowledged_before(
+    tmp_path: Path,
+) -> None:
     store, stopping = SqliteStore(tmp_path / "jobs.sqlite"), threading.Event()
     for k in range(20):
         asked(store, f"before {k}")
@@ -58,7 +60,11 @@ def test_nothing_of_an_erased_client_is_left_in_the_file(tmp_path: Path) -> None
     path = tmp_path / "jobs.sqlite"
     store = SqliteStore(path)
     for client in ("alice", "bob"):
-        line = BatchLine(1, f'"line of {client}"', JobRequest(f"in batch of {client}", "solve", "{}", client=client))
+        line = BatchLine(
+            1,
+            f'"line of {client}"',
+            JobRequest(f"in batch of {client}", "solve", "{}", client=client),
+        )
         store.create_batch(f"batch of {client}", "solve", client, [line])
         asked(store, f"of {client}", client)
     store.erase_client("alice")
@@ -66,5 +72,7 @@ def test_nothing_of_an_erased_client_is_left_in_the_file(tmp_path: Path) -> None
     assert b"alice" not in b"".join(file.read_bytes() for file in tmp_path.iterdir())
     store = SqliteStore(path)
     assert (store.job("of alice"), store.batch("batch of alice")) == (None, None)
-    assert [answer.identifier for answer in store.batch_answers("batch of bob")] == ['"line of bob"']
+    assert [answer.identifier for answer in store.batch_answers("batch of bob")] == [
+        '"line of bob"'
+    ]
     store.close()

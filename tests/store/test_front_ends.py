@@ -63,7 +63,9 @@ def test_a_job_given_to_one_is_known_to_all(start: Start) -> None:
     with pytest.raises(JobDismissed):
         one.wait(hard, timeout=60)
     begin = time.monotonic()
-    assert one.solve(oscillator(50)).verdict == "variational", "the canceled job still occupies the only process"
+    assert one.solve(oscillator(50)).verdict == "variational", (
+        "the canceled job still occupies the only process"
+    )
     assert time.monotonic() - begin < 25
 
 
@@ -94,7 +96,12 @@ def test_a_server_that_is_started_again_is_waited_for(postgres: Server) -> None:
 
 @pytest.mark.parametrize(
     "address",
-    ["postgresql://127.0.0.1:1/x", "postgres://", "postgresql://[::1", "postgresql:///x?sslmode=purple"],
+    [
+        "postgresql://127.0.0.1:1/x",
+        "postgres://",
+        "postgresql://[::1",
+        "postgresql:///x?sslmode=purple",
+    ],
 )
 def test_a_database_that_cannot_be_used_is_refused_in_one_sentence(
     address: str, monkeypatch: pytest.MonkeyPatch

@@ -1,7 +1,8 @@
 """Nothing that is asked for a job grows with the jobs that ended before it.
 
-The work of a statement is counted, not timed: the blocks that PostgreSQL touches for it (auto_explain), the steps of
-SQLite's machine by fives. Each call of a job's life does the same work in an empty store and in one with a history.
+The work of a statement is counted, not timed: the blocks that PostgreSQL touches for it
+(auto_explain), the steps of SQLite's machine by fives. Each call of a job's life does the same work
+in an empty store and in one with a history.
 """
 
 from __future__ import annotations
@@ -23,10 +24,12 @@ from inverse_service.service.jobs.tasks import Usage
 Stores = Callable[[], JobStore]
 USAGE, BOUNDS = Usage(0.5, 0.25, 64.0), Bounds(10_000, 5_000)
 DEFAULT, LARGE = 1_000, 100_000
-# A deeper index has two or three more blocks for each step of a statement, and a step more for each column.
+# A deeper index has two or three more blocks for each step of a statement, and a step more for each
+# column.
 MORE = 3.0, 100
 
-# Ended jobs of two clients with their answers, and a finished batch that names them; `%s` are numbers.
+# Ended jobs of two clients with their answers, and a finished batch that names them; `%s` are
+# numbers.
 HISTORY = """
 WITH RECURSIVE n (k) AS (SELECT 1 UNION ALL SELECT k + 1 FROM n WHERE k < {count})
 INSERT INTO jobs (id, kind, document, options, status, client, priority, created, started, finished, attempt)
@@ -70,13 +73,20 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
         text = notice.message_primary or ""
         if "plan:" in text:
             found = json.loads(text[text.index("{") :])
-            work[found["Query Text"]] += found["Plan"]["Shared Hit Blocks"] + found["Plan"]["Shared Read Blocks"]
+            work[found["Query Text"]] += (
+                found["Plan"]["Shared Hit Blocks"] + found["Plan"]["Shared Read Blocks"]
+            )
 
     def postgres(address: str) -> postgres_store.Connection:
         connection = connect_postgres(address)
         connection.add_notice_handler(hear)
         connection.execute("LOAD 'auto_explain'")
-        for setting in ("log_min_duration = 0", "log_analyze = 1", "log_buffers = 1", "log_format = 'json'"):
+        for setting in (
+            "log_min_duration = 0",
+            "log_analyze = 1",
+            "log_buffers = 1",
+            "log_format = 'json'",
+        ):
             connection.execute(f"SET auto_explain.{setting}".encode())
         connection.execute("SET client_min_messages = log")
         return connection
@@ -101,7 +111,10 @@ def life(store: JobStore, counted: Counter[str]) -> Iterator[tuple[str, int]]:
         done.append((name, sum(counted.values())))
 
     done = list[tuple[str, int]]()
-    ask = [JobRequest(f"new{k}", "solve", json.dumps({"name": k}), client=f"c{k % 2}") for k in range(8)]
+    ask = [
+        JobRequest(f"new{k}", "solve", json.dumps({"name": k}), client=f"c{k % 2}")
+        for k in range(8)
+    ]
     for request in (ask[0], ask[1]):
         with doing("submit_and_claim"):
             _, _, (job,) = store.submit_and_claim(request, BOUNDS, "me", 1, 1_000_000)
@@ -138,7 +151,10 @@ def life(store: JobStore, counted: Counter[str]) -> Iterator[tuple[str, int]]:
         store.jobs(limit=5)
         store.jobs(status="successful", limit=5)
         store.jobs(status="accepted", limit=5)
-    lines = [BatchLine(k, str(k), JobRequest(f"line{k}", "solve", str(k), client="c1", priority=10)) for k in range(5)]
+    lines = [
+        BatchLine(k, str(k), JobRequest(f"line{k}", "solve", str(k), client="c1", priority=10))
+        for k in range(5)
+    ]
     with doing("batch"):
         store.claim_key("c1", "key", "digest")
         store.create_batch("batch", "solve", "c1", lines, BOUNDS)
@@ -173,10 +189,18 @@ def test_no_call_of_a_job_does_more_work_after_many_jobs_than_after_none(
 
 
 def test_only_what_clients_used_today_is_kept(store: JobStore) -> None:
-    (job,) = store.submit_and_claim(JobRequest("a", "solve", "{}", client="c0"), BOUNDS, "me", 1, 1_000_000)[2]
+    (job,) = store.submit_and_claim(
+        JobRequest("a", "solve", "{}", client="c0"), BOUNDS, "me", 1, 1_000_000
+    )[2]
     store.finish(job.id, job.attempt, b"{}", USAGE)
-    store.write_change(lambda s: s.connection.execute("INSERT INTO uses VALUES ('c0', 7, 1, 1.0), ('c9', 8, 1, 1.0)"))
+    store.write_change(
+        lambda s: s.connection.execute(
+            "INSERT INTO uses VALUES ('c0', 7, 1, 1.0), ('c9', 8, 1, 1.0)"
+        )
+    )
     store.prune(0.0, 10**9)
-    rows = store.write_change(lambda s: s.connection.execute("SELECT client, cpu FROM uses").fetchall())
+    rows = store.write_change(
+        lambda s: s.connection.execute("SELECT client, cpu FROM uses").fetchall()
+    )
     assert [tuple(dict(row).values()) for row in rows] == [("c0", USAGE.cpu)]
     assert store.used_today("c0") == USAGE.cpu

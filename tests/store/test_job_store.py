@@ -129,7 +129,9 @@ def test_claims_go_by_turns_of_the_clients_then_by_priority_then_by_age(store: J
     store.submit([request(f"x{k}", client="x") for k in range(4)])
     store.submit([request(f"y{k}", client="y") for k in range(2)])
     assert ids(store.claim("o", 4)) == ["x0", "y0", "x1", "y1"]
-    assert ids(store.claim("o", 9)) == ["x2", "bulk", "x3"], "bulk jobs of one client run last; two clients alternate"
+    assert ids(store.claim("o", 9)) == ["x2", "bulk", "x3"], (
+        "bulk jobs of one client run last; two clients alternate"
+    )
 
 
 def test_a_client_never_has_more_running_than_the_bound(store: JobStore) -> None:
@@ -146,7 +148,11 @@ def test_work_stops_when_its_last_asker_has_left(store: JobStore) -> None:
     job, is_over = store.dismiss("a", "bob")
     assert job is not None
     assert (job.status, is_over) == ("dismissed", False)
-    seen = [found.status for c in ("alice", "bob", None) if (found := store.job("a", client=c)) is not None]
+    seen = [
+        found.status
+        for c in ("alice", "bob", None)
+        if (found := store.job("a", client=c)) is not None
+    ]
     assert seen == ["accepted", "dismissed", "accepted"]
     (again,) = store.submit([request("a", client="bob")])
     assert again.status == "accepted"
@@ -173,13 +179,17 @@ def test_a_batch_and_a_single_question_do_not_cancel_each_other(store: JobStore)
 
 def test_cancelling_a_job_cancels_the_lines_of_ones_own_batches(store: JobStore) -> None:
     for client in ("alice", "bob"):
-        store.create_batch(f"of {client}", "solve", client, [BatchLine(1, "1", request("a", client=client))])
+        store.create_batch(
+            f"of {client}", "solve", client, [BatchLine(1, "1", request("a", client=client))]
+        )
     assert not store.dismiss("a", "bob")[1]
     assert [store.batch_answers(f"of {c}") != [] for c in ("alice", "bob")] == [False, True]
     assert store.dismiss("a", "alice")[1]
 
 
-def test_a_job_that_is_cancelled_while_it_is_computed_again_has_its_answer_back(store: JobStore) -> None:
+def test_a_job_that_is_cancelled_while_it_is_computed_again_has_its_answer_back(
+    store: JobStore,
+) -> None:
     run(store, "a", b"1")
     store.submit([request("a", fresh=True, client="bob")])
     store.claim("o", 1)
@@ -194,7 +204,11 @@ def test_an_answer_that_is_not_to_last_is_computed_again_after_its_time(store: J
         store.submit([request(id)])
         (job,) = store.claim("o", 1)
         assert store.finish(id, job.attempt, b"1", USAGE, kept)
-    assert [store.submit([request(id)])[0].status for id in "abc"] == ["accepted", "successful", "successful"]
+    assert [store.submit([request(id)])[0].status for id in "abc"] == [
+        "accepted",
+        "successful",
+        "successful",
+    ]
     store.create_batch("B", "solve", "", [BatchLine(1, "1", request("a"))])
     assert store.batch_answers("B") == []
 
@@ -260,15 +274,22 @@ def test_the_list_is_newest_first_in_pages(store: JobStore) -> None:
 
 def test_events_are_kept_in_order_once(store: JobStore) -> None:
     store.submit([request("a")])
-    store.add_events([("a", Event(2, "progress", {"stage": "decision\u2028\x00"})), ("a", Event(1, "status"))])
+    store.add_events(
+        [("a", Event(2, "progress", {"stage": "decision\u2028\x00"})), ("a", Event(1, "status"))]
+    )
     store.add_events([("a", Event(2, "progress", {"stage": "another"})), ("b", Event(1, "status"))])
     store.add_events([])
-    assert store.events("a") == [Event(1, "status"), Event(2, "progress", {"stage": "decision\u2028\x00"})]
+    assert store.events("a") == [
+        Event(1, "status"),
+        Event(2, "progress", {"stage": "decision\u2028\x00"}),
+    ]
     assert [event.number for event in store.events("a", after=1)] == [2]
     assert [event.number for event in store.events("a", limit=1)] == [1]
 
 
-def test_a_batch_counts_its_lines_and_answers_them_in_the_order_of_their_ends(store: JobStore) -> None:
+def test_a_batch_counts_its_lines_and_answers_them_in_the_order_of_their_ends(
+    store: JobStore,
+) -> None:
     run(store, "old", b"old")
     lines = [
         BatchLine(1, '"one"', request("x")),
@@ -304,12 +325,16 @@ def test_a_batch_is_stored_once_under_its_id(store: JobStore) -> None:
     assert (again.total, dict(again.counts)) == (2, {"successful": 1, "running": 1})
     with ThreadPoolExecutor(4) as pool:
         batches = list(pool.map(lambda _: store.create_batch("C", "solve", "", lines), range(8)))
-    assert {(batch.id, batch.total, sum(batch.counts.values())) for batch in batches} == {("C", 2, 2)}
+    assert {(batch.id, batch.total, sum(batch.counts.values())) for batch in batches} == {
+        ("C", 2, 2)
+    }
     assert [answer.number for answer in store.batch_answers("C")] == [1]
 
 
 def test_dismissing_a_batch_leaves_what_another_one_wants(store: JobStore) -> None:
-    store.create_batch("A", "solve", "", [BatchLine(k, str(k), request(id)) for k, id in enumerate("xyz", 1)])
+    store.create_batch(
+        "A", "solve", "", [BatchLine(k, str(k), request(id)) for k, id in enumerate("xyz", 1)]
+    )
     store.create_batch("B", "solve", "", [BatchLine(1, "1", request("z"))])
     assert sorted(store.dismiss_batch("A")) == ["x", "y"]
     assert store.counts() == {"dismissed": 2, "accepted": 1}
@@ -353,7 +378,9 @@ def test_listeners_hear_of_every_change(store: JobStore) -> None:
     (job,) = store.claim("o", 1)
     store.add_events([("a", Event(1, "status"))])
     store.finish("a", job.attempt, b"{}", USAGE)
-    own = [what for id, what in heard if id]  # without a notification, for a front end that starts to listen
+    own = [
+        what for id, what in heard if id
+    ]  # without a notification, for a front end that starts to listen
     assert own == ["accepted", "running", "event", "successful"]
 
 
@@ -370,7 +397,9 @@ def test_what_is_stored_is_there_after_closing(stores: Stores) -> None:
 @pytest.mark.slow
 def test_threads_claim_and_finish_each_job_once(store: JobStore) -> None:
     total = 120
-    store.create_batch("B", "solve", "", [BatchLine(k, str(k), request(f"j{k}")) for k in range(total)])
+    store.create_batch(
+        "B", "solve", "", [BatchLine(k, str(k), request(f"j{k}")) for k in range(total)]
+    )
     finished: list[str] = []
 
     def work(owner: str) -> None:
@@ -414,12 +443,17 @@ def test_batches_are_listed_in_pages_the_newest_first(store: JobStore) -> None:
     assert store.batches() == ([], None)
     for k in range(5):
         client = "alice" if k % 2 else "bob"
-        store.create_batch(f"b{k}", "solve", client, [BatchLine(1, "1", request(f"a{k}", client=client))])
+        store.create_batch(
+            f"b{k}", "solve", client, [BatchLine(1, "1", request(f"a{k}", client=client))]
+        )
     store.begin_batch("incomplete", "solve", "alice")
     first, cursor = store.batches(limit=3)
     assert (ids(first), cursor) == (["b4", "b3", "b2"], "b2")
     assert [batch.counts for batch in first] == [{"accepted": 1}] * 3
-    assert [ids(store.batches(None, cursor, limit)[0]) for limit in (3, 1)] == [["b1", "b0"], ["b1"]]
+    assert [ids(store.batches(None, cursor, limit)[0]) for limit in (3, 1)] == [
+        ["b1", "b0"],
+        ["b1"],
+    ]
     assert ids(store.batches("alice")[0]) == ["b3", "b1"]
     for wrong in ("nothing", "b4"):
         with pytest.raises(ValueError, match="cursor"):

@@ -12,7 +12,10 @@ from inverse_service.service.jobs.model import BatchLine, Bounds, JobRequest, To
 from inverse_service.service.jobs.stores import JobStore
 from tests.values import present
 
-LINES = [BatchLine(k, str(k), JobRequest(f"job {k}", "solve", "{}", client="alice")) for k in range(1, 4_001)]
+LINES = [
+    BatchLine(k, str(k), JobRequest(f"job {k}", "solve", "{}", client="alice"))
+    for k in range(1, 4_001)
+]
 
 
 def writes_beside(store: JobStore, change: Callable[[], object]) -> int:
@@ -37,13 +40,19 @@ def test_others_write_while_a_batch_is_stored_and_while_it_is_dismissed(store: J
     assert writes_beside(store, lambda: dismissed.extend(store.dismiss_batch("batch"))) > 5
     assert len(dismissed) == 4_000
     assert present(store.batch("batch")).counts == {"dismissed": 4_000}
-    assert [answer.order for answer in store.batch_answers("batch", limit=5_000)] == list(range(1, 4_001))
+    assert [answer.order for answer in store.batch_answers("batch", limit=5_000)] == list(
+        range(1, 4_001)
+    )
 
 
-def test_nothing_stays_of_a_batch_that_runs_out_of_room(store: JobStore, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_stays_of_a_batch_that_runs_out_of_room(
+    store: JobStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
     store.submit([JobRequest(f"bob {k}", "solve", "{}", client="bob") for k in range(100)])
     # Others were faster: a job that was free at the first look is taken.
-    monkeypatch.setattr("inverse_service.service.jobs.statements.refuse_without_room", lambda *_: None)
+    monkeypatch.setattr(
+        "inverse_service.service.jobs.statements.refuse_without_room", lambda *_: None
+    )
     monkeypatch.setattr(type(store), "step", 200)
     with pytest.raises(TooManyJobs):
         store.create_batch("batch", "solve", "alice", LINES[:1_000], Bounds(total=1_000))

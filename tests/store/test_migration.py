@@ -38,7 +38,9 @@ def old(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callable[[],
             server.execute(script.encode())
 
     def open_old() -> JobStore:
-        opened.append(open_store(str(tmp_path / "jobs.sqlite") if request.param == "sqlite" else address))
+        opened.append(
+            open_store(str(tmp_path / "jobs.sqlite") if request.param == "sqlite" else address)
+        )
         return opened[-1]
 
     yield open_old
@@ -49,9 +51,19 @@ def old(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callable[[],
 @pytest.mark.slow
 def test_everything_of_0_1_0_is_kept_and_continues(old: Callable[[], JobStore]) -> None:
     store = old()
-    assert dict(store.counts()) == {"successful": 1, "failed": 1, "dismissed": 2, "running": 1, "accepted": 2}
+    assert dict(store.counts()) == {
+        "successful": 1,
+        "failed": 1,
+        "dismissed": 2,
+        "running": 1,
+        "accepted": 2,
+    }
     answered = present(store.job("answered"))
-    assert (answered.body, answered.client, answered.expires) == (b'{"verdict": "variational"}', "alice", None)
+    assert (answered.body, answered.client, answered.expires) == (
+        b'{"verdict": "variational"}',
+        "alice",
+        None,
+    )
     assert [event.number for event in store.events("answered")] == [1]
     batch = present(store.batch("batch"))
     assert batch.counts == {"successful": 1, "accepted": 1, "dismissed": 1, "failed": 1}

@@ -1,4 +1,6 @@
-"""Operator actions on a store: order, drain, ranks, quotas, and canceling and erasing a client's work."""
+"""Operator actions on a store: order, drain, ranks, quotas, and canceling and erasing a client's
+work.
+"""
 
 from __future__ import annotations
 
@@ -21,14 +23,18 @@ def batch(store: JobStore, id: str, client: str, names: str) -> None:
 
 
 @pytest.mark.slow
-def test_no_client_starves_another_by_single_questions_which_go_before_its_own_batches_only(store: JobStore) -> None:
+def test_no_client_starves_another_by_single_questions_which_go_before_its_own_batches_only(
+    store: JobStore,
+) -> None:
     batch(store, "b", "bob", "b1 b2 b3")
     store.submit([request(f"a{k}", client="alice") for k in range(50)])
     store.submit([request("bob asks", client="bob")])
     assert ids(store.claim("o", 8)) == ["a0", "bob asks", "a1", "b1", "a2", "b2", "a3", "b3"]
 
 
-def test_a_rank_of_the_operator_goes_before_the_turns_and_holds_for_jobs_to_come(store: JobStore) -> None:
+def test_a_rank_of_the_operator_goes_before_the_turns_and_holds_for_jobs_to_come(
+    store: JobStore,
+) -> None:
     store.rank_client("late", 1)
     store.rank_client("early", -1)
     for client in ("late", "plain", "early"):
@@ -48,7 +54,9 @@ def test_a_batch_can_be_put_before_or_after_all_others(store: JobStore) -> None:
     assert store.prioritise_batch("unknown", -1) == 0
 
 
-def test_nothing_begins_in_a_drained_store_what_runs_ends_and_nothing_is_lost(stores: Stores) -> None:
+def test_nothing_begins_in_a_drained_store_what_runs_ends_and_nothing_is_lost(
+    stores: Stores,
+) -> None:
     store = stores()
     store.submit([request("running")])
     (running,) = store.claim("o", 1)
@@ -94,10 +102,14 @@ def test_a_client_without_daily_time_is_refused_only_new_work(store: JobStore) -
     midnight = (time.time() + refused.value.seconds) % 86_400
     assert min(midnight, 86_400 - midnight) < 2, "until midnight (UTC), which Retry-After says"
     with pytest.raises(TooManyJobs, match="today"):
-        store.create_batch("c", "solve", "alice", [BatchLine(1, "1", request("b", client="alice"))], bounds)
+        store.create_batch(
+            "c", "solve", "alice", [BatchLine(1, "1", request("b", client="alice"))], bounds
+        )
     assert store.job("b") is None
     store.submit([request("b", client="bob")], bounds)
-    assert ids(store.submit([request("b", client="alice")], bounds)) == ["b"], "stored answers cost nothing"
+    assert ids(store.submit([request("b", client="alice")], bounds)) == ["b"], (
+        "stored answers cost nothing"
+    )
 
 
 def test_all_work_of_a_client_is_canceled_and_that_of_others_continues(store: JobStore) -> None:

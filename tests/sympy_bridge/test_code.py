@@ -30,7 +30,12 @@ VALUES = (0.3, 1.2, 0.4, 0.1, 0.7, 1.5)  # t, r, phi, and their velocities or mo
 @pytest.fixture(scope="module")
 def kepler() -> Result:
     force = r * sp.exp(-(r**2)) + sp.sin(r) * sp.cos(r)
-    return solve([r.diff(t, 2) - r * phi.diff(t) ** 2 + k * force, phi.diff(t, 2) + 2 * r.diff(t) * phi.diff(t) / r])
+    return solve(
+        [
+            r.diff(t, 2) - r * phi.diff(t) ** 2 + k * force,
+            phi.diff(t, 2) + 2 * r.diff(t) * phi.diff(t) / r,
+        ]
+    )
 
 
 def expected(found: Result) -> list[float]:
@@ -39,12 +44,18 @@ def expected(found: Result) -> list[float]:
         value = found.lambdify(what, "math")(*VALUES) if what != "multiplier" else None
         matrix = [] if value is not None else [found.multiplier.subs(r, VALUES[1])]
         numbers += [float(each) for part in matrix for each in part]
-        numbers += [] if value is None else [float(each) for each in (value if isinstance(value, list) else [value])]
+        numbers += (
+            []
+            if value is None
+            else [float(each) for each in (value if isinstance(value, list) else [value])]
+        )
     return numbers
 
 
 def run(command: list[str], folder: Path) -> list[float]:
-    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder, timeout=120)
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, cwd=folder, timeout=120
+    )
     assert done.returncode == 0, done.stderr
     return [float(word) for word in done.stdout.split()]
 
@@ -66,7 +77,9 @@ def test_python_code_gives_the_numbers(kepler: Result, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("language", "ending"), [("c", "c"), ("cpp", "cpp")])
-def test_c_code_gives_the_numbers(kepler: Result, tmp_path: Path, language: str, ending: str) -> None:
+def test_c_code_gives_the_numbers(
+    kepler: Result, tmp_path: Path, language: str, ending: str
+) -> None:
     compiler = shutil.which("gcc" if language == "c" else "g++")
     if compiler is None:
         pytest.skip("no compiler")
@@ -75,7 +88,9 @@ def test_c_code_gives_the_numbers(kepler: Result, tmp_path: Path, language: str,
         for what, size in sizes(kepler).items()
     ]
     start = "int main(void) { double out[4]; "
-    main = "#include <stdio.h>\n" + kepler.to_code(language) + start + " ".join(calls) + " return 0; }"
+    main = (
+        "#include <stdio.h>\n" + kepler.to_code(language) + start + " ".join(calls) + " return 0; }"
+    )
     (tmp_path / f"system.{ending}").write_text(main)
     subprocess.run([compiler, f"system.{ending}", "-o", "system", "-lm"], cwd=tmp_path, check=True)
     assert run(["./system"], tmp_path) == pytest.approx(expected(kepler))
@@ -95,20 +110,28 @@ def test_rust_gives_the_numbers(kepler: Result, tmp_path: Path) -> None:
         pytest.skip("no rustc")
     arguments = ", ".join(f"{value}f64" for value in VALUES)
     calls = [f'for v in {what}({arguments}) {{ println!("{{}}", v); }}' for what in QUANTITIES]
-    (tmp_path / "system.rs").write_text(kepler.to_code("rust") + "fn main() { " + " ".join(calls) + " }")
+    (tmp_path / "system.rs").write_text(
+        kepler.to_code("rust") + "fn main() { " + " ".join(calls) + " }"
+    )
     subprocess.run(["rustc", "-A", "warnings", "system.rs"], cwd=tmp_path, check=True)
     assert run(["./system"], tmp_path) == pytest.approx(expected(kepler))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["sho", "knife-edge-second", "free-particle-linear-drag", "generic-class-one-second"])
-def test_the_sympy_program_shows_that_the_euler_lagrange_equations_hold(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "name", ["sho", "knife-edge-second", "free-particle-linear-drag", "generic-class-one-second"]
+)
+def test_the_sympy_program_shows_that_the_euler_lagrange_equations_hold(
+    name: str, tmp_path: Path
+) -> None:
     import inverse_service
 
     program = inverse_service.solve(catalogue.document(name)).to_code("sympy")
     assert "L = " in program
     (tmp_path / "system.py").write_text(program)
-    done = subprocess.run([sys.executable, "system.py"], capture_output=True, text=True, check=False, cwd=tmp_path)
+    done = subprocess.run(
+        [sys.executable, "system.py"], capture_output=True, text=True, check=False, cwd=tmp_path
+    )
     assert done.stderr == ""
     assert set(done.stdout) <= set("[0, ]\n")
 
@@ -146,9 +169,14 @@ def test_words_of_c_are_no_variables_of_its_programs() -> None:
 def test_words_of_a_language_and_of_the_program_itself_are_no_variables(language: str) -> None:
     """out(1) = -out*x changes the out of out(2) = -out*y; `end` and `function` are keywords."""
     words = ["out", "Math", "math", "lagrangian", "function", "end"]
-    found = solve("x'' = -out*x - Math*math*sin(x); y'' = -out*y - lagrangian*function*end", parameters=words)
+    found = solve(
+        "x'' = -out*x - Math*math*sin(x); y'' = -out*y - lagrangian*function*end", parameters=words
+    )
     program = found.to_code(language)
-    assert re.search(r"out_, (double )?Math_, (double )?math__, (double )?lagrangian_, (double )?function_,", program)
+    assert re.search(
+        r"out_, (double )?Math_, (double )?math__, (double )?lagrangian_, (double )?function_,",
+        program,
+    )
     assert "end_*function_" in program.replace(" .* ", "*").replace(".*", "*")
 
 
@@ -165,7 +193,9 @@ def test_maxima_reads_what_is_written_for_it() -> None:
 
 @pytest.mark.slow
 def test_fortran_has_short_lines_and_pi_is_a_number_in_it() -> None:
-    equations = [f"spring_number_{k}'' = -9^30*pi*stiffness_number_{k}*spring_number_{k}" for k in range(8)]
+    equations = [
+        f"spring_number_{k}'' = -9^30*pi*stiffness_number_{k}*spring_number_{k}" for k in range(8)
+    ]
     text = inverse_service.solve({"equations": equations, "parameters": "guess"}).to_code("fortran")
     assert max(map(len, text.splitlines())) <= 132
     assert "parameter" not in text
@@ -174,8 +204,12 @@ def test_fortran_has_short_lines_and_pi_is_a_number_in_it() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("language", "comment"), [("octave", "% "), ("jax", "# "), ("modelingtoolkit", "# ")])
-def test_an_integral_without_a_formula_leaves_its_quantity_out_and_says_so(language: str, comment: str) -> None:
+@pytest.mark.parametrize(
+    ("language", "comment"), [("octave", "% "), ("jax", "# "), ("modelingtoolkit", "# ")]
+)
+def test_an_integral_without_a_formula_leaves_its_quantity_out_and_says_so(
+    language: str, comment: str
+) -> None:
     found = inverse_service.solve("x'' = -exp(-x^2)*x^x")
     text = found.to_code(language)
     for what in ("lagrangian", "hamiltonian"):
@@ -196,15 +230,32 @@ def formulas(count: int, seed: int) -> list[sp.Expr]:
     """Random formulas of a and b that are real in each part and of moderate size at the point."""
     maker = random.Random(seed)
     a, b = sp.symbols("a b", real=True)
-    functions = [sp.sin, sp.cos, sp.tan, sp.exp, sp.log, sp.sqrt, sp.atan, sp.asin, sp.sinh, sp.cosh, sp.tanh, sp.sign]
+    functions = [
+        sp.sin,
+        sp.cos,
+        sp.tan,
+        sp.exp,
+        sp.log,
+        sp.sqrt,
+        sp.atan,
+        sp.asin,
+        sp.sinh,
+        sp.cosh,
+        sp.tanh,
+        sp.sign,
+    ]
     exponents = [2, 3, -1, -2, sp.Rational(1, 2), sp.Rational(-3, 2), sp.Rational(1, 3), a, -b]
 
     def tree(depth: int) -> sp.Expr:
         kind = maker.random()
         if depth == 0 or kind < 0.1:
-            return maker.choice([a, b, sp.pi, sp.E, sp.Rational(maker.randint(-9, 9), maker.choice((1, 2, 3, 7)))])
+            return maker.choice(
+                [a, b, sp.pi, sp.E, sp.Rational(maker.randint(-9, 9), maker.choice((1, 2, 3, 7)))]
+            )
         if kind < 0.65:
-            return maker.choice([sp.Add, sp.Mul])(*(tree(depth - 1) for _ in range(maker.randint(2, 3))))
+            return maker.choice([sp.Add, sp.Mul])(
+                *(tree(depth - 1) for _ in range(maker.randint(2, 3)))
+            )
         if kind < 0.8:
             return tree(depth - 1) ** maker.choice(exponents)
         return maker.choice([*functions, sp.Abs])(tree(depth - 1))
@@ -212,8 +263,15 @@ def formulas(count: int, seed: int) -> list[sp.Expr]:
     found: list[sp.Expr] = []
     while len(found) < count:
         formula = tree(4)
-        values = [each.subs({a: POINT[0], b: POINT[1]}).evalf(12) for each in sp.preorder_traversal(formula)]
-        if formula.free_symbols and all(value.is_real for value in values) and 1e-6 < abs(values[0]) < 1e6:
+        values = [
+            each.subs({a: POINT[0], b: POINT[1]}).evalf(12)
+            for each in sp.preorder_traversal(formula)
+        ]
+        if (
+            formula.free_symbols
+            and all(value.is_real for value in values)
+            and 1e-6 < abs(values[0]) < 1e6
+        ):
             found.append(formula)
     return found
 
@@ -228,21 +286,25 @@ def languages_agree(language: str, found: list[sp.Expr], folder: Path) -> None:
     a, b = (float(each) for each in POINT)
     match language:
         case "python":
-            text = f"import math\na, b = {a}, {b}\n" + "\n".join(f"print({each})" for each in printed)
+            text = f"import math\na, b = {a}, {b}\n" + "\n".join(
+                f"print({each})" for each in printed
+            )
             (folder / "all.py").write_text(text)
             command = [sys.executable, "all.py"]
         case "javascript":
-            text = f"const a = {a}, b = {b};\n" + "\n".join(f"console.log({each});" for each in printed)
+            text = f"const a = {a}, b = {b};\n" + "\n".join(
+                f"console.log({each});" for each in printed
+            )
             (folder / "all.js").write_text(text)
             command = ["node", "all.js"]
         case "c" | "cpp":
             body = "\n".join(f'printf("%.17g\\n", (double)({each}));' for each in printed)
-            text = (
-                f"{LANGUAGES[language].start}#include <stdio.h>\nint main(void) {{ double a = {a}, b = {b};\n{body} }}"
-            )
+            text = f"{LANGUAGES[language].start}#include <stdio.h>\nint main(void) {{ double a = {a}, b = {b};\n{body} }}"
             (folder / f"all.{language}").write_text(text)
             compiler = ["gcc"] if language == "c" else ["g++", "-std=c++17"]
-            subprocess.run([*compiler, f"all.{language}", "-o", "all", "-lm"], cwd=folder, check=True)
+            subprocess.run(
+                [*compiler, f"all.{language}", "-o", "all", "-lm"], cwd=folder, check=True
+            )
             command = ["./all"]
         case "fortran":
             body = "\n".join(f"print *, {each}" for each in printed)
@@ -251,16 +313,24 @@ def languages_agree(language: str, found: list[sp.Expr], folder: Path) -> None:
             subprocess.run(["gfortran", "all.f90", "-o", "all"], cwd=folder, check=True)
             command = ["./all"]
         case "octave":
-            text = f"a = {a}; b = {b};\n" + "\n".join(f"printf('%.17g\\n', real({each}));" for each in printed)
+            text = f"a = {a}; b = {b};\n" + "\n".join(
+                f"printf('%.17g\\n', real({each}));" for each in printed
+            )
             (folder / "all.m").write_text(text)
             command = ["octave", "--no-gui", "--quiet", "all.m"]
         case _:
             body = "\n".join(f'println!("{{}}", {each});' for each in printed)
-            (folder / "all.rs").write_text(f"fn main() {{ let a: f64 = {a}_f64; let b: f64 = {b}_f64;\n{body} }}")
-            subprocess.run(["rustc", "-A", "warnings", "all.rs", "-o", "all"], cwd=folder, check=True)
+            (folder / "all.rs").write_text(
+                f"fn main() {{ let a: f64 = {a}_f64; let b: f64 = {b}_f64;\n{body} }}"
+            )
+            subprocess.run(
+                ["rustc", "-A", "warnings", "all.rs", "-o", "all"], cwd=folder, check=True
+            )
             command = ["./all"]
     values = dict(zip(sp.symbols("a b", real=True), POINT, strict=True))
-    assert run(command, folder) == pytest.approx([float(each.subs(values).evalf(25)) for each in found], rel=1e-7)
+    assert run(command, folder) == pytest.approx(
+        [float(each.subs(values).evalf(25)) for each in found], rel=1e-7
+    )
 
 
 TOOLS = {"python": sys.executable, "javascript": "node", "c": "gcc", "cpp": "g++", "rust": "rustc",
@@ -283,7 +353,9 @@ def test_random_formulas_have_the_value_that_sympy_gives(language: str, tmp_path
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("language", sorted(TOOLS))
-def test_a_thousand_random_formulas_have_the_value_that_sympy_gives(language: str, tmp_path: Path) -> None:
+def test_a_thousand_random_formulas_have_the_value_that_sympy_gives(
+    language: str, tmp_path: Path
+) -> None:
     if shutil.which(TOOLS[language]) is None:
         pytest.skip(f"no {language}")
     languages_agree(language, formulas(MANY, 2), tmp_path)
@@ -312,7 +384,10 @@ def test_branches_are_answers_of_their_own() -> None:
     both = inverse_service.solve("x'' = -Heaviside(x)")
     assert both.is_variational is True
     x = sp.Function("x")(t)
-    assert [sp.expand(branch.lagrangian - x.diff(t) ** 2 / 2) for branch in both.branches] == [-x, 0]
+    assert [sp.expand(branch.lagrangian - x.diff(t) ** 2 / 2) for branch in both.branches] == [
+        -x,
+        0,
+    ]
     assert both.to_latex().count(r"\text{where") == 2
     assert "where x &lt; 0" in both._repr_html_()
     (only,) = inverse_service.solve("x'' = -x").branches

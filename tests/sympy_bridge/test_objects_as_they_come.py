@@ -27,7 +27,10 @@ BOOK = sp.exp(C * T / M) * (M * X.diff(T) ** 2 - K * X**2) / 2
 def test_the_simple_lagrangian_comes_first_as_on_the_command_line() -> None:
     result = solve(OSCILLATOR)
     assert sp.simplify(result.lagrangian - BOOK) == 0
-    assert sp.simplify(result.hamiltonian.expr.subs(result.hamiltonian.momenta) - BOOK.subs(K, -K)) == 0
+    assert (
+        sp.simplify(result.hamiltonian.expr.subs(result.hamiltonian.momenta) - BOOK.subs(K, -K))
+        == 0
+    )
     assert result.main.lagrangian.has(sp.atan)
     assert result.with_time
     assert result.with_time.lagrangian == result.lagrangian
@@ -103,7 +106,10 @@ def test_every_object_has_latex_and_a_result_a_picture() -> None:
     bundle = result._repr_mimebundle_()
     assert {*bundle} == {"text/plain", "text/latex", "text/html"}
     assert "data:image/png" in bundle["text/html"]
-    named = (getattr(result, name) for name in ("main", "with_time", "equations", "conditions", "hamiltonian"))
+    named = (
+        getattr(result, name)
+        for name in ("main", "with_time", "equations", "conditions", "hamiltonian")
+    )
     for part in (result, result.verify(), *named):
         assert part._repr_latex_().startswith("$")
     for part in (result, result.to_latex(), bundle["text/html"], sp.latex(result)):
@@ -137,8 +143,12 @@ def test_many_results_and_a_run_are_tables() -> None:
 def test_the_program_for_jax_is_python_and_has_the_motion() -> None:
     text = solve(OSCILLATOR).to_code("jax")
     compile(text, "program", "exec")
-    if subprocess.run([sys.executable, "-c", "import jax"], capture_output=True, check=False).returncode:
-        text = text.replace("import jax\n", "").replace("import jax.numpy as jnp", "import numpy as jnp")
+    if subprocess.run(
+        [sys.executable, "-c", "import jax"], capture_output=True, check=False
+    ).returncode:
+        text = text.replace("import jax\n", "").replace(
+            "import jax.numpy as jnp", "import numpy as jnp"
+        )
         text = text.replace('jax.config.update("jax_enable_x64", True)', "")
     space: dict[str, Any] = {}
     exec(text, space)

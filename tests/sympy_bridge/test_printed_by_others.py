@@ -30,7 +30,19 @@ OF_FUNCTIONS = {
     A(x).diff(x): 0.77, A(x): 1.61, B(x, y).diff(x, 2): 1.13, B(x, y).diff(y): 0.91, B(x, y): 1.37,
 }  # fmt: skip
 LEAVES = [x, y, theta, k, m, alpha, t, x.diff(t), y.diff(t), theta.diff(t), sp.pi, *OF_FUNCTIONS]
-FUNCTIONS = [sp.sin, sp.cos, sp.tan, sp.exp, sp.log, sp.sqrt, sp.atan, sp.asin, sp.sinh, sp.cosh, sp.tanh]
+FUNCTIONS = [
+    sp.sin,
+    sp.cos,
+    sp.tan,
+    sp.exp,
+    sp.log,
+    sp.sqrt,
+    sp.atan,
+    sp.asin,
+    sp.sinh,
+    sp.cosh,
+    sp.tanh,
+]
 VALUES = {x: 1.3, y: 0.7, theta: 0.45, k: 1.9, m: 2.3, alpha: 0.61, t: 0.37}
 RATES = {x.diff(t): 0.83, y.diff(t): 1.17, theta.diff(t): 0.29}
 
@@ -79,8 +91,12 @@ def value(expression: Any) -> complex | None:
     return found if abs(found) < 1e12 else None
 
 
-def outcome(expression: Any, style: str, expected: complex, values: dict[Expression, complex | None]) -> str:
-    """ "same", "refused", "no value", or the two values that differ; `values` are those of earlier trees."""
+def outcome(
+    expression: Any, style: str, expected: complex, values: dict[Expression, complex | None]
+) -> str:
+    """ "same", "refused", "no value", or the two values that differ; `values` are those of earlier
+    trees.
+    """
     try:
         read = read_formula(STYLES[style](expression), NAMES)
     except InputError:
@@ -91,7 +107,11 @@ def outcome(expression: Any, style: str, expected: complex, values: dict[Express
     if found is None:
         return "no value"
     same = abs(found - expected) <= 1e-7 * max(1.0, abs(expected))
-    return "same" if same else f"{style}: {STYLES[style](expression)!r} is {expected}, read as {read} = {found}"
+    return (
+        "same"
+        if same
+        else f"{style}: {STYLES[style](expression)!r} is {expected}, read as {read} = {found}"
+    )
 
 
 def count(number: int, seed: int) -> tuple[Counter[tuple[str, str]], list[str]]:

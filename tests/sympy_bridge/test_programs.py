@@ -12,12 +12,27 @@ import sys
 import pytest
 import sympy as sp
 from sympy.calculus.euler import euler_equations
-from sympy.physics.mechanics import KanesMethod, LagrangesMethod, Particle, Point, ReferenceFrame, dynamicsymbols
+from sympy.physics.mechanics import (
+    KanesMethod,
+    LagrangesMethod,
+    Particle,
+    Point,
+    ReferenceFrame,
+    dynamicsymbols,
+)
 from sympy.physics.mechanics.models import n_link_pendulum_on_cart
 
 import inverse_service
 from inverse_service.errors import InputError
-from inverse_service.sympy import document, from_result, helmholtz, nonholonomic, solve, solve_many, table
+from inverse_service.sympy import (
+    document,
+    from_result,
+    helmholtz,
+    nonholonomic,
+    solve,
+    solve_many,
+    table,
+)
 
 t = sp.Symbol("t")
 x, y, r, phi, theta = (sp.Function(name)(t) for name in ("x", "y", "r", "phi", "theta"))
@@ -74,12 +89,17 @@ def test_the_pendulum_on_a_cart_that_sympy_builds_has_the_lagrangian_of_its_mass
 
 @pytest.mark.slow
 def test_a_lagranges_method_with_constraints_is_asked_as_its_lagrangian_and_they_are() -> None:
-    kinetic, skate = (x.diff(t) ** 2 + y.diff(t) ** 2 + theta.diff(t) ** 2) / 2, x.diff(t) * sp.sin(theta) - y.diff(t)
+    kinetic, skate = (
+        (x.diff(t) ** 2 + y.diff(t) ** 2 + theta.diff(t) ** 2) / 2,
+        x.diff(t) * sp.sin(theta) - y.diff(t),
+    )
     asked = document(LagrangesMethod(kinetic, [x, y, theta], nonhol_coneqs=[skate]))
     found = nonholonomic(kinetic, [skate], associated="any")
     assert found["system"]["given"]["constraints"] == asked["constraints"]
     assert asked["coordinates"] == ["x", "y", "theta"]
-    damped = LagrangesMethod(kinetic, [x, y, theta], nonhol_coneqs=[skate], forcelist=[(Point("P"), 0)])
+    damped = LagrangesMethod(
+        kinetic, [x, y, theta], nonhol_coneqs=[skate], forcelist=[(Point("P"), 0)]
+    )
     with pytest.raises(InputError, match="forces and constraints"):
         document(damped)
 
@@ -88,7 +108,10 @@ def test_a_lagranges_method_with_constraints_is_asked_as_its_lagrangian_and_they
 def test_a_damped_pendulum_shows_the_lagrangian_that_there_is_though_it_contains_the_time() -> None:
     found = solve(theta.diff(t, 2) + c * theta.diff(t) + k * sp.sin(theta))
     assert found.main.lagrangian is None
-    assert sp.simplify(found.lagrangian - sp.exp(c * t) * (theta.diff(t) ** 2 / 2 + k * sp.cos(theta))) == 0
+    assert (
+        sp.simplify(found.lagrangian - sp.exp(c * t) * (theta.diff(t) ** 2 / 2 + k * sp.cos(theta)))
+        == 0
+    )
     assert found.verify().holds
 
 
@@ -117,7 +140,12 @@ def test_a_potential_may_depend_on_the_time() -> None:
 
 
 def test_9_numbers_from_the_answer() -> None:
-    found = solve([r.diff(t, 2) - r * phi.diff(t) ** 2 + k / r**2, phi.diff(t, 2) + 2 * r.diff(t) * phi.diff(t) / r])
+    found = solve(
+        [
+            r.diff(t, 2) - r * phi.diff(t) ** 2 + k / r**2,
+            phi.diff(t, 2) + 2 * r.diff(t) * phi.diff(t) / r,
+        ]
+    )
     f = sp.lambdify([r, phi, r.diff(t), phi.diff(t), k], found.lagrangian)
     assert f(1, 0, 0.1, 1, 1) == pytest.approx(1.505)
     assert found.lambdify()(0, 1, 0, 0.1, 1, 1) == pytest.approx(1.505)
@@ -139,9 +167,14 @@ def test_10_a_proof_that_there_is_none_in_a_notebook() -> None:
 def test_11_a_rolling_disk() -> None:
     R, inertia, other = sp.symbols("R I J")
     kinetic = (
-        m / 2 * (x.diff(t) ** 2 + y.diff(t) ** 2) + inertia / 2 * theta.diff(t) ** 2 + other / 2 * phi.diff(t) ** 2
+        m / 2 * (x.diff(t) ** 2 + y.diff(t) ** 2)
+        + inertia / 2 * theta.diff(t) ** 2
+        + other / 2 * phi.diff(t) ** 2
     )
-    constraints = [x.diff(t) - R * sp.cos(phi) * theta.diff(t), sp.Eq(y.diff(t), R * sp.sin(phi) * theta.diff(t))]
+    constraints = [
+        x.diff(t) - R * sp.cos(phi) * theta.diff(t),
+        sp.Eq(y.diff(t), R * sp.sin(phi) * theta.diff(t)),
+    ]
     found = nonholonomic(kinetic, constraints, [phi, theta, x, y], associated="second")
     assert found.is_variational is True
     assert found.lagrangian.has(x.diff(t))
@@ -151,7 +184,9 @@ def test_11_a_rolling_disk() -> None:
 def test_matrices_and_tuples_are_lists_of_equations() -> None:
     zeros = [x.diff(t, 2) + y, y.diff(t, 2) + x]
     assert (
-        solve(sp.Matrix(zeros)).lagrangian == solve(tuple(zeros)).lagrangian == inverse_service.solve(zeros).lagrangian
+        solve(sp.Matrix(zeros)).lagrangian
+        == solve(tuple(zeros)).lagrangian
+        == inverse_service.solve(zeros).lagrangian
     )
 
 
@@ -168,20 +203,37 @@ def test_the_tensors_alone() -> None:
     found = helmholtz([x.diff(t, 2) + y.diff(t), y.diff(t, 2) - x])
     assert (found.Phi.shape, found.R.shape) == ((2, 2), (2, 2, 2))
     assert sp.ImmutableMatrix([[0, sp.Rational(1, 2)], [0, 0]]) == found.N
-    assert [helmholtz(x.diff(t, 2) + x * sp.Heaviside(x)).Phi[0].subs(x, place) for place in (-3, 3)] == [0, 2]
+    assert [
+        helmholtz(x.diff(t, 2) + x * sp.Heaviside(x)).Phi[0].subs(x, place) for place in (-3, 3)
+    ] == [0, 2]
 
 
 @pytest.mark.slow
 def test_many_systems_and_their_table() -> None:
-    systems = [sp.Eq(x.diff(t, 2), -x), "x'' = -x - x'", "x'' = 1/2x", {"equations": {"x": "x^2 + y^2", "y": "0"}}]
+    systems = [
+        sp.Eq(x.diff(t, 2), -x),
+        "x'' = -x - x'",
+        "x'' = 1/2x",
+        {"equations": {"x": "x^2 + y^2", "y": "0"}},
+    ]
     systems += ["x'' = -Heaviside(x)"]
     found = list(solve_many(systems))
     assert found[0].lagrangian is not None
     assert found[2]["error"]["status"] == 422
     rows = table([found[0], found[1], found[3], found[4]])
     rows = rows if isinstance(rows, list) else rows.to_dict("records")
-    assert [row["verdict"] for row in rows] == ["variational", "variational", "not_variational", "variational"]
-    assert [(row["domain"], row["cells"]) for row in rows] == [("", 1), ("", 1), ("", 1), ("x > 0", 2)]
+    assert [row["verdict"] for row in rows] == [
+        "variational",
+        "variational",
+        "not_variational",
+        "variational",
+    ]
+    assert [(row["domain"], row["cells"]) for row in rows] == [
+        ("", 1),
+        ("", 1),
+        ("", 1),
+        ("x > 0", 2),
+    ]
     assert rows[1]["L"] == "exp(t)*(x'^2 - x^2)/2"
 
 
@@ -236,7 +288,9 @@ def test_equations_of_matrices_and_derivatives_of_products_are_carried_out() -> 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("force", [sp.exp(-(x**2)), x**x, sp.Function("f")(x), sp.sin(x) / x])
-def test_a_lagrangian_with_an_integral_is_an_expression_that_sympy_differentiates(force: sp.Expr) -> None:
+def test_a_lagrangian_with_an_integral_is_an_expression_that_sympy_differentiates(
+    force: sp.Expr,
+) -> None:
     found = solve(sp.Eq(x.diff(t, 2), -force))
     (name,) = found["integrals"]
     assert str(found.lagrangian.diff(x)) == str(-force)
@@ -268,14 +322,18 @@ def test_a_result_is_a_mapping() -> None:
     assert bool(found)
 
 
-@pytest.mark.parametrize("given", ["x'' = -x", ["x'' = -x"], {"x": "-x"}, "sho", '{"equations": {"x": "-x"}}'])
+@pytest.mark.parametrize(
+    "given", ["x'' = -x", ["x'' = -x"], {"x": "-x"}, "sho", '{"equations": {"x": "-x"}}']
+)
 def test_solve_takes_texts_lists_and_accelerations(given: object) -> None:
     assert inverse_service.solve(given)["system"]["equations"] == {"x": "-x"}
 
 
 def test_names_of_a_result_may_be_given() -> None:
     position = sp.Symbol("x", positive=True)
-    found = from_result(inverse_service.solve({"equations": "x'' = -k*x", "parameters": ["k"]}), {"k": k, "x": x})
+    found = from_result(
+        inverse_service.solve({"equations": "x'' = -k*x", "parameters": ["k"]}), {"k": k, "x": x}
+    )
     assert found.lagrangian.free_symbols == {t, k}
     assert position not in found.lagrangian.free_symbols
     assert document(sp.Eq(x.diff(t, 2), -k * x))["parameters"] == ["k"]
@@ -297,7 +355,9 @@ print(GROUND_TYPES)
 @pytest.mark.parametrize("types", ["python", "flint"])
 def test_the_bridge_works_under_both_ground_types(types: str) -> None:
     environment = {**os.environ, "SYMPY_GROUND_TYPES": types}
-    run = subprocess.run([sys.executable, "-c", GROUND], capture_output=True, text=True, check=False, env=environment)
+    run = subprocess.run(
+        [sys.executable, "-c", GROUND], capture_output=True, text=True, check=False, env=environment
+    )
     assert (run.returncode, run.stdout.strip()) == (0, types), run.stderr
 
 
@@ -335,16 +395,22 @@ def test_helmholtz_is_a_function_after_its_first_call() -> None:
 
 
 def test_keys_next_to_a_text_are_used() -> None:
-    assert solve("y'' = -x*y", time="x").lagrangian == inverse_service.solve("y'' = -x*y", time="x").lagrangian
+    assert (
+        solve("y'' = -x*y", time="x").lagrangian
+        == inverse_service.solve("y'' = -x*y", time="x").lagrangian
+    )
     assert document(["x'' = -x"], family=True) == {"equations": ["x'' = -x"], "family": True}
     assert solve(["x'' = -k*x"], parameters=["k"]).is_variational is True
     assert solve("x'' = -x", foo=1)["ignored"] == ["foo"]
     position, speed = sp.symbols("x v_x")
-    assert inverse_service.solve({position: -position}, velocities={position: speed}).lagrangian.has(speed)
+    assert inverse_service.solve(
+        {position: -position}, velocities={position: speed}
+    ).lagrangian.has(speed)
 
 
 @pytest.mark.parametrize(
-    ("coordinates", "reason"), [(["x"], "not a SymPy object"), ([y], "has no acceleration"), (y, "has no acceleration")]
+    ("coordinates", "reason"),
+    [(["x"], "not a SymPy object"), ([y], "has no acceleration"), (y, "has no acceleration")],
 )
 def test_invalid_coordinates_are_rejected(coordinates: list[object], reason: str) -> None:
     with pytest.raises(InputError, match=reason):
@@ -354,7 +420,9 @@ def test_invalid_coordinates_are_rejected(coordinates: list[object], reason: str
 def test_helmholtz_takes_what_solve_takes() -> None:
     tau = sp.Symbol("tau")
     clock = sp.Function("t")(tau)
-    assert helmholtz({clock: clock**2 - tau * clock.diff(tau)}).Phi[0] == -(tau**2) / 2 - 4 * clock - 1
+    assert (
+        helmholtz({clock: clock**2 - tau * clock.diff(tau)}).Phi[0] == -(tau**2) / 2 - 4 * clock - 1
+    )
     assert helmholtz("y'' = -x*y", time="x").Phi[0] == 2 * sp.Symbol("x")
     assert helmholtz({"equations": "t'' = t^2", "time": "tau"}).Phi[0] == -4 * clock
 

@@ -1,1 +1,3 @@
-"""Systems whose verdict is known from the literature or by an argument, and a second opinion on them."""
+"""Systems whose verdict is known from the literature or by an argument, and a second opinion on
+them.
+"""

@@ -1,8 +1,9 @@
 """Nonexistence of a Lagrangian from the differentiated Helmholtz conditions, in floating point.
 
-L is a Taylor polynomial about a random point, its coefficients of v-degree 2 and more are the unknowns; (H2) and (H3)
-are expanded about the same point. The null space of all equations, restricted to g at the point, is tested for
-nonsingular members. If all are singular, no multiplier exists.
+L is a Taylor polynomial about a random point, its coefficients of v-degree 2 and more are the
+unknowns; (H2) and (H3) are expanded about the same point. The null space of all equations,
+restricted to g at the point, is tested for nonsingular members. If all are singular, no multiplier
+exists.
 """
 
 from __future__ import annotations
@@ -70,7 +71,9 @@ class Expansions:
                 result = product(result, self.of(part), self.degree)
             return result
         inner, function = self._function(e)
-        return self._composed(inner, mpmath.taylor(function, inner.get(self.zero, 0.0), self.degree))
+        return self._composed(
+            inner, mpmath.taylor(function, inner.get(self.zero, 0.0), self.degree)
+        )
 
     def _function(self, e: sympy.Expr) -> tuple[Polynomial, Callable[[float], float]]:
         if e.is_Pow and e.exp.is_number:
@@ -97,7 +100,9 @@ def is_excluded(given: Formulas, order: int, with_time: bool = False, seed: int 
     endomorphism = _endomorphism(f, v, offset, order)
     unknowns = list(_monomials(offset + 2 * n, offset + n, order + 2))
     columns = [dict(_equations(_hessian(m, n), f, v, endomorphism, order)) for m in unknowns]
-    keys = {key: r for r, key in enumerate(dict.fromkeys(key for column in columns for key in column))}
+    keys = {
+        key: r for r, key in enumerate(dict.fromkeys(key for column in columns for key in column))
+    }
     matrix = np.zeros((len(keys), len(unknowns)))
     for c, column in enumerate(columns):
         for key, value in column.items():
@@ -143,7 +148,9 @@ def _equations(
                 yield ("H3", i, j, key), value
 
 
-def _along(p: Polynomial, f: list[Polynomial], v: list[Polynomial], offset: int, degree: int) -> list[Term]:
+def _along(
+    p: Polynomial, f: list[Polynomial], v: list[Polynomial], offset: int, degree: int
+) -> list[Term]:
     """The terms of Gamma(p); with an offset the first variable is t."""
     n = len(f)
     terms = [(1.0, product(v[k], slope(p, offset + k), degree)) for k in range(n)]
@@ -151,13 +158,17 @@ def _along(p: Polynomial, f: list[Polynomial], v: list[Polynomial], offset: int,
     return terms + [(1.0, slope(p, 0))] * offset
 
 
-def _endomorphism(f: list[Polynomial], v: list[Polynomial], offset: int, order: int) -> list[list[Polynomial]]:
+def _endomorphism(
+    f: list[Polynomial], v: list[Polynomial], offset: int, order: int
+) -> list[list[Polynomial]]:
     span = range(len(f))
     rates = [[slope(f[i], offset + len(f) + j) for j in span] for i in span]
 
     def entry(i: int, j: int) -> Polynomial:
         squares = [(-0.5, product(rates[i][k], rates[k][j], order)) for k in span]
-        return total(*_along(rates[i][j], f, v, offset, order), (-2.0, slope(f[i], offset + j)), *squares)
+        return total(
+            *_along(rates[i][j], f, v, offset, order), (-2.0, slope(f[i], offset + j)), *squares
+        )
 
     return [[entry(i, j) for j in span] for i in span]
 

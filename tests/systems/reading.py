@@ -52,7 +52,9 @@ def expression(
         text = re.sub(rf"(?<!\w){name}('+)\((\w+)\)", _derivative, text)
     for name in sorted(names, key=len, reverse=True):
         text = re.sub(rf"(?<!\w){re.escape(name)}'", f"{name}_rate", text)
-    return sympy.sympify(text.replace("^", "**"), locals={**table, "diff": sympy.diff}, rational=True)
+    return sympy.sympify(
+        text.replace("^", "**"), locals={**table, "diff": sympy.diff}, rational=True
+    )
 
 
 def _derivative(match: re.Match[str]) -> str:
@@ -62,10 +64,14 @@ def _derivative(match: re.Match[str]) -> str:
 
 
 def concrete(given: sympy.Expr, functions: dict[str, list[str]]) -> sympy.Expr:
-    """Replace arbitrary functions by particular ones: a failure for these is a failure in general."""
+    """Replace arbitrary functions by particular ones: a failure for these is a failure in
+    general.
+    """
     for k, (name, arguments) in enumerate(functions.items(), start=1):
         symbols = [sympy.Symbol(argument) for argument in arguments]
-        linear = sum((weight * symbol for weight, symbol in enumerate(symbols, start=2)), sympy.Integer(0))
+        linear = sum(
+            (weight * symbol for weight, symbol in enumerate(symbols, start=2)), sympy.Integer(0)
+        )
         body = sympy.sin(linear + k) + sympy.exp(-linear / 7) * (3 + symbols[0] ** 3 * sum(symbols))
         given = given.subs(sympy.Function(name), sympy.Lambda(tuple(symbols), body)).doit()
     return given
@@ -74,7 +80,12 @@ def concrete(given: sympy.Expr, functions: dict[str, list[str]]) -> sympy.Expr:
 def point(given: Formulas, seed: int) -> dict[sympy.Symbol, Any]:
     """Random positive numbers, velocities below those of positions."""
     generator = random.Random(seed)
-    ranges = [(given.coordinates, 3, 6), (given.velocities, 1, 4), (given.parameters, 3, 9), ([TIME], 3, 6)]
+    ranges = [
+        (given.coordinates, 3, 6),
+        (given.velocities, 1, 4),
+        (given.parameters, 3, 9),
+        ([TIME], 3, 6),
+    ]
     with mpmath.workdps(DIGITS):
         return {
             symbol: mpmath.mpf(generator.randint(low * 10**8, high * 10**8)) / 10**9
@@ -86,6 +97,8 @@ def point(given: Formulas, seed: int) -> dict[sympy.Symbol, Any]:
 def values(expressions: Sequence[sympy.Expr], place: dict[sympy.Symbol, Any]) -> list[Any]:
     """Their numbers to 60 digits."""
     plain = {symbol: sympy.Symbol(f"a{k}") for k, symbol in enumerate(place)}
-    function = sympy.lambdify(list(plain.values()), [e.xreplace(plain) for e in expressions], "mpmath", cse=True)
+    function = sympy.lambdify(
+        list(plain.values()), [e.xreplace(plain) for e in expressions], "mpmath", cse=True
+    )
     with mpmath.workdps(DIGITS):
         return [mpmath.mpmathify(value) for value in function(*place.values())]

@@ -25,7 +25,9 @@ def _along(e: sympy.Expr, given: Formulas) -> sympy.Expr:
 
 
 def algebraic_conditions(given: Formulas, derivatives: int, seed: int = 5) -> tuple[int, bool]:
-    """(dimension of the remaining g at a point, whether all are singular), from Phi, nabla^k Phi, R, and nabla R."""
+    """(dimension of the remaining g at a point, whether all are singular), from Phi, nabla^k Phi,
+    R, and nabla R.
+    """
     n = len(given.coordinates)
     slopes = Matrix(n, n, lambda i, j: given.accelerations[i].diff(given.velocities[j]))
     forces = Matrix(n, n, lambda i, j: given.accelerations[i].diff(given.coordinates[j]))
@@ -33,9 +35,13 @@ def algebraic_conditions(given: Formulas, derivatives: int, seed: int = 5) -> tu
     tensors = [slopes.applyfunc(lambda e: _along(e, given)) - 2 * forces - slopes * slopes / 2]
     for _ in range(derivatives):
         last = tensors[-1]
-        tensors.append(last.applyfunc(lambda e: _along(e, given)) + connection * last - last * connection)
+        tensors.append(
+            last.applyfunc(lambda e: _along(e, given)) + connection * last - last * connection
+        )
     curvatures = [_curvature(tensor, given) for tensor in tensors[: 2 if n > 2 else 0]]
-    flat = [e for tensor in tensors for e in tensor] + [e for curvature in curvatures for e in curvature]
+    flat = [e for tensor in tensors for e in tensor] + [
+        e for curvature in curvatures for e in curvature
+    ]
     with mpmath.workdps(DIGITS):
         numbers = values(flat, point(given, seed))
         rows = list(_rows(numbers, n, len(tensors)))
@@ -45,7 +51,9 @@ def algebraic_conditions(given: Formulas, derivatives: int, seed: int = 5) -> tu
 def _curvature(tensor: Matrix, given: Formulas) -> list[sympy.Expr]:
     """R^j_kl at index ((j n) + k) n + l."""
     v, span = given.velocities, range(len(given.velocities))
-    return [tensor[j, k].diff(v[m]) - tensor[j, m].diff(v[k]) for j in span for k in span for m in span]
+    return [
+        tensor[j, k].diff(v[m]) - tensor[j, m].diff(v[k]) for j in span for k in span for m in span
+    ]
 
 
 def _place(i: int, j: int, n: int) -> int:
@@ -73,7 +81,11 @@ def _rows(numbers: Sequence[Any], n: int, tensors: int) -> Iterator[Row]:
 def _left_over(rows: list[Row], n: int) -> tuple[int, bool]:
     """Gauss with full pivoting; then the determinant of two random solutions."""
     size, small = n * (n + 1) // 2, mpmath.mpf(10) ** -22
-    rest = [[x / scale for x in row] for row in rows if (scale := max(map(abs, row))) > mpmath.mpf(10) ** -40]
+    rest = [
+        [x / scale for x in row]
+        for row in rows
+        if (scale := max(map(abs, row))) > mpmath.mpf(10) ** -40
+    ]
     free, solved = list(range(size)), list[tuple[int, Row]]()
     while rest and free:
         value, number, column = max((abs(row[c]), r, c) for r, row in enumerate(rest) for c in free)
@@ -82,14 +94,19 @@ def _left_over(rows: list[Row], n: int) -> tuple[int, bool]:
         chosen = rest.pop(number)
         chosen = [x / chosen[column] for x in chosen]
         rest = [[x - row[column] * y for x, y in zip(row, chosen, strict=True)] for row in rest]
-        solved = [(c, [x - row[column] * y for x, y in zip(row, chosen, strict=True)]) for c, row in solved]
+        solved = [
+            (c, [x - row[column] * y for x, y in zip(row, chosen, strict=True)])
+            for c, row in solved
+        ]
         solved.append((column, chosen))
         free.remove(column)
     generator = random.Random(9)
     return len(free), all(_is_singular(free, solved, n, generator) for _ in range(2))
 
 
-def _is_singular(free: Sequence[int], solved: Sequence[tuple[int, Row]], n: int, generator: random.Random) -> bool:
+def _is_singular(
+    free: Sequence[int], solved: Sequence[tuple[int, Row]], n: int, generator: random.Random
+) -> bool:
     g = {c: mpmath.mpf(generator.randint(-1000, 1000)) / 777 + mpmath.mpf(1) / 7 for c in free}
     g |= {c: -sum((row[k] * g[k] for k in free), mpmath.mpf(0)) for c, row in solved}
     matrix = mpmath.matrix([[g[_place(i, j, n)] for j in range(n)] for i in range(n)])

@@ -1,6 +1,8 @@
-"""If the corpus says that there is no Lagrangian, conditions derived and evaluated by SymPy confirm it.
+"""If the corpus says that there is no Lagrangian, conditions derived and evaluated by SymPy confirm
+it.
 
-Lagrangians prove a yes by themselves (tests/doors/test_systems.py); rows with `proof` are proved here.
+Lagrangians prove a yes by themselves (tests/doors/test_systems.py); rows with `proof` are proved
+here.
 """
 
 from __future__ import annotations
@@ -12,8 +14,16 @@ from tests.systems.prolonged import is_excluded
 from tests.systems.reading import Formulas, formulas
 from tests.systems.second_opinion import algebraic_conditions
 
-ROWS = {row["id"]: row for row in rows(*SYSTEMS) if {"algebraic", "prolonged"} & {*row.get("proof", ())}}
-SAMPLE = ("suslov", "case-iia2-driven-by-x", "unequal-drag-linear", "latitude-sphere-wrong", "kepler-linear-drag")
+ROWS = {
+    row["id"]: row for row in rows(*SYSTEMS) if {"algebraic", "prolonged"} & {*row.get("proof", ())}
+}
+SAMPLE = (
+    "suslov",
+    "case-iia2-driven-by-x",
+    "unequal-drag-linear",
+    "latitude-sphere-wrong",
+    "kepler-linear-drag",
+)
 
 
 def given_formulas(row: Row) -> Formulas:

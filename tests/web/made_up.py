@@ -88,7 +88,9 @@ def with_extreme_numbers(dice: random.Random) -> dict[str, Any]:
 
     def one() -> str:
         shape = dice.choice(SHAPES)
-        return dice.choice(("", "-")) + shape.format(n=dice.choice(NUMBERS), m=dice.choice((2, 3, 61, 200, 300, 10**6)))
+        return dice.choice(("", "-")) + shape.format(
+            n=dice.choice(NUMBERS), m=dice.choice((2, 3, 61, 200, 300, 10**6))
+        )
 
     found: dict[str, Any] = {
         "coordinates": ["x", "y"],
@@ -101,14 +103,29 @@ def with_extreme_numbers(dice: random.Random) -> dict[str, Any]:
 
 
 def scene(dice: random.Random) -> dict[str, Any]:
-    """A scene with numbers of all sizes, suitable or unsuitable methods, and sometimes a key of the wrong shape."""
-    system: dict[str, Any] = {"coordinates": ["x", "y"], "equations": with_extreme_numbers(dice).get("equations", "x")}
+    """A scene with numbers of all sizes, suitable or unsuitable methods, and sometimes a key of the
+    wrong shape.
+    """
+    system: dict[str, Any] = {
+        "coordinates": ["x", "y"],
+        "equations": with_extreme_numbers(dice).get("equations", "x"),
+    }
     potential = dice.choice(SHAPES).format(n=dice.choice(NUMBERS), m=2).replace("'", "")
     free = {"coordinates": ["x", "y"], "lagrangian": f"x'^2/2+y'^2/2-({potential})"}
     number = dice.choice
-    disk, particle = {"catalogue": "vertically-rolling-disk"}, {"catalogue": "nonholonomic-particle"}
+    disk, particle = (
+        {"catalogue": "vertically-rolling-disk"},
+        {"catalogue": "nonholonomic-particle"},
+    )
     whole, names = number(
-        ((system, "x y"), (system, "x y"), (free, "x y"), (free, "x y"), (disk, "theta phi x y"), (particle, "x y z"))
+        (
+            (system, "x y"),
+            (system, "x y"),
+            (free, "x y"),
+            (free, "x y"),
+            (disk, "theta phi x y"),
+            (particle, "x y z"),
+        )
     )
     found: dict[str, Any] = {
         "system": whole,
@@ -118,8 +135,12 @@ def scene(dice: random.Random) -> dict[str, Any]:
         },
         "step": number((0.1, 0.1, 0.1, 0.01, 1, 1e-12, 1e12, number((-0.1, 0)))),
         "steps": number((1, 10, 10, 100, 1000, number((1, 1, 0)))),
-        "methods": [{"method": number((*METHODS[:-1] * 3, METHODS[-1]))} for _ in range(dice.randint(1, 2))],
-        "observe": dice.sample(["trajectory", "energy", "constraints", "error", "matching_circle"], 2),
+        "methods": [
+            {"method": number((*METHODS[:-1] * 3, METHODS[-1]))} for _ in range(dice.randint(1, 2))
+        ],
+        "observe": dice.sample(
+            ["trajectory", "energy", "constraints", "error", "matching_circle"], 2
+        ),
     }
     if whole is disk:
         found["parameters"] = dict.fromkeys("MIJR", number((1, 2, 1e-8, 1e8)))

@@ -13,7 +13,14 @@ from typing import Any
 import httpx
 import pytest
 
-from inverse_service.service.jobs.model import Batch, BatchAnswer, Change, Event, Job, StoreUnavailable
+from inverse_service.service.jobs.model import (
+    Batch,
+    BatchAnswer,
+    Change,
+    Event,
+    Job,
+    StoreUnavailable,
+)
 from inverse_service.settings import Settings
 from inverse_service.web import engine as engine_module
 from inverse_service.web.application import create_application
@@ -51,7 +58,12 @@ Work = Callable[[httpx.AsyncClient], Awaitable[None]]
 def with_store(store: Any, work: Work) -> None:
     application = create_application(Settings())
     engine = application.state.engine
-    engine.is_open, engine.job_store, engine.quick_workers, engine.work_workers = True, store, Inline(), Inline()
+    engine.is_open, engine.job_store, engine.quick_workers, engine.work_workers = (
+        True,
+        store,
+        Inline(),
+        Inline(),
+    )
     engine.supervisor = SimpleNamespace(is_working=lambda: True)
 
     async def run() -> None:
@@ -64,7 +76,10 @@ def with_store(store: Any, work: Work) -> None:
 
 
 def assert_told_to_come_back(response: httpx.Response) -> None:
-    assert (response.status_code, response.headers["content-type"]) == (503, "application/problem+json")
+    assert (response.status_code, response.headers["content-type"]) == (
+        503,
+        "application/problem+json",
+    )
     assert response.json()["type"] == "urn:inverse-service:problem:store-unavailable"
     assert int(response.headers["retry-after"]) > 0
 
@@ -73,7 +88,10 @@ def test_the_service_lives_while_its_store_is_away() -> None:
     store = AbsentStore()
 
     async def work(client: httpx.AsyncClient) -> None:
-        waiting = [asyncio.ensure_future(client.request(method, path, json=body)) for method, path, body in CALLS]
+        waiting = [
+            asyncio.ensure_future(client.request(method, path, json=body))
+            for method, path, body in CALLS
+        ]
         for _ in CALLS:
             assert await asyncio.to_thread(store.asked.acquire, timeout=60)
         assert (await client.get("/livez")).status_code == 200
@@ -99,7 +117,9 @@ def test_a_store_that_hangs_is_not_waited_for_without_end(monkeypatch: pytest.Mo
 
 def test_streams_go_on_when_the_store_is_back() -> None:
     class Away:
-        """A store with a finished job and a batch of one line; reading answers fails `failures` times."""
+        """A store with a finished job and a batch of one line; reading answers fails `failures`
+        times.
+        """
 
         exclusive = True
 
@@ -177,7 +197,9 @@ def test_a_store_that_can_be_read_and_not_written_is_not_ready() -> None:
     assert store.written == 1
 
 
-def test_a_stream_over_a_store_of_this_process_alone_waits_to_be_woken(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stream_over_a_store_of_this_process_alone_waits_to_be_woken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(engine_module, "LOOK_AGAIN", 0.01)
 
     class Counting:

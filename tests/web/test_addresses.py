@@ -35,4 +35,6 @@ def test_a_proxy_is_known_by_its_network() -> None:
 
 
 def test_a_name_with_the_dot_of_the_root_is_the_same_host() -> None:
-    assert [name_of(host) for host in ("Localhost:8000", "localhost.", "localhost.:80")] == ["localhost"] * 3
+    assert [name_of(host) for host in ("Localhost:8000", "localhost.", "localhost.:80")] == [
+        "localhost"
+    ] * 3

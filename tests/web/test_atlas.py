@@ -1,4 +1,6 @@
-"""The atlas over HTTP: search by words, tag, and equations, one entry, the full list; and common behavior of pages."""
+"""The atlas over HTTP: search by words, tag, and equations, one entry, the full list; and common
+behavior of pages.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ def test_the_atlas_is_large_and_says_nothing_of_the_test_bench() -> None:
     found = catalogue.atlas()
     assert len(found) >= LEAST
     assert "tilting-disk" in found
-    assert len({json.dumps(entry["document"], sort_keys=True) for entry in found.values()}) == len(found)
+    assert len({json.dumps(entry["document"], sort_keys=True) for entry in found.values()}) == len(
+        found
+    )
     text = json.dumps(list(found.values()))
     assert [note for note in NOTES if note in text] == []
     assert {entry["verdict"] for entry in found.values()} <= {"yes", "no", "open", "differs"}
@@ -41,7 +45,10 @@ def entries_of_today(quick: bool) -> list[dict[str, Any]]:
 
 def assert_as_computed_now(entries: list[dict[str, Any]]) -> None:
     rows = {row["name"]: row for row in builder.documents()}
-    found = {entry["name"]: builder.differences(entry, builder.entry_of(rows[entry["name"]])) for entry in entries}
+    found = {
+        entry["name"]: builder.differences(entry, builder.entry_of(rows[entry["name"]]))
+        for entry in entries
+    }
     assert {name: differences for name, differences in found.items() if differences} == {}
 
 
@@ -70,7 +77,9 @@ def test_an_entry_that_says_less_or_other_is_found() -> None:
 
 
 def test_every_formula_of_the_atlas_has_what_it_needs() -> None:
-    """No H without its momenta, no energy in velocities as H, no F without its derivatives, another clock is said."""
+    """No H without its momenta, no energy in velocities as H, no F without its derivatives, another
+    clock is said.
+    """
     for entry in catalogue.atlas().values():
         result = short_results.unfolded(entry["result"], entry["document"])
         answers = short_results.for_programs(entry["result"])["answers"]
@@ -79,11 +88,15 @@ def test_every_formula_of_the_atlas_has_what_it_needs() -> None:
             lagrangian, energy = one["lagrangian"], one["hamiltonian"]
             if lagrangian:
                 known = {*lagrangian["auxiliary"], *result["system"]["functions"]}
-                assert set(re.findall(r"\b([A-Z]\w*)\(", lagrangian["text"])) <= known, entry["name"]
+                assert set(re.findall(r"\b([A-Z]\w*)\(", lagrangian["text"])) <= known, entry[
+                    "name"
+                ]
             if energy:
                 assert energy["momenta"], entry["name"]
                 moving = "|".join(one.get("equations") or result["system"]["coordinates"])
-                assert energy["implicit"] is bool(re.search(rf"\b({moving})'", energy["text"])), entry["name"]
+                assert energy["implicit"] is bool(re.search(rf"\b({moving})'", energy["text"])), (
+                    entry["name"]
+                )
         sheet = sheets.sheet_of(result, brief=True)
         said = (sheet.verdict, sheet.badge, [formula.whole for formula in sheet.asked])
         assert said == (entry["verdict"], entry["badge"], entry["equations"]), entry["name"]
@@ -125,12 +138,21 @@ def test_the_whole_is_one_file_that_a_browser_keeps(service: str) -> None:
 def test_pages_have_marks_descriptions_and_what_browsers_ask_for(service: str) -> None:
     with httpx.Client(base_url=service, timeout=60) as client:
         page = client.get("/teach")
-        assert client.get("/teach", headers={"If-None-Match": page.headers["etag"]}).status_code == 304
+        assert (
+            client.get("/teach", headers={"If-None-Match": page.headers["etag"]}).status_code == 304
+        )
         assert 'name="description"' in page.text
         assert client.get("/robots.txt").text.startswith("User-agent")
-        assert client.get("/favicon.ico", follow_redirects=True).headers["content-type"] == "image/svg+xml"
-        found = client.post("/v1/solve", json={"equations": "x'' = -x"}, headers={"Prefer": "wait=20"})
-        place = (found.headers.get("location") or found.headers["content-location"]).rpartition("/")[2]
+        assert (
+            client.get("/favicon.ico", follow_redirects=True).headers["content-type"]
+            == "image/svg+xml"
+        )
+        found = client.post(
+            "/v1/solve", json={"equations": "x'' = -x"}, headers={"Prefer": "wait=20"}
+        )
+        place = (found.headers.get("location") or found.headers["content-location"]).rpartition(
+            "/"
+        )[2]
         page = client.get(f"/results/{place}")
         assert f'property="og:image" content="{service}/results/{place}/picture.png"' in page.text
         for ending in ("png", "svg"):
@@ -164,12 +186,18 @@ def test_an_entry_shows_the_answer_of_this_program_with_its_proof_and_picture(se
         assert part in page
         assert "oscillator" in page
         assert "has a Lagrangian</span></h1>" not in page  # the answer alone says it
-        assert client.get("/atlas/none").status_code == client.get("/atlas/none/answer").status_code == 404
+        assert (
+            client.get("/atlas/none").status_code
+            == client.get("/atlas/none/answer").status_code
+            == 404
+        )
 
 
 @pytest.mark.slow
 def test_an_entry_says_the_clock_of_its_formulas(service: str) -> None:
-    """The inclined knife edge: its reduced motion has an L in a new time, which is named beside that L."""
+    """The inclined knife edge: its reduced motion has an L in a new time, which is named beside
+    that L.
+    """
     with httpx.Client(base_url=service, timeout=60) as client:
         part = answer_of(client, "inclined-knife-edge")
         assert "Another clock" in part

@@ -1,4 +1,6 @@
-"""The stream of a batch sends regular signs of life, so readers can tell that the service is alive."""
+"""The stream of a batch sends regular signs of life, so readers can tell that the service is
+alive.
+"""
 
 from __future__ import annotations
 
@@ -29,14 +31,22 @@ class SlowStore:
 
     def batch_answers(self, id: str, after: int, limit: int, largest: int) -> list[BatchAnswer]:
         self.looks += 1
-        return [] if self.looks < 4 else [BatchAnswer(1, '"a"', "successful", b'{"verdict": "variational"}', 7)]
+        return (
+            []
+            if self.looks < 4
+            else [BatchAnswer(1, '"a"', "successful", b'{"verdict": "variational"}', 7)]
+        )
 
 
 def streamed(store: SlowStore, total: int) -> tuple[Any, AsyncIterator[bytes]]:
-    """The hub of a service with this store, and the stream of a batch of this many lines; on an event loop."""
+    """The hub of a service with this store, and the stream of a batch of this many lines; on an
+    event loop.
+    """
     engine: Any = Engine(Settings())
     engine.job_store, engine.hub = store, Hub()
-    return engine.hub, routes.answers_of(engine, Batch("b", "solve", "", 0.0, total, {"running": 1}))
+    return engine.hub, routes.answers_of(
+        engine, Batch("b", "solve", "", 0.0, total, {"running": 1})
+    )
 
 
 def test_a_silent_stream_sends_empty_lines(monkeypatch: pytest.MonkeyPatch) -> None:

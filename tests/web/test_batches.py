@@ -1,4 +1,6 @@
-"""Batches over HTTP: every line is answered once, equal lines are computed once, and bad lines give problems."""
+"""Batches over HTTP: every line is answered once, equal lines are computed once, and bad lines give
+problems.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,11 @@ def test_each_line_is_answered_once_with_its_id(client: httpx.Client) -> None:
     assert {line["verdict"] for line in found} == {"variational"}
     assert all(line["format"] == "inverse-service/result/1" for line in found)
     batch = client.get(response.headers["location"]).json()
-    assert (batch["status"], batch["total"], batch["counts"]) == ("successful", 30, {"successful": 30})
+    assert (batch["status"], batch["total"], batch["counts"]) == (
+        "successful",
+        30,
+        {"successful": 30},
+    )
 
 
 def test_the_table_of_a_batch_says_where_a_lagrangian_is_one(client: httpx.Client) -> None:
@@ -71,25 +77,43 @@ def test_bad_lines_are_problem_objects_and_the_others_continue(client: httpx.Cli
         assert found[number]["type"].startswith("urn:inverse-service:problem:")
         assert (found[number]["status"], found[number]["detail"][:8]) == (422, f"Line {number}: ")
     assert [found[k]["id"] for k in (1, 2, 3, 6, 7, 8)] == [None, None, "q", "ok", "k", None]
-    assert (found[3]["errors"][0]["pointer"], found[3]["errors"][0]["column"]) == ("/equations/x", 2)
+    assert (found[3]["errors"][0]["pointer"], found[3]["errors"][0]["column"]) == (
+        "/equations/x",
+        2,
+    )
 
 
 def test_equal_documents_are_computed_once(client: httpx.Client) -> None:
     def computed() -> float:
         lines = client.get("/metrics").text.splitlines()
-        return sum(float(line.rsplit(" ", 1)[1]) for line in lines if line.startswith("inverse_service_jobs_total"))
+        return sum(
+            float(line.rsplit(" ", 1)[1])
+            for line in lines
+            if line.startswith("inverse_service_jobs_total")
+        )
 
     before = computed()
     documents = [system(99, name="the same", id=k) for k in range(20)]
     found = results(client, client.post("/v1/batches", json=documents))
     assert sorted(line["id"] for line in found) == list(range(20))
     assert computed() - before == 1
-    assert len({json.dumps({k: v for k, v in line.items() if k not in ("id", "line")}) for line in found}) == 1
+    assert (
+        len(
+            {
+                json.dumps({k: v for k, v in line.items() if k not in ("id", "line")})
+                for line in found
+            }
+        )
+        == 1
+    )
 
 
 def test_a_json_array_is_a_batch_and_its_places_are_ids(client: httpx.Client) -> None:
     found = results(client, client.post("/v1/batches", json=[system(4), 3, system(5)]))
-    assert sorted((line["line"], line["id"]) for line in found if "verdict" in line) == [(1, 1), (3, 3)]
+    assert sorted((line["line"], line["id"]) for line in found if "verdict" in line) == [
+        (1, 1),
+        (3, 3),
+    ]
 
 
 @pytest.mark.parametrize(
@@ -101,9 +125,14 @@ def test_a_json_array_is_a_batch_and_its_places_are_ids(client: httpx.Client) ->
         (b"{}\n" * 10_001, "application/x-ndjson", 413),
     ],
 )  # fmt: skip
-def test_a_body_that_is_not_a_batch_is_rejected(client: httpx.Client, content: bytes, kind: str, status: int) -> None:
+def test_a_body_that_is_not_a_batch_is_rejected(
+    client: httpx.Client, content: bytes, kind: str, status: int
+) -> None:
     response = client.post("/v1/batches", content=content, headers={"Content-Type": kind})
-    assert (response.status_code, response.headers["content-type"]) == (status, "application/problem+json")
+    assert (response.status_code, response.headers["content-type"]) == (
+        status,
+        "application/problem+json",
+    )
 
 
 def test_a_batch_that_is_sent_again_is_the_same_one(client: httpx.Client) -> None:
@@ -121,15 +150,26 @@ def test_a_batch_that_is_sent_again_is_the_same_one(client: httpx.Client) -> Non
     anew = {"Cache-Control": "no-cache"}
     keyed = [place(lines, **anew, **{"Idempotency-Key": key}) for key in ("a", "a", "b")]
     assert keyed[0] == keyed[1]
-    others = [lines[:2], lines[::-1], [*lines, {}], [{**line, "id": 10 + k} for k, line in enumerate(lines)]]
+    others = [
+        lines[:2],
+        lines[::-1],
+        [*lines, {}],
+        [{**line, "id": 10 + k} for k, line in enumerate(lines)],
+    ]
     places = [first, *keyed[1:], place(lines, **anew), place(lines, **anew), *map(place, others)]
     assert len(set(places)) == len(places)
-    assert client.post("/v1/batches", json=lines, headers={"Idempotency-Key": "k" * 256}).status_code == 422
+    assert (
+        client.post("/v1/batches", json=lines, headers={"Idempotency-Key": "k" * 256}).status_code
+        == 422
+    )
     other = client.post("/v1/batches", json=lines[:2], headers={"Idempotency-Key": "a"})
     ask = {"url": "/v1/solve", "json": {"equations": "x'' = -x"}}
     single = client.post(**ask, headers={"Idempotency-Key": "a"})
     for refused in (other, single):
-        assert (refused.status_code, refused.json()["type"].rpartition(":")[2]) == (422, "idempotency-key")
+        assert (refused.status_code, refused.json()["type"].rpartition(":")[2]) == (
+            422,
+            "idempotency-key",
+        )
     for _ in range(3):  # computed, from the store, from memory
         assert client.post(**ask, headers={"Idempotency-Key": "of one question"}).status_code == 200
 
@@ -142,12 +182,19 @@ def test_results_come_as_an_array_where_that_is_asked_for(client: httpx.Client) 
     assert found.headers["content-type"] == "application/json"
     assert {line["id"] for line in found.json()} == {"a", "b", "c"}
     anything = {"Accept": "application/json, text/plain, */*"}
-    plain = [json.loads(line) for line in client.get(f"{place}/results", headers=anything).text.splitlines() if line]
+    plain = [
+        json.loads(line)
+        for line in client.get(f"{place}/results", headers=anything).text.splitlines()
+        if line
+    ]
     assert sorted(map(json.dumps, plain)) == sorted(map(json.dumps, found.json()))
 
 
 def test_a_cancelled_batch_that_is_sent_again_is_computed(client: httpx.Client) -> None:
-    lines = [*blockers("cancelled and sent again"), system(7, name="after the slow ones", id="last")]
+    lines = [
+        *blockers("cancelled and sent again"),
+        system(7, name="after the slow ones", id="last"),
+    ]
     first = client.post("/v1/batches", json=lines).headers["location"]
     assert client.delete(first).json()["counts"]["dismissed"] > 0
     second = client.post("/v1/batches", json=lines).headers["location"]
@@ -162,8 +209,12 @@ def test_an_unknown_kind_is_refused(client: httpx.Client) -> None:
     assert client.post("/v1/batches?kind=cook", json=[system(1)]).status_code == 422
 
 
-def test_results_come_before_the_last_one_is_there_and_the_rest_can_be_cancelled(client: httpx.Client) -> None:
-    place = client.post("/v1/batches", json=[system(6, name="quick"), *blockers("slow")]).headers["location"]
+def test_results_come_before_the_last_one_is_there_and_the_rest_can_be_cancelled(
+    client: httpx.Client,
+) -> None:
+    place = client.post("/v1/batches", json=[system(6, name="quick"), *blockers("slow")]).headers[
+        "location"
+    ]
     with client.stream("GET", place + "/results") as stream:
         lines = stream.iter_lines()
         assert json.loads(next(lines))["line"] == 1

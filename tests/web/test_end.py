@@ -16,7 +16,9 @@ from inverse_service.service.jobs.locks import remove_abandoned
 from tests.cluster.processes import processes
 from tests.serving import COMMAND, HARD, until
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc; the kernel's death signal is Linux")
+pytestmark = pytest.mark.skipif(
+    sys.platform != "linux", reason="reads /proc; the kernel's death signal is Linux"
+)
 
 
 @pytest.mark.slow
@@ -29,7 +31,9 @@ def test_no_worker_outlives_the_service(ending: signal.Signals, busy: bool, tmp_
         try:
             assert process.stdout is not None
             address = process.stdout.readline().strip()
-            until(lambda: httpx.get(f"{address}/readyz", timeout=30).status_code == 200)  # its workers still start
+            until(
+                lambda: httpx.get(f"{address}/readyz", timeout=30).status_code == 200
+            )  # its workers still start
             if busy:
                 with pytest.raises(httpx.ReadTimeout):
                     httpx.post(f"{address}/v1/solve", json=HARD, timeout=0.3)

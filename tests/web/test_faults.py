@@ -20,7 +20,9 @@ from tests.web.inline import Inline
 DOCUMENT = {"coordinates": ["x"], "equations": {"x": "0"}}
 
 
-def answer_of(monkeypatch: pytest.MonkeyPatch, error: Exception, settings: Settings | None = None) -> httpx.Response:
+def answer_of(
+    monkeypatch: pytest.MonkeyPatch, error: Exception, settings: Settings | None = None
+) -> httpx.Response:
     """The response that a client gets if solving raises the error."""
 
     async def fail(*_: Any) -> Any:
@@ -34,12 +36,16 @@ def answer_of(monkeypatch: pytest.MonkeyPatch, error: Exception, settings: Setti
 
     async def call() -> httpx.Response:
         async with httpx.AsyncClient(transport=transport, base_url="http://service") as client:
-            return await client.post("/v1/solve", json=DOCUMENT, headers={"Origin": "https://a.example"})
+            return await client.post(
+                "/v1/solve", json=DOCUMENT, headers={"Origin": "https://a.example"}
+            )
 
     return asyncio.run(call())
 
 
-def test_an_exception_of_ours_is_a_problem_without_its_text(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_exception_of_ours_is_a_problem_without_its_text(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     response = answer_of(monkeypatch, KeyError("a secret of the inside"))
     assert response.status_code == 500
     assert response.headers["content-type"] == "application/problem+json"
@@ -58,11 +64,16 @@ def test_a_failed_task_is_a_problem_and_its_details_go_to_the_log(
     assert "secret" in caplog.text
 
 
-def test_without_a_worker_process_a_request_gets_retry_after(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_worker_process_a_request_gets_retry_after(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     with pytest.raises(NoWorker) as raised:
         value_of(Outcome("unstarted"))
     response = answer_of(monkeypatch, raised.value)
-    assert (response.status_code, response.json()["type"]) == (503, "urn:inverse-service:problem:not-ready")
+    assert (response.status_code, response.json()["type"]) == (
+        503,
+        "urn:inverse-service:problem:not-ready",
+    )
     assert int(response.headers["retry-after"]) > 0
 
 
@@ -91,7 +102,9 @@ def test_only_a_document_that_used_its_time_is_too_large(cpu: float, status: int
     assert refused.value.status == status
 
 
-@pytest.mark.parametrize(("origins", "allowed"), [((), None), (("https://a.example",), "https://a.example")])
+@pytest.mark.parametrize(
+    ("origins", "allowed"), [((), None), (("https://a.example",), "https://a.example")]
+)
 def test_other_pages_may_call_only_where_the_settings_say_so(
     monkeypatch: pytest.MonkeyPatch, origins: tuple[str, ...], allowed: str | None
 ) -> None:
@@ -132,7 +145,9 @@ def test_other_origins_may_send_and_read_what_the_pages_describe() -> None:
         headers = {"Origin": "https://a.example", "Access-Control-Request-Method": "POST"}
         transport = httpx.ASGITransport(application)
         async with httpx.AsyncClient(transport=transport, base_url="http://service") as client:
-            return await client.options("/v1/solve", headers=headers | {"Access-Control-Request-Headers": asked})
+            return await client.options(
+                "/v1/solve", headers=headers | {"Access-Control-Request-Headers": asked}
+            )
 
     assert asyncio.run(call()).status_code == 200
     assert {"RateLimit", "RateLimit-Policy", "Retry-After", "X-Request-ID"} <= {*EXPOSED_HEADERS}

@@ -34,7 +34,9 @@ def finished(client: httpx.Client, place: str) -> httpx.Response:
     return response
 
 
-def events(client: httpx.Client, place: str, headers: dict[str, str] | None = None) -> list[dict[str, Any]]:
+def events(
+    client: httpx.Client, place: str, headers: dict[str, str] | None = None
+) -> list[dict[str, Any]]:
     text = client.get(place + "/events", headers=headers).text
     parts = [part.split("\n") for part in text.split("\n\n") if "data: " in part]
     fields = [dict(line.split(": ", 1) for line in part) for part in parts]
@@ -65,7 +67,9 @@ def test_past_the_wait_a_call_gets_202_and_before_it_its_result(client: httpx.Cl
     assert client.post("/v1/solve", json=easy(), headers={"Prefer": "wait=20"}).status_code == 200
 
 
-def test_the_same_question_is_answered_from_the_store_and_no_cache_computes_again(client: httpx.Client) -> None:
+def test_the_same_question_is_answered_from_the_store_and_no_cache_computes_again(
+    client: httpx.Client,
+) -> None:
     document = easy()
     first, second = client.post("/v1/solve", json=document), client.post("/v1/solve", json=document)
     assert first.content == second.content
@@ -73,7 +77,9 @@ def test_the_same_question_is_answered_from_the_store_and_no_cache_computes_agai
     assert first.headers["cache-control"] == second.headers["cache-control"] == "private, no-cache"
     shuffled = dict(reversed(document.items()))
     assert client.post("/v1/solve", json=shuffled).headers["location"] == first.headers["location"]
-    anew = client.post("/v1/solve", json=document, headers={"Cache-Control": "no-cache", "Prefer": "wait=20"})
+    anew = client.post(
+        "/v1/solve", json=document, headers={"Cache-Control": "no-cache", "Prefer": "wait=20"}
+    )
     assert anew.headers["location"] == first.headers["location"]
     assert anew.headers["etag"] != first.headers["etag"]
 
@@ -83,7 +89,9 @@ def test_another_limit_is_another_question(client: httpx.Client) -> None:
     places = [
         client.post("/v1/solve", json=document).headers["location"],
         client.post("/v1/solve?time_limit=5", json=document).headers["location"],
-        client.post("/v1/solve", json=document | {"options": {"time_limit": 5}}).headers["location"],
+        client.post("/v1/solve", json=document | {"options": {"time_limit": 5}}).headers[
+            "location"
+        ],
         client.post("/v1/solve", json=document | {"options": {"seed": 7}}).headers["location"],
     ]
     assert places[1] == places[2]
@@ -95,7 +103,9 @@ def test_another_limit_is_another_question(client: httpx.Client) -> None:
     [{"time_limit": 11}, {"time_limit": 0}, {"time_limit": True}, {"time_limit": "5"}, {"memory_limit": 10**6},
      {"memory_limit": 1}, {"seed": -1}, {"seed": 1.5}, {"color": 1}, [], "fast", 3],
 )  # fmt: skip
-def test_options_beyond_the_server_or_unknown_are_refused(client: httpx.Client, options: Any) -> None:
+def test_options_beyond_the_server_or_unknown_are_refused(
+    client: httpx.Client, options: Any
+) -> None:
     response = client.post("/v1/solve", json=easy() | {"options": options})
     assert response.status_code == 422
     assert response.json()["errors"][0]["pointer"].startswith("/options")
@@ -137,11 +147,18 @@ def test_a_job_has_an_etag_and_is_not_sent_twice(client: httpx.Client) -> None:
 @pytest.mark.parametrize("place", ["/v1/jobs/0", "/v1/batches/0"])
 def test_an_unknown_job_is_404(client: httpx.Client, method: str, place: str) -> None:
     response = client.request(method, place)
-    assert (response.status_code, response.json()["type"]) == (404, "urn:inverse-service:problem:not-found")
+    assert (response.status_code, response.json()["type"]) == (
+        404,
+        "urn:inverse-service:problem:not-found",
+    )
 
 
 def test_events_tell_the_stages_and_can_be_resumed(client: httpx.Client) -> None:
-    forces = {"x": "-x - (x^2 - 1)*x'", "y": "-4*y*y'^2 - (y^2 - 1)*y'", "z": "-z*z'^2 - (z^2 - 1)*z'"}
+    forces = {
+        "x": "-x - (x^2 - 1)*x'",
+        "y": "-4*y*y'^2 - (y^2 - 1)*y'",
+        "z": "-z*z'^2 - (z^2 - 1)*z'",
+    }
     searched = {"coordinates": [*forces], "equations": forces}
     for _ in range(5):  # a job that ends before the stream begins has no stages
         place = client.post("/v1/solve", json=easy() | searched, headers=ASYNC).headers["location"]
@@ -161,7 +178,10 @@ def test_events_tell_the_stages_and_can_be_resumed(client: httpx.Client) -> None
 
 
 def test_events_bring_the_parts_of_the_result_as_they_are_finished(client: httpx.Client) -> None:
-    searched = {"coordinates": ["x", "y"], "equations": {"x": "-x - x'/3 - y^3*x'", "y": "-4*y*y'^2 + x^2"}}
+    searched = {
+        "coordinates": ["x", "y"],
+        "equations": {"x": "-x - x'/3 - y^3*x'", "y": "-4*y*y'^2 + x^2"},
+    }
     place = client.post("/v1/solve", json=easy() | searched, headers=ASYNC).headers["location"]
     parts = [event["data"] for event in events(client, place) if event["event"] == "part"]
     assert {"conditions", "existence"} <= {part["part"] for part in parts}
@@ -177,10 +197,14 @@ def test_a_cancelled_job_stops_working(client: httpx.Client) -> None:
     assert (response.status_code, response.json()["status"]) == (200, "dismissed")
     assert client.get(place).status_code == 200
     assert events(client, place)[-1]["data"] == {"status": "dismissed"}
-    # Both workers are free at once: two quick jobs do not wait for the time limit of the canceled one.
+    # Both workers are free at once: two quick jobs do not wait for the time limit of the canceled
+    # one.
     begin = time.monotonic()
     for document in (easy(), easy()):
-        assert client.post("/v1/solve", json=document, headers={"Prefer": "wait=20"}).status_code == 200
+        assert (
+            client.post("/v1/solve", json=document, headers={"Prefer": "wait=20"}).status_code
+            == 200
+        )
     assert time.monotonic() - begin < 9
     assert client.delete(place).json()["status"] == "dismissed"
 
@@ -197,11 +221,17 @@ def test_a_dismissed_question_can_be_asked_again(client: httpx.Client) -> None:
 def test_jobs_are_listed_newest_first_in_pages(client: httpx.Client) -> None:
     places = [client.post("/v1/solve", json=easy()).headers["location"] for _ in range(3)]
     page = client.get("/v1/jobs?limit=2").json()
-    assert [job["id"] for job in page["jobs"]] == [place.rpartition("/")[2] for place in (places[2], places[1])]
+    assert [job["id"] for job in page["jobs"]] == [
+        place.rpartition("/")[2] for place in (places[2], places[1])
+    ]
     following = client.get(f"/v1/jobs?limit=1&cursor={page['next']}").json()
     assert following["jobs"][0]["id"] == places[0].rpartition("/")[2]
-    assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z", following["jobs"][0]["accepted_at"])
-    assert all(job["status"] == "failed" for job in client.get("/v1/jobs?status=failed").json()["jobs"])
+    assert re.fullmatch(
+        r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z", following["jobs"][0]["accepted_at"]
+    )
+    assert all(
+        job["status"] == "failed" for job in client.get("/v1/jobs?status=failed").json()["jobs"]
+    )
     for bad in ("cursor=x", "limit=0", "limit=x", "status=sleeping"):
         assert client.get(f"/v1/jobs?{bad}").status_code == 422
 
@@ -210,13 +240,17 @@ def test_metrics_count_jobs_and_requests(client: httpx.Client) -> None:
     client.post("/v1/solve", json=easy(), headers={"Prefer": "wait=20"})
     response = client.get("/metrics")
     assert response.headers["content-type"].startswith("text/plain; version=0.0.4")
-    samples = dict(line.rsplit(" ", 1) for line in response.text.splitlines() if not line.startswith("#"))
+    samples = dict(
+        line.rsplit(" ", 1) for line in response.text.splitlines() if not line.startswith("#")
+    )
     assert float(samples['inverse_service_jobs_total{kind="solve",outcome="variational"}']) >= 1
     assert float(samples['inverse_service_jobs{status="successful"}']) >= 1
     assert float(samples["inverse_service_queue_length"]) >= 0
     assert float(samples['inverse_service_job_cpu_seconds_total{kind="solve"}']) > 0
     assert float(samples['inverse_service_job_memory_peak_bytes{kind="solve"}']) > 10 * 2**20
-    buckets = [k for k in samples if k.startswith('inverse_service_job_wall_seconds_bucket{kind="solve"')]
+    buckets = [
+        k for k in samples if k.startswith('inverse_service_job_wall_seconds_bucket{kind="solve"')
+    ]
     counts = [float(samples[k]) for k in buckets]
     assert counts == sorted(counts)
     assert buckets[-1].endswith('le="+Inf"}')

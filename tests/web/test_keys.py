@@ -1,4 +1,6 @@
-"""Keys in a file are rotated without a restart, expire on their day, and survive a typo in the file."""
+"""Keys in a file are rotated without a restart, expire on their day, and survive a typo in the
+file.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,13 @@ def test_keys_change_with_their_file(tmp_path: Path) -> None:
     path = tmp_path / "keys"
     path.write_text("# clients\n" + line("alice", "old") + line("bob", "his"))
     keys = Keys(Settings(api_keys=(("carol", hash_of_key("hers")),), api_keys_file=str(path)))
-    assert [keys.client_of(key) for key in ("old", "his", "hers", "new", "")] == ["alice", "bob", "carol", None, None]
+    assert [keys.client_of(key) for key in ("old", "his", "hers", "new", "")] == [
+        "alice",
+        "bob",
+        "carol",
+        None,
+        None,
+    ]
     path.write_text(line("alice", "old") + line("alice", "new"))
     assert [keys.client_of(key) for key in ("old", "new", "his")] == ["alice", "alice", None]
     path.write_text("")
@@ -31,7 +39,9 @@ def test_keys_change_with_their_file(tmp_path: Path) -> None:
     assert keys.client_of("hers") == "carol"
 
 
-def test_a_file_that_went_wrong_leaves_the_keys_as_they_were(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_file_that_went_wrong_leaves_the_keys_as_they_were(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     path = tmp_path / "keys"
     path.write_text(line("alice", "key"))
     keys = Keys(Settings(api_keys_file=str(path)))
@@ -45,7 +55,9 @@ def test_a_file_that_went_wrong_leaves_the_keys_as_they_were(tmp_path: Path, cap
 
 def test_a_key_counts_up_to_its_last_day(tmp_path: Path) -> None:
     path, today = tmp_path / "keys", datetime.datetime.now(datetime.UTC).date()
-    path.write_text(line("a", "over", today - DAY) + line("b", "last", today) + line("c", "next", today + DAY))
+    path.write_text(
+        line("a", "over", today - DAY) + line("b", "last", today) + line("c", "next", today + DAY)
+    )
     keys = Keys(Settings(api_keys_file=str(path)))
     assert [keys.client_of(key) for key in ("over", "last", "next")] == [None, "b", "c"]
 

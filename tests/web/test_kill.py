@@ -1,4 +1,6 @@
-"""kill -9 at random times: no accepted job is lost, none is answered twice, and no process is left behind."""
+"""kill -9 at random times: no accepted job is lost, none is answered twice, and no process is left
+behind.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,9 @@ def processes(mark: str) -> dict[int, str]:
         with contextlib.suppress(OSError):
             alive = (folder / "stat").read_text().rpartition(")")[2].split()[0] != "Z"
             if alive and mark.encode() in (folder / "environ").read_bytes():
-                found[int(folder.name)] = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+                found[int(folder.name)] = (
+                    (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+                )
     return found
 
 
@@ -76,7 +80,9 @@ class Service:
         raise AssertionError("the service does not start")
 
     def kill(self) -> list[str]:
-        """Send SIGKILL; return the processes alive 20 s later, as a starting fork server first imports modules."""
+        """Send SIGKILL; return the processes alive 20 s later, as a starting fork server first
+        imports modules.
+        """
         self._process.kill()
         self._process.wait()
         began = time.monotonic()
@@ -87,7 +93,11 @@ class Service:
 
     def workers(self) -> list[int]:
         """The ids of the worker processes: children of the fork server."""
-        return [pid for pid, line in processes(self.mark).items() if "forkserver" in line and pid != self._server()]
+        return [
+            pid
+            for pid, line in processes(self.mark).items()
+            if "forkserver" in line and pid != self._server()
+        ]
 
     def _server(self) -> int:
         servers = [pid for pid, line in processes(self.mark).items() if "forkserver" in line]
@@ -118,22 +128,33 @@ def service(tmp_path: Path) -> Any:
 
 def send(service: Service, count: int) -> str:
     body = "".join(json.dumps(system(k)) + "\n" for k in range(1, count + 1))
-    response = service.client.post("/v1/batches", content=body, headers={"Content-Type": "application/x-ndjson"})
+    response = service.client.post(
+        "/v1/batches", content=body, headers={"Content-Type": "application/x-ndjson"}
+    )
     assert response.status_code == 202
     place: str = response.headers["location"]
     return place
 
 
-def assert_each_line_is_answered_once(service: Service, place: str, count: int, most_failed: int = 0) -> None:
-    """Assert that each has a verdict, except for `most_failed` jobs whose worker was killed three times."""
+def assert_each_line_is_answered_once(
+    service: Service, place: str, count: int, most_failed: int = 0
+) -> None:
+    """Assert that each has a verdict, except for `most_failed` jobs whose worker was killed three
+    times.
+    """
     text = service.client.get(place + "/results", timeout=600).text
-    lines = [json.loads(line) for line in text.splitlines() if line]  # an empty one is a sign of life
+    lines = [
+        json.loads(line) for line in text.splitlines() if line
+    ]  # an empty one is a sign of life
     assert Counter(line["id"] for line in lines) == Counter(range(1, count + 1))
     failed = [line["detail"] for line in lines if "verdict" not in line]
     assert all("worker process was killed" in detail for detail in failed)
     print(f"{count} lines, each answered once, {len(failed)} without a verdict")
     assert len(failed) <= most_failed
-    assert {line["verdict"] for line in lines if "verdict" in line} <= {"variational", "not_variational"}
+    assert {line["verdict"] for line in lines if "verdict" in line} <= {
+        "variational",
+        "not_variational",
+    }
     assert service.batch(place)["counts"].get("successful") == count - len(failed)
 
 
@@ -142,7 +163,9 @@ def test_a_killed_service_loses_and_doubles_nothing_and_leaves_no_process(
     service: Service, count: int, kills: int
 ) -> None:
     place, left = send(service, count), []
-    extra = service.client.post("/v1/solve", json=EXTRA, headers={"Prefer": "respond-async"}).headers["location"]
+    extra = service.client.post(
+        "/v1/solve", json=EXTRA, headers={"Prefer": "respond-async"}
+    ).headers["location"]
     dice = random.Random(kills)
     for _ in range(kills):
         time.sleep(dice.uniform(0.0, 0.8))
@@ -225,7 +248,9 @@ def test_parts_outlive_the_worker_and_the_service_and_the_job_continues(service:
 
 
 @pytest.mark.slow
-def test_a_job_whose_workers_are_killed_again_and_again_ends_with_its_parts(service: Service) -> None:
+def test_a_job_whose_workers_are_killed_again_and_again_ends_with_its_parts(
+    service: Service,
+) -> None:
     place, motion = began(service)
     while service.client.get(place).json()["status"] in ("accepted", "running"):
         kill_those_of(service)
@@ -233,4 +258,7 @@ def test_a_job_whose_workers_are_killed_again_and_again_ends_with_its_parts(serv
     result = service.client.get(place).json()["result"]
     assert result["nonholonomic"]["equations_of_motion"] == motion
     assert "killed repeatedly" in result["incomplete"][0]["reason"]
-    assert service.client.post("/v1/check", json=result).json()["verdict"] in ("valid", "incomplete")
+    assert service.client.post("/v1/check", json=result).json()["verdict"] in (
+        "valid",
+        "incomplete",
+    )

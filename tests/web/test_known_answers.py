@@ -17,7 +17,11 @@ WAIT = {"Prefer": "wait=20"}
 
 def answers_from_store(client: httpx.Client) -> float:
     lines = client.get("/metrics").text.splitlines()
-    return sum(float(line.split()[-1]) for line in lines if line.startswith("inverse_service_answers_from_store_total"))
+    return sum(
+        float(line.split()[-1])
+        for line in lines
+        if line.startswith("inverse_service_answers_from_store_total")
+    )
 
 
 def test_the_same_bytes_have_the_same_answer_and_headers(service: str) -> None:
@@ -37,7 +41,10 @@ def test_the_same_bytes_have_the_same_answer_and_headers(service: str) -> None:
         assert text.headers["content-type"].startswith("text/plain")
         new = client.post("/v1/solve", json=SYSTEM, headers=WAIT | {"Cache-Control": "no-cache"})
         assert new.headers["etag"] != first.headers["etag"]
-        assert client.post("/v1/solve", json=SYSTEM, headers=WAIT).headers["etag"] == new.headers["etag"]
+        assert (
+            client.post("/v1/solve", json=SYSTEM, headers=WAIT).headers["etag"]
+            == new.headers["etag"]
+        )
 
 
 def test_what_changes_is_forgotten_and_memory_is_bounded(monkeypatch: Any) -> None:
@@ -53,7 +60,9 @@ def test_what_changes_is_forgotten_and_memory_is_bounded(monkeypatch: Any) -> No
     monkeypatch.setattr("inverse_service.web.engine.MOST_BYTES", 1_000)
     threads = [
         threading.Thread(
-            target=lambda n=n: [known.keep(b"%d of %d" % (k, n), str(k), Response(b"x" * 10)) for k in range(200)]
+            target=lambda n=n: [
+                known.keep(b"%d of %d" % (k, n), str(k), Response(b"x" * 10)) for k in range(200)
+            ]
         )
         for n in range(4)
     ]

@@ -1,4 +1,6 @@
-"""If keys are required, people log in on a page; the cookie acts like the header, and only for our pages."""
+"""If keys are required, people log in on a page; the cookie acts like the header, and only for our
+pages.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ def get(path: str, **headers: str) -> tuple[str, str, dict[str, Any]]:
 
 
 def test_a_page_without_a_key_leads_to_the_form_and_back() -> None:
-    page, form, entered, shown = ask(get("/atlas?a=b"), get("/login?next=/atlas%3Fa%3Db"), login(), get("/atlas"))
+    page, form, entered, shown = ask(
+        get("/atlas?a=b"), get("/login?next=/atlas%3Fa%3Db"), login(), get("/atlas")
+    )
     assert (page.status_code, page.headers["location"]) == (303, "/login?next=/atlas%3Fa%3Db")
     assert 'name="next" value="/atlas?a=b"' in form.text
     assert (entered.status_code, entered.headers["location"]) == (303, "/atlas")
@@ -57,7 +61,11 @@ def test_the_cookie_is_out_of_reach_of_scripts_and_other_sites() -> None:
 
 def test_the_cookie_counts_like_the_header_until_it_is_taken_back() -> None:
     before, _, during, _, after = ask(
-        get("/v1/catalogue"), login(), get("/v1/catalogue"), ("POST", "/logout", {}), get("/v1/catalogue")
+        get("/v1/catalogue"),
+        login(),
+        get("/v1/catalogue"),
+        ("POST", "/logout", {}),
+        get("/v1/catalogue"),
     )
     assert [answer.status_code for answer in (before, during, after)] == [401, 200, 401]
 
@@ -80,7 +88,9 @@ def test_an_invented_cookie_is_not_a_key(value: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("place", ["//evil.example", "https://evil.example", "/\\evil.example", "", "javascript:f()"])
+@pytest.mark.parametrize(
+    "place", ["//evil.example", "https://evil.example", "/\\evil.example", "", "javascript:f()"]
+)
 def test_the_way_back_never_leads_elsewhere(place: str) -> None:
     [entered] = ask(login(place=place))
     assert entered.headers["location"] == "/"
@@ -98,19 +108,30 @@ def test_forms_of_other_sites_are_refused(site: str) -> None:
 
 @pytest.mark.parametrize(
     ("origin", "status"),
-    [("http://service.example", 303), ("http://SERVICE.example:80", 303), ("https://evil.example", 403), ("null", 403)],
+    [
+        ("http://service.example", 303),
+        ("http://SERVICE.example:80", 303),
+        ("https://evil.example", 403),
+        ("null", 403),
+    ],
 )
-def test_a_browser_that_only_tells_the_origin_of_a_page_is_believed(origin: str, status: int) -> None:
+def test_a_browser_that_only_tells_the_origin_of_a_page_is_believed(
+    origin: str, status: int
+) -> None:
     form = {"data": {"theme": "dark"}, "headers": {"origin": origin}}
     theme, page = ask(("POST", "/theme", form), get("/login"))
     assert theme.status_code == status
-    assert page.headers["referrer-policy"] == "same-origin"  # otherwise browsers send the origin "null"
+    assert (
+        page.headers["referrer-policy"] == "same-origin"
+    )  # otherwise browsers send the origin "null"
 
 
 @pytest.mark.parametrize("site", OUTSIDE)
 def test_the_cookie_does_not_count_where_another_site_sends_a_body(site: str) -> None:
     body: dict[str, Any] = {"json": {}, "headers": {"sec-fetch-site": site}}
-    _, from_outside, from_our_page = ask(login(), ("POST", "/v1/check", body), ("GET", "/v1/catalogue", {}))
+    _, from_outside, from_our_page = ask(
+        login(), ("POST", "/v1/check", body), ("GET", "/v1/catalogue", {})
+    )
     assert from_outside.status_code == 401
     assert from_our_page.status_code == 200
 

@@ -17,19 +17,25 @@ VERDICTS = {"variational", "not_variational", "undetermined"}
 
 
 def ask(service: str, lines: Iterable[bytes], kind: str = "solve") -> Counter[str]:
-    """Send a batch and count the responses. Every line is a result or an error about the document."""
+    """Send a batch and count the responses. Every line is a result or an error about the
+    document.
+    """
     sent = list(lines)
     count = len(sent)
     with httpx.Client(base_url=service, timeout=None) as client:
         headers = {"Content-Type": "application/x-ndjson"}
-        response = client.post(f"/v1/batches?time_limit=3&kind={kind}", content=b"\n".join(sent), headers=headers)
+        response = client.post(
+            f"/v1/batches?time_limit=3&kind={kind}", content=b"\n".join(sent), headers=headers
+        )
         assert response.status_code == 202, response.text
         stream = client.get(response.headers["location"] + "/results").text.splitlines()
     answers = [json.loads(line) for line in stream if line]
     assert len({answer["line"] for answer in answers}) == len(answers) == count
     faults = [answer for answer in answers if answer.get("status", 422) != 422]
     assert [(answer["line"], sent[answer["line"] - 1]) for answer in faults] == []
-    counts = Counter("refused" if "error" in answer else answer.get("verdict", "done") for answer in answers)
+    counts = Counter(
+        "refused" if "error" in answer else answer.get("verdict", "done") for answer in answers
+    )
     print(kind, dict(counts))
     return counts
 
@@ -60,7 +66,9 @@ def test_numbers_of_all_sizes_are_an_answer_or_a_refusal(service: str) -> None:
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("seed", range(2, 12))
-def test_five_thousand_documents_and_two_thousand_scenes_with_numbers_of_all_sizes(service: str, seed: int) -> None:
+def test_five_thousand_documents_and_two_thousand_scenes_with_numbers_of_all_sizes(
+    service: str, seed: int
+) -> None:
     assert ask(service, made(500, seed, made_up.with_extreme_numbers)).total() == 500
     assert ask(service, made(200, seed, made_up.scene), "simulate").total() == 200
 
@@ -84,7 +92,10 @@ def test_five_thousand_documents_and_two_thousand_scenes_with_numbers_of_all_siz
         },
         {  # a sum that is 0
             "coordinates": ["x", "y"],
-            "equations": {"x": "exp(10^20*x)+atan(1e-39*x')", "y": "sin(3.7e-8*x')+-sin(3.7e-8*x')"},
+            "equations": {
+                "x": "exp(10^20*x)+atan(1e-39*x')",
+                "y": "sin(3.7e-8*x')+-sin(3.7e-8*x')",
+            },
         },
         {  # a generator c + (u + w) x'^2 is not c + a x'^2
             "coordinates": ["x", "y", "z"],
@@ -93,8 +104,12 @@ def test_five_thousand_documents_and_two_thousand_scenes_with_numbers_of_all_siz
         },
     ],
 )
-def test_documents_that_were_a_fault_of_the_program_have_an_answer(service: str, document: dict[str, Any]) -> None:
-    answer = httpx.post(f"{service}/v1/solve?time_limit=3", json=document, headers={"Prefer": "wait=20"}, timeout=60)
+def test_documents_that_were_a_fault_of_the_program_have_an_answer(
+    service: str, document: dict[str, Any]
+) -> None:
+    answer = httpx.post(
+        f"{service}/v1/solve?time_limit=3", json=document, headers={"Prefer": "wait=20"}, timeout=60
+    )
     assert answer.status_code == 200, answer.text
     assert answer.json()["verdict"] in VERDICTS
     assert answer.json()["verdict"] != "undetermined" or answer.json()["reason"]

@@ -1,4 +1,6 @@
-"""The OpenAPI description is true: accepted requests and responses validate, and everything has a description."""
+"""The OpenAPI description is true: accepted requests and responses validate, and everything has a
+description.
+"""
 
 from __future__ import annotations
 
@@ -46,13 +48,17 @@ def validator(description: dict[str, Any], schema: dict[str, Any]) -> Any:
 
 
 def body_schema(description: dict[str, Any], path: str) -> dict[str, Any]:
-    found: dict[str, Any] = description["paths"][path]["post"]["requestBody"]["content"]["application/json"]["schema"]
+    found: dict[str, Any] = description["paths"][path]["post"]["requestBody"]["content"][
+        "application/json"
+    ]["schema"]
     return found
 
 
 def test_the_description_is_valid_by_the_standard(description: dict[str, Any]) -> None:
     validator_of_the_standard = OpenAPIV31SpecValidator(description)
-    assert [(list(e.absolute_path), e.message[:200]) for e in validator_of_the_standard.iter_errors()] == []
+    assert [
+        (list(e.absolute_path), e.message[:200]) for e in validator_of_the_standard.iter_errors()
+    ] == []
 
 
 def test_the_answer_to_solve_is_json_alone_and_a_format_says_which_result_a_job_has(
@@ -70,12 +76,18 @@ def test_the_answer_to_solve_is_json_alone_and_a_format_says_which_result_a_job_
         assert schema["properties"]["format"]["const"] == name
         assert "format" in schema["required"]
     body = {"system": {"equations": "x'' = -x"}, "lagrangian": "x'^2/2 - x^2/2"}
-    assert httpx.post(f"{service}/v1/check", json=body, timeout=60).json()["format"] == "inverse-service/check/1"
+    assert (
+        httpx.post(f"{service}/v1/check", json=body, timeout=60).json()["format"]
+        == "inverse-service/check/1"
+    )
 
 
 def test_every_property_is_described(description: dict[str, Any]) -> None:
     bare = [
-        name for part in objects(description) for name, each in part["properties"].items() if not each["description"]
+        name
+        for part in objects(description)
+        for name, each in part["properties"].items()
+        if not each["description"]
     ]
     assert bare == []
 
@@ -127,8 +139,19 @@ def documents() -> list[dict[str, Any]]:
 def test_every_document_of_the_project_validates(description: dict[str, Any]) -> None:
     check = validator(description, body_schema(description, "/v1/solve"))
     more: list[dict[str, Any]] = [
-        {"equations": {"x": 0, "y": "-y"}, "parameters": {"k": 2.5, "m": None}, "id": 7, "options": {"time_limit": 5}},
-        {"equations": "y'' = -x", "time": "x", "parameters": "guess", "_comment": "Airy", "where": {"r": "x^2"}},
+        {
+            "equations": {"x": 0, "y": "-y"},
+            "parameters": {"k": 2.5, "m": None},
+            "id": 7,
+            "options": {"time_limit": 5},
+        },
+        {
+            "equations": "y'' = -x",
+            "time": "x",
+            "parameters": "guess",
+            "_comment": "Airy",
+            "where": {"r": "x^2"},
+        },
         {"lagrangian": "x'^2/2"},
     ]
     for document in [*documents(), *more]:
@@ -143,7 +166,11 @@ ASKED: list[dict[str, Any]] = [
     {"equations": "x'' = -k*abs(x)", "parameters": ["k"]},
     {"equations": "y'' = -y", "time": "x"},
     {"lagrangian": "x'^2/2 - x^2/2"},
-    {"coordinates": ["x", "y", "z"], "lagrangian": "(x'^2 + y'^2 + z'^2)/2", "constraints": ["z' + x*y'"]},
+    {
+        "coordinates": ["x", "y", "z"],
+        "lagrangian": "(x'^2 + y'^2 + z'^2)/2",
+        "constraints": ["z' + x*y'"],
+    },
 ]
 
 
@@ -155,7 +182,9 @@ def test_every_answer_validates(description: dict[str, Any], service: str) -> No
             for document in ASKED:
                 answer = client.post(path, json=document, headers={"Prefer": "wait=20"}, timeout=60)
                 assert answer.status_code == 200, answer.text[:300]
-                assert not [error.message[:200] for error in check.iter_errors(answer.json())], document
+                assert not [error.message[:200] for error in check.iter_errors(answer.json())], (
+                    document
+                )
         problem = validator(description, {"$ref": "#/components/schemas/ProblemDocument"})
         refused = client.post("/v1/parse", json={"equations": "x'' = -kx", "parameters": ["k"]})
         assert not list(problem.iter_errors(refused.json()))
@@ -163,16 +192,22 @@ def test_every_answer_validates(description: dict[str, Any], service: str) -> No
 
 
 def test_the_body_of_a_check_is_described(description: dict[str, Any], service: str) -> None:
-    """The body is a result, alone or with its document, a certificate, or a user's Lagrangian, but not any object."""
+    """The body is a result, alone or with its document, a certificate, or a user's Lagrangian, but
+    not any object.
+    """
     check = validator(description, body_schema(description, "/v1/check"))
     document = {"equations": "x'' = -x"}
     with httpx.Client(base_url=service) as client:
-        result = client.post("/v1/solve", json=document, headers={"Prefer": "wait=20"}, timeout=60).json()
+        result = client.post(
+            "/v1/solve", json=document, headers={"Prefer": "wait=20"}, timeout=60
+        ).json()
         bodies = [result, {"document": document, "result": result}, result["certificate"],
                   {"system": document, "lagrangian": "x'^2/2 - x^2/2"}]  # fmt: skip
         for body in bodies:
             assert not list(check.iter_errors(body)), body
-            assert client.post("/v1/check", json=body, timeout=60).json()["verdict"] == "valid", body
+            assert client.post("/v1/check", json=body, timeout=60).json()["verdict"] == "valid", (
+                body
+            )
     assert list(check.iter_errors({"color": 1}))
     assert list(check.iter_errors({"system": document, "lagrangian": 3}))
 
@@ -197,8 +232,12 @@ SCENES = [
 ]  # fmt: skip
 
 
-def test_every_simulation_validates_and_what_is_amiss_does_not(description: dict[str, Any], patient: str) -> None:
-    """Responses with observed quantities of all kinds, events, an ensemble, a stopped run, and a measurement."""
+def test_every_simulation_validates_and_what_is_amiss_does_not(
+    description: dict[str, Any], patient: str
+) -> None:
+    """Responses with observed quantities of all kinds, events, an ensemble, a stopped run, and a
+    measurement.
+    """
     with httpx.Client(base_url=patient) as client:
         for call, scene in SCENES:
             asked = validator(description, body_schema(description, f"/v1/{call}"))
@@ -206,7 +245,9 @@ def test_every_simulation_validates_and_what_is_amiss_does_not(description: dict
             assert list(asked.iter_errors(scene | {"stepp": 1}))
             answers = description["paths"][f"/v1/{call}"]["post"]["responses"]
             check = validator(description, answers["200"]["content"]["application/json"]["schema"])
-            answer = client.post(f"/v1/{call}", json=scene, headers={"Prefer": "wait=20"}, timeout=60)
+            answer = client.post(
+                f"/v1/{call}", json=scene, headers={"Prefer": "wait=20"}, timeout=60
+            )
             found, place = answer.json(), answer.headers.get("location", "")
             while answer.status_code == 202:  # a busy machine
                 time.sleep(0.2)
@@ -228,11 +269,25 @@ def test_a_typescript_client_is_generated_compiled_and_asks(
     (tmp_path / "openapi.json").write_text(json.dumps(description))
     (tmp_path / "calls.ts").write_text(CALLS.replace("ADDRESS", service))
     (tmp_path / "package.json").write_text('{"name": "calls", "private": true, "type": "module"}')
-    packages = ["openapi-typescript@7", "openapi-fetch@0.13", "typescript@5", "@types/node@20", "@redocly/cli@2"]
+    packages = [
+        "openapi-typescript@7",
+        "openapi-fetch@0.13",
+        "typescript@5",
+        "@types/node@20",
+        "@redocly/cli@2",
+    ]
     run(["npm", "install", "--silent", *packages], tmp_path)
     run(["npx", "redocly", "lint", "openapi.json"], tmp_path)
     run(["npx", "openapi-typescript", "openapi.json", "-o", "schema.d.ts"], tmp_path)
-    options = ["--strict", "--module", "es2022", "--moduleResolution", "bundler", "--target", "es2022"]
+    options = [
+        "--strict",
+        "--module",
+        "es2022",
+        "--moduleResolution",
+        "bundler",
+        "--target",
+        "es2022",
+    ]
     run(["npx", "tsc", *options, "--lib", "es2022,dom", "--skipLibCheck", "calls.ts"], tmp_path)
     run(["node", "calls.js"], tmp_path)
 
@@ -284,7 +339,14 @@ def test_a_python_client_is_generated_type_checked_and_asks(
     run([sys.executable, "-m", "venv", "venv"], tmp_path)
     run(["venv/bin/pip", "install", "--quiet", "openapi-python-client", "mypy", "ruff"], tmp_path)
     (tmp_path / "openapi.json").write_text(json.dumps(description))
-    generate = ["venv/bin/openapi-python-client", "generate", "--path", "openapi.json", "--meta", "none"]
+    generate = [
+        "venv/bin/openapi-python-client",
+        "generate",
+        "--path",
+        "openapi.json",
+        "--meta",
+        "none",
+    ]
     run([*generate, "--output-path", "generated"], tmp_path)
     (tmp_path / "calls.py").write_text(PYTHON_CALLS.replace("ADDRESS", service))
     run(["venv/bin/mypy", "calls.py"], tmp_path)
@@ -292,7 +354,9 @@ def test_a_python_client_is_generated_type_checked_and_asks(
 
 
 def run(command: list[str], folder: Path) -> None:
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=600)
+    done = subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, check=False, timeout=600
+    )
     assert done.returncode == 0, (done.stdout + done.stderr)[-3000:]
 
 
@@ -305,5 +369,7 @@ def test_every_field_of_a_result_is_on_its_page(description: dict[str, Any]) -> 
     types = " ".join(line.split("|")[-2] for line in page.splitlines() if line.startswith("| `"))
     assert {name for name in re.findall(r"[A-Z]\w+", types) if name in schemas} <= {*sections}
     for model, section in sections.items():
-        missing = [name for name in schemas[model]["properties"] if f"| `{name}` |" not in shared + section]
+        missing = [
+            name for name in schemas[model]["properties"] if f"| `{name}` |" not in shared + section
+        ]
         assert missing == [], model

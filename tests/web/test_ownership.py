@@ -68,8 +68,14 @@ def ids(client: httpx.Client) -> Ids:
         ask(client, "/v1/batches", [{"id": SECRET, **EASY}], ALICE),
         ask(client, "/v1/solve", HARD, ALICE | ASYNC),
     )
-    for place in (f"/v1/jobs/{found.solved}", f"/v1/jobs/{found.simulated}", f"/v1/batches/{found.batch}"):
-        serving.until(lambda place=place: client.get(place, headers=ALICE).json()["status"] == "successful")
+    for place in (
+        f"/v1/jobs/{found.solved}",
+        f"/v1/jobs/{found.simulated}",
+        f"/v1/batches/{found.batch}",
+    ):
+        serving.until(
+            lambda place=place: client.get(place, headers=ALICE).json()["status"] == "successful"
+        )
         assert client.get(place, headers=ALICE).json()["status"] == "successful"
     return found
 
@@ -93,7 +99,9 @@ def addresses(ids: Ids) -> list[tuple[str, str]]:
         of_batch = "batch" in route.path
         for id in [ids.batch] if of_batch else [ids.solved, ids.simulated, ids.open]:
             path = re.sub(r"\{(id|identifier)\}", id, route.path).replace("{number}", "1")
-            path = re.sub(r"\{file(:path)?\}", files.get(route.path.split("/")[-2], ""), path).replace("{name}", "one")
+            path = re.sub(
+                r"\{file(:path)?\}", files.get(route.path.split("/")[-2], ""), path
+            ).replace("{name}", "one")
             path = path.replace("{language}", "sympy").replace("{ending}", "svg")
             found += [(method, path) for method in sorted(route.methods or ())]
     return found
@@ -104,7 +112,11 @@ def state(client: httpx.Client, ids: Ids) -> list[Any]:
     places = [f"/v1/jobs/{id}" for id in (ids.solved, ids.simulated)] + [f"/v1/batches/{ids.batch}"]
     open_one = client.get(f"/v1/jobs/{ids.open}", headers=ALICE).json()
     listed = [job["id"] for job in client.get("/v1/jobs", headers=ALICE).json()["jobs"]]
-    return [client.get(p, headers=ALICE).json() for p in places] + [open_one["status"], open_one["created"], listed]
+    return [client.get(p, headers=ALICE).json() for p in places] + [
+        open_one["status"],
+        open_one["created"],
+        listed,
+    ]
 
 
 def read(client: httpx.Client, method: str, path: str, who: dict[str, str]) -> tuple[int, str]:
@@ -116,7 +128,9 @@ def read(client: httpx.Client, method: str, path: str, who: dict[str, str]) -> t
         return answer.status_code, answer.text
 
 
-def test_another_client_gets_the_same_as_for_what_is_not_there_on_all_routes(client: httpx.Client, ids: Ids) -> None:
+def test_another_client_gets_the_same_as_for_what_is_not_there_on_all_routes(
+    client: httpx.Client, ids: Ids
+) -> None:
     before, tried = state(client, ids), addresses(ids)
     assert len(tried) > 30
     for method, path in tried:
@@ -126,7 +140,9 @@ def test_another_client_gets_the_same_as_for_what_is_not_there_on_all_routes(cli
         assert SECRET not in text, (method, path)
     assert state(client, ids) == before
     seen = [read(client, method, path, ALICE)[0] for method, path in tried if method == "GET"]
-    assert seen.count(404) <= 6 * 3, "the paths of this test are wrong"  # missing figures, data, code ...
+    assert seen.count(404) <= 6 * 3, (
+        "the paths of this test are wrong"
+    )  # missing figures, data, code ...
 
 
 @pytest.mark.slow
@@ -138,7 +154,9 @@ def test_the_lists_of_another_client_are_empty(client: httpx.Client, ids: Ids) -
 
 
 @pytest.mark.slow
-def test_the_same_question_of_another_client_tells_nothing_and_changes_nothing(client: httpx.Client, ids: Ids) -> None:
+def test_the_same_question_of_another_client_tells_nothing_and_changes_nothing(
+    client: httpx.Client, ids: Ids
+) -> None:
     before, began = state(client, ids), time.time()
     for more in ({}, {"Cache-Control": "no-cache"}):
         id = ask(client, "/v1/solve", EASY, BOB, **more)
@@ -149,13 +167,18 @@ def test_the_same_question_of_another_client_tells_nothing_and_changes_nothing(c
     ask(client, "/v1/batches", [{"id": SECRET, **EASY}, HARD], BOB)
     batch = ask(client, "/v1/batches", [{"id": SECRET, **EASY}, HARD], BOB)
     assert batch != ids.batch
-    assert client.delete(f"/v1/batches/{batch}", headers=BOB).json()["counts"].get("accepted", 0) == 0
+    assert (
+        client.delete(f"/v1/batches/{batch}", headers=BOB).json()["counts"].get("accepted", 0) == 0
+    )
     assert state(client, ids) == before
 
 
 @pytest.mark.slow
 def test_an_answer_in_memory_is_given_only_to_its_client(client: httpx.Client) -> None:
-    places = [client.post("/v1/solve", json=EASY, headers=WAIT | ALICE).headers["location"] for _ in range(3)]
+    places = [
+        client.post("/v1/solve", json=EASY, headers=WAIT | ALICE).headers["location"]
+        for _ in range(3)
+    ]
     assert len(set(places)) == 1
     assert client.post("/v1/solve", json=EASY, headers=WAIT | BOB).headers["location"] != places[0]
     for wrong in ({}, {"Authorization": "Bearer of-nobody"}):

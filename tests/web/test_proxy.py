@@ -1,4 +1,6 @@
-"""deploy/nginx.conf in front of a real service: TLS, client addresses, streams, and rejected requests."""
+"""deploy/nginx.conf in front of a real service: TLS, client addresses, streams, and rejected
+requests.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,9 @@ class Proxied:
         context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
         transport = httpx.HTTPTransport(verify=context, local_address=source)
         address = f"https://127.0.0.1:{self.port}"
-        return httpx.Client(base_url=address, headers={"Host": NAME}, transport=transport, timeout=30)
+        return httpx.Client(
+            base_url=address, headers={"Host": NAME}, transport=transport, timeout=30
+        )
 
 
 def free_port() -> int:
@@ -60,7 +64,8 @@ def configured(folder: Path, service: int, plain: int, secure: int) -> Path:
         assert before in text
         text = text.replace(before, after)
     places = "".join(
-        f"{name}_temp_path {folder}/{name};\n" for name in ("client_body", "proxy", "fastcgi", "uwsgi", "scgi")
+        f"{name}_temp_path {folder}/{name};\n"
+        for name in ("client_body", "proxy", "fastcgi", "uwsgi", "scgi")
     )
     around = f"daemon off;\nmaster_process off;\npid {folder}/pid;\nerror_log {folder}/error.log;\nevents {{}}\n"
     found = folder / "nginx.conf"
@@ -71,13 +76,26 @@ def configured(folder: Path, service: int, plain: int, secure: int) -> Path:
 @pytest.fixture(scope="module")
 def proxied(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxied]:
     folder = tmp_path_factory.mktemp("proxy")
-    command = [str(OPENSSL), "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "1", "-subj", f"/CN={NAME}"]
+    command = [
+        str(OPENSSL),
+        "req",
+        "-x509",
+        "-newkey",
+        "rsa:2048",
+        "-nodes",
+        "-days",
+        "1",
+        "-subj",
+        f"/CN={NAME}",
+    ]
     keys = ["-keyout", str(folder / "privkey.pem"), "-out", str(folder / "fullchain.pem")]
     subprocess.run([*command, *keys], check=True, capture_output=True)
     with attacked(folder, proxies="127.0.0.1", hosts=f"{NAME}, 127.0.0.1") as service:
         port = free_port()
         file = configured(folder, service.port, free_port(), port)
-        with subprocess.Popen([NGINX, "-p", str(folder), "-c", str(file)], stderr=subprocess.DEVNULL) as proxy:
+        with subprocess.Popen(
+            [NGINX, "-p", str(folder), "-c", str(file)], stderr=subprocess.DEVNULL
+        ) as proxy:
             found = Proxied(service, port)
             end = time.monotonic() + 20
             while time.monotonic() < end:
@@ -96,7 +114,9 @@ def test_a_question_is_answered_through_the_proxy(proxied: Proxied) -> None:
         assert answer.json()["verdict"] == "variational"
         page = client.get(answer.headers["location"].replace("/v1/jobs", "/results"))
         assert f"https://{NAME}/v1/solve" in page.text
-        batch = client.post("/v1/batches", json=[EASY | {"id": k} for k in range(3)]).headers["location"]
+        batch = client.post("/v1/batches", json=[EASY | {"id": k} for k in range(3)]).headers[
+            "location"
+        ]
         with client.stream("GET", batch + "/results") as stream:
             assert len([line for line in stream.iter_lines() if line]) == 3
 
@@ -121,7 +141,9 @@ def test_the_proxy_rejects_large_bodies_and_many_requests(proxied: Proxied) -> N
     with proxied.client("127.0.0.8") as client:
         assert client.get("/metrics").status_code == 403
         large = client.post(
-            "/v1/batches", content=b" " * (16 * 2**20 + 1), headers={"Content-Type": "application/json"}
+            "/v1/batches",
+            content=b" " * (16 * 2**20 + 1),
+            headers={"Content-Type": "application/json"},
         )
         assert large.status_code == 413
         statuses = [client.get("/livez").status_code for _ in range(300)]
@@ -142,7 +164,10 @@ def test_plain_http_and_old_or_broken_tls_are_refused(proxied: Proxied) -> None:
         warnings.simplefilter("ignore", DeprecationWarning)
         old.minimum_version = old.maximum_version = ssl.TLSVersion.TLSv1_1
     old.set_ciphers("ALL:@SECLEVEL=0")
-    with socket.create_connection(("127.0.0.1", proxied.port), timeout=30) as connection, pytest.raises(ssl.SSLError):
+    with (
+        socket.create_connection(("127.0.0.1", proxied.port), timeout=30) as connection,
+        pytest.raises(ssl.SSLError),
+    ):
         old.wrap_socket(connection)
     with proxied.client() as client:
         assert client.get("/livez").status_code == 200
@@ -165,7 +190,9 @@ def test_endless_handshakes_are_cut_and_delay_no_other_client(proxied: Proxied) 
         seconds.append(time.monotonic() - looked)
         waiting = [connection for connection in waiting if is_open(connection)]
         time.sleep(0.5)
-    print(f"closed after {time.monotonic() - began:.0f} s; /livez with a handshake at the longest {max(seconds):.2f} s")
+    print(
+        f"closed after {time.monotonic() - began:.0f} s; /livez with a handshake at the longest {max(seconds):.2f} s"
+    )
     assert not waiting
     assert time.monotonic() - began < 25
     assert max(seconds) < 2

@@ -49,13 +49,22 @@ def ask(operation: Any, mode: GenerationMode, examples: int, derandomize: bool) 
         assert answer.status_code != 200 or answer.json()["verdict"] != "valid"
 
     # A call without parameters cannot be invalid.
-    with contextlib.suppress(Unsatisfiable) if mode is GenerationMode.NEGATIVE else contextlib.nullcontext():
+    with (
+        contextlib.suppress(Unsatisfiable)
+        if mode is GenerationMode.NEGATIVE
+        else contextlib.nullcontext()
+    ):
         answers_as_described()
 
 
 def test_every_call_answers_as_described(service: str) -> None:
     found = ask_all(service, 2, derandomize=True)
-    assert {"POST /v1/solve", "POST /v1/batches", "DELETE /v1/jobs/{id}", "GET /v1/jobs/{id}/events"} <= set(found)
+    assert {
+        "POST /v1/solve",
+        "POST /v1/batches",
+        "DELETE /v1/jobs/{id}",
+        "GET /v1/jobs/{id}/events",
+    } <= set(found)
 
 
 @pytest.mark.nightly

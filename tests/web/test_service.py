@@ -59,13 +59,26 @@ def test_every_error_of_the_shape_is_reported_at_once(client: httpx.Client) -> N
 
 def test_raw_input_is_never_echoed(client: httpx.Client) -> None:
     marker = "<script>alert(1)</script>" * 20
-    for document in (marker, {"coordinates": marker}, {**OSCILLATOR, "equations": {"x": marker}}, {marker: 1}):
-        assert "<script>alert(1)</script><script>" * 10 not in client.post("/v1/solve", json=document).text
+    for document in (
+        marker,
+        {"coordinates": marker},
+        {**OSCILLATOR, "equations": {"x": marker}},
+        {marker: 1},
+    ):
+        assert (
+            "<script>alert(1)</script><script>" * 10
+            not in client.post("/v1/solve", json=document).text
+        )
 
 
-@pytest.mark.parametrize("kind", ["text/plain", "application/x-www-form-urlencoded", "application/xml", ""])
+@pytest.mark.parametrize(
+    "kind", ["text/plain", "application/x-www-form-urlencoded", "application/xml", ""]
+)
 def test_another_content_type_is_415(client: httpx.Client, kind: str) -> None:
-    problem(client.post("/v1/solve", content=json.dumps(OSCILLATOR), headers={"Content-Type": kind}), 415)
+    problem(
+        client.post("/v1/solve", content=json.dumps(OSCILLATOR), headers={"Content-Type": kind}),
+        415,
+    )
 
 
 def test_an_extra_slash_redirects_for_any_host_name(client: httpx.Client) -> None:
@@ -100,7 +113,9 @@ def test_an_unanswered_preflight_names_the_setting(client: httpx.Client) -> None
 
 def test_a_json_content_type_with_a_charset_is_fine(client: httpx.Client) -> None:
     headers = {"Content-Type": "application/json; charset=utf-8"}
-    assert client.post("/v1/parse", content=json.dumps(OSCILLATOR), headers=headers).status_code == 200
+    assert (
+        client.post("/v1/parse", content=json.dumps(OSCILLATOR), headers=headers).status_code == 200
+    )
 
 
 def test_other_addresses_and_methods_are_problems(client: httpx.Client) -> None:
@@ -122,7 +137,10 @@ def test_an_oscillator_is_solved_and_its_result_checks(client: httpx.Client) -> 
         "valid",
     )
     assert client.post("/v1/check", json=result).json()["verdict"] == "valid"
-    assert client.post("/v1/check", json={**result, "verdict": "not_variational"}).json()["verdict"] == "invalid"
+    assert (
+        client.post("/v1/check", json={**result, "verdict": "not_variational"}).json()["verdict"]
+        == "invalid"
+    )
     assert client.post("/v1/check", json=result["certificate"]).json()["verdict"] == "valid"
     for document, verdict in ((OSCILLATOR, "valid"), ({"equations": "x'' = x"}, "invalid")):
         shown = {"document": document, "result": result}
@@ -140,7 +158,11 @@ def test_an_object_that_is_not_a_result_is_reported(client: httpx.Client) -> Non
 def test_parse_says_what_was_understood(client: httpx.Client) -> None:
     document = {"coordinates": ["x"], "equations": "2x'' + k x = 0", "parameters": ["k"]}
     found = client.post("/v1/parse", json=document).json()
-    assert (found["coordinates"], found["parameters"], found["depends_on_time"]) == (["x"], ["k"], False)
+    assert (found["coordinates"], found["parameters"], found["depends_on_time"]) == (
+        ["x"],
+        ["k"],
+        False,
+    )
     assert set(found["equations"]["x"]) == {"text", "latex", "mathml"}
     assert found["equations"]["x"]["mathml"].startswith("<")
 
@@ -152,7 +174,21 @@ def test_a_deadline_gives_an_undetermined_result(client: httpx.Client) -> None:
     assert "limit" in response.json()["reason"]
 
 
-BAD_LIMITS = ("0", "-1", "nan", "inf", "1e9", "x", "9" * 100, "", "1_0", " 2", "\u0663", "0x2", "2.")
+BAD_LIMITS = (
+    "0",
+    "-1",
+    "nan",
+    "inf",
+    "1e9",
+    "x",
+    "9" * 100,
+    "",
+    "1_0",
+    " 2",
+    "\u0663",
+    "0x2",
+    "2.",
+)
 
 
 @pytest.mark.parametrize("limit", BAD_LIMITS)
@@ -202,7 +238,9 @@ def test_limits_and_probes(client: httpx.Client) -> None:
 def test_openapi_resolves_within_itself(client: httpx.Client) -> None:
     text = client.get("/openapi.json").text
     description = json.loads(text)
-    assert {"/v1/parse", "/v1/solve", "/v1/check", "/v1/catalogue", "/v1/limits", "/livez"} <= set(description["paths"])
+    assert {"/v1/parse", "/v1/solve", "/v1/check", "/v1/catalogue", "/v1/limits", "/livez"} <= set(
+        description["paths"]
+    )
     references = {part.split('"')[0] for part in text.split("#/components/schemas/")[1:]}
     assert references <= set(description["components"]["schemas"])
 
@@ -236,12 +274,17 @@ def test_the_form_shows_faults_with_what_was_typed_escaped(client: httpx.Client)
     problem(client.post("/", content=b"a=\xff\x00%"), 400)
 
 
-def test_files_of_pages_are_kept_forever_under_the_hash_of_their_content(client: httpx.Client) -> None:
+def test_files_of_pages_are_kept_forever_under_the_hash_of_their_content(
+    client: httpx.Client,
+) -> None:
     script = re.search(r'src="(/static/[0-9a-f]+/page\.js)"', client.get("/").text)
     assert script is not None
     response = client.get(script[1])
     assert "immutable" in response.headers["cache-control"]
-    assert client.get(script[1], headers={"If-None-Match": response.headers["etag"]}).status_code == 304
+    assert (
+        client.get(script[1], headers={"If-None-Match": response.headers["etag"]}).status_code
+        == 304
+    )
     assert client.get("/static/0/page.js").headers["cache-control"] == "no-cache"
     problem(client.get("/static/0/..%2F..%2Fsettings.py"), 404)
     problem(client.get("/static/0/secret"), 404)
@@ -254,7 +297,13 @@ def test_a_form_of_another_site_is_refused(client: httpx.Client) -> None:
 
 def test_an_upload_that_is_not_a_form_is_rejected(client: httpx.Client) -> None:
     for content_type in ("multipart/form-data", "multipart/form-data; boundary=x"):
-        for body in (b"", b"--x", b"--x\r\n\r\n--x--", b"\xff" * 100, b"--x\r\nno name\r\n\r\nv\r\n--x--\r\n"):
+        for body in (
+            b"",
+            b"--x",
+            b"--x\r\n\r\n--x--",
+            b"\xff" * 100,
+            b"--x\r\nno name\r\n\r\nv\r\n--x--\r\n",
+        ):
             problem(client.post("/", content=body, headers={"Content-Type": content_type}), 400)
 
 
@@ -272,9 +321,17 @@ def test_a_lagrangian_alone_has_a_page_of_its_equations(client: httpx.Client) ->
         ("/", {"equations": "x'' = -kxy"}, "data-problem"),
         ("/", {"equations": '{"equations": 1'}, "data-problem"),
         ("/", {"equations": "x'' = -x", "time_limit": "soon"}, "data-problem"),
-        ("/understood", {"equations": "x'' = -k*x\r\n", "coordinates": "x", "kinds": ["natural"]}, "<math"),
+        (
+            "/understood",
+            {"equations": "x'' = -k*x\r\n", "coordinates": "x", "kinds": ["natural"]},
+            "<math",
+        ),
         ("/understood", {"equations": "x'' = -kx"}, "parameters:0:0:kx"),
-        ("/understood", {"lagrangian": "x'^2 - x^2", "constraints": "y'' = 0", "associated": "first"}, "data-problem"),
+        (
+            "/understood",
+            {"lagrangian": "x'^2 - x^2", "constraints": "y'' = 0", "associated": "first"},
+            "data-problem",
+        ),
     ],
 )
 def test_a_returned_form_is_at_its_link_so_a_reload_sends_nothing(
@@ -285,7 +342,9 @@ def test_a_returned_form_is_at_its_link_so_a_reload_sends_nothing(
     page = client.get(answer.headers["location"]).text
     echo = page.partition('id="understood"')[2].partition("</aside>")[0]
     assert said in echo
-    assert all(escape(typed[name].strip()) in page for name in ("equations", "lagrangian") if name in typed)
+    assert all(
+        escape(typed[name].strip()) in page for name in ("equations", "lagrangian") if name in typed
+    )
 
 
 @pytest.mark.parametrize(
@@ -295,7 +354,9 @@ def test_a_returned_form_is_at_its_link_so_a_reload_sends_nothing(
         {"equations": "x'' = -x" + " " * 8000 + ")"},
     ],
 )
-def test_a_form_that_no_link_says_whole_comes_back_as_it_was_sent(client: httpx.Client, typed: dict[str, str]) -> None:
+def test_a_form_that_no_link_says_whole_comes_back_as_it_was_sent(
+    client: httpx.Client, typed: dict[str, str]
+) -> None:
     answer = client.post("/", data=typed)
     assert answer.status_code == 422
     assert "data-problem" in answer.text
@@ -349,11 +410,18 @@ def test_a_refusal_of_a_form_that_declares_nothing_asks_for_no_declaration() -> 
     assert sentence(refused.value.places[0], is_marked=True) == without
     with pytest.raises(InputError) as asked:
         read_formula("-kx", Names(("x",), ("k",)))
-    assert sentence(asked.value.places[0]) == "At column 2: the name 'kx' is not declared: did you mean k*x?"
+    assert (
+        sentence(asked.value.places[0])
+        == "At column 2: the name 'kx' is not declared: did you mean k*x?"
+    )
 
 
-def test_a_problem_document_has_the_sentence_without_its_column_and_its_keys(client: httpx.Client) -> None:
-    (place,) = client.post("/v1/solve", json={"equations": {"x": "-k*x"}, "parameters": []}).json()["errors"]
+def test_a_problem_document_has_the_sentence_without_its_column_and_its_keys(
+    client: httpx.Client,
+) -> None:
+    (place,) = client.post("/v1/solve", json={"equations": {"x": "-k*x"}, "parameters": []}).json()[
+        "errors"
+    ]
     what = "the name 'k' is not declared, and the coordinates are x"
     assert place["detail"] == f'{what}; it occurs at column 2: add it to "parameters".'
     assert (place["plain"], place["declare"]) == (f"{what}.", "parameters")

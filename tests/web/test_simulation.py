@@ -69,7 +69,9 @@ def test_files_of_the_page_hold_every_recorded_step(client: httpx.Client) -> Non
     ({"steps": 0}, "/steps"), ({"color": 1}, "/color"), ({"parameters": {}}, "/parameters"),
     ({"step": "exp(1000)"}, "/step"), ({"system": {"catalogue": "none"}}, "/system/catalogue"),
 ])  # fmt: skip
-def test_bad_scenes_are_problem_documents(client: httpx.Client, changes: dict[str, Any], pointer: str) -> None:
+def test_bad_scenes_are_problem_documents(
+    client: httpx.Client, changes: dict[str, Any], pointer: str
+) -> None:
     response = answer(client, "/v1/simulate", scene(**changes))
     assert response.status_code == 422, response.text
     assert response.headers["content-type"] == "application/problem+json"

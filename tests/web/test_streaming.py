@@ -1,4 +1,6 @@
-"""Answers in parts equal the stored text byte for byte, and end early if the answer changes during the transfer."""
+"""Answers in parts equal the stored text byte for byte, and end early if the answer changes during
+the transfer.
+"""
 
 from __future__ import annotations
 
@@ -37,9 +39,13 @@ def engine_with(store: SqliteStore) -> Engine:
 
 def answered(store: SqliteStore, sizes: tuple[int, ...]) -> list[tuple[str, bytes]]:
     """The ids of jobs in a batch "b", with their answers."""
-    systems = [{"name": str(k), "coordinates": ["x"], "equations": {"x": "0"}} for k in range(len(sizes))]
+    systems = [
+        {"name": str(k), "coordinates": ["x"], "equations": {"x": "0"}} for k in range(len(sizes))
+    ]
     requests = [request_of("solve", system, JobOptions()) for system in systems]
-    store.create_batch("b", "solve", "", [BatchLine(k, f'"{k}"', request) for k, request in enumerate(requests, 1)])
+    store.create_batch(
+        "b", "solve", "", [BatchLine(k, f'"{k}"', request) for k, request in enumerate(requests, 1)]
+    )
     bodies = [json.dumps({"verdict": "a" * size}).encode() for size in sizes]
     jobs = {job.id: job for job in store.claim("test", len(sizes))}
     for request, body in zip(requests, bodies, strict=True):
@@ -56,7 +62,11 @@ def test_parts_make_the_whole_and_the_length_is_sent(store: SqliteStore) -> None
 
     async def sent(id: str) -> tuple[bytes, str]:
         response: Any = await job_answers.stored_response(engine, id, {}, (b"<", b">"))
-        body = await joined(response.body_iterator) if hasattr(response, "body_iterator") else response.body
+        body = (
+            await joined(response.body_iterator)
+            if hasattr(response, "body_iterator")
+            else response.body
+        )
         return body, response.headers["content-length"]
 
     for id, body in answered(store, SIZES):
@@ -92,7 +102,13 @@ def test_an_answer_that_changes_while_it_is_read_ends_the_stream(store: SqliteSt
         response: Any = await job_answers.stored_response(engine_with(store), found[0], {})
         parts = response.body_iterator
         await anext(parts)
-        store.submit([request_of("solve", json.loads(store.job(found[0]).document), JobOptions(), fresh=True)])  # type: ignore[union-attr]
+        store.submit(
+            [
+                request_of(
+                    "solve", json.loads(store.job(found[0]).document), JobOptions(), fresh=True
+                )
+            ]
+        )  # type: ignore[union-attr]
         (job,) = store.claim("test", 1)
         store.finish(job.id, job.attempt, b"{}", Usage())
         await joined(parts)

@@ -1,4 +1,6 @@
-"""Traces are off unless their endpoint is set; each request is a span within the trace of its caller."""
+"""Traces are off unless their endpoint is set; each request is a span within the trace of its
+caller.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ def test_a_request_is_a_span_in_the_trace_of_its_caller_and_the_log_has_the_same
     provider = application.trace(app, spans)
 
     async def ask() -> httpx.Response:
-        async with httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://service") as client:
+        async with httpx.AsyncClient(
+            transport=httpx.ASGITransport(app), base_url="http://service"
+        ) as client:
             assert (await client.get("/livez")).status_code == 200
             return await client.get("/v1/catalogue/sho", headers=ASKED)
 

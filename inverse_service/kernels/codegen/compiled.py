@@ -1,4 +1,5 @@
-"""Programs compiled once: found by digest in memory, then on disk, else written as LLVM IR, compiled and kept.
+"""Programs compiled once: found by digest in memory, then on disk, else written as LLVM IR,
+compiled and kept.
 
 The digest is of all that a kernel is made from, so that a cached one is never the wrong one.
 """
@@ -33,7 +34,12 @@ _lock = threading.Lock()
 def code_digest() -> str:
     """Of our own sources that take part, of LLVM and of the processor."""
     root = Path(__file__).parents[2]
-    paths = (path for room in _ROOMS for ending in ("py", "toml", "ll") for path in (root / room).rglob(f"*.{ending}"))
+    paths = (
+        path
+        for room in _ROOMS
+        for ending in ("py", "toml", "ll")
+        for path in (root / room).rglob(f"*.{ending}")
+    )
     return code_store.digest_of_files(paths, loading.processor_name().encode())
 
 
@@ -46,15 +52,17 @@ def text_digest(identity: Hashable) -> str:
 def object_code(ir: str, thorough: bool = False) -> bytes:
     """The IR optimized and compiled for this processor.
 
-    Subexpressions are already shared, so a single trajectory needs little: LLVM's whole pipeline (`thorough`) takes 8
-    to 13 ms more, to compile in 15 to 33 ms, and its steps are no shorter; those of ensembles are, by 0 to 40 %. Of
-    more than LARGE lines nothing is optimized: that would take longer than the run.
+    Subexpressions are already shared, so a single trajectory needs little: LLVM's whole pipeline
+    (`thorough`) takes 8 to 13 ms more, to compile in 15 to 33 ms, and its steps are no shorter;
+    those of ensembles are, by 0 to 40 %. Of more than LARGE lines nothing is optimized: that would
+    take longer than the run.
     """
     large = ir.count("\n") > LARGE
     machine = loading.target_machine(0 if large else 2)
     module = llvm.parse_assembly(ir)
     module.triple = machine.triple
-    # Lanes are written out and loops are long: levels above 1 take half as long again and gain nothing measurable.
+    # Lanes are written out and loops are long: levels above 1 take half as long again and gain
+    # nothing measurable.
     options = llvm.create_pipeline_tuning_options(speed_level=1)
     options.loop_vectorization = options.loop_unrolling = options.slp_vectorization = False
     builder = llvm.create_pass_builder(machine, options)
@@ -74,7 +82,9 @@ def object_code(ir: str, thorough: bool = False) -> bytes:
 class Stepper(Protocol):
     """Runs steps: see `Machine.call`."""
 
-    def call(self, memory: Array, weights: Array, control: NDArray[np.int64], record: Array) -> None: ...
+    def call(
+        self, memory: Array, weights: Array, control: NDArray[np.int64], record: Array
+    ) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,9 +94,15 @@ class Machine:
     engine: Any
     function: Any
 
-    def call(self, memory: Array, weights: Array, control: NDArray[np.int64], record: Array) -> None:
-        """Run it with one row of `memory`, `control` and `record` after another; Python's lock is free meanwhile."""
-        strides = np.array([memory.strides[0], control.strides[0], record.strides[0]], dtype=np.int64)
+    def call(
+        self, memory: Array, weights: Array, control: NDArray[np.int64], record: Array
+    ) -> None:
+        """Run it with one row of `memory`, `control` and `record` after another; Python's lock is
+        free meanwhile.
+        """
+        strides = np.array(
+            [memory.strides[0], control.strides[0], record.strides[0]], dtype=np.int64
+        )
         starts = memory.ctypes.data, weights.ctypes.data, control.ctypes.data, record.ctypes.data
         self.function(*starts, len(memory), strides.ctypes.data)
 
@@ -98,7 +114,9 @@ def load(code: bytes) -> Machine:
     if not address:
         raise OSError("the object file has no kernel")
     pointers = [ctypes.c_void_p] * 4
-    return Machine(engine, ctypes.CFUNCTYPE(None, *pointers, ctypes.c_int64, ctypes.c_void_p)(address))
+    return Machine(
+        engine, ctypes.CFUNCTYPE(None, *pointers, ctypes.c_int64, ctypes.c_void_p)(address)
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +133,9 @@ class Card:
 
 @dataclass(frozen=True, slots=True)
 class Compiled:
-    """A kernel ready to run; `seconds` by stage: "write", "compile", "load" (0 where it was found)."""
+    """A kernel ready to run; `seconds` by stage: "write", "compile", "load" (0 where it was
+    found).
+    """
 
     card: Card
     machine: Stepper
@@ -127,12 +147,20 @@ _CARD = TypeAdapter(Card)  # as JSON gives it back
 
 
 def compiled(identity: Hashable, make: Callable[[], Program], lanes: int = 1) -> Compiled:
-    """The kernel of the program that `make` builds; `identity` says all on which the program depends."""
-    return kept(f"{text_digest(identity)} {lanes}", _from_disk, lambda digest: _made(digest, make, lanes))
+    """The kernel of the program that `make` builds; `identity` says all on which the program
+    depends.
+    """
+    return kept(
+        f"{text_digest(identity)} {lanes}", _from_disk, lambda digest: _made(digest, make, lanes)
+    )
 
 
-def kept(name: str, stored: Callable[[str], Compiled | None], made: Callable[[str], Compiled]) -> Compiled:
-    """The kernel of this name in memory, else what is stored or made under the digest of its name and of our code."""
+def kept(
+    name: str, stored: Callable[[str], Compiled | None], made: Callable[[str], Compiled]
+) -> Compiled:
+    """The kernel of this name in memory, else what is stored or made under the digest of its name
+    and of our code.
+    """
     digest = hashlib.sha256(f"{code_digest()} {name}".encode()).hexdigest()
     with _lock:  # LLVM's global context takes one thread at a time
         if (known := loaded_kernels.get(digest)) is not None:

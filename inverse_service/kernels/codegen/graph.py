@@ -1,11 +1,13 @@
-"""Formulas as one graph of shared subexpressions: derivatives by sweeps, values in numpy. Nothing is expanded.
+"""Formulas as one graph of shared subexpressions: derivatives by sweeps, values in numpy. Nothing
+is expanded.
 
-A node is an integer, greater than those of its parts, so that a pass is a loop. Equal nodes are one node. Sums and
-products are chains of two, which share their beginnings: n links need O(n) nodes for L and O(n^2) for its Hessian.
+A node is an integer, greater than those of its parts, so that a pass is a loop. Equal nodes are one
+node. Sums and products are chains of two, which share their beginnings: n links need O(n) nodes for
+L and O(n^2) for its Hessian.
 
-`Graph.gradient` gives all first derivatives of one node in one sweep from it to the leaves; `Graph.rate` a derivative
-along a direction in one sweep from the leaves, of several nodes at once. Source: A. Griewank, A. Walther, Evaluating
-Derivatives, 2008, chapter 3.
+`Graph.gradient` gives all first derivatives of one node in one sweep from it to the leaves;
+`Graph.rate` a derivative along a direction in one sweep from the leaves, of several nodes at once.
+Source: A. Griewank, A. Walther, Evaluating Derivatives, 2008, chapter 3.
 """
 
 from __future__ import annotations
@@ -41,8 +43,10 @@ class NotInGraph(InputError):
 
 @dataclass(slots=True)
 class Graph:
-    """`keys[k]` is (operation, first part, second part) of node k: the parts of a leaf are its place among the inputs,
-    of a constant its number, of a function the argument and the name. `masks[k]` has the bits of the leaves below."""
+    """`keys[k]` is (operation, first part, second part) of node k: the parts of a leaf are its
+    place among the inputs, of a constant its number, of a function the argument and the name.
+    `masks[k]` has the bits of the leaves below.
+    """
 
     keys: list[Key] = field(default_factory=list)
     masks: list[int] = field(default_factory=list)
@@ -142,12 +146,16 @@ class Graph:
         value = self.number(x)
         if value is not None:
             if value == 0.0:
-                raise NotInGraph("A formula of this system divides by 0 for all values of its variables.")
+                raise NotInGraph(
+                    "A formula of this system divides by 0 for all values of its variables."
+                )
             return self.constant(1.0 / value)
         return self._node(RECIPROCAL, x, None, self.masks[x])
 
     def power(self, x: int, exponent: Fraction | int) -> int:
-        """x^exponent: products of x and of its square root where these are few, else the function of the C library."""
+        """x^exponent: products of x and of its square root where these are few, else the function
+        of the C library.
+        """
         exponent = Fraction(exponent)
         if exponent.denominator == 1 and abs(exponent) <= _LARGEST_PRODUCT:
             return self._repeated(x, int(exponent))
@@ -214,7 +222,9 @@ class Graph:
                 return self.apply(function, self.node(argument))
             case _ if tree == ex.PI:
                 return self.constant(math.pi)
-        raise NotInGraph(f"a formula has no value here: {getattr(tree, 'name', 'a name')} is not given.")
+        raise NotInGraph(
+            f"a formula has no value here: {getattr(tree, 'name', 'a name')} is not given."
+        )
 
     def total(self, nodes: Iterable[int]) -> int:
         """Their sum."""
@@ -256,7 +266,9 @@ class Graph:
         return found
 
     def gradient(self, node: int, mask: int) -> dict[int, int]:
-        """{place: derivative of the node} by the leaves with one of these bits, those that are 0 left out."""
+        """{place: derivative of the node} by the leaves with one of these bits, those that are 0
+        left out.
+        """
         sums, heap, found = {node: self.constant(1.0)}, [-node], dict[int, int]()
         while heap:
             k = -heapq.heappop(heap)
@@ -286,7 +298,9 @@ class Graph:
             if self.keys[k][0] == LEAF:
                 found[k] = along.get(self.keys[k][1], zero)
             elif any(not self.is_zero(found[part]) for part in self.parts(k)):
-                pairs = [(part, slope) for part, slope in self.slopes(k) if not self.is_zero(found[part])]
+                pairs = [
+                    (part, slope) for part, slope in self.slopes(k) if not self.is_zero(found[part])
+                ]
                 found[k] = self.total(self.multiply(slope, found[part]) for part, slope in pairs)
             else:
                 found[k] = zero

@@ -1,7 +1,8 @@
-"""A graph of formulas as machine code: `evaluate(x, y)` writes the values of the outputs at the inputs x to y.
+"""A graph of formulas as machine code: `evaluate(x, y)` writes the values of the outputs at the
+inputs x to y.
 
-Functions of PART nodes, one after another, with the values that several of them need in an array: LLVM takes a
-multiple of the time for one long function.
+Functions of PART nodes, one after another, with the values that several of them need in an array:
+LLVM takes a multiple of the time for one long function.
 """
 
 from collections import Counter, defaultdict
@@ -57,7 +58,9 @@ class _Evaluator:
                 if whole == joins[operation] and other not in self._joined:
                     self._joined.add(k)
         self._pairs: dict[int, list[int]] = defaultdict(list)
-        self._split_into_parts([k for k in order if graph.keys[k][0] > graphs.LEAF and k not in self._joined])
+        self._split_into_parts(
+            [k for k in order if graph.keys[k][0] > graphs.LEAF and k not in self._joined]
+        )
         self._shared: dict[int, int] = {}
         for k in self._part_of:
             for part in self._needed(k):
@@ -76,7 +79,11 @@ class _Evaluator:
                 continue
             if len(self._parts[-1]) >= PART:
                 self._parts.append([])
-            together = self._pairs[keys[k][1]] if keys[k][0] == graphs.FUNCTION and keys[k][2] in _BY_PAIRS else [k]
+            together = (
+                self._pairs[keys[k][1]]
+                if keys[k][0] == graphs.FUNCTION and keys[k][2] in _BY_PAIRS
+                else [k]
+            )
             self._part_of |= dict.fromkeys(together, len(self._parts) - 1)
             self._parts[-1].append(k)
 
@@ -92,7 +99,11 @@ class _Evaluator:
         texts, calls = [], []
         for number, nodes in enumerate(self._parts):
             part = f"{self.name}_{number}"
-            texts.append(self._function(f"define internal void @{part}({_FLAGS}) noinline nounwind {{", nodes))
+            texts.append(
+                self._function(
+                    f"define internal void @{part}({_FLAGS}) noinline nounwind {{", nodes
+                )
+            )
             calls.append(f"  call void @{part}(ptr %x, ptr %y, ptr %shared)")
         head = f"define void @{self.name}(ptr noalias %x, ptr noalias %y) nounwind {{"
         array = f"  %shared = alloca [{max(1, len(self._shared))} x double], align 64"
@@ -112,7 +123,11 @@ class _Evaluator:
             operation, first, _ = self.graph.keys[node]
             if operation == graphs.CONSTANT:
                 return Value(w, w.number(first))
-            found = w.load("x", first) if operation == graphs.LEAF else w.load("shared", self._shared[node])
+            found = (
+                w.load("x", first)
+                if operation == graphs.LEAF
+                else w.load("shared", self._shared[node])
+            )
             known[node] = found
         return found
 

@@ -1,16 +1,19 @@
-"""A program as a whole compiled run: steps, substeps of a composition, Newton, compensated sums, records.
+"""A program as a whole compiled run: steps, substeps of a composition, Newton, compensated sums,
+records.
 
-Implicit blocks are Newton's method with a dense solve, one linear solve, or a fixed-point iteration; small linear
-systems are written out: Gaussian elimination with row pivoting by selection, no branch.
+Implicit blocks are Newton's method with a dense solve, one linear solve, or a fixed-point
+iteration; small linear systems are written out: Gaussian elimination with row pivoting by
+selection, no branch.
 
-`memory` holds what `Layout` lists and is handed in and out, `weights` the substeps of the composition, `control` =
-[steps to do, substeps, record every, steps to the next record, steps done, rows written, Newton iterations], `record`
-one row of `Layout.columns` for each recorded step.
+`memory` holds what `Layout` lists and is handed in and out, `weights` the substeps of the
+composition, `control` = [steps to do, substeps, record every, steps to the next record, steps done,
+rows written, Newton iterations], `record` one row of `Layout.columns` for each recorded step.
 
-Kernels that choose their own steps make as many between the points of the grid as their error estimate asks for. A
-trial step is accepted where the squared norm of its error is at most 1; the next one is longer or shorter by 0.9
-error^(-1/k), within a factor of 5. The last step before a point of the grid ends on it. Source: E. Hairer, S. P.
-Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), II.4.
+Kernels that choose their own steps make as many between the points of the grid as their error
+estimate asks for. A trial step is accepted where the squared norm of its error is at most 1; the
+next one is longer or shorter by 0.9 error^(-1/k), within a factor of 5. The last step before a
+point of the grid ends on it. Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary
+Differential Equations I (1993), II.4.
 """
 
 import operator
@@ -28,11 +31,14 @@ MOST_ITERATIONS = 200
 # Newton's last correction may be this large (relative): quadratic convergence squares it.
 LAST_CORRECTION = 1e-9
 ROUND_OFF = 4.5e-16
-# A correction that no longer falls is noise if it is this small compared with the greatest increments so far.
+# A correction that no longer falls is noise if it is this small compared with the greatest
+# increments so far.
 NOISE = 1e-6
 EARLIEST_NOISE = 4  # iterations after which quadratic convergence has come to its end
 HUGE = 1.7e308
-ROUND_OFF_AT_START = 1e-14  # of what a variable of the start changes in a quantity: below, its sign is not known
+ROUND_OFF_AT_START = (
+    1e-14  # of what a variable of the start changes in a quantity: below, its sign is not known
+)
 CONTROL = ("steps", "stages", "every", "until_record", "done", "rows", "iterations")
 SAFETY, MOST, LEAST = 0.9, 5.0, 0.2
 FIRST = 1e-2  # of the grid's step: the first trial
@@ -40,7 +46,9 @@ SHORTEST = 1e-15  # of the grid's step
 MOST_TRIES = 4_000_000  # between two points of the grid
 
 
-def solve_dense(matrix: Sequence[Sequence[Value]], right: Sequence[Value]) -> tuple[list[Value], Value]:
+def solve_dense(
+    matrix: Sequence[Sequence[Value]], right: Sequence[Value]
+) -> tuple[list[Value], Value]:
     """(solution of matrix x = right, determinant)."""
     size = len(right)
     if size == 1:
@@ -57,7 +65,10 @@ def solve_dense(matrix: Sequence[Sequence[Value]], right: Sequence[Value]) -> tu
             larger = abs(rows[row][column]) > abs(rows[column][column])
             for place in range(column, size + 1):
                 upper, lower = rows[column][place], rows[row][place]
-                rows[column][place], rows[row][place] = larger.choose(lower, upper), larger.choose(upper, lower)
+                rows[column][place], rows[row][place] = (
+                    larger.choose(lower, upper),
+                    larger.choose(upper, lower),
+                )
             sign = larger.choose(-sign, sign)
         for row in range(column + 1, size):
             factor = rows[row][column] / rows[column][column]
@@ -77,7 +88,9 @@ class Blocks:
     def __init__(self, writer: LlvmWriter, emitter: Emitter) -> None:
         self.writer, self.emitter = writer, emitter
         self._solves = self._labels = self._iterated = self._stops = 0
-        self.active: Value | None = None  # where it does not hold, nothing stops a run and no sign is kept
+        self.active: Value | None = (
+            None  # where it does not hold, nothing stops a run and no sign is kept
+        )
 
     def going(self) -> Value:
         """Whether nothing has stopped the run."""
@@ -99,10 +112,14 @@ class Blocks:
         w[programs.STOPPED_VALUE] = stops.choose(value, w[programs.STOPPED_VALUE])
 
     def _branch_off(self, condition: Value, code: int, value: Operand) -> None:
-        """One trajectory: a jump that is hardly ever taken costs less than the choice of four values."""
+        """One trajectory: a jump that is hardly ever taken costs less than the choice of four
+        values.
+        """
         w = self.writer
         self._stops += 1
-        fails, first, onwards = (f"{name}_{self._stops}" for name in ("fails", "first_to_fail", "holds"))
+        fails, first, onwards = (
+            f"{name}_{self._stops}" for name in ("fails", "first_to_fail", "holds")
+        )
         w.branch(condition, onwards, fails, rare=True)
         w.open(fails)
         w.branch(self.going(), first, onwards)
@@ -112,8 +129,9 @@ class Blocks:
         w.label(onwards)
 
     def keep_sign(self, slot: str, value: Value, code: int, share: float = 0.0) -> None:
-        """The value must keep the sign it had first, and this share of its size; where the slot is 0 there is no first
-        yet."""
+        """The value must keep the sign it had first, and this share of its size; where the slot is
+        0 there is no first yet.
+        """
         w = self.writer
         sign = w[slot]
         own = 1.0 / value if share else (value < 0.0).choose(-1.0, 1.0)
@@ -155,7 +173,9 @@ class Blocks:
     def iterate(self, block: programs.Solve) -> None:
         """Newton's method, or a contraction where there is no Jacobian."""
         w, e, size, entries = self.writer, self.emitter, len(block.unknowns), block.entries
-        self._labels += 1  # parts without unknowns are names, bound to values computed before the loop
+        self._labels += (
+            1  # parts without unknowns are names, bound to values computed before the loop
+        )
         parts: dict[Formula, Formula] = {}
         changing = {symbol(name) for name in block.unknowns}
         whole = (*block.residuals, *entries)
@@ -181,7 +201,8 @@ class Blocks:
                 change, determinant = solve_dense(matrix, change[:size])
             settled = self._apply(label, block, change, LAST_CORRECTION if entries else ROUND_OFF)
             if determinant is not None:
-                # One of the wrong sign that an iterate met before counts: Newton has then left its basin.
+                # One of the wrong sign that an iterate met before counts: Newton has then left its
+                # basin.
                 first, met = w[f"first_{self._solves}"], w[worst]
                 w[worst] = (first * met < 0.0).choose(met, determinant)
             w[f"{label}_settled"] = settled
@@ -190,11 +211,15 @@ class Blocks:
             good = w[programs.STATUS].differs(0.0).choose(1.0, settled).equals(1.0)
             w.branch(w.everywhere(good), f"{label}_done", f"{label}_test")
             w.open(f"{label}_test")
-            w.branch(count < (MOST_NEWTON_STEPS if entries else MOST_ITERATIONS), label, f"{label}_done")
+            w.branch(
+                count < (MOST_NEWTON_STEPS if entries else MOST_ITERATIONS), label, f"{label}_done"
+            )
             w.open(f"{label}_done")
         code = programs.NO_CONVERGENCE + (self._solves if entries else programs.CONTRACTION)
         self.stop_unless(w[f"{label}_settled"].equals(1.0), code, w[worst])
-        if block.limit is not None:  # |det - det0| < |det0| with det0 that of h -> 0 (at the new rates)
+        if (
+            block.limit is not None
+        ):  # |det - det0| < |det0| with det0 that of h -> 0 (at the new rates)
             with e.inner():
                 for name in block.unknowns:
                     e.bind(name, w[name])
@@ -213,21 +238,25 @@ class Blocks:
             w[kept] = larger.choose(moved, w[kept])
         self._iterated += 1
 
-    def _apply(self, label: str, block: programs.Solve, change: Sequence[Value], relative: float) -> Value:
+    def _apply(
+        self, label: str, block: programs.Solve, change: Sequence[Value], relative: float
+    ) -> Value:
         """unknown -= change; 1 from where every change is within its tolerance or is noise, else 0.
 
-        The round-off of every state variable of the block counts for every unknown: an angle of 1e5 is known to 1e-11
-        only, and so is a change of momentum that passes 0 there. Corrections are noise where they no longer fall
-        (Hairer, Lubich, Wanner, VIII.6) and are small compared with the greatest increments so far: a stiff force
-        is known to its stiffness times the round-off of the place, however small it is itself.
+        The round-off of every state variable of the block counts for every unknown: an angle of 1e5
+        is known to 1e-11 only, and so is a change of momentum that passes 0 there. Corrections are
+        noise where they no longer fall (Hairer, Lubich, Wanner, VIII.6) and are small compared with
+        the greatest increments so far: a stiff force is known to its stiffness times the round-off
+        of the place, however small it is itself.
         """
         w = self.writer
         within, small, squares = list[Value](), list[Value](), list[Value]()
         noise: Operand = 0.0  # the round-off of the state variables that the unknowns are added to
         for scale in dict.fromkeys(scale for scale in block.scales if scale):
             noise = noise + ROUND_OFF * abs(self.emitter.value(symbol(scale)))
-        # What counts as small for the unknowns of each letter: NOISE times the greatest so far. Multipliers m are h
-        # times a change of momenta: what is small compared with h p is small, too, where a motion needs no force.
+        # What counts as small for the unknowns of each letter: NOISE times the greatest so far.
+        # Multipliers m are h times a change of momenta: what is small compared with h p is small,
+        # too, where a motion needs no force.
         bounds = {}
         for letter in dict.fromkeys(name[0] for name in block.unknowns):
             greatest = w[programs.size_name(self._iterated, letter)]
@@ -253,8 +282,12 @@ class Blocks:
         return before.equals(1.0).choose(before, reached)
 
 
-def _take_out(formula: Formula, changing: set[Formula], parts: dict[Formula, Formula], prefix: str) -> Formula:
-    """The formula with its parts that do not depend on `changing` named; plain names and numbers stay."""
+def _take_out(
+    formula: Formula, changing: set[Formula], parts: dict[Formula, Formula], prefix: str
+) -> Formula:
+    """The formula with its parts that do not depend on `changing` named; plain names and numbers
+    stay.
+    """
     if not formula.args or not formula.free_symbols:
         return formula
     if not (formula.free_symbols & changing):
@@ -308,7 +341,9 @@ class Kernel:
             self._first_signs()
 
     def _first_signs(self) -> None:
-        """Those of the quantities that keep their signs, where the start shows them: the first step may pass a zero."""
+        """Those of the quantities that keep their signs, where the start shows them: the first step
+        may pass a zero.
+        """
         w, e = self.writer, self.emitter
         self._bind_state()
         known = {symbol(name) for name in (*self.program.state, *self.layout.arguments)}
@@ -316,7 +351,9 @@ class Kernel:
             if watch.begin is None or not watch.begin.free_symbols <= known:
                 continue
             noise = [watch.begin.diff(x) * x for x in map(symbol, self.program.state)]
-            value, least = e.write([watch.begin, sum(part**2 for part in noise) * ROUND_OFF_AT_START**2])
+            value, least = e.write(
+                [watch.begin, sum(part**2 for part in noise) * ROUND_OFF_AT_START**2]
+            )
             slot = f"watch_{place}"
             sign = (value < 0.0).choose(-1.0, 1.0)
             sign = (value * value > least).choose(sign, 0.0)
@@ -380,7 +417,11 @@ class Kernel:
 
     def _seen(self) -> list[Value]:
         """The observed values; one that is not finite ends the run."""
-        values = self.emitter.write([formula for _, formula in self.program.observed]) if self.program.observed else []
+        values = (
+            self.emitter.write([formula for _, formula in self.program.observed])
+            if self.program.observed
+            else []
+        )
         for place, value in enumerate(values):
             self.blocks.stop_unless((value * 0.0).equals(0.0), programs.UNOBSERVABLE + place, value)
         return values
@@ -395,7 +436,9 @@ class Kernel:
     def _update(self) -> None:
         """Compensated sums, Kahan (1965): the low part is what the sum lost."""
         w, names = self.writer, programs.changing(self.program)
-        values = self.emitter.write([update for update in self.program.updates if update is not None])
+        values = self.emitter.write(
+            [update for update in self.program.updates if update is not None]
+        )
         for name, value in zip(names, values, strict=True):
             increment, old = self._alive(value), w[name]
             with w.exact():
@@ -419,7 +462,9 @@ class Kernel:
         w.open("record_row")
         row = w["rows"]
         first = row * len(self.layout.columns)
-        values = [w[name] for name in (*names, *(f"seen_{k}" for k in range(len(self.program.observed))))]
+        values = [
+            w[name] for name in (*names, *(f"seen_{k}" for k in range(len(self.program.observed))))
+        ]
         for place, value in enumerate(values):
             w.store("record", first + place, value)
         w["rows"] = row + 1
@@ -448,10 +493,12 @@ class AdaptiveKernel(Kernel):
         w.open("end_tries")
         self.blocks.active = None
         self.blocks.stop_unless(w["left"].equals(0.0), programs.TOO_MANY, w["length"])
-        # A motion that ends at this very point of the grid, as x'' = x'^2 at t = 1/x'(0): the time itself is not known
-        # to more than the tolerance.
+        # A motion that ends at this very point of the grid, as x'' = x'^2 at t = 1/x'(0): the time
+        # itself is not known to more than the tolerance.
         known = self.emitter.value(ALPHA) * abs(self._whole_step)
-        self.blocks.stop_unless(abs(w[programs.TRIAL]) > known, programs.TOO_SHORT, w[programs.TRIAL])
+        self.blocks.stop_unless(
+            abs(w[programs.TRIAL]) > known, programs.TOO_SHORT, w[programs.TRIAL]
+        )
 
     def _try(self) -> None:
         w, e = self.writer, self.emitter
@@ -478,8 +525,12 @@ class AdaptiveKernel(Kernel):
         for name in ("tries", "iterations"):
             w[name] = w[name] + 1
 
-    def _next_trial(self, error: Value, length: Value, trial: Value, accepted: Value, going: Value) -> None:
-        """length times 0.9 error^(-1/2k), within bounds; a step that was cut short by the grid does not shorten it."""
+    def _next_trial(
+        self, error: Value, length: Value, trial: Value, accepted: Value, going: Value
+    ) -> None:
+        """length times 0.9 error^(-1/2k), within bounds; a step that was cut short by the grid does
+        not shorten it.
+        """
         w = self.writer
         factor = SAFETY * w.rough_root(error, 2 * self.program.order)
         factor = (factor < MOST).choose(factor, MOST)

@@ -1,9 +1,10 @@
-"""Kernels as LLVM IR, scalar or with SIMD lanes, and formulas as straight-line code: every subexpression once,
-divisions gathered, powers by products.
+"""Kernels as LLVM IR, scalar or with SIMD lanes, and formulas as straight-line code: every
+subexpression once, divisions gathered, powers by products.
 
-sin and cos are the same for one number and for SIMD lanes. Reduction by multiples of pi/2 in three parts with fused
-multiply-add (Cody and Waite), then the minimax polynomials of fdlibm on [-pi/4, pi/4]; beyond |x| = 2^26 and where a
-lane is not finite, the C library's functions. Error below 1.5 units in the last place.
+sin and cos are the same for one number and for SIMD lanes. Reduction by multiples of pi/2 in three
+parts with fused multiply-add (Cody and Waite), then the minimax polynomials of fdlibm on [-pi/4,
+pi/4]; beyond |x| = 2^26 and where a lane is not finite, the C library's functions. Error below 1.5
+units in the last place.
 """
 
 from __future__ import annotations
@@ -39,9 +40,16 @@ HARDLY_EVER = '!0 = !{!"branch_weights", i32 1000000, i32 1}'
 _ROUND = 6755399441055744.0  # 1.5 * 2^52: adding it rounds to an integer and shows its last bits
 
 SIGNATURE = "ptr noalias %memory, ptr noalias %weights, ptr noalias %control, ptr noalias %record"
-GROUPS = (Path(__file__).parent / "groups.ll").read_text(encoding="utf-8")  # runs kernel after kernel
+GROUPS = (Path(__file__).parent / "groups.ll").read_text(
+    encoding="utf-8"
+)  # runs kernel after kernel
 # Of numbers, and of counters.
-_OPERATIONS = {"+": ("fadd", "add nsw"), "-": ("fsub", "sub nsw"), "*": ("fmul", "mul nsw"), "/": ("fdiv", "")}
+_OPERATIONS = {
+    "+": ("fadd", "add nsw"),
+    "-": ("fsub", "sub nsw"),
+    "*": ("fmul", "mul nsw"),
+    "/": ("fdiv", ""),
+}
 _COMPARISONS = {
     "<": ("fcmp olt", "icmp slt"), "<=": ("fcmp ole", ""), ">": ("fcmp ogt", "icmp sgt"), ">=": ("fcmp oge", ""),
     "==": ("fcmp oeq", "icmp eq"), "!=": ("fcmp une", "icmp ne"),
@@ -59,7 +67,9 @@ def hexadecimal(value: float) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Value:
-    """A number or a truth of each lane, or a counter, in the text of a writer, where its arithmetic adds a line."""
+    """A number or a truth of each lane, or a counter, in the text of a writer, where its arithmetic
+    adds a line.
+    """
 
     writer: LlvmWriter
     text: str
@@ -151,7 +161,13 @@ class LlvmWriter:
         return str(value) if self.lanes == 1 else f"splat (i64 {value})"
 
     def _text(self, operand: Operand, is_counter: bool = False) -> str:
-        return operand.text if isinstance(operand, Value) else str(operand) if is_counter else self.number(operand)
+        return (
+            operand.text
+            if isinstance(operand, Value)
+            else str(operand)
+            if is_counter
+            else self.number(operand)
+        )
 
     @contextmanager
     def exact(self) -> Iterator[None]:
@@ -167,7 +183,10 @@ class LlvmWriter:
         return self.new(f"{_OPERATIONS[operation][counts]} {flag}{kind} {pair}", counts)
 
     def compare(self, operation: str, left: Value, right: Operand) -> Value:
-        name, kind = _COMPARISONS[operation][left.is_counter], "i64" if left.is_counter else self.type
+        name, kind = (
+            _COMPARISONS[operation][left.is_counter],
+            "i64" if left.is_counter else self.type,
+        )
         return self.new(f"{name} {kind} {left.text}, {self._text(right, left.is_counter)}")
 
     def select(self, truth: str, condition: Value, yes: Operand, no: Operand) -> Value:
@@ -184,12 +203,18 @@ class LlvmWriter:
         self.give(pair, self.new(f"insertvalue {pair} {half}, {self.type} {second.text}, 1"))
 
     def call(self, function: str, *arguments: Operand) -> Value:
-        """A function of LLVM, as fma(a, b, c) = a b + c rounded once, or of the C library, called lane by lane."""
+        """A function of LLVM, as fma(a, b, c) = a b + c rounded once, or of the C library, called
+        lane by lane.
+        """
         texts = [self._text(argument) for argument in arguments]
         if function in _INTRINSICS:
             name = f"llvm.{function}.{'f64' if self.lanes == 1 else f'v{self.lanes}f64'}"
-            self.declared[name] = f"declare {self.type} @{name}({', '.join([self.type] * len(texts))})"
-            return self.new(f"call {self.type} @{name}({', '.join(f'{self.type} {text}' for text in texts)})")
+            self.declared[name] = (
+                f"declare {self.type} @{name}({', '.join([self.type] * len(texts))})"
+            )
+            return self.new(
+                f"call {self.type} @{name}({', '.join(f'{self.type} {text}' for text in texts)})"
+            )
         self.declared[function] = f"declare double @{function}(double) nounwind memory(none)"
         if self.lanes == 1:
             return self.new(f"call double @{function}(double {texts[0]})")
@@ -197,7 +222,9 @@ class LlvmWriter:
         for lane in range(self.lanes):
             part = self.new(f"extractelement {self.type} {texts[0]}, i32 {lane}").text
             value = self.new(f"call double @{function}(double {part})").text
-            result = self.new(f"insertelement {self.type} {result.text}, double {value}, i32 {lane}")
+            result = self.new(
+                f"insertelement {self.type} {result.text}, double {value}, i32 {lane}"
+            )
         return result
 
     def sine_cosine(self, argument: Value) -> tuple[Value, Value]:
@@ -205,7 +232,9 @@ class LlvmWriter:
         self._uses_sine_cosine = True
         kind = f"{{{self.type}, {self.type}}}"
         pair = self.new(f"call {kind} @sine_cosine({self.type} {argument.text})").text
-        return self.new(f"extractvalue {kind} {pair}, 0"), self.new(f"extractvalue {kind} {pair}, 1")
+        return self.new(f"extractvalue {kind} {pair}, 0"), self.new(
+            f"extractvalue {kind} {pair}, 1"
+        )
 
     def rough_root(self, value: Value, order: int) -> Value:
         """value^(-1/order) to half a percent: the bits of a double are nearly its logarithm."""
@@ -227,14 +256,18 @@ class LlvmWriter:
 
     def __setitem__(self, name: str, value: Operand) -> None:
         counts = self._slots[name]
-        self.lines.append(f"  store {'i64' if counts else self.type} {self._text(value, counts)}, ptr %s_{name}")
+        self.lines.append(
+            f"  store {'i64' if counts else self.type} {self._text(value, counts)}, ptr %s_{name}"
+        )
 
     def _address(self, array: str, place: int | Value, kind: str) -> str:
         return self.new(f"getelementptr {kind}, ptr %{array}, i64 {self._text(place, True)}").text
 
     def load(self, array: str, place: int | Value, is_counter: bool = False) -> Value:
         kind = "i64" if is_counter else self.type
-        return self.new(f"load {kind}, ptr {self._address(array, place, kind)}, align 8", is_counter)
+        return self.new(
+            f"load {kind}, ptr {self._address(array, place, kind)}, align 8", is_counter
+        )
 
     def load_shared(self, array: str, place: Value) -> Value:
         """A number that all lanes share."""
@@ -247,7 +280,9 @@ class LlvmWriter:
 
     def store(self, array: str, place: int | Value, value: Operand) -> None:
         kind = "i64" if isinstance(value, Value) and value.is_counter else self.type
-        self.lines.append(f"  store {kind} {self._text(value)}, ptr {self._address(array, place, kind)}, align 8")
+        self.lines.append(
+            f"  store {kind} {self._text(value)}, ptr {self._address(array, place, kind)}, align 8"
+        )
 
     def everywhere(self, condition: Value) -> Value:
         if self.lanes == 1:
@@ -265,14 +300,19 @@ class LlvmWriter:
 
     def branch(self, condition: Value, yes: str, no: str, rare: bool = False) -> None:
         """To `yes` where the condition holds; `rare` says that it hardly ever does not."""
-        self.lines.append(f"  br i1 {condition.text}, label %{yes}, label %{no}{', !prof !0' if rare else ''}")
+        self.lines.append(
+            f"  br i1 {condition.text}, label %{yes}, label %{no}{', !prof !0' if rare else ''}"
+        )
 
     def open(self, name: str) -> None:
         self.lines.append(f"{name}:")
 
     def text(self) -> str:
         numbers = f"{self.type}, align 64"
-        slots = [f"  %s_{name} = alloca {'i64' if counts else numbers}" for name, counts in self._slots.items()]
+        slots = [
+            f"  %s_{name} = alloca {'i64' if counts else numbers}"
+            for name, counts in self._slots.items()
+        ]
         body = "\n".join(["entry:", *slots, *self.lines, "  ret void", "}"])
         declared = dict(self.declared)
         parts = [f"define void @kernel({SIGNATURE}) nounwind {{", body, GROUPS]
@@ -291,7 +331,9 @@ def trigonometric_functions(lanes: int) -> tuple[str, dict[str, str]]:
     near.branch(near.everywhere(abs(x) <= _LARGEST), "near", "far", rare=True)
     near.open("near")
     with near.exact():
-        shifted = near.call("fma", x, _TWO_OVER_PI, _ROUND)  # the number of quarter turns in its last bits
+        shifted = near.call(
+            "fma", x, _TWO_OVER_PI, _ROUND
+        )  # the number of quarter turns in its last bits
         turns, rest = -(shifted - _ROUND), x
         for part in _HALF_PI:
             rest = near.call("fma", turns, part, rest)
@@ -330,15 +372,21 @@ def _turned_back(w: LlvmWriter, shifted: Value, sine: Value, cosine: Value) -> t
     odd = w.new(f"trunc {whole} {bits} to {w.truth}")
     found = []
     for shift, even_one, odd_one in ((0, sine, cosine), (1, cosine, sine)):
-        high = w.new(f"shl {whole} {w.new(f'add {whole} {bits}, {w.whole(shift)}').text}, {w.whole(62)}").text
+        high = w.new(
+            f"shl {whole} {w.new(f'add {whole} {bits}, {w.whole(shift)}').text}, {w.whole(62)}"
+        ).text
         sign = w.new(f"and {whole} {high}, {w.whole(-(2**63))}").text
         raw = w.new(f"bitcast {w.type} {odd.choose(odd_one, even_one).text} to {whole}").text
-        found.append(w.new(f"bitcast {whole} {w.new(f'xor {whole} {raw}, {sign}').text} to {w.type}"))
+        found.append(
+            w.new(f"bitcast {whole} {w.new(f'xor {whole} {raw}, {sign}').text} to {w.type}")
+        )
     return found[0], found[1]
 
 
 class Emitter:
-    """Values of formulas already written; `bind` sets the meaning of a name at this place of the code."""
+    """Values of formulas already written; `bind` sets the meaning of a name at this place of the
+    code.
+    """
 
     def __init__(self, writer: LlvmWriter) -> None:
         self.writer = writer
@@ -438,7 +486,9 @@ class Emitter:
     def _function(self, name: str, argument: Formula) -> Value:
         if name in ("sin", "cos"):  # all that is made of them was translated so
             pair = self.writer.sine_cosine(self._value(argument))
-            self._values |= zip((symengine.sin(argument), symengine.cos(argument)), pair, strict=True)
+            self._values |= zip(
+                (symengine.sin(argument), symengine.cos(argument)), pair, strict=True
+            )
             return pair[name == "cos"]
         if name in functions.RECIPROCALS:
             return 1.0 / self._function(functions.RECIPROCALS[name], argument)

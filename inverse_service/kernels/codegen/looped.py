@@ -1,7 +1,8 @@
-"""Programs for `loops`: the formulas of a scene compiled once, as a kernel that runs like one written out.
+"""Programs for `loops`: the formulas of a scene compiled once, as a kernel that runs like one
+written out.
 
-The matrix of the linear equations is stored by diagonals where its rows, in their order, couple near ones only, else as
-a whole.
+The matrix of the linear equations is stored by diagonals where its rows, in their order, couple
+near ones only, else as a whole.
 """
 
 from __future__ import annotations
@@ -20,7 +21,13 @@ from pydantic import TypeAdapter
 
 from inverse_service.integrators.method_table import TABLEAUX
 from inverse_service.integrators.trajectory import Array
-from inverse_service.kernels.codegen import compiled, graph as graphs, graph_code, loops, program as programs
+from inverse_service.kernels.codegen import (
+    compiled,
+    graph as graphs,
+    graph_code,
+    loops,
+    program as programs,
+)
 from inverse_service.kernels.machine_code import code_store, loading
 
 Entries = Mapping[tuple[int, int], int]
@@ -29,11 +36,13 @@ HEADS = {"explicit": "f0_", "implicit": "d"}  # of the names of unknowns
 
 @dataclass(frozen=True, slots=True)
 class LoopProgram:
-    """The right-hand side (N,) and the nonzero entries (N, N) of linear equations, or of Newton's, as nodes of a graph.
+    """The right-hand side (N,) and the nonzero entries (N, N) of linear equations, or of Newton's,
+    as nodes of a graph.
 
-    Without entries the right-hand side are the accelerations themselves. `pushes` (n,) are the rates of the momenta of
-    an implicit step, `noise` (n,) the squared terms of the accelerations, where they are needed. `tableau` is the order
-    of an explicit method, 0 of an implicit one. `watches` are walls whose sign stays, or which stay positive.
+    Without entries the right-hand side are the accelerations themselves. `pushes` (n,) are the
+    rates of the momenta of an implicit step, `noise` (n,) the squared terms of the accelerations,
+    where they are needed. `tableau` is the order of an explicit method, 0 of an implicit one.
+    `watches` are walls whose sign stays, or which stay positive.
     """
 
     graph: graphs.Graph
@@ -59,7 +68,9 @@ class LoopProgram:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What `loops` needs to know: `numbers` of its PLAN by name, places of the entries, of the rows, kinds of walls."""
+    """What `loops` needs to know: `numbers` of its PLAN by name, places of the entries, of the
+    rows, kinds of walls.
+    """
 
     driver: str
     tableau: int
@@ -80,9 +91,13 @@ def plan_of(program: LoopProgram) -> Plan:
     above = max((order[j] - order[i] for i, j in pairs), default=0)
     below, above = max(below, 0), max(above, 0)
     width = 2 * below + above + 1
-    stride, shift, cells = (width - 1, below, rows * width) if width < rows else (rows, 0, rows * rows)
+    stride, shift, cells = (
+        (width - 1, below, rows * width) if width < rows else (rows, 0, rows * rows)
+    )
     graph, tableau = program.graph, TABLEAUX.get(program.tableau)
-    is_constant = bool(pairs) and not any(graph.masks[node] & program.moving for node in program.entries.values())
+    is_constant = bool(pairs) and not any(
+        graph.masks[node] & program.moving for node in program.entries.values()
+    )
     numbers = {
         "size": program.size, "rows": rows, "entries": len(pairs), "below": below, "above": above, "stride": stride,
         "shift": shift, "cells": cells, "constant": int(is_constant), "direct": int(not pairs),
@@ -98,7 +113,14 @@ def plan_of(program: LoopProgram) -> Plan:
         }  # fmt: skip
     places = tuple(order[i] * stride + order[j] + shift for i, j in pairs)
     kinds = tuple(int(kind == "domain") for kind, *_ in program.watches)
-    return Plan("explicit" if program.tableau else "implicit", program.tableau, numbers, places, tuple(order), kinds)
+    return Plan(
+        "explicit" if program.tableau else "implicit",
+        program.tableau,
+        numbers,
+        places,
+        tuple(order),
+        kinds,
+    )
 
 
 def card_of(program: LoopProgram) -> compiled.Card:
@@ -107,7 +129,9 @@ def card_of(program: LoopProgram) -> compiled.Card:
     letter = "p" if implicit else "v"
     state = [f"{one}{k}" for one in ("q", letter) for k in range(n)]
     unknowns = [f"d{k}" if k < n else f"m{k - n}" for k in range(rows)] if implicit else []
-    tried = programs.TRIAL if program.adaptive else programs.size_name(0, "d") if implicit else "unused"
+    tried = (
+        programs.TRIAL if program.adaptive else programs.size_name(0, "d") if implicit else "unused"
+    )
     fixed = (tried if name == programs.TRIAL else name for name in loops.FIXED)
     persistent = (
         *fixed, *state, *(f"{name}_low" for name in state),
@@ -115,11 +139,15 @@ def card_of(program: LoopProgram) -> compiled.Card:
         *(f"maximum_{k}" for k in range(len(program.observed))), *(f"{name}_rate" for name in unknowns),
     )  # fmt: skip
     columns = (*state, *(f"observed_{k}" for k in range(len(program.observed))))
-    layout = programs.Layout(persistent, ("h", "a", *(f"c{k}" for k in range(program.parameters))), columns)
+    layout = programs.Layout(
+        persistent, ("h", "a", *(f"c{k}" for k in range(program.parameters))), columns
+    )
     names = unknowns or [f"f0_{k}" if k < n else f"m0_{k - n}" for k in range(rows)]
     watches = tuple((kind, text, remedy) for kind, _, text, remedy in program.watches)
     forces = 1 if implicit else len(TABLEAUX[program.tableau].nodes)
-    return compiled.Card(layout, (tuple(names),), watches, tuple(name for name, _ in program.observed), forces, 1)
+    return compiled.Card(
+        layout, (tuple(names),), watches, tuple(name for name, _ in program.observed), forces, 1
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,8 +157,12 @@ class LoopMachine:
     engine: Any
     plan: Plan
 
-    def call(self, memory: Array, weights: Array, control: NDArray[np.int64], record: Array) -> None:
-        """Run one row of `memory`, `control` and `record` after another; Python's lock is free meanwhile."""
+    def call(
+        self, memory: Array, weights: Array, control: NDArray[np.int64], record: Array
+    ) -> None:
+        """Run one row of `memory`, `control` and `record` after another; Python's lock is free
+        meanwhile.
+        """
         words, kept = self._words()
         run = driver(self.plan.driver)
         for row in range(len(memory)):
@@ -140,7 +172,9 @@ class LoopMachine:
         del kept
 
     def _words(self) -> tuple[NDArray[np.int64], list[Any]]:
-        """The words of the plan, with the arrays whose addresses they hold: each call has its own."""
+        """The words of the plan, with the arrays whose addresses they hold: each call has its
+        own.
+        """
         plan, numbers = self.plan, self.plan.numbers
         n, rows = numbers["size"], numbers["rows"]
         watched = max(1, numbers["walls"] + numbers["observed"])
@@ -154,10 +188,20 @@ class LoopMachine:
         }  # fmt: skip
         if plan.tableau:
             t, nystrom = TABLEAUX[plan.tableau], bool(numbers["nystrom"])
-            by_places = (t.places, t.ends, t.end_errors) if nystrom else (t.rows, t.weights, t.errors)
+            by_places = (
+                (t.places, t.ends, t.end_errors) if nystrom else (t.rows, t.weights, t.errors)
+            )
             tables = dict(zip(("place_weights", "ends", "end_errors"), by_places, strict=True))
-            tables |= {"nodes": t.nodes, "row_weights": t.rows, "stage_weights": t.weights, "errors": t.errors}
-            arrays |= {name: np.ascontiguousarray(table, dtype=np.float64) for name, table in tables.items()}
+            tables |= {
+                "nodes": t.nodes,
+                "row_weights": t.rows,
+                "stage_weights": t.weights,
+                "errors": t.errors,
+            }
+            arrays |= {
+                name: np.ascontiguousarray(table, dtype=np.float64)
+                for name, table in tables.items()
+            }
             arrays |= {name: np.zeros(n * len(t.nodes)) for name in ("speeds", "forces")}
         words = np.zeros(len(loops.PLAN), dtype=np.int64)
         for name, value in numbers.items():
@@ -187,8 +231,12 @@ def _loops() -> Any:
 
 
 def looped(identity: Hashable, make: Callable[[], LoopProgram]) -> compiled.Compiled:
-    """The kernel of the program that `make` builds; `identity` says all on which the program depends."""
-    return compiled.kept(f"loops {compiled.text_digest(identity)}", _from_disk, lambda digest: _made(digest, make()))
+    """The kernel of the program that `make` builds; `identity` says all on which the program
+    depends.
+    """
+    return compiled.kept(
+        f"loops {compiled.text_digest(identity)}", _from_disk, lambda digest: _made(digest, make())
+    )
 
 
 def _from_disk(digest: str) -> compiled.Compiled | None:
@@ -198,7 +246,10 @@ def _from_disk(digest: str) -> compiled.Compiled | None:
         return None
     try:
         _loops()
-        card, plan = _CARD.validate_python(entry[0]["card"]), _PLAN.validate_python(entry[0]["plan"])
+        card, plan = (
+            _CARD.validate_python(entry[0]["card"]),
+            _PLAN.validate_python(entry[0]["plan"]),
+        )
         machine = LoopMachine(loading.engine_of(entry[1]), plan)
     except (LookupError, ValueError, RuntimeError, OSError):
         return None
@@ -215,5 +266,9 @@ def _made(digest: str, program: LoopProgram) -> compiled.Compiled:
     card, plan = card_of(program), plan_of(program)
     code_store.write(digest, {"card": asdict(card), "plan": asdict(plan)}, code)
     machine = LoopMachine(loading.engine_of(code), plan)
-    stages = {"write": written - begin, "compile": optimized - written, "load": time.perf_counter() - optimized}
+    stages = {
+        "write": written - begin,
+        "compile": optimized - written,
+        "load": time.perf_counter() - optimized,
+    }
     return compiled.Compiled(card, machine, stages)

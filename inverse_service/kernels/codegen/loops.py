@@ -1,11 +1,13 @@
-"""The loops of methods for any number of coordinates, as LLVM IR: compiled once for a processor, for all scenes.
+"""The loops of methods for any number of coordinates, as LLVM IR: compiled once for a processor,
+for all scenes.
 
-A scene contributes `evaluate(x, y)`, its right-hand side and the entries of its matrix, and `inspect(x, z)`, what is
-watched and observed. Stages, sums of a tableau, the norm of an error, Newton's method, the elimination within a band
-and compensated sums do not depend on it. A step is that of `kernel`, with the same memory, control and record.
+A scene contributes `evaluate(x, y)`, its right-hand side and the entries of its matrix, and
+`inspect(x, z)`, what is watched and observed. Stages, sums of a tableau, the norm of an error,
+Newton's method, the elimination within a band and compensated sums do not depend on it. A step is
+that of `kernel`, with the same memory, control and record.
 
-`PLAN` names the words that a run hands over: numbers, and addresses of arrays. The inputs x are t, q, v, h, a, the
-parameters, and the unknowns of an implicit step.
+`PLAN` names the words that a run hands over: numbers, and addresses of arrays. The inputs x are t,
+q, v, h, a, the parameters, and the unknowns of an implicit step.
 """
 
 from __future__ import annotations
@@ -16,9 +18,10 @@ from contextlib import contextmanager
 from inverse_service.kernels.codegen import kernel as written, program as programs
 from inverse_service.kernels.codegen.llvm_writer import HARDLY_EVER, LlvmWriter, Operand, Value
 
-# Numbers of coordinates, rows, entries; of entries below and above the diagonal; the place of an entry is
-# row * stride + column + shift; cells of the matrix. `direct`: the outputs are the accelerations. `constant`: the
-# matrix is. `kept`: rates of unknowns in the memory. The last four are those of a method that chooses its steps.
+# Numbers of coordinates, rows, entries; of entries below and above the diagonal; the place of an
+# entry is row * stride + column + shift; cells of the matrix. `direct`: the outputs are the
+# accelerations. `constant`: the matrix is. `kept`: rates of unknowns in the memory. The last four
+# are those of a method that chooses its steps.
 NUMBERS = (
     "size", "rows", "entries", "below", "above", "stride", "shift", "cells", "constant", "direct", "parameters",
     "walls", "observed", "kept", "stages", "nystrom", "estimates", "falls", "adaptive", "noisy", "root_of_one",
@@ -30,8 +33,21 @@ ADDRESSES = (
     "kinds",
 )  # fmt: skip
 PLAN = (*NUMBERS, *ADDRESSES)
-FIXED = (programs.STATUS, programs.CLOCK, programs.STOPPED_AT, programs.STOPPED_VALUE, programs.TRIAL, "t", "t_low")
-TRIAL, MOMENT, MOMENT_LOW, STATE = 4, 5, 6, len(FIXED)  # places in the memory, then q, v, and what their sums lost
+FIXED = (
+    programs.STATUS,
+    programs.CLOCK,
+    programs.STOPPED_AT,
+    programs.STOPPED_VALUE,
+    programs.TRIAL,
+    "t",
+    "t_low",
+)
+TRIAL, MOMENT, MOMENT_LOW, STATE = (
+    4,
+    5,
+    6,
+    len(FIXED),
+)  # places in the memory, then q, v, and what their sums lost
 SCRATCH = 8  # times the size: rows of numbers that a step needs for itself
 SIGN_OF_DETERMINANT = programs.SINGULAR
 FAR_END, SMALLEST, OTHERS, AT_ENDS = 1e-40, 1e-300, 1e-6, 0.01  # those of `schemes`, squared
@@ -57,7 +73,9 @@ class LoopWriter(LlvmWriter):
 
     def part(self, name: str, array: str, place: int | Value) -> None:
         """A name for an array from a place on."""
-        self.lines.append(f"  %{name} = getelementptr double, ptr %{array}, i64 {self._text(place, True)}")
+        self.lines.append(
+            f"  %{name} = getelementptr double, ptr %{array}, i64 {self._text(place, True)}"
+        )
 
     def fresh(self, name: str) -> str:
         self._labels += 1
@@ -71,7 +89,11 @@ class LoopWriter(LlvmWriter):
         self._set(name, begin)
         self.label(name)
         place = self[name]
-        self.branch(self.new(f"icmp slt i64 {place.text}, {self._text(end, True)}"), f"{name}_body", f"{name}_end")
+        self.branch(
+            self.new(f"icmp slt i64 {place.text}, {self._text(end, True)}"),
+            f"{name}_body",
+            f"{name}_end",
+        )
         self.open(f"{name}_body")
         yield place
         self[name] = place + 1
@@ -96,28 +118,43 @@ class LoopWriter(LlvmWriter):
 
     def either(self, condition: Value, yes: Value, no: Value) -> Value:
         """One of two counters."""
-        return self.new(f"select i1 {condition.text}, i64 {yes.text}, i64 {no.text}", is_counter=True)
+        return self.new(
+            f"select i1 {condition.text}, i64 {yes.text}, i64 {no.text}", is_counter=True
+        )
 
     def run(self, function: str, *arguments: str) -> None:
         """Call a function of the scene, at an address of the plan."""
-        self.lines.append(f"  call void %{function}({', '.join(f'ptr %{one}' for one in arguments)})")
+        self.lines.append(
+            f"  call void %{function}({', '.join(f'ptr %{one}' for one in arguments)})"
+        )
 
     def define(self, head: str, body: Callable[[], None], ending: str = "ret void") -> None:
         """A function with this head."""
         self.lines, self._slots = [], {}
         body()
-        slots = [f"  %s_{name} = alloca {'i64' if counts else 'double'}" for name, counts in self._slots.items()]
-        self.functions.append("\n".join([f"{head} nounwind {{", "entry:", *slots, *self.lines, f"  {ending}", "}"]))
+        slots = [
+            f"  %s_{name} = alloca {'i64' if counts else 'double'}"
+            for name, counts in self._slots.items()
+        ]
+        self.functions.append(
+            "\n".join([f"{head} nounwind {{", "entry:", *slots, *self.lines, f"  {ending}", "}"])
+        )
 
 
 def driver_text() -> str:
-    """The IR of `explicit` and `implicit`, each a function of (plan, memory, weights, control, record)."""
+    """The IR of `explicit` and `implicit`, each a function of (plan, memory, weights, control,
+    record).
+    """
     w = LoopWriter()
     three = "ptr noalias %out, ptr noalias %by, ptr noalias %of"
-    w.define(f"define internal void @combined({three}, i64 %count, i64 %size)", lambda: _combined(w))
+    w.define(
+        f"define internal void @combined({three}, i64 %count, i64 %size)", lambda: _combined(w)
+    )
     w.define("define internal double @factored(ptr %plan)", lambda: _factored(w), "ret double 0.0")
     w.define("define internal void @substituted(ptr %plan)", lambda: _substituted(w))
-    arrays = ", ".join(f"ptr noalias %{name}" for name in ("plan", "memory", "weights", "control", "record"))
+    arrays = ", ".join(
+        f"ptr noalias %{name}" for name in ("plan", "memory", "weights", "control", "record")
+    )
     w.define(f"define void @explicit({arrays})", lambda: _Run(w).explicit())
     w.define(f"define void @implicit({arrays})", lambda: _Run(w).implicit())
     return "\n".join([*w.declared.values(), *w.functions, HARDLY_EVER]) + "\n"
@@ -135,7 +172,9 @@ def _combined(w: LoopWriter) -> None:
 
 
 def _factored(w: LoopWriter) -> None:
-    """L U of the matrix of the outputs, rows exchanged within the band; returns the sign of its determinant, or 0."""
+    """L U of the matrix of the outputs, rows exchanged within the band; returns the sign of its
+    determinant, or 0.
+    """
     for name in ("y", "matrix", "places", "pivots"):
         w.address(name)
     size, entries, below, above, stride, shift, cells = w.numbers(
@@ -180,7 +219,11 @@ def _factored(w: LoopWriter) -> None:
             factor = w.load("matrix", begin + k) * inverse
             w.store("matrix", begin + k, factor)
             with w.when(factor.differs(0.0)), w.loop(after, end) as j:
-                w.store("matrix", begin + j, w.load("matrix", begin + j) - factor * w.load("matrix", own + j))
+                w.store(
+                    "matrix",
+                    begin + j,
+                    w.load("matrix", begin + j) - factor * w.load("matrix", own + j),
+                )
     w.give("double", w["sign"])
     w.open("never")
 
@@ -197,7 +240,9 @@ def _substituted(w: LoopWriter) -> None:
         w.store("right", row, w.load("right", k))
         w.store("right", k, value)
         with w.when(value.differs(0.0)), w.loop(k + 1, w.least(k + 1 + below, size)) as i:
-            w.store("right", i, w.load("right", i) - w.load("matrix", i * stride + shift + k) * value)
+            w.store(
+                "right", i, w.load("right", i) - w.load("matrix", i * stride + shift + k) * value
+            )
     w.slot("total")
     with w.loop(0, size) as back:
         k = size - back + -1
@@ -222,7 +267,9 @@ class _Run:
             "size", "rows", "walls", "observed", "parameters"
         )
         self.low = self.n + self.n + STATE  # what the sums of q, v have lost
-        self.signs = self.low + self.n + self.n + 2  # behind the signs of the determinant: first and last
+        self.signs = (
+            self.low + self.n + self.n + 2
+        )  # behind the signs of the determinant: first and last
         self.maxima = self.signs + self.walls
         self.rates = self.maxima + self.observed
         self.arguments = self.rates + w.numbers("kept")[0]
@@ -295,7 +342,9 @@ class _Run:
         return new
 
     def _inspect(self) -> None:
-        """The walls keep their signs, and what is observed has a value, at the inputs as they are."""
+        """The walls keep their signs, and what is observed has a value, at the inputs as they
+        are.
+        """
         w = self.w
         w.run("inspect", "x", "z")
         w.slot("code")
@@ -306,7 +355,9 @@ class _Run:
             kept = sign.equals(0.0).choose(own, sign)
             w.store("memory", self.signs + k, kept)
             is_domain = w.load("kinds", k, is_counter=True).differs(0)
-            self._stop_unless(is_domain_or(w, is_domain, value > 0.0, kept * value > 0.0), w["code"], value)
+            self._stop_unless(
+                is_domain_or(w, is_domain, value > 0.0, kept * value > 0.0), w["code"], value
+            )
             w["code"] = w["code"] + 1.0
         w["code"] = float(programs.UNOBSERVABLE)
         with w.loop(0, self.observed) as k:
@@ -327,8 +378,9 @@ class _Run:
         w.store("memory", place + 1, sign)
 
     def _solve(self, regular: str) -> None:
-        """Set the slot `regular` to the sign of the determinant at the inputs, 0 where there is no solution; the
-        accelerations are then in `right`, as `order` says."""
+        """Set the slot `regular` to the sign of the determinant at the inputs, 0 where there is no
+        solution; the accelerations are then in `right`, as `order` says.
+        """
         w = self.w
         w.run("evaluate", "x", "y")
         direct, constant, done = w.numbers("direct", "constant", "factored")
@@ -380,8 +432,13 @@ class _Run:
                 w.store("x", 0, moment + node * length)
                 begin = stage * stages
                 name = w.fresh("rows")
-                for array, weights in ((f"{name}_q", "place_weights"), (f"{name}_v", "row_weights")):
-                    w.lines.append(f"  %{array} = getelementptr double, ptr %{weights}, i64 {begin.text}")
+                for array, weights in (
+                    (f"{name}_q", "place_weights"),
+                    (f"{name}_v", "row_weights"),
+                ):
+                    w.lines.append(
+                        f"  %{array} = getelementptr double, ptr %{weights}, i64 {begin.text}"
+                    )
                 self._combine("dq", f"%{name}_q", sources, stage)
                 self._combine("dv", f"%{name}_v", "%forces", stage)
                 drift = is_nystrom.choose(node * length, 0.0)
@@ -393,8 +450,12 @@ class _Run:
                     w.store("speeds", stage * n + k, speed)
                 self._solve("regular")
                 first = w.new(f"icmp eq i64 {stage.text}, 0")
-                watched = w.new(f"and i1 {first.text}, {w.new(f'xor i1 {chooses.text}, true').text}")
-                watched = w.new(f"and i1 {watched.text}, {w.new(f'xor i1 {is_direct.text}, true').text}")
+                watched = w.new(
+                    f"and i1 {first.text}, {w.new(f'xor i1 {chooses.text}, true').text}"
+                )
+                watched = w.new(
+                    f"and i1 {watched.text}, {w.new(f'xor i1 {is_direct.text}, true').text}"
+                )
                 with w.when(watched):
                     self._test_sign(w["regular"])
                 lost = is_direct.choose(1.0, w["regular"]).equals(0.0)
@@ -433,7 +494,11 @@ class _Run:
             w.open("end_tries")
             self._stop_unless(w["left"].equals(0.0), float(programs.TOO_MANY), w["length"])
             known = chooses.choose(self.a * abs(self.h), -1.0)
-            self._stop_unless(abs(w.load("memory", TRIAL)) > known, float(programs.TOO_SHORT), w.load("memory", TRIAL))
+            self._stop_unless(
+                abs(w.load("memory", TRIAL)) > known,
+                float(programs.TOO_SHORT),
+                w.load("memory", TRIAL),
+            )
             w.store("x", 0, w.load("memory", MOMENT))
             with w.loop(0, both) as k:
                 w.store("x", k + 1, w.load("memory", k + STATE))
@@ -448,10 +513,19 @@ class _Run:
         w = self.w
         array = w.new(f"select i1 {is_direct.text}, ptr %y, ptr %right").text
         place = w.either(is_direct, k, w.load("order", k, is_counter=True))
-        return w.new(f"load double, ptr {w.new(f'getelementptr double, ptr {array}, i64 {place.text}').text}, align 8")
+        return w.new(
+            f"load double, ptr {w.new(f'getelementptr double, ptr {array}, i64 {place.text}').text}, align 8"
+        )
 
     def _estimate(
-        self, sources: str, scale: Value, length: Value, moment: Value, estimates: Value, noisy: Value, both: Value
+        self,
+        sources: str,
+        scale: Value,
+        length: Value,
+        moment: Value,
+        estimates: Value,
+        noisy: Value,
+        both: Value,
     ) -> None:
         """The squared norm of the error, as `schemes` has it."""
         w, n = self.w, self.n
@@ -465,7 +539,12 @@ class _Run:
         with w.loop(0, n) as k:
             q, v = w.load("memory", k + STATE), w.load("memory", k + n + STATE)
             noise = share * share * w.load("terms", k)
-            dq, dv, fq, fv = w.load("dq", k), w.load("dv", k), length * v, length * w.load("forces", k)
+            dq, dv, fq, fv = (
+                w.load("dq", k),
+                w.load("dv", k),
+                length * v,
+                length * w.load("forces", k),
+            )
             other, rate = v * self.h, q / self.h
             size_q = q * q + dq * dq + fq * fq + OTHERS * (other * other) + length * length * noise
             size_v = v * v + dv * dv + fv * fv + OTHERS * (rate * rate) + noise
@@ -477,7 +556,9 @@ class _Run:
             stages = w.numbers("stages")[0]
             name = w.fresh("weights")
             for array, weights in ((f"{name}_q", "end_errors"), (f"{name}_v", "errors")):
-                w.lines.append(f"  %{array} = getelementptr double, ptr %{weights}, i64 {(e * stages).text}")
+                w.lines.append(
+                    f"  %{array} = getelementptr double, ptr %{weights}, i64 {(e * stages).text}"
+                )
             self._combine("eq", f"%{name}_q", sources, stages)
             self._combine("ev", f"%{name}_v", "%forces", stages)
             w["sum"] = 0.0
@@ -488,13 +569,19 @@ class _Run:
                 w["sum"] = w["sum"] + (part_q + part_v)
             count = w.new(f"sitofp i64 {both.text} to double")
             found = w["sum"] / (count * (self.a * self.a))
-            w["coarse"] = w.new(f"select i1 {e.equals(1).text}, double {found.text}, double {w['coarse'].text}")
-            w["error"] = w.new(f"select i1 {e.equals(0).text}, double {found.text}, double {w['error'].text}")
+            w["coarse"] = w.new(
+                f"select i1 {e.equals(1).text}, double {found.text}, double {w['coarse'].text}"
+            )
+            w["error"] = w.new(
+                f"select i1 {e.equals(0).text}, double {found.text}, double {w['error'].text}"
+            )
         error = w["error"]
         mixed = error * error / (error + w["coarse"] * AT_ENDS + SMALLEST_NORM)
         w["error"] = (estimates > 1).choose(mixed, error)
 
-    def _next_trial(self, error: Value, length: Value, trial: Value, falls: Value, root_of_one: Value) -> None:
+    def _next_trial(
+        self, error: Value, length: Value, trial: Value, falls: Value, root_of_one: Value
+    ) -> None:
         w = self.w
         bits = w.new(f"bitcast double {error.text} to i64").text
         part = w.new(f"udiv i64 {bits}, {(falls + falls).text}").text
@@ -518,7 +605,18 @@ class _Run:
         multipliers = n + n + parameters + 3
         entries, constant = w.numbers("entries", "constant")
         w.part("u", "scratch", 0)
-        for name in ("h_now", "before", "total", "noise", "settled", "small", "sign", "sum", "most", "turn"):
+        for name in (
+            "h_now",
+            "before",
+            "total",
+            "noise",
+            "settled",
+            "small",
+            "sign",
+            "sum",
+            "most",
+            "turn",
+        ):
             w.slot(name)
         for name in ("stage", "tries"):
             w.slot(name, is_counter=True)
@@ -559,10 +657,13 @@ class _Run:
             (done,) = w.numbers("factored")
             kept = w.new(f"and i64 {constant.text}, {done.text}", is_counter=True)
             with w.when(kept.equals(0)):
-                # A determinant of the wrong sign that an iterate met counts: Newton has then left its basin.
+                # A determinant of the wrong sign that an iterate met counts: Newton has then left
+                # its basin.
                 found = w.new("call double @factored(ptr %plan)") * w["turn"]
                 self._stop_unless(found.differs(0.0), float(programs.NO_CONVERGENCE), float("nan"))
-                w["sign"] = (w.load("memory", self.signs + -2) * w["sign"] < 0.0).choose(w["sign"], found)
+                w["sign"] = (w.load("memory", self.signs + -2) * w["sign"] < 0.0).choose(
+                    w["sign"], found
+                )
                 w.store("plan", PLAN.index("factored"), Value(w, "1", is_counter=True))
             with w.loop(0, rows) as k:
                 is_momentum = k < n
@@ -586,9 +687,13 @@ class _Run:
                 small = size <= written.NOISE * w["most"]
                 w["small"] = small.choose(w["small"], is_force.choose(w["small"], 0.0))
                 w["total"] = w["total"] + is_force.choose(0.0, change * change)
-            self._stop_unless((w["total"] * 0.0).equals(0.0), float(programs.NO_CONVERGENCE), w["total"])
+            self._stop_unless(
+                (w["total"] * 0.0).equals(0.0), float(programs.NO_CONVERGENCE), w["total"]
+            )
             stalls = w["total"] >= w["before"]
-            w["settled"] = stalls.choose((w["small"] > w["settled"]).choose(w["small"], w["settled"]), w["settled"])
+            w["settled"] = stalls.choose(
+                (w["small"] > w["settled"]).choose(w["small"], w["settled"]), w["settled"]
+            )
             early = w["tries"] < written.EARLIEST_NOISE
             w["before"] = early.choose(written.HUGE, w["total"])
             w["tries"], w["iterations"] = w["tries"] + 1, w["iterations"] + 1

@@ -1,13 +1,14 @@
 """One step of a method as a program: what the kernel writer turns into a compiled loop.
 
-A kernel keeps its numbers in one array of doubles, handed in and out, so that a run can continue in pieces; when it
-stops, it leaves a code in its status.
+A kernel keeps its numbers in one array of doubles, handed in and out, so that a run can continue in
+pieces; when it stops, it leaves a code in its status.
 
-`plan` goes from equations F(u) = 0 to statements: eliminate, split into blocks, solve the blocks. Unknowns whose
-equation has a constant pivot are eliminated symbolically; the remaining ones are put into block triangular form
-(matching, then strongly connected components, Tarjan 1972), so that only what is truly coupled is iterated. A matching
-assigns each unknown its own equation; the blocks are the strongly connected components of "the equation of u contains
-v" (R. Tarjan, SIAM J. Comput. 1 (1972) 146), each after all that it depends on.
+`plan` goes from equations F(u) = 0 to statements: eliminate, split into blocks, solve the blocks.
+Unknowns whose equation has a constant pivot are eliminated symbolically; the remaining ones are put
+into block triangular form (matching, then strongly connected components, Tarjan 1972), so that only
+what is truly coupled is iterated. A matching assigns each unknown its own equation; the blocks are
+the strongly connected components of "the equation of u contains v" (R. Tarjan, SIAM J. Comput. 1
+(1972) 146), each after all that it depends on.
 """
 
 from __future__ import annotations
@@ -21,7 +22,15 @@ import symengine
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.graphs import components, matching
-from inverse_service.kernels.codegen.symengine_trees import STEP, ZERO, Formula, contains, free_names, slope, symbol
+from inverse_service.kernels.codegen.symengine_trees import (
+    STEP,
+    ZERO,
+    Formula,
+    contains,
+    free_names,
+    slope,
+    symbol,
+)
 
 NOT_FINITE = 1
 NO_CONVERGENCE, SINGULAR, GUARDED, WATCHED = 100, 200, 300, 400
@@ -53,11 +62,17 @@ class Layout:
 
 def changing(program: Program) -> tuple[str, ...]:
     """State variables that a step changes."""
-    return tuple(name for name, update in zip(program.state, program.updates, strict=True) if update is not None)
+    return tuple(
+        name
+        for name, update in zip(program.state, program.updates, strict=True)
+        if update is not None
+    )
 
 
 def layout_of(program: Program) -> Layout:
-    """Status first; then state, compensations, rates of unknowns, determinants, signs, greatest values."""
+    """Status first; then state, compensations, rates of unknowns, determinants, signs, greatest
+    values.
+    """
     persistent = [
         *(STATUS, CLOCK, STOPPED_AT, STOPPED_VALUE),
         *((TRIAL,) if program.error is not None else ()),
@@ -66,7 +81,11 @@ def layout_of(program: Program) -> Layout:
         *(f"{name}_rate" for name in program.unknowns),
         *program.sizes,
         *(f"{which}_{k}" for k in range(len(program.solves)) for which in ("first", "last")),
-        *(f"watch_{k}" for k, watch in enumerate(program.watches) if watch.kind in ("sign", "rank")),
+        *(
+            f"watch_{k}"
+            for k, watch in enumerate(program.watches)
+            if watch.kind in ("sign", "rank")
+        ),
         *(f"maximum_{k}" for k in range(len(program.observed))),
     ]
     columns = (*changing(program), *(f"observed_{k}" for k in range(len(program.observed))))
@@ -83,13 +102,15 @@ class Assign:
 
 @dataclass(frozen=True, slots=True)
 class Solve:
-    """residuals(unknowns) = 0 by Newton with the given Jacobian; one linear solve where `affine`. Without a Jacobian
-    unknowns less residuals are a contraction, which is iterated until changes are within round-off.
+    """residuals(unknowns) = 0 by Newton with the given Jacobian; one linear solve where `affine`.
+    Without a Jacobian unknowns less residuals are a contraction, which is iterated until changes
+    are within round-off.
 
-    `scales` names the state variable of which each unknown is the increment ("" where there is none): convergence
-    is judged against its round-off. `limit` is the determinant as h -> 0: where the actual one differs from it by
-    its own size, there may be other solutions, and the run stops. Where `tested` is False the determinant may be
-    anything: an estimate of the error judges the step.
+    `scales` names the state variable of which each unknown is the increment ("" where there is
+    none): convergence is judged against its round-off. `limit` is the determinant as h -> 0: where
+    the actual one differs from it by its own size, there may be other solutions, and the run stops.
+    Where `tested` is False the determinant may be anything: an estimate of the error judges the
+    step.
     """
 
     unknowns: tuple[str, ...]
@@ -110,9 +131,10 @@ class Solve:
 class Watch:
     """A quantity tested after each step.
 
-    "sign" must keep its sign, "rank" also the share `limit` of its first size, "positive" and "domain" must be above 0,
-    "bound" must stay below `limit` and have a value, "map" must stay below it where it has one. `begin` is the same
-    quantity over the state, whose sign at the start is the first.
+    "sign" must keep its sign, "rank" also the share `limit` of its first size, "positive" and
+    "domain" must be above 0, "bound" must stay below `limit` and have a value, "map" must stay
+    below it where it has one. `begin` is the same quantity over the state, whose sign at the start
+    is the first.
     """
 
     kind: str
@@ -127,17 +149,20 @@ Statement = Assign | Solve
 
 
 def size_name(block: int, unknown: str) -> str:
-    """Where the greatest size of the unknowns with this letter is kept; `block` counts those that are iterated."""
+    """Where the greatest size of the unknowns with this letter is kept; `block` counts those that
+    are iterated.
+    """
     return f"size_{block}_{unknown[0]}"
 
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """`statements` compute the increments, `updates[k]` is the increment of `state[k]` (None: it never changes).
+    """`statements` compute the increments, `updates[k]` is the increment of `state[k]` (None: it
+    never changes).
 
-    `arguments` are read-only and given at run time; "h" is the (sub)step. `observed` are formulas of old
-    state and increments. `error` is the squared norm of the error of a step that chooses its own length, which falls
-    with its power `order`.
+    `arguments` are read-only and given at run time; "h" is the (sub)step. `observed` are formulas
+    of old state and increments. `error` is the squared norm of the error of a step that chooses its
+    own length, which falls with its power `order`.
     """
 
     state: tuple[str, ...]
@@ -152,7 +177,9 @@ class Program:
 
     @property
     def blocks(self) -> tuple[Solve, ...]:
-        return tuple(statement for statement in self.statements if not isinstance(statement, Assign))
+        return tuple(
+            statement for statement in self.statements if not isinstance(statement, Assign)
+        )
 
     @property
     def solves(self) -> tuple[Solve, ...]:
@@ -166,19 +193,27 @@ class Program:
 
     @property
     def sizes(self) -> tuple[str, ...]:
-        """Names of the greatest increments so far: one for each letter in each block that is iterated."""
+        """Names of the greatest increments so far: one for each letter in each block that is
+        iterated.
+        """
         blocks = (block for block in self.blocks if not block.affine)
-        return tuple(dict.fromkeys(size_name(k, name) for k, block in enumerate(blocks) for name in block.unknowns))
+        return tuple(
+            dict.fromkeys(
+                size_name(k, name) for k, block in enumerate(blocks) for name in block.unknowns
+            )
+        )
 
 
 def plan(
     equations: Sequence[Formula], unknowns: Sequence[str], scales: Mapping[str, str], guarded: bool = False,
     poles: bool = False,
 ) -> tuple[Statement, ...]:  # fmt: skip
-    """Statements that compute the unknowns; `scales` names the state variable of which each is the increment.
+    """Statements that compute the unknowns; `scales` names the state variable of which each is the
+    increment.
 
-    `guarded` blocks are compared with their determinant at h -> 0. With `poles` an unknown whose factor is a
-    reciprocal, as in u/cos(q) = p, is eliminated too: u = p cos(q) is smooth where the equation has a pole.
+    `guarded` blocks are compared with their determinant at h -> 0. With `poles` an unknown whose
+    factor is a reciprocal, as in u/cos(q) = p, is eliminated too: u = p cos(q) is smooth where the
+    equation has a pole.
     """
     left, rest, assigned = _eliminate(list(equations), list(unknowns), poles)
     statements: list[Statement] = []
@@ -190,7 +225,9 @@ def plan(
 def _eliminate(
     equations: list[Formula], unknowns: list[str], poles: bool
 ) -> tuple[list[Formula], list[str], list[Assign]]:
-    """Solve equations with a pivot that never vanishes, and substitute the solutions into the others."""
+    """Solve equations with a pivot that never vanishes, and substitute the solutions into the
+    others.
+    """
     assigned: list[Assign] = []
     while (pivot := _best_pivot(equations, unknowns, poles)) is not None:
         row, name = pivot
@@ -200,13 +237,17 @@ def _eliminate(
         value = -equation.subs({variable: ZERO}) / factor
         if not _is_number(factor):
             value = value.expand()
-        equations[:] = [e.subs({variable: value}) if contains(e, variable) else e for e in equations]
+        equations[:] = [
+            e.subs({variable: value}) if contains(e, variable) else e for e in equations
+        ]
         unknowns.remove(name)
         assigned.append(Assign(name, value))
     return equations, unknowns, assigned
 
 
-def _best_pivot(equations: Sequence[Formula], unknowns: Sequence[str], poles: bool) -> tuple[int, str] | None:
+def _best_pivot(
+    equations: Sequence[Formula], unknowns: Sequence[str], poles: bool
+) -> tuple[int, str] | None:
     """The pivot whose elimination spreads least: (equations touched, other unknowns brought in)."""
     present = [free_names(equation).intersection(unknowns) for equation in equations]
 
@@ -220,18 +261,25 @@ def _best_pivot(equations: Sequence[Formula], unknowns: Sequence[str], poles: bo
         return (sum(name in one for one in present) - 1) * others, others, unknowns.index(name)
 
     pivots = (
-        (row, name) for row, names in enumerate(present) for name in unknowns if name in names and is_pivot(row, name)
+        (row, name)
+        for row, names in enumerate(present)
+        for name in unknowns
+        if name in names and is_pivot(row, name)
     )
     return min(pivots, key=spread, default=None)
 
 
 def _is_number(factor: Formula) -> bool:
-    """A number other than zero: it vanishes nowhere, and no power of h makes a difference of increments large."""
+    """A number other than zero: it vanishes nowhere, and no power of h makes a difference of
+    increments large.
+    """
     return factor != ZERO and not factor.free_symbols
 
 
 def _is_reciprocal(whole: Formula, name: str) -> bool:
-    """A number over powers of something without the unknown: it has poles but no zeros. Parameters may stand above."""
+    """A number over powers of something without the unknown: it has poles but no zeros. Parameters
+    may stand above.
+    """
     if contains(whole, symbol(name)) or not whole.free_symbols:
         return False
     factors = whole.args if isinstance(whole, symengine.Mul) else (whole,)
@@ -243,23 +291,33 @@ def _is_reciprocal(whole: Formula, name: str) -> bool:
     )
 
 
-def _blocks(equations: Sequence[Formula], unknowns: Sequence[str]) -> list[tuple[list[int], list[str]]]:
+def _blocks(
+    equations: Sequence[Formula], unknowns: Sequence[str]
+) -> list[tuple[list[int], list[str]]]:
     """Rows and unknowns of the diagonal blocks, in the order in which they can be solved."""
     if not unknowns:
         return []
     present = [free_names(equation) for equation in equations]
-    owners = matching([[row for row, names in enumerate(present) if name in names] for name in unknowns])
+    owners = matching(
+        [[row for row, names in enumerate(present) if name in names] for name in unknowns]
+    )
     row_of = {unknowns[place]: row for row, place in owners.items()}
     if len(row_of) < len(unknowns):
-        raise InputError("The equations of a step do not determine it: the Lagrangian is degenerate.")
+        raise InputError(
+            "The equations of a step do not determine it: the Lagrangian is degenerate."
+        )
     graph = {
-        name: [other for other in unknowns if other != name and other in present[row_of[name]]] for name in unknowns
+        name: [other for other in unknowns if other != name and other in present[row_of[name]]]
+        for name in unknowns
     }
     return [([row_of[name] for name in names], names) for names in components(graph)]
 
 
 def linear_blocks(
-    matrix: Sequence[Sequence[Formula]], right: Sequence[Formula], names: Sequence[str], tested: bool
+    matrix: Sequence[Sequence[Formula]],
+    right: Sequence[Formula],
+    names: Sequence[str],
+    tested: bool,
 ) -> Iterator[Solve]:
     """matrix x = right for the unknowns of these names, one diagonal block after the other."""
     span = range(len(names))
@@ -267,26 +325,38 @@ def linear_blocks(
     for block in map(sorted, components(coupled)):
         unknowns = [names[k] for k in block]
         entries = tuple(tuple(matrix[i][j] for j in block) for i in block)
-        sums = (sum((a * symbol(x) for a, x in zip(row, unknowns, strict=True)), ZERO) for row in entries)
+        sums = (
+            sum((a * symbol(x) for a, x in zip(row, unknowns, strict=True)), ZERO)
+            for row in entries
+        )
         residuals = tuple(total - right[i] for total, i in zip(sums, block, strict=True))
         yield Solve(tuple(unknowns), residuals, entries, True, ("",) * len(block), tested=tested)
 
 
-def _block(equations: Sequence[Formula], names: Sequence[str], scales: Mapping[str, str], guarded: bool) -> Solve:
+def _block(
+    equations: Sequence[Formula], names: Sequence[str], scales: Mapping[str, str], guarded: bool
+) -> Solve:
     variables = [symbol(name) for name in names]
     jacobian = tuple(
-        tuple(_free_if_affine(slope(equation, variable), variables) for variable in variables) for equation in equations
+        tuple(_free_if_affine(slope(equation, variable), variables) for variable in variables)
+        for equation in equations
     )
     compared = guarded and len(names) <= _LARGEST_GUARDED
-    affine = not any(contains(entry, variable) for row in jacobian for entry in row for variable in variables)
+    affine = not any(
+        contains(entry, variable) for row in jacobian for entry in row for variable in variables
+    )
     limit = limit_at_zero_step(jacobian, variables) if compared and not affine else None
     kept = tuple(scales.get(name, "") for name in names)
     return Solve(tuple(names), tuple(equations), jacobian, affine, kept, limit)
 
 
 def _free_if_affine(entry: Formula, variables: Sequence[Formula]) -> Formula:
-    """The entry multiplied out, where the unknowns cancel in it: a linear equation needs no iteration."""
-    if len(str(entry)) > _MOST_EXPANDED or not any(contains(entry, variable) for variable in variables):
+    """The entry multiplied out, where the unknowns cancel in it: a linear equation needs no
+    iteration.
+    """
+    if len(str(entry)) > _MOST_EXPANDED or not any(
+        contains(entry, variable) for variable in variables
+    ):
         return entry
     if any(isinstance(power.args[0], symengine.Add) for power in entry.atoms(symengine.Pow)):
         return entry  # a power of a sum has thousands of terms
@@ -294,7 +364,9 @@ def _free_if_affine(entry: Formula, variables: Sequence[Formula]) -> Formula:
     return entry if any(contains(plain, variable) for variable in variables) else plain
 
 
-def limit_at_zero_step(jacobian: Sequence[Sequence[Formula]], variables: Sequence[Formula]) -> Formula | None:
+def limit_at_zero_step(
+    jacobian: Sequence[Sequence[Formula]], variables: Sequence[Formula]
+) -> Formula | None:
     """The determinant for h -> 0 at fixed rates u/h; None where the form does not show it."""
     rates = {variable: STEP * symbol(f"{variable}_w") for variable in variables}
     back = {symbol(f"{variable}_w"): variable / STEP for variable in variables}
@@ -302,7 +374,10 @@ def limit_at_zero_step(jacobian: Sequence[Sequence[Formula]], variables: Sequenc
         moved = [[entry.subs(rates) for entry in row] for row in jacobian]
         # Expanded only where it is divided by h: a power of a sum has thousands of terms.
         rows = [
-            [(entry.expand() if _is_divided_by_step(entry) else entry).subs({STEP: ZERO}) for entry in row]
+            [
+                (entry.expand() if _is_divided_by_step(entry) else entry).subs({STEP: ZERO})
+                for entry in row
+            ]
             for row in moved
         ]
         value = determinant(rows).subs(back)
@@ -326,10 +401,19 @@ def determinant(rows: Sequence[Sequence[Formula]]) -> Formula:
         return rows[0][0]
     minors = ([[*row[:k], *row[k + 1 :]] for row in rows[1:]] for k in range(len(rows)))
     terms = zip(rows[0], minors, strict=True)
-    return sum(((-1) ** k * entry * determinant(rest) for k, (entry, rest) in enumerate(terms) if entry != ZERO), ZERO)
+    return sum(
+        (
+            (-1) ** k * entry * determinant(rest)
+            for k, (entry, rest) in enumerate(terms)
+            if entry != ZERO
+        ),
+        ZERO,
+    )
 
 
-def used_only(statements: Sequence[Statement], formulas: Sequence[Formula]) -> tuple[Statement, ...]:
+def used_only(
+    statements: Sequence[Statement], formulas: Sequence[Formula]
+) -> tuple[Statement, ...]:
     """The statements without assignments that nothing after them needs."""
     needed = {name for formula in formulas for name in free_names(formula)}
     kept: list[Statement] = []
@@ -339,7 +423,11 @@ def used_only(statements: Sequence[Statement], formulas: Sequence[Formula]) -> t
                 continue
             needed |= free_names(statement.formula)
         else:
-            parts = (*statement.residuals, *statement.entries, *([] if statement.limit is None else [statement.limit]))
+            parts = (
+                *statement.residuals,
+                *statement.entries,
+                *([] if statement.limit is None else [statement.limit]),
+            )
             needed |= {name for part in parts for name in free_names(part)}
         kept.append(statement)
     return tuple(reversed(kept))

@@ -1,6 +1,7 @@
 """Trees as symengine expressions with generated names.
 
-No name of a user reaches symengine: coordinate i is q{i}, its velocity v{i}, its momentum p{i}, parameter j c{j}.
+No name of a user reaches symengine: coordinate i is q{i}, its velocity v{i}, its momentum p{i},
+parameter j c{j}.
 """
 
 import functools
@@ -29,11 +30,15 @@ def number(value: int | float) -> Formula:
 ZERO, ONE = number(0), number(1)
 _FAR_BELOW = number(1e-300)
 STEP, ALPHA = symbol("h"), symbol("a")
-WHOLE_STEP = symbol("whole")  # from one point of the grid to the next, in kernels that choose their steps
+WHOLE_STEP = symbol(
+    "whole"
+)  # from one point of the grid to the next, in kernels that choose their steps
 
 
 def names_of(coordinates: Sequence[str], parameters: Sequence[str]) -> dict[ex.Expression, Formula]:
-    """The table of leaves: Symbol and Velocity of each coordinate, Symbol("p_x"), Symbol of each parameter."""
+    """The table of leaves: Symbol and Velocity of each coordinate, Symbol("p_x"), Symbol of each
+    parameter.
+    """
     table: dict[ex.Expression, Formula] = {ex.PI: symengine.pi}
     for place, name in enumerate(parameters):
         table[ex.Symbol(name)] = symbol(f"c{place}")
@@ -46,8 +51,9 @@ def names_of(coordinates: Sequence[str], parameters: Sequence[str]) -> dict[ex.E
 
 
 def translate(tree: ex.Expression, table: Mapping[ex.Expression, Formula]) -> Formula:
-    """The tree in symengine; InputError for a name without a value, an arbitrary function, an acceleration, and for
-    a formula that is infinite for all values."""
+    """The tree in symengine; InputError for a name without a value, an arbitrary function, an
+    acceleration, and for a formula that is infinite for all values.
+    """
     known = table.get(tree)
     if known is not None:
         return known
@@ -63,12 +69,18 @@ def translate(tree: ex.Expression, table: Mapping[ex.Expression, Formula]) -> Fo
         case ex.Apply(function, argument):
             return _finite(_applied(function, translate(argument, table)))
         case ex.Arbitrary(name, _, _):
-            detail = f"The function {name} has no formula: a simulation needs one, such as {name} = x^2."
+            detail = (
+                f"The function {name} has no formula: a simulation needs one, such as {name} = x^2."
+            )
             raise errors.InputError(detail)
         case ex.Symbol(name):
-            raise errors.InputError(f"{name} is neither a coordinate nor a parameter with a value of this simulation.")
+            raise errors.InputError(
+                f"{name} is neither a coordinate nor a parameter with a value of this simulation."
+            )
         case _:
-            raise errors.InputError("A simulation takes formulas of positions and velocities, without accelerations.")
+            raise errors.InputError(
+                "A simulation takes formulas of positions and velocities, without accelerations."
+            )
 
 
 def _finite(formula: Formula) -> Formula:
@@ -83,7 +95,9 @@ def _applied(function: str, argument: Formula) -> Formula:
     """tan and similar functions by sin and cos, so that a factor cos u cancels."""
     if function in functions.CIRCULAR and function in functions.FRACTIONS:
         pair, powers = functions.FRACTIONS[function]
-        return math.prod(getattr(symengine, name)(argument) ** e for name, e in zip(pair, powers, strict=True))
+        return math.prod(
+            getattr(symengine, name)(argument) ** e for name, e in zip(pair, powers, strict=True)
+        )
     return getattr(symengine, function)(argument)
 
 
@@ -97,15 +111,23 @@ def contains(formula: Formula, variable: Formula) -> bool:
 
 @functools.lru_cache(maxsize=32)
 def closure(names: tuple[str, ...], formulas: tuple[Formula, ...]) -> Any:
-    """A function of rows of numbers; making it costs a twentieth of machine code, and the last ones are kept."""
+    """A function of rows of numbers; making it costs a twentieth of machine code, and the last ones
+    are kept.
+    """
     return symengine.Lambdify([symbol(name) for name in names], list(formulas), backend="lambda")
 
 
 def slope(formula: Formula, variable: Formula) -> Formula:
-    """The derivative for an iteration, with a value where a root in the formula is 0, as for v |v| at v = 0.
+    """The derivative for an iteration, with a value where a root in the formula is 0, as for v |v|
+    at v = 0.
 
-    There u/sqrt(u^2) is 0/0, while each number from -1 to 1 would serve: it gets 0. Elsewhere nothing changes.
+    There u/sqrt(u^2) is 0/0, while each number from -1 to 1 would serve: it gets 0. Elsewhere
+    nothing changes.
     """
     found = formula.diff(variable)
     roots = [power.args[0] for power in formula.atoms(symengine.Pow) if power.args[1] == HALF]
-    return found.subs({base**-HALF: (base + _FAR_BELOW) ** -HALF for base in roots}) if roots else found
+    return (
+        found.subs({base**-HALF: (base + _FAR_BELOW) ** -HALF for base in roots})
+        if roots
+        else found
+    )

@@ -1,1 +1,3 @@
-"""Compile kernels written as plain Python functions, keep their machine code on disk, and load it with LLVM."""
+"""Compile kernels written as plain Python functions, keep their machine code on disk, and load it
+with LLVM.
+"""

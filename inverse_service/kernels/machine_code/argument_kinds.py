@@ -1,9 +1,10 @@
 """The kinds of the arguments of kernels, and the words that machine code takes for them.
 
-Kinds are texts: "int64", "uint64", "bool", and arrays such as "int64[2]" (element type, dimensions) or
-"const int64[2]", which the kernel only reads. A NamedTuple of such arguments is one argument, whose kind is the class
-with the kinds of its parts. Machine code takes one address: that of the words of all parts, one after another. The
-words of arrays that do not move are held: those of small read-only arrays and of a `Kept` struct.
+Kinds are texts: "int64", "uint64", "bool", and arrays such as "int64[2]" (element type, dimensions)
+or "const int64[2]", which the kernel only reads. A NamedTuple of such arguments is one argument,
+whose kind is the class with the kinds of its parts. Machine code takes one address: that of the
+words of all parts, one after another. The words of arrays that do not move are held: those of small
+read-only arrays and of a `Kept` struct.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ _MOST_DIMENSIONS = 4
 _CONSTANT = "const "
 _LARGE = 1 << 63
 _LARGEST = (1 << 64) - 1
-# By `id`: arguments whose arrays do not move, with kind and words (none before the first call). An entry keeps its
-# argument alive.
+# By `id`: arguments whose arrays do not move, with kind and words (none before the first call). An
+# entry keeps its argument alive.
 _held: dict[int, tuple[Any, Kind, list[int]]] = {}
 _MOST_HELD = 256
 Struct = TypeVar("Struct", bound=tuple[Any, ...])
@@ -38,7 +39,9 @@ _SMALL = 4096
 
 @dataclass(frozen=True, slots=True)
 class ArrayKind:
-    """The kind of an array: element type, dimensions (0 for a number), whether the kernel only reads it."""
+    """The kind of an array: element type, dimensions (0 for a number), whether the kernel only
+    reads it.
+    """
 
     element: str
     dimensions: int
@@ -53,9 +56,11 @@ def array_of(kind: str) -> ArrayKind:
 
 
 def kinds_of(arguments: Sequence[Any], words: list[int]) -> Kinds | None:
-    """The kinds, or None if our machine code cannot take one of the arguments. Appends the words of the arguments.
+    """The kinds, or None if our machine code cannot take one of the arguments. Appends the words of
+    the arguments.
 
-    The words of an array are its address and its lengths. OverflowError for an integer of more than 64 bits.
+    The words of an array are its address and its lengths. OverflowError for an integer of more than
+    64 bits.
     """
     kinds: list[Kind] = []
     for argument in arguments:
@@ -84,7 +89,9 @@ def _hold(argument: Any, kind: Kind, words: list[int]) -> None:
 
 
 class Kept(Generic[Struct]):
-    """A NamedTuple of arrays, none of which is resized, whose words are kept for the lifetime of this object."""
+    """A NamedTuple of arrays, none of which is resized, whose words are kept for the lifetime of
+    this object.
+    """
 
     __slots__ = ("struct",)
 
@@ -97,7 +104,9 @@ class Kept(Generic[Struct]):
 
 
 def _kind_of_struct(struct: tuple[Any, ...], words: list[int]) -> Kind | None:
-    """The kind of a NamedTuple. It is held if all its arrays are read-only, as in tables that are built once."""
+    """The kind of a NamedTuple. It is held if all its arrays are read-only, as in tables that are
+    built once.
+    """
     own: list[int] = []
     parts = kinds_of(struct, own) if hasattr(struct, "_fields") else None
     if parts is None:
@@ -124,15 +133,26 @@ def leaves(kinds: Kinds) -> Iterator[str]:
 
 
 def told(kinds: Kinds) -> list[Any]:
-    """The kinds as texts and lists. A NamedTuple includes the names of its parts, which determine their places."""
-    return [k if isinstance(k, str) else [k[0].__qualname__, *getattr(k[0], "_fields", ()), told(k[1])] for k in kinds]
+    """The kinds as texts and lists. A NamedTuple includes the names of its parts, which determine
+    their places.
+    """
+    return [
+        k if isinstance(k, str) else [k[0].__qualname__, *getattr(k[0], "_fields", ()), told(k[1])]
+        for k in kinds
+    ]
 
 
 def _kind_of_array(array: npt.NDArray[Any], words: list[int]) -> str | None:
-    """The kind of an array. A small, read-only array that is not a view is held, because tables are built once."""
+    """The kind of an array. A small, read-only array that is not a view is held, because tables are
+    built once.
+    """
     flags = array.flags
     writable = flags.writeable
-    kind = _array_kind(array.dtype, array.ndim, writable) if flags.c_contiguous and flags.aligned else None
+    kind = (
+        _array_kind(array.dtype, array.ndim, writable)
+        if flags.c_contiguous and flags.aligned
+        else None
+    )
     if kind is None:
         return None
     shape = array.shape

@@ -21,7 +21,9 @@ _ANSWERS = {types.none: "none", types.int64: "int64", types.uint64: "uint64", ty
 
 
 def for_numba(value: Any) -> Any:
-    """A global of a kernel in numba's form: kernels and intrinsics are converted, other values are unchanged."""
+    """A global of a kernel in numba's form: kernels and intrinsics are converted, other values are
+    unchanged.
+    """
     make = getattr(value, "made", None)
     return value if make is None else make()
 
@@ -29,7 +31,10 @@ def for_numba(value: Any) -> Any:
 def dispatcher(work: Callable[..., Any]) -> Any:
     """The numba function that compiles `work` for the arguments of a call."""
     function = cast(FunctionType, work)
-    space = {**function.__globals__, **{name: for_numba(value) for name, value in loading.used(work).items()}}
+    space = {
+        **function.__globals__,
+        **{name: for_numba(value) for name, value in loading.used(work).items()},
+    }
     alike = FunctionType(function.__code__, space, function.__name__, function.__defaults__)
     alike.__module__, alike.__qualname__ = function.__module__, function.__qualname__
     # Modules are divided by primes only: no path for a division by zero.
@@ -47,8 +52,12 @@ def object_code(compiler: Any, kinds: argument_kinds.Kinds) -> tuple[bytes, str]
     return bytes(machine.emit_object(module)), answer
 
 
-def module_of(compiler: Any, kinds: argument_kinds.Kinds, name: str = loading.ENTRY) -> tuple[Any, str]:
-    """The kernel as an LLVM module whose entry is one function of this name, and the kind of its result."""
+def module_of(
+    compiler: Any, kinds: argument_kinds.Kinds, name: str = loading.ENTRY
+) -> tuple[Any, str]:
+    """The kernel as an LLVM module whose entry is one function of this name, and the kind of its
+    result.
+    """
     signature = tuple(map(_type, kinds))
     compiler.compile(signature)  # rejects a kernel that writes to a read-only array
     answer = _ANSWERS.get(compiler.overloads[signature].signature.return_type)
@@ -66,12 +75,19 @@ def _type(kind: argument_kinds.Kind) -> Any:
     array = argument_kinds.array_of(kind)
     if not array.dimensions:
         return _NUMBERS[kind]
-    return types.Array(getattr(types, array.element), array.dimensions, "C", readonly=array.constant)
+    return types.Array(
+        getattr(types, array.element), array.dimensions, "C", readonly=array.constant
+    )
 
 
 def _flat(compiler: Any, kinds: argument_kinds.Kinds, answer: str) -> Any:
     """The kernel as a C function of the address of its words."""
-    space: dict[str, Any] = {"work": compiler, "array": carray, "constant": _constant(), "integer": types.int64}
+    space: dict[str, Any] = {
+        "work": compiler,
+        "array": carray,
+        "constant": _constant(),
+        "integer": types.int64,
+    }
     space |= {name: _pointer_to(getattr(types, name)) for name in argument_kinds.ELEMENTS}
     places = count()
 
@@ -81,14 +97,21 @@ def _flat(compiler: Any, kinds: argument_kinds.Kinds, answer: str) -> Any:
             return _argument(
                 kind,
                 place,
-                [f"integer(words[{next(places)}])" for _ in range(argument_kinds.array_of(kind).dimensions)],
+                [
+                    f"integer(words[{next(places)}])"
+                    for _ in range(argument_kinds.array_of(kind).dimensions)
+                ],
             )
         name = f"S{len(space)}"
         space[name] = kind[0]
         return f"{name}({', '.join(map(argument, kind[1]))})"
 
     call = f"work({', '.join(map(argument, kinds))})"
-    body = f"{call}; return 0" if answer == "none" else f"return {'int' if answer == 'bool' else ''}({call})"
+    body = (
+        f"{call}; return 0"
+        if answer == "none"
+        else f"return {'int' if answer == 'bool' else ''}({call})"
+    )
     exec(f"def flat(words): {body}", space)  # a text of numbered letters, not user input
     given = types.uint64 if answer == "uint64" else types.int64
     pointer: Any = types.CPointer
@@ -128,7 +151,9 @@ def _pointer_to(element: Any) -> Any:
 
 
 def reduce(module: Any, machine: Any, name: str) -> None:
-    """Optimize with this function as the only way in, so that numba's paths for exceptions go; raises Unstorable."""
+    """Optimize with this function as the only way in, so that numba's paths for exceptions go;
+    raises Unstorable.
+    """
     for function in module.functions:
         if not function.is_declaration and function.name != name:
             function.linkage = "internal"
@@ -138,6 +163,8 @@ def reduce(module: Any, machine: Any, name: str) -> None:
     builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
     builder.getModulePassManager().run(module, builder)
     needed = [*module.functions, *module.global_variables]
-    missing = [one.name for one in needed if one.is_declaration and not one.name.startswith("llvm.")]
+    missing = [
+        one.name for one in needed if one.is_declaration and not one.name.startswith("llvm.")
+    ]
     if missing:
         raise loading.Unstorable(f"the kernel needs {', '.join(missing)}")

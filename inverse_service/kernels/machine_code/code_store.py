@@ -1,13 +1,14 @@
-"""Where compiled kernels are: in a library that came with the installation, or in the user's store on disk, and
-whether they are all there.
+"""Where compiled kernels are: in a library that came with the installation, or in the user's store
+on disk, and whether they are all there.
 
 The library for this processor was built with the wheel, and its index lists the kernels:
 
-    kernels.json     {"kernels": [{"name", "kinds", "answer", "symbol"}], "sources": {file: SHA-256}}
-    kernels-TARGET.so   TARGET is one of `TARGETS`; the best one that this processor runs is loaded
+    kernels.json     {"kernels": [{"name", "kinds", "answer", "symbol"}], "sources": {file:
+    SHA-256}} kernels-TARGET.so   TARGET is one of `TARGETS`; the best one that this processor runs
+    is loaded
 
-A checkout has no library; numba compiles its kernels at their first use. The store has them by digest, and a damaged or
-foreign entry is ignored.
+A checkout has no library; numba compiles its kernels at their first use. The store has them by
+digest, and a damaged or foreign entry is ignored.
 """
 
 import contextlib
@@ -29,14 +30,19 @@ from inverse_service import __version__
 # Machine code: maps the words of the arguments to the result.
 Entry = Callable[[list[int]], Any]
 FOLDER, CPUINFO = Path(__file__).parent / "compiled", Path("/proc/cpuinfo")
-# Names of processors for LLVM with the flags of /proc/cpuinfo that they need, best first. Elimination takes half the
-# time with 512-bit vectors; v2 and v3 do not speed it up.
+# Names of processors for LLVM with the flags of /proc/cpuinfo that they need, best first.
+# Elimination takes half the time with 512-bit vectors; v2 and v3 do not speed it up.
 _WIDE = frozenset({"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"})
 TARGETS: dict[str, tuple[tuple[str, frozenset[str]], ...]] = {
     "x86_64": (("x86-64-v4", _WIDE), ("x86-64", frozenset())),
     "aarch64": (("generic", frozenset()),),
 }
-ANSWERS: dict[str, Callable[[int], Any]] = {"none": lambda answer: None, "int64": int, "uint64": int, "bool": bool}
+ANSWERS: dict[str, Callable[[int], Any]] = {
+    "none": lambda answer: None,
+    "int64": int,
+    "uint64": int,
+    "bool": bool,
+}
 _MAGIC = b"inverse-service/kernel/2\n"
 _VARIABLE = "INVERSE_SERVICE_CACHE"
 MOST_ENTRIES = 2000
@@ -59,12 +65,16 @@ def has_library() -> bool:
 
 
 def library_entry(name: str, kinds: Sequence[Any]) -> Entry | None:
-    """The kernel of this name for arguments of these kinds (`kernels.told`), or None if the library has none."""
+    """The kernel of this name for arguments of these kinds (`kernels.told`), or None if the library
+    has none.
+    """
     return library(FOLDER).get((name, json.dumps(kinds)))
 
 
 def called(where: Any, answer: str) -> Entry:
-    """The machine code at an address, or of (a name, its library), as a function of the words of its arguments."""
+    """The machine code at an address, or of (a name, its library), as a function of the words of
+    its arguments.
+    """
     result = ctypes.c_uint64 if answer == "uint64" else ctypes.c_int64
     function = ctypes.PYFUNCTYPE(result, ctypes.c_void_p)(where)
     finished = ANSWERS[answer]
@@ -78,12 +88,14 @@ def called(where: Any, answer: str) -> Entry:
 
 @lru_cache(maxsize=1)
 def library(folder: Path) -> dict[tuple[str, str], Entry]:
-    """The kernels in the index; empty if there is no library for this processor or it was built from other sources."""
+    """The kernels in the index; empty if there is no library for this processor or it was built
+    from other sources.
+    """
     try:
         index = json.loads((folder / "kernels.json").read_text(encoding="utf-8"))
-        if index["sources"] != {name: digest(name) for name in index["sources"]} or not sys.platform.startswith(
-            "linux"
-        ):
+        if index["sources"] != {
+            name: digest(name) for name in index["sources"]
+        } or not sys.platform.startswith("linux"):
             return {}
         flags = processor_flags()
         target = next(name for name, needed in TARGETS[platform.machine()] if needed <= flags)
@@ -111,12 +123,18 @@ def processor_flags() -> frozenset[str]:
     return frozenset(next(flags, "").partition(":")[2].split())
 
 
-def cache_directory(environment: Mapping[str, str] = os.environ, platform: str = sys.platform) -> Path:
+def cache_directory(
+    environment: Mapping[str, str] = os.environ, platform: str = sys.platform
+) -> Path:
     """INVERSE_SERVICE_CACHE, else the cache folder of the platform."""
     if environment.get(_VARIABLE):
         return Path(environment[_VARIABLE]).expanduser()
     if platform == "win32":
-        return Path(environment.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "inverse-service" / "Cache"
+        return (
+            Path(environment.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+            / "inverse-service"
+            / "Cache"
+        )
     if platform == "darwin":
         return Path.home() / "Library" / "Caches" / "inverse-service"
     return Path(environment.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "inverse-service"
@@ -141,8 +159,8 @@ def read(digest: str, kind: str = "kernel") -> tuple[dict[str, Any], bytes] | No
 def _content(directory: Path, name: str) -> bytes | None:
     """The bytes of an entry. Machine code is run only if no other user could have written it.
 
-    Folder and file are opened once, not through links, and the open files are examined: the user owns both, and only
-    the user can write to the folder.
+    Folder and file are opened once, not through links, and the open files are examined: the user
+    owns both, and only the user can write to the folder.
     """
     try:
         if not hasattr(os, "getuid"):
@@ -246,7 +264,12 @@ def warm_first(say: Callable[[str], None], work: Callable[[], object]) -> None:
 
 def _stamp() -> str:
     """Other code, another Python or another processor need other kernels."""
-    files = [entry for folder in _FOLDERS for entry in os.scandir(ROOT / folder) if entry.name.endswith(".py")]
+    files = [
+        entry
+        for folder in _FOLDERS
+        for entry in os.scandir(ROOT / folder)
+        if entry.name.endswith(".py")
+    ]
     newest = max(entry.stat().st_mtime_ns for entry in files)
     processor = platform.machine(), platform.processor(), *sorted(processor_flags())
     about = (__version__, str(newest), sys.implementation.cache_tag or "", *processor)

@@ -1,8 +1,9 @@
-"""Kernels: plain functions of numbers and arrays, compiled for the kinds of their arguments (`argument_kinds`).
+"""Kernels: plain functions of numbers and arrays, compiled for the kinds of their arguments
+(`argument_kinds`).
 
-The code comes from the library of the installation or from the user's store (`code_store`), where it is looked up by a
-digest of everything it is built from and loaded by LLVM. numba is imported only if neither has it. A call takes 2 us,
-and 1 us more for each array that is not held.
+The code comes from the library of the installation or from the user's store (`code_store`), where
+it is looked up by a digest of everything it is built from and loaded by LLVM. numba is imported
+only if neither has it. A call takes 2 us, and 1 us more for each array that is not held.
 """
 
 from __future__ import annotations
@@ -65,7 +66,9 @@ class Kernel:
 
     def made(self) -> Any:
         """The numba function, as other kernels need it."""
-        from inverse_service.kernels.machine_code.building import dispatcher  # numba takes 0.3 s to import
+        from inverse_service.kernels.machine_code.building import (
+            dispatcher,
+        )  # numba takes 0.3 s to import
 
         with _lock:
             if self._made is None:
@@ -88,14 +91,18 @@ class Kernel:
             from inverse_service.kernels.machine_code.building import object_code
 
             code, answer = object_code(self.made(), kinds)
-            code_store.write(digest, {"kernel": repr(self), "kinds": told(kinds), "answer": answer}, code, _KIND)
+            code_store.write(
+                digest, {"kernel": repr(self), "kinds": told(kinds), "answer": answer}, code, _KIND
+            )
             return loading.load(code, answer)
         except (loading.Unstorable, OSError, RuntimeError):
             return None
 
 
 class Intrinsic:
-    """An operation that numba lacks, as code for LLVM; `py_func` writes it (numba.extending.intrinsic)."""
+    """An operation that numba lacks, as code for LLVM; `py_func` writes it
+    (numba.extending.intrinsic).
+    """
 
     __slots__ = ("_made", "py_func")
 
@@ -112,10 +119,14 @@ class Intrinsic:
 
 
 def compiled(work: Work) -> Work:
-    """Make the function a kernel. It may call other kernels and intrinsics, and its globals must not change."""
+    """Make the function a kernel. It may call other kernels and intrinsics, and its globals must
+    not change.
+    """
     return cast(Work, Kernel(work))
 
 
 def intrinsic(definition: Callable[..., Any]) -> Any:
-    """An operation for kernels; `definition` is in the form of numba.extending.intrinsic and imports numba itself."""
+    """An operation for kernels; `definition` is in the form of numba.extending.intrinsic and
+    imports numba itself.
+    """
     return Intrinsic(definition)

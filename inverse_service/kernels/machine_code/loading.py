@@ -1,4 +1,6 @@
-"""Load an object file as a function of this process with LLVM and ctypes, and name the processor it is compiled for."""
+"""Load an object file as a function of this process with LLVM and ctypes, and name the processor it
+is compiled for.
+"""
 
 import dis
 import hashlib
@@ -30,7 +32,12 @@ def processor_features() -> str:
 @lru_cache(maxsize=1)
 def processor_name() -> str:
     """The processor, and LLVM with its binding: code for one is not code for another."""
-    machine = (llvmlite.__version__, llvm.llvm_version_info, llvm.get_host_cpu_name(), processor_features())
+    machine = (
+        llvmlite.__version__,
+        llvm.llvm_version_info,
+        llvm.get_host_cpu_name(),
+        processor_features(),
+    )
     return repr(machine)
 
 
@@ -39,7 +46,11 @@ def target_machine(level: int = 2) -> Any:
     _initialize()
     target = llvm.Target.from_default_triple()
     return target.create_target_machine(
-        cpu=llvm.get_host_cpu_name(), features=processor_features(), opt=level, reloc="pic", codemodel="jitdefault"
+        cpu=llvm.get_host_cpu_name(),
+        features=processor_features(),
+        opt=level,
+        reloc="pic",
+        codemodel="jitdefault",
     )
 
 
@@ -51,7 +62,8 @@ def _initialize() -> None:
 
 def engine_of(code: bytes) -> Any:
     """Load the object file; its code lives until the engine ends."""
-    # One engine for each, 1 ms: in an engine that already has an object, LLVM locates the data of the next one wrongly.
+    # One engine for each, 1 ms: in an engine that already has an object, LLVM locates the data of
+    # the next one wrongly.
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
@@ -59,7 +71,9 @@ def engine_of(code: bytes) -> Any:
 
 
 def load(code: bytes, answer: str) -> code_store.Entry:
-    """Load the kernel in the object file as a function of the words of its arguments (`kinds_of`)."""
+    """Load the kernel in the object file as a function of the words of its arguments
+    (`kinds_of`).
+    """
     engine = engine_of(code)
     address = engine.get_function_address(ENTRY)
     if not address:
@@ -80,8 +94,12 @@ def used(work: Callable[..., Any]) -> dict[str, Any]:
 
 
 def _names(code: CodeType) -> Iterator[str]:
-    """The names of globals. An attribute may have the name of a global that the function does not use."""
-    yield from dict.fromkeys(found.argval for found in dis.get_instructions(code) if found.opname == "LOAD_GLOBAL")
+    """The names of globals. An attribute may have the name of a global that the function does not
+    use.
+    """
+    yield from dict.fromkeys(
+        found.argval for found in dis.get_instructions(code) if found.opname == "LOAD_GLOBAL"
+    )
     for part in code.co_consts:
         if isinstance(part, CodeType):
             yield from _names(part)

@@ -1,9 +1,10 @@
 """From a document as people write it to its schema and to the system that it describes.
 
-`prepared` converts the looser notation of users: a text that gives L, or T and V, or equations with multipliers; and
-another name of the time. Inside, the time is t: a document that calls it tau (`"time": "tau"`, or y''(tau) in every
-equation) is renamed on the way in and its result on the way out; a coordinate called t then has a name that the
-document does not use. `to_schema` and `to_system` take the prepared document; each fault is one sentence and its place.
+`prepared` converts the looser notation of users: a text that gives L, or T and V, or equations with
+multipliers; and another name of the time. Inside, the time is t: a document that calls it tau
+(`"time": "tau"`, or y''(tau) in every equation) is renamed on the way in and its result on the way
+out; a coordinate called t then has a name that the document does not use. `to_schema` and
+`to_system` take the prepared document; each fault is one sentence and its place.
 """
 
 from __future__ import annotations
@@ -43,11 +44,31 @@ from inverse_service.service.documents import lagrangian_texts, plain_data
 Read = TypeVar("Read", bound=base.Document)
 Asking = SystemDocument | NonholonomicDocument | MotionDocument
 Steps = tuple[int | str, ...]
-FORMULAS = ("equations", "lagrangian", "constraints", "ansatz", "multiples", "where", "clock", "motion", "kinds")
-SCENE_FORMULAS = ("forces", "rayleigh", "observe", "events", "terms", "functions", "free_lagrangian")
+FORMULAS = (
+    "equations",
+    "lagrangian",
+    "constraints",
+    "ansatz",
+    "multiples",
+    "where",
+    "clock",
+    "motion",
+    "kinds",
+)
+SCENE_FORMULAS = (
+    "forces",
+    "rayleigh",
+    "observe",
+    "events",
+    "terms",
+    "functions",
+    "free_lagrangian",
+)
 NAMES = document_names.DECLARING
 # Not for people, or not ours to change.
-KEPT = frozenset(("certificate", "provenance", "given", "format", "question", "id", "kind", "time", "verdict"))
+KEPT = frozenset(
+    ("certificate", "provenance", "given", "format", "question", "id", "kind", "time", "verdict")
+)
 _LETTERS = "wzkbcudhgnalsTYZWJKBUDGNCP"
 _TIMED = re.compile(r"(?<![A-Za-z\\])d?t(?![A-Za-z])")
 _MOVING = nm.pattern("lagrangian_texts", "moving")
@@ -71,7 +92,8 @@ _ABOVE = re.compile(
     rf"(?:\^\s?(?:\{{(?=\d\}}))?(?=\d)|(?=[{_HIGH}]))(?P<digit>\w)(?!\.?[\d{_HIGH}])\}}?(?P<primes>'*))?"
 )
 _LOWERED = str.maketrans(f"^{_HIGH}", "_\u2081\u2082\u2083\u2084\u2085\u2086\u2087\u2088\u2089")
-# Nodes of all accelerations, beyond which they are unreadable; on a cart two links have 1,748, three 14,834.
+# Nodes of all accelerations, beyond which they are unreadable; on a cart two links have 1,748,
+# three 14,834.
 _MOST_NODES = 5_000
 MAX_PLACES = 10
 NOT_IN_THE_DOCUMENT = frozenset({*TAGS, "[key]"})
@@ -80,7 +102,10 @@ TITLES = {"NonholonomicDocument": "nonholonomic system", "LagrangianDocument": "
 _IN_WORDS = (Path(base.__file__).parent / "expected.json").read_text(encoding="utf-8")
 # The values allowed at these steps, in words; "*" is any key or place.
 EXPECTED: dict[Steps, str] = {
-    **{tuple(filter(None, place.split("/"))): words for place, words in json.loads(_IN_WORDS).items()},
+    **{
+        tuple(filter(None, place.split("/"))): words
+        for place, words in json.loads(_IN_WORDS).items()
+    },
     ("series_order",): f"an integer from 1 to {MAX_SERIES_ORDER}",
 }
 
@@ -95,7 +120,9 @@ BESIDE = {
 
 def near_key(key: str) -> str:
     """The key that was meant by one that is spelled nearly so; else nothing."""
-    return "" if key in KEYS else next(iter(difflib.get_close_matches(key, sorted(KEYS), 1, 0.75)), "")
+    return (
+        "" if key in KEYS else next(iter(difflib.get_close_matches(key, sorted(KEYS), 1, 0.75)), "")
+    )
 
 
 def is_motion(document: Any) -> bool:
@@ -117,7 +144,8 @@ def is_forward(document: Any) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """A document for the schemas, what its time and a coordinate t were called, its id, and whence formulas come.
+    """A document for the schemas, what its time and a coordinate t were called, its id, and whence
+    formulas come.
 
     `places` are the pointers of the texts that formulas were taken from.
     """
@@ -152,7 +180,9 @@ class Prepared:
 
 
 def typed_decimals(document: Any) -> frozenset[Fraction]:
-    """The decimal numbers in the formulas and values of a document, but for 2.0 and for 0.5, 0.25, and 0.75."""
+    """The decimal numbers in the formulas and values of a document, but for 2.0 and for 0.5, 0.25,
+    and 0.75.
+    """
     if not isinstance(document, Mapping):
         return frozenset()
     values = document.get("parameters")
@@ -163,18 +193,29 @@ def typed_decimals(document: Any) -> frozenset[Fraction]:
 
 
 def prepared(document: Any) -> Prepared:
-    """The document as the schemas want it; InputError for a result in its place, and for a bad name of the time."""
+    """The document as the schemas want it; InputError for a result in its place, and for a bad name
+    of the time.
+    """
     if not isinstance(document, Mapping):
         return Prepared(document)
     if str(document.get("format", "")).startswith("inverse-service/"):
-        raise errors.InputError("This is a result, not a document: its document is in system.given.", "/format")
-    plain = {key: value for key, value in document.items() if key not in ("id", "$schema") and key[:1] != "_"}
+        raise errors.InputError(
+            "This is a result, not a document: its document is in system.given.", "/format"
+        )
+    plain = {
+        key: value
+        for key, value in document.items()
+        if key not in ("id", "$schema") and key[:1] != "_"
+    }
     if all(plain.get(key) is None for key in NAMES):
         plain["parameters"] = document_names.GUESS  # it is read as the command line reads a text
     formulas = [plain[key] for key in FORMULAS if key in plain]
     if any(len(text) > refusals.most_characters() for text in _texts(formulas)):
         return Prepared(plain)  # too long a text is refused before it is read
-    if any(len(text) > refusals.most_tokens() and reader.has_too_many_parts(text) for text in _texts(formulas)):
+    if any(
+        len(text) > refusals.most_tokens() and reader.has_too_many_parts(text)
+        for text in _texts(formulas)
+    ):
         return Prepared(plain)  # and so is one of too many parts
     plain = _with_indices_below(plain)
     places, read = dict[str, str](), dict[str, str]()
@@ -186,7 +227,9 @@ def prepared(document: Any) -> Prepared:
     if "id" in extra:  # the name of its own; "id", which jobs have too, is the older one
         extra["document_id"] = extra["id"]
     plain.pop("metadata", None)
-    if ignored := [key for key in plain if isinstance(key, str) and key not in KEYS and not near_key(key)]:
+    if ignored := [
+        key for key in plain if isinstance(key, str) and key not in KEYS and not near_key(key)
+    ]:
         extra["ignored"] = ignored
         plain = {key: value for key, value in plain.items() if key not in ignored}
     plain = {key: _LOOSE[key](value) if key in _LOOSE else value for key, value in plain.items()}
@@ -199,12 +242,18 @@ def prepared(document: Any) -> Prepared:
     if time == free == "t" or not (time := free or time) or time == "t":
         return Prepared(plain, extra=extra, readings=notes, places=places)
     plain, products = _with_time_apart(plain, time)
-    if isinstance(text := plain.get("equations"), str) and "$" not in text:  # whose words hold the letters of names
+    if (
+        isinstance(text := plain.get("equations"), str) and "$" not in text
+    ):  # whose words hold the letters of names
         with reader.noted() as omitted:
             plain["equations"] = reader.without_words(text)
         notes = notes | omitted
     other = next(letter for letter in _LETTERS if letter not in "".join(_texts(plain)))
-    inside = {key: _changed(plain[key], {time: "t", "t": other}, True) for key in (*FORMULAS, *NAMES) if key in plain}
+    inside = {
+        key: _changed(plain[key], {time: "t", "t": other}, True)
+        for key in (*FORMULAS, *NAMES)
+        if key in plain
+    }
     return Prepared({**plain, **inside}, time, other, extra, notes | products, places)
 
 
@@ -217,9 +266,11 @@ def _gives_accelerations(equations: Any) -> bool:
 
 
 def _with_indices_below(plain: dict[str, Any]) -> dict[str, Any]:
-    """The document with q_1 and q_2, at the same columns, for the coordinates q^1 and q^2 of its texts.
+    """The document with q_1 and q_2, at the same columns, for the coordinates q^1 and q^2 of its
+    texts.
 
-    These are letters that always have a digit above them, with a 1 among the digits, each of which moves somewhere.
+    These are letters that always have a digit above them, with a 1 among the digits, each of which
+    moves somewhere.
     """
     texts = {key: plain[key] for key in FORMULAS if isinstance(plain.get(key), str)}
     every, moving = defaultdict[str, set[str]](set), defaultdict[str, set[str]](set)
@@ -227,23 +278,39 @@ def _with_indices_below(plain: dict[str, Any]) -> dict[str, Any]:
         every[found["letter"]].add(found["digit"] or "")
         if found["dot"] or found["dots"] or found["primes"]:
             moving[found["letter"]].add(found["digit"] or "")
-    indexed = {one for one in moving if moving[one] == every[one] and "" not in every[one] and every[one] & {*"1¹"}}
+    indexed = {
+        one
+        for one in moving
+        if moving[one] == every[one] and "" not in every[one] and every[one] & {*"1¹"}
+    }
 
     def lowered(found: re.Match[str]) -> str:
-        letter = found["letter"] if found["letter"][0] == "\\" else unicodedata.normalize("NFD", found["letter"])[0]
+        letter = (
+            found["letter"]
+            if found["letter"][0] == "\\"
+            else unicodedata.normalize("NFD", found["letter"])[0]
+        )
         return found[0].translate(_LOWERED) if letter in indexed else found[0]
 
-    return plain | {key: _ABOVE.sub(lowered, text) for key, text in texts.items()} if indexed else plain
+    return (
+        plain | {key: _ABOVE.sub(lowered, text) for key, text in texts.items()}
+        if indexed
+        else plain
+    )
 
 
 def prepared_scene(scene: Any) -> Any:
-    """A scene with its own formulas in the words of its prepared system: the name of the time is t in both."""
+    """A scene with its own formulas in the words of its prepared system: the name of the time is t
+    in both.
+    """
     system = scene.get("system") if isinstance(scene, Mapping) else None
     if not isinstance(system, Mapping) or "catalogue" in system:
         return scene
     result = system.get("result")
     part = result.get("system") if isinstance(result, Mapping) else system.get("document", system)
-    given = part.get("time", "t") if isinstance(part, Mapping) and isinstance(result, Mapping) else None
+    given = (
+        part.get("time", "t") if isinstance(part, Mapping) and isinstance(result, Mapping) else None
+    )
     try:
         time = prepared(part).time if given is None else given
     except errors.InputError:
@@ -255,10 +322,15 @@ def prepared_scene(scene: Any) -> Any:
         if not isinstance(part, Mapping):
             return part
         table = {time: "t"}
-        return {key: _changed(one, table, True) if key in SCENE_FORMULAS else one for key, one in part.items()}
+        return {
+            key: _changed(one, table, True) if key in SCENE_FORMULAS else one
+            for key, one in part.items()
+        }
 
     methods = scene.get("methods")
-    return renamed(scene) | ({"methods": list(map(renamed, methods))} if isinstance(methods, list) else {})
+    return renamed(scene) | (
+        {"methods": list(map(renamed, methods))} if isinstance(methods, list) else {}
+    )
 
 
 def uses_the_letter_t(ready: Prepared) -> bool:
@@ -267,7 +339,9 @@ def uses_the_letter_t(ready: Prepared) -> bool:
 
 
 def inward(result: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A result as it was before `Prepared.outward`, so that it can be compared with its certificate."""
+    """A result as it was before `Prepared.outward`, so that it can be compared with its
+    certificate.
+    """
     system = result.get("system")
     time = system.get("time", "t") if isinstance(system, Mapping) else "t"
     if time == "t" or not isinstance(system, Mapping) or not isinstance(time, str):
@@ -278,7 +352,9 @@ def inward(result: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _time_name(plain: dict[str, Any]) -> str:
-    """The name in the key `time`, which is taken out, or the one that every equation gives the time; else t."""
+    """The name in the key `time`, which is taken out, or the one that every equation gives the
+    time; else t.
+    """
     given = plain.pop("time", None)
     if given is None:
         return _found_time(plain)
@@ -292,11 +368,14 @@ def _time_name(plain: dict[str, Any]) -> str:
 
 def _guesses(plain: Mapping[str, Any]) -> bool:
     named = plain.get("parameters")
-    return named == document_names.GUESS or (isinstance(named, list | dict) and document_names.AND_GUESS in named)
+    return named == document_names.GUESS or (
+        isinstance(named, list | dict) and document_names.AND_GUESS in named
+    )
 
 
 def _free_variable(plain: Mapping[str, Any]) -> str:
-    """The x of y'' = 6 y^2 + x, where names are guessed, one name moves, by primes, and neither t nor dots occur.
+    """The x of y'' = 6 y^2 + x, where names are guessed, one name moves, by primes, and neither t
+    nor dots occur.
 
     So is the z of w'' = 2 w^3 + z w, a function of a complex variable.
     """
@@ -310,7 +389,10 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
     try:
         known = nm.Names(guesses=True)
         known = replace(
-            known, splits=document_names.moving_products({str(k): text for k, text in enumerate(texts)}, known, 1)
+            known,
+            splits=document_names.moving_products(
+                {str(k): text for k, text in enumerate(texts)}, known, 1
+            ),
         )
         tokens = [token for text in texts for token in reader.read_tokens(text, known)]
     except errors.InputError:
@@ -334,7 +416,9 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
 
 
 def _with_time_apart(plain: Mapping[str, Any], time: str) -> tuple[dict[str, Any], dict[str, str]]:
-    """The document with x*y for xy, where names are guessed and x is the time; InputError where xy may be a name."""
+    """The document with x*y for xy, where names are guessed and x is the time; InputError where xy
+    may be a name.
+    """
     if not _guesses(plain):
         return dict(plain), {}
     texts = dict(_placed({key: plain[key] for key in FORMULAS if key in plain}, ""))
@@ -350,14 +434,23 @@ def _with_time_apart(plain: Mapping[str, Any], time: str) -> tuple[dict[str, Any
         for word in _PLAIN_WORD.finditer("" if reader.is_latex(text) else text):
             name, column = word[0], word.start() + 1
             index = name == 2 * time and text[: word.start()].endswith("''")  # y''xx
-            known_name = name in nm.FUNCTIONS or name in found or known.role(name) or name[0] == "d" or time not in name
+            known_name = (
+                name in nm.FUNCTIONS
+                or name in found
+                or known.role(name)
+                or name[0] == "d"
+                or time not in name
+            )
             if known_name or index:
                 continue
             if parts := nm.only_split(name, known):
                 found[name] = nm.written_product(parts, known)
             elif meant := nm.readings(name, known):
                 raise nm.undeclared(name, column, meant).at(pointer)
-    changed = {key: _changed(plain[key], found) if key in FORMULAS and found else part for key, part in plain.items()}
+    changed = {
+        key: _changed(plain[key], found) if key in FORMULAS and found else part
+        for key, part in plain.items()
+    }
     return changed, found
 
 
@@ -372,24 +465,40 @@ def _placed(value: Any, pointer: str) -> Iterator[tuple[str, str]]:
 
 
 def _found_time(plain: Mapping[str, Any]) -> str:
-    """The x of y''(x), d^2y/dx^2, diff(y(x), x, 2), where all second derivatives are by the same name."""
+    """The x of y''(x), d^2y/dx^2, diff(y(x), x, 2), where all second derivatives are by the same
+    name.
+    """
     found, moving = set(), set()
     for text in _texts([plain[key] for key in FORMULAS if key in plain]):
         tokens = reader.tokens_if_any(text, nm.Names(guesses=True))
         orders = document_names.derivatives(tokens)
-        found |= {by for name, by, order in orders if order == 2 and name not in _declared(plain, ("functions",))}
+        found |= {
+            by
+            for name, by, order in orders
+            if order == 2 and name not in _declared(plain, ("functions",))
+        }
         moving |= {name for name, by, order in orders if order == 2 or by == "t"}
     name = found.pop() if len(found) == 1 else "t"
     if name in _declared(plain) | moving or name in nm.FUNCTIONS | nm.DERIVATIVE_NAMES:
         return "t"
     letters = {match[1] for text in _texts(plain) for match in re.finditer(r"\\([A-Za-z]+)", text)}
-    return f"var{name}" if f"var{name}" in letters and name not in letters else name  # \varphi is read as phi
+    return (
+        f"var{name}" if f"var{name}" in letters and name not in letters else name
+    )  # \varphi is read as phi
 
 
 def _declared(plain: Mapping[str, Any], keys: tuple[str, ...] = NAMES) -> set[str]:
-    """The names that a document declares under these keys; nothing where it holds something else."""
+    """The names that a document declares under these keys; nothing where it holds something
+    else.
+    """
     lists = (plain.get(key) for key in keys)
-    return {word for words in lists if isinstance(words, list | dict) for word in words if isinstance(word, str)}
+    return {
+        word
+        for words in lists
+        if isinstance(words, list | dict)
+        for word in words
+        if isinstance(word, str)
+    }
 
 
 def _texts(value: Any) -> Iterator[str]:
@@ -405,7 +514,9 @@ def _texts(value: Any) -> Iterator[str]:
 
 
 def _changed(value: Any, table: Mapping[str, str], pad: bool = False, latex: bool = False) -> Any:
-    """The value with the names of the table replaced in every text; `pad` keeps columns where they are."""
+    """The value with the names of the table replaced in every text; `pad` keeps columns where they
+    are.
+    """
     if isinstance(value, str):
         if value.startswith("<math"):
             return _in_mathml(value, table)
@@ -419,7 +530,11 @@ def _changed(value: Any, table: Mapping[str, str], pad: bool = False, latex: boo
             else _changed(part, table, pad, latex or key == "latex")
             for key, part in value.items()
         }
-    return [_changed(part, table, pad, latex) for part in value] if isinstance(value, list | tuple) else value
+    return (
+        [_changed(part, table, pad, latex) for part in value]
+        if isinstance(value, list | tuple)
+        else value
+    )
 
 
 def _in_plain_text(text: str, table: Mapping[str, str], pad: bool) -> str:
@@ -447,10 +562,16 @@ def _in_latex(text: str, table: Mapping[str, str], pad: bool) -> str:
             return match.group()
         if word.startswith("\\"):
             new = table.get(word[1:])
-            return match.group() if new is None else below + _spelled(new).rjust(len(word) if pad else 0)
+            return (
+                match.group()
+                if new is None
+                else below + _spelled(new).rjust(len(word) if pad else 0)
+            )
         if word in nm.FUNCTIONS or (len(word) > 2 and word in letters.LETTER_COMMANDS):
             return below + _spelled(table[word]) if word in table else match.group()
-        return below + "".join(_spelled(table[letter]) if letter in table else letter for letter in word)
+        return below + "".join(
+            _spelled(table[letter]) if letter in table else letter for letter in word
+        )
 
     return _LATEX_WORD.sub(replaced, text)
 
@@ -463,7 +584,9 @@ def _spelled(name: str) -> str:
 
 def _in_mathml(text: str, table: Mapping[str, str]) -> str:
     names = {printing.shown(name): printing.shown(new) for name, new in table.items() if name}
-    return re.sub(r"<mi>([^<]+)</mi>", lambda match: f"<mi>{names.get(match[1], match[1])}</mi>", text)
+    return re.sub(
+        r"<mi>([^<]+)</mi>", lambda match: f"<mi>{names.get(match[1], match[1])}</mi>", text
+    )
 
 
 def _words(value: Any) -> Any:
@@ -485,7 +608,11 @@ def _functions(value: Any) -> Any:
     return {key: _words(part) for key, part in value.items()} if isinstance(value, dict) else value
 
 
-_LOOSE: dict[str, Callable[[Any], Any]] = {"coordinates": _words, "parameters": _parameters, "functions": _functions}
+_LOOSE: dict[str, Callable[[Any], Any]] = {
+    "coordinates": _words,
+    "parameters": _parameters,
+    "functions": _functions,
+}
 
 
 # The prepared document to its schema and its system.
@@ -501,11 +628,14 @@ def to_system(schema: SystemDocument) -> SecondOrderSystem:
     return second_order_system.solved_system(to_given(schema), schema.name)
 
 
-def to_solvable(schema: SystemDocument, given: second_order_system.GivenEquations | None = None) -> SecondOrderSystem:
-    """The system of a document to be solved; its equations as given where these are Euler-Lagrange equations already.
+def to_solvable(
+    schema: SystemDocument, given: second_order_system.GivenEquations | None = None
+) -> SecondOrderSystem:
+    """The system of a document to be solved; its equations as given where these are Euler-Lagrange
+    equations already.
 
-    That is where the accelerations, solved for, are too long to be written, or fill pages. InputError as `to_system`.
-    `given` is `to_given` of the document where it is known.
+    That is where the accelerations, solved for, are too long to be written, or fill pages.
+    InputError as `to_system`. `given` is `to_given` of the document where it is known.
     """
     given, system = given or to_given(schema), None
     asks_more = schema.family or schema.special_cases or schema.kinds or schema.clock or schema.near
@@ -520,8 +650,14 @@ def to_solvable(schema: SystemDocument, given: second_order_system.GivenEquation
     from inverse_service.search import row_factors  # a simulation needs no solver
 
     lines = second_order_system.unsolved_system(given.names, given.residuals, schema.name)
-    found = None if next(real_branch.sign_cases(given.residuals)).roots else row_factors.in_own_order(lines)
-    if found and all(ex.holds(f, ex.Acceleration(q)) for q, f in zip(found.coordinates, found.given, strict=True)):
+    found = (
+        None
+        if next(real_branch.sign_cases(given.residuals)).roots
+        else row_factors.in_own_order(lines)
+    )
+    if found and all(
+        ex.holds(f, ex.Acceleration(q)) for q, f in zip(found.coordinates, found.given, strict=True)
+    ):
         return found
     return system or second_order_system.solved_system(given, schema.name)
 
@@ -533,27 +669,46 @@ def to_given(schema: SystemDocument) -> second_order_system.GivenEquations:
 
 def declared(schema: Asking, most: int = refusals.LIMITS.coordinates) -> document_names.Declared:
     """What the document says of its names."""
-    return document_names.Declared(schema.coordinates, schema.parameters, schema.functions, schema.where, most)
+    return document_names.Declared(
+        schema.coordinates, schema.parameters, schema.functions, schema.where, most
+    )
 
 
 def to_ansatz(schema: Asking, system: SecondOrderSystem) -> tuple[ex.Expression, ...]:
     """The user's own terms of a Lagrangian as trees; raises InputError with pointer and column."""
     places = {f"/ansatz/{place}": text for place, text in enumerate(schema.ansatz)}
-    terms = ((formula_about(text, system.names, schema, pointer), pointer) for pointer, text in places.items())
-    return tuple(reader.without_accelerations(term, "a term of a Lagrangian", pointer) for term, pointer in terms)
+    terms = (
+        (formula_about(text, system.names, schema, pointer), pointer)
+        for pointer, text in places.items()
+    )
+    return tuple(
+        reader.without_accelerations(term, "a term of a Lagrangian", pointer)
+        for term, pointer in terms
+    )
 
 
-def formula_about(text: str, names: nm.Names, schema: NamedDocument | None, pointer: str) -> ex.Expression:
-    """A formula about the system of a document, whose parameters with values are put in; InputError with pointer."""
-    named = () if schema is None else document_names.Declared(parameters=schema.parameters).named_parameters()
+def formula_about(
+    text: str, names: nm.Names, schema: NamedDocument | None, pointer: str
+) -> ex.Expression:
+    """A formula about the system of a document, whose parameters with values are put in; InputError
+    with pointer.
+    """
+    named = (
+        ()
+        if schema is None
+        else document_names.Declared(parameters=schema.parameters).named_parameters()
+    )
     known = replace(names, parameters=tuple(dict.fromkeys((*names.parameters, *named))))
     with reader.placed_at(pointer):
-        return document_names.with_values(reader.read_formula(text, known), document_names.parameter_values(named))
+        return document_names.with_values(
+            reader.read_formula(text, known), document_names.parameter_values(named)
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class Wording:
-    """The words in errors of a schema: the name of the whole, the allowed values, the sentence for an unknown key.
+    """The words in errors of a schema: the name of the whole, the allowed values, the sentence for
+    an unknown key.
 
     `keys` takes from pydantic's way to a fault the steps that are no keys of the document.
     """
@@ -565,14 +720,22 @@ class Wording:
 
 
 def validated(document: Any, schema: type[Read], wording: Wording | None = None) -> Read:
-    """The document in its schema; raises DocumentRefused with every fault found, at most MAX_PLACES in its order."""
+    """The document in its schema; raises DocumentRefused with every fault found, at most MAX_PLACES
+    in its order.
+    """
     try:
         return schema.model_validate(document)
     except ValidationError as error:
         found = error.errors(include_url=False, include_input=False)
-        found.sort(key=lambda fault: fault["type"] != "extra_forbidden" or not near_key(str(fault["loc"][0])))
+        found.sort(
+            key=lambda fault: (
+                fault["type"] != "extra_forbidden" or not near_key(str(fault["loc"][0]))
+            )
+        )
         found = found[:MAX_PLACES]
-        raise errors.DocumentRefused(tuple(_place(fault, wording or _of_systems(schema)) for fault in found)) from None
+        raise errors.DocumentRefused(
+            tuple(_place(fault, wording or _of_systems(schema)) for fault in found)
+        ) from None
 
 
 def _place(fault: ErrorDetails, wording: Wording) -> errors.Place:
@@ -586,12 +749,16 @@ def _place(fault: ErrorDetails, wording: Wording) -> errors.Place:
         sentence = wording.unknown(steps, where)
     elif kind.endswith("too_long"):
         code, counted = "limit", "characters" if kind.startswith("string") else "entries"
-        sentence = f"{where} is too long: at most {fault['ctx']['max_length']} {counted} are accepted."
+        sentence = (
+            f"{where} is too long: at most {fault['ctx']['max_length']} {counted} are accepted."
+        )
     elif kind.endswith("too_short"):
         sentence = f"{where} must not be empty; {expected}"
     else:
         sentence = f"{where} has the wrong type or value; {expected}"
-    return errors.Place(sentence, "".join(f"/{plain_data.escape(step)}" for step in steps), None, code)
+    return errors.Place(
+        sentence, "".join(f"/{plain_data.escape(step)}" for step in steps), None, code
+    )
 
 
 def _of_systems(schema: type[base.Document]) -> Wording:
@@ -603,7 +770,9 @@ def _of_systems(schema: type[base.Document]) -> Wording:
         keys = ", ".join((*schema.model_fields, *ALSO))
         return f"The key {where} is not known here; a {TITLES.get(schema.__name__, 'system')} has the keys {keys}."
 
-    return Wording("The document", EXPECTED, unknown, lambda steps: without(steps, NOT_IN_THE_DOCUMENT))
+    return Wording(
+        "The document", EXPECTED, unknown, lambda steps: without(steps, NOT_IN_THE_DOCUMENT)
+    )
 
 
 def without(steps: Steps, hidden: Container[Any]) -> Steps:

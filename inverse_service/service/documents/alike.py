@@ -1,6 +1,8 @@
-"""The form of a system up to the names of coordinates and parameters, the order of equations, and constant factors.
+"""The form of a system up to the names of coordinates and parameters, the order of equations, and
+constant factors.
 
-Two systems with one form need not be equivalent: a search shows them side by side, and each has its own answer.
+Two systems with one form need not be equivalent: a search shows them side by side, and each has its
+own answer.
 """
 
 import hashlib
@@ -18,10 +20,13 @@ MOST_COORDINATES = 4  # whose orders are all tried
 def form_of(system: Mapping[str, Any]) -> str:
     """A short key, the same for systems of one form; empty where there is none.
 
-    `system` has coordinates, equations, parameters, functions, and the name of the time, as in a result.
+    `system` has coordinates, equations, parameters, functions, and the name of the time, as in a
+    result.
     """
     coordinates, texts = tuple(system["coordinates"]), system["equations"]
-    if not 0 < len(coordinates) <= MOST_COORDINATES or any(reader.has_acceleration(text) for text in texts.values()):
+    if not 0 < len(coordinates) <= MOST_COORDINATES or any(
+        reader.has_acceleration(text) for text in texts.values()
+    ):
         return ""
     time = system.get("time", "t")
     parameters = (*system["parameters"], *((time,) if time != "t" else ()))
@@ -43,7 +48,11 @@ def _form(tree: trees.Expression, places: Mapping[str, str], time: str) -> str:
     for monomial, coefficient in collecting.expand(tree):
         if coefficient:
             pairs = [(_atom(atom, places, time), exponent) for atom, exponent in monomial]
-            factors = [base if exponent == 1 else f"({base})^{exponent}" for base, exponent in pairs if base]
+            factors = [
+                base if exponent == 1 else f"({base})^{exponent}"
+                for base, exponent in pairs
+                if base
+            ]
             found.add("*".join(sorted(factors)) or "c")
     return "+".join(sorted(found))
 

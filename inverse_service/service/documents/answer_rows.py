@@ -1,4 +1,6 @@
-"""Results as rows of a table: each row is one entry of `answers`, with all that its formulas need."""
+"""Results as rows of a table: each row is one entry of `answers`, with all that its formulas
+need.
+"""
 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
@@ -20,7 +22,9 @@ def first_row(result: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def rows(result: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """A row for each answer, the first one first; one row for an error line or the answer to another question."""
+    """A row for each answer, the first one first; one row for an error line or the answer to
+    another question.
+    """
     if not isinstance(result, Mapping):
         raise errors.InputError("A table needs results.")
     of_line = {key: result.get(key) for key in ("id", "line")}
@@ -40,8 +44,14 @@ def rows(result: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         space, missing = whole.get("solution_space") or {}, whole["open"] or {}
         yield _row(
             of_line
-            | {key: whole.get(key) for key in ("about", "with_time", "clock", "kind", "cell", "verdict", "checked")}
-            | {key: ", ".join(whole.get(key) or ()) for key in ("conditions", "domain", "exceptions")}
+            | {
+                key: whole.get(key)
+                for key in ("about", "with_time", "clock", "kind", "cell", "verdict", "checked")
+            }
+            | {
+                key: ", ".join(whole.get(key) or ())
+                for key in ("conditions", "domain", "exceptions")
+            }
             | {"cells": cells, "open": missing.get("words"), "order": space.get("order")}
             | {"multipliers": space.get("statement")}
             | _formulas(whole)
@@ -53,14 +63,18 @@ def _row(cells: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _formulas(part: Mapping[str, Any]) -> dict[str, Any]:
-    """L and H with the sets where they are these, momenta, constraints in phase space, and the functions in L."""
+    """L and H with the sets where they are these, momenta, constraints in phase space, and the
+    functions in L.
+    """
     lagrangian, energy = part.get("lagrangian") or {}, part.get("hamiltonian") or {}
     return {
         "L": lagrangian.get("text"),
         "L_where": ", ".join(lagrangian.get("domain") or ()),
         "E" if energy.get("implicit") else "H": energy.get("text"),
         "H_where": ", ".join(energy.get("domain") or ()),
-        "momenta": _listed(f"{name} = {text}" for name, text in (energy.get("momenta") or {}).items()),
+        "momenta": _listed(
+            f"{name} = {text}" for name, text in (energy.get("momenta") or {}).items()
+        ),
         "image": _listed(f"{one['text']} = 0" for one in energy.get("image") or ()),
         "auxiliary": _listed(
             f"d{name}/d{by} = {slope}"

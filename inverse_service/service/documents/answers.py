@@ -15,8 +15,8 @@ from inverse_service.service.jobs.tasks import Outcome, value_of
 
 UNDERSTAND_DEADLINE = 2.0
 PREFIX = "urn:inverse-service:problem:"
-# The title of each status; how a task ended without a value, as status and kind of its problem, what happened, and what
-# to do. All other ends are faults.
+# The title of each status; how a task ended without a value, as status and kind of its problem,
+# what happened, and what to do. All other ends are faults.
 _WORDS = json.loads((Path(__file__).parent / "problems.json").read_text("utf-8"))
 TITLES: dict[int, str] = {int(status): title for status, title in _WORDS["titles"].items()}
 ENDS: dict[str, tuple[int, str, str, str]] = _WORDS["ends"]
@@ -30,32 +30,43 @@ def with_understood(outcome: Outcome, understood: Outcome) -> Outcome:
     """
     if understood.status == "refused":
         return dataclasses.replace(understood, spent=outcome.spent)
-    return dataclasses.replace(outcome, value=understood.value if understood.status == "done" else None)
+    return dataclasses.replace(
+        outcome, value=understood.value if understood.status == "done" else None
+    )
 
 
 def result_document(
-    outcome: Outcome, options: SolveOptions, memory_limit: int, so_far: Mapping[str, Any] | None = None
+    outcome: Outcome,
+    options: SolveOptions,
+    memory_limit: int,
+    so_far: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """The result document of a solve task.
 
-    One that was ended has what was finished: `so_far`, with the `seconds` of its parts, where that is known, else
-    how the system was understood. Raises DocumentRefused with the places of the faults, WorkerFailed where the program
-    is at fault (its details go to the log only).
+    One that was ended has what was finished: `so_far`, with the `seconds` of its parts, where that
+    is known, else how the system was understood. Raises DocumentRefused with the places of the
+    faults, WorkerFailed where the program is at fault (its details go to the log only).
     """
     happened = ENDS[outcome.status][2] if outcome.status in ENDS else ""
     reason = f"{happened.format(time=options.time_limit, memory=memory_limit)}."
     if happened and so_far is not None:
         result = growing.cut_off(so_far["so_far"], reason, so_far["seconds"], outcome.spent.wall)
-        result["provenance"] |= {"options": {"time_limit": options.time_limit, "seed": options.seed}}
+        result["provenance"] |= {
+            "options": {"time_limit": options.time_limit, "seed": options.seed}
+        }
         return result
     if outcome.status in ("deadline", "memory"):
-        return undetermined(outcome.value, f"{reason[:-1]} before a verdict could be proved.", options)
+        return undetermined(
+            outcome.value, f"{reason[:-1]} before a verdict could be proved.", options
+        )
     found: dict[str, Any] = value_of(outcome)
     return found
 
 
 def check_document(outcome: Outcome) -> dict[str, Any]:
-    """The answer of a check; one that a limit ended is incomplete. Raises as `result_document` does."""
+    """The answer of a check; one that a limit ended is incomplete. Raises as `result_document`
+    does.
+    """
     if outcome.status in ("deadline", "memory"):
         reasons = [f"The check was stopped at its {outcome.status} limit."]
         return base.CheckAnswer(verdict="incomplete", reasons=reasons).model_dump()
@@ -70,7 +81,10 @@ def undetermined(understood: Any, reason: str, options: SolveOptions) -> dict[st
         verdict="undetermined",
         verdict_with_time="undetermined",
         reason=reason,
-        incomplete=[IncompletePart(**growing.entry(part, reason)) for part in ("existence", "existence_with_time")],
+        incomplete=[
+            IncompletePart(**growing.entry(part, reason))
+            for part in ("existence", "existence_with_time")
+        ],
         provenance={
             "program": "inverse-service",
             "version": __version__,
@@ -80,7 +94,9 @@ def undetermined(understood: Any, reason: str, options: SolveOptions) -> dict[st
     return stated.with_answers(result.model_dump(mode="json"))
 
 
-def problem_document(status: int, kind: str, detail: str, places: Sequence[errors.Place] = ()) -> dict[str, Any]:
+def problem_document(
+    status: int, kind: str, detail: str, places: Sequence[errors.Place] = ()
+) -> dict[str, Any]:
     """`kind` is the stable end of the type; the texts are ours, never the caller's."""
     return {
         "type": PREFIX + kind,
@@ -88,7 +104,12 @@ def problem_document(status: int, kind: str, detail: str, places: Sequence[error
         "status": status,
         "detail": detail,
         "errors": [
-            {"pointer": p.pointer, "column": p.column, "detail": p.detail, "instead": list(p.instead)}
+            {
+                "pointer": p.pointer,
+                "column": p.column,
+                "detail": p.detail,
+                "instead": list(p.instead),
+            }
             | {name: value for name in ("span", "plain", "declare") if (value := getattr(p, name))}
             for p in places
         ],
@@ -108,7 +129,9 @@ def of_input_error(error: errors.InputError) -> dict[str, Any]:
 def of_outcome(outcome: Outcome, time_limit: float, memory_limit: int) -> dict[str, Any]:
     """The problem of a task that ended without a value; its details stay in the log."""
     if outcome.status == "refused":
-        return problem_document(422, outcome.places[0].code, outcome.places[0].detail, outcome.places)
+        return problem_document(
+            422, outcome.places[0].code, outcome.places[0].detail, outcome.places
+        )
     kind = f" ({outcome.value})" if isinstance(outcome.value, str) and outcome.value else ""
     fault = (500, "fault", f"The program failed on this document{kind}", FAULT)
     status, short, happened, cure = ENDS.get(outcome.status, fault)

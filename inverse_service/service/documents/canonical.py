@@ -1,4 +1,6 @@
-"""The canonical statement of a check: written from the certificates that were found valid, and from nothing else."""
+"""The canonical statement of a check: written from the certificates that were found valid, and from
+nothing else.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -33,7 +35,9 @@ def cell(
         "verdict": verdict,
         "domain": texts,
         "domain_latex": latex,
-        "lagrangian_domain": certify.domain_of(proof.formulas, names)[0] if lagrangian and proof.by_theorem else None,
+        "lagrangian_domain": certify.domain_of(proof.formulas, names)[0]
+        if lagrangian and proof.by_theorem
+        else None,
         "by_theorem": proof.by_theorem,
         "timed": certificate["question"] == "time_dependent",
         "one_side": bool(proven and proven.one_side),
@@ -44,7 +48,9 @@ def cell(
         "lagrangian": lagrangian,
         "hamiltonian": None if hamiltonian is None else hamiltonian["text"],
         "momenta": None if hamiltonian is None else dict(hamiltonian["momenta"]),
-        "hamiltonian_domain": list(hamiltonian.get("domain") or []) if hamiltonian and everywhere else None,
+        "hamiltonian_domain": list(hamiltonian.get("domain") or [])
+        if hamiltonian and everywhere
+        else None,
     }
 
 
@@ -58,7 +64,9 @@ def cell_of(statement: Mapping[str, Any]) -> dict[str, Any]:
     return {key: statement[key] for key in ("domain", "near", "verdict")}
 
 
-def of_cells(system: Mapping[str, Any], cells: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
+def of_cells(
+    system: Mapping[str, Any], cells: Sequence[Mapping[str, Any]]
+) -> dict[str, Any] | None:
     """The statement of a result: of its main fields, with the other cells in words."""
     if not cells:
         return None
@@ -72,16 +80,24 @@ def of_cells(system: Mapping[str, Any], cells: Sequence[Mapping[str, Any]]) -> d
 
 
 def joined(statements: Sequence[dict[str, Any] | None]) -> dict[str, Any] | None:
-    """The first of them, with the words of those after it, as of a motion on constraints; None if there are none."""
+    """The first of them, with the words of those after it, as of a motion on constraints; None if
+    there are none.
+    """
     found = [one for one in statements if one is not None]
     if len(found) < 2:
         return found[0] if found else None
-    texts = {"text": "\n".join(one["text"] for one in found), "latex": " \\\\ ".join(one["latex"] for one in found)}
+    texts = {
+        "text": "\n".join(one["text"] for one in found),
+        "latex": " \\\\ ".join(one["latex"] for one in found),
+    }
     return found[0] | texts
 
 
 def _statement(system: Mapping[str, Any], one: Mapping[str, Any]) -> dict[str, Any]:
-    shown = {key: system.get(key) or [] for key in ("coordinates", "equations", "parameters", "functions")}
+    shown = {
+        key: system.get(key) or []
+        for key in ("coordinates", "equations", "parameters", "functions")
+    }
     keys = ("question", "verdict", "domain", "near", "lagrangian", "lagrangian_domain", "hamiltonian", "momenta",
             "hamiltonian_domain", "exceptions")  # fmt: skip
     kept = {key: one[key] for key in keys}
@@ -91,19 +107,31 @@ def _statement(system: Mapping[str, Any], one: Mapping[str, Any]) -> dict[str, A
 
 def _words(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
     equations = ", ".join(f"{name}'' = {text}" for name, text in system["equations"].items())
-    rates = ", ".join(f"{name}' = {text}" for name, text in (system.get("velocities") or {}).items())
+    rates = ", ".join(
+        f"{name}' = {text}" for name, text in (system.get("velocities") or {}).items()
+    )
     kind = f" of the kind {one['among']}" if one["among"] is not None else ""
-    says = _SAYS[one["verdict"]].format(one["question"]) + kind + " that has this motion" * bool(rates)
+    says = (
+        _SAYS[one["verdict"]].format(one["question"]) + kind + " that has this motion" * bool(rates)
+    )
     general = f" {in_general(system, one['exceptions'])}" if one["exceptions"] else ""
     near = checker.near_points(system["coordinates"][0], one["timed"]) if one["by_theorem"] else ""
     near = f"{',' * bool(one['domain'])} {near}" if near else ""
-    parts = [f"For {', '.join(filter(None, (equations, rates)))} {says}{where(one)}{near}{general}."]
+    parts = [
+        f"For {', '.join(filter(None, (equations, rates)))} {says}{where(one)}{near}{general}."
+    ]
     there = f" where {', '.join(one['lagrangian_domain'])}" if one["lagrangian_domain"] else ""
     parts += [f"L = {one['lagrangian']}{there}."] if one["lagrangian"] else []
     if one["hamiltonian"]:
         momenta = ", ".join(f"{name} = {text}" for name, text in one["momenta"].items())
-        where_h = f" where {', '.join(one['hamiltonian_domain'])}" if one["hamiltonian_domain"] else ""
-        where_h = ", at least on an open part of this set" if one["hamiltonian_domain"] is None else where_h
+        where_h = (
+            f" where {', '.join(one['hamiltonian_domain'])}" if one["hamiltonian_domain"] else ""
+        )
+        where_h = (
+            ", at least on an open part of this set"
+            if one["hamiltonian_domain"] is None
+            else where_h
+        )
         parts.append(f"H = {one['hamiltonian']}{where_h}, with {momenta}.")
     return " ".join(parts)
 
@@ -111,14 +139,24 @@ def _words(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
 def in_general(system: Mapping[str, Any], exceptions: Sequence[str]) -> str:
     """For which constants and functions a verdict was proven.
 
-    "for general c1, c2, k (not decided here: c1 = c2, k = 0)"; "for general g" alone if the exceptions could not be
-    found: the checker says "single values of g" then. With "special functions F(x)" also "and for a general F(x)".
+    "for general c1, c2, k (not decided here: c1 = c2, k = 0)"; "for general g" alone if the
+    exceptions could not be found: the checker says "single values of g" then. With "special
+    functions F(x)" also "and for a general F(x)".
     """
-    functions = [one.removeprefix(SPECIAL_FUNCTIONS) for one in exceptions if one.startswith(SPECIAL_FUNCTIONS)]
-    constants = [", ".join(system.get("parameters") or ())] if len(exceptions) > len(functions) else []
+    functions = [
+        one.removeprefix(SPECIAL_FUNCTIONS)
+        for one in exceptions
+        if one.startswith(SPECIAL_FUNCTIONS)
+    ]
+    constants = (
+        [", ".join(system.get("parameters") or ())] if len(exceptions) > len(functions) else []
+    )
     a = "a " if len(system.get("functions") or ()) == 1 else ""
     general = " and ".join(
-        [*(f"for general {one}" for one in constants), *(f"for {a}general {one}" for one in functions)]
+        [
+            *(f"for general {one}" for one in constants),
+            *(f"for {a}general {one}" for one in functions),
+        ]
     )
     left_out = f" (not decided here: {', '.join(filter(_is_equation, exceptions))})"
     return f"{general}{left_out if any(map(_is_equation, exceptions)) else ''}"
@@ -129,8 +167,12 @@ def _is_equation(exception: str) -> bool:
 
 
 def where(one: Mapping[str, Any]) -> str:
-    """Where a cell lies, in words: " where x*y > 0, on the side of x = 1, y = 1"; nothing for all that is defined."""
-    words = "".join(c if c.isalnum() or c in "_'" else " " for text in one["domain"] for c in f"{text} ").split()
+    """Where a cell lies, in words: " where x*y > 0, on the side of x = 1, y = 1"; nothing for all
+    that is defined.
+    """
+    words = "".join(
+        c if c.isalnum() or c in "_'" else " " for text in one["domain"] for c in f"{text} "
+    ).split()
     point = ", ".join(f"{name} = {value}" for name, value in one["near"].items() if name in words)
     side = f", on the side of {point}" if one["one_side"] and point else ""
     return f" where {', '.join(one['domain'])}{side}" if one["domain"] else ""

@@ -1,8 +1,9 @@
 """Compare the statements of a result with its certificates.
 
-The checker judges the certificates; from them a canonical statement is written. Each field of a result is derived from
-the certificates, or compared with them and with the document as given, or it is listed as not checked: `Examination`
-collects the JSON pointers that a comparison claimed, and every other leaf that says something is listed.
+The checker judges the certificates; from them a canonical statement is written. Each field of a
+result is derived from the certificates, or compared with them and with the document as given, or it
+is listed as not checked: `Examination` collects the JSON pointers that a comparison claimed, and
+every other leaf that says something is listed.
 """
 
 import json
@@ -42,13 +43,21 @@ from inverse_service.service.documents.plain_data import read_json
 
 LONGER = 6  # times as long as what people type may be what we printed
 TIME_LIMIT = 60.0  # of processor time, so that the load of the machine decides no verdict
-# Answers without a verdict; each says what was computed and claims nothing that a certificate could prove.
-_WITHOUT_CLAIM: Final = ("inverse-service/forward/", "inverse-service/simulation/", "inverse-service/work-precision/")
-_NO_CLAIM: Final = "This answer claims no verdict, so there is nothing to check; to check L, solve its equations."
+# Answers without a verdict; each says what was computed and claims nothing that a certificate could
+# prove.
+_WITHOUT_CLAIM: Final = (
+    "inverse-service/forward/",
+    "inverse-service/simulation/",
+    "inverse-service/work-precision/",
+)
+_NO_CLAIM: Final = (
+    "This answer claims no verdict, so there is nothing to check; to check L, solve its equations."
+)
 _NO_RESULT: Final = "The document is not a result: it has no known format, system, and verdict."
 _OPEN: Final = "A verdict is undetermined, or no certificate proves it."
 _VERDICTS: Final = ("variational", "not_variational", "undetermined")
-# The keys of a certificate that the checker reads: of each one, and by `among` and `kind`. Others have no effect.
+# The keys of a certificate that the checker reads: of each one, and by `among` and `kind`. Others
+# have no effect.
 _READ: Final = {
     "format", "question", "claim", "kind", "near", "conditions", "among", "system/coordinates",
     "system/equations", "system/parameters", "system/functions", "system/velocities",
@@ -56,7 +65,14 @@ _READ: Final = {
 _READ_OF: Final = {
     ("", "lagrangian"): {"lagrangian", "integrals", "factors"},
     ("", "existence"): {
-        *("order", "degree", "dimensions", "symbol/dimension", "symbol/prolonged", "symbol/characters")
+        *(
+            "order",
+            "degree",
+            "dimensions",
+            "symbol/dimension",
+            "symbol/prolonged",
+            "symbol/characters",
+        )
     },
     ("", "nonexistence"): {"order", "rows"},
     ("positive_definite", "existence"): {"multiplier"},
@@ -75,19 +91,24 @@ _OF_DOCUMENT: Final = {
 
 
 def check_document(text: str) -> dict[str, Any]:
-    """{format, verdict, statement, cells, contradictions, not_checked, reasons} on the JSON text of one of these.
+    """{format, verdict, statement, cells, contradictions, not_checked, reasons} on the JSON text of
+    one of these.
 
-    A result or a certificate; {"document": …, "result": …}, where the document is that of the user, which else is the
-    one that a result carries as `system.given`; {"system": …, "lagrangian": "…"}, whether a Lagrangian of the user has
-    the equations of a document (`own_lagrangian`); what `solve --format identities` writes. InputError where one of
-    these cannot be read.
+    A result or a certificate; {"document": …, "result": …}, where the document is that of the user,
+    which else is the one that a result carries as `system.given`; {"system": …, "lagrangian": "…"},
+    whether a Lagrangian of the user has the equations of a document (`own_lagrangian`); what `solve
+    --format identities` writes. InputError where one of these cannot be read.
     """
     end = now() + TIME_LIMIT
     try:
         found = read_json(text)
     except InputError:  # the checker says what is wrong with it
         return _answer(checker.check_text(text))
-    if isinstance(found, dict) and found.keys() == {"system", "lagrangian"} and isinstance(found["lagrangian"], str):
+    if (
+        isinstance(found, dict)
+        and found.keys() == {"system", "lagrangian"}
+        and isinstance(found["lagrangian"], str)
+    ):
         return own_lagrangian.check_lagrangian(found["system"], found["lagrangian"], end - now())
     if isinstance(found, dict) and "theorems" in found:
         from inverse_service.explanation.proofs import checked_identities
@@ -113,7 +134,11 @@ def check_plain(result: object, document: object = None) -> dict[str, Any]:
         and verdict in (*_VERDICTS, "differs")
         and isinstance(coordinates, list)
     )
-    if not good or not isinstance(system.get("equations"), dict) or len(as_object(result)) > formulas.MAX_MEMBERS:
+    if (
+        not good
+        or not isinstance(system.get("equations"), dict)
+        or len(as_object(result)) > formulas.MAX_MEMBERS
+    ):
         return _answer(checker.CheckResult("invalid", (_NO_RESULT,)))
     examination = Examination(as_object(result), document, end)
     try:
@@ -132,14 +157,28 @@ def check_plain(result: object, document: object = None) -> dict[str, Any]:
 
 
 def claims_nothing(found: object) -> bool:
-    """Whether it is the answer to another question than whether a Lagrangian exists, alone or with its document."""
+    """Whether it is the answer to another question than whether a Lagrangian exists, alone or with
+    its document.
+    """
     result = as_object(found).get("result", found)
-    return "verdict" not in as_object(result) and str(as_object(result).get("format", "")).startswith(_WITHOUT_CLAIM)
+    return "verdict" not in as_object(result) and str(
+        as_object(result).get("format", "")
+    ).startswith(_WITHOUT_CLAIM)
 
 
 def _answer(found: checker.CheckResult, **more: Any) -> dict[str, Any]:
-    empty: dict[str, Any] = {"statement": None, "cells": [], "contradictions": [], "not_checked": []}
-    return {"format": CHECK_FORMAT, "verdict": found.verdict} | empty | {"reasons": list(found.reasons)} | more
+    empty: dict[str, Any] = {
+        "statement": None,
+        "cells": [],
+        "contradictions": [],
+        "not_checked": [],
+    }
+    return (
+        {"format": CHECK_FORMAT, "verdict": found.verdict}
+        | empty
+        | {"reasons": list(found.reasons)}
+        | more
+    )
 
 
 def _of_certificate(certificate: dict[str, Any], document: object, end: float) -> dict[str, Any]:
@@ -147,7 +186,9 @@ def _of_certificate(certificate: dict[str, Any], document: object, end: float) -
     proof = checker.check_certificate(certificate, time_limit=max(1.0, end - now()))
     found, reasons = proof, proof.reasons
     if document is not None and proof.verdict == "valid":
-        compared = _compared(document, certificate, "velocities" in as_object(certificate.get("system")), end - now())
+        compared = _compared(
+            document, certificate, "velocities" in as_object(certificate.get("system")), end - now()
+        )
         reasons = (*reasons, *compared.reasons)
         found = compared if compared.verdict != "valid" else proof
         proof = comparison.narrowed(certificate, proof, compared.cell, end - now())
@@ -172,7 +213,9 @@ class Shown:
     kind: str = ""
     around: Any = None  # the domain of the answer around one about a kind
     key: str = "verdict"  # under which the verdict is
-    follows: bool = False  # whether it is about another system, that follows from the one of the document
+    follows: bool = (
+        False  # whether it is about another system, that follows from the one of the document
+    )
 
 
 @dataclass(slots=True)
@@ -190,7 +233,9 @@ class Examination:
     proofs: dict[str, checker.CheckResult] = field(default_factory=dict)
     compared: dict[str, checker.CheckResult] = field(default_factory=dict)
     cells: list[dict[str, Any]] = field(default_factory=list)
-    timed_cells: list[dict[str, Any]] = field(default_factory=list)  # of answers on L(t, q, q') beside the main ones
+    timed_cells: list[dict[str, Any]] = field(
+        default_factory=list
+    )  # of answers on L(t, q, q') beside the main ones
     statement: dict[str, Any] | None = None
     further: list[dict[str, Any]] = field(default_factory=list)  # about the motion on constraints
     has_document: bool = False
@@ -219,7 +264,10 @@ class Examination:
 
     def report(self) -> dict[str, Any]:
         verdict = "invalid" if self.contradictions else "incomplete" if self.open else "valid"
-        wrong = [f"{one['field'] or 'the result'}: {one['proven'] or one['says']}" for one in self.contradictions]
+        wrong = [
+            f"{one['field'] or 'the result'}: {one['proven'] or one['says']}"
+            for one in self.contradictions
+        ]
         listed = [place for place in unclaimed(self.result, "", self.claimed) if place]
         listed += [place for place in self.open_places if place not in listed]
         reasons = [*wrong, *self.open] if verdict != "valid" else [*dict.fromkeys(self.reasons)]
@@ -239,7 +287,12 @@ class Examination:
         own = system_fields(result)
         given = system.get("given")
         document = given if self.handed is None else self.handed
-        self.agree("/format", result["format"] == formulas.RESULT_FORMAT, result["format"], formulas.RESULT_FORMAT)
+        self.agree(
+            "/format",
+            result["format"] == formulas.RESULT_FORMAT,
+            result["format"],
+            formulas.RESULT_FORMAT,
+        )
         if self.handed is not None and given is not None:
             self.claim(*(["/system/given"] if given == self.handed else []))
         self.has_document = document is not None
@@ -251,30 +304,54 @@ class Examination:
         ready = accepting.prepared(document)
         plain = ready.document
         if "time" in system and (self.has_document or system["time"] == "t"):
-            self.agree("/system/time", system["time"] == ready.time, system["time"], f"It is called {ready.time}.")
+            self.agree(
+                "/system/time",
+                system["time"] == ready.time,
+                system["time"],
+                f"It is called {ready.time}.",
+            )
         if isinstance(document, dict) and "id" in document:
             for key in ("id", "document_id"):
                 good = result.get(key, document["id"]) == document["id"]
                 self.agree(f"/{key}", good, result.get(key), "the id as given")
             self.claim("/system/given/id")
-        if isinstance(document, dict) and system.get("name") and document.get("name") == system.get("name"):
+        if (
+            isinstance(document, dict)
+            and system.get("name")
+            and document.get("name") == system.get("name")
+        ):
             self.claim("/system/name", "/system/given/name")
-        moving = isinstance(plain, dict) and (accepting.is_nonholonomic(plain) or accepting.is_motion(plain))
+        moving = isinstance(plain, dict) and (
+            accepting.is_nonholonomic(plain) or accepting.is_motion(plain)
+        )
         timed = self.question(plain, own)
         branches = result.get("branches") or []
-        first = {key: branches[0].get(key) for key in ("verdict", "verdict_with_time") if self.differ(key)}
+        first = {
+            key: branches[0].get(key)
+            for key in ("verdict", "verdict_with_time")
+            if self.differ(key)
+        }
         main = self.main(result | first, "", timed, own)
         for key in ("verdict", "verdict_with_time"):
             if key in first or result.get(key) == "differs":
                 good = (result.get(key) == "differs") is (key in first)
-                self.agree(f"/{key}", good, result.get(key), "It does not follow from the verdicts of the cells.")
+                self.agree(
+                    f"/{key}",
+                    good,
+                    result.get(key),
+                    "It does not follow from the verdicts of the cells.",
+                )
         for place, branch in enumerate(result.get("branches") or []):
             at = f"/branches/{place}"
             if place == 0:
                 for key, value in branch.items():
                     several = key in ("verdict", "verdict_with_time") and self.differ(key)
                     if value != result.get(key) and not several:
-                        self.contradict(f"{at}/{key}", value, "The first branch does not agree with the main fields.")
+                        self.contradict(
+                            f"{at}/{key}",
+                            value,
+                            "The first branch does not agree with the main fields.",
+                        )
             main = self.main(branch, at, timed, own) and main
         self.kinds(plain, own, moving)
         self.instead(document, own)
@@ -293,7 +370,9 @@ class Examination:
         self.answers()
         if not self.contradictions:
             both = [canonical.of_cells(own, each) for each in (self.cells, self.timed_cells)]
-            if both[1] and stated.statements_of(result)[0].at.endswith("/with_time"):  # what people are shown first
+            if both[1] and stated.statements_of(result)[0].at.endswith(
+                "/with_time"
+            ):  # what people are shown first
                 both.reverse()
             self.statement = canonical.joined([*both, *self.further])
 
@@ -302,7 +381,9 @@ class Examination:
         if (listed := self.result.get("answers")) is None:  # of a program that wrote none
             return
         made = {_identity(one): one for one in stated.answers_of({**self.result, "answers": []})}
-        self.agree("/answers", len(listed) == len(made), len(listed), f"There are {len(made)} answers.")
+        self.agree(
+            "/answers", len(listed) == len(made), len(listed), f"There are {len(made)} answers."
+        )
         for place, one in enumerate(listed):
             wanted = made.pop(_identity(one), None)
             if wanted is None:
@@ -311,7 +392,12 @@ class Examination:
             for key in sorted(one.keys() | wanted.keys()):
                 says, other = (_text(part.get(key)) for part in (one, wanted))
                 good = one.get(key) == wanted.get(key)
-                self.agree(f"/answers/{place}/{key}", good, str(says)[:200], f"It is {str(other)[:200]} in its field.")
+                self.agree(
+                    f"/answers/{place}/{key}",
+                    good,
+                    str(says)[:200],
+                    f"It is {str(other)[:200]} in its field.",
+                )
 
     def differ(self, key: str) -> bool:
         """Whether the cells have different verdicts."""
@@ -323,40 +409,73 @@ class Examination:
         asked = isinstance(plain, dict) and plain.get("time_dependent_lagrangian") is True
         timed, stated = contains or asked, self.result.get("question")
         if stated is not None:
-            if self.result["system"].get("given") is None and self.handed is None:  # no other question was asked
+            if (
+                self.result["system"].get("given") is None and self.handed is None
+            ):  # no other question was asked
                 timed = timed or stated == canonical.QUESTIONS["time_dependent"]
             proven = canonical.QUESTIONS["time_dependent" if timed else "autonomous"]
             self.agree("/question", stated == proven, stated, f"The question is that of {proven}.")
         return timed
 
     def all_integrals(self, part: dict[str, Any], at: str, own: dict[str, Any]) -> None:
-        """That there are no other first integrals: a certificate about the system with some of those listed."""
+        """That there are no other first integrals: a certificate about the system with some of
+        those listed.
+        """
         found = as_object(part.get("first_integrals_complete"))
         if not found:
             return
         at, certificate = f"{at}/first_integrals_complete", as_object(found.get("certificate"))
         proof = checker.check_certificate(certificate, time_limit=max(1.0, self.end - now()))
-        good = certificate.get("format") == conserved.FORMAT and proof.verdict == found.get("checked") == "valid"
-        self.agree(f"{at}/checked", good, found.get("checked"), "The certificate does not prove it.")
+        good = (
+            certificate.get("format") == conserved.FORMAT
+            and proof.verdict == found.get("checked") == "valid"
+        )
+        self.agree(
+            f"{at}/checked", good, found.get("checked"), "The certificate does not prove it."
+        )
         for key, proven in (
             ("degree", certificate.get("degree")),
             ("number", certificate.get("number")),
             ("timed", certificate.get("question") == "time_dependent"),
         ):
-            self.agree(f"{at}/{key}", found.get(key) == proven, found.get(key), f"The certificate says {proven}.")
+            self.agree(
+                f"{at}/{key}",
+                found.get(key) == proven,
+                found.get(key),
+                f"The certificate says {proven}.",
+            )
         listed = [as_object(one).get("text") for one in part.get("first_integrals") or []]
-        same = system_fields(certificate) == own and all(one in listed for one in certificate.get("integrals") or [])
-        self.agree(f"{at}/certificate", same, "", "It is about another system, or about integrals that are not listed.")
+        same = system_fields(certificate) == own and all(
+            one in listed for one in certificate.get("integrals") or []
+        )
+        self.agree(
+            f"{at}/certificate",
+            same,
+            "",
+            "It is about another system, or about integrals that are not listed.",
+        )
         of = at.removesuffix("_complete")
-        self.claim(*(f"{of}/{k}/text" for k, one in enumerate(listed) if one in certificate.get("integrals", [])))
+        self.claim(
+            *(
+                f"{of}/{k}/text"
+                for k, one in enumerate(listed)
+                if one in certificate.get("integrals", [])
+            )
+        )
 
     def main(self, part: dict[str, Any], at: str, timed: bool, own: dict[str, Any]) -> bool:
         """The answers to both questions on one cell; whether both are decided."""
         self.all_integrals(part, at, own)
-        verdict, later, other = part.get("verdict"), part.get("verdict_with_time"), part.get("with_time")
+        verdict, later, other = (
+            part.get("verdict"),
+            part.get("verdict_with_time"),
+            part.get("with_time"),
+        )
         asked = "time_dependent" if timed else "autonomous"
         if timed and later not in (None, verdict):
-            self.contradict(f"{at}/verdict_with_time", later, "The two answers to the same question differ.")
+            self.contradict(
+                f"{at}/verdict_with_time", later, "The two answers to the same question differ."
+            )
         for key, value in (("verdict", verdict), ("verdict_with_time", later)):
             if value not in (*_VERDICTS, None) and (at or value != "differs"):
                 self.contradict(f"{at}/{key}", value, "It is no verdict.")
@@ -365,7 +484,9 @@ class Examination:
         shown = [Shown(at, part, asked, verdict, own)]
         if other is not None:
             if other.get("verdict") not in (None, later):
-                self.contradict(f"{at}/with_time/verdict", other.get("verdict"), "verdict_with_time is another.")
+                self.contradict(
+                    f"{at}/with_time/verdict", other.get("verdict"), "verdict_with_time is another."
+                )
             shown.append(Shown(f"{at}/with_time", other, "time_dependent", later, own))
         certificates = [self.answer(one) for one in shown]
         proven = [one for one in certificates if one is not None]
@@ -378,19 +499,33 @@ class Examination:
             proof = self.proof(certificates[0])
             energy = part.get("hamiltonian") if f"{at}/hamiltonian/text" in self.claimed else None
             whole = f"{at}/hamiltonian/domain" in self.claimed
-            self.cells.append(canonical.cell(own, str(verdict), certificates[0], proof, energy, whole))
-        if other is not None and later != "undetermined" and (certificate := certificates[1]) is not None:
-            energy = other.get("hamiltonian") if f"{at}/with_time/hamiltonian/text" in self.claimed else None
+            self.cells.append(
+                canonical.cell(own, str(verdict), certificates[0], proof, energy, whole)
+            )
+        if (
+            other is not None
+            and later != "undetermined"
+            and (certificate := certificates[1]) is not None
+        ):
+            energy = (
+                other.get("hamiltonian")
+                if f"{at}/with_time/hamiltonian/text" in self.claimed
+                else None
+            )
             whole = f"{at}/with_time/hamiltonian/domain" in self.claimed
             proof = self.proof(certificate)
-            self.timed_cells.append(canonical.cell(own, str(later), certificate, proof, energy, whole))
+            self.timed_cells.append(
+                canonical.cell(own, str(later), certificate, proof, energy, whole)
+            )
         return good and None not in certificates and "undetermined" not in (verdict, later)
 
     def proof(self, certificate: dict[str, Any]) -> checker.CheckResult:
         """The checker's verdict, found once."""
         key = json.dumps(certificate, sort_keys=True)
         if key not in self.proofs:
-            self.proofs[key] = checker.check_certificate(certificate, time_limit=max(1.0, self.end - now()))
+            self.proofs[key] = checker.check_certificate(
+                certificate, time_limit=max(1.0, self.end - now())
+            )
         return self.proofs[key]
 
     def narrow(self, certificate: dict[str, Any], where: Cell | None) -> checker.CheckResult:
@@ -418,7 +553,9 @@ class Examination:
             self.contradict(f"{at}/certificate", certificate.get("claim"), proof.reasons[0])
             return None
         good = self.fits(shown, certificate)
-        self.agree(f"{at}/{shown.key}", good, shown.verdict, "Its certificate makes a different claim.")
+        self.agree(
+            f"{at}/{shown.key}", good, shown.verdict, "Its certificate makes a different claim."
+        )
         same = _same_system(system_fields(certificate), shown.system)
         if not same:
             self.contradict(f"{at}/certificate/system", "", "It is about a different system.")
@@ -431,11 +568,20 @@ class Examination:
         if not shown.follows:
             proof = self.narrow(certificate, self.with_document(certificate))
             # A part of a result that an older program wrote has no list.
-            self.exceptions(at, part.get("exceptions", [*proof.exceptions] if shown.kind else []), proof.exceptions)
+            self.exceptions(
+                at,
+                part.get("exceptions", [*proof.exceptions] if shown.kind else []),
+                proof.exceptions,
+            )
         elif "exceptions" in part:
             self.exceptions(at, part["exceptions"], proof.exceptions)
         if "checked" in part:
-            self.agree(f"{at}/checked", part["checked"] == "valid", part["checked"], "The checker says valid.")
+            self.agree(
+                f"{at}/checked",
+                part["checked"] == "valid",
+                part["checked"],
+                "The checker says valid.",
+            )
         self.formulas(shown, certificate)
         self.domains(shown, certificate, proof)
         self.energy(shown, certificate)
@@ -443,7 +589,9 @@ class Examination:
 
     def fits(self, shown: Shown, certificate: dict[str, Any]) -> bool:
         among, no = certificate.get("among"), shown.verdict == "not_variational"
-        friction = "rayleigh" in shown.kind  # with which there may be a Lagrangian where none is without
+        friction = (
+            "rayleigh" in shown.kind
+        )  # with which there may be a Lagrangian where none is without
         whole = shown.kind in ("", "time") or (no and not friction)
         good = named(among) == shown.kind if among is not None else whole
         return good and proves(certificate, shown.question, shown.verdict)
@@ -456,29 +604,56 @@ class Examination:
             place = f"{at}/{key}/text" if isinstance(part.get(key), dict) else f"{at}/{key}"
             if isinstance(part.get(key), str):
                 self.contradict(place, says, "A formula is an object with text and LaTeX.")
-            same = (says is None) == (proven is None) and (says is None or _tokens(says) == _tokens(proven))
-            self.agree(place, same, says, f"Its certificate proves {proven or 'that one exists, and gives none'}.")
+            same = (says is None) == (proven is None) and (
+                says is None or _tokens(says) == _tokens(proven)
+            )
+            self.agree(
+                place,
+                same,
+                says,
+                f"Its certificate proves {proven or 'that one exists, and gives none'}.",
+            )
             if same and says is not None and isinstance(part[key], dict):
                 self.latex(f"{at}/{key}", part[key], certificate, shown.system)
         if part.get("integrals"):
             proven = certificate.get("integrals")
-            self.agree(f"{at}/integrals", part["integrals"] == proven, "", "The certificate has different integrals.")
+            self.agree(
+                f"{at}/integrals",
+                part["integrals"] == proven,
+                "",
+                "The certificate has different integrals.",
+            )
         if defined := as_object(part.get("lagrangian")).get("auxiliary"):
             good = defined == certificate.get("integrals")
-            self.agree(f"{at}/lagrangian/auxiliary", good, "", "The certificate has different integrals.")
+            self.agree(
+                f"{at}/lagrangian/auxiliary", good, "", "The certificate has different integrals."
+            )
 
-    def latex(self, at: str, part: dict[str, Any], certificate: dict[str, Any], system: dict[str, Any]) -> None:
+    def latex(
+        self, at: str, part: dict[str, Any], certificate: dict[str, Any], system: dict[str, Any]
+    ) -> None:
         """Claim the LaTeX if it is that of the formula."""
         names = certify.names_of(system, certificate, part.get("momenta") or ())
-        if part.get("latex") and part["latex"] == to_latex(reader.read_formula(part["text"], names)):
+        if part.get("latex") and part["latex"] == to_latex(
+            reader.read_formula(part["text"], names)
+        ):
             self.claim(f"{at}/latex")
 
-    def domains(self, shown: Shown, certificate: dict[str, Any], proof: checker.CheckResult) -> None:
-        """Each stated domain has all members of the cell that was proven: of the verdict, or of L."""
+    def domains(
+        self, shown: Shown, certificate: dict[str, Any], proof: checker.CheckResult
+    ) -> None:
+        """Each stated domain has all members of the cell that was proven: of the verdict, or of
+        L.
+        """
         at, part = shown.at, shown.part
         near = certificate.get("near") or {}
         if part.get("near"):
-            self.agree(f"{at}/near", part["near"] == near, part["near"], "The certificate is about another point.")
+            self.agree(
+                f"{at}/near",
+                part["near"] == near,
+                part["near"],
+                "The certificate is about another point.",
+            )
         shape = part.get("lagrangian") if isinstance(part.get("lagrangian"), dict) else {}
         holders = [
             (f"{at}/domain", part.get("domain"), proof.cell),
@@ -491,12 +666,21 @@ class Examination:
             self.domain(place, says, cell, certificate, shown.around or [])
 
     def domain(
-        self, at: str, stated: Sequence[str], cell: Cell | None, certificate: dict[str, Any], around: Sequence[str] = ()
+        self,
+        at: str,
+        stated: Sequence[str],
+        cell: Cell | None,
+        certificate: dict[str, Any],
+        around: Sequence[str] = (),
     ) -> None:
-        """A stated domain has all members of the cell; about a kind, together with that of the answer around it."""
+        """A stated domain has all members of the cell; about a kind, together with that of the
+        answer around it.
+        """
         whole = [*stated, *(one for one in around if one not in stated)]
         if cell is not None and cell.unknown:
-            self.unsettled(f"The formulas are too long to determine what {at or '/domain'} has to contain.")
+            self.unsettled(
+                f"The formulas are too long to determine what {at or '/domain'} has to contain."
+            )
             return
         missing, beyond = comparison.lacking(certificate, whole, cell, self.end - now())
         if missing:
@@ -505,11 +689,19 @@ class Examination:
             self.claim(*(f"{at}/{k}" for k in range(len(stated)) if k not in beyond))
 
     def exceptions(self, at: str, stated: Sequence[str], found: Sequence[str]) -> None:
-        """The stated list has all values of parameters for which the proof is none, each of which is proven one."""
+        """The stated list has all values of parameters for which the proof is none, each of which
+        is proven one.
+        """
         place = f"{at}/exceptions"
-        is_cut = any(one.startswith("single values") for one in (*found, *stated)) or now() > self.end
-        if is_cut or {one for one in stated if not one.startswith(SPECIAL_FUNCTIONS)} == {*found} != {*stated}:
-            self.open_places.append(place)  # for one of both the time was over, before it was known of functions
+        is_cut = (
+            any(one.startswith("single values") for one in (*found, *stated)) or now() > self.end
+        )
+        if is_cut or {one for one in stated if not one.startswith(SPECIAL_FUNCTIONS)} == {
+            *found
+        } != {*stated}:
+            self.open_places.append(
+                place
+            )  # for one of both the time was over, before it was known of functions
             return
         proven = f"It is proven for general parameters, without {', '.join(found) or 'exceptions'}."
         good = isinstance(stated, list) and {*stated} == {*found}
@@ -521,7 +713,9 @@ class Examination:
         if energy is None:
             return
         if not isinstance(energy, dict) or not isinstance(certificate.get("lagrangian"), str):
-            self.contradict(at, _text(energy), "It belongs to no Lagrangian that a certificate proves.")
+            self.contradict(
+                at, _text(energy), "It belongs to no Lagrangian that a certificate proves."
+            )
             return
         found = comparison.judge_hamiltonian(certificate, energy, self.end - now())
         if found.verdict == "invalid":
@@ -538,8 +732,12 @@ class Examination:
             self.latex(at, energy, certificate, shown.system)
             self.mass_matrix(at, energy, certificate["lagrangian"], names)
 
-    def mass_matrix(self, at: str, energy: dict[str, Any], lagrangian: str, names: nm.Names) -> None:
-        """Claim M and V of H = p^T M^-1 p/2 + V where M are the slopes of p = M v, and V is -L without velocities."""
+    def mass_matrix(
+        self, at: str, energy: dict[str, Any], lagrangian: str, names: nm.Names
+    ) -> None:
+        """Claim M and V of H = p^T M^-1 p/2 + V where M are the slopes of p = M v, and V is -L
+        without velocities.
+        """
         rows, potential = energy.get("mass_matrix"), energy.get("potential")
         if not rows or not potential:
             return
@@ -556,18 +754,25 @@ class Examination:
         whole = ex.substitute(reader.read_formula(lagrangian, names), at_rest)
         differences.append(whole + reader.read_formula(potential["text"], names))
         if any(map(_is_surely_nonzero, differences)):
-            self.contradict(f"{at}/mass_matrix", str(rows)[:200], "M and V are not those of this H.")
+            self.contradict(
+                f"{at}/mass_matrix", str(rows)[:200], "M and V are not those of this H."
+            )
         elif all(collecting.collect(tree) == ex.ZERO for tree in differences):
             self.claim(f"{at}/mass_matrix", f"{at}/potential/text")
             if potential.get("latex") == to_latex(reader.read_formula(potential["text"], names)):
                 self.claim(f"{at}/potential/latex")
 
     def with_document(self, certificate: dict[str, Any], moving: bool = False) -> Cell | None:
-        """The system of a certificate is that of the document on the set of the claim, where the cell has no more."""
+        """The system of a certificate is that of the document on the set of the claim, where the
+        cell has no more.
+        """
         document = self.result["system"].get("given") if self.handed is None else self.handed
         if document is None:
             return None
-        parts = [moving, *(certificate.get(key) for key in ("system", "near", "conditions", "roots"))]
+        parts = [
+            moving,
+            *(certificate.get(key) for key in ("system", "near", "conditions", "roots")),
+        ]
         key = json.dumps(parts, sort_keys=True)
         if key not in self.compared:
             found = self.compared[key] = _compared(document, certificate, moving, self.end - now())
@@ -599,7 +804,12 @@ class Examination:
                 continue
             if "given" in self.result["system"] or self.handed is not None:
                 good = name in known and among in (None, known[name])
-                self.agree(f"{at}/certificate/among", good, str(among), "The document requests other types.")
+                self.agree(
+                    f"{at}/certificate/among",
+                    good,
+                    str(among),
+                    "The document requests other types.",
+                )
             around = self.result.get("domain") or []
             settled = self.answer(Shown(at, part, question, part.get("verdict"), own, name, around))
             if part.get("verdict") != "undetermined" and settled is None:
@@ -611,14 +821,23 @@ class Examination:
             return
         kind = part.get("kind")
         if kind in ("time", "rayleigh"):
-            asked = "time_dependent" if kind == "time" or _contains_time(own["equations"]) else "autonomous"
+            asked = (
+                "time_dependent"
+                if kind == "time" or _contains_time(own["equations"])
+                else "autonomous"
+            )
             around = self.result.get("domain") or []
-            if self.answer(Shown("/instead", part, asked, "variational", own, kind, around)) is None:
+            if (
+                self.answer(Shown("/instead", part, asked, "variational", own, kind, around))
+                is None
+            ):
                 self.unsettled("/instead: no certificate proves it.")
             self.claim("/instead/kind")
             return
         if kind not in ("parameters", "reduced"):
-            self.contradict("/instead/kind", str(kind), "It is not one of time, rayleigh, parameters, reduced.")
+            self.contradict(
+                "/instead/kind", str(kind), "It is not one of time, rayleigh, parameters, reduced."
+            )
             return
         if kind == "parameters":
             found = derived.system_there(document, part.get("conditions"))
@@ -630,24 +849,38 @@ class Examination:
                 self.claim(*(f"/instead/{key}" for key in derived.OF_REDUCED))
 
     def left_out(self, document: Any) -> None:
-        """The answers at the special values of the parameters that the main answer does not cover."""
+        """The answers at the special values of the parameters that the main answer does not
+        cover.
+        """
         holders = (self.result, as_object(self.result.get("with_time")))
         proven = {text for one in holders for text in one.get("exceptions") or ()}
         for k, part in enumerate(self.result.get("left_out") or ()):
             at, text = f"/left_out/{k}", part["where"]["text"]
             if text not in proven:
                 self.open_places.append(at)  # equations between functions
-                self.agree(f"{at}/decided", part["decided"] is False, part["decided"], "No special value is decided.")
+                self.agree(
+                    f"{at}/decided",
+                    part["decided"] is False,
+                    part["decided"],
+                    "No special value is decided.",
+                )
                 continue
             self.claim(f"{at}/where/text")
             if part["decided"]:
                 system = derived.system_at(document, text)
                 self.about_another(at, part, system, ("equations", "decided"))
             else:
-                self.agree(f"{at}/verdict", part["verdict"] == "undetermined", part["verdict"], "It is not decided.")
+                self.agree(
+                    f"{at}/verdict",
+                    part["verdict"] == "undetermined",
+                    part["verdict"],
+                    "It is not decided.",
+                )
 
     def family(self, document: Any) -> None:
-        """Each leaf with a proof: its equations are those of its solved member, about which the certificate is."""
+        """Each leaf with a proof: its equations are those of its solved member, about which the
+        certificate is.
+        """
         part = as_object(self.result.get("family"))
         for k, leaf in enumerate(part.get("leaves") or ()):
             at, proof = f"/family/leaves/{k}", as_object(leaf.get("proof"))
@@ -674,9 +907,16 @@ class Examination:
             self.open_places.append("/family/covered")
 
     def leaf_proof(
-        self, at: str, name: str, leaf: dict[str, Any], proof: dict[str, Any], own: dict[str, Any] | None
+        self,
+        at: str,
+        name: str,
+        leaf: dict[str, Any],
+        proof: dict[str, Any],
+        own: dict[str, Any] | None,
     ) -> None:
-        """A certificate about the general member of a leaf, which proves its verdicts and its Lagrangian."""
+        """A certificate about the general member of a leaf, which proves its verdicts and its
+        Lagrangian.
+        """
         if own is None or proof.get("equations") != own["equations"]:
             self.contradict(f"{at}/{name}", "", "It is not about the general member of the leaf.")
             return
@@ -694,18 +934,31 @@ class Examination:
             shown = {key: shown[key] for key in ("certificate", "checked", "exceptions", "domain")}
         question = str(certificate.get("question"))
         held, place = {*self.claimed}, f"{at}/{name}"
-        if self.answer(Shown(place, shown, question, str(claim), own, key="verdict", follows=True)) is None:
+        if (
+            self.answer(Shown(place, shown, question, str(claim), own, key="verdict", follows=True))
+            is None
+        ):
             self.unsettled(f"{place}: no certificate proves it.")
             return
         found = self.proof(certificate).exceptions
         self.exceptions(place, shown["exceptions"], found)
-        moved = {one for one in self.claimed - held if one.startswith((f"{place}/lagrangian", f"{place}/hamiltonian"))}
+        moved = {
+            one
+            for one in self.claimed - held
+            if one.startswith((f"{place}/lagrangian", f"{place}/hamiltonian"))
+        }
         self.claim(*(one.replace(place, at, 1) for one in moved))
         main_is_timed = leaf.get("verdict_with_time") is None or _contains_time(own["equations"])
         for key, asks_time in (("verdict", main_is_timed and timed), ("verdict_with_time", True)):
-            covers = timed is asks_time or (not timed and claim == "variational") or (timed and claim != "variational")
+            covers = (
+                timed is asks_time
+                or (not timed and claim == "variational")
+                or (timed and claim != "variational")
+            )
             if covers and leaf.get(key) is not None:
-                self.agree(f"{at}/{key}", leaf[key] == claim, leaf[key], f"Its certificate proves {claim}.")
+                self.agree(
+                    f"{at}/{key}", leaf[key] == claim, leaf[key], f"Its certificate proves {claim}."
+                )
 
     def about_another(
         self,
@@ -715,20 +968,37 @@ class Examination:
         compared: Sequence[str] = ("equations", "factor"),
         key: str = "verdict",
     ) -> None:
-        """An answer about a system that follows from that of the document; with it these fields are compared."""
+        """An answer about a system that follows from that of the document; with it these fields are
+        compared.
+        """
         verdict = part.get(key, "variational")
         if verdict == "undetermined" and not part.get("certificate") and not part.get("equations"):
             self.claim(f"{at}/{key}", f"{at}/factor")  # nothing was found
             return
         own = None if system is None else translate.plain_fields(system)
         if system is None or own is None or part.get("equations") != own["equations"]:
-            self.contradict(at, verdict, "It is not about the system that follows from the document's.")
+            self.contradict(
+                at, verdict, "It is not about the system that follows from the document's."
+            )
             return
         self.claim(*(f"{at}/{name}" for name in compared))
-        certificate, questions = as_object(part.get("certificate")), derived.questions_of(part, system)
-        if system.positive and certificate and not derived.is_inside(system, certificate.get("near") or {}):
-            self.contradict(f"{at}/certificate/near", "", "It is about a different branch of signs.")
-        question = certificate.get("question") if certificate.get("question") in questions else questions[0]
+        certificate, questions = (
+            as_object(part.get("certificate")),
+            derived.questions_of(part, system),
+        )
+        if (
+            system.positive
+            and certificate
+            and not derived.is_inside(system, certificate.get("near") or {})
+        ):
+            self.contradict(
+                f"{at}/certificate/near", "", "It is about a different branch of signs."
+            )
+        question = (
+            certificate.get("question")
+            if certificate.get("question") in questions
+            else questions[0]
+        )
         found = self.answer(Shown(at, part, str(question), verdict, own, key=key, follows=True))
         if found is None and verdict != "undetermined":
             self.unsettled(f"{at}: no certificate proves it.")
@@ -749,13 +1019,18 @@ class Examination:
     def motions(self, plain: Any, timed: bool) -> None:
         """The statements about a motion on constraints, on each branch."""
         branches = self.result.get("branches") or []
-        for at, holder in [("", self.result), *((f"/branches/{k}", one) for k, one in enumerate(branches))]:
+        for at, holder in [
+            ("", self.result),
+            *((f"/branches/{k}", one) for k, one in enumerate(branches)),
+        ]:
             part = holder.get("any_associated")
             if part is not None:
                 self.motion(f"{at}/any_associated", part, plain, timed)
 
     def motion(self, at: str, part: dict[str, Any], plain: Any, timed: bool) -> None:
-        keys = [key for key in ("certificate", "certificate_with_time") if part.get(key) is not None]
+        keys = [
+            key for key in ("certificate", "certificate_with_time") if part.get(key) is not None
+        ]
         certificates = [part[key] for key in keys]
         for key, certificate in zip(keys, certificates, strict=True):
             proof = self.proof(certificate)
@@ -763,12 +1038,17 @@ class Examination:
             if proof.verdict == "invalid":
                 self.contradict(f"{at}/{key}", certificate.get("claim"), proof.reasons[0])
                 return
-            # One without velocities is about the free coordinates alone, whose equations contain no others.
+            # One without velocities is about the free coordinates alone, whose equations contain no
+            # others.
             alone = "velocities" not in as_object(certificate.get("system"))
             if alone and not self.has_document:
-                self.unsettled(f"{at}/{key} is about the free coordinates alone: the document is needed.")
+                self.unsettled(
+                    f"{at}/{key} is about the free coordinates alone: the document is needed."
+                )
                 return
-            if (alone and certificate["claim"] != "variational") or certificate.get("among") is not None:
+            if (alone and certificate["claim"] != "variational") or certificate.get(
+                "among"
+            ) is not None:
                 self.contradict(f"{at}/{key}/system", "", "It is about a different system.")
                 return
             if proof.verdict == "incomplete":
@@ -777,32 +1057,61 @@ class Examination:
             self.reasons.extend(proof.reasons)
             self.narrow(certificate, self.with_document(certificate, moving=True))
             self.further.append(canonical.of_certificate(certificate, proof))
-        parts = [one["system"].get(key) or {} for one in certificates for key in ("equations", "velocities")]
+        parts = [
+            one["system"].get(key) or {}
+            for one in certificates
+            for key in ("equations", "velocities")
+        ]
         timed = timed or any(map(_contains_time, parts))
         if any(one["system"] != certificates[0]["system"] for one in certificates):
             self.contradict(f"{at}/certificate_with_time/system", "", "It is about two motions.")
-        asked = {"verdict": "time_dependent" if timed else "autonomous", "verdict_with_time": "time_dependent"}
+        asked = {
+            "verdict": "time_dependent" if timed else "autonomous",
+            "verdict_with_time": "time_dependent",
+        }
         for key, question in asked.items():
-            good = part.get(key) == "undetermined" or any(proves(one, question, part.get(key)) for one in certificates)
+            good = part.get(key) == "undetermined" or any(
+                proves(one, question, part.get(key)) for one in certificates
+            )
             self.agree(f"{at}/{key}", good, part.get(key), "No certificate claims that.")
-        used = all(any(proves(one, asked[key], part.get(key)) for key in asked) for one in certificates)
+        used = all(
+            any(proves(one, asked[key], part.get(key)) for key in asked) for one in certificates
+        )
         self.agree(f"{at}/certificate/claim", used, "", "A certificate claims another verdict.")
         proofs = [one for one in certificates if one["kind"] == "lagrangian"]
         says, shape = _text(part.get("lagrangian")), as_object(part.get("lagrangian"))
-        same_ones = [one for one in proofs if says is not None and _tokens(says) == _tokens(one["lagrangian"])]
-        place, good = (f"{at}/lagrangian", not proofs) if says is None else (f"{at}/lagrangian/text", same_ones)
+        same_ones = [
+            one
+            for one in proofs
+            if says is not None and _tokens(says) == _tokens(one["lagrangian"])
+        ]
+        place, good = (
+            (f"{at}/lagrangian", not proofs)
+            if says is None
+            else (f"{at}/lagrangian/text", same_ones)
+        )
         self.agree(place, good, says, "Its certificate proves another.")
         for one in same_ones[:1] if "domain" in shape else ():
             self.domain(f"{at}/lagrangian/domain", shape["domain"], self.proof(one).formulas, one)
         if part.get("checked") is not None and certificates:
-            self.agree(f"{at}/checked", part["checked"] == "valid", part["checked"], "The checker says valid.")
+            self.agree(
+                f"{at}/checked",
+                part["checked"] == "valid",
+                part["checked"],
+                "The checker says valid.",
+            )
         found = [one for certificate in certificates for one in self.proof(certificate).exceptions]
         self.exceptions(at, part.get("exceptions", found), found)
-        if "undetermined" in (part.get("verdict"), part.get("verdict_with_time")) and growing.asks_motion_alone(plain):
+        if "undetermined" in (
+            part.get("verdict"),
+            part.get("verdict_with_time"),
+        ) and growing.asks_motion_alone(plain):
             self.unsettled(_OPEN)
 
     def associated(self, plain: Any, own: dict[str, Any]) -> None:
-        """The associated system of the main fields is the one that the document names; the image of D is that of D."""
+        """The associated system of the main fields is the one that the document names; the image of
+        D is that of D.
+        """
         from inverse_service.service.documents import motion_documents
 
         result, alone = self.result, growing.asks_motion_alone(plain)
@@ -810,35 +1119,58 @@ class Examination:
         if made is not None:
             for name in ("coordinates", "parameters", "functions") if alone else ():
                 good = own[name] == made[name]
-                self.agree(f"/system/{name}", good, str(own[name]), f"The document has {made[name]}.")
-            same = comparison.same_formulas(own["equations"], made["equations"], certify.names_of(own))
+                self.agree(
+                    f"/system/{name}", good, str(own[name]), f"The document has {made[name]}."
+                )
+            same = comparison.same_formulas(
+                own["equations"], made["equations"], certify.names_of(own)
+            )
             if same is None and not alone:
-                self.unsettled("It could not be decided whether this is the associated system that the document names.")
+                self.unsettled(
+                    "It could not be decided whether this is the associated system that the document names."
+                )
             elif same is not None and alone:
                 self.agree("/system/equations", same, "", "They are not those of the document.")
             elif same is not None:
                 asked = plain.get("associated")
-                self.agree("/system/given/associated", same, asked, "The equations are another associated system.")
+                self.agree(
+                    "/system/given/associated",
+                    same,
+                    asked,
+                    "The equations are another associated system.",
+                )
         energy = result.get("hamiltonian")
         certificate = as_object(result.get("certificate"))
-        if isinstance(energy, dict) and energy.get("constraints") and "/hamiltonian/momenta" in self.claimed:
-            good = comparison.image_agrees(plain, energy, certify.names_of(own, certificate, energy["momenta"]))
+        if (
+            isinstance(energy, dict)
+            and energy.get("constraints")
+            and "/hamiltonian/momenta" in self.claimed
+        ):
+            good = comparison.image_agrees(
+                plain, energy, certify.names_of(own, certificate, energy["momenta"])
+            )
             if good is not None:
                 proven = "It is not the image of the constraints."
                 self.agree("/hamiltonian/constraints", good, energy["constraints"], proven)
                 if energy.get("image"):
-                    same = good and [one["text"] for one in energy["image"]] == energy["constraints"]
+                    same = (
+                        good and [one["text"] for one in energy["image"]] == energy["constraints"]
+                    )
                     self.agree("/hamiltonian/image", same, str(energy["image"])[:200], proven)
 
     def covered(self, plain: Any) -> None:
-        """Every point of the document that is found lies in a cell that is answered, or listed as not answered."""
+        """Every point of the document that is found lies in a cell that is answered, or listed as
+        not answered.
+        """
         schema = accepting.to_schema(plain)
         branches = self.result.get("branches") or []
         domains = [tuple(sorted(one.get("domain") or [])) for one in branches]
         if len(domains) != len({*domains}):
             self.contradict("/branches", "", "Two branches have one domain.")
         if not self.contradictions and not self.open:
-            gap = comparison.gaps(accepting.to_solvable(schema), self.result, [one["sides"] for one in self.cells])
+            gap = comparison.gaps(
+                accepting.to_solvable(schema), self.result, [one["sides"] for one in self.cells]
+            )
             if gap:
                 self.contradict("/branches", f"{len(self.cells)} cells", gap)
 
@@ -852,14 +1184,23 @@ class Examination:
                     self.claim(f"/system/latex/{name}")
         guessed = self.result.get("guessed")
         known = {*own["parameters"], *own["functions"]}
-        if isinstance(guessed, list) and guessed and {*guessed} <= known and isinstance(plain, dict):
+        if (
+            isinstance(guessed, list)
+            and guessed
+            and {*guessed} <= known
+            and isinstance(plain, dict)
+        ):
             declared = json.dumps([plain.get("parameters"), plain.get("functions")])
             if not any(f'"{name}"' in declared for name in guessed):
                 self.claim("/guessed")
 
 
-def _compared(document: Any, certificate: dict[str, Any], moving: bool, limit: float) -> checker.CheckResult:
-    """Whether a certificate is about the system of a document, or about its motion on constraints."""
+def _compared(
+    document: Any, certificate: dict[str, Any], moving: bool, limit: float
+) -> checker.CheckResult:
+    """Whether a certificate is about the system of a document, or about its motion on
+    constraints.
+    """
     if moving:
         return comparison.compared_claim(document, certificate, limit)
     return comparison.compared_with_document(
@@ -868,10 +1209,18 @@ def _compared(document: Any, certificate: dict[str, Any], moving: bool, limit: f
 
 
 def unclaimed(value: Any, at: str, claimed: set[str]) -> Iterator[str]:
-    """The pointers of what says something and was not compared, each as far up as nothing below was."""
+    """The pointers of what says something and was not compared, each as far up as nothing below
+    was.
+    """
     if at in claimed or value in (None, "", [], {}):
         return
-    below = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    below = (
+        value.items()
+        if isinstance(value, dict)
+        else enumerate(value)
+        if isinstance(value, list)
+        else ()
+    )
     if at and not any(place.startswith(f"{at}/") for place in claimed):
         yield at
         return
@@ -884,7 +1233,11 @@ def read_keys(certificate: Mapping[str, Any]) -> set[str]:
     among, kind = str(certificate.get("among")), str(certificate.get("kind"))
     moving = "velocities" in as_object(certificate.get("system"))
     found = [_READ_OF.get((of, kind), set()) for of in ("", among)]
-    roots = (f"roots/{k}/{key}" for k in range(len(certificate.get("roots") or ())) for key in ("root", "is"))
+    roots = (
+        f"roots/{k}/{key}"
+        for k in range(len(certificate.get("roots") or ()))
+        for key in ("root", "is")
+    )
     return _READ.union(*found, _READ_OF_MOTION if moving else (), roots)
 
 
@@ -902,7 +1255,11 @@ def _identity(answer: Mapping[str, Any]) -> tuple[object, ...]:
 def _same_system(one: dict[str, Any], other: dict[str, Any]) -> bool:
     plain = all(one[key] == other[key] for key in ("coordinates", "parameters", "functions"))
     pairs = [(one["equations"].get(key), text) for key, text in other["equations"].items()]
-    return plain and len(pairs) == len(one["equations"]) and all(a and _tokens(a) == _tokens(b) for a, b in pairs)
+    return (
+        plain
+        and len(pairs) == len(one["equations"])
+        and all(a and _tokens(a) == _tokens(b) for a, b in pairs)
+    )
 
 
 def _tokens(text: Any) -> tuple[str, ...]:
@@ -911,7 +1268,11 @@ def _tokens(text: Any) -> tuple[str, ...]:
 
 def _is_surely_nonzero(tree: ex.Expression) -> bool:
     """Whether a formula is far from zero at a point; False says nothing."""
-    named = {node for node in ex.walk(tree) if isinstance(node, ex.Symbol | ex.Velocity) and node != ex.PI}
+    named = {
+        node
+        for node in ex.walk(tree)
+        if isinstance(node, ex.Symbol | ex.Velocity) and node != ex.PI
+    }
     leaves = sorted(named, key=repr)
     try:
         with mpmath.workdps(_DIGITS_AT_A_POINT):
@@ -927,17 +1288,21 @@ def _contains_time(formulas: Mapping[str, str]) -> bool:
 
 
 def _is_defined(formula: str, domain: Sequence[str], names: nm.Names) -> bool:
-    """Whether a formula has a value wherever a stated domain holds, whatever values its names have."""
+    """Whether a formula has a value wherever a stated domain holds, whatever values its names
+    have.
+    """
     try:
         tree = reader.read_formula(formula, names)
         stated = [(reader.read_condition(one, names), "!=" in one) for one in domain]
     except (InputError, ValueError):  # a chain a < b < c, for one
         return False
-    nonzero, positive = ([one for one, unequal in stated if unequal is kind] for kind in (True, False))
-    known = (*positive, *(one**2 for one in nonzero))
-    return all(real_branch.is_positive(one, known) for one in real_branch.own_requirements([tree])) and all(
-        real_branch.is_nonzero(one, nonzero, positive) for one in real_branch.poles([tree])
+    nonzero, positive = (
+        [one for one, unequal in stated if unequal is kind] for kind in (True, False)
     )
+    known = (*positive, *(one**2 for one in nonzero))
+    return all(
+        real_branch.is_positive(one, known) for one in real_branch.own_requirements([tree])
+    ) and all(real_branch.is_nonzero(one, nonzero, positive) for one in real_branch.poles([tree]))
 
 
 def _text(part: Any) -> Any:

@@ -1,12 +1,14 @@
-"""What certificates prove is compared with a document as given, with stated domains, and with Hamiltonians.
+"""What certificates prove is compared with a document as given, with stated domains, and with
+Hamiltonians.
 
-`check` asks for it, and the solver before a result leaves (`checked`), so that what it found says the same.
+`check` asks for it, and the solver before a result leaves (`checked`), so that what it found says
+the same.
 
-Whether the right sides of a certificate satisfy equations as they were given, unsolved (`equations_agree`): the given
-trees are evaluated, with q'' := f as the checker reads f, in the checker's own rings: what has to vanish is zero by
-algebra, what has to be regular is so by balls at the real point (certificate/FORMAT.md). Nothing of the way from the
-given equations to f is used: no matrix inverted, no term collected. What the checker's reader understands too is read
-twice.
+Whether the right sides of a certificate satisfy equations as they were given, unsolved
+(`equations_agree`): the given trees are evaluated, with q'' := f as the checker reads f, in the
+checker's own rings: what has to vanish is zero by algebra, what has to be regular is so by balls at
+the real point (certificate/FORMAT.md). Nothing of the way from the given equations to f is used: no
+matrix inverted, no term collected. What the checker's reader understands too is read twice.
 """
 
 from __future__ import annotations
@@ -37,7 +39,8 @@ if TYPE_CHECKING:
     from api_schemas.system import SystemDocument
     from inverse_service.mechanics.constrained_motion import NonholonomicSystem
     from inverse_service.mechanics.second_order_system import ConstrainedMotion
-# The same system leaves with each part of a growing result; what was found to agree is not compared again.
+# The same system leaves with each part of a growing result; what was found to agree is not compared
+# again.
 MOST_KEPT = 16
 _COMPARED: dict[str, checker.CheckResult] = {}
 _SEEDS = range(2, 10)  # of points all over, at which an answer has to be found
@@ -46,23 +49,38 @@ _WRONG = "The Hamiltonian of an answer is not that of its Lagrangian."
 _NAMED = "The momenta are not p_x for each coordinate x."
 _VELOCITIES = "A Hamiltonian that is not implicit must not contain velocities."
 _IMPLICIT = "An implicit Hamiltonian must contain velocities."
-# The solver stops by itself a little before its process is killed, so that it can say how far it came.
+# The solver stops by itself a little before its process is killed, so that it can say how far it
+# came.
 SHARE_OF_SOLVER = 0.8
-FIRST_FIELDS = ("format", "system", "question", "verdict", "verdict_with_time", "reason", "checked", "answers")
+FIRST_FIELDS = (
+    "format",
+    "system",
+    "question",
+    "verdict",
+    "verdict_with_time",
+    "reason",
+    "checked",
+    "answers",
+)
 OPEN_MOTION = "It is undecided whether any associated system gives this motion a Hamiltonian."
 Ring = Any  # one of the checker's, and an element of it
 Value = Any
 Table = dict[ex.Expression, Value]
 Matrix = Sequence[Sequence[ex.Expression]]
-# Elements of a ring that have to vanish, each with what is wrong otherwise, and the values of all leaves there.
+# Elements of a ring that have to vanish, each with what is wrong otherwise, and the values of all
+# leaves there.
 _Vanishing = tuple[list[tuple[Value, str]], Table]
 
 
-def compared_with_document(document: Any, canonical: Canonical, time_limit: float = 60.0) -> checker.CheckResult:
-    """The checker's kind of verdict on: these right sides are what the document asks about. Never raises.
+def compared_with_document(
+    document: Any, canonical: Canonical, time_limit: float = 60.0
+) -> checker.CheckResult:
+    """The checker's kind of verdict on: these right sides are what the document asks about. Never
+    raises.
 
     Names have to be the same, coordinates in the same order; then `equations_agree` decides. Of a
-    Lagrangian with constraints the system may be any associated one: it is compared where the constraints hold.
+    Lagrangian with constraints the system may be any associated one: it is compared where the
+    constraints hold.
     """
     question = repr((document, canonical))
     if question in _COMPARED:
@@ -91,13 +109,19 @@ def _compared(document: Any, canonical: Canonical, end: float) -> checker.CheckR
     names, texts = given.names, _texts(schema, given.names)
     texts = texts if len(texts) == len(given.residuals) else []
     limit = end - now()
-    return _named(names, canonical) or equations_agree(given.residuals, names.coordinates, canonical, limit, texts)
+    return _named(names, canonical) or equations_agree(
+        given.residuals, names.coordinates, canonical, limit, texts
+    )
 
 
-def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: float = 60.0) -> checker.CheckResult:
-    """Whether a certificate about a motion on constraints is about that of the document. Never raises.
+def compared_claim(
+    document: Any, certificate: Mapping[str, Any], time_limit: float = 60.0
+) -> checker.CheckResult:
+    """Whether a certificate about a motion on constraints is about that of the document. Never
+    raises.
 
-    The constraints hold with its velocities, and its accelerations are the motion, as of an associated system.
+    The constraints hold with its velocities, and its accelerations are the motion, as of an
+    associated system.
     """
     from inverse_service.constrained.lagrangian import first_system
 
@@ -113,21 +137,32 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
             made = _of_motions().nonholonomic_of(document)
             constraints, trees = list(made.constraints), []
             differ = sorted(made.coordinates) != sorted(claimed.coordinates)
-            differ = differ or len(constraints) != len(claimed.dependent)  # a smaller D is another motion
+            differ = differ or len(constraints) != len(
+                claimed.dependent
+            )  # a smaller D is another motion
         trees += [ex.substitute(tree, claimed.on_constraints) for tree in constraints]
     except (errors.InputError, KeyError, ValueError):
         sentence = "The motion of a certificate cannot be compared with the document as given."
         return checker.CheckResult("invalid", (sentence,))
     positions = [ex.TIME, *map(ex.Symbol, claimed.coordinates)]
     variables: list[ex.Symbol | ex.Velocity] = [*positions, *map(ex.Velocity, claimed.free)]
-    found = None if differ else real_branch.vanish(trees, [*variables, *map(ex.Symbol, claimed.parameters)])
+    found = (
+        None
+        if differ
+        else real_branch.vanish(trees, [*variables, *map(ex.Symbol, claimed.parameters)])
+    )
     if differ or not found:
         sentence = "The motion of a certificate is not that of the document as given."
-        return checker.CheckResult("incomplete" if found is None and not differ else "invalid", (sentence,))
+        return checker.CheckResult(
+            "incomplete" if found is None and not differ else "invalid", (sentence,)
+        )
     if accepting.is_motion(document):
         return checker.CheckResult("valid", ("The motion is that of the document as given.",))
     whole = first_system(claimed)
-    texts = {name: printing.to_text(f) for name, f in zip(whole.coordinates, whole.accelerations, strict=True)}
+    texts = {
+        name: printing.to_text(f)
+        for name, f in zip(whole.coordinates, whole.accelerations, strict=True)
+    }
     system = {key: certificate["system"].get(key) for key in ("parameters", "functions")}
     # A certificate names the free coordinates first.
     system |= {"coordinates": list(made.coordinates), "equations": texts}
@@ -135,16 +170,22 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
 
 
 def _with_velocities(system: Mapping[str, Any], document: Any) -> Mapping[str, Any]:
-    """The system of a certificate; one about the free coordinates alone gets the others with their velocities."""
+    """The system of a certificate; one about the free coordinates alone gets the others with their
+    velocities.
+    """
     if system.get("velocities") is not None:
         return system
     from inverse_service.constrained.nonholonomic_study import motion_report
 
     read = _of_motions()
     given = accepting.is_motion(document)
-    motion = read.motion_of(document) if given else motion_report(read.nonholonomic_of(document)).motion
+    motion = (
+        read.motion_of(document) if given else motion_report(read.nonholonomic_of(document)).motion
+    )
     rates = zip(motion.dependent, motion.dependent_velocities, strict=True)
-    velocities = {name: printing.to_text(rate) for name, rate in rates if name not in system["coordinates"]}
+    velocities = {
+        name: printing.to_text(rate) for name, rate in rates if name not in system["coordinates"]
+    }
     coordinates = [*system["coordinates"], *velocities]
     return {**system, "coordinates": coordinates, "velocities": velocities}
 
@@ -154,26 +195,35 @@ def _claimed(system: Mapping[str, Any]) -> ConstrainedMotion:
 
     constraints = [f"{name}' = {w}" for name, w in system["velocities"].items()]
     declared = document_names.Declared(
-        system["coordinates"] or None, system["parameters"], system["functions"], most=MOST_CONSTRAINED
+        system["coordinates"] or None,
+        system["parameters"],
+        system["functions"],
+        most=MOST_CONSTRAINED,
     )
     return read_motion(declared, system["equations"], constraints)
 
 
 def _of_motions() -> ModuleType:
-    """The module of motions on constraints: it takes 0.05 s, which a single call for another system notices."""
+    """The module of motions on constraints: it takes 0.05 s, which a single call for another system
+    notices.
+    """
     from inverse_service.service.documents import motion_documents
 
     return motion_documents
 
 
 def _texts(schema: SystemDocument, names: nm.Names) -> list[GivenText | None]:
-    """The equations as texts for a second reader, in the order of their trees; None where that is not plain."""
+    """The equations as texts for a second reader, in the order of their trees; None where that is
+    not plain.
+    """
     if schema.where:  # the second reader knows no formulas for names
         return []
     valued = schema.parameters.items() if isinstance(schema.parameters, Mapping) else ()
     values = {name: str(value) for name, value in valued if value is not None}
     if isinstance(schema.equations, Mapping):
-        found = {key: GivenText(f"{key}''", str(text), values) for key, text in schema.equations.items()}
+        found = {
+            key: GivenText(f"{key}''", str(text), values) for key, text in schema.equations.items()
+        }
         return [found.get(name) for name in names.coordinates]
     texts = schema.equations.split(";") if isinstance(schema.equations, str) else schema.equations
     sides = [str(text).split("=") for text in texts if str(text).strip()]
@@ -186,21 +236,32 @@ def _named(names: nm.Names, canonical: Canonical) -> checker.CheckResult | None:
     pairs = {
         "coordinates": (list(names.coordinates), system.get("coordinates")),
         "parameters": (sorted(names.parameters), _sorted(system.get("parameters") or [])),
-        "functions": ({key: list(of) for key, of in names.functions.items()}, system.get("functions") or {}),
+        "functions": (
+            {key: list(of) for key, of in names.functions.items()},
+            system.get("functions") or {},
+        ),
     }
     for what, (given, found) in pairs.items():
         if given != found:
-            return checker.CheckResult("invalid", (f"The {what} are not those of the document as given.",))
+            return checker.CheckResult(
+                "invalid", (f"The {what} are not those of the document as given.",)
+            )
     return None
 
 
 def _sorted(names: Any) -> Any:
-    return sorted(names) if isinstance(names, list) and all(isinstance(name, str) for name in names) else names
+    return (
+        sorted(names)
+        if isinstance(names, list) and all(isinstance(name, str) for name in names)
+        else names
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class Canonical:
-    """What a certificate says of its system, as plain data, and the set of its claim: near, conditions, roots."""
+    """What a certificate says of its system, as plain data, and the set of its claim: near,
+    conditions, roots.
+    """
 
     system: object
     claim: Mapping[str, object] = field(default_factory=dict)
@@ -222,16 +283,20 @@ def equations_agree(
     time_limit: float = 60.0,
     texts: Sequence[GivenText | None] = (),
 ) -> checker.CheckResult:
-    """Whether E_k(t, q, q', f) = 0 for all k and dE/dq'' is regular there: then f is what E = 0 determines.
+    """Whether E_k(t, q, q', f) = 0 for all k and dE/dq'' is regular there: then f is what E = 0
+    determines.
 
-    The `cell` of a valid answer says where it is regular: beyond it E = 0 is another system than q'' = f.
-    `texts`, one for each equation or none, are read by the checker's reader as well, where it accepts them: the
-    two have to agree about E_k.
+    The `cell` of a valid answer says where it is regular: beyond it E = 0 is another system than
+    q'' = f. `texts`, one for each equation or none, are read by the checker's reader as well, where
+    it accepts them: the two have to agree about E_k.
     """
     if len(equations) != len(coordinates):
-        return checker.CheckResult("invalid", ("The numbers of given equations and of coordinates differ.",))
+        return checker.CheckResult(
+            "invalid", ("The numbers of given equations and of coordinates differ.",)
+        )
     slopes = [
-        [calculus.differentiate(equation, ex.Acceleration(name)) for name in coordinates] for equation in equations
+        [calculus.differentiate(equation, ex.Acceleration(name)) for name in coordinates]
+        for equation in equations
     ]
     candidates: dict[int, list[Sequence[tuple[int, int]]]] = {}
 
@@ -244,50 +309,67 @@ def equations_agree(
             second = _second_reading(texts[number - 1], ring, table) if texts else None
             if second is not None:
                 difference = ring.add([second, value], [1, -1])
-                zeros.append((difference, f"Two readers understand equation {number} as given differently."))
+                zeros.append(
+                    (difference, f"Two readers understand equation {number} as given differently.")
+                )
         return zeros, table
 
     found = "The accelerations satisfy the equations as given, which determine them."
     wrong = "The equations as given do not determine the accelerations."
-    plain = _is_rational(equations) and not any(_is_irrational(text) for text in texts if text is not None)
+    plain = _is_rational(equations) and not any(
+        _is_irrational(text) for text in texts if text is not None
+    )
     return _examined(canonical, coordinates, vanishing, slopes, plain, (found, wrong), time_limit)
 
 
 def _against(value: Value, ring: Ring, candidates: list[Sequence[tuple[int, int]]]) -> Value:
-    """A value that vanishes where E is a line of the certificate or the sum of two, each with a sign.
+    """A value that vanishes where E is a line of the certificate or the sum of two, each with a
+    sign.
 
-    That is if these lines are not solved for q''. As the matrix dE/dq'' is regular, so is the matrix of the signs. The
-    first call finds the candidates: a difference that is not 0 at one point is not 0.
+    That is if these lines are not solved for q''. As the matrix dE/dq'' is regular, so is the
+    matrix of the signs. The first call finds the candidates: a difference that is not 0 at one
+    point is not 0.
     """
     texts = ring.question.unsolved
     if not texts:
         return value
     lines = [formulas.value_of(ring, text) for text in texts]
     alone = [(k, sign) for k in range(len(lines)) for sign in (1, -1)]
-    every = [*((one,) for one in alone), *(pair for pair in combinations(alone, 2) if pair[0][0] != pair[1][0])]
+    every = [
+        *((one,) for one in alone),
+        *(pair for pair in combinations(alone, 2) if pair[0][0] != pair[1][0]),
+    ]
     differences = {
-        chosen: ring.add([value, *(lines[k] for k, _ in chosen)], [1, *(sign for _, sign in chosen)])
+        chosen: ring.add(
+            [value, *(lines[k] for k, _ in chosen)], [1, *(sign for _, sign in chosen)]
+        )
         for chosen in candidates or every
     }
     if not candidates:
         candidates += [one for one in every if _may_vanish(differences[one], ring)] or every
-    return reduce(lambda left, right: ring.multiply(left, right, 0), [differences[one] for one in candidates])
+    return reduce(
+        lambda left, right: ring.multiply(left, right, 0), [differences[one] for one in candidates]
+    )
 
 
 def _may_vanish(value: Value, ring: Ring) -> bool:
     """Whether a value read at one point is 0 there, or in balls perhaps."""
     return all(
-        number.contains(0) if isinstance(ring.arithmetic, numbers.Balls) else number == 0 for number in value.values()
+        number.contains(0) if isinstance(ring.arithmetic, numbers.Balls) else number == 0
+        for number in value.values()
     )
 
 
-def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: float = 60.0) -> checker.CheckResult:
+def motion_agrees(
+    given: NonholonomicSystem, canonical: Canonical, time_limit: float = 60.0
+) -> checker.CheckResult:
     """Whether f is the motion of L under the constraints w(t, q, v) = 0, where they hold.
 
-    With v = B u + c by some free velocities u: w = 0 and dw/dv B = 0, so that these are all points with w = 0 and B has
-    all directions there; dw/dt = 0, and B^T E = 0 for the Euler-Lagrange expressions E of L (d'Alembert). With
-    M = d2L/dv2 the matrix (M, (dw/dv)^T; dw/dv, 0) is regular, so there is one such f. B and c are only verified. The
-    `cell` of a valid answer says where it is. InputError where L or a constraint is not accepted.
+    With v = B u + c by some free velocities u: w = 0 and dw/dv B = 0, so that these are all points
+    with w = 0 and B has all directions there; dw/dt = 0, and B^T E = 0 for the Euler-Lagrange
+    expressions E of L (d'Alembert). With M = d2L/dv2 the matrix (M, (dw/dv)^T; dw/dv, 0) is
+    regular, so there is one such f. B and c are only verified. The `cell` of a valid answer says
+    where it is. InputError where L or a constraint is not accepted.
     """
     from inverse_service.mechanics import constrained_motion
 
@@ -295,19 +377,32 @@ def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: f
     frame = constrained_motion.frames(parts)[0]
     basis, drift = [list(map(parts.tree, row)) for row in frame.basis], map(parts.tree, frame.drift)
     free = [ex.Velocity(names[k]) for k in frame.free]
-    slopes = [[calculus.differentiate(each, ex.Velocity(name)) for name in names] for each in given.constraints]
+    slopes = [
+        [calculus.differentiate(each, ex.Velocity(name)) for name in names]
+        for each in given.constraints
+    ]
     momenta = [calculus.differentiate(given.lagrangian, ex.Velocity(name)) for name in names]
-    masses = [[calculus.differentiate(momentum, ex.Velocity(name)) for name in names] for momentum in momenta]
+    masses = [
+        [calculus.differentiate(momentum, ex.Velocity(name)) for name in names]
+        for momentum in momenta
+    ]
     rates = [calculus.differentiate_in_time(each, names) for each in given.constraints]
     forces = [
-        calculus.differentiate_in_time(momentum, names) - calculus.differentiate(given.lagrangian, ex.Symbol(name))
+        calculus.differentiate_in_time(momentum, names)
+        - calculus.differentiate(given.lagrangian, ex.Symbol(name))
         for momentum, name in zip(momenta, names, strict=True)
     ]
     bordered = [[*masses[i], *(row[i] for row in slopes)] for i in range(len(names))]
     bordered += [[*row, *[ex.ZERO] * len(slopes)] for row in slopes]
-    velocities = {name: _dot(row, free) + rest for name, row, rest in zip(names, basis, drift, strict=True)}
+    velocities = {
+        name: _dot(row, free) + rest for name, row, rest in zip(names, basis, drift, strict=True)
+    }
     columns = list(zip(*basis, strict=True))
-    staying = [*given.constraints, *rates, *(_dot(row, column) for row in slopes for column in columns)]
+    staying = [
+        *given.constraints,
+        *rates,
+        *(_dot(row, column) for row in slopes for column in columns),
+    ]
     works = [_dot(forces, column) for column in columns]
 
     def vanishing(ring: Ring) -> _Vanishing:
@@ -338,7 +433,8 @@ def _examined(
     sentences: tuple[str, str],
     time_limit: float,
 ) -> checker.CheckResult:
-    """The verdict by the checker's two rules on what has to vanish, and on the matrix to be regular; never raises.
+    """The verdict by the checker's two rules on what has to vanish, and on the matrix to be
+    regular; never raises.
 
     `sentences` say what a valid claim means, and what is wrong where the matrix is singular.
     """
@@ -355,7 +451,9 @@ def _examined(
     def claims(ring: Ring) -> checks.Claims:
         zeros, rows = parts(ring)
         numbers_of_rows = [[entry.get(0, 0) for entry in row] for row in rows]
-        return checks.Claims([checks.Zero(*pair) for pair in zeros], [checks.Regular(numbers_of_rows, sentences[1])])
+        return checks.Claims(
+            [checks.Zero(*pair) for pair in zeros], [checks.Regular(numbers_of_rows, sentences[1])]
+        )
 
     def where(question: checks.Question) -> cell.Cell:
         if question.unsolved:
@@ -363,8 +461,12 @@ def _examined(
         sides = cell.sides_of(question, parts)
         if is_constant:
             return sides
-        regular = cell.where_regular(question, lambda ring: matrix(ring, _leaves(coordinates, ring.names)))
-        return replace(sides, domain=(*sides.domain, *regular.domain), unknown=sides.unknown or regular.unknown)
+        regular = cell.where_regular(
+            question, lambda ring: matrix(ring, _leaves(coordinates, ring.names))
+        )
+        return replace(
+            sides, domain=(*sides.domain, *regular.domain), unknown=sides.unknown or regular.unknown
+        )
 
     def work(tools: Any) -> list[str]:
         question = checks.Question(tools, canonical.system, True, canonical.claim)
@@ -389,7 +491,11 @@ def _second_reading(text: GivenText | None, ring: Ring, table: Table) -> Value |
     """left - right by the checker's reader; None where one of the texts is not in its grammar."""
     if text is None:
         return None
-    given = {f"{node.coordinate}''": value for node, value in table.items() if isinstance(node, ex.Acceleration)}
+    given = {
+        f"{node.coordinate}''": value
+        for node, value in table.items()
+        if isinstance(node, ex.Acceleration)
+    }
     try:
         given |= {
             name: formulas.value_of(ring, formulas.read_tokens(written, "formula"))
@@ -397,7 +503,10 @@ def _second_reading(text: GivenText | None, ring: Ring, table: Table) -> Value |
         }
         if any(ring.names.get(name) is not value for name, value in given.items()):
             ring.names = ring.names | given  # for all equations, so that they share their parts
-        sides = [formulas.value_of(ring, formulas.read_tokens(side, "formula")) for side in (text.left, text.right)]
+        sides = [
+            formulas.value_of(ring, formulas.read_tokens(side, "formula"))
+            for side in (text.left, text.right)
+        ]
     except formulas.Ended as end:
         if end.args[0] == "incomplete":
             raise
@@ -410,14 +519,18 @@ def _is_rational(trees: Iterable[ex.Expression]) -> bool:
     nodes = [node for tree in trees for node in ex.walk(tree)]
     powers = [node.exponent for node in nodes if isinstance(node, ex.Power)]
     whole = [
-        isinstance(each, ex.Number) and each.value.denominator == 1 and abs(each.value) <= formulas.MAX_POWER
+        isinstance(each, ex.Number)
+        and each.value.denominator == 1
+        and abs(each.value) <= formulas.MAX_POWER
         for each in powers
     ]
     return all(whole) and not any(isinstance(node, ex.Apply) for node in nodes)
 
 
 def _is_irrational(text: GivenText) -> bool:
-    """Whether the checker's reader meets more than rational operations in it; what it cannot read is not compared."""
+    """Whether the checker's reader meets more than rational operations in it; what it cannot read
+    is not compared.
+    """
     try:
         return any(
             formulas.is_irrational(formulas.read_tokens(part, "formula"))
@@ -464,7 +577,9 @@ def _evaluated(node: ex.Expression, ring: Ring, table: Table) -> Value:
         case ex.Sum(terms):
             return ring.add([table[term] for term in terms])
         case ex.Product(factors):
-            return reduce(lambda a, b: ring.multiply(a, b, 0), [table[factor] for factor in factors])
+            return reduce(
+                lambda a, b: ring.multiply(a, b, 0), [table[factor] for factor in factors]
+            )
         case ex.Power(base, ex.Number(value)) if value.denominator == 1:
             return ring.power(table[base], value.numerator)
         case ex.Power(base, exponent):
@@ -479,7 +594,9 @@ def _evaluated(node: ex.Expression, ring: Ring, table: Table) -> Value:
 def lacking(
     certificate: Mapping[str, Any], stated: Sequence[str], proven: cell.Cell | None, limit: float
 ) -> tuple[list[str], set[int]]:
-    """The members of the proven cell that do not follow from a stated domain; stated ones that were not proven."""
+    """The members of the proven cell that do not follow from a stated domain; stated ones that were
+    not proven.
+    """
     if proven is None:
         return [], {*range(len(stated))}
     try:
@@ -497,7 +614,10 @@ def _question(certificate: Mapping[str, Any], limit: float) -> checks.Question:
 
 
 def narrowed(
-    certificate: Mapping[str, Any], proof: checker.CheckResult, where: cell.Cell | None, limit: float
+    certificate: Mapping[str, Any],
+    proof: checker.CheckResult,
+    where: cell.Cell | None,
+    limit: float,
 ) -> checker.CheckResult:
     """A proof about q'' = f as one about equations as given, which say the same on a cell only."""
     if where is None or where == cell.Cell() or proof.cell is None or proof.formulas is None:
@@ -518,35 +638,49 @@ def trees_of(domain: Sequence[str], names: nm.Names) -> list[ex.Expression]:
     found = []
     for text in domain:
         for sign in "<>":
-            sides = [reader.read_formula(side, names) for side in text.split(sign)] if sign in text else []
+            sides = (
+                [reader.read_formula(side, names) for side in text.split(sign)]
+                if sign in text
+                else []
+            )
             pairs = pairwise(sides)
             found += [left - right if sign == ">" else right - left for left, right in pairs]
     return found
 
 
 def gaps(
-    system: second_order_system.SecondOrderSystem, result: Mapping[str, Any], sides: Sequence[Sequence[str]]
+    system: second_order_system.SecondOrderSystem,
+    result: Mapping[str, Any],
+    sides: Sequence[Sequence[str]],
 ) -> str:
-    """What is wrong where a point of the document lies in no cell: `sides` are those of the answers that are proven."""
+    """What is wrong where a point of the document lies in no cell: `sides` are those of the answers
+    that are proven.
+    """
     listed = [*sides, *(one.get("domain") or [] for one in result.get("not_answered") or [])]
     try:
         cells = [trees_of(domain, system.names) for domain in listed]
     except errors.InputError:
         return "A domain cannot be read."
-    if any(isinstance(node, ex.Arbitrary) for cell in cells for tree in cell for node in ex.walk(tree)):
+    if any(
+        isinstance(node, ex.Arbitrary) for cell in cells for tree in cell for node in ex.walk(tree)
+    ):
         return ""
     branches = second_order_system.branches_of(system)
     points = [*map(point_of, branches), *(point_of(system, seed) for seed in _SEEDS)]
     for point in filter(None, points):
         if not any(real_branch.are_positive(cell, point) for cell in cells):
-            place = ", ".join(f"{key} = {float(value):.4g}" for key, value in list(point.items())[:6])
+            place = ", ".join(
+                f"{key} = {float(value):.4g}" for key, value in list(point.items())[:6]
+            )
             return f"No cell contains the point {place}."
     return ""
 
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """The verdict on H; whether that is proven, and whether its stated domain has all that H needs."""
+    """The verdict on H; whether that is proven, and whether its stated domain has all that H
+    needs.
+    """
 
     verdict: str
     reason: str = ""
@@ -557,22 +691,30 @@ class Judged:
 def judge_hamiltonian(certificate: Mapping[str, Any], shown: Any, time_limit: float) -> Judged:
     """H(q, p) = p v - L and p = dL/dv, where v is that of a point at which the domain of H holds.
 
-    That point is the one of the certificate, or else any other one. Momenta go by their names, and velocities occur in
-    an H that is `implicit` alone.
+    That point is the one of the certificate, or else any other one. Momenta go by their names, and
+    velocities occur in an H that is `implicit` alone.
     """
     found, notes = checker.CheckResult("incomplete"), dict[str, bool]()
     for claim in (certificate, {**certificate, "near": None}):
         if found.verdict == "incomplete":
-            found = checker.judged(functools.partial(_agreed, claim, shown, notes), time_limit, None)
+            found = checker.judged(
+                functools.partial(_agreed, claim, shown, notes), time_limit, None
+            )
     reason = found.reasons[0] if found.reasons else ""
     return Judged(found.verdict, reason, notes.get("proven", False), notes.get("whole", False))
 
 
 def momenta_of(names: Sequence[str], momenta: Mapping[str, Any]) -> dict[str, str]:
-    """{coordinate: the name of its momentum}: p_x, or momentum_x, momentum_x_2, … where that is taken."""
+    """{coordinate: the name of its momentum}: p_x, or momentum_x, momentum_x_2, … where that is
+    taken.
+    """
     found = dict[str, str]()
     for name in names:
-        others = (key for key in momenta if key == f"momentum_{name}" or key.startswith(f"momentum_{name}_"))
+        others = (
+            key
+            for key in momenta
+            if key == f"momentum_{name}" or key.startswith(f"momentum_{name}_")
+        )
         chosen = f"p_{name}" if f"p_{name}" in momenta else next(others, None)
         if chosen is None:
             return {}
@@ -580,7 +722,9 @@ def momenta_of(names: Sequence[str], momenta: Mapping[str, Any]) -> dict[str, st
     return found if len({*found.values()}) == len(momenta) else {}
 
 
-def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], tools: Any) -> list[str]:
+def _agreed(
+    certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], tools: Any
+) -> list[str]:
     formulas.check_shape(shown, _SHAPE, "hamiltonian")
     question = checks.Question(tools, certificate["system"], True, dict(certificate))
     question.read_integrals(certificate.get("integrals") or {})
@@ -588,8 +732,13 @@ def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], 
     energy = formulas.read_tokens(shown["text"], "hamiltonian")
     named = momenta_of(question.coordinates, shown["momenta"])
     formulas.require(named, _NAMED)
-    momenta = {named[x]: formulas.read_tokens(shown["momenta"][named[x]], "momenta") for x in question.coordinates}
-    holds = any(token.rstrip("'") in question.coordinates and token.endswith("'") for token in energy)
+    momenta = {
+        named[x]: formulas.read_tokens(shown["momenta"][named[x]], "momenta")
+        for x in question.coordinates
+    }
+    holds = any(
+        token.rstrip("'") in question.coordinates and token.endswith("'") for token in energy
+    )
     formulas.require(holds <= bool(shown.get("implicit")), _VELOCITIES)
     formulas.require(holds >= bool(shown.get("implicit")), _IMPLICIT)
     listed = [text for text in shown.get("domain") or [] if "!=" not in text]
@@ -604,23 +753,46 @@ def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], 
             p[name] = formulas.value_of(ring, text)
         if isinstance(ring, cell.Letters):
             before.clear()
-            before.extend([*ring.needs, *(need for value in (whole, *p.values()) for need in ring.needs_of(value))])
-        stated = [ring.add([formulas.value_of(ring, side, **p) for side in pair], [1, -1]) for pair in conditions]
+            before.extend(
+                [
+                    *ring.needs,
+                    *(need for value in (whole, *p.values()) for need in ring.needs_of(value)),
+                ]
+            )
+        stated = [
+            ring.add([formulas.value_of(ring, side, **p) for side in pair], [1, -1])
+            for pair in conditions
+        ]
         for value in () if question.rational else stated:
             ring.elementary("log", value)
         question.held = True  # f, L, and p need not be defined everywhere
         if isinstance(ring, cell.Letters):
             ring.needs = {}
-        work = [ring.multiply(ring.names[v], x, ring.degree) for v, x in zip(speeds, p.values(), strict=True)]
-        return whole, p, ring.add([formulas.value_of(ring, energy, **p), whole, *work], [1, 1] + [-1] * len(work))
+        work = [
+            ring.multiply(ring.names[v], x, ring.degree)
+            for v, x in zip(speeds, p.values(), strict=True)
+        ]
+        return (
+            whole,
+            p,
+            ring.add(
+                [formulas.value_of(ring, energy, **p), whole, *work], [1, 1] + [-1] * len(work)
+            ),
+        )
 
     def claims(ring: Any) -> checks.Claims:
         whole, p, difference = parts(ring)
-        slopes = [{0: ring.arithmetic.settle({0: whole.get(ring.units[v], 0)}).get(0, 0)} for v in ring.v]
+        slopes = [
+            {0: ring.arithmetic.settle({0: whole.get(ring.units[v], 0)}).get(0, 0)} for v in ring.v
+        ]
         pairs = zip(p.values(), slopes, strict=True)
         zeros = [ring.add([{0: value.get(0, 0)}, slope], [1, -1]) for value, slope in pairs]
         return checks.Claims(
-            [checks.Zero(ring.settle({0: zero.get(0, 0)}), _WRONG) for zero in (difference, *zeros)], []
+            [
+                checks.Zero(ring.settle({0: zero.get(0, 0)}), _WRONG)
+                for zero in (difference, *zeros)
+            ],
+            [],
         )
 
     question.claimed, notes["proven"] = (claims, 1), True
@@ -637,16 +809,20 @@ def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], 
         question.read_all(ring)
         _, p, difference = parts(ring)
         moving = {ring.texts.index(v) for v in speeds}
-        # What L needs of positions alone has to be listed, also where it is a factor of what it needs of velocities.
+        # What L needs of positions alone has to be listed, also where it is a factor of what it
+        # needs of velocities.
         each = [one for need in before for one in _apart(ring, need, moving)]
         held = [need for need in each if not moving & {*ring.holds(need.polynomial)}]
         needed = [*held, *ring.needs, *ring.needs_of(difference), *ring.cut]
         stated = [list(cell.needs_of_text(ring, text, p)) for text in shown.get("domain") or []]
         known = cell.Knowledge(
-            ring, [*(need for need in each if need not in held), *(n for one in stated for n in one)]
+            ring,
+            [*(need for need in each if need not in held), *(n for one in stated for n in one)],
         )
         follow = cell.Knowledge(ring, [*before, *needed])
-        return all(map(known.implies, needed)) and all(follow.implies(n) for one in stated for n in one)
+        return all(map(known.implies, needed)) and all(
+            follow.implies(n) for one in stated for n in one
+        )
 
     if notes["proven"]:
         notes["whole"] = cell.in_letters(question, is_whole)
@@ -654,7 +830,9 @@ def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], 
 
 
 def _apart(ring: cell.Letters, need: cell.Need, moving: set[int]) -> list[cell.Need]:
-    """The need, or that none of its factors is zero where some contain the generators `moving` and some do not."""
+    """The need, or that none of its factors is zero where some contain the generators `moving` and
+    some do not.
+    """
     found = [p for p, _ in ring.factors(need.polynomial)[1]]
     moves = {bool(moving & {*ring.holds(p)}) for p in found}
     return [cell.need_of("!=", p) for p in found] if len(moves) == 2 else [need]
@@ -666,12 +844,15 @@ def same_formulas(one: Mapping[str, str], other: Mapping[str, str], names: nm.Na
         return True
     if one.keys() != other.keys():
         return False
-    trees = [reader.read_formula(one[key], names) - reader.read_formula(other[key], names) for key in one]
+    trees = [
+        reader.read_formula(one[key], names) - reader.read_formula(other[key], names) for key in one
+    ]
     return _vanish(trees, names, names.coordinates)
 
 
 def image_agrees(document: Any, shown: Mapping[str, Any], names: nm.Names) -> bool | None:
-    """Whether the `constraints` of H vanish where the constraints of the document hold and p are its momenta.
+    """Whether the `constraints` of H vanish where the constraints of the document hold and p are
+    its momenta.
 
     As many as those, and independent; None where the document has none or it is undecided.
     """
@@ -683,10 +864,14 @@ def image_agrees(document: Any, shown: Mapping[str, Any], names: nm.Names) -> bo
     listed = [reader.read_formula(text, names) for text in shown["constraints"]]
     if len(listed) != len(motion.dependent):
         return False
-    momenta = {ex.Symbol(name): reader.read_formula(text, names) for name, text in shown["momenta"].items()}
+    momenta = {
+        ex.Symbol(name): reader.read_formula(text, names) for name, text in shown["momenta"].items()
+    }
     held = [ex.substitute(ex.substitute(tree, momenta), motion.on_constraints) for tree in listed]
     good = _vanish(held, names, motion.free)
-    slopes = [[calculus.differentiate(tree, ex.Symbol(p)) for p in shown["momenta"]] for tree in listed]
+    slopes = [
+        [calculus.differentiate(tree, ex.Symbol(p)) for p in shown["momenta"]] for tree in listed
+    ]
     variables = [ex.TIME, *map(ex.Symbol, names.coordinates), *map(ex.Symbol, names.parameters)]
     return good if not good else real_branch.rank_at_point(slopes, variables) == len(listed) or None
 
@@ -698,13 +883,16 @@ def _vanish(trees: Sequence[ex.Expression], names: nm.Names, moving: Sequence[st
     )
 
 
-# What a result goes through before it leaves: checked, one verdict over its cells, its fields in order.
+# What a result goes through before it leaves: checked, one verdict over its cells, its fields in
+# order.
 
 
 def checked(result: ResultDocument, time_limit: float) -> dict[str, Any]:
-    """The document, its system compared with the document as given; CertificateRefused where an answer is unchecked.
+    """The document, its system compared with the document as given; CertificateRefused where an
+    answer is unchecked.
 
-    The solver has its certificates checked itself: no definite verdict leaves that the checker did not call valid.
+    The solver has its certificates checked itself: no definite verdict leaves that the checker did
+    not call valid.
     """
     document = result.model_dump(mode="json")
     answers = [document, *document["branches"]]
@@ -739,7 +927,9 @@ def compare_before_leaving(result: dict[str, Any], time_limit: float) -> None:
         found = compared_with_document(result["system"]["given"], each, max(1.0, end - now()))
         if found.verdict == "invalid":
             why = "; ".join(found.reasons)
-            raise errors.CertificateRefused(f"the solved system differs from the given one: {why}"[:500])
+            raise errors.CertificateRefused(
+                f"the solved system differs from the given one: {why}"[:500]
+            )
         if found.verdict != "valid":
             _leave_open(result, "; ".join(found.reasons))
             return
@@ -749,16 +939,28 @@ def _leave_open(result: dict[str, Any], why: str) -> None:
     branches = [each for branch in result["branches"] for each in (branch, branch["with_time"])]
     result |= {"instead": None} if result.get("instead") else {}
     for one in (result.get("kinds") or {}).values():
-        one |= {"certificate": None, "checked": None, "lagrangian": None, "dissipation": None, "exceptions": []}
-    for one in filter(None, (result, result["with_time"], *branches, *(result.get("kinds") or {}).values())):
+        one |= {
+            "certificate": None,
+            "checked": None,
+            "lagrangian": None,
+            "dissipation": None,
+            "exceptions": [],
+        }
+    for one in filter(
+        None, (result, result["with_time"], *branches, *(result.get("kinds") or {}).values())
+    ):
         for key in ("verdict", "verdict_with_time"):
             if one.get(key) is not None:
                 one[key] = "undetermined"
-                one["reason"] = f"An answer was found, but its system could not be compared with the document: {why}"
+                one["reason"] = (
+                    f"An answer was found, but its system could not be compared with the document: {why}"
+                )
 
 
 def compare_motion(result: dict[str, Any], time_limit: float) -> None:
-    """The same for the answer about a motion on constraints, which takes no other answer with it."""
+    """The same for the answer about a motion on constraints, which takes no other answer with
+    it.
+    """
     for holder in (result, *result["branches"]):
         part = as_object(holder.get("any_associated"))
         for key in ("certificate", "certificate_with_time"):
@@ -775,13 +977,25 @@ def compare_motion(result: dict[str, Any], time_limit: float) -> None:
 
 
 def _systems(result: dict[str, Any]) -> Iterator[Canonical]:
-    """The system that a result shows and those that its certificates are about, each once; none without one."""
+    """The system that a result shows and those that its certificates are about, each once; none
+    without one.
+    """
     listed = as_object(result.get("nonholonomic")).get("associated")
     instead = as_object(result.get("instead"))
-    own = instead if instead.get("kind") in ("time", "rayleigh") else None  # others are about another system
+    own = (
+        instead if instead.get("kind") in ("time", "rayleigh") else None
+    )  # others are about another system
     kinds = [*as_object(result.get("kinds")).values(), own]
-    answers: Sequence[Any] = (result, result.get("with_time"), *(listed or []), *kinds, *result["branches"][1:])
-    certificates = [found for each in answers if (found := as_object(as_object(each).get("certificate")))]
+    answers: Sequence[Any] = (
+        result,
+        result.get("with_time"),
+        *(listed or []),
+        *kinds,
+        *result["branches"][1:],
+    )
+    certificates = [
+        found for each in answers if (found := as_object(as_object(each).get("certificate")))
+    ]
     shown = [Canonical(system_fields(result), each) for each in certificates[:1]]
     seen: list[str] = []
     for each in (*shown, *(Canonical(system_fields(found), found) for found in certificates)):

@@ -1,4 +1,5 @@
-"""What a document asks beside its main question: kinds of Lagrangians, and systems that follow from its own.
+"""What a document asks beside its main question: kinds of Lagrangians, and systems that follow from
+its own.
 
 These are the system with another clock, the system with special values of its parameters (`instead`
 and `left_out`), and what else holds where there is no L(q, q'). The solver's part of each comes
@@ -40,15 +41,21 @@ OF_REDUCED = (*_SHOWN, "equations", "clock")  # what `instead` repeats of the re
 _RATIONAL = (ex.Number, ex.Power, ex.Product, ex.Sum, ex.Symbol)
 
 
-def answered(part: type[base.Document], system: SecondOrderSystem, answer: Answer) -> dict[str, Any]:
+def answered(
+    part: type[base.Document], system: SecondOrderSystem, answer: Answer
+) -> dict[str, Any]:
     """The equations and the answer as the fields that a part of a result has of them."""
     fields = translate.answer_fields(answer) | translate.equation_fields(system)
     return {key: fields[key] for key in part.model_fields if key in fields}
 
 
-def _solved(system: SecondOrderSystem, timed: bool, seed: int, end: float) -> tuple[SecondOrderSystem, Answer | None]:
+def _solved(
+    system: SecondOrderSystem, timed: bool, seed: int, end: float
+) -> tuple[SecondOrderSystem, Answer | None]:
     """The answer to one question about a derived system, which is that of its first branch."""
-    options = SolveOptions(time_dependent=timed, seed=seed, time_limit=deadline.left(end), conditions=False)
+    options = SolveOptions(
+        time_dependent=timed, seed=seed, time_limit=deadline.left(end), conditions=False
+    )
     found = solving.solve(system, options)
     return found.system, found.autonomous if not timed else found.with_time or found.autonomous
 
@@ -57,28 +64,41 @@ def _solved(system: SecondOrderSystem, timed: bool, seed: int, end: float) -> tu
 
 
 def to_clock(schema: SystemDocument, system: SecondOrderSystem) -> ex.Expression | None:
-    """N(q), None where it is looked for; InputError where it is not a function of coordinates, or f holds t."""
+    """N(q), None where it is looked for; InputError where it is not a function of coordinates, or f
+    holds t.
+    """
     if system.depends_on_time:
         raise InputError("the equations contain t, so the time cannot be changed.", "/clock")
     return None if schema.clock == SEARCH else read_clock(system, schema.clock or "", schema)
 
 
-def read_clock(system: SecondOrderSystem, text: str, schema: SystemDocument | None = None) -> ex.Expression:
+def read_clock(
+    system: SecondOrderSystem, text: str, schema: SystemDocument | None = None
+) -> ex.Expression:
     """N(q) of a text, parameters with values in the document put in; InputError as above."""
     from inverse_service.solving import clock
 
     factor = accepting.formula_about(text, system.names, schema, "/clock")
-    if any(node == ex.TIME or isinstance(node, ex.Velocity | ex.Acceleration) for node in ex.walk(factor)):
-        raise InputError("a clock N in dtau = N dt may contain coordinates and parameters only.", "/clock")
+    if any(
+        node == ex.TIME or isinstance(node, ex.Velocity | ex.Acceleration)
+        for node in ex.walk(factor)
+    ):
+        raise InputError(
+            "a clock N in dtau = N dt may contain coordinates and parameters only.", "/clock"
+        )
     if clock.with_clock(system, factor) is None:
-        raise InputError("a clock N needs real values other than 0 where the equations have values.", "/clock")
+        raise InputError(
+            "a clock N needs real values other than 0 where the equations have values.", "/clock"
+        )
     return factor
 
 
 def clock_part(
     system: SecondOrderSystem, factor: ex.Expression | None, asked: SolveOptions, time_limit: float
 ) -> schemas.ClockPart:
-    """The answer for L(q, q') of the system with the other clock, on its first branch; found where there is none."""
+    """The answer for L(q, q') of the system with the other clock, on its first branch; found where
+    there is none.
+    """
     from inverse_service.solving import clock
 
     end = deadline.now() + time_limit
@@ -86,7 +106,9 @@ def clock_part(
         factor, tried = clock.find_clock(system, asked.seed, deadline.now() + time_limit / 2)
         if factor is None:
             listed = ", ".join(map(printing.to_text, tried))
-            reason = f"No Lagrangian was found with dtau = N dt for N = {listed}; others were not tried."
+            reason = (
+                f"No Lagrangian was found with dtau = N dt for N = {listed}; others were not tried."
+            )
             return schemas.ClockPart(factor="", equations={}, verdict="undetermined", reason=reason)
     changed = clock.with_clock(system, factor)
     assert changed is not None
@@ -95,18 +117,26 @@ def clock_part(
     return clocked_part(factor, solved, answer)
 
 
-def clocked_part(factor: ex.Expression, system: SecondOrderSystem, answer: Answer) -> schemas.ClockPart:
+def clocked_part(
+    factor: ex.Expression, system: SecondOrderSystem, answer: Answer
+) -> schemas.ClockPart:
     """An answer for the system with this clock."""
-    return schemas.ClockPart(factor=printing.to_text(factor), **answered(schemas.ClockPart, system, answer))
+    return schemas.ClockPart(
+        factor=printing.to_text(factor), **answered(schemas.ClockPart, system, answer)
+    )
 
 
 # Special values of the parameters.
 
 
 def left_out(result: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any] | None]]:
-    """Each exception with the document of the system there; None where it cannot be solved for a parameter."""
+    """Each exception with the document of the system there; None where it cannot be solved for a
+    parameter.
+    """
     other = result.get("with_time") or {}
-    for text in dict.fromkeys([*(result.get("exceptions") or ()), *(other.get("exceptions") or ())]):
+    for text in dict.fromkeys(
+        [*(result.get("exceptions") or ()), *(other.get("exceptions") or ())]
+    ):
         yield text, _there(result["system"], text) if "=" in text else None
 
 
@@ -114,15 +144,25 @@ def _there(system: Mapping[str, Any], text: str) -> dict[str, Any] | None:
     keys = ("coordinates", "equations", "parameters", "functions")
     whole = second_order_system.read_system(**{key: system[key] for key in keys if system.get(key)})
     values = _values_there(whole, text)
-    return None if values is None else translate.plain_fields(second_order_system.with_values(whole, values))
+    return (
+        None
+        if values is None
+        else translate.plain_fields(second_order_system.with_values(whole, values))
+    )
 
 
 def _root(tree: ex.Expression, name: str) -> dict[ex.Expression, ex.Expression] | None:
-    """The parameter's value where the tree is 0, if it is a number times the parameter and what does not hold it."""
+    """The parameter's value where the tree is 0, if it is a number times the parameter and what
+    does not hold it.
+    """
     slope = collecting.collect(calculus.differentiate(tree, ex.Symbol(name)))
     if not isinstance(slope, ex.Number) or slope == ex.ZERO:
         return None
-    return {ex.Symbol(name): collecting.collect(-ex.substitute(tree, {ex.Symbol(name): ex.ZERO}) / slope)}
+    return {
+        ex.Symbol(name): collecting.collect(
+            -ex.substitute(tree, {ex.Symbol(name): ex.ZERO}) / slope
+        )
+    }
 
 
 # The key `left_out`: the special members that the main answer does not cover.
@@ -131,11 +171,14 @@ def _root(tree: ex.Expression, name: str) -> dict[ex.Expression, ex.Expression] 
 def with_left_out(
     result: schemas.ResultDocument, solution: Solution, asked: SolveOptions, end: float
 ) -> schemas.ResultDocument:
-    """The result with the sets that its exceptions name; for one coordinate with a Lagrangian, each has its answer.
+    """The result with the sets that its exceptions name; for one coordinate with a Lagrangian, each
+    has its answer.
 
     Conditions on functions are those of the algebraic proof that there is no Lagrangian.
     """
-    listed = dict.fromkeys([*result.exceptions, *(result.with_time.exceptions if result.with_time else ())])
+    listed = dict.fromkeys(
+        [*result.exceptions, *(result.with_time.exceptions if result.with_time else ())]
+    )
     system, parts = solution.system, list[schemas.LeftOutPart]()
     decides = result.lagrangian is not None or (
         result.with_time is not None and result.with_time.lagrangian is not None
@@ -145,25 +188,41 @@ def with_left_out(
             continue
         values = _values_there(system, text)
         fields: dict[str, Any] = {}
-        if values and decides and len(system.coordinates) == 1 and len(parts) < _MOST_LEFT_OUT and deadline.now() < end:
+        if (
+            values
+            and decides
+            and len(system.coordinates) == 1
+            and len(parts) < _MOST_LEFT_OUT
+            and deadline.now() < end
+        ):
             timed = solution.main is not solution.autonomous or asked.time_dependent is True
-            there, answer = _solved(second_order_system.with_values(system, values), timed, asked.seed, end)
+            there, answer = _solved(
+                second_order_system.with_values(system, values), timed, asked.seed, end
+            )
             if answer is not None and answer.checked == "valid":
                 fields = answered(schemas.LeftOutPart, there, answer)
         sides = [reader.read_formula(side, system.names) for side in text.split(" = ")]
         where = schemas.Formula(text=text, latex=" = ".join(map(printing.to_latex, sides)))
         parts.append(schemas.LeftOutPart(where=where, decided=bool(fields), **fields))
-    if any(text.startswith(SPECIAL_FUNCTIONS) for text in listed) and result.verdict == "not_variational":
+    if (
+        any(text.startswith(SPECIAL_FUNCTIONS) for text in listed)
+        and result.verdict == "not_variational"
+    ):
         from inverse_service.solving import members
 
         for trees in members.first_equations(system, asked, end):
-            texts = [[f"{write(tree)} = 0" for tree in trees] for write in (printing.to_text, printing.to_latex)]
+            texts = [
+                [f"{write(tree)} = 0" for tree in trees]
+                for write in (printing.to_text, printing.to_latex)
+            ]
             where = schemas.Formula(text=" and ".join(texts[0]), latex=", \\; ".join(texts[1]))
             parts.append(schemas.LeftOutPart(where=where, decided=False))
     return result.model_copy(update={"left_out": parts})
 
 
-def _values_there(system: SecondOrderSystem, text: str) -> dict[ex.Expression, ex.Expression] | None:
+def _values_there(
+    system: SecondOrderSystem, text: str
+) -> dict[ex.Expression, ex.Expression] | None:
     """The values of parameters at an exception; None where it cannot be solved for a parameter."""
     *sides, last = [reader.read_formula(side, system.names) for side in text.split("=")]
     values = dict[ex.Expression, ex.Expression]()
@@ -182,8 +241,14 @@ def _values_there(system: SecondOrderSystem, text: str) -> dict[ex.Expression, e
 def with_instead(
     result: schemas.ResultDocument, solution: Solution, asked: SolveOptions, end: float
 ) -> schemas.ResultDocument:
-    """The result with an L(t, q, q'), T - V with friction, or parameter values that leave an L(q, q')."""
-    if solution.autonomous is None or solution.autonomous.verdict != "not_variational" or result.branches:
+    """The result with an L(t, q, q'), T - V with friction, or parameter values that leave an L(q,
+    q').
+    """
+    if (
+        solution.autonomous is None
+        or solution.autonomous.verdict != "not_variational"
+        or result.branches
+    ):
         return result
     found = _with_time(result) or _with_friction(solution, asked, end)
     found = found or _with_parameters(solution.system, asked.seed, end)
@@ -201,7 +266,9 @@ def _shown(part: schemas.ProvenPart) -> dict[str, Any]:
     return {key: getattr(part, key) for key in _SHOWN}
 
 
-def _with_friction(solution: Solution, asked: SolveOptions, end: float) -> schemas.InsteadPart | None:
+def _with_friction(
+    solution: Solution, asked: SolveOptions, end: float
+) -> schemas.InsteadPart | None:
     from inverse_service.solving.kind_answers import quick_rayleigh
 
     given = [second_order_system.on_branch(equation, solution.system) for equation in asked.given]
@@ -212,12 +279,18 @@ def _with_friction(solution: Solution, asked: SolveOptions, end: float) -> schem
     names, lagrangian = solution.system.coordinates, found.lagrangian
     hamiltonian = explaining.hamiltonian_of(lagrangian.expression, names, lagrangian.positive)
     shown_hamiltonian = None if hamiltonian is None else translate.hamiltonian_part(hamiltonian)
-    shown = kind_part(found).model_dump(include={"lagrangian", "dissipation", *_SHOWN} - {"hamiltonian"})
+    shown = kind_part(found).model_dump(
+        include={"lagrangian", "dissipation", *_SHOWN} - {"hamiltonian"}
+    )
     return schemas.InsteadPart(kind="rayleigh", hamiltonian=shown_hamiltonian, **shown)
 
 
-def _with_parameters(system: SecondOrderSystem, seed: int, end: float) -> schemas.InsteadPart | None:
-    """The first leaf of the family in the parameters, each parameter solved for, where a Lagrangian is found."""
+def _with_parameters(
+    system: SecondOrderSystem, seed: int, end: float
+) -> schemas.InsteadPart | None:
+    """The first leaf of the family in the parameters, each parameter solved for, where a Lagrangian
+    is found.
+    """
     if not system.parameters or system.functions or deadline.now() > end:
         return None
     from inverse_service.solving import leaves, members
@@ -229,8 +302,16 @@ def _with_parameters(system: SecondOrderSystem, seed: int, end: float) -> schema
         return None
     for one in found.leaves:
         answer = one.answer
-        if one.inside is not None and answer is not None and answer.lagrangian is not None and one.system is not None:
-            texts = [f"{printing.to_text(each.left)} = {printing.to_text(each.right)}" for each in one.solved]
+        if (
+            one.inside is not None
+            and answer is not None
+            and answer.lagrangian is not None
+            and one.system is not None
+        ):
+            texts = [
+                f"{printing.to_text(each.left)} = {printing.to_text(each.right)}"
+                for each in one.solved
+            ]
             fields = answered(schemas.InsteadPart, one.system, answer)
             kept = {key: fields[key] for key in ("equations", *_SHOWN)}
             return schemas.InsteadPart(kind="parameters", conditions=texts, **kept)
@@ -242,15 +323,20 @@ def of_reduced(reduced: schemas.ReducedPart | None) -> schemas.InsteadPart | Non
     for part in (reduced, reduced and reduced.with_clock):
         if part is not None and part.lagrangian is not None and part.checked == "valid":
             clock = part.factor if isinstance(part, schemas.ClockPart) else ""
-            return schemas.InsteadPart(kind="reduced", equations=part.equations, clock=clock, **_shown(part))
+            return schemas.InsteadPart(
+                kind="reduced", equations=part.equations, clock=clock, **_shown(part)
+            )
     return None
 
 
-# What `check` compares these with: the system, made again from the document; None where they are about no such system.
+# What `check` compares these with: the system, made again from the document; None where they are
+# about no such system.
 
 
 def system_with_clock(document: Any, part: Mapping[str, Any]) -> SecondOrderSystem | None:
-    """That of the document, in the clock of `with_clock`, which is the one that the document names if it names one."""
+    """That of the document, in the clock of `with_clock`, which is the one that the document names
+    if it names one.
+    """
     try:
         schema = accepting.to_schema(accepting.prepared(document).document)
         system = accepting.to_system(schema)
@@ -260,21 +346,32 @@ def system_with_clock(document: Any, part: Mapping[str, Any]) -> SecondOrderSyst
     return in_clock(part, system, factor)
 
 
-def in_clock(part: Mapping[str, Any], system: SecondOrderSystem, factor: ex.Expression) -> SecondOrderSystem | None:
+def in_clock(
+    part: Mapping[str, Any], system: SecondOrderSystem, factor: ex.Expression
+) -> SecondOrderSystem | None:
     from inverse_service.solving import clock
 
-    return clock.with_clock(system, factor) if part.get("factor") == printing.to_text(factor) else None
+    return (
+        clock.with_clock(system, factor) if part.get("factor") == printing.to_text(factor) else None
+    )
 
 
 def system_there(document: Any, conditions: Any) -> SecondOrderSystem | None:
-    """That of the document for special values of the parameters, given as a list of texts "name = value"."""
+    """That of the document for special values of the parameters, given as a list of texts "name =
+    value".
+    """
     if not isinstance(conditions, list):
         return None
     try:
         system = accepting.to_system(accepting.to_schema(accepting.prepared(document).document))
-        names = nm.Names(parameters=system.parameters, time=False)  # constants: a = x is no condition
+        names = nm.Names(
+            parameters=system.parameters, time=False
+        )  # constants: a = x is no condition
         pairs = [text.split(" = ") for text in conditions]
-        values = {reader.read_formula(name, names): reader.read_formula(value, names) for name, value in pairs}
+        values = {
+            reader.read_formula(name, names): reader.read_formula(value, names)
+            for name, value in pairs
+        }
     except (InputError, KeyError, ValueError, AttributeError, TypeError):
         return None
     held = {node for tree in values.values() for node in ex.walk(tree)}
@@ -284,7 +381,9 @@ def system_there(document: Any, conditions: Any) -> SecondOrderSystem | None:
 
 
 def system_at(document: Any, where: str) -> SecondOrderSystem | None:
-    """The first branch of that of the document where a parameter has the value of an exception, "n = 1"."""
+    """The first branch of that of the document where a parameter has the value of an exception, "n
+    = 1".
+    """
     try:
         system = accepting.to_system(accepting.to_schema(accepting.prepared(document).document))
         system = second_order_system.branches_of(system)[0]
@@ -292,21 +391,36 @@ def system_at(document: Any, where: str) -> SecondOrderSystem | None:
     except InputError:
         return None
     return (
-        None if values is None else second_order_system.branches_of(second_order_system.with_values(system, values))[0]
+        None
+        if values is None
+        else second_order_system.branches_of(second_order_system.with_values(system, values))[0]
     )
 
 
 def is_of_reduced(part: Mapping[str, Any], reduced: Mapping[str, Any]) -> bool:
     """Whether `instead` repeats the reduced system, or this with its clock."""
-    known = [{**one, "clock": one.get("factor")} for one in (reduced, reduced.get("with_clock") or {})]
-    same = [all((one.get(key) or None) == (part.get(key) or None) for key in OF_REDUCED) for one in known]
+    known = [
+        {**one, "clock": one.get("factor")} for one in (reduced, reduced.get("with_clock") or {})
+    ]
+    same = [
+        all((one.get(key) or None) == (part.get(key) or None) for key in OF_REDUCED)
+        for one in known
+    ]
     return bool(part.get("lagrangian")) and any(same)
 
 
 def questions_of(part: Mapping[str, Any], system: SecondOrderSystem) -> Sequence[str]:
-    """Those that an answer may be about: a special case may have an L(t, q, q') alone, and says so."""
-    timed = system.depends_on_time or ("dimension" in part and part.get("verdict_with_time") == "variational")
-    return ("time_dependent",) if system.depends_on_time else ("autonomous", *["time_dependent"] * timed)
+    """Those that an answer may be about: a special case may have an L(t, q, q') alone, and says
+    so.
+    """
+    timed = system.depends_on_time or (
+        "dimension" in part and part.get("verdict_with_time") == "variational"
+    )
+    return (
+        ("time_dependent",)
+        if system.depends_on_time
+        else ("autonomous", *["time_dependent"] * timed)
+    )
 
 
 def is_inside(system: SecondOrderSystem, near: Mapping[str, str]) -> bool:
@@ -323,18 +437,23 @@ def to_kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[Lagrang
     """The kinds of a document; raises InputError with the place of what cannot be read."""
     found = []
     if schema.near and to_near(schema, system) and "positive_definite" not in schema.kinds:
-        raise InputError("'near' is the point of the kind positive_definite, which is not asked about.", "/near")
+        raise InputError(
+            "'near' is the point of the kind positive_definite, which is not asked about.", "/near"
+        )
     for place, kind in enumerate(schema.kinds):
         pointer = f"/kinds/{place}"
         if isinstance(kind, InvariantKind):
             fields = [
-                _field(field, schema, system, f"{pointer}/invariant/{k}") for k, field in enumerate(kind.invariant)
+                _field(field, schema, system, f"{pointer}/invariant/{k}")
+                for k, field in enumerate(kind.invariant)
             ]
             found.append(invariant(fields, system.coordinates))
         else:
             found.append(kind_named(kind, system.coordinates))
     if len({kind.name for kind in found}) < len(found):
-        raise InputError("a kind is named twice: name each once, all vector fields in one 'invariant'.", "/kinds")
+        raise InputError(
+            "a kind is named twice: name each once, all vector fields in one 'invariant'.", "/kinds"
+        )
     return tuple(found)
 
 
@@ -346,11 +465,15 @@ def _field(
     names, found = nm.Names(system.coordinates, system.parameters), {}
     for name, text in texts.items():
         if name not in system.coordinates:
-            raise InputError(f"a vector field has components along {', '.join(system.coordinates)}.", pointer)
+            raise InputError(
+                f"a vector field has components along {', '.join(system.coordinates)}.", pointer
+            )
         place = f"{pointer}/{name}"
         tree = accepting.formula_about(text, names, schema, place)
         if not all(_is_rational(node) for node in ex.walk(tree)):
-            raise InputError("a component is a rational formula in coordinates and parameters.", place)
+            raise InputError(
+                "a component is a rational formula in coordinates and parameters.", place
+            )
         found[name] = (printing.to_text(tree), tree)
     return found
 
@@ -382,8 +505,12 @@ def with_kinds(
     return result.model_copy(update={"kinds": parts})
 
 
-def to_near(schema: SystemDocument, system: SecondOrderSystem) -> dict[ex.Symbol | ex.Velocity, Fraction]:
-    """The point that a document names; InputError for a name that has no value there, or no number."""
+def to_near(
+    schema: SystemDocument, system: SecondOrderSystem
+) -> dict[ex.Symbol | ex.Velocity, Fraction]:
+    """The point that a document names; InputError for a name that has no value there, or no
+    number.
+    """
     names: dict[str, ex.Symbol | ex.Velocity] = {
         name: ex.Symbol(name) for name in (*system.coordinates, *system.parameters, "t")
     }
@@ -393,7 +520,9 @@ def to_near(schema: SystemDocument, system: SecondOrderSystem) -> dict[ex.Symbol
     try:
         return {names[name]: Fraction(text) for name, text in schema.near.items()}
     except (ValueError, ZeroDivisionError):
-        raise InputError('the values at a point must be rational numbers such as "1/2" or 0.3.', "/near") from None
+        raise InputError(
+            'the values at a point must be rational numbers such as "1/2" or 0.3.', "/near"
+        ) from None
 
 
 def kind_part(found: KindAnswer) -> schemas.KindPart:
@@ -401,7 +530,9 @@ def kind_part(found: KindAnswer) -> schemas.KindPart:
         schemas.KindPart,
         found,
         checked=None if found.certificate is None else "valid",
-        lagrangian=None if found.lagrangian is None else translate.lagrangian_part(found.lagrangian),
+        lagrangian=None
+        if found.lagrangian is None
+        else translate.lagrangian_part(found.lagrangian),
         near=(found.certificate or {}).get("near") or {},
         exceptions=list(found.exceptions),
     )

@@ -1,7 +1,7 @@
 """Documents to results: which use case a document belongs to, and that of systems of equations.
 
-Only the use case that is asked for is imported: the nonholonomic one takes 0.05 s, which a single call notices.
-Processes that serve many import all before the first (`tasks.load_engine`).
+Only the use case that is asked for is imported: the nonholonomic one takes 0.05 s, which a single
+call notices. Processes that serve many import all before the first (`tasks.load_engine`).
 """
 
 from __future__ import annotations
@@ -53,12 +53,16 @@ ENDED: tuple[type[Exception], ...] = tuple(REASONS)
 log = logging.getLogger(__name__)
 
 
-def solve_document(document: Any, options: SolveOptions, progress: Progress | None = None) -> dict[str, Any]:
+def solve_document(
+    document: Any, options: SolveOptions, progress: Progress | None = None
+) -> dict[str, Any]:
     """The result of a document of any kind. Raises InputError for one that cannot be accepted.
 
-    `progress` receives the name of each stage, and what is finished and checked while more is sought (see `growing`).
+    `progress` receives the name of each stage, and what is finished and checked while more is
+    sought (see `growing`).
 
-    Where the mathematics fails on it the answer is undetermined and says why; `provenance.fault` names the error.
+    Where the mathematics fails on it the answer is undetermined and says why; `provenance.fault`
+    names the error.
     """
     with printing.with_decimals(accepting.typed_decimals(document)):
         return _solved(document, options, progress)
@@ -100,7 +104,9 @@ def parse_document(document: Any) -> dict[str, Any]:
     """The interpretation of a document; raises InputError."""
     ready = accepting.prepared(document)
     with printing.with_decimals(accepting.typed_decimals(document)):
-        return _in_own_words(ready, lambda cases: cases.parse(cases.look(ready.document)).model_dump(mode="json"))
+        return _in_own_words(
+            ready, lambda cases: cases.parse(cases.look(ready.document)).model_dump(mode="json")
+        )
 
 
 def understand_document(document: Any) -> dict[str, Any]:
@@ -117,7 +123,9 @@ def understand_document(document: Any) -> dict[str, Any]:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class UseCases:
-    """What is done with a document of one kind: read into its schema, answered, parsed, seen as a system, solved."""
+    """What is done with a document of one kind: read into its schema, answered, parsed, seen as a
+    system, solved.
+    """
 
     look: Callable[[Any], Any]
     parse: Callable[[Any], ParseAnswer]
@@ -128,7 +136,10 @@ class UseCases:
 def use_cases(document: Any) -> UseCases:
     """Those of the kind that a prepared document is of, imported now."""
     if accepting.is_motion(document):
-        from inverse_service.service.documents import motion_documents as read, nonholonomic_documents as solved
+        from inverse_service.service.documents import (
+            motion_documents as read,
+            nonholonomic_documents as solved,
+        )
 
         look: Callable[[Any], Any] = partial(accepting.validated, schema=MotionDocument)
         return UseCases(look, read.parse_motion, read.system_of_motion, solved.solve_motion)
@@ -138,19 +149,28 @@ def use_cases(document: Any) -> UseCases:
         look = partial(accepting.validated, schema=LagrangianDocument)
         return UseCases(look, alone.parse, alone.system_of, alone.solve_forward)
     if accepting.is_nonholonomic(document):
-        from inverse_service.service.documents import motion_documents as read, nonholonomic_documents as solved
+        from inverse_service.service.documents import (
+            motion_documents as read,
+            nonholonomic_documents as solved,
+        )
 
-        return UseCases(read.to_nonholonomic_schema, read.parse, read.system_of, solved.solve_nonholonomic)
+        return UseCases(
+            read.to_nonholonomic_schema, read.parse, read.system_of, solved.solve_nonholonomic
+        )
     return UseCases(accepting.to_schema, parse_system, accepting.to_system, solve_system)
 
 
-def _in_own_words(ready: accepting.Prepared, work: Callable[[UseCases], dict[str, Any]]) -> dict[str, Any]:
+def _in_own_words(
+    ready: accepting.Prepared, work: Callable[[UseCases], dict[str, Any]]
+) -> dict[str, Any]:
     """The answer, or the refusal, in the names that the writer of the document uses."""
     try:
         with reader.noted() as notes:
             found = work(use_cases(ready.document))
         if "readings" in found:
-            found["readings"] = [{"text": text, "as": meant} for text, meant in {**ready.readings, **notes}.items()]
+            found["readings"] = [
+                {"text": text, "as": meant} for text, meant in {**ready.readings, **notes}.items()
+            ]
         return ready.outward(found)
     except errors.InputError as error:
         raise ready.error(error) from None
@@ -162,7 +182,9 @@ def look(document: Any) -> None:
     use_cases(plain).look(plain)
 
 
-def solve_system(document: Any, options: SolveOptions, grow: growing.Growing | None = None) -> dict[str, Any]:
+def solve_system(
+    document: Any, options: SolveOptions, grow: growing.Growing | None = None
+) -> dict[str, Any]:
     """The result document of a System document, its certificates checked.
 
     `options.time_limit` is the time for all of it; `time_dependent` is taken from the document.
@@ -176,7 +198,11 @@ def solve_system(document: Any, options: SolveOptions, grow: growing.Growing | N
     asks_family = bool(schema.family) or schema.special_cases
     if asks_family:
         family_parts.names_of(schema, system)
-    share = SHARE_BESIDE_CASES if asks_family or schema.kinds or schema.clock else comparison.SHARE_OF_SOLVER
+    share = (
+        SHARE_BESIDE_CASES
+        if asks_family or schema.kinds or schema.clock
+        else comparison.SHARE_OF_SOLVER
+    )
     asked = dataclasses.replace(
         options,
         time_dependent=schema.time_dependent_lagrangian,
@@ -190,7 +216,9 @@ def solve_system(document: Any, options: SolveOptions, grow: growing.Growing | N
     factor = None if schema.clock is None else derived.to_clock(schema, system)
     grow.wanted = _wanted(schema, system, bool(kinds))
 
-    def tell(parts: Sequence[str], make: Callable[[], tuple[tuple[Solution, ...], tuple[Left, ...]]]) -> None:
+    def tell(
+        parts: Sequence[str], make: Callable[[], tuple[tuple[Solution, ...], tuple[Left, ...]]]
+    ) -> None:
         def so_far() -> dict[str, Any]:
             known, open_ones = make()
             return comparison.with_one_verdict(
@@ -199,8 +227,13 @@ def solve_system(document: Any, options: SolveOptions, grow: growing.Growing | N
 
         grow.hand_over(parts, so_far)
 
-    solutions, left = solving.solve_branches(system, dataclasses.replace(asked, hand_over=tell), grow.stage)
-    solution, grow.cut = solutions[0], {part: why for each in solutions for part, why in each.cut.items()}
+    solutions, left = solving.solve_branches(
+        system, dataclasses.replace(asked, hand_over=tell), grow.stage
+    )
+    solution, grow.cut = (
+        solutions[0],
+        {part: why for each in solutions for part, why in each.cut.items()},
+    )
     result = translate.to_result(solution, schema, solutions[1:], left)
     limit = now() + comparison.SHARE_OF_SOLVER * (end - now())
     if result.exceptions or (result.with_time and result.with_time.exceptions):
@@ -220,15 +253,27 @@ def solve_system(document: Any, options: SolveOptions, grow: growing.Growing | N
     if asks_family:
         result = family_parts.with_family(result, system, schema, asked, grow, end)
     grow.begin("certificate")
-    return comparison.with_one_verdict(comparison.ordered(grow.end(comparison.checked(result, end - now()))))
+    return comparison.with_one_verdict(
+        comparison.ordered(grow.end(comparison.checked(result, end - now())))
+    )
 
 
 def _wanted(schema: SystemDocument, system: SecondOrderSystem, kinds: bool) -> tuple[str, ...]:
     """The parts of the result that is asked for, in the order of wanting."""
     wants_plain, wants_time = deciding.questions(schema.time_dependent_lagrangian, system)
-    parts = ("conditions", "existence", *["existence_with_time"] * wants_time, "certificate", "lagrangian")
+    parts = (
+        "conditions",
+        "existence",
+        *["existence_with_time"] * wants_time,
+        "certificate",
+        "lagrangian",
+    )
     second = ["lagrangian_with_time"] * (wants_plain and wants_time)
-    last = [*["first_integrals"] * schema.first_integrals, *["kinds"] * kinds, *["clock"] * bool(schema.clock)]
+    last = [
+        *["first_integrals"] * schema.first_integrals,
+        *["kinds"] * kinds,
+        *["clock"] * bool(schema.clock),
+    ]
     return (*parts, *second, "hamiltonian", *last, "explanation")
 
 

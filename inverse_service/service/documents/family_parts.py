@@ -1,4 +1,6 @@
-"""The key `family`: which members of a family have a Lagrangian. First the part of a result, then its check."""
+"""The key `family`: which members of a family have a Lagrangian. First the part of a result, then
+its check.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ _SAYS = {
 }
 
 
-def names_of(schema: QuestionDocument, system: SecondOrderSystem) -> tuple[list[str], dict[str, list[str]]]:
+def names_of(
+    schema: QuestionDocument, system: SecondOrderSystem
+) -> tuple[list[str], dict[str, list[str]]]:
     """The constants and functions of the family that a document asks about; InputError for names it
     does not declare.
     """
@@ -44,10 +48,14 @@ def names_of(schema: QuestionDocument, system: SecondOrderSystem) -> tuple[list[
         for name in named:
             if name not in known:
                 what = "constant" if kind == "letters" else "function"
-                raise errors.InputError(f"`{name}` is no {what} of the equations.", f"/family/{kind}")
+                raise errors.InputError(
+                    f"`{name}` is no {what} of the equations.", f"/family/{kind}"
+                )
     for name, of in schema.family.functions.items():
         if of != own[name]:
-            raise errors.InputError(f"`{name}` depends on {', '.join(own[name])}.", f"/family/functions/{name}")
+            raise errors.InputError(
+                f"`{name}` depends on {', '.join(own[name])}.", f"/family/functions/{name}"
+            )
     return list(schema.family.letters), dict(schema.family.functions)
 
 
@@ -68,15 +76,28 @@ def with_family(
     try:
         found = members.explore(system, letters, list(functions), asked, limit, grow.stage)
         part = family_part(found, letters, functions)
-    except (leaves.NotSplit, exact_field.TooLarge, errors.IrreducibleAtoms, ZeroDivisionError) as problem:
+    except (
+        leaves.NotSplit,
+        exact_field.TooLarge,
+        errors.IrreducibleAtoms,
+        ZeroDivisionError,
+    ) as problem:
         opened = schemas.OpenSet(reason=f"the conditions could not be computed: {problem}")
-        part = schemas.FamilyPart(letters=letters, functions=functions, leaves=[], open=[opened], covered=False)
+        part = schemas.FamilyPart(
+            letters=letters, functions=functions, leaves=[], open=[opened], covered=False
+        )
     return result.model_copy(update={"family": part})
 
 
-def family_part(family: Family, letters: Sequence[str], functions: Mapping[str, Sequence[str]]) -> schemas.FamilyPart:
+def family_part(
+    family: Family, letters: Sequence[str], functions: Mapping[str, Sequence[str]]
+) -> schemas.FamilyPart:
     opened = [
-        schemas.OpenSet(inside=one.inside, equations=[_equation(tree) for tree in one.equations], reason=one.reason)
+        schemas.OpenSet(
+            inside=one.inside,
+            equations=[_equation(tree) for tree in one.equations],
+            reason=one.reason,
+        )
         for one in family.open
     ]
     return schemas.FamilyPart(
@@ -95,12 +116,18 @@ def _leaf(family: Family, number: int) -> schemas.FamilyLeaf:
     answers = tuple(one == "variational" for one in (verdict, found.with_time or verdict))
     answer = found.answer
     fields = translate.answer_fields(answer) if answer is not None else {}
-    kept = {key: fields[key] for key in ("lagrangian", "hamiltonian", "integrals", "near") if key in fields}
+    kept = {
+        key: fields[key]
+        for key in ("lagrangian", "hamiltonian", "integrals", "near")
+        if key in fields
+    }
     return schemas.FamilyLeaf(
         id=number,
         inside=found.inside,
         equations=[leaf_equation(unknowns, rule) for rule in found.leaf.rules],
-        nonzero=[printing.to_text(collecting.collect(unknowns.tree(one))) for one in found.leaf.nonzero],
+        nonzero=[
+            printing.to_text(collecting.collect(unknowns.tree(one))) for one in found.leaf.nonzero
+        ],
         solved=[
             schemas.SolvedPart(
                 text=f"{printing.to_text(one.left)} = {printing.to_text(one.right)}",
@@ -148,9 +175,16 @@ def leaf_equation(unknowns: Unknowns, rule: Rule) -> schemas.LeafEquation:
             )
         )
         text = leader, value
-    elif all(k in unknowns.letters for k in unknowns.unknowns_in(rule.equation)) and not unknowns.inner:
+    elif (
+        all(k in unknowns.letters for k in unknowns.unknowns_in(rule.equation))
+        and not unknowns.inner
+    ):
         text = _sides(unknowns, rule)
-    left, right = text if text is not None else (collecting.collect(unknowns.tree(_integral(rule.equation))), ex.ZERO)
+    left, right = (
+        text
+        if text is not None
+        else (collecting.collect(unknowns.tree(_integral(rule.equation))), ex.ZERO)
+    )
     return schemas.LeafEquation(
         text=f"{printing.to_text(left)} = {printing.to_text(right)}",
         latex=f"{printing.to_latex(left)} = {printing.to_latex(right)}",
@@ -183,14 +217,18 @@ def _sides(unknowns: Unknowns, rule: Rule) -> tuple[ex.Expression, ex.Expression
 
 
 def _equation(tree: ex.Expression) -> schemas.Formula:
-    return schemas.Formula(text=f"{printing.to_text(tree)} = 0", latex=f"{printing.to_latex(tree)} = 0")
+    return schemas.Formula(
+        text=f"{printing.to_text(tree)} = 0", latex=f"{printing.to_latex(tree)} = 0"
+    )
 
 
 # What `check` makes again from the document: the system of the general member of a leaf.
 
 
 def system_of_leaf(document: Any, leaf: Mapping[str, Any]) -> SecondOrderSystem | None:
-    """The document's system with the solved constants and functions of a leaf put in; None if they cannot be read."""
+    """The document's system with the solved constants and functions of a leaf put in; None if they
+    cannot be read.
+    """
     try:
         system = accepting.to_system(accepting.to_schema(accepting.prepared(document).document))
         system = second_order_system.branches_of(system)[0]
@@ -229,7 +267,9 @@ def _read_solved(system: SecondOrderSystem, part: Mapping[str, Any]) -> Any:
     new = tuple(part.get("new_functions") or ())
     if new:  # F(x, y) = F(x)
         arguments = tuple(
-            one for one in whole.arguments if printing.to_text(one) in right.partition("(")[2].rstrip(")").split(", ")
+            one
+            for one in whole.arguments
+            if printing.to_text(one) in right.partition("(")[2].rstrip(")").split(", ")
         )
         value: ex.Expression = ex.Arbitrary(whole.name, arguments, (0,) * len(arguments))
         if printing.to_text(value) != right or new != (whole.name,):
@@ -239,10 +279,12 @@ def _read_solved(system: SecondOrderSystem, part: Mapping[str, Any]) -> Any:
 
 
 def follows(document: Any, leaf: Mapping[str, Any]) -> bool | None:
-    """Whether the solved members of a leaf are just those with its equations; None if this is not decided.
+    """Whether the solved members of a leaf are just those with its equations; None if this is not
+    decided.
 
-    Every equation is zero with the solved constants and functions put in. Conversely there is one equation for each of
-    them, which determines it: linear in a constant or function, or F_y = 0 for F(x, y) = F(x).
+    Every equation is zero with the solved constants and functions put in. Conversely there is one
+    equation for each of them, which determines it: linear in a constant or function, or F_y = 0 for
+    F(x, y) = F(x).
     """
     from inverse_service.solving import closed_members
 
@@ -288,8 +330,14 @@ def _with_all(tree: ex.Expression, solved: Sequence[Any]) -> ex.Expression:
 def _is_zero(tree: ex.Expression) -> bool:
     """Whether the tree is zero as a rational function of its atoms."""
     try:
-        names = [node for node in ex.walk(tree) if isinstance(node, ex.Symbol | ex.Velocity) and node != ex.PI]
-        ring = exact_field.exact_ring([tree], list(dict.fromkeys(names)), 0, exact_field.Budget.long(), slopes=False)
+        names = [
+            node
+            for node in ex.walk(tree)
+            if isinstance(node, ex.Symbol | ex.Velocity) and node != ex.PI
+        ]
+        ring = exact_field.exact_ring(
+            [tree], list(dict.fromkeys(names)), 0, exact_field.Budget.long(), slopes=False
+        )
         return bool(ring.value(tree).is_zero)
     except (exact_field.TooLarge, ZeroDivisionError, KeyError):
         return False
@@ -301,18 +349,31 @@ def _determines(tree: ex.Expression, solved: Any) -> bool:
     if isinstance(left, ex.Symbol):
         slope = collecting.collect(calculus.differentiate(tree, left))
         return slope != ex.ZERO and not ex.holds(slope, left)
-    nodes = {node for node in ex.walk(tree) if isinstance(node, ex.Arbitrary) and node.name == left.name}
+    nodes = {
+        node for node in ex.walk(tree) if isinstance(node, ex.Arbitrary) and node.name == left.name
+    }
     if solved.new_functions:
         (node,) = nodes if len(nodes) == 1 else (None,)
         dropped = [one for one in left.arguments if one not in solved.right.arguments]
         wanted = tuple(int(one in dropped) for one in left.arguments)
-        return node is not None and node.orders == wanted and sum(wanted) == 1 and tree in (node, -node)
+        return (
+            node is not None
+            and node.orders == wanted
+            and sum(wanted) == 1
+            and tree in (node, -node)
+        )
     orders = max((sum(node.orders) for node in nodes), default=0)
     tops = [node for node in nodes if sum(node.orders) == orders]
-    if len(tops) != 1 or len(solved.new_constants) != orders or (orders and len(left.arguments) > 1):
+    if (
+        len(tops) != 1
+        or len(solved.new_constants) != orders
+        or (orders and len(left.arguments) > 1)
+    ):
         return False
     letter = ex.Symbol("the_leader")
-    slope = collecting.collect(calculus.differentiate(ex.substitute(tree, {tops[0]: letter}), letter))
+    slope = collecting.collect(
+        calculus.differentiate(ex.substitute(tree, {tops[0]: letter}), letter)
+    )
     return slope != ex.ZERO and not ex.holds(slope, letter)
 
 

@@ -1,9 +1,9 @@
 """A result grows: each part is delivered when it is finished and checked, the most wanted first.
 
 A `Growing` is informed which part of the work begins and which are finished. Out of it come stages
-and parts, as {"parts": names, "value": fields of the result that are new, "seconds": by part}. Merged in their order
-the values are a whole result document, whose `incomplete` lists what is still to come; `cut_off` makes of it the result
-of a run that a limit, a crash or a cancellation ended.
+and parts, as {"parts": names, "value": fields of the result that are new, "seconds": by part}.
+Merged in their order the values are a whole result document, whose `incomplete` lists what is still
+to come; `cut_off` makes of it the result of a run that a limit, a crash or a cancellation ended.
 """
 
 import json
@@ -17,22 +17,29 @@ from inverse_service.service.documents import stated
 from inverse_service.statements.stages import Stage
 
 Tell = Callable[[Any], None]
-# The parts of a result in the order of wanting: its fields, where the first message brings all others; the stages whose
-# time is its own, where one that is not named continues the part before; what more time would do; how a page names it.
-PARTS: Final[dict[str, dict[str, Any]]] = json.loads((Path(__file__).parent / "parts.json").read_text("utf-8"))
+# The parts of a result in the order of wanting: its fields, where the first message brings all
+# others; the stages whose time is its own, where one that is not named continues the part before;
+# what more time would do; how a page names it.
+PARTS: Final[dict[str, dict[str, Any]]] = json.loads(
+    (Path(__file__).parent / "parts.json").read_text("utf-8")
+)
 FIELDS: Final[dict[str, list[str]]] = {part: row["fields"] for part, row in PARTS.items()}
 _STAGES: Final = {stage: part for part, row in PARTS.items() for stage in row.get("stages", ())}
-# What is finished sooner after a message waits for the next part to begin: to make a result so far takes some ms; s of
-# processor time, so that it costs a busy machine no larger share.
+# What is finished sooner after a message waits for the next part to begin: to make a result so far
+# takes some ms; s of processor time, so that it costs a busy machine no larger share.
 AT_ONCE = 0.1
 _TO_COME = "The computation is in progress."
 _MORE_OF_OTHERS = "A longer time limit allows this."
 
 
 class Growing:
-    """One result while it is made. `tell` is called with what is new, `outward` puts it in the document's own words."""
+    """One result while it is made. `tell` is called with what is new, `outward` puts it in the
+    document's own words.
+    """
 
-    def __init__(self, tell: Tell | None, outward: Callable[[Any], Any] = lambda value: value) -> None:
+    def __init__(
+        self, tell: Tell | None, outward: Callable[[Any], Any] = lambda value: value
+    ) -> None:
         self._tell, self._outward = tell, outward
         self._since, self._told = time.monotonic(), deadline.now()
         self._waiting: Callable[[], Mapping[str, Any]] | None = None
@@ -60,8 +67,9 @@ class Growing:
         self._part, self._since = part, moment
 
     def hand_over(self, parts: Sequence[str], make: Callable[[], Mapping[str, Any]]) -> None:
-        """These parts are finished; `make` makes the result document so far, checked, which is asked for if somebody
-        listens and the work takes longer."""
+        """These parts are finished; `make` makes the result document so far, checked, which is
+        asked for if somebody listens and the work takes longer.
+        """
         new = [part for part in parts if part not in self.finished]
         self.finished += new
         self._untold += new
@@ -79,11 +87,15 @@ class Growing:
         self._told = deadline.now()
 
     def end(self, result: dict[str, Any]) -> dict[str, Any]:
-        """The whole result: with the seconds of its parts, and those for which the time was over."""
+        """The whole result: with the seconds of its parts, and those for which the time was
+        over.
+        """
         self._count_from_now(self._part)
         result["provenance"] = result["provenance"] | {"seconds": self.seconds}
         result["incomplete"] = [entry(part, reason) for part, reason in self.cut.items()]
-        self._untold = [part for part in self.wanted if part not in (*self.cut, *self.finished)] + self._untold
+        self._untold = [
+            part for part in self.wanted if part not in (*self.cut, *self.finished)
+        ] + self._untold
         if self._known:
             self._tell_new(self._outward(result))
         return result
@@ -94,12 +106,20 @@ class Growing:
         return {part: round(value, 4) for part, value in self._seconds.items() if value >= 5e-5}
 
     def _send(self, found: dict[str, Any]) -> None:
-        missing = [part for part in self.wanted if part not in self.finished and not _is_ruled_out(part, found)]
+        missing = [
+            part
+            for part in self.wanted
+            if part not in self.finished and not _is_ruled_out(part, found)
+        ]
         found["incomplete"] = [entry(part, self.cut.get(part, _TO_COME)) for part in missing]
         self._tell_new(self._outward(found))
 
     def _tell_new(self, found: dict[str, Any]) -> None:
-        new = {key: value for key, value in found.items() if key not in self._known or self._known[key] != value}
+        new = {
+            key: value
+            for key, value in found.items()
+            if key not in self._known or self._known[key] != value
+        }
         self._known |= new
         names, self._untold = self._untold, []
         if self._tell is not None and (names or new):
@@ -109,18 +129,31 @@ class Growing:
 def _is_ruled_out(part: str, found: Mapping[str, Any]) -> bool:
     """Whether a verdict says that there is no such part."""
     verdict = found["verdict"] if part in ("lagrangian", "hamiltonian") else None
-    return "not_variational" in (verdict, found["verdict_with_time"] if part == "lagrangian_with_time" else None)
+    return "not_variational" in (
+        verdict,
+        found["verdict_with_time"] if part == "lagrangian_with_time" else None,
+    )
 
 
 def entry(part: str, reason: str) -> dict[str, str]:
     """The entry of `incomplete` for a part."""
-    return {"part": part, "reason": reason, "more_time": PARTS.get(part, {}).get("more_time", _MORE_OF_OTHERS)}
+    return {
+        "part": part,
+        "reason": reason,
+        "more_time": PARTS.get(part, {}).get("more_time", _MORE_OF_OTHERS),
+    }
 
 
 def events(message: Mapping[str, Any]) -> list[dict[str, Any]]:
     """A message as one {"part", "value"} for each part; together they have all that is new."""
-    left, parts = dict(message["value"]), [part for part in message["parts"] if part in FIELDS] or ["existence"]
-    found = [{"part": part, "value": {key: left.pop(key) for key in FIELDS[part] if key in left}} for part in parts]
+    left, parts = (
+        dict(message["value"]),
+        [part for part in message["parts"] if part in FIELDS] or ["existence"],
+    )
+    found = [
+        {"part": part, "value": {key: left.pop(key) for key in FIELDS[part] if key in left}}
+        for part in parts
+    ]
     found[-1]["value"] |= left
     return found
 
@@ -128,7 +161,11 @@ def events(message: Mapping[str, Any]) -> list[dict[str, Any]]:
 def at_once(result: Mapping[str, Any]) -> dict[str, Any]:
     """The message of a result that was finished before any part of it was told."""
     missing = {one["part"] for one in result.get("incomplete", ())}
-    names = [part for part, fields in FIELDS.items() if part not in missing and any(map(result.get, fields))]
+    names = [
+        part
+        for part, fields in FIELDS.items()
+        if part not in missing and any(map(result.get, fields))
+    ]
     return {"parts": names, "value": result}
 
 
@@ -137,14 +174,21 @@ def grown(so_far: Mapping[str, Any], message: Mapping[str, Any]) -> dict[str, An
     return {"so_far": so_far.get("so_far", {}) | message["value"], "seconds": message["seconds"]}
 
 
-def cut_off(so_far: Mapping[str, Any], reason: str, seconds: Mapping[str, float], wall: float) -> dict[str, Any]:
-    """The result of a run that was ended, with all that was finished; what was to come is named with the reason."""
+def cut_off(
+    so_far: Mapping[str, Any], reason: str, seconds: Mapping[str, float], wall: float
+) -> dict[str, Any]:
+    """The result of a run that was ended, with all that was finished; what was to come is named
+    with the reason.
+    """
     left = [one | {"reason": reason} for one in so_far["incomplete"]]
     names = [one["part"] for one in left]
     taken = dict(seconds)
     if names:
         taken[names[0]] = round(taken.get(names[0], 0.0) + max(0.0, wall - sum(taken.values())), 4)
-    found = dict(so_far) | {"incomplete": left, "provenance": so_far["provenance"] | {"seconds": taken}}
+    found = dict(so_far) | {
+        "incomplete": left,
+        "provenance": so_far["provenance"] | {"seconds": taken},
+    }
     said = f"{reason[:-1]} before a verdict could be proved."
     if found["verdict"] == "undetermined" and "existence" in names:
         found["reason"] = said
@@ -163,7 +207,9 @@ def _with_reason(value: Any, reason: str) -> Any:
 
 def asks_motion_alone(document: Any) -> bool:
     """Whether a document asks about the motion on constraints and about no associated system."""
-    return isinstance(document, dict) and ("motion" in document or document.get("associated") == "any")
+    return isinstance(document, dict) and (
+        "motion" in document or document.get("associated") == "any"
+    )
 
 
 def motions_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:

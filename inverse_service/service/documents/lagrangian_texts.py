@@ -1,7 +1,8 @@
-"""A text that gives L, or T and V, or equations with multipliers, as the Lagrangian and constraints of a document.
+"""A text that gives L, or T and V, or equations with multipliers, as the Lagrangian and constraints
+of a document.
 
-`with_lagrangian` finds them in the text and `on_positions` solves constraints on positions. Each formula stays at its
-columns, and the pointers say from which text it came.
+`with_lagrangian` finds them in the text and `on_positions` solves constraints on positions. Each
+formula stays at its columns, and the pointers say from which text it came.
 """
 
 from __future__ import annotations
@@ -17,14 +18,22 @@ from math import perm
 from typing import Any
 
 from inverse_service import errors
-from inverse_service.expressions import calculus, collecting, letters, notation, printing, tree as ex
+from inverse_service.expressions import (
+    calculus,
+    collecting,
+    letters,
+    notation,
+    printing,
+    tree as ex,
+)
 from inverse_service.expressions.refusals import fault
 from inverse_service.field import exact_field
 from inverse_service.mechanics import euler_lagrange, position_constraints, second_order_system
 from inverse_service.reading import components, document_names, names as nm, reader
 from inverse_service.reading.tokens import at, walk
 
-# A document, by the pointer of each of its formulas that of the text with it at the same columns, and the notes.
+# A document, by the pointer of each of its formulas that of the text with it at the same columns,
+# and the notes.
 _Found = tuple[dict[str, Any], dict[str, str], dict[str, str]]
 # The expressions of the table lagrangian_texts in patterns.toml, compiled when they are needed.
 _pattern = cache(partial(nm.pattern, "lagrangian_texts", bold="|".join(components.BOLD)))
@@ -32,22 +41,28 @@ _MARKS = re.compile(r"\\d?dot|['\u2032\u0307\\{}\s]|_?dot$")
 _WORDS_AT_THE_END = re.compile(r"\s\([A-Za-z -]{4,}\)\s*$")
 _WRAPPER_ENDS = re.compile(r"(?:\$+|\\[\],;:! ]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
 # dx and d\theta, in dz = y dx and dz = ydx; \delta x is a virtual displacement, or asked about
-_FORM = re.compile(r"(?<![A-Za-z\\][A-Za-z])(?<!\\)d(?:[A-Za-z]|\s*\\)|(?:\u03b4|\bdelta\s)\s*[\w\\]")
+_FORM = re.compile(
+    r"(?<![A-Za-z\\][A-Za-z])(?<!\\)d(?:[A-Za-z]|\s*\\)|(?:\u03b4|\bdelta\s)\s*[\w\\]"
+)
 _OF_A_FORM = re.compile(r"\s*(?:d|\u03b4)")
 _IS_NUMBER = re.compile(r"[^=]*=[\s\d./-]*")
 _LAMBDA = re.compile(r"lambda|Lambda|\bmu|\\mu|[\u03bb\u03bc\u039b]")
-# Equations of motion with multipliers as L and constraints: x'' = lambda sin(u), ..., x' sin(u) = y' cos(u). Without
-# multipliers the lines are the Euler-Lagrange equations of a Lagrangian L, each times a factor. The force with each
-# multiplier has to be a multiple of the form w_i v^i of one constraint (d'Alembert's principle): then the motion is
-# that of L with the constraints.
-_ZERO = re.compile(r"(?:^|(?<=[,;\n]))\s*([A-Za-z])\s*=([^=,;\n]+)(?==\s*0)")  # f = x^2 + y^2 - l^2 = 0
+# Equations of motion with multipliers as L and constraints: x'' = lambda sin(u), ..., x' sin(u) =
+# y' cos(u). Without multipliers the lines are the Euler-Lagrange equations of a Lagrangian L, each
+# times a factor. The force with each multiplier has to be a multiple of the form w_i v^i of one
+# constraint (d'Alembert's principle): then the motion is that of L with the constraints.
+_ZERO = re.compile(
+    r"(?:^|(?<=[,;\n]))\s*([A-Za-z])\s*=([^=,;\n]+)(?==\s*0)"
+)  # f = x^2 + y^2 - l^2 = 0
 _MULTIPLIER = re.compile(r"(?:lambda|mu|Lambda)(?:_?\w+)?")
 _MOST_PRODUCTS = 10_000  # of entries of vector fields
 
 
 @dataclass(frozen=True, slots=True)
 class _Energy:
-    """L = …, T = …, or V = … of a text: the match up to the formula, the formula at its columns, and the pointer."""
+    """L = …, T = …, or V = … of a text: the match up to the formula, the formula at its columns,
+    and the pointer.
+    """
 
     named: re.Match[str]
     formula: str
@@ -56,10 +71,11 @@ class _Energy:
 
 @dataclass(frozen=True, slots=True)
 class _Written:
-    """What texts give: energies by kind, and all other equations, each with the pointer of its text.
+    """What texts give: energies by kind, and all other equations, each with the pointer of its
+    text.
 
-    `forces` are the Q of d/dt dL/dx' - dL/dx = Q, by x, and by x' those of d/dt dL/dx' = Q; `fields` span the
-    directions that are allowed.
+    `forces` are the Q of d/dt dL/dx' - dL/dx = Q, by x, and by x' those of d/dt dL/dx' = Q;
+    `fields` span the directions that are allowed.
     """
 
     energies: dict[str, _Energy] = field(default_factory=dict)
@@ -69,28 +85,44 @@ class _Written:
     fields: dict[str, str] = field(default_factory=dict)
 
     def gives_lagrangian(self) -> bool:
-        """Whether there is an L, or a T and something that moves, and no equation of second order."""
-        formulas = [*(line for _, line in self.others), *(energy.formula for energy in self.energies.values())]
+        """Whether there is an L, or a T and something that moves, and no equation of second
+        order.
+        """
+        formulas = [
+            *(line for _, line in self.others),
+            *(energy.formula for energy in self.energies.values()),
+        ]
         moves = "kinetic" in self.energies and any(map(_pattern("moves").search, formulas))
-        return ("whole" in self.energies or moves) and not any(map(_pattern("bare").search, formulas))
+        return ("whole" in self.energies or moves) and not any(
+            map(_pattern("bare").search, formulas)
+        )
 
     def lagrangian(self) -> str:
         """L, or T - V, at the columns of its parts."""
         if "whole" in self.energies:
             named, formula = self.energies["whole"].named, self.energies["whole"].formula
-            return f"{'.5*('.rjust(named.end())}{formula})" if named["twice"] else " " * named.end() + formula
+            return (
+                f"{'.5*('.rjust(named.end())}{formula})"
+                if named["twice"]
+                else " " * named.end() + formula
+            )
         lagrangian = ""
         for energy in self.energies.values():
-            sign = ("-" if energy.named["potential"] else "+") + (".5*(" if energy.named["twice"] else "(")
-            lagrangian = lagrangian.ljust(energy.named.end() - len(sign)) + sign + energy.formula + ")"
+            sign = ("-" if energy.named["potential"] else "+") + (
+                ".5*(" if energy.named["twice"] else "("
+            )
+            lagrangian = (
+                lagrangian.ljust(energy.named.end() - len(sign)) + sign + energy.formula + ")"
+            )
         return lagrangian
 
 
 def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
-    """A text that gives L, or T and V, as the document of that Lagrangian; its other lines define names or hold it.
+    """A text that gives L, or T and V, as the document of that Lagrangian; its other lines define
+    names or hold it.
 
-    With it, by the pointer of each of these formulas, that of the text that contains it at the same columns; and what
-    is read differently.
+    With it, by the pointer of each of these formulas, that of the text that contains it at the same
+    columns; and what is read differently.
     """
     key = "lagrangian" if "lagrangian" in plain else "equations"
     given = plain.get(key)
@@ -98,7 +130,10 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
     if isinstance(given, list) and all(isinstance(text, str) for text in given):
         texts = {f"/{key}/{place}": text for place, text in enumerate(given)}
     found = _written(texts, declared)
-    if any("L" in document_names.moving_names(reader.tokens_if_any(line, nm.Names()), 1) for _, line in found.others):
+    if any(
+        "L" in document_names.moving_names(reader.tokens_if_any(line, nm.Names()), 1)
+        for _, line in found.others
+    ):
         return plain, {}, {}  # dL/dt = 0 is about a momentum L
     if not found.gives_lagrangian():
         if key == "lagrangian" or "constraints" in plain:
@@ -106,7 +141,12 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
         if any(map(_LAMBDA.search, texts.values())):
             return _with_multipliers(plain, texts)
         return (plain, {}, {}) if found.energies else _as_motion(plain, texts, found.others)
-    is_whole, lagrangian, others, notes = "whole" in found.energies, found.lagrangian(), [*found.others], found.notes
+    is_whole, lagrangian, others, notes = (
+        "whole" in found.energies,
+        found.lagrangian(),
+        [*found.others],
+        found.notes,
+    )
     if is_whole:
         beside = (energy for kind, energy in found.energies.items() if kind != "whole")
         others += [(energy.pointer, energy.named[0] + energy.formula) for energy in beside]
@@ -121,11 +161,17 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
     forces = [_pattern("dissipated").sub(r"\1", force) for force in found.forces.values()]
     for pointer, line in others:
         name, squared = _defined(line, {*velocities})
-        if name and definitions[name] is line and not (squared and name in velocities):  # y^2 = l^2 - x^2 has two roots
+        if (
+            name and definitions[name] is line and not (squared and name in velocities)
+        ):  # y^2 = l^2 - x^2 has two roots
             left, _, right = line.partition("=")
-            if name in velocities and document_names.moving_names(reader.tokens_if_any(right, nm.Names()), 1):
+            if name in velocities and document_names.moving_names(
+                reader.tokens_if_any(right, nm.Names()), 1
+            ):
                 raise fault("definition by velocities", pointer, name=name)
-            root = ("(", ")^{1/2}" if reader.is_latex(right) else ")^(1/2)") if squared else ("", "")
+            root = (
+                ("(", ")^{1/2}" if reader.is_latex(right) else ")^(1/2)") if squared else ("", "")
+            )
             where[name] = root[0].rjust(len(left) + 1) + right + root[1]
             places[f"/where/{name}"] = pointer
         else:
@@ -139,7 +185,9 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
             whole = lagrangian if is_whole and energy and energy["potential"] else ""
             if _is_unused(line, pointer, [lagrangian, *rest, *forces], {*velocities}, whole):
                 notes[line.strip()] = reader.LEFT_OUT
-    vectors = [f", {vector[0]}" for text in texts.values() for vector in _pattern("vector").finditer(text)]
+    vectors = [
+        f", {vector[0]}" for text in texts.values() for vector in _pattern("vector").finditer(text)
+    ]
     lagrangian, *constraints = (
         "".join([text, *(vector for vector in vectors if _has_vector(text, vector))])
         for text in (lagrangian, *constraints)
@@ -148,7 +196,10 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
     _ask_about_speed(rates, lagrangian, {*declared, *definitions})
     with reader.placed_at(places["/lagrangian"]):
         _check_multipliers(found.forces, lagrangian, constraints, declared if is_whole else None)
-    made = {**{name: value for name, value in plain.items() if name != key}, "lagrangian": lagrangian}
+    made = {
+        **{name: value for name, value in plain.items() if name != key},
+        "lagrangian": lagrangian,
+    }
     if where:
         made["where"] = {**plain.get("where", {}), **where}
     if len(others) > len(where) or found.fields:
@@ -166,12 +217,20 @@ def with_lagrangian(plain: dict[str, Any], declared: Collection[str]) -> _Found:
 
 
 def _with_forces(plain: dict[str, Any], forces: Mapping[str, str]) -> dict[str, Any]:
-    """The equations d/dt(dL/dq') - dL/dq = Q of L with generalized forces Q, by q; InputError where one is missing."""
-    texts = {f"/forces/{name}": _pattern("dissipated").sub(r"\1", text) for name, text in forces.items()}
+    """The equations d/dt(dL/dq') - dL/dq = Q of L with generalized forces Q, by q; InputError where
+    one is missing.
+    """
+    texts = {
+        f"/forces/{name}": _pattern("dissipated").sub(r"\1", text) for name, text in forces.items()
+    }
     try:
-        known = document_names.known_names(_declared_by(plain), {"/lagrangian": plain["lagrangian"], **texts}, 1)
+        known = document_names.known_names(
+            _declared_by(plain), {"/lagrangian": plain["lagrangian"], **texts}, 1
+        )
         names = known.names
-        lagrangian = known.put_in(reader.read_formula(plain["lagrangian"], replace(names, energy=True)))
+        lagrangian = known.put_in(
+            reader.read_formula(plain["lagrangian"], replace(names, energy=True))
+        )
         given = dict(_read_force(name, text, lagrangian, known) for name, text in forces.items())
     except (TypeError, AttributeError):  # the shapes of declarations are refused by the schemas
         return plain
@@ -180,14 +239,19 @@ def _with_forces(plain: dict[str, Any], forces: Mapping[str, str]) -> dict[str, 
         raise fault("equation of Lagrange missing", "", names=", ".join(missing))
     accelerations = [ex.Acceleration(name) for name in names.coordinates]
     sums = euler_lagrange.euler_lagrange_sums(lagrangian, names.coordinates, accelerations)
-    sides = [(collecting.collect(tree), given[name]) for name, tree in zip(names.coordinates, sums, strict=True)]
+    sides = [
+        (collecting.collect(tree), given[name])
+        for name, tree in zip(names.coordinates, sums, strict=True)
+    ]
     kept = {key: part for key, part in plain.items() if key not in ("lagrangian", "where")}
     equations = [f"{printing.to_text(left)} = {printing.to_text(right)}" for left, right in sides]
     return {**kept, "coordinates": list(names.coordinates), "equations": equations}
 
 
 def _declared_by(plain: Mapping[str, Any]) -> document_names.Declared:
-    """What a document declares; TypeError or AttributeError for other shapes, which the schemas refuse."""
+    """What a document declares; TypeError or AttributeError for other shapes, which the schemas
+    refuse.
+    """
     keys = ("coordinates", "parameters", "functions", "where")
     return document_names.Declared(**{key: plain[key] for key in keys if plain.get(key)})
 
@@ -195,7 +259,9 @@ def _declared_by(plain: Mapping[str, Any]) -> document_names.Declared:
 def _read_force(
     name: str, text: str, lagrangian: ex.Expression, known: document_names.Known
 ) -> tuple[str, ex.Expression]:
-    """(x, Q) of a force by x, and of one by x', to which dL/dx does not belong; with dF/dx' of a defined F."""
+    """(x, Q) of a force by x, and of one by x', to which dL/dx does not belong; with dF/dx' of a
+    defined F.
+    """
     names, latex = known.names, reader.is_latex(text)
 
     def slope(match: re.Match[str]) -> str:
@@ -209,7 +275,9 @@ def _read_force(
 
     force = known.put_in(reader.read_formula(_pattern("dissipated").sub(slope, text), names))
     coordinate = names.spelling(name.rstrip("'"))
-    literal = calculus.differentiate(lagrangian, ex.Symbol(coordinate)) if name.endswith("'") else ex.ZERO
+    literal = (
+        calculus.differentiate(lagrangian, ex.Symbol(coordinate)) if name.endswith("'") else ex.ZERO
+    )
     return coordinate, force - literal
 
 
@@ -219,7 +287,9 @@ def _plain_name(written: str) -> str:
 
 
 def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
-    """The parts of the texts, each at the columns that it has there; a metric ds^2 = … gives 2 L = … ."""
+    """The parts of the texts, each at the columns that it has there; a metric ds^2 = … gives 2 L =
+    … .
+    """
     found = _Written()
     for pointer, text in texts.items():
         text = _pattern("letter_l").sub(_letter_l, text)
@@ -236,11 +306,15 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
             found.fields[pointer] = span["fields"]
             text = text[: span.start()] + " " * len(span[0]) + text[span.end() :]
         with reader.noted() as noted:
-            lines = _lines(_pattern("lagranges_equation").sub(lambda match: " " * len(match[0]), text))
+            lines = _lines(
+                _pattern("lagranges_equation").sub(lambda match: " " * len(match[0]), text)
+            )
         found.notes.update(noted)
         for line in lines:
             named = _pattern("energy").match(line)
-            kind = next((kind for kind in ("whole", "kinetic", "potential") if named and named[kind]), "")
+            kind = next(
+                (kind for kind in ("whole", "kinetic", "potential") if named and named[kind]), ""
+            )
             if named is None or kind in found.energies or named[kind] in declared:
                 found.others.append((pointer, line))
             else:
@@ -252,7 +326,9 @@ def _written(texts: Mapping[str, str], declared: Container[str]) -> _Written:
 
 
 def _force(line: str) -> tuple[str, str] | None:
-    """(x, Q) of d/dt dL/dx' - dL/dx = Q, with all other terms of the equation in Q, or (x', Q) without dL/dx."""
+    """(x, Q) of d/dt dL/dx' - dL/dx = Q, with all other terms of the equation in Q, or (x', Q)
+    without dL/dx.
+    """
     rate = _pattern("of_rate").search(line)
     if rate is None:  # a variation of the action
         return None
@@ -264,7 +340,10 @@ def _force(line: str) -> tuple[str, str] | None:
                 raise fault("sign in an equation of Lagrange", "")
             name = slope[2] or slope[3]
             sides[place] = sides[place].replace(slope[0], " ", 1)
-    sides = [f"0 {side}" if side[:1] in ("", *"+-\u2212") else side for side in (side.strip(" &") for side in sides)]
+    sides = [
+        f"0 {side}" if side[:1] in ("", *"+-\u2212") else side
+        for side in (side.strip(" &") for side in sides)
+    ]
     left, right = sides if is_positive else reversed(sides)
     force = f"{right} - ({left})" if left.strip() != "0" else right
     name, velocity = _plain_name(name), _plain_name(rate[2] or rate[3])
@@ -272,7 +351,9 @@ def _force(line: str) -> tuple[str, str] | None:
 
 
 def _definitions(lines: Sequence[tuple[str, str]], moving: Collection[str]) -> dict[str, str]:
-    """The line that defines each name: of omega = psi' cos(theta) + phi', omega = 0 the second is a constraint."""
+    """The line that defines each name: of omega = psi' cos(theta) + phi', omega = 0 the second is a
+    constraint.
+    """
     found: dict[str, str] = {}
     for _, line in lines:
         if (name := _defined(line, moving)[0]) and _IS_NUMBER.fullmatch(found.get(name, "=")):
@@ -281,43 +362,74 @@ def _definitions(lines: Sequence[tuple[str, str]], moving: Collection[str]) -> d
 
 
 def _held_by_fields(text: str, moving: Sequence[str]) -> list[str]:
-    """The constraints of a distribution that vector fields span: det(v, X_1, …, X_r) = 0 in r + 1 coordinates."""
+    """The constraints of a distribution that vector fields span: det(v, X_1, …, X_r) = 0 in r + 1
+    coordinates.
+    """
     velocity = r" \\dot{\1} " if reader.is_latex(text) else r" \1' "
-    fields = [_pattern("field").sub(velocity, field) for _, field in notation.split_outside(text, ",")]
+    fields = [
+        _pattern("field").sub(velocity, field) for _, field in notation.split_outside(text, ",")
+    ]
     tokens = [token for field in fields for token in walk(reader.read_tokens(field))]
     coordinates = tuple(dict.fromkeys([*moving, *document_names.moving_names(tokens, 1)]))
     words = {token.text for token in tokens if token.kind == "name"}
     names = nm.Names(coordinates, tuple(words - nm.FUNCTIONS - {*coordinates}))
-    parts = [euler_lagrange.linear_parts(reader.read_formula(field, names), ex.Velocity) for field in fields]
+    parts = [
+        euler_lagrange.linear_parts(reader.read_formula(field, names), ex.Velocity)
+        for field in fields
+    ]
     rows = [part[0] for part in parts if isinstance(part, tuple) and part[1] == ex.ZERO]
     columns = [(v, *(row.get(v, ex.ZERO) for row in rows)) for v in map(ex.Velocity, coordinates)]
     minors: dict[tuple[tuple[ex.Expression, ...], ...], ex.Expression] = {}
     if len(rows) == len(fields) and perm(len(columns), len(rows)) <= _MOST_PRODUCTS:
         choices = combinations(columns, len(rows))
-        minors = {chosen: collecting.determinant([each[1:] for each in chosen]) for chosen in choices}
+        minors = {
+            chosen: collecting.determinant([each[1:] for each in chosen]) for chosen in choices
+        }
     chosen = min(
-        (each for each in minors if minors[each] != ex.ZERO), key=lambda each: ex.node_count(minors[each]), default=None
+        (each for each in minors if minors[each] != ex.ZERO),
+        key=lambda each: ex.node_count(minors[each]),
+        default=None,
     )
     if chosen is None:
         raise fault("fields of a distribution", "")
-    found = [printing.to_text(collecting.determinant([*chosen, one])) + " = 0" for one in columns if one not in chosen]
+    found = [
+        printing.to_text(collecting.determinant([*chosen, one])) + " = 0"
+        for one in columns
+        if one not in chosen
+    ]
     letter = {plain: variant for variant, plain in letters.ALIKE.items() if f"\\{variant}" in text}
     return [re.sub("[A-Za-z]+", lambda word: letter.get(word[0], word[0]), line) for line in found]
 
 
 def _check_multipliers(
-    forces: Mapping[str, str], lagrangian: str, constraints: Sequence[str], known: Collection[str] | None
+    forces: Mapping[str, str],
+    lagrangian: str,
+    constraints: Sequence[str],
+    known: Collection[str] | None,
 ) -> None:
-    """InputError where the lambda y of d/dt dL/dx' - dL/dx = lambda y, by x, is no reaction of a constraint.
+    """InputError where the lambda y of d/dt dL/dx' - dL/dx = lambda y, by x, is no reaction of a
+    constraint.
 
     So it is where a lambda that is not known multiplies a constraint in L.
     """
-    texts = {"/lagrangian": lagrangian, **{f"/constraints/{k}": text for k, text in enumerate(constraints)}}
+    texts = {
+        "/lagrangian": lagrangian,
+        **{f"/constraints/{k}": text for k, text in enumerate(constraints)},
+    }
     texts |= {f"/forces/{name}": text for name, text in forces.items()}
     try:
-        names = document_names.known_names(document_names.Declared(parameters="guess"), texts, 1).names
-        pairs = [pair for text in constraints for pair in reader.read_equations(text, replace(names, forms=True))]
-        given = {names.spelling(name.rstrip("'")): reader.read_formula(text, names) for name, text in forces.items()}
+        names = document_names.known_names(
+            document_names.Declared(parameters="guess"), texts, 1
+        ).names
+        pairs = [
+            pair
+            for text in constraints
+            for pair in reader.read_equations(text, replace(names, forms=True))
+        ]
+        given = {
+            names.spelling(name.rstrip("'")): reader.read_formula(text, names)
+            for name, text in forces.items()
+        }
         whole = reader.read_formula(lagrangian, replace(names, energy=True))
     except errors.InputError:
         return  # reported where it is read
@@ -326,17 +438,28 @@ def _check_multipliers(
     if constraints and any(ex.substitute(force, free) != ex.ZERO for force in given.values()):
         raise fault("force next to a constraint", "")
     places = [place for place, name in enumerate(names.coordinates) if name in given]
-    forms = [[row[k] for k in places] for row in _rows([left - right for left, right in pairs], names.coordinates)]
+    forms = [
+        [row[k] for k in places]
+        for row in _rows([left - right for left, right in pairs], names.coordinates)
+    ]
     for multiplier in multipliers:
         force = [calculus.differentiate(given[names.coordinates[k]], multiplier) for k in places]
-        if any(entry != ex.ZERO for entry in force) and not any(_are_parallel(force, form) for form in forms):
+        if any(entry != ex.ZERO for entry in force) and not any(
+            _are_parallel(force, form) for form in forms
+        ):
             raise fault("no reaction", "", name=multiplier.name)
         if known is not None and multiplier.name not in known:
-            _ask_about_multiplied(whole, multiplier, [left - right for left, right in pairs], lagrangian, names)
+            _ask_about_multiplied(
+                whole, multiplier, [left - right for left, right in pairs], lagrangian, names
+            )
 
 
 def _ask_about_multiplied(
-    whole: ex.Expression, multiplier: ex.Symbol, held: Sequence[ex.Expression], text: str, names: nm.Names
+    whole: ex.Expression,
+    multiplier: ex.Symbol,
+    held: Sequence[ex.Expression],
+    text: str,
+    names: nm.Names,
 ) -> None:
     """InputError for the lambda of L + lambda (x^2 + y^2 - l^2): of this constraint, or a constant.
 
@@ -358,7 +481,9 @@ def _ask_about_multiplied(
 
 
 def _defined(line: str, moving: Collection[str]) -> tuple[str, bool]:
-    """The name, with its argument, that a line defines, and whether it gives its square; no name for a constraint."""
+    """The name, with its argument, that a line defines, and whether it gives its square; no name
+    for a constraint.
+    """
     left, equal, right = line.partition("=")
     displaced = _OF_A_FORM.match(left) and _FORM.search(right)
     form = displaced or reader.names_in_forms(left) or {*moving} & reader.names_in_forms(right)
@@ -368,14 +493,20 @@ def _defined(line: str, moving: Collection[str]) -> tuple[str, bool]:
     return found[1] + (found[2] or ""), found[3] is not None
 
 
-def _is_unused(line: str, pointer: str, others: Sequence[str], moving: Collection[str], whole: str) -> bool:
-    """Whether no other line uses a definition, which changes nothing, as omega = sqrt(k/m) and omega = theta'.
+def _is_unused(
+    line: str, pointer: str, others: Sequence[str], moving: Collection[str], whole: str
+) -> bool:
+    """Whether no other line uses a definition, which changes nothing, as omega = sqrt(k/m) and
+    omega = theta'.
 
-    InputError for F = -c x' or F = cos(t), and for V = … beside an L, perhaps meant without V. `whole` is that L.
+    InputError for F = -c x' or F = cos(t), and for V = … beside an L, perhaps meant without V.
+    `whole` is that L.
     """
     tokens = reader.tokens_if_any(line, nm.Names())
     first, formula = at(tokens, 0), [token for token in walk(tokens[2:]) if token.kind == "name"]
-    words = [token.text for text in others for token in walk(reader.tokens_if_any(text, nm.Names()))]
+    words = [
+        token.text for text in others for token in walk(reader.tokens_if_any(text, nm.Names()))
+    ]
     used = any(word == first.text or (first.text in word and word.isalpha()) for word in words)
     names = [token.text for token in formula if token.text not in nm.FUNCTIONS]
     moves = any(token.order for token in formula) or any(word[-1] == "t" for word in names)
@@ -386,7 +517,9 @@ def _is_unused(line: str, pointer: str, others: Sequence[str], moving: Collectio
     if not written.strip():
         raise fault("unused definition", first.column, name=first.text).at(pointer)
     meant = f"{written.strip()} - {first.text}"
-    raise fault("unused potential", first.column, _span(written), (meant,), name=first.text).at(pointer)
+    raise fault("unused potential", first.column, _span(written), (meant,), name=first.text).at(
+        pointer
+    )
 
 
 def _span(text: str) -> tuple[int, int]:
@@ -395,14 +528,19 @@ def _span(text: str) -> tuple[int, int]:
 
 
 def _has_vector(text: str, given: str) -> bool:
-    """Whether the text contains the name that r = (x, y) gives, and a bold letter if that name is bold."""
+    """Whether the text contains the name that r = (x, y) gives, and a bold letter if that name is
+    bold.
+    """
     *_, name = re.findall(r"\w+", given.partition("=")[0])
     bold = components.holds_vector
-    return re.search(rf"(?<![A-Za-z]){name}(?![A-Za-z])", text) is not None and (bold(text) or not bold(given))
+    return re.search(rf"(?<![A-Za-z]){name}(?![A-Za-z])", text) is not None and (
+        bold(text) or not bold(given)
+    )
 
 
 def _ask_about_rate(line: str, pointer: str, lagrangian: str, known: Collection[str]) -> None:
-    """InputError for phi' = omega where L has omega and no phi': it defines omega, or holds phi' constant.
+    """InputError for phi' = omega where L has omega and no phi': it defines omega, or holds phi'
+    constant.
 
     Names that are known, or move in L, have one meaning.
     """
@@ -410,7 +548,11 @@ def _ask_about_rate(line: str, pointer: str, lagrangian: str, known: Collection[
         line_tokens, inside = reader.read_tokens(line), reader.read_tokens(lagrangian)
     except errors.InputError:
         return  # reported where it is read
-    if [(token.kind, token.order) for token in line_tokens] != [("name", 1), ("operator", 0), ("name", 0)]:
+    if [(token.kind, token.order) for token in line_tokens] != [
+        ("name", 1),
+        ("operator", 0),
+        ("name", 0),
+    ]:
         return
     moving, rate = line_tokens[0].text, line_tokens[2].text
     occurs = rate in {token.text for token in walk(inside)} - {*known}
@@ -418,11 +560,17 @@ def _ask_about_rate(line: str, pointer: str, lagrangian: str, known: Collection[
         left, _, right = (part.strip() for part in line.partition("="))
         meant = (f"{right} = {left}", f"{left} - {right} = 0")
         words = {"moving": moving, "rate": rate}
-        raise fault("definition or constant", line_tokens[0].column, _span(line), meant, **words).at(pointer)
+        raise fault(
+            "definition or constant", line_tokens[0].column, _span(line), meant, **words
+        ).at(pointer)
 
 
-def _ask_about_speed(lines: Sequence[tuple[str, str]], lagrangian: str, known: Collection[str]) -> None:
-    """InputError for the v of x' = v cos(theta), y' = v sin(theta) if L has none: any speed, or a constant."""
+def _ask_about_speed(
+    lines: Sequence[tuple[str, str]], lagrangian: str, known: Collection[str]
+) -> None:
+    """InputError for the v of x' = v cos(theta), y' = v sin(theta) if L has none: any speed, or a
+    constant.
+    """
     for name in {*document_names.ANY_SPEED} - {*known}:
         alone = re.compile(rf"(?<![\w\\]){name}(?!\w)")
         held = [(pointer, line, found) for pointer, line in lines if (found := alone.search(line))]
@@ -431,7 +579,9 @@ def _ask_about_speed(lines: Sequence[tuple[str, str]], lagrangian: str, known: C
         (pointer, first, found), (_, last, _) = held
         declared = document_names.Declared(parameters=[name, document_names.AND_GUESS])
         try:
-            names = document_names.known_names(declared, {"/lagrangian": lagrangian, "/1": first, "/2": last}, 1).names
+            names = document_names.known_names(
+                declared, {"/lagrangian": lagrangian, "/1": first, "/2": last}, 1
+            ).names
             pairs = [pair for line in (first, last) for pair in reader.read_equations(line, names)]
         except errors.InputError:
             return  # reported where it is read
@@ -439,21 +589,32 @@ def _ask_about_speed(lines: Sequence[tuple[str, str]], lagrangian: str, known: C
         slopes = [calculus.differentiate(tree, ex.Symbol(name)) for tree in trees]
         free = printing.to_text(collecting.collect(trees[0] * slopes[1] - trees[1] * slopes[0]))
         span = (_span(first)[0], _span(last)[1])
-        raise fault("speed or constant", found.start() + 1, span, (f"{free} = 0",), name=name).at(pointer)
+        raise fault("speed or constant", found.start() + 1, span, (f"{free} = 0",), name=name).at(
+            pointer
+        )
 
 
 def _with_multipliers(plain: dict[str, Any], texts: Mapping[str, str]) -> _Found:
-    """The same for m x'' = lambda sin(theta), … with x' sin(theta) = y' cos(theta) or sin(theta) dx = cos(theta) dy."""
+    """The same for m x'' = lambda sin(theta), … with x' sin(theta) = y' cos(theta) or sin(theta) dx
+    = cos(theta) dy.
+    """
     named = {zero[1]: zero[2] for text in texts.values() for zero in _ZERO.finditer(text)}
-    texts = {pointer: _ZERO.sub(lambda zero: zero[2].rjust(len(zero[0])), text) for pointer, text in texts.items()}
+    texts = {
+        pointer: _ZERO.sub(lambda zero: zero[2].rjust(len(zero[0])), text)
+        for pointer, text in texts.items()
+    }
     lines = [(pointer, line) for pointer, text in texts.items() for line in _lines(text)]
     # dz = y dx, without a derivative dx/dt
-    forms = [_FORM.search(line) is not None and not re.search(r"d\s*t|''", line) for _, line in lines]
+    forms = [
+        _FORM.search(line) is not None and not re.search(r"d\s*t|''", line) for _, line in lines
+    ]
     pointers = [f"/{'constraints' if form else 'equations'}/{k}" for k, form in enumerate(forms)]
     origins = dict(zip(pointers, (pointer for pointer, _ in lines), strict=True))
     texts = dict(zip(pointers, (line for _, line in lines), strict=True))
     try:
-        found = _constrained(texts, _declared_by({**plain, "where": {**plain.get("where", {}), **named}}))
+        found = _constrained(
+            texts, _declared_by({**plain, "where": {**plain.get("where", {}), **named}})
+        )
     except (TypeError, AttributeError):  # the shapes of declarations are refused by the schemas
         found = None
     if found is None:
@@ -464,8 +625,12 @@ def _with_multipliers(plain: dict[str, Any], texts: Mapping[str, str]) -> _Found
     return {**kept, **made}, places, dict.fromkeys(multipliers, "a multiplier of the constraints")
 
 
-def _as_motion(plain: dict[str, Any], texts: Mapping[str, str], lines: Sequence[tuple[str, str]]) -> _Found:
-    """The same for x'' = 0, y'' = -x*x'*y'/(1 + x^2), z' = -x*y': the line of first order is a constraint."""
+def _as_motion(
+    plain: dict[str, Any], texts: Mapping[str, str], lines: Sequence[tuple[str, str]]
+) -> _Found:
+    """The same for x'' = 0, y'' = -x*x'*y'/(1 + x^2), z' = -x*y': the line of first order is a
+    constraint.
+    """
     motion: dict[str, str] = {}
     held: dict[str, str] = {}
     places: dict[str, str] = {}
@@ -487,13 +652,16 @@ def _as_motion(plain: dict[str, Any], texts: Mapping[str, str], lines: Sequence[
         return _with_multipliers(plain, texts)
     if not motion or not held or not len(motion) + len(held) == len(moving) == len(lines):
         return plain, {}, {}
-    kept = {"coordinates": list(moving)} | {key: part for key, part in plain.items() if key != "equations"}
+    kept = {"coordinates": list(moving)} | {
+        key: part for key, part in plain.items() if key != "equations"
+    }
     notes = {line.strip(): words for line, words in held.items()}
     return {**kept, "motion": motion, "constraints": list(held)}, places, notes
 
 
 def on_positions(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
-    """L with constraints on positions as L in coordinates that fulfil them; what was put in for each constraint.
+    """L with constraints on positions as L in coordinates that fulfil them; what was put in for
+    each constraint.
 
     The document as it is if there are none, or if one of them has no usual coordinates.
     """
@@ -503,9 +671,15 @@ def on_positions(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]
         return plain, {}
     try:
         by_pointer = {f"/constraints/{place}": text for place, text in enumerate(texts)}
-        known = document_names.known_names(_declared_by(plain), {"/lagrangian": plain["lagrangian"], **by_pointer}, 1)
-        pairs = [(text, reader.read_equations(text, replace(known.names, forms=True))) for text in texts]
-        lagrangian = known.put_in(reader.read_formula(plain["lagrangian"], replace(known.names, energy=True)))
+        known = document_names.known_names(
+            _declared_by(plain), {"/lagrangian": plain["lagrangian"], **by_pointer}, 1
+        )
+        pairs = [
+            (text, reader.read_equations(text, replace(known.names, forms=True))) for text in texts
+        ]
+        lagrangian = known.put_in(
+            reader.read_formula(plain["lagrangian"], replace(known.names, energy=True))
+        )
     except (TypeError, AttributeError, errors.InputError):
         return plain, {}  # refused where it is read
     trees = {text: known.put_in(left - right) for text, ((left, right), *more) in pairs if not more}
@@ -516,8 +690,14 @@ def on_positions(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]
     )
     if not still or found is None:
         return plain, {}
-    where = [{name: printing.to_text(formula) for name, formula in each.items()} for each in found[0]]
-    made = {**plain, "coordinates": list(found[1]), "constraints": [text for text in texts if text not in still]}
+    where = [
+        {name: printing.to_text(formula) for name, formula in each.items()} for each in found[0]
+    ]
+    made = {
+        **plain,
+        "coordinates": list(found[1]),
+        "constraints": [text for text in texts if text not in still],
+    }
     made["where"] = dict(chain(plain.get("where", {}).items(), *(each.items() for each in where)))
     if not made["constraints"]:
         del made["constraints"]
@@ -526,10 +706,14 @@ def on_positions(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]
 
 
 def _velocity(differential: re.Match[str]) -> str:
-    """x' for dx, at the end of its place; InputError for dOmega, which is usually the metric of a sphere."""
+    """x' for dx, at the end of its place; InputError for dOmega, which is usually the metric of a
+    sphere.
+    """
     if differential[1] in ("\\Omega", "Omega", "\u03a9"):
         raise fault("metric of a sphere", differential.start() + 1)
-    return f"{differential[0][differential.start(1) - differential.start() :]}'".rjust(len(differential[0]))
+    return f"{differential[0][differential.start(1) - differential.start() :]}'".rjust(
+        len(differential[0])
+    )
 
 
 def _letter_l(match: re.Match[str]) -> str:
@@ -546,7 +730,8 @@ def _lines(text: str) -> list[str]:
         return [text]
     places = [(_start(text, group), _end(text, group)) for group in groups]
     lines = [
-        " " * start + _pattern("given").sub(lambda match: " " * len(match[0]), text[start:end]) for start, end in places
+        " " * start + _pattern("given").sub(lambda match: " " * len(match[0]), text[start:end])
+        for start, end in places
     ]
     return [shown for line in lines if (shown := _WRAPPER_ENDS.sub("", line)).strip()]
 
@@ -559,7 +744,9 @@ def _start(text: str, group: reader.EquationTokens) -> int:
 
 
 def _end(text: str, group: reader.EquationTokens) -> int:
-    """The place where an equation ends, before the words that are left out, as in (kinetic energy)."""
+    """The place where an equation ends, before the words that are left out, as in (kinetic
+    energy).
+    """
     last, end = group.tokens[-1], group.end_column - 1
     words = _WORDS_AT_THE_END.search(text, max(last.column, last.end), end)
     return words.start() if words else end
@@ -568,14 +755,21 @@ def _end(text: str, group: reader.EquationTokens) -> int:
 def _constrained(
     texts: Mapping[str, str], declared: document_names.Declared
 ) -> tuple[dict[str, Any], list[str], list[str]] | None:
-    """L and the constraints of equations with multipliers as keys of a document; None where they are no such equations.
+    """L and the constraints of equations with multipliers as keys of a document; None where they
+    are no such equations.
 
     With them the pointers of the texts that have the constraints, and the multipliers.
     """
     try:
         names = document_names.known_names(declared, texts).names
-        kinds = {pointer: replace(names, forms=pointer.startswith("/constraints")) for pointer in texts}
-        lines = [(at, *pair) for at, text in texts.items() for pair in reader.read_equations(text, kinds[at])]
+        kinds = {
+            pointer: replace(names, forms=pointer.startswith("/constraints")) for pointer in texts
+        }
+        lines = [
+            (at, *pair)
+            for at, text in texts.items()
+            for pair in reader.read_equations(text, kinds[at])
+        ]
     except errors.InputError:
         return None
     trees = [(pointer, left - right) for pointer, left, right in lines]
@@ -595,7 +789,9 @@ def _constrained(
         if any(ex.holds(line, ex.Symbol(name)) for line in moving)
     }
     named = [name for name in forces if _MULTIPLIER.fullmatch(name)]
-    reactions = [name for name, force in forces.items() if any(_are_parallel(force, row) for row in rows)]
+    reactions = [
+        name for name, force in forces.items() if any(_are_parallel(force, row) for row in rows)
+    ]
     multipliers = [ex.Symbol(name) for name in named or reactions]
     if not len(multipliers) == len(held) == len(rows):
         return None
@@ -636,15 +832,26 @@ def _lagrangian(
         return None
     accelerations = [ex.Acceleration(name) for name in names.coordinates]
     equations = euler_lagrange.euler_lagrange_residual(found, names.coordinates, accelerations)
-    forces = [[calculus.differentiate(line, multiplier) for line in lines] for multiplier in multipliers]
+    forces = [
+        [calculus.differentiate(line, multiplier) for line in lines] for multiplier in multipliers
+    ]
     if any(ex.holds(entry, *multipliers) for force in forces for entry in force):
         return None
     left = list(forms)
     for force in forces:
-        scaled = [_scaled(*part) for part in zip(equations, free, accelerations, force, strict=True)]
+        scaled = [
+            _scaled(*part) for part in zip(equations, free, accelerations, force, strict=True)
+        ]
         if None in scaled:
             return None
-        same = next((form for form in left if _are_parallel([one for one in scaled if one is not None], form)), None)
+        same = next(
+            (
+                form
+                for form in left
+                if _are_parallel([one for one in scaled if one is not None], form)
+            ),
+            None,
+        )
         if same is None:
             return None
         left.remove(same)
@@ -652,9 +859,14 @@ def _lagrangian(
 
 
 def _scaled(
-    equation: ex.Expression, line: ex.Expression, acceleration: ex.Acceleration, force: ex.Expression
+    equation: ex.Expression,
+    line: ex.Expression,
+    acceleration: ex.Acceleration,
+    force: ex.Expression,
 ) -> ex.Expression | None:
-    """The force times c where the equation of L is c times the line; None where it is no such multiple."""
+    """The force times c where the equation of L is c times the line; None where it is no such
+    multiple.
+    """
     over, under = (calculus.differentiate(tree, acceleration) for tree in (equation, line))
     same = under != ex.ZERO and _is_zero(equation * under - line * over)
     return force * over / under if same else None
@@ -671,5 +883,9 @@ def _is_zero(tree: ex.Expression) -> bool:
     if collecting.collect(tree) == ex.ZERO:
         return True
     with suppress(exact_field.TooLarge, ZeroDivisionError, KeyError):  # sin(x) = cos(x)*tan(x)
-        return exact_field.exact_ring([tree], [], 0, exact_field.Budget.short(), slopes=False).value(tree).is_zero
+        return (
+            exact_field.exact_ring([tree], [], 0, exact_field.Budget.short(), slopes=False)
+            .value(tree)
+            .is_zero
+        )
     return False

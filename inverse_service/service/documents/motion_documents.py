@@ -1,4 +1,5 @@
-"""Documents of motions on constraints: schema, system, what is understood, and the systems that come from them.
+"""Documents of motions on constraints: schema, system, what is understood, and the systems that
+come from them.
 
 Of a Lagrangian with constraints, and of a motion that is given as it is.
 """
@@ -24,7 +25,9 @@ SHOWN_AT_ONCE = 0.3
 def to_nonholonomic_schema(document: Any) -> NonholonomicDocument:
     """The document in its schema; raises DocumentRefused with every fault found."""
     if isinstance(document, dict) and "equations" in document:
-        sentence = "'equations' and a Lagrangian or constraints are both given: keep only one of the two."
+        sentence = (
+            "'equations' and a Lagrangian or constraints are both given: keep only one of the two."
+        )
         raise errors.DocumentRefused((errors.Place(sentence, "/equations"),))
     return accepting.validated(document, NonholonomicDocument)
 
@@ -37,9 +40,13 @@ def nonholonomic_of(document: Any) -> constrained_motion.NonholonomicSystem:
 def to_nonholonomic(schema: NonholonomicDocument) -> constrained_motion.NonholonomicSystem:
     """The system that a document describes; raises InputError with pointer and column."""
     declared = accepting.declared(schema, constrained_motion.MOST_CONSTRAINED)
-    found = constrained_motion.read_nonholonomic(declared, schema.lagrangian, schema.constraints, schema.name)
+    found = constrained_motion.read_nonholonomic(
+        declared, schema.lagrangian, schema.constraints, schema.name
+    )
     names = nm.Names(found.coordinates, found.parameters, dict(found.functions))
-    short = own_lagrangian.in_few_terms(found.lagrangian, names, (schema.lagrangian, *schema.where.values()))
+    short = own_lagrangian.in_few_terms(
+        found.lagrangian, names, (schema.lagrangian, *schema.where.values())
+    )
     return dataclasses.replace(found, lagrangian=short)
 
 
@@ -48,7 +55,11 @@ def to_families(
 ) -> list[tuple[ex.Expression, ...]]:
     """The families of multiples, each one tree for each coordinate; raises InputError."""
     given = [] if schema.multiples is None else schema.multiples
-    families = {"": given} if isinstance(given, dict) else {f"/{place}": one for place, one in enumerate(given)}
+    families = (
+        {"": given}
+        if isinstance(given, dict)
+        else {f"/{place}": one for place, one in enumerate(given)}
+    )
     names = nm.Names(system.coordinates, system.parameters, dict(system.functions))
     found = []
     for at, family in families.items():
@@ -81,7 +92,9 @@ def parse(schema: NonholonomicDocument) -> schemas.NonholonomicParseAnswer:
     system = to_nonholonomic(schema)
     to_families(schema, system)
     forces = constrained_motion.accelerations(system)
-    motion = SecondOrderSystem(system.coordinates, forces, system.parameters, system.functions, system.name)
+    motion = SecondOrderSystem(
+        system.coordinates, forces, system.parameters, system.functions, system.name
+    )
     return schemas.NonholonomicParseAnswer(
         **dict(translate.to_parse_answer(motion, schema)),
         lagrangian=translate.parsed(system.lagrangian),
@@ -104,14 +117,18 @@ def parse_motion(schema: MotionDocument) -> base.ParseAnswer:
 
 
 def system_of_motion(schema: MotionDocument) -> SecondOrderSystem:
-    """The accelerations on the constraints, by the free velocities, as a system; raises InputError."""
+    """The accelerations on the constraints, by the free velocities, as a system; raises
+    InputError.
+    """
     return first_system(read_given_motion(schema))
 
 
 def systems_of_reduced(
     document: Any, part: dict[str, Any]
 ) -> tuple[SecondOrderSystem | None, SecondOrderSystem | None]:
-    """The reduced system of the document, and this in the clock of `with_clock`; None where there is none."""
+    """The reduced system of the document, and this in the clock of `with_clock`; None where there
+    is none.
+    """
     clock = part.get("with_clock")
     try:
         document = accepting.prepared(document).document
@@ -119,7 +136,9 @@ def systems_of_reduced(
             system = reduced.reduced_system(motion_of(document))
         else:
             report = nonholonomic_study.motion_report(nonholonomic_of(document))
-            system = reduced.reduced_system(report.motion) or reduced.closed_subsystem(report.exact, report.motion)
+            system = reduced.reduced_system(report.motion) or reduced.closed_subsystem(
+                report.exact, report.motion
+            )
         if system is None or not isinstance(clock, dict):
             return system, None
         factor = derived.read_clock(system, str(clock.get("factor")))
@@ -129,12 +148,16 @@ def systems_of_reduced(
 
 
 def asked_fields(document: Any) -> dict[str, Any] | None:
-    """The fields of the system that a prepared document names: the associated one, or that of the motion alone.
+    """The fields of the system that a prepared document names: the associated one, or that of the
+    motion alone.
 
-    Without equations where it is not defined; None where the document names none. Raises InputError.
+    Without equations where it is not defined; None where the document names none. Raises
+    InputError.
     """
     if accepting.is_motion(document):
-        return translate.plain_fields(system_of_motion(accepting.validated(document, MotionDocument)))
+        return translate.plain_fields(
+            system_of_motion(accepting.validated(document, MotionDocument))
+        )
     schema = to_nonholonomic_schema(document)
     if schema.associated == "any":
         return translate.plain_fields(system_of(schema))

@@ -1,6 +1,7 @@
 """Answers about motions on constraints: use cases, and the parts of a result.
 
-Of a Lagrangian with constraints, and of a motion that is given as it is; the key `reduced` of either.
+Of a Lagrangian with constraints, and of a motion that is given as it is; the key `reduced` of
+either.
 """
 
 import dataclasses
@@ -13,7 +14,12 @@ from api_schemas import result as schemas
 from api_schemas.result import AdvicePart, HamiltonianPart
 from api_schemas.system import MotionDocument, NonholonomicDocument
 from inverse_service import errors
-from inverse_service.constrained import answering, hamiltonise, nonholonomic_study, reduced as deciding
+from inverse_service.constrained import (
+    answering,
+    hamiltonise,
+    nonholonomic_study,
+    reduced as deciding,
+)
 from inverse_service.constrained.lagrangian import first_system
 from inverse_service.deadline import NOT_YET, now, share
 from inverse_service.decision import solutions
@@ -50,7 +56,8 @@ QUADRATURE = "Along a solution of these equations the other coordinates follow b
 CLOSED = "The equations of these coordinates contain no other coordinates; those follow from the equations of motion."
 # Of the time for all, what finding the motion and what it keeps may take.
 SHARE_OF_MOTION = 0.3
-# Of what is left then, what the associated systems may take; of what is left then, the question about any one.
+# Of what is left then, what the associated systems may take; of what is left then, the question
+# about any one.
 SHARE_OF_SYSTEMS = 0.45
 SHARE_OF_ANY = 0.7
 # What is said of the motion before it was asked.
@@ -61,7 +68,9 @@ FOR_INTEGRALS, SHARE_OF_INTEGRALS = 5.0, 0.1
 SHARE_LEFT = 0.1
 
 
-def to_nonholonomic_part(study: nonholonomic_study.Study, kept: Sequence[FirstIntegral]) -> schemas.NonholonomicPart:
+def to_nonholonomic_part(
+    study: nonholonomic_study.Study, kept: Sequence[FirstIntegral]
+) -> schemas.NonholonomicPart:
     """The key `nonholonomic` of a result."""
     return translate.part_of(
         schemas.NonholonomicPart,
@@ -72,8 +81,12 @@ def to_nonholonomic_part(study: nonholonomic_study.Study, kept: Sequence[FirstIn
         measure_density=_measure(study.report),
         paper_class=_class(study.report),
         first_integrals=[translate.integral_part(each) for each in kept],
-        associated=[_associated(one, place == study.main) for place, one in enumerate(study.answers)],
-        hamiltonisation=[_hamiltonisation(report) for one in study.answers for report in one.reports],
+        associated=[
+            _associated(one, place == study.main) for place, one in enumerate(study.answers)
+        ],
+        hamiltonisation=[
+            _hamiltonisation(report) for one in study.answers for report in one.reports
+        ],
     )
 
 
@@ -95,9 +108,7 @@ def _integrability(report: nonholonomic_study.MotionReport) -> schemas.Integrabi
     elif found.integrable == 0:
         text = "No combination of the constraints is integrable."
     elif found.holonomic:
-        text = (
-            "The constraints are integrable (Frobenius): they restrict positions, the system is holonomic in disguise."
-        )
+        text = "The constraints are integrable (Frobenius): they restrict positions, the system is holonomic in disguise."
     else:
         text = f"{found.integrable} of {count} constraints is integrable: a combination restricts positions."
     return translate.part_of(schemas.IntegrabilityPart, found, **_stated(text))
@@ -122,7 +133,9 @@ def to_any_associated(answer: answering.MotionAnswer) -> schemas.AnyAssociatedPa
         lagrangian=None
         if found is None
         else translate.part_of(
-            schemas.MotionLagrangianPart, found.jet, **dict(translate.lagrangian_part(found.lagrangian))
+            schemas.MotionLagrangianPart,
+            found.jet,
+            **dict(translate.lagrangian_part(found.lagrangian)),
         ),
         associated=None if found is None else _belongs_to(found),
         hamiltonian=None if report is None else _hamiltonian(report),
@@ -141,7 +154,11 @@ def _statement(answer: answering.MotionAnswer) -> list[explaining.Piece]:
         time = ", by a Lagrangian that depends on time" if answer.verdict != "variational" else ""
         return [f"This motion can be given a Hamiltonian, by {by}{time}", *_where(answer), "."]
     if answer.verdict == answer.verdict_with_time == "not_variational":
-        return ["This motion cannot be given a Hamiltonian, by any associated system", *_where(answer), "."]
+        return [
+            "This motion cannot be given a Hamiltonian, by any associated system",
+            *_where(answer),
+            ".",
+        ]
     if answer.verdict == "not_variational":
         no = "This motion cannot be given a Hamiltonian by any `L(q, q')`"
         return [f"{no}; with a Lagrangian that depends on time it is open."]
@@ -149,11 +166,15 @@ def _statement(answer: answering.MotionAnswer) -> list[explaining.Piece]:
 
 
 def _where(answer: answering.MotionAnswer) -> Iterator[explaining.Piece]:
-    """ ", where A > 0 and B > 0" with the conditions of the first certificate, in its names; nothing without one."""
+    """ ", where A > 0 and B > 0" with the conditions of the first certificate, in its names;
+    nothing without one.
+    """
     certificate = answer.certificates[0] if answer.certificates else {}
     for place, condition in enumerate(certificate.get("conditions") or ()):
         system = certificate["system"]
-        names = nm.Names(tuple(system["coordinates"]), tuple(system["parameters"]), system["functions"])
+        names = nm.Names(
+            tuple(system["coordinates"]), tuple(system["parameters"]), system["functions"]
+        )
         yield " and " if place else ", where "
         yield notation.inequality(reader.read_condition(condition, names))
 
@@ -161,21 +182,28 @@ def _where(answer: answering.MotionAnswer) -> Iterator[explaining.Piece]:
 def _belongs_to(found: answering.MotionLagrangian) -> schemas.BelongsTo:
     system = found.system
     pairs = () if system is None else zip(system.coordinates, system.accelerations, strict=True)
-    return schemas.BelongsTo(kind=found.kind, equations={name: printing.to_text(f) for name, f in pairs})
+    return schemas.BelongsTo(
+        kind=found.kind, equations={name: printing.to_text(f) for name, f in pairs}
+    )
 
 
 def _measure(report: nonholonomic_study.MotionReport) -> schemas.MeasurePart:
     found = report.density
     density, in_velocities = map(translate.plain, (found.momenta, found.velocities))
     return schemas.MeasurePart(
-        status=found.status, density=density, in_velocities=in_velocities, **_stated(_MEASURE[found.status])
+        status=found.status,
+        density=density,
+        in_velocities=in_velocities,
+        **_stated(_MEASURE[found.status]),
     )
 
 
 def _class(report: nonholonomic_study.MotionReport) -> schemas.ClassPart:
     member = report.member
     if member is None:
-        return schemas.ClassPart(member=False, **_stated(f"The system is outside the paper's class: {report.reason}."))
+        return schemas.ClassPart(
+            member=False, **_stated(f"The system is outside the paper's class: {report.reason}.")
+        )
     parts, names = member.geometry, member.geometry.system.coordinates
     dependent = [names[place] for place in member.frame.dependent]
     force = "" if member.force_fits else " that depends on more than `r_2`"
@@ -193,7 +221,9 @@ def _class(report: nonholonomic_study.MotionReport) -> schemas.ClassPart:
         r2=names[member.r2],
         s=dependent,
         A=known(lambda: translate.formulas(dependent, map(parts.tree, member.slopes))) or {},
-        N=known(lambda: translate.formula(parts.tree(member.inverse_square_density) ** Fraction(-1, 2))),
+        N=known(
+            lambda: translate.formula(parts.tree(member.inverse_square_density) ** Fraction(-1, 2))
+        ),
         K=known(lambda: translate.formula(parts.tree(member.slope_of_density))),
         potential=member.has_force,
     )
@@ -203,11 +233,15 @@ def _associated(one: nonholonomic_study.AssociatedAnswer, is_main: bool) -> sche
     """The steps of the main one are the `explanation` of the result."""
     system, solution, answer = one.associated.system, one.solution, one.answer
     if system is None or solution is None or answer is None:
-        return schemas.AssociatedPart(kind=one.associated.kind, defined=False, explanation=one.associated.explanation)
+        return schemas.AssociatedPart(
+            kind=one.associated.kind, defined=False, explanation=one.associated.explanation
+        )
     fields = derived.answered(schemas.AssociatedPart, system, answer) | {
         "explanation": one.associated.explanation,
         "verdict_with_time": None if solution.with_time is None else solution.with_time.verdict,
-        "steps": [] if is_main else [translate.step_part(step, in_full=False) for step in answer.explanation],
+        "steps": []
+        if is_main
+        else [translate.step_part(step, in_full=False) for step in answer.explanation],
     }
     return schemas.AssociatedPart(kind=one.associated.kind, defined=True, **fields)
 
@@ -222,13 +256,16 @@ def _hamiltonisation(report: nonholonomic_study.Report) -> schemas.Hamiltonisati
         hamiltonian=_hamiltonian(found),
         constraints=translate.plain(_images(found)),
         statements=[
-            schemas.StatementPart(verdict=each.verdict, **_stated(each.text, key="text")) for each in found.statements
+            schemas.StatementPart(verdict=each.verdict, **_stated(each.text, key="text"))
+            for each in found.statements
         ],
         holds=found.holds,
         trajectory=None
         if (seen := found.comparison) is None
         else translate.part_of(
-            schemas.TrajectoryPart, seen, functions={name: printing.to_text(f) for name, f in seen.functions.items()}
+            schemas.TrajectoryPart,
+            seen,
+            functions={name: printing.to_text(f) for name, f in seen.functions.items()},
         ),
     )
 
@@ -251,19 +288,30 @@ def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) 
     if schema.family or schema.special_cases:
         key = "family" if schema.family else "special_cases"
         raise errors.InputError(
-            f'"{key}" is not available where the motion itself is given. Leave this key out.', f"/{key}"
+            f'"{key}" is not available where the motion itself is given. Leave this key out.',
+            f"/{key}",
         )
     motion = motion_documents.read_given_motion(schema)
     question = schema.time_dependent_lagrangian
     grow.wanted = ("any_associated", "reduced")
     grow.begin("reduced")
-    plain = deciding.decide_reduced(motion, None, _for_reduced(options, SHARE_OF_REDUCED * (end - now())))
+    plain = deciding.decide_reduced(
+        motion, None, _for_reduced(options, SHARE_OF_REDUCED * (end - now()))
+    )
     own = None if plain is None else plain.answer
     grow.begin("any_associated")
-    answer = answering.answer_motion(motion, (), question, options.seed, end, grow.stage, reduced=own)
+    answer = answering.answer_motion(
+        motion, (), question, options.seed, end, grow.stage, reduced=own
+    )
     open_answer = solutions.Answer("undetermined", reason=ONLY_THE_MOTION)
-    result = translate.to_result(solutions.Solution(first_system(motion), open_answer, None, None), schema)
-    kept = first_integrals(motion, None, options.seed, MOST_FOR_INTEGRALS) if schema.first_integrals else ()
+    result = translate.to_result(
+        solutions.Solution(first_system(motion), open_answer, None, None), schema
+    )
+    kept = (
+        first_integrals(motion, None, options.seed, MOST_FOR_INTEGRALS)
+        if schema.first_integrals
+        else ()
+    )
     told = dict(result) | {"first_integrals": [translate.integral_part(one) for one in kept]}
     about = to_any_associated(answer)
     whole = schemas.NonholonomicResult(**told, nonholonomic=None, any_associated=about)
@@ -278,7 +326,9 @@ def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) 
 
 
 def compared(whole: schemas.NonholonomicResult, time_limit: float) -> dict[str, Any]:
-    """A result whose main fields leave open what was not asked; its motion is that of the document."""
+    """A result whose main fields leave open what was not asked; its motion is that of the
+    document.
+    """
     found = whole.model_dump(mode="json")
     comparison.compare_motion(found, time_limit)
     return comparison.ordered(found)
@@ -286,7 +336,9 @@ def compared(whole: schemas.NonholonomicResult, time_limit: float) -> dict[str, 
 
 def _for_reduced(options: solutions.SolveOptions, time_limit: float) -> solutions.SolveOptions:
     """What is asked about the reduced system."""
-    return solutions.SolveOptions(seed=options.seed, time_limit=max(0.1, time_limit), conditions=False)
+    return solutions.SolveOptions(
+        seed=options.seed, time_limit=max(0.1, time_limit), conditions=False
+    )
 
 
 def _part(found: deciding.Reduced) -> schemas.ReducedPart:
@@ -304,7 +356,9 @@ def _part(found: deciding.Reduced) -> schemas.ReducedPart:
     )
 
 
-def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Growing | None = None) -> dict[str, Any]:
+def solve_nonholonomic(
+    document: Any, options: solutions.SolveOptions, grow: Growing | None = None
+) -> dict[str, Any]:
     """The result document of a Nonholonomic document; the main fields answer one associated system.
 
     Raises InputError for a document that cannot be accepted, CertificateRefused where the checker
@@ -319,31 +373,50 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
         system, min(constrained_motion.TIME_LIMIT, SHARE_OF_MOTION * options.time_limit)
     )
     kind, last = schema.associated, end - SHARE_LEFT * options.time_limit
-    made = _Made(schema, report, options, grow, last, compared if kind == "any" else comparison.checked)
+    made = _Made(
+        schema, report, options, grow, last, compared if kind == "any" else comparison.checked
+    )
     if kind == "any":
         return _about_the_motion(made, end)
-    systems = nonholonomic_study.associated_systems(report, None if kind == "search" else kind, families)
+    systems = nonholonomic_study.associated_systems(
+        report, None if kind == "search" else kind, families
+    )
     defined = next((one for one in systems if one.system is not None), None)
     if defined is None or defined.system is None:
         raise errors.InputError(
-            f'{systems[0].explanation} Ask for "any", which decides the motion alone.', "/associated"
+            f'{systems[0].explanation} Ask for "any", which decides the motion alone.',
+            "/associated",
         )
-    questions = ("existence", *["existence_with_time"] * (schema.time_dependent_lagrangian is not False))
-    further = ("any_associated", "first_integrals", "reduced", "lagrangian", "hamiltonian", "explanation")
+    questions = (
+        "existence",
+        *["existence_with_time"] * (schema.time_dependent_lagrangian is not False),
+    )
+    further = (
+        "any_associated",
+        "first_integrals",
+        "reduced",
+        "lagrangian",
+        "hamiltonian",
+        "explanation",
+    )
     grow.wanted = ("motion", *questions, *further)
     first = [nonholonomic_study.Study(report, (_unasked(defined, NOT_YET),), 0)]
     made.tell(("motion",), first)
     asked = dataclasses.replace(
         options,
         time_dependent=schema.time_dependent_lagrangian,
-        time_limit=SHARE_OF_SYSTEMS / (2 if schema.family or schema.special_cases else 1) * (end - now()),
+        time_limit=SHARE_OF_SYSTEMS
+        / (2 if schema.family or schema.special_cases else 1)
+        * (end - now()),
         ansatz=accepting.to_ansatz(schema, defined.system),
         series_order=schema.series_order,
     )
     grow.begin("existence")
     decided = (*questions, "lagrangian", "hamiltonian")
     studies = list(
-        nonholonomic_study.study_branches(report, systems, asked, grow.stage, lambda study: made.tell(decided, [study]))
+        nonholonomic_study.study_branches(
+            report, systems, asked, grow.stage, lambda study: made.tell(decided, [study])
+        )
     )
     main = studies[0].answers[studies[0].main]
     if main.solution is not None:
@@ -354,15 +427,22 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
     if schema.family or schema.special_cases:
         assert main.associated.system is not None
         whole = family_parts.with_family(whole, main.associated.system, schema, asked, grow, end)
-    if whole.verdict == "not_variational" and not whole.branches and made.answers[0].verdict != "variational":
+    if (
+        whole.verdict == "not_variational"
+        and not whole.branches
+        and made.answers[0].verdict != "variational"
+    ):
         whole = whole.model_copy(update={"instead": derived.of_reduced(whole.reduced)})
     grow.begin("certificate")
-    return comparison.with_one_verdict(comparison.ordered(grow.end(comparison.checked(whole, end - now()))))
+    return comparison.with_one_verdict(
+        comparison.ordered(grow.end(comparison.checked(whole, end - now())))
+    )
 
 
 @dataclasses.dataclass(slots=True)
 class _Made:
-    """The known results about a motion: `answers` about any associated system by branch, the `reduced` system.
+    """The known results about a motion: `answers` about any associated system by branch, the
+    `reduced` system.
 
     `check` makes the document of the whole result, with the time that it may take.
     """
@@ -379,14 +459,21 @@ class _Made:
 
     def tell(self, parts: Sequence[str], studies: Sequence[nonholonomic_study.Study]) -> None:
         """Hand over these parts, and with them all that is known."""
-        self.grow.hand_over(parts, lambda: self.check(self.whole(studies), max(1.0, self.last - now())))
+        self.grow.hand_over(
+            parts, lambda: self.check(self.whole(studies), max(1.0, self.last - now()))
+        )
 
     def ask_about_the_motion(
-        self, studies: Sequence[nonholonomic_study.Study], asked: solutions.SolveOptions, part: float
+        self,
+        studies: Sequence[nonholonomic_study.Study],
+        asked: solutions.SolveOptions,
+        part: float,
     ) -> None:
-        """Any associated system, in this part of the time, first integrals, and the reduced system with its clocks.
+        """Any associated system, in this part of the time, first integrals, and the reduced system
+        with its clocks.
 
-        The answer for the reduced system as it is, which comes first, answers for the motion too where it is a yes.
+        The answer for the reduced system as it is, which comes first, answers for the motion too
+        where it is a yes.
         """
         motion, density = self.report.motion, self.report.density
         lagrangian = motion.system.lagrangian
@@ -407,7 +494,9 @@ class _Made:
         self.grow.begin("reduced")
         limits = _for_reduced(self.options, self.last - now())
         if plain is not None:
-            self.reduced = _part(deciding.answer_reduced(motion, lagrangian, density, limits, plain))
+            self.reduced = _part(
+                deciding.answer_reduced(motion, lagrangian, density, limits, plain)
+            )
         elif (closed := deciding.closed_subsystem(self.report.exact, motion)) is not None:
             self.reduced = _part(deciding.answer_closed(closed, limits))
 
@@ -419,7 +508,8 @@ class _Made:
         own: solutions.Answer | None,
         tell: Callable[[], None],
     ) -> None:
-        """Whether any associated system has a Lagrangian; `tell` is called with a verdict before its Lagrangian.
+        """Whether any associated system has a Lagrangian; `tell` is called with a verdict before
+        its Lagrangian.
 
         `own` is the answer for the reduced system.
         """
@@ -431,27 +521,44 @@ class _Made:
 
         found = nonholonomic_study.answer_about(study, asked, deadline, self.grow.stage, own, told)
         self.answers[place:] = [found]
-        if answering.OUT_OF_TIME in found.reason or (found.verdict == "undetermined" and now() >= deadline):
+        if answering.OUT_OF_TIME in found.reason or (
+            found.verdict == "undetermined" and now() >= deadline
+        ):
             self.grow.cut["any_associated"] = found.reason
 
     def whole(self, studies: Sequence[nonholonomic_study.Study]) -> schemas.NonholonomicResult:
-        """The result of an associated system with what is known of the motion, which is what one simulates."""
+        """The result of an associated system with what is known of the motion, which is what one
+        simulates.
+        """
         solutions = [_with_images(each.answers[each.main]) for each in studies]
         result = translate.to_result(solutions[0], self.schema, solutions[1:])
         system = self.report.motion.system
-        taken = euler_lagrange.advice_for_constraints(system.lagrangian, system.constraints, system.coordinates)
+        taken = euler_lagrange.advice_for_constraints(
+            system.lagrangian, system.constraints, system.coordinates
+        )
         motions = [to_any_associated(answer) for answer in self.answers or (OPEN,)]
         parts = zip(result.branches, motions * (1 if self.answers else len(studies)), strict=False)
-        branches = [schemas.NonholonomicBranch(**dict(branch), any_associated=motion) for branch, motion in parts]
+        branches = [
+            schemas.NonholonomicBranch(**dict(branch), any_associated=motion)
+            for branch, motion in parts
+        ]
         part = to_nonholonomic_part(studies[0], self.kept)
-        told = {"advice": AdvicePart(**taken), "branches": branches, "first_integrals": part.first_integrals}
+        told = {
+            "advice": AdvicePart(**taken),
+            "branches": branches,
+            "first_integrals": part.first_integrals,
+        }
         return schemas.NonholonomicResult(
-            **dict(result) | told, nonholonomic=part, any_associated=motions[0], reduced=self.reduced
+            **dict(result) | told,
+            nonholonomic=part,
+            any_associated=motions[0],
+            reduced=self.reduced,
         )
 
 
 def _about_the_motion(made: _Made, end: float) -> dict[str, Any]:
-    """The result where only the motion was asked about: the main fields leave open what was not asked.
+    """The result where only the motion was asked about: the main fields leave open what was not
+    asked.
 
     Each branch of the first associated system has its share of the time.
     """
@@ -469,13 +576,17 @@ def _about_the_motion(made: _Made, end: float) -> dict[str, Any]:
     return made.grow.end(compared(made.whole(studies), end - now()))
 
 
-def _unasked(one: paper_class.AssociatedSystem, reason: str = ONLY_THE_MOTION) -> nonholonomic_study.AssociatedAnswer:
+def _unasked(
+    one: paper_class.AssociatedSystem, reason: str = ONLY_THE_MOTION
+) -> nonholonomic_study.AssociatedAnswer:
     """The answer that leaves open whether a system has a Lagrangian."""
     assert one.system is not None
     answer = solutions.Answer(
         "undetermined", reason=reason, positive=tuple(map(collecting.collect, one.system.positive))
     )
-    return nonholonomic_study.AssociatedAnswer(one, solutions.Solution(one.system, answer, None, None))
+    return nonholonomic_study.AssociatedAnswer(
+        one, solutions.Solution(one.system, answer, None, None)
+    )
 
 
 def _with_images(main: nonholonomic_study.AssociatedAnswer) -> solutions.Solution:
@@ -486,10 +597,16 @@ def _with_images(main: nonholonomic_study.AssociatedAnswer) -> solutions.Solutio
         if answer is None or answer.lagrangian is None or answer.hamiltonian is None:
             return answer
         found = images.get(answer.lagrangian.expression)
-        if found is None or answer.hamiltonian.transform.implicit:  # without momenta there is no image in phase space
+        if (
+            found is None or answer.hamiltonian.transform.implicit
+        ):  # without momenta there is no image in phase space
             return answer
-        return dataclasses.replace(answer, hamiltonian=dataclasses.replace(answer.hamiltonian, constraints=found))
+        return dataclasses.replace(
+            answer, hamiltonian=dataclasses.replace(answer.hamiltonian, constraints=found)
+        )
 
     solution = main.solution
     assert solution is not None
-    return dataclasses.replace(solution, autonomous=imaged(solution.autonomous), with_time=imaged(solution.with_time))
+    return dataclasses.replace(
+        solution, autonomous=imaged(solution.autonomous), with_time=imaged(solution.with_time)
+    )

@@ -21,15 +21,20 @@ MAX_NUMBER_CHARACTERS = 400
 _JSON_STRING = re.compile(rb'"(?:[^"\\]++|\\.)*+(?:"|\Z)', re.DOTALL)
 _NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 _ESCAPED_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
-# Keys of so many parts are refused before tomllib sees them, whose time and memory grow with the square.
-_DOTTED_KEY = re.compile(rf"""(?<![\w"'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{MAX_DEPTH}}}""")
+# Keys of so many parts are refused before tomllib sees them, whose time and memory grow with the
+# square.
+_DOTTED_KEY = re.compile(
+    rf"""(?<![\w"'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{MAX_DEPTH}}}"""
+)
 
 
 def read_json(data: bytes | str) -> Any:
     """The value of a JSON text; raises InputError with line and column, or with the pointer."""
     text = decode(data)
     if not text.strip():
-        raise errors.InputError("The document is empty; write a JSON object with coordinates and equations.")
+        raise errors.InputError(
+            "The document is empty; write a JSON object with coordinates and equations."
+        )
     _refuse_deep_json(text)
     try:
         value = _reader().decode(text)
@@ -48,7 +53,10 @@ def read_json(data: bytes | str) -> Any:
 @functools.cache
 def _reader() -> json.JSONDecoder:
     return json.JSONDecoder(
-        object_pairs_hook=_object, parse_constant=_refuse_constant, parse_float=_decimal, parse_int=_integer
+        object_pairs_hook=_object,
+        parse_constant=_refuse_constant,
+        parse_float=_decimal,
+        parse_int=_integer,
     )
 
 
@@ -63,20 +71,28 @@ def write_json(value: Any, sort: bool = False) -> str:
 def _with_decimals(value: Any, sort: bool) -> str:
     if isinstance(value, Mapping):
         keys = sorted(value) if sort else list(value)
-        return "{" + ",".join(f"{json.dumps(key)}:{write_json(value[key], sort)}" for key in keys) + "}"
+        return (
+            "{"
+            + ",".join(f"{json.dumps(key)}:{write_json(value[key], sort)}" for key in keys)
+            + "}"
+        )
     if isinstance(value, list | tuple):
         return "[" + ",".join(write_json(part, sort) for part in value) + "]"
     return str(value) if isinstance(value, Decimal) else _WRITER.encode(value)
 
 
 def read_yaml(data: bytes | str) -> Any:
-    """The value of a YAML text; scalars other than true, false and null stay text, so 0.1 is exact."""
+    """The value of a YAML text; scalars other than true, false and null stay text, so 0.1 is
+    exact.
+    """
     import yaml
 
     try:
         value = yaml.load(decode(data), Loader=_plain_loader())
     except yaml.YAMLError as error:
-        raise errors.InputError(f"The document is not YAML that can be read here: {_yaml_reason(error)}.") from None
+        raise errors.InputError(
+            f"The document is not YAML that can be read here: {_yaml_reason(error)}."
+        ) from None
     except RecursionError:
         raise _too_deep() from None
     refuse_surrogates(value)
@@ -85,10 +101,11 @@ def read_yaml(data: bytes | str) -> Any:
 
 @functools.cache
 def _plain_loader() -> Any:
-    """A loader that reads every scalar but true, false and null as text, and takes no tags, anchors or keys twice.
+    """A loader that reads every scalar but true, false and null as text, and takes no tags, anchors
+    or keys twice.
 
-    YAML's own numbers would turn 0.1 into a binary fraction and 1:30 into 90. A few lines of anchors stand for billions
-    of values. It is made at the first use, as few documents are YAML.
+    YAML's own numbers would turn 0.1 into a binary fraction and 1:30 into 90. A few lines of
+    anchors stand for billions of values. It is made at the first use, as few documents are YAML.
     """
     import yaml
 
@@ -96,7 +113,9 @@ def _plain_loader() -> Any:
         def compose_node(self, parent: Any, index: Any) -> Any:
             if self.check_event(yaml.AliasEvent):
                 event = self.peek_event()  # type: ignore[no-untyped-call]
-                raise yaml.composer.ComposerError(None, None, "aliases (*name) are not accepted", event.start_mark)
+                raise yaml.composer.ComposerError(
+                    None, None, "aliases (*name) are not accepted", event.start_mark
+                )
             return super().compose_node(parent, index)
 
     def mapping(loader: Any, node: Any) -> dict[str, Any]:
@@ -104,15 +123,22 @@ def _plain_loader() -> Any:
         for key_node, value_node in node.value:
             key = loader.construct_object(key_node, deep=True)
             if not isinstance(key, str):
-                raise yaml.constructor.ConstructorError(None, None, "a key must be text", key_node.start_mark)
+                raise yaml.constructor.ConstructorError(
+                    None, None, "a key must be text", key_node.start_mark
+                )
             if key in found:
-                raise yaml.constructor.ConstructorError(None, None, "a key is given twice", key_node.start_mark)
+                raise yaml.constructor.ConstructorError(
+                    None, None, "a key is given twice", key_node.start_mark
+                )
             found[key] = loader.construct_object(value_node, deep=True)
         return found
 
     PlainLoader.yaml_implicit_resolvers = {}
     PlainLoader.add_constructor("tag:yaml.org,2002:map", mapping)
-    bools, nothing = re.compile(r"^(?:true|True|TRUE|false|False|FALSE)$"), re.compile(r"^(?:~|null|Null|NULL|)$")
+    bools, nothing = (
+        re.compile(r"^(?:true|True|TRUE|false|False|FALSE)$"),
+        re.compile(r"^(?:~|null|Null|NULL|)$"),
+    )
     PlainLoader.add_implicit_resolver("tag:yaml.org,2002:bool", bools, list("tTfF"))
     PlainLoader.add_implicit_resolver("tag:yaml.org,2002:null", nothing, ["~", "n", "N", ""])
     return PlainLoader
@@ -128,19 +154,25 @@ def read_toml(data: bytes | str) -> Any:
     try:
         value = tomllib.loads(text, parse_float=_decimal)
     except tomllib.TOMLDecodeError as error:
-        raise errors.InputError(f"The document is not TOML: {_first_lower(str(error))[:200]}.") from None
+        raise errors.InputError(
+            f"The document is not TOML: {_first_lower(str(error))[:200]}."
+        ) from None
     except RecursionError:
         raise _too_deep() from None
     except ValueError as error:
         if isinstance(error, errors.InputError):
             raise
-        raise errors.InputError("The document contains a number with too many digits; write it as a formula.") from None
+        raise errors.InputError(
+            "The document contains a number with too many digits; write it as a formula."
+        ) from None
     refuse_surrogates(value)
     return value
 
 
 def read_document(data: bytes | str, file_name: str) -> Any:
-    """By the ending of the name: .yaml and .yml, .toml; else JSON, or equations where it is no object and has an =."""
+    """By the ending of the name: .yaml and .yml, .toml; else JSON, or equations where it is no
+    object and has an =.
+    """
     ending = file_name.lower().rpartition(".")[2]
     if ending in ("yaml", "yml"):
         return read_yaml(data)
@@ -158,16 +190,26 @@ def decode(data: bytes | str) -> str:
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise errors.InputError(f"The document is not UTF-8 text: byte {error.start + 1} cannot be read.") from None
+        raise errors.InputError(
+            f"The document is not UTF-8 text: byte {error.start + 1} cannot be read."
+        ) from None
 
 
 def refuse_surrogates(value: Any) -> None:
-    """Raises InputError where a text, key or value, holds half of a surrogate pair, or where nesting is too deep."""
+    """Raises InputError where a text, key or value, holds half of a surrogate pair, or where
+    nesting is too deep.
+    """
     stack: list[tuple[Any, str, int]] = [(value, "", 0)]
     while stack:
         node, pointer, depth = stack.pop()
-        if isinstance(node, str) and not node.isascii() and any("\ud800" <= c <= "\udfff" for c in node):
-            raise errors.InputError("A text contains half of a surrogate pair; write the whole character.", pointer)
+        if (
+            isinstance(node, str)
+            and not node.isascii()
+            and any("\ud800" <= c <= "\udfff" for c in node)
+        ):
+            raise errors.InputError(
+                "A text contains half of a surrogate pair; write the whole character.", pointer
+            )
         if depth > MAX_DEPTH:
             raise _too_deep()
         stack.extend((part, place, depth + 1) for part, place in _parts(node, pointer))
@@ -193,7 +235,9 @@ def _parts(node: Any, pointer: str) -> Iterable[tuple[Any, str]]:
 def _refuse_deep_json(text: str) -> None:
     """One pass over the text, before the reader takes memory for what it holds."""
     depth = 0
-    for bracket in _JSON_STRING.sub(b"", text.encode("utf-8", "surrogatepass")).translate(None, _NO_BRACKETS):
+    for bracket in _JSON_STRING.sub(b"", text.encode("utf-8", "surrogatepass")).translate(
+        None, _NO_BRACKETS
+    ):
         depth += 1 if bracket in b"[{" else -1
         if depth > MAX_DEPTH:
             raise _too_deep()
@@ -203,7 +247,9 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key, value in pairs:
         if key in found:
-            raise errors.InputError(f"The key '{escape(key)}' is given twice in one object; keep one of them.")
+            raise errors.InputError(
+                f"The key '{escape(key)}' is given twice in one object; keep one of them."
+            )
         found[key] = value
     return found
 
@@ -214,24 +260,32 @@ def _refuse_constant(name: str) -> NoReturn:
 
 def _decimal(text: str) -> Decimal:
     if len(text) > MAX_NUMBER_CHARACTERS:
-        raise errors.LimitError(f"A number has more than {MAX_NUMBER_CHARACTERS} characters; write it as a formula.")
+        raise errors.LimitError(
+            f"A number has more than {MAX_NUMBER_CHARACTERS} characters; write it as a formula."
+        )
     try:
         value = Decimal(text)
     except InvalidOperation:  # an exponent of more digits than Decimal holds
         value = Decimal("inf")
     if not value.is_finite() or abs(value.adjusted()) > 300:
-        raise errors.LimitError("A number is beyond 10^300 or not finite; write it as a formula with powers.")
+        raise errors.LimitError(
+            "A number is beyond 10^300 or not finite; write it as a formula with powers."
+        )
     return value
 
 
 def _integer(text: str) -> int:
     if len(text) > MAX_NUMBER_CHARACTERS:
-        raise errors.LimitError(f"A number has more than {MAX_NUMBER_CHARACTERS} characters; write it as a formula.")
+        raise errors.LimitError(
+            f"A number has more than {MAX_NUMBER_CHARACTERS} characters; write it as a formula."
+        )
     return int(text)
 
 
 def _too_deep() -> errors.InputError:
-    return errors.LimitError(f"The document is nested more than {MAX_DEPTH} levels deep; a system needs three.")
+    return errors.LimitError(
+        f"The document is nested more than {MAX_DEPTH} levels deep; a system needs three."
+    )
 
 
 def _first_lower(text: str) -> str:

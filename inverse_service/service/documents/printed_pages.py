@@ -35,7 +35,9 @@ SPECIAL = {
 }  # fmt: skip
 # Letters of a formula on a line of an article, about and at least, and in a line of text.
 LINE, SURELY_ON_A_LINE, IN_A_SENTENCE = 60, 40, 28
-_LETTER = re.compile(r"\\(?!left|right|[dt]?frac|sqrt|d?dot\b|math|quad)[A-Za-z]+|(?<!\\)\b[A-Za-z]|[^\sA-Za-z\\{}^_,]")
+_LETTER = re.compile(
+    r"\\(?!left|right|[dt]?frac|sqrt|d?dot\b|math|quad)[A-Za-z]+|(?<!\\)\b[A-Za-z]|[^\sA-Za-z\\{}^_,]"
+)
 _SIGN = r" (?:[-+=<>]|\\(?:neq|geq|leq)) "
 _BRACKET = re.compile(r"\\left|\\right|[{}]")
 # Shrinks a formula that is wider than the line.
@@ -46,7 +48,9 @@ _FIT = r"""\newsavebox{\wide}
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A line of an answer: how far it is indented, what it says, and the most characters of a formula in a text."""
+    """A line of an answer: how far it is indented, what it says, and the most characters of a
+    formula in a text.
+    """
 
     depth: int = 0
     said: sheets.Sentence = ()
@@ -58,7 +62,9 @@ EMPTY = Line()
 
 def text_page(result: Mapping[str, Any], explain: bool) -> str:
     """The whole page, ending with a newline."""
-    lines = (f"{'  ' * line.depth}{plain(line.said, line.most)}" for line in outline(result, explain))
+    lines = (
+        f"{'  ' * line.depth}{plain(line.said, line.most)}" for line in outline(result, explain)
+    )
     return "\n".join(lines) + "\n"
 
 
@@ -66,7 +72,11 @@ def plain(said: sheets.Sentence, most: int = LONGEST) -> str:
     """A sentence as text; a formula with more characters is only measured."""
     found = ""
     for piece in said:
-        is_apart = isinstance(piece, sheets.Formula) and piece.kind == "display" and not found.endswith(" ")
+        is_apart = (
+            isinstance(piece, sheets.Formula)
+            and piece.kind == "display"
+            and not found.endswith(" ")
+        )
         found += f"{' ' * is_apart}{_plain(piece, most)}"
     return found
 
@@ -82,7 +92,9 @@ def _plain(piece: str | sheets.Formula | sheets.Word, most: int) -> str:
 
 
 def outline(result: Mapping[str, Any], explain: bool) -> Iterator[Line]:
-    """All that is said of a result, line by line, which text and LaTeX print; `explain`: with proofs and conditions."""
+    """All that is said of a result, line by line, which text and LaTeX print; `explain`: with
+    proofs and conditions.
+    """
     sheet = sheets.sheet_of(result)
     system = result["system"] or {}
     if name := (system.get("given") or {}).get("name", "") if sheet.table else system.get("name"):
@@ -94,9 +106,15 @@ def outline(result: Mapping[str, Any], explain: bool) -> Iterator[Line]:
     for case in sheet.cases:
         if len(sheet.cases) > 1:
             here = ("Where ", *case.where, ": ") if case.where else ()
-            yield from (EMPTY, Line(0, (*here, *case.sentence)), *(Line(1, note) for note in case.notes))
+            yield from (
+                EMPTY,
+                Line(0, (*here, *case.sentence)),
+                *(Line(1, note) for note in case.notes),
+            )
         yield from (line for formula in case.formulas for line in _formula(formula, 1, LONGEST))
-        yield from (Line(1, (f"{heading}: ", *step)) for heading, step in (() if explain else case.gist))
+        yield from (
+            Line(1, (f"{heading}: ", *step)) for heading, step in (() if explain else case.gist)
+        )
     if sheet.missing:
         yield Line(1, (f"Not reached within the time limit: {', '.join(sheet.missing)}.",))
     yield from [EMPTY] if sheet.table else []
@@ -106,13 +124,23 @@ def outline(result: Mapping[str, Any], explain: bool) -> Iterator[Line]:
         above = row.is_main and row.formulas == sheet.cases[0].formulas
         yield from _inside(replace(row, formulas=()) if above else row, explain)
     for place, (heading, steps) in enumerate(sheet.proofs if explain else ()):
-        yield from (EMPTY, Line(0, (f"{heading or ('In the next case' if place else 'Why')}:",)), *_numbered(steps, 1))
+        yield from (
+            EMPTY,
+            Line(0, (f"{heading or ('In the next case' if place else 'Why')}:",)),
+            *_numbered(steps, 1),
+        )
     if explain and sheet.matrices:
-        yield from (EMPTY, Line(0, ("The conditions as derived:",)), *(Line(1, one) for one in sheet.matrices))
+        yield from (
+            EMPTY,
+            Line(0, ("The conditions as derived:",)),
+            *(Line(1, one) for one in sheet.matrices),
+        )
     rows = [row for case in sheet.cases for row in case.more] + list(sheet.more)
     yield from [EMPTY] if rows else []
     for row in rows:
-        words = f": {row.word}. " if row.word and row.hint else f": {row.word}" if row.word else ": "
+        words = (
+            f": {row.word}. " if row.word and row.hint else f": {row.word}" if row.word else ": "
+        )
         yield Line(0, (f"{row.name}{words}" if row.word or row.hint else f"{row.name}:", *row.hint))
         yield from _inside(row, explain)
 
@@ -155,7 +183,9 @@ def latex_page(result: dict[str, Any], explain: bool, address: str = "") -> str:
 def _source(result: Mapping[str, Any], address: str) -> str:
     """Which program in which version found it, and where it can be read again."""
     made = result.get("provenance") or {}
-    program = escaped(f"{made.get('program', 'inverse-service')} {made.get('version', __version__)}")
+    program = escaped(
+        f"{made.get('program', 'inverse-service')} {made.get('version', __version__)}"
+    )
     place = rf": \url{{{address}}}" if address else ""
     return rf"\paragraph{{}} Found by {program}{place}."
 
@@ -169,13 +199,17 @@ def _line(line: Line) -> str:
 
 
 def sentence(said: sheets.Sentence, inline: bool = False) -> str:
-    """Words and formulas; those that are long or apart are displayed unless all are to be `inline`."""
+    """Words and formulas; those that are long or apart are displayed unless all are to be
+    `inline`.
+    """
     found: list[str] = []
     for piece in said:
         if isinstance(piece, sheets.Formula):
             is_apart = piece.kind == "display" or _length(_whole(piece)) > IN_A_SENTENCE
             before = " " if found and found[-1].endswith(".") else ""
-            found.append(display(_whole(piece)) if is_apart and not inline else f"{before}${_whole(piece)}$")
+            found.append(
+                display(_whole(piece)) if is_apart and not inline else f"{before}${_whole(piece)}$"
+            )
         elif isinstance(piece, str):
             found.append(piece if inline else escaped(piece))
         elif not isinstance(piece.target, Mapping):
@@ -184,8 +218,14 @@ def sentence(said: sheets.Sentence, inline: bool = False) -> str:
 
 
 def _whole(formula: sheets.Formula) -> str:
-    symbol = _theory(formula.letter).strip() if formula.kind == "matrix" else latex_of(formula.letter, formula.names)
-    return " = ".join(filter(None, (symbol, formula.latex or latex_of(formula.text, formula.names))))
+    symbol = (
+        _theory(formula.letter).strip()
+        if formula.kind == "matrix"
+        else latex_of(formula.letter, formula.names)
+    )
+    return " = ".join(
+        filter(None, (symbol, formula.latex or latex_of(formula.text, formula.names)))
+    )
 
 
 def conditions_latex(conditions: Sequence[str], system: Mapping[str, Any] | None) -> str:
@@ -200,7 +240,9 @@ def escaped(text: str) -> str:
 
 
 def latex_of(text: str, names: nm.Names) -> str:
-    """The LaTeX of a formula of a sentence: relations between formulas of the system and terms of the theory."""
+    """The LaTeX of a formula of a sentence: relations between formulas of the system and terms of
+    the theory.
+    """
     sides = notation.split_outside(text, notation.SIDES)
     return "".join(SIGNS.get(sign.strip(), sign) + _side(side, names) for sign, side in sides)
 
@@ -208,7 +250,10 @@ def latex_of(text: str, names: nm.Names) -> str:
 def _side(text: str, names: nm.Names) -> str:
     if text.startswith("[[") and text.endswith("]]"):
         rows = (row.strip()[1:-1] for _, row in notation.split_outside(text[1:-1], ","))
-        entries = ((latex_of(entry.strip(), names) for _, entry in notation.split_outside(row, ",")) for row in rows)
+        entries = (
+            (latex_of(entry.strip(), names) for _, entry in notation.split_outside(row, ","))
+            for row in rows
+        )
         body = r" \\ ".join(map(" & ".join, entries))
         return rf"{{\begin{{pmatrix}}{body}\end{{pmatrix}}}}"
     if text.startswith("∫ "):
@@ -225,15 +270,25 @@ def _theory(text: str) -> str:
     text, found, place = notation.BRACKETED.sub(r"\1", text), "", 0
     for match in notation.SLOPE.finditer(text):
         above, name, index, primes = match.groups()
-        below = printing.name_latex(name, ("", "dot", "ddot")[len(primes)]) + (f"^{{{index}}}" if index else "")
-        found += notation.to_latex(text[place : match.start()]) + rf"\frac{{\partial {above}}}{{\partial {below}}}"
+        below = printing.name_latex(name, ("", "dot", "ddot")[len(primes)]) + (
+            f"^{{{index}}}" if index else ""
+        )
+        found += (
+            notation.to_latex(text[place : match.start()])
+            + rf"\frac{{\partial {above}}}{{\partial {below}}}"
+        )
         place = match.end()
     return found + notation.to_latex(text[place:])
 
 
 def display(formula: str) -> str:
-    """A displayed formula; a long one is on several lines, of which LaTeX shrinks those that are still too wide."""
-    lines = [rf"\fit{{{line}}}" if _length(line) > SURELY_ON_A_LINE else line for line in lines_of_latex(formula)]
+    """A displayed formula; a long one is on several lines, of which LaTeX shrinks those that are
+    still too wide.
+    """
+    lines = [
+        rf"\fit{{{line}}}" if _length(line) > SURELY_ON_A_LINE else line
+        for line in lines_of_latex(formula)
+    ]
     if len(lines) == 1:
         return f"\\[ {lines[0]} \\]"
     broken = r" \\ & \quad ".join(lines)
@@ -241,19 +296,29 @@ def display(formula: str) -> str:
 
 
 def lines_of_latex(formula: str, room: int = LINE) -> list[str]:
-    """The formula on lines of about `room` letters, broken before signs; a longer line in its widest bracket."""
+    """The formula on lines of about `room` letters, broken before signs; a longer line in its
+    widest bracket.
+    """
     lines = [""]
     for sign, term in notation.split_outside(formula, _SIGN):
         joined = f"{lines[-1]}{sign}{term}"
-        if _length(lines[-1]) < room / 4 or _length(joined) <= room:  # H = is kept with the formula after it
+        if (
+            _length(lines[-1]) < room / 4 or _length(joined) <= room
+        ):  # H = is kept with the formula after it
             lines[-1] = joined
         else:
             lines.append(f"{sign}{term}")
-    return [part.strip() for line in lines for part in (_opened(line, room) if _length(line) > room else [line])]
+    return [
+        part.strip()
+        for line in lines
+        for part in (_opened(line, room) if _length(line) > room else [line])
+    ]
 
 
 def _opened(line: str, room: int) -> list[str]:
-    """A line broken in its widest bracket, closed on each line by an invisible one; a/b becomes 1/b times (a)."""
+    """A line broken in its widest bracket, closed on each line by an invisible one; a/b becomes 1/b
+    times (a).
+    """
     groups, depth, start = list[tuple[int, int]](), 0, 0
     for match in _BRACKET.finditer(line):
         begins = match[0] in ("{", "\\left")
@@ -270,7 +335,9 @@ def _opened(line: str, room: int) -> list[str]:
         if line[:start].endswith("\\frac{") and line[start:end] != "1":
             under = line[slice(*groups[place + 1])]
             head, tail = line[: start - len("\\frac{")], line[groups[place + 1][1] + 1 :]
-            return lines_of_latex(f"{head}\\frac{{1}}{{{under}}} \\left({line[start:end]}\\right){tail}", room)
+            return lines_of_latex(
+                f"{head}\\frac{{1}}{{{under}}} \\left({line[start:end]}\\right){tail}", room
+            )
     return [line]
 
 
@@ -285,7 +352,11 @@ def _length(formula: str) -> int:
 def quantities(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     """(key, heading) of the numbers that some method of a run has."""
     methods = result["methods"]
-    return [pair for pair in QUANTITIES if any(value_at(method, pair[0]) is not None for method in methods)]
+    return [
+        pair
+        for pair in QUANTITIES
+        if any(value_at(method, pair[0]) is not None for method in methods)
+    ]
 
 
 def value_at(method: Mapping[str, Any], key: str) -> Any:
@@ -302,12 +373,15 @@ def why(method: Mapping[str, Any]) -> str:
 
 
 def notes_of_formulas(method: Mapping[str, Any]) -> list[str]:
-    """What a run says about its events and the observables by formula, each after its formula or name, and what its
-    contacts did."""
+    """What a run says about its events and the observables by formula, each after its formula or
+    name, and what its contacts did.
+    """
     parts = [(one["when"], one) for one in method.get("events") or ()]
     parts += (method.get("observables") or {}).items()
     noted = [f"{name}: {one['note']}" for name, one in parts if one.get("note")]
-    return noted + [f"{one['name']}: {what_a_contact_did(one)}" for one in method.get("contacts") or ()]
+    return noted + [
+        f"{one['name']}: {what_a_contact_did(one)}" for one in method.get("contacts") or ()
+    ]
 
 
 def what_a_contact_did(contact: Mapping[str, Any]) -> str:
@@ -317,5 +391,11 @@ def what_a_contact_did(contact: Mapping[str, Any]) -> str:
     if not rests:
         return f"{said}."
     first = f"pressed from t = {rests[0]['begin']:.6g} to {rests[0]['end']:.6g}"
-    more = f" and {len(rests) - 1} more times" if len(rests) > 2 else " and once more" if len(rests) == 2 else ""
+    more = (
+        f" and {len(rests) - 1} more times"
+        if len(rests) > 2
+        else " and once more"
+        if len(rests) == 2
+        else ""
+    )
     return f"{said}, {first}{more}; greatest force {contact['greatest_force']:.6g}."

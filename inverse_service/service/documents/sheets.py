@@ -1,9 +1,9 @@
-"""One answer as a person reads it, for every printer: the verdict in a sentence, L and H, a table for a motion on
-constraints, the proofs, and more.
+"""One answer as a person reads it, for every printer: the verdict in a sentence, L and H, a table
+for a motion on constraints, the proofs, and more.
 
-A sentence is words, formulas, and words with a meaning; `printed_pages` prints it as text and as LaTeX, and the
-pages as HTML. The verdict of a result is formed here alone: a yes with t is a yes. Title, history, atlas, and badges
-take it from here.
+A sentence is words, formulas, and words with a meaning; `printed_pages` prints it as text and as
+LaTeX, and the pages as HTML. The verdict of a result is formed here alone: a yes with t is a yes.
+Title, history, atlas, and badges take it from here.
 """
 
 import json
@@ -32,13 +32,26 @@ from inverse_service.statements.questions import About
 
 YES, NO, OPEN, DIFFERS = "yes", "no", "open", "differs"
 VERDICTS = {"variational": YES, "not_variational": NO}
-BADGES = {YES: "has a Lagrangian", NO: "no Lagrangian", OPEN: "undetermined", DIFFERS: "differs by case"}
-OF_MOTION = {YES: "has a Hamiltonian", NO: "has no Hamiltonian", OPEN: "undetermined", DIFFERS: "differs by case"}
+BADGES = {
+    YES: "has a Lagrangian",
+    NO: "no Lagrangian",
+    OPEN: "undetermined",
+    DIFFERS: "differs by case",
+}
+OF_MOTION = {
+    YES: "has a Hamiltonian",
+    NO: "has no Hamiltonian",
+    OPEN: "undetermined",
+    DIFFERS: "differs by case",
+}
 LONGEST_TITLE = 60  # characters of its first line
 LONGEST_TYPED = 4_000  # characters of equations that are shown as they were typed
 BY_MASS_MATRIX, BY_MASS_MATRIX_LATEX = "p^T M^(-1) p/2 + V", "\\tfrac{1}{2} p^{T} M^{-1} p + V"
 MAX_STEPS = 200  # of a proof; the whole is in the JSON
-LONGEST_CONDITION, MOST_CONDITIONS = 120, 3  # characters, and number, of the conditions on functions that are shown
+LONGEST_CONDITION, MOST_CONDITIONS = (
+    120,
+    3,
+)  # characters, and number, of the conditions on functions that are shown
 MOST_OPEN = 4  # open sets of a family that are shown
 LONGEST_MATRICES = 6_000  # characters of all matrices together: typeset they weigh 25 times that
 TENSORS = (("Phi", "Phi"), ("nabla Phi", "nabla_Phi"))
@@ -51,8 +64,8 @@ SEEKING = "Being decided"
 STATED = {"holds": "Holds", "fails": "Fails", "not settled": "Undetermined"}
 ANSWERS = {YES: "Yes", NO: "No", OPEN: "Undetermined"}
 NEW_TIME = "a new time, d\u03c4 = N dt"
-# What a proof proves, what is said of one that the checker did not call valid, of kinds of Lagrangians, and of
-# associated systems.
+# What a proof proves, what is said of one that the checker did not call valid, of kinds of
+# Lagrangians, and of associated systems.
 _WORDS = json.loads((Path(__file__).parent / "sheets.json").read_text(encoding="utf-8"))
 PROVEN: dict[str, str] = _WORDS["proven"]
 DOUBTED: dict[str, str] = _WORDS["doubted"]
@@ -62,11 +75,12 @@ HINTS: dict[str, str] = _WORDS["hints"]
 
 @dataclass(frozen=True, slots=True)
 class Formula:
-    """A formula in these names, perhaps after its symbol and an equals sign, and lines of small print below it.
+    """A formula in these names, perhaps after its symbol and an equals sign, and lines of small
+    print below it.
 
-    `kind` is "step" for one of a proof, which may be in the notation of the theory, "display" for one that is shown
-    below its sentence, "matrix" for a matrix, whose symbol is one of the theory. Without `latex` that of the text is
-    meant.
+    `kind` is "step" for one of a proof, which may be in the notation of the theory, "display" for
+    one that is shown below its sentence, "matrix" for a matrix, whose symbol is one of the theory.
+    Without `latex` that of the text is meant.
     """
 
     text: str
@@ -84,7 +98,9 @@ class Formula:
 
 @dataclass(frozen=True, slots=True)
 class Word:
-    """Words in the color of a verdict, or that lead to a part of the page (`#more`) or to a question: its document."""
+    """Words in the color of a verdict, or that lead to a part of the page (`#more`) or to a
+    question: its document.
+    """
 
     words: str
     verdict: str = ""
@@ -104,7 +120,9 @@ class SpecialCase:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A line of the table of a motion on constraints, or of "More": what it is about, a word, formulas, the proof."""
+    """A line of the table of a motion on constraints, or of "More": what it is about, a word,
+    formulas, the proof.
+    """
 
     name: str
     hint: Sentence = ()
@@ -163,7 +181,9 @@ class Sheet:
 
 @dataclass(frozen=True, slots=True)
 class _Told:
-    """A result that is told: the names of its formulas, whether without proofs, and the parts that are looked for."""
+    """A result that is told: the names of its formulas, whether without proofs, and the parts that
+    are looked for.
+    """
 
     result: Mapping[str, Any]
     names: Names
@@ -175,7 +195,9 @@ class _Told:
 
 
 def verdict_of(result: Mapping[str, Any]) -> str:
-    """One of yes, no, open, differs. A yes with t is a yes; a motion on constraints is asked for a Hamiltonian."""
+    """One of yes, no, open, differs. A yes with t is a yes; a motion on constraints is asked for a
+    Hamiltonian.
+    """
     found = {_verdict_on_cell(cell, result) for cell in range(len(branches_of(result)))}
     found |= {OPEN} if stated.open_cells_of(result) else set()
     return found.pop() if len(found) == 1 else DIFFERS
@@ -185,13 +207,17 @@ def _verdict_on_cell(cell: int, result: Mapping[str, Any]) -> str:
     branch = branches_of(result)[cell]
     if not is_constrained(result):
         return _common((branch["verdict"], branch.get("verdict_with_time")))
-    return _verdict_of_motion(branch.get("any_associated") or result.get("any_associated") or {}, result)
+    return _verdict_of_motion(
+        branch.get("any_associated") or result.get("any_associated") or {}, result
+    )
 
 
 def _verdict_of_motion(motion: Mapping[str, Any], result: Mapping[str, Any]) -> str:
     verdicts = [motion.get("verdict"), motion.get("verdict_with_time")]
     systems = (result.get("nonholonomic") or {}).get("associated", ())
-    if any(one.get(key) == "variational" for one in systems for key in ("verdict", "verdict_with_time")):
+    if any(
+        one.get(key) == "variational" for one in systems for key in ("verdict", "verdict_with_time")
+    ):
         return YES
     return _common(verdicts)
 
@@ -206,7 +232,9 @@ def _common(verdicts: Iterable[str | None]) -> str:
 
 
 def title_of(result: Mapping[str, Any], pending: Collection[str] = ()) -> str:
-    """The title of this result in tabs, bookmarks and the history: its first line, and the verdict."""
+    """The title of this result in tabs, bookmarks and the history: its first line, and the
+    verdict.
+    """
     system = result["system"] or {}
     lines = list((system.get("equations") or {}).items())
     first = reader.equation_line(*lines[0]) if lines else "A system"
@@ -239,7 +267,8 @@ def _ended(text: str) -> Sentence:
 def sentence(step: Mapping[str, Any] | str, names: Names) -> Sentence:
     """A sentence of a result; what is to be shown below it comes last.
 
-    `parts` of a step are texts, words and formulas alternately; older results have {kind, text} for each.
+    `parts` of a step are texts, words and formulas alternately; older results have {kind, text} for
+    each.
     """
     if isinstance(step, str):
         return (step,)
@@ -265,7 +294,9 @@ def listed(texts: Iterable[str], names: Names) -> Sentence:
 
 
 def meanings(system: Mapping[str, Any]) -> list[Sentence]:
-    """What the names of a system mean that are not its coordinates: constants and unknown functions."""
+    """What the names of a system mean that are not its coordinates: constants and unknown
+    functions.
+    """
     parameters, functions = system.get("parameters") or (), (system.get("functions") or {}).items()
     names = names_of(system) if parameters or functions else Names()
     wanted = [f"{name}({', '.join(of)})" for name, of in functions]
@@ -277,7 +308,9 @@ def meanings(system: Mapping[str, Any]) -> list[Sentence]:
 
 
 def _sentence(verdict: str, answers: Sequence[Stated], count: int, told: _Told) -> Sentence:
-    """The verdict about so many equations, or a brief answer; parts still pending are marked as being looked for."""
+    """The verdict about so many equations, or a brief answer; parts still pending are marked as
+    being looked for.
+    """
     pending, brief = told.pending, told.brief
     these, come = ("this equation", "comes") if count == 1 else ("these equations", "come")
     general = _in_general(answers[0].part.get("exceptions") or (), told)
@@ -285,7 +318,11 @@ def _sentence(verdict: str, answers: Sequence[Stated], count: int, told: _Told) 
         shown, yes = answers[0], Word("Yes,", YES)
         is_sought = any(part.startswith(("existence", "lagrangian")) for part in pending)
         is_asked = shown.question.timed is asks_for_time(told.result)
-        time = " that contains the time" if shown.question.timed and not is_asked and not is_sought else ""
+        time = (
+            " that contains the time"
+            if shown.question.timed and not is_asked and not is_sought
+            else ""
+        )
         if shown.part.get("lagrangian") is None and not is_sought:
             first: Sentence = (*general, ", ", Word("yes:", YES)) if general else (yes,)
             return (*first, f" a Lagrangian{time} exists; none was found in closed form.")
@@ -298,11 +335,18 @@ def _sentence(verdict: str, answers: Sequence[Stated], count: int, told: _Told) 
             first = (*general, ", ", Word("no", NO)) if general else (Word("No", NO),)
             return (*first, f" regular Lagrangian{time}.")
         if general:
-            return (*general, ", ", Word("no:", NO), f" {these} {come} from no regular Lagrangian{time}.")
+            return (
+                *general,
+                ", ",
+                Word("no:", NO),
+                f" {these} {come} from no regular Lagrangian{time}.",
+            )
         do = Word("does not" if count == 1 else "do not", NO)
         return (f"{capitalized(these)} ", do, f" come from any regular Lagrangian{time}.")
     none = any(one.verdict == "not_variational" for one in answers)
-    return _open_sentence(f"{these} {come} from a Lagrangian", none and "Lagrangian", QUESTIONS.intersection(pending))
+    return _open_sentence(
+        f"{these} {come} from a Lagrangian", none and "Lagrangian", QUESTIONS.intersection(pending)
+    )
 
 
 def _open_sentence(asked: str, none: str | bool, pending: Collection[str]) -> Sentence:
@@ -313,18 +357,26 @@ def _open_sentence(asked: str, none: str | bool, pending: Collection[str]) -> Se
     return (f"Whether {asked} is ", state, ".")
 
 
-def _motion_sentence(verdict: str, motion: Mapping[str, Any], pending: Collection[str] = ()) -> Sentence:
+def _motion_sentence(
+    verdict: str, motion: Mapping[str, Any], pending: Collection[str] = ()
+) -> Sentence:
     """The verdict about a motion on constraints."""
     if verdict == YES:
         return (Word("Yes,", YES), " this motion can be given a Hamiltonian.")
     if verdict == NO:
-        return ("This motion ", Word("cannot", NO), " be given a Hamiltonian, by any associated system.")
+        return (
+            "This motion ",
+            Word("cannot", NO),
+            " be given a Hamiltonian, by any associated system.",
+        )
     none = motion.get("verdict") == "not_variational" and "Hamiltonian"
     return _open_sentence("this motion can be given a Hamiltonian", none, pending)
 
 
 def proof_of(part: Mapping[str, Any]) -> str | None:
-    """The checker's verdict on a stored answer; "old" if its certificate has a format that proved too little."""
+    """The checker's verdict on a stored answer; "old" if its certificate has a format that proved
+    too little.
+    """
     certificate = part.get("certificate") or {}
     return "old" if certificate.get("format", FORMAT) != FORMAT else part.get("checked")
 
@@ -352,12 +404,22 @@ def _proven(certificate: Mapping[str, Any]) -> str:
 
 
 def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False) -> Sheet:
-    """The sheet of a solved system, of a motion on constraints, or of a Lagrangian; `brief` leaves out proofs.
+    """The sheet of a solved system, of a motion on constraints, or of a Lagrangian; `brief` leaves
+    out proofs.
 
     Where the result still `grows`, its incomplete parts are being looked for.
     """
-    system = result["system"] or {"coordinates": (), "equations": {}, "parameters": (), "functions": {}}
-    pending = frozenset(one["part"] for one in result.get("incomplete") or ()) if grows else frozenset[str]()
+    system = result["system"] or {
+        "coordinates": (),
+        "equations": {},
+        "parameters": (),
+        "functions": {},
+    }
+    pending = (
+        frozenset(one["part"] for one in result.get("incomplete") or ())
+        if grows
+        else frozenset[str]()
+    )
     told = _Told(result, names_of(system, result.get("integrals")), brief, pending)
     if "verdict" not in result:
         return _forward(told)
@@ -385,7 +447,9 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
         more=() if brief else tuple(_more(told)),
         matrices=() if brief else tuple(_matrices(result.get("conditions"), told.names)),
         missing=_missing(result, grows),
-        sought=tuple(letter for letter, part in FORMULAS if part in pending) if verdict == YES else (),
+        sought=tuple(letter for letter, part in FORMULAS if part in pending)
+        if verdict == YES
+        else (),
     )
 
 
@@ -396,20 +460,30 @@ def _why_not(unanswered: Mapping[str, Any]) -> str:
 def _sentence_of_cases(cases: Sequence[Case], unanswered: Sequence[Sentence]) -> Sentence:
     """The verdict of several cases: the one that all have, or each with where it holds."""
     parts = [(case.verdict, case.where) for case in cases] + [("", where) for where in unanswered]
-    if len({verdict for verdict, _ in parts}) == 1 and all(case.sentence == cases[0].sentence for case in cases):
+    if len({verdict for verdict, _ in parts}) == 1 and all(
+        case.sentence == cases[0].sentence for case in cases
+    ):
         *start, end = cases[0].sentence
         each = "any" if cases[0].verdict == NO else "each"
         return (*start, f"{str(end).removesuffix('.')} in {each} of {len(cases)} cases.")
     if len({verdict for verdict, _ in parts}) == 1:
-        return (Word(ANSWERS[cases[0].verdict], cases[0].verdict), f" in each of {len(cases)} cases.")
+        return (
+            Word(ANSWERS[cases[0].verdict], cases[0].verdict),
+            f" in each of {len(cases)} cases.",
+        )
     if len(parts) > MOST_CASES_SAID or not all(where for _, where in parts):
         return ("The answer ", Word("depends on the case", DIFFERS), f": {len(parts)} cases.")
     words = [Word(ANSWERS.get(verdict, "Not answered"), verdict or OPEN) for verdict, _ in parts]
-    said = [piece for word, (_, where) in zip(words, parts, strict=True) for piece in (", ", word, " where ", *where)][
-        1:
-    ]
+    said = [
+        piece
+        for word, (_, where) in zip(words, parts, strict=True)
+        for piece in (", ", word, " where ", *where)
+    ][1:]
     return (
-        *(replace(one, words=one.words.lower()) if k and isinstance(one, Word) else one for k, one in enumerate(said)),
+        *(
+            replace(one, words=one.words.lower()) if k and isinstance(one, Word) else one
+            for k, one in enumerate(said)
+        ),
         ".",
     )
 
@@ -419,7 +493,9 @@ def _case(cell: int, told: _Told) -> Case:
     answers = stated.main_statements(result, cell)
     verdict, shown = _verdict_on_cell(cell, result), answers[0].part
     # What follows from the same proof is not repeated.
-    others = [one for one in answers[1:] if (one.at, one.verdict) != (answers[0].at, answers[0].verdict)]
+    others = [
+        one for one in answers[1:] if (one.at, one.verdict) != (answers[0].at, answers[0].verdict)
+    ]
     notes: list[Sentence] = []
     domain, formula = shown.get("domain") or [], (shown.get("lagrangian") or {}).get("domain") or []
     where = listed(domain, names) if len(branches_of(result)) > 1 else ()
@@ -436,16 +512,24 @@ def _case(cell: int, told: _Told) -> Case:
     if verdict == YES and not QUESTIONS.intersection(told.pending):
         notes += filter(None, map(_other_note, others))
     more = [_other_row(other, told) for other in others if other.part.get("lagrangian")]
-    sentence = _sentence(verdict, answers, len((result["system"] or {}).get("coordinates", ())), told)
+    sentence = _sentence(
+        verdict, answers, len((result["system"] or {}).get("coordinates", ())), told
+    )
     formulas = tuple(_formulas(shown, told))
     if told.brief:
         return Case(verdict, sentence, tuple(notes), formulas, more=tuple(more), where=where)
     steps = _steps(shown, names)
     start = next((step for step in steps if "Suppose" in str(step[:1])), steps[0] if steps else ())
-    headed = [("With the time" if other.question.timed else "Without the time", other) for other in others]
+    headed = [
+        ("With the time" if other.question.timed else "Without the time", other) for other in others
+    ]
     here = f"Where {', '.join(domain)}" if cell else ""
     proofs = [(here, steps), *((heading, _steps(other.part, names)) for heading, other in headed)]
-    gist = (("Assumption", start), ("Contradiction", steps[-1])) if verdict == NO and len(steps) > 1 else ()
+    gist = (
+        (("Assumption", start), ("Contradiction", steps[-1]))
+        if verdict == NO and len(steps) > 1
+        else ()
+    )
     more += _answer_rows({**branches_of(result)[cell], **shown}, told)
     return Case(
         verdict,
@@ -463,14 +547,21 @@ def _other_note(other: Stated) -> Sentence:
     """The sentence about the question that is not shown large."""
     kind = "containing" if other.question.timed else "without"
     if other.verdict == "variational":
-        return (Word(f"One {kind} the time", target="#more"), " exists, too.") if other.part.get("lagrangian") else ()
+        return (
+            (Word(f"One {kind} the time", target="#more"), " exists, too.")
+            if other.part.get("lagrangian")
+            else ()
+        )
     if other.verdict == "not_variational":
         return (f"None {kind} the time exists.",)
     return (f"Whether one {kind} the time exists is undetermined.",)
 
 
 def _other_row(other: Stated, told: _Told) -> Row:
-    name, domain = ("Without the time", "With the time")[other.question.timed], other.part["lagrangian"].get("domain")
+    name, domain = (
+        ("Without the time", "With the time")[other.question.timed],
+        other.part["lagrangian"].get("domain"),
+    )
     hint = ("where ", *listed(domain, told.names)) if domain else ()
     return Row(name, hint, formulas=tuple(_formulas(other.part, told)))
 
@@ -481,7 +572,11 @@ def _formulas(part: Mapping[str, Any], told: _Told) -> list[Formula]:
     names = names_of(told.result["system"], integrals) if integrals else told.names
     found = []
     if lagrangian := part.get("lagrangian"):
-        found.append(formula_of("L", lagrangian, names, [("with ", each) for each in integrals_of(integrals, names)]))
+        found.append(
+            formula_of(
+                "L", lagrangian, names, [("with ", each) for each in integrals_of(integrals, names)]
+            )
+        )
     if part.get("dissipation"):
         found.append(formula_of("D", part["dissipation"], names))
     if hamiltonian := part.get("hamiltonian"):
@@ -493,17 +588,24 @@ def _formulas(part: Mapping[str, Any], told: _Told) -> list[Formula]:
         if further := [one for one in hamiltonian.get("domain") or () if one not in known]:
             notes.append(("where ", *listed(further, names)))
         if hamiltonian.get("constraints"):
-            notes.append(("on ", *listed([f"{text} = 0" for text in hamiltonian["constraints"]], names)))
+            notes.append(
+                ("on ", *listed([f"{text} = 0" for text in hamiltonian["constraints"]], names))
+            )
         found.append(_energy(hamiltonian, names, notes))
     return found
 
 
 def _energy(hamiltonian: Mapping[str, Any], names: Names, notes: Iterable[Sentence]) -> Formula:
-    """H, E where it is implicit, or H by its mass matrix and potential where these say it shorter."""
+    """H, E where it is implicit, or H by its mass matrix and potential where these say it
+    shorter.
+    """
     rows, potential = hamiltonian.get("mass_matrix"), hamiltonian.get("potential")
     if not rows or not potential:
         return formula_of("E" if hamiltonian.get("implicit") else "H", hamiltonian, names, notes)
-    momenta, known = ", ".join(hamiltonian["momenta"]), (matrix_of("M", rows, names), formula_of("V", potential, names))
+    momenta, known = (
+        ", ".join(hamiltonian["momenta"]),
+        (matrix_of("M", rows, names), formula_of("V", potential, names)),
+    )
     said = (f"with p = ({momenta}), ", known[0], ", and ", known[1])
     return Formula(BY_MASS_MATRIX, names, "H", BY_MASS_MATRIX_LATEX, (said, *notes), kind="step")
 
@@ -514,11 +616,15 @@ def integrals_of(integrals: Mapping[str, Any], names: Names) -> Iterator[Formula
         whole, slopes = f"{name}({', '.join(known['arguments'])})", known["derivatives"]
         for by, slope in slopes.items():
             is_sum = " + " in slope or " - " in slope
-            one = Formula(f"\u222b {f'({slope})' if is_sum else slope} d{by}", names, whole, kind="step")
+            one = Formula(
+                f"\u222b {f'({slope})' if is_sum else slope} d{by}", names, whole, kind="step"
+            )
             yield one if len(slopes) == 1 else Formula(slope, names, f"d{whole}/d{by}", kind="step")
 
 
-def formula_of(letter: str, part: Mapping[str, Any], names: Names, notes: Iterable[Sentence] = ()) -> Formula:
+def formula_of(
+    letter: str, part: Mapping[str, Any], names: Names, notes: Iterable[Sentence] = ()
+) -> Formula:
     """A formula of a result after its symbol, or alone."""
     return Formula(part["text"], names, letter, part.get("latex") or "", tuple(notes))
 
@@ -531,9 +637,15 @@ def _steps(part: Mapping[str, Any], names: Names) -> tuple[Sentence, ...]:
 
 
 def _typed(system: Mapping[str, Any], names: Names) -> list[Formula]:
-    """The equations as they were typed, in the reading of the service; solved ones where these cannot be shown."""
+    """The equations as they were typed, in the reading of the service; solved ones where these
+    cannot be shown.
+    """
     given = (system.get("given") or {}).get("equations")
-    if not isinstance(given, str) or len(given) > LONGEST_TYPED or "t" not in (system.get("time") or "t"):
+    if (
+        not isinstance(given, str)
+        or len(given) > LONGEST_TYPED
+        or "t" not in (system.get("time") or "t")
+    ):
         return _equations(system, names)
     try:
         pairs = reader.read_equations(given, names)
@@ -566,11 +678,17 @@ def _missing(result: Mapping[str, Any], grows: bool) -> tuple[str, ...]:
     if grows and is_constrained(result) and "any_associated" in found:
         found = [part for part in found if part in ("any_associated", "reduced")]
     verdict = verdict_of(result)
-    if not grows and (verdict == OPEN or (verdict == YES and is_constrained(result))):  # the headline says it
+    if not grows and (
+        verdict == OPEN or (verdict == YES and is_constrained(result))
+    ):  # the headline says it
         found = [part for part in found if part not in (*QUESTIONS, "any_associated")]
     named = (growing.PARTS.get(part, {}).get("words") or part.replace("_", " ") for part in found)
     words = list(dict.fromkeys(named))
-    return (*words[:MOST_SOUGHT], *(["more"] if len(words) > MOST_SOUGHT else [])) if grows else tuple(words)
+    return (
+        (*words[:MOST_SOUGHT], *(["more"] if len(words) > MOST_SOUGHT else []))
+        if grows
+        else tuple(words)
+    )
 
 
 # More.
@@ -594,8 +712,14 @@ def _answer_rows(shown: Mapping[str, Any], told: _Told) -> list[Row]:
 
 
 def _completeness(complete: Mapping[str, Any]) -> str:
-    """Up to which degree there are no other first integrals than combinations of products of those listed."""
-    kind = "linear" if complete["degree"] == 1 else f"a polynomial of degree at most {complete['degree']}"
+    """Up to which degree there are no other first integrals than combinations of products of those
+    listed.
+    """
+    kind = (
+        "linear"
+        if complete["degree"] == 1
+        else f"a polynomial of degree at most {complete['degree']}"
+    )
     of_time = ", with coefficients that may depend on time," if complete["timed"] else ""
     if complete["number"] == 1:
         return f"No first integral but a constant is {kind} in the velocities{of_time.rstrip(',')}."
@@ -613,7 +737,9 @@ def _conserved(one: Mapping[str, Any], names: Names) -> Row:
     if symmetry := one.get("symmetry"):
         group = replace(names, parameters=(*names.parameters, "s"))
         moved = [part.partition(" -> ") for _, part in notation.split_outside(symmetry, ", ")]
-        pieces = [(", ", Formula(name, group), " \u2192 ", Formula(to, group)) for name, _, to in moved]
+        pieces = [
+            (", ", Formula(name, group), " \u2192 ", Formula(to, group)) for name, _, to in moved
+        ]
         hint += (", by the symmetry ", *[piece for pair in pieces for piece in pair][1:])
     return Row("Conserved", hint, formulas=(formula_of("", one, names),))
 
@@ -621,18 +747,28 @@ def _conserved(one: Mapping[str, Any], names: Names) -> Row:
 def _more(told: _Told) -> Iterable[Row]:
     """What was asked besides, and what there is instead of a no."""
     result, names = told.result, told.names
-    yield from (_row_of_left_out(one, told) for one in result.get("left_out") or () if one["decided"])
+    yield from (
+        _row_of_left_out(one, told) for one in result.get("left_out") or () if one["decided"]
+    )
     part = result.get("instead")
     if part and part["kind"] in ("rayleigh", "parameters"):  # others are among the answers
         conditions = part.get("conditions") or ()
-        hint: Sentence = ("Where ", *listed(conditions, names)) if conditions else ("With friction D",)
+        hint: Sentence = (
+            ("Where ", *listed(conditions, names)) if conditions else ("With friction D",)
+        )
         yield Row("Instead", hint, formulas=tuple(_formulas(part, told)))
     for name, part in (result.get("kinds") or {}).items():
         verdict = VERDICTS.get(part["verdict"], OPEN)
         notes: list[Sentence] = [_ended(part["reason"])] if part.get("reason") else []
         notes += [_general(part["exceptions"], told)] if part.get("exceptions") else []
         if name == "positive_definite" and part["near"]:
-            notes.append(("At ", *listed((f"{key} = {value}" for key, value in part["near"].items()), names), "."))
+            notes.append(
+                (
+                    "At ",
+                    *listed((f"{key} = {value}" for key, value in part["near"].items()), names),
+                    ".",
+                )
+            )
         hint = tuple(piece for one in (*notes, *_checked([part])) for piece in (" ", *one))[1:]
         found = tuple(_formulas(part, told))
         yield Row(KIND_NAMES.get(name, capitalized(name)), hint, verdict, ANSWERS[verdict], found)
@@ -644,10 +780,17 @@ def _more(told: _Told) -> Iterable[Row]:
 
 def _row_of_left_out(part: Mapping[str, Any], told: _Told) -> Row:
     """The answer at special values that the main answer does not cover."""
-    verdict, domain = VERDICTS.get(part["verdict"], OPEN), (part["lagrangian"] or {}).get("domain") or ()
-    notes: list[Sentence] = [("L is defined where ", *listed(domain, told.names), ".")] if domain else []
+    verdict, domain = (
+        VERDICTS.get(part["verdict"], OPEN),
+        (part["lagrangian"] or {}).get("domain") or (),
+    )
+    notes: list[Sentence] = (
+        [("L is defined where ", *listed(domain, told.names), ".")] if domain else []
+    )
     hint = tuple(piece for one in (*notes, *_checked([part])) for piece in (" ", *one))[1:]
-    return Row(f"If {part['where']['text']}", hint, verdict, ANSWERS[verdict], tuple(_formulas(part, told)))
+    return Row(
+        f"If {part['where']['text']}", hint, verdict, ANSWERS[verdict], tuple(_formulas(part, told))
+    )
 
 
 def _row_of_family(family: Mapping[str, Any], told: _Told) -> Row:
@@ -658,22 +801,39 @@ def _row_of_family(family: Mapping[str, Any], told: _Told) -> Row:
     if not found:
         said = "The leaves could not be computed."
     elif verdicts[0] == YES:
-        said = "The general member has a Lagrangian." if NO in verdicts else "Every member found has a Lagrangian."
-        said = "Yes, every member has a Lagrangian." if family["covered"] and NO not in verdicts else said
+        said = (
+            "The general member has a Lagrangian."
+            if NO in verdicts
+            else "Every member found has a Lagrangian."
+        )
+        said = (
+            "Yes, every member has a Lagrangian."
+            if family["covered"] and NO not in verdicts
+            else said
+        )
     elif not with_one:
-        said = "No member has a Lagrangian." if family["covered"] else "No member with a Lagrangian was found."
+        said = (
+            "No member has a Lagrangian."
+            if family["covered"]
+            else "No member with a Lagrangian was found."
+        )
     else:
         rest = ", and no others" if family["covered"] else ""
         has = "has" if with_one == 1 else "have"
         said = f"The general member has none; {with_one} {count} of members {has} one{rest}."
-    cases = {leaf["id"]: _leaf_said(leaf, verdict, told) for leaf, verdict in zip(found, verdicts, strict=True)}
+    cases = {
+        leaf["id"]: _leaf_said(leaf, verdict, told)
+        for leaf, verdict in zip(found, verdicts, strict=True)
+    }
     tree = tuple(_nested(0, found, cases)) if found else ()
     opened = family["open"]
     notes = [
         SpecialCase(("not decided", *_where_of_set(one, found, names), f": {one['reason']}"))
         for one in opened[:MOST_OPEN]
     ]
-    notes += [SpecialCase((f"and {len(opened) - MOST_OPEN} more sets are not decided",))] * (len(opened) > MOST_OPEN)
+    notes += [SpecialCase((f"and {len(opened) - MOST_OPEN} more sets are not decided",))] * (
+        len(opened) > MOST_OPEN
+    )
     return Row("Family", (said,), tree=(*tree, *notes))
 
 
@@ -681,9 +841,13 @@ def _leaf_said(leaf: Mapping[str, Any], verdict: str, told: _Told) -> Sentence:
     names = told.names
     solved = {part["text"] for part in leaf["solved"] if not part["new_functions"]}
     texts = [one["text"] for one in leaf["equations"]]
-    shown = texts if sum(map(len, texts)) <= LONGEST_CONDITION or not solved else [min(texts, key=len)]
+    shown = (
+        texts if sum(map(len, texts)) <= LONGEST_CONDITION or not solved else [min(texts, key=len)]
+    )
     where: Sentence = listed(shown, names) if leaf["equations"] else ("in general",)
-    if functions := [text for text in solved if "(" in text.partition(" = ")[0] and text not in texts]:
+    if functions := [
+        text for text in solved if "(" in text.partition(" = ")[0] and text not in texts
+    ]:
         new = [name for part in leaf["solved"] for name in part["new_constants"]]
         where += (", so ", *listed(functions, replace(names, parameters=(*names.parameters, *new))))
     if leaf["nonzero"]:
@@ -705,7 +869,9 @@ def _leaf_said(leaf: Mapping[str, Any], verdict: str, told: _Told) -> Sentence:
     return (*where, ": ", Word(words, verdict), *found)
 
 
-def _where_of_set(one: Mapping[str, Any], found: Sequence[Mapping[str, Any]], names: Names) -> Sentence:
+def _where_of_set(
+    one: Mapping[str, Any], found: Sequence[Mapping[str, Any]], names: Names
+) -> Sentence:
     """Where an open set is: by its own equations, or else by those of the leaf around it."""
     around = found[one["inside"]]["equations"] if found else ()
     texts = [each["text"] for each in one["equations"] or around]
@@ -713,17 +879,32 @@ def _where_of_set(one: Mapping[str, Any], found: Sequence[Mapping[str, Any]], na
     if not texts:
         return (" for single members",)
     rest: Sentence = (", ...",) if len(shown) < len(texts) else ()
-    return (" where ", *listed(shown, names), *rest) if shown else (" where a longer condition holds",)
+    return (
+        (" where ", *listed(shown, names), *rest) if shown else (" where a longer condition holds",)
+    )
 
 
-def _nested(place: int, found: Sequence[Mapping[str, Any]], cases: Mapping[int, Sentence]) -> Iterator[SpecialCase]:
-    inner = [one for leaf in found if leaf["inside"] == place for one in _nested(leaf["id"], found, cases)]
+def _nested(
+    place: int, found: Sequence[Mapping[str, Any]], cases: Mapping[int, Sentence]
+) -> Iterator[SpecialCase]:
+    inner = [
+        one
+        for leaf in found
+        if leaf["inside"] == place
+        for one in _nested(leaf["id"], found, cases)
+    ]
     yield SpecialCase(cases[place], tuple(inner))
 
 
 def _clock_row(clock: Mapping[str, Any], told: _Told) -> Row:
     factor = Formula(clock["factor"], told.names)
-    became = ("With d\u03c4 = ", factor, " dt the equations become ", *_solved(clock, told.names), ".")
+    became = (
+        "With d\u03c4 = ",
+        factor,
+        " dt the equations become ",
+        *_solved(clock, told.names),
+        ".",
+    )
     return _row("Another clock", ("d\u03c4 = ", factor, " dt"), clock, told, [became])
 
 
@@ -733,7 +914,9 @@ def _row(
 ) -> Row:  # fmt: skip
     """The row of an answer: its verdict, its formulas, and its proof between other sentences."""
     found = _common((part.get("verdict"), part.get("verdict_with_time")))
-    word = "Yes, with t" if found == YES and part.get("verdict") != "variational" else ANSWERS[found]
+    word = (
+        "Yes, with t" if found == YES and part.get("verdict") != "variational" else ANSWERS[found]
+    )
     reason: list[Sentence] = [(capitalized(part["reason"]),)] if part.get("reason") else []
     domain = listed((part.get("lagrangian") or {}).get("domain") or (), told.names)
     where: list[Sentence] = [("L is defined where ", *domain, ".")] if domain else []
@@ -747,9 +930,15 @@ def _solved(part: Mapping[str, Any], names: Names) -> Sentence:
 
 
 def _in_general(exceptions: Sequence[str], told: _Told) -> Sentence:
-    """The constants and functions for which an answer was proven: "For general a, b and a general F(x)"; () for all."""
+    """The constants and functions for which an answer was proven: "For general a, b and a general
+    F(x)"; () for all.
+    """
     system, names = told.result["system"] or {}, told.names
-    functions = [one.removeprefix(SPECIAL_FUNCTIONS) for one in exceptions if one.startswith(SPECIAL_FUNCTIONS)]
+    functions = [
+        one.removeprefix(SPECIAL_FUNCTIONS)
+        for one in exceptions
+        if one.startswith(SPECIAL_FUNCTIONS)
+    ]
     of_functions: Sentence = ()
     if functions:
         wanted = [f"{name}({', '.join(of)})" for name, of in system["functions"].items()]
@@ -762,24 +951,42 @@ def _in_general(exceptions: Sequence[str], told: _Told) -> Sentence:
 
 
 def _general(exceptions: Sequence[str], told: _Told, is_said: bool = False) -> Sentence:
-    """For which constants and functions the answer was proven, with a link to a form that asks about the others.
+    """For which constants and functions the answer was proven, with a link to a form that asks
+    about the others.
 
     `is_said`: the sentence of the answer says it already.
     """
     system, names = told.result["system"], told.names
     general = () if is_said else _in_general(exceptions, told)
     if (told.result.get("family") or {}).get("covered"):
-        return (*general, *("; ",) * (not is_said), Word("all members", target="#more"), " are decided below.")
+        return (
+            *general,
+            *("; ",) * (not is_said),
+            Word("all members", target="#more"),
+            " are decided below.",
+        )
     left, decided = [one for one in exceptions if "=" in one], list[str]()
-    if exceptions in (told.result.get("exceptions"), (told.result.get("with_time") or {}).get("exceptions")):
-        parts = [(one["where"]["text"], one["decided"]) for one in told.result.get("left_out") or ()]
+    if exceptions in (
+        told.result.get("exceptions"),
+        (told.result.get("with_time") or {}).get("exceptions"),
+    ):
+        parts = [
+            (one["where"]["text"], one["decided"]) for one in told.result.get("left_out") or ()
+        ]
         decided = [where for where, is_decided in parts if is_decided and where in left]
-        of_functions = [where for where, is_decided in parts if not is_decided and where not in left]
+        of_functions = [
+            where for where, is_decided in parts if not is_decided and where not in left
+        ]
         left = [*(one for one in left if one not in decided), *of_functions[:MOST_CONDITIONS]]
-    shown = [Formula(one, names) if len(one) <= LONGEST_CONDITION else "a longer condition" for one in left]
+    shown = [
+        Formula(one, names) if len(one) <= LONGEST_CONDITION else "a longer condition"
+        for one in left
+    ]
     pieces = [piece for one in dict.fromkeys(shown) for piece in (", ", one)][1:]
     said: Sentence = ("; ", *listed(decided, names), " below") if decided else ()
-    open_ones: Sentence = ("Not decided here: ", *pieces) if is_said else (" (not decided here: ", *pieces, ")")
+    open_ones: Sentence = (
+        ("Not decided here: ", *pieces) if is_said else (" (not decided here: ", *pieces, ")")
+    )
     given = system.get("given")
     asked = {**given, "family": True} if isinstance(given, dict) else ""
     link = (Word("Decide all members", target=asked),) if left or not decided else ()
@@ -788,7 +995,9 @@ def _general(exceptions: Sequence[str], told: _Told, is_said: bool = False) -> S
 
 
 def _matrices(conditions: Mapping[str, Any] | None, names: Names) -> Iterable[Sentence]:
-    """Phi, nabla Phi, and each nonzero block of R; what would make the page too long is only named."""
+    """Phi, nabla Phi, and each nonzero block of R; what would make the page too long is only
+    named.
+    """
     if conditions is None:
         return
     wanted = [(letter, conditions[key]) for letter, key in TENSORS if conditions.get(key)]
@@ -801,9 +1010,16 @@ def _matrices(conditions: Mapping[str, Any] | None, names: Names) -> Iterable[Se
         if length <= room:
             room -= length
             is_zero = all(entry == "0" for row in rows for entry in row)
-            yield (Formula("0", names, letter, kind="matrix") if is_zero else matrix_of(letter, rows, names),)
+            yield (
+                Formula("0", names, letter, kind="matrix")
+                if is_zero
+                else matrix_of(letter, rows, names),
+            )
         else:
-            yield (Formula("", names, letter, kind="matrix"), f" has {length:,} characters: it is in the JSON.")
+            yield (
+                Formula("", names, letter, kind="matrix"),
+                f" has {length:,} characters: it is in the JSON.",
+            )
 
 
 # A motion on constraints.
@@ -819,13 +1035,19 @@ def _constrained(told: _Told, verdict: str) -> Sheet:
     if not asked:
         asked = _equations(result["system"] or {"equations": {}}, names)
     first = stated.statements_of(result)[0]
-    shown = first.part if first.part.get("lagrangian") and not first.question.is_about_others else {}
+    shown = (
+        first.part if first.part.get("lagrangian") and not first.question.is_about_others else {}
+    )
     domain = listed((shown.get("lagrangian") or {}).get("domain") or (), names)
-    notes = _checked([one for one in (motions[0], *part.get("associated", ())) if one.get("checked")])
+    notes = _checked(
+        [one for one in (motions[0], *part.get("associated", ())) if one.get("checked")]
+    )
     if motions[0].get("exceptions"):
         notes.insert(0, _general(motions[0]["exceptions"], told))
     # What ended a question that was begun is the reason, not how far it was.
-    ended = [one["reason"] for one in result.get("incomplete") or () if one["part"] == "any_associated"]
+    ended = [
+        one["reason"] for one in result.get("incomplete") or () if one["part"] == "any_associated"
+    ]
     reason = (ended or [motions[0].get("reason")])[0]
     if verdict == OPEN and reason and not pending:
         notes.insert(0, _ended(reason))
@@ -837,7 +1059,11 @@ def _constrained(told: _Told, verdict: str) -> Sheet:
         notes.append((f"L and H are those of the {first.question.about} associated system.",))
     besides = [row.name for row in table if verdict == NO and row.verdict == YES]
     if besides:
-        how = "The reduced motion can." if besides[0] == "Reduced" else "With another clock the reduced motion can."
+        how = (
+            "The reduced motion can."
+            if besides[0] == "Reduced"
+            else "With another clock the reduced motion can."
+        )
         notes.append((how,))
     sentence = _motion_sentence(verdict, motions[0], pending)
     steps = () if told.brief or verdict != NO else _steps(motions[0], names)
@@ -846,7 +1072,11 @@ def _constrained(told: _Told, verdict: str) -> Sheet:
     if len(motions) > 1:
         cells = [listed(branch.get("domain") or (), names) for branch in branches_of(result)]
         own = _verdict_of_motion(motions[0], result)
-        cases = [replace(cases[0], verdict=own, sentence=_motion_sentence(own, motions[0]), where=cells[0])]
+        cases = [
+            replace(
+                cases[0], verdict=own, sentence=_motion_sentence(own, motions[0]), where=cells[0]
+            )
+        ]
         for one, where in zip(motions[1:], cells[1:], strict=False):
             own = _verdict_of_motion(one, result)
             cases.append(Case(own, _motion_sentence(own, one), (), where=where))
@@ -861,7 +1091,9 @@ def _constrained(told: _Told, verdict: str) -> Sheet:
 def rows_of(sheet: Sheet) -> list[tuple[str, ...]]:
     """The table of a motion on constraints as texts."""
     found = [(row, {one.letter: one.text for one in row.formulas}) for row in sheet.table]
-    lines = [(row.name, row.word, *(texts.get(letter, "") for letter in "LH")) for row, texts in found]
+    lines = [
+        (row.name, row.word, *(texts.get(letter, "") for letter in "LH")) for row, texts in found
+    ]
     return [("system", "Hamiltonian?", "L", "H"), *lines]
 
 
@@ -875,14 +1107,27 @@ def _rows(part: Mapping[str, Any], motion: Mapping[str, Any], told: _Told) -> It
         after: list[Sentence] = []
         if lagrangian := motion.get("lagrangian"):
             on = [formula_of("l", lagrangian["on_constraints"], names)]
-            on += [formula_of(f"lambda_{k}", one, names) for k, one in enumerate(lagrangian["transverse_momenta"], 1)]
-            after.append(("On the constraints ", *[piece for one in on for piece in (", ", one)][1:], "."))
+            on += [
+                formula_of(f"lambda_{k}", one, names)
+                for k, one in enumerate(lagrangian["transverse_momenta"], 1)
+            ]
+            after.append(
+                ("On the constraints ", *[piece for one in on for piece in (", ", one)][1:], ".")
+            )
         if motion.get("freedom"):
             after.append((f"L along the constraints depends on {motion['freedom']}.",))
-        row = _row("Any", ("all associated systems at once",), motion, told, after=after, is_main=True)
-        if row.verdict == OPEN and _verdict_on_cell(0, result) == YES:  # one of those above is enough
+        row = _row(
+            "Any", ("all associated systems at once",), motion, told, after=after, is_main=True
+        )
+        if (
+            row.verdict == OPEN and _verdict_on_cell(0, result) == YES
+        ):  # one of those above is enough
             row = replace(row, verdict=YES, word=ANSWERS[YES], steps=())
-        yield replace(row, word=SEEKING) if row.verdict == OPEN and "any_associated" in pending else row
+        yield (
+            replace(row, word=SEEKING)
+            if row.verdict == OPEN and "any_associated" in pending
+            else row
+        )
     reduced = result.get("reduced")
     if not reduced:
         if "reduced" in pending:
@@ -907,7 +1152,9 @@ def _associated_row(one: Mapping[str, Any], told: _Told) -> Row:
     name, names = capitalized(one["kind"]), told.names
     hint = (HINTS[one["kind"]],) if one["kind"] in HINTS else ()
     if not one["defined"]:
-        return Row(name, hint, "", "Not defined", (), (sentence(one.get("explanation") or "", names),))
+        return Row(
+            name, hint, "", "Not defined", (), (sentence(one.get("explanation") or "", names),)
+        )
     where = listed(one.get("domain") or (), names)
     is_asked = (told.result["system"].get("given") or {}).get("associated") != "any"
     system = ("The system ", *_solved(one, names), *((" where ", *where) if where else ()), ".")
@@ -931,14 +1178,21 @@ def _motion_more(part: Mapping[str, Any], told: _Told) -> Iterable[Row]:
     yield from (_conserved(one, names) for one in part.get("first_integrals") or ())
     density = part["measure_density"].get("density")
     measure = sentence(part["measure_density"], names)
-    yield Row("Invariant measure", measure, formulas=(formula_of("N", density, names),) if density else ())
+    yield Row(
+        "Invariant measure", measure, formulas=(formula_of("N", density, names),) if density else ()
+    )
     for key, name in (("integrable", "Integrability"), ("paper_class", "Class")):
         if part[key].get("statement"):
             yield Row(name, sentence(part[key], names))
     for entry in part.get("hamiltonisation") or ():
-        stated = [(f"{STATED[one['verdict']]}: ", *sentence(one, names)) for one in entry["statements"]]
+        stated = [
+            (f"{STATED[one['verdict']]}: ", *sentence(one, names)) for one in entry["statements"]
+        ]
         zero = listed([f"{one['text']} = 0" for one in entry["constraints"]], names)
-        word, label = "Confirmed" if entry["holds"] else "Not confirmed", capitalized(entry["label"])
+        word, label = (
+            "Confirmed" if entry["holds"] else "Not confirmed",
+            capitalized(entry["label"]),
+        )
         yield Row(
             f"In phase space, {entry['associated']}", (f"{label} on ", *zero) if zero else (label,),
             YES if entry["holds"] else OPEN, word,

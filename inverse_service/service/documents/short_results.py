@@ -1,7 +1,8 @@
-"""A result in short, as the atlas keeps it: all that is stated, without what solving its document again makes.
+"""A result in short, as the atlas keeps it: all that is stated, without what solving its document
+again makes.
 
-Left out are proofs (certificates but for their heads, explanations), tensors, multipliers, first integrals, and the
-document, which stands beside it.
+Left out are proofs (certificates but for their heads, explanations), tensors, multipliers, first
+integrals, and the document, which stands beside it.
 """
 
 from collections.abc import Mapping
@@ -43,7 +44,11 @@ def _short(key: str, value: Any) -> Any:
         return [_short("", one) for one in value]
     if isinstance(value, dict):
         kept = {name: _short(name, one) for name, one in value.items() if name not in _LEFT_OUT}
-        return {name: one for name, one in kept.items() if name in _ALWAYS or one not in (None, "", [], {})}
+        return {
+            name: one
+            for name, one in kept.items()
+            if name in _ALWAYS or one not in (None, "", [], {})
+        }
     return value
 
 
@@ -54,7 +59,20 @@ def unfolded(short: Mapping[str, Any], document: Mapping[str, Any]) -> dict[str,
 
 
 def for_programs(short: Mapping[str, Any]) -> dict[str, Any]:
-    """A short result as a client gets it: the system and the answers, which say without proof what was proven."""
-    answers = [{key: value for key, value in one.items() if key not in _POINTERS} for one in stated.answers_of(short)]
-    kept = ("format", "system", "question", "verdict", "verdict_with_time", "not_answered", "provenance")
+    """A short result as a client gets it: the system and the answers, which say without proof what
+    was proven.
+    """
+    answers = [
+        {key: value for key, value in one.items() if key not in _POINTERS}
+        for one in stated.answers_of(short)
+    ]
+    kept = (
+        "format",
+        "system",
+        "question",
+        "verdict",
+        "verdict_with_time",
+        "not_answered",
+        "provenance",
+    )
     return {key: short[key] for key in kept if key in short} | {"answers": answers}

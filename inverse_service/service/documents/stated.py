@@ -1,8 +1,9 @@
 """The statements of a result, in the order of every door, read from the fields in which they are.
 
-A result has a place for each question that it may answer: its main fields, `with_time`, `branches`, `any_associated`,
-`nonholonomic.associated`, `reduced`, `with_clock`, `kinds`, `instead`, `left_out`, `special_cases`. `statements_of` is
-the one reader of these places, and `answers_of` writes what it reads as the key `answers`.
+A result has a place for each question that it may answer: its main fields, `with_time`, `branches`,
+`any_associated`, `nonholonomic.associated`, `reduced`, `with_clock`, `kinds`, `instead`,
+`left_out`, `special_cases`. `statements_of` is the one reader of these places, and `answers_of`
+writes what it reads as the key `answers`.
 """
 
 from __future__ import annotations
@@ -26,12 +27,30 @@ _FORMULAS = ("lagrangian", "hamiltonian", "dissipation")
 # What belongs to the Lagrangian of an answer, not to its verdict.
 _OF_LAGRANGIAN = (*_FORMULAS, "other_lagrangians", "multiplier", "integrals", "image", "freedom")
 # What an answer that follows from another one does not repeat.
-_ONCE = ("other_lagrangians", "multiplier", "solution_space", "first_integrals", "explanation", "details")
+_ONCE = (
+    "other_lagrangians",
+    "multiplier",
+    "solution_space",
+    "first_integrals",
+    "explanation",
+    "details",
+)
 _REPEATED = ("time", "reduced")  # kinds of `instead` that repeat other fields
-# Of an entry of `answers`: what is there even if it is empty, and what one says that follows from another entry.
+# Of an entry of `answers`: what is there even if it is empty, and what one says that follows from
+# another entry.
 _ALWAYS = frozenset(("domain", "lagrangian", "hamiltonian", "checked", "open", "with_time", "cell"))
 _OF_FOLLOWING = frozenset(
-    ("about", "with_time", "conditions", "cell", "verdict", "domain", "exceptions", "checked", "follows")
+    (
+        "about",
+        "with_time",
+        "conditions",
+        "cell",
+        "verdict",
+        "domain",
+        "exceptions",
+        "checked",
+        "follows",
+    )
 )
 _EMPTY: tuple[Any, ...] = ("", None, [], {})
 _ALONG_CONSTRAINTS = ("on_constraints", "transverse_momenta")  # of the L of a motion
@@ -40,7 +59,9 @@ _NAMES_OF_PARTS = {About.ANY: "any_associated", About.REDUCED: "reduced"}
 
 @dataclass(frozen=True, slots=True)
 class Stated:
-    """An answer: its question, the fields that give it, where they are (a JSON pointer), and on which cell it holds."""
+    """An answer: its question, the fields that give it, where they are (a JSON pointer), and on
+    which cell it holds.
+    """
 
     question: Question
     part: Mapping[str, Any]
@@ -73,22 +94,38 @@ def is_constrained(result: Mapping[str, Any]) -> bool:
 
 
 def names_of(system: Mapping[str, Any] | None, integrals: Mapping[str, Any] | None = None) -> Names:
-    """The names of a result's system or of a document; momenta, entries of the multiplier and L, H are parameters.
+    """The names of a result's system or of a document; momenta, entries of the multiplier and L, H
+    are parameters.
 
     `integrals` are functions that an answer has besides.
     """
     if system is None:
         return Names(parameters=("L", "H"))
     equations, given = system.get("equations"), system.get("parameters") or ()
-    coordinates = tuple(system.get("coordinates") or (equations if isinstance(equations, Mapping) else ()))
+    coordinates = tuple(
+        system.get("coordinates") or (equations if isinstance(equations, Mapping) else ())
+    )
     n = len(coordinates)
-    entries = [f"{letter}_{i}{j}" for letter in "gh" for i in range(1, n + 1) for j in range(i, n + 1)]
-    functions = {name: tuple(arguments) for name, arguments in (system.get("functions") or {}).items()}
+    entries = [
+        f"{letter}_{i}{j}" for letter in "gh" for i in range(1, n + 1) for j in range(i, n + 1)
+    ]
+    functions = {
+        name: tuple(arguments) for name, arguments in (system.get("functions") or {}).items()
+    }
     functions |= {name: tuple(known["arguments"]) for name, known in (integrals or {}).items()}
     parameters = () if isinstance(given, str) else given  # "guess"
-    words = (system.get("time", "t"), *parameters, *(f"p_{name}" for name in coordinates), *entries, "L", "H")
+    words = (
+        system.get("time", "t"),
+        *parameters,
+        *(f"p_{name}" for name in coordinates),
+        *entries,
+        "L",
+        "H",
+    )
     taken = {*coordinates, *functions, "t"}
-    return Names(coordinates, tuple(dict.fromkeys(word for word in words if word not in taken)), functions)
+    return Names(
+        coordinates, tuple(dict.fromkeys(word for word in words if word not in taken)), functions
+    )
 
 
 # The reader.
@@ -97,7 +134,8 @@ def names_of(system: Mapping[str, Any] | None, integrals: Mapping[str, Any] | No
 def statements_of(result: Mapping[str, Any]) -> list[Stated]:
     """All statements of a result, beginning with the one that a person is shown.
 
-    They are in the order of its `answers` if it has them; results that an older program stored have none.
+    They are in the order of its `answers` if it has them; results that an older program stored have
+    none.
     """
     found = list(_found(result))
     if listed := result.get("answers"):
@@ -107,7 +145,13 @@ def statements_of(result: Mapping[str, Any]) -> list[Stated]:
 
     def standing(one: Stated) -> Standing:
         text = (one.part.get("lagrangian") or {}).get("text")
-        form = None if not text else _form(text, result["system"], auxiliary_of(one.part)) if several else 0
+        form = (
+            None
+            if not text
+            else _form(text, result["system"], auxiliary_of(one.part))
+            if several
+            else 0
+        )
         return Standing(one.question, one.verdict, one.cell, form)
 
     return in_order(found, asks_for_time(result), standing)
@@ -116,18 +160,26 @@ def statements_of(result: Mapping[str, Any]) -> list[Stated]:
 def main_statements(result: Mapping[str, Any], cell: int = 0) -> list[Stated]:
     """The statements about the equations themselves on a cell: on L(q, q') and on L(t, q, q')."""
     about = _about_main(result)
-    found = [one for one in statements_of(result) if one.cell == cell and one.question.about is about]
+    found = [
+        one for one in statements_of(result) if one.cell == cell and one.question.about is about
+    ]
     return [one for one in found if not one.question.is_about_others]
 
 
 def first_answer(result: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The fields of the answer that a reader meets first; a result without a question is its own."""
+    """The fields of the answer that a reader meets first; a result without a question is its
+    own.
+    """
     asked = result.get("verdict") and "question" in result
     return statements_of(result)[0].part if asked else result
 
 
 def _about_main(result: Mapping[str, Any]) -> About:
-    return _about((result.get("nonholonomic") or {}).get("main", "first")) if is_constrained(result) else About.MAIN
+    return (
+        _about((result.get("nonholonomic") or {}).get("main", "first"))
+        if is_constrained(result)
+        else About.MAIN
+    )
 
 
 def _about(kind: str) -> About:
@@ -136,7 +188,11 @@ def _about(kind: str) -> About:
 
 
 def _found(result: Mapping[str, Any]) -> Iterator[Stated]:
-    held, asked, about = result.get("nonholonomic") or {}, asks_for_time(result), _about_main(result)
+    held, asked, about = (
+        result.get("nonholonomic") or {},
+        asks_for_time(result),
+        _about_main(result),
+    )
     for cell, branch in enumerate(branches_of(result)):
         at = f"/branches/{cell}" if result.get("branches") else ""
         yield Stated(Question(about, asked), branch, at, cell)
@@ -149,7 +205,9 @@ def _found(result: Mapping[str, Any]) -> Iterator[Stated]:
             yield from _both(About.ANY, motion, f"{at}/any_associated", cell, asked)
     for place, one in enumerate(held.get("associated") or ()):
         if one["defined"] and one["kind"] != held.get("main"):
-            yield from _both(_about(one["kind"]), one, f"/nonholonomic/associated/{place}", 0, asked)
+            yield from _both(
+                _about(one["kind"]), one, f"/nonholonomic/associated/{place}", 0, asked
+            )
     motion, branches = result.get("any_associated"), result.get("branches") or ()
     if motion and branches and not any(branch.get("any_associated") for branch in branches):
         yield from _both(About.ANY, motion, "/any_associated", 0, asked)
@@ -167,11 +225,17 @@ def _found(result: Mapping[str, Any]) -> Iterator[Stated]:
 
 def _asked_besides(result: Mapping[str, Any], asked: bool) -> Iterator[Stated]:
     """The answers about kinds of Lagrangians and about special values of the parameters."""
-    about, kinds, instead = _about_main(result), result.get("kinds") or {}, result.get("instead") or {}
+    about, kinds, instead = (
+        _about_main(result),
+        result.get("kinds") or {},
+        result.get("instead") or {},
+    )
     for name, part in kinds.items():
         yield Stated(Question(about, _is_timed(part, asked), kind=name), part, f"/kinds/{name}")
     if instead and instead["kind"] not in (*_REPEATED, *kinds):
-        kind, case = ("", instead["conditions"]) if instead.get("conditions") else (instead["kind"], ())
+        kind, case = (
+            ("", instead["conditions"]) if instead.get("conditions") else (instead["kind"], ())
+        )
         question = Question(about, _is_timed(instead, False), kind=kind, case=tuple(case))
         yield Stated(question, {**instead, "verdict": "variational"}, "/instead")
     for place, part in enumerate(result.get("left_out") or ()):
@@ -181,26 +245,40 @@ def _asked_besides(result: Mapping[str, Any], asked: bool) -> Iterator[Stated]:
     for place, leaf in enumerate((result.get("family") or {}).get("leaves") or ()):
         if leaf["inside"] is not None:
             part = {**leaf, "certificate": (leaf.get("proof") or {}).get("certificate")}
-            where = (*(one["text"] for one in leaf["equations"]), *(f"{one} != 0" for one in leaf["nonzero"]))
+            where = (
+                *(one["text"] for one in leaf["equations"]),
+                *(f"{one} != 0" for one in leaf["nonzero"]),
+            )
             yield from _both(about, part, f"/family/leaves/{place}", 0, asked, where)
 
 
 def _both(
-    about: About, part: Mapping[str, Any], at: str, cell: int, asked: bool, case: tuple[str, ...] = ()
+    about: About,
+    part: Mapping[str, Any],
+    at: str,
+    cell: int,
+    asked: bool,
+    case: tuple[str, ...] = (),
 ) -> Iterator[Stated]:
-    """The answers to both questions, where one place has them; its L belongs to the first that is a yes."""
+    """The answers to both questions, where one place has them; its L belongs to the first that is a
+    yes.
+    """
     verdict, later = part.get("verdict"), part.get("verdict_with_time")
     if verdict is None:
         return
     has_plain = asked or verdict == "variational" or later != "variational"
-    yield Stated(Question(about, asked, case=case), part if has_plain else _without_formulas(part), at, cell)
+    yield Stated(
+        Question(about, asked, case=case), part if has_plain else _without_formulas(part), at, cell
+    )
     if later is not None and not asked:
         timed = {**part, "verdict": later} if not has_plain else _following(part, later)
         yield Stated(Question(about, timed=True, case=case), timed, at, cell)
 
 
 def _following(part: Mapping[str, Any], verdict: str) -> dict[str, Any]:
-    """The answer on L(t, q, q') by the proof of the one on L(q, q'): an L without t is an L, too."""
+    """The answer on L(t, q, q') by the proof of the one on L(q, q'): an L without t is an L,
+    too.
+    """
     kept = {key: value for key, value in part.items() if key not in _ONCE}
     same = verdict == part["verdict"]
     return (kept if same else _without_formulas(kept)) | {"verdict": verdict}
@@ -211,9 +289,13 @@ def _without_formulas(part: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _is_timed(part: Mapping[str, Any], asked: bool) -> bool:
-    """Whether an answer is about L(t, q, q'), as its certificate says; a no with t is one without, too."""
+    """Whether an answer is about L(t, q, q'), as its certificate says; a no with t is one without,
+    too.
+    """
     certificate = part.get("certificate") or {}
-    return asked or (certificate.get("question") == "time_dependent" and part.get("verdict") != "not_variational")
+    return asked or (
+        certificate.get("question") == "time_dependent" and part.get("verdict") != "not_variational"
+    )
 
 
 def _form(lagrangian: str, system: Mapping[str, Any] | None, integrals: Mapping[str, Any]) -> int:
@@ -252,7 +334,9 @@ def with_answers(result: dict[str, Any]) -> dict[str, Any]:
 def question_of(answer: Mapping[str, Any]) -> Question:
     """The question of an entry of `answers`."""
     texts = (answer.get("clock", ""), answer.get("kind", ""))
-    return Question(About(answer["about"]), answer["with_time"], *texts, tuple(answer.get("conditions", ())))
+    return Question(
+        About(answer["about"]), answer["with_time"], *texts, tuple(answer.get("conditions", ()))
+    )
 
 
 def answers_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -267,12 +351,18 @@ def answers_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
             fields["follows"] = first
         elif one.cell not in cells and not one.question.is_about_others:
             cells.add(one.cell)
-            fields["first_integrals"] = list(branches_of(result)[one.cell].get("first_integrals") or ())
-        found.append({key: value for key, value in fields.items() if key in _ALWAYS or value not in _EMPTY})
+            fields["first_integrals"] = list(
+                branches_of(result)[one.cell].get("first_integrals") or ()
+            )
+        found.append(
+            {key: value for key, value in fields.items() if key in _ALWAYS or value not in _EMPTY}
+        )
     return found
 
 
-def with_shared(answer: Mapping[str, Any], answers: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+def with_shared(
+    answer: Mapping[str, Any], answers: Sequence[Mapping[str, Any]]
+) -> Mapping[str, Any]:
     """An entry of `answers` with the formulas and the proof of the one that it follows from."""
     place = answer.get("follows")
     return answer if place is None else {**answers[place], "with_time": answer["with_time"]}
@@ -283,7 +373,14 @@ def _answer_fields(one: Stated, result: Mapping[str, Any]) -> dict[str, Any]:
     certificate, key = part.get("certificate") or {}, "certificate"
     if question.timed and part.get("certificate_with_time"):
         certificate, key = part["certificate_with_time"], "certificate_with_time"
-    steps = next((name for name in ("explanation", "steps") if isinstance(part.get(name), list) and part[name]), "")
+    steps = next(
+        (
+            name
+            for name in ("explanation", "steps")
+            if isinstance(part.get(name), list) and part[name]
+        ),
+        "",
+    )
     has_own = question.about not in (About.MAIN, _about_main(result)) or question.is_about_others
     equations = (part.get("associated") or part).get("equations") if has_own else None
     return {
@@ -313,11 +410,19 @@ def _answer_fields(one: Stated, result: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _domain_of(part: Mapping[str, Any], certificate: Mapping[str, Any], result: Mapping[str, Any]) -> list[str]:
-    """The set on which the verdict holds; of a kind of Lagrangian that of the system, else that of the proof."""
+def _domain_of(
+    part: Mapping[str, Any], certificate: Mapping[str, Any], result: Mapping[str, Any]
+) -> list[str]:
+    """The set on which the verdict holds; of a kind of Lagrangian that of the system, else that of
+    the proof.
+    """
     if (stated := part.get("domain")) is not None:
         return list(stated)
-    return list(result.get("domain") or () if certificate.get("among") else certificate.get("conditions") or ())
+    return list(
+        result.get("domain") or ()
+        if certificate.get("among")
+        else certificate.get("conditions") or ()
+    )
 
 
 def _lagrangian_of(part: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -343,7 +448,15 @@ def _open_part(one: Stated, result: Mapping[str, Any]) -> dict[str, str] | None:
     question = one.question
     if one.verdict == "undetermined":
         part = _NAMES_OF_PARTS.get(question.about, f"existence{'_with_time' * question.timed}")
-        part = "clock" if question.clock else "kinds" if question.kind else "cases" if question.case else part
+        part = (
+            "clock"
+            if question.clock
+            else "kinds"
+            if question.kind
+            else "cases"
+            if question.case
+            else part
+        )
         words = str(one.part.get("reason") or "")
     elif one.verdict == "variational" and not one.part.get("lagrangian"):
         part, words = f"lagrangian{'_with_time' * question.timed}", NOT_FOUND

@@ -9,7 +9,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import mpmath
 
 from api_schemas import base, result as schemas
-from api_schemas.system import LagrangianDocument, MotionDocument, NonholonomicDocument, SystemDocument
+from api_schemas.system import (
+    LagrangianDocument,
+    MotionDocument,
+    NonholonomicDocument,
+    SystemDocument,
+)
 from inverse_service import __version__
 from inverse_service.decision import certify, solutions
 from inverse_service.expressions import printing, tree as ex
@@ -22,35 +27,54 @@ if TYPE_CHECKING:
     from inverse_service.mechanics.first_integrals import FirstIntegral
     from inverse_service.service.documents.accepting import Asking
 
-# H = p^T M^-1 p/2 + V is shown for so many coordinates, where H has so many characters and M and V so many times fewer.
+# H = p^T M^-1 p/2 + V is shown for so many coordinates, where H has so many characters and M and V
+# so many times fewer.
 LEAST_COORDINATES, LONG_HAMILTONIAN, MUCH_SHORTER = 3, 200, 2
 AnyDocument = SystemDocument | NonholonomicDocument | MotionDocument | LagrangianDocument
 
 Part = TypeVar("Part", bound=base.Document)
 
 
-def to_parse_answer(system: second_order_system.SecondOrderSystem, schema: AnyDocument) -> base.ParseAnswer:
+def to_parse_answer(
+    system: second_order_system.SecondOrderSystem, schema: AnyDocument
+) -> base.ParseAnswer:
     """What was understood, for a reader to compare with what was meant."""
     shown = system.given if system.is_unsolved else system.accelerations
     equations = {name: parsed(f) for name, f in zip(system.coordinates, shown, strict=True)}
-    names = {"functions": function_fields(system), "guessed": guessed_names(schema, system), "readings": []}
+    names = {
+        "functions": function_fields(system),
+        "guessed": guessed_names(schema, system),
+        "readings": [],
+    }
     return part_of(base.ParseAnswer, system, equations=equations, **names)
 
 
-def guessed_names(schema: AnyDocument, system: second_order_system.SecondOrderSystem | NonholonomicSystem) -> list[str]:
-    """The names that the document did not declare, where it asks to guess: constants, then functions."""
+def guessed_names(
+    schema: AnyDocument, system: second_order_system.SecondOrderSystem | NonholonomicSystem
+) -> list[str]:
+    """The names that the document did not declare, where it asks to guess: constants, then
+    functions.
+    """
     declared = document_names.Declared(schema.coordinates, schema.parameters, schema.functions)
     if not declared.guesses:
         return []
-    known = {nm.declared_name(name, "") for name in (*declared.named_parameters(), *schema.functions)}
+    known = {
+        nm.declared_name(name, "") for name in (*declared.named_parameters(), *schema.functions)
+    }
     names = (*system.parameters, *dict(system.functions))
     return [name for name in names if name not in known]
 
 
-def to_understood(system: second_order_system.SecondOrderSystem, schema: AnyDocument) -> schemas.UnderstoodSystem:
+def to_understood(
+    system: second_order_system.SecondOrderSystem, schema: AnyDocument
+) -> schemas.UnderstoodSystem:
     """The `system` part of a result: canonical equations along with the document as given."""
     given = schema.model_dump(mode="json", exclude_unset=True)
-    fields = equation_fields(system) | {"functions": function_fields(system), "given": given, "time": "t"}
+    fields = equation_fields(system) | {
+        "functions": function_fields(system),
+        "given": given,
+        "time": "t",
+    }
     return part_of(schemas.UnderstoodSystem, system, **fields)
 
 
@@ -59,7 +83,10 @@ def equation_fields(system: second_order_system.SecondOrderSystem) -> dict[str, 
     pairs = list(zip(system.coordinates, system.given, strict=True))
     latex = {name: f"{printing.to_latex(f)} = 0" for name, f in pairs}
     if not system.is_unsolved:
-        latex = {name: f"{printing.name_latex(name, 'ddot')} = {printing.to_latex(f)}" for name, f in pairs}
+        latex = {
+            name: f"{printing.name_latex(name, 'ddot')} = {printing.to_latex(f)}"
+            for name, f in pairs
+        }
     return {"equations": {name: printing.to_text(f) for name, f in pairs}, "latex": latex}
 
 
@@ -73,7 +100,9 @@ def plain_fields(system: second_order_system.SecondOrderSystem) -> dict[str, Any
     }
 
 
-def function_fields(system: second_order_system.SecondOrderSystem | NonholonomicSystem) -> dict[str, list[str]]:
+def function_fields(
+    system: second_order_system.SecondOrderSystem | NonholonomicSystem,
+) -> dict[str, list[str]]:
     """The arbitrary functions with what they depend on."""
     return {name: list(arguments) for name, arguments in system.functions}
 
@@ -92,7 +121,9 @@ def to_result(
     found = {key: value for key, value in plain(solution.provenance).items() if value != ""}
     return schemas.ResultDocument(
         system=to_understood(solution.system, schema),
-        question="L(t, q, q')" if solution.answers_time(schema.time_dependent_lagrangian) else "L(q, q')",
+        question="L(t, q, q')"
+        if solution.answers_time(schema.time_dependent_lagrangian)
+        else "L(q, q')",
         **_both_answers(solution, schema, bool(others or left)),
         conditions=_conditions(solution.conditions),
         branches=[schemas.BranchPart(**_both_answers(branch, schema, True)) for branch in branches],
@@ -104,16 +135,28 @@ def to_result(
 
 
 def _not_answered(left: solutions.Left) -> schemas.NotAnsweredPart:
-    named = {name_of(key): mpmath.nstr(value, 12) for key, value in (left.near or {}).items() if key != tower.RADIAN}
+    named = {
+        name_of(key): mpmath.nstr(value, 12)
+        for key, value in (left.near or {}).items()
+        if key != tower.RADIAN
+    }
     near = {name: value for name, value in named.items() if name}
-    return schemas.NotAnsweredPart(domain=certify.shortest(left.positive), near=near, reason=left.reason)
+    return schemas.NotAnsweredPart(
+        domain=certify.shortest(left.positive), near=near, reason=left.reason
+    )
 
 
 def _advice(solution: solutions.Solution, time_dependent: bool | None) -> schemas.AdvicePart:
     """What to simulate the system with, by the Lagrangian that ends at the fewest places."""
-    known = [one.lagrangian for one in main_and_other(solution, time_dependent) if one is not None and one.lagrangian]
+    known = [
+        one.lagrangian
+        for one in main_and_other(solution, time_dependent)
+        if one is not None and one.lagrangian
+    ]
     if not known:
-        return schemas.AdvicePart(**euler_lagrange.advice("adaptive", None, euler_lagrange.NOTHING_KEPT))
+        return schemas.AdvicePart(
+            **euler_lagrange.advice("adaptive", None, euler_lagrange.NOTHING_KEPT)
+        )
     best = min(known, key=lambda one: len(one.nonzero) + len(one.positive))
     walls = (*best.nonzero, *best.positive)
     return schemas.AdvicePart(
@@ -122,11 +165,17 @@ def _advice(solution: solutions.Solution, time_dependent: bool | None) -> schema
 
 
 def _both_answers(solution: solutions.Solution, schema: Asking, is_a_cell: bool) -> dict[str, Any]:
-    """The fields of the main answer, and what is said of the other question; `is_a_cell`: on one cell of several."""
+    """The fields of the main answer, and what is said of the other question; `is_a_cell`: on one
+    cell of several.
+    """
     main, other = main_and_other(solution, schema.time_dependent_lagrangian)
     time = solution.with_time
     # Where there is no L(t, q, q') there is no L(q, q'): that proof covers both verdicts.
-    covers = time is not None and time.verdict == main.verdict == "not_variational" and time.certificate is not None
+    covers = (
+        time is not None
+        and time.verdict == main.verdict == "not_variational"
+        and time.certificate is not None
+    )
     proven = time if covers and time is not None else main
     shown = answer_fields(main)
     second = None if other is None else answer_fields(other)
@@ -137,7 +186,10 @@ def _both_answers(solution: solutions.Solution, schema: Asking, is_a_cell: bool)
         "exceptions": list(proven.exceptions),
         "verdict_with_time": time.verdict if time is not None else None,
         "with_time": None if second is None else schemas.OtherAnswer(**second),
-        "first_integrals": [integral_part(one, main.positive if is_a_cell else ()) for one in solution.first_integrals],
+        "first_integrals": [
+            integral_part(one, main.positive if is_a_cell else ())
+            for one in solution.first_integrals
+        ],
         "first_integrals_complete": _all_integrals(solution.all_integrals),
     }
 
@@ -147,13 +199,23 @@ def _all_integrals(found: solutions.AllIntegrals | None) -> schemas.AllIntegrals
         return None
     certificate = plain(found.certificate)
     return schemas.AllIntegralsPart(
-        degree=found.degree, number=found.number, timed=found.timed, certificate=certificate, checked="valid"
+        degree=found.degree,
+        number=found.number,
+        timed=found.timed,
+        certificate=certificate,
+        checked="valid",
     )
 
 
-def integral_part(found: FirstIntegral, cell: Sequence[ex.Expression] = ()) -> schemas.FirstIntegralPart:
-    """A first integral with the conditions under which its formula has a value, on a cell where these are positive."""
-    positive, nonzero = (rule([found.expression]) for rule in (real_branch.own_requirements, real_branch.poles))
+def integral_part(
+    found: FirstIntegral, cell: Sequence[ex.Expression] = ()
+) -> schemas.FirstIntegralPart:
+    """A first integral with the conditions under which its formula has a value, on a cell where
+    these are positive.
+    """
+    positive, nonzero = (
+        rule([found.expression]) for rule in (real_branch.own_requirements, real_branch.poles)
+    )
     domain = certify.shortest([*cell, *positive], nonzero)
     return schemas.FirstIntegralPart(
         name=found.name, symmetry=found.symmetry, domain=domain, **formula_fields(found.expression)
@@ -171,21 +233,31 @@ def main_and_other(
     if time is None or time is main:
         return main, None
     # The solver gives a separate Lagrangian with time only where it is better.
-    own, shown = (None if one.lagrangian is None else one.lagrangian.expression for one in (time, main))
+    own, shown = (
+        None if one.lagrangian is None else one.lagrangian.expression for one in (time, main)
+    )
     return main, time if time.verdict != main.verdict or own not in (None, shown) else None
 
 
 def answer_fields(answer: solutions.Answer) -> dict[str, Any]:
     """One answer as the fields of a result."""
     lagrangian, space = answer.lagrangian, answer.space
-    parameters = () if answer.certificate is None else answer.certificate["system"].get("parameters") or ()
-    energy = None if answer.hamiltonian is None else hamiltonian_part(answer.hamiltonian, lagrangian, parameters)
+    parameters = (
+        () if answer.certificate is None else answer.certificate["system"].get("parameters") or ()
+    )
+    energy = (
+        None
+        if answer.hamiltonian is None
+        else hamiltonian_part(answer.hamiltonian, lagrangian, parameters)
+    )
     return {
         "verdict": answer.verdict,
         "lagrangian": None if lagrangian is None else lagrangian_part(lagrangian),
         "other_lagrangians": [lagrangian_part(other) for other in answer.other_lagrangians],
         "multiplier": None if lagrangian is None else texts_of(lagrangian.multiplier),
-        "integrals": {} if lagrangian is None else certify.integrals_of(lagrangian.expression).get("integrals", {}),
+        "integrals": {}
+        if lagrangian is None
+        else certify.integrals_of(lagrangian.expression).get("integrals", {}),
         "hamiltonian": energy,
         "solution_space": None if space is None else part_of(schemas.SolutionSpacePart, space),
         "certificate": None if answer.certificate is None else plain(answer.certificate),
@@ -225,16 +297,35 @@ def lagrangian_part(lagrangian: solutions.Lagrangian) -> schemas.LagrangianPart:
     )
     written = formula_fields(lagrangian.expression)
     auxiliary = certify.integrals_of(lagrangian.expression).get("integrals", {})
-    return part_of(schemas.LagrangianPart, lagrangian, **written, domain=domain, regular=regular, auxiliary=auxiliary)
+    return part_of(
+        schemas.LagrangianPart,
+        lagrangian,
+        **written,
+        domain=domain,
+        regular=regular,
+        auxiliary=auxiliary,
+    )
 
 
 def _is_regular_everywhere(lagrangian: solutions.Lagrangian) -> bool:
-    """Whether the form of g shows det g != 0 wherever L is defined: constant, or diagonal without a zero."""
-    entries = [(i == j, entry) for i, row in enumerate(lagrangian.multiplier) for j, entry in enumerate(row)]
-    if all(isinstance(node, ex.Number | ex.Sum | ex.Product) for _, entry in entries for node in ex.walk(entry)):
+    """Whether the form of g shows det g != 0 wherever L is defined: constant, or diagonal without a
+    zero.
+    """
+    entries = [
+        (i == j, entry)
+        for i, row in enumerate(lagrangian.multiplier)
+        for j, entry in enumerate(row)
+    ]
+    if all(
+        isinstance(node, ex.Number | ex.Sum | ex.Product)
+        for _, entry in entries
+        for node in ex.walk(entry)
+    ):
         return True
     known = (lagrangian.nonzero, lagrangian.positive)
-    return all(real_branch.is_nonzero(entry, *known) if on else entry == ex.ZERO for on, entry in entries)
+    return all(
+        real_branch.is_nonzero(entry, *known) if on else entry == ex.ZERO for on, entry in entries
+    )
 
 
 def hamiltonian_part(
@@ -242,12 +333,15 @@ def hamiltonian_part(
     lagrangian: solutions.Lagrangian | None = None,
     parameters: Sequence[str] = (),
 ) -> schemas.HamiltonianPart:
-    """With the conditions on the positions under which the Lagrangian is one: H holds only where L does.
+    """With the conditions on the positions under which the Lagrangian is one: H holds only where L
+    does.
 
     Divisors of H and of the momenta that hold `parameters` alone are conditions, too.
     """
     conditions = ((), ()) if lagrangian is None else (lagrangian.nonzero, lagrangian.positive)
-    nonzero, positive = ([tree for tree in trees if not ex.has(tree, ex.Velocity)] for trees in conditions)
+    nonzero, positive = (
+        [tree for tree in trees if not ex.has(tree, ex.Velocity)] for trees in conditions
+    )
     transform = hamiltonian.transform
     divisors = real_branch.poles([transform.hamiltonian, *transform.momenta])
     nonzero += [tree for tree in divisors if _is_constant(tree, parameters)]
@@ -265,15 +359,23 @@ def hamiltonian_part(
 
 
 def _by_mass_matrix(transform: legendre.LegendreTransform) -> dict[str, Any]:
-    """The fields `mass_matrix` and `potential` of an H of three coordinates or more that they say much shorter."""
+    """The fields `mass_matrix` and `potential` of an H of three coordinates or more that they say
+    much shorter.
+    """
     length = len(printing.to_text(transform.hamiltonian))
     if len(transform.symbols) < LEAST_COORDINATES or length < LONG_HAMILTONIAN:
         return {}
     found = legendre.by_mass_matrix(transform)
     if found is None:
         return {}
-    rows, potential = [[printing.to_text(entry) for entry in row] for row in found[0]], formula(found[1])
-    if MUCH_SHORTER * (sum(len(entry) for row in rows for entry in row) + len(potential.text)) > length:
+    rows, potential = (
+        [[printing.to_text(entry) for entry in row] for row in found[0]],
+        formula(found[1]),
+    )
+    if (
+        MUCH_SHORTER * (sum(len(entry) for row in rows for entry in row) + len(potential.text))
+        > length
+    ):
         return {}
     return {"mass_matrix": rows, "potential": potential}
 
@@ -286,8 +388,12 @@ def _is_constant(tree: ex.Expression, parameters: Sequence[str]) -> bool:
 
 
 def name_of(key: ex.Expression) -> str:
-    """x, x' or a for a coordinate, a velocity or a parameter at a point; nothing for what else a point holds."""
-    return printing.to_text(key) if isinstance(key, ex.Symbol | ex.Velocity) and key != ex.PI else ""
+    """x, x' or a for a coordinate, a velocity or a parameter at a point; nothing for what else a
+    point holds.
+    """
+    return (
+        printing.to_text(key) if isinstance(key, ex.Symbol | ex.Velocity) and key != ex.PI else ""
+    )
 
 
 def _conditions(conditions: solutions.Conditions | None) -> schemas.ConditionsPart | None:
@@ -323,13 +429,17 @@ def texts_of(part: Any) -> Any:
 
 
 def part_of(schema: type[Part], found: object, **other: Any) -> Part:
-    """The part of a document whose fields, beyond the `other` ones, are the attributes of the same names."""
+    """The part of a document whose fields, beyond the `other` ones, are the attributes of the same
+    names.
+    """
     named = {name: plain(getattr(found, name)) for name in schema.model_fields if name not in other}
     return schema(**named, **other)
 
 
 def plain(value: Any) -> Any:
-    """Mappings and sequences as dict and list, formulas in text and LaTeX, decimals as texts, as JSON can hold them."""
+    """Mappings and sequences as dict and list, formulas in text and LaTeX, decimals as texts, as
+    JSON can hold them.
+    """
     if isinstance(value, Mapping):
         return {str(key): plain(part) for key, part in value.items()}
     if isinstance(value, tuple | list):

@@ -1,10 +1,11 @@
 """Many systems: every line of a file answered exactly once, in parallel, also after a kill.
 
-The input is a file, standard input or a .gz, one document a line. The output file is the truth of what is done. It only
-grows: plain lines, or for .gz one compressed member after the other, so that a run that was killed loses at most what
-it was writing. Each answer has the digest of its question; on resuming it counts for a line with the same digest only.
-The jobs run on the same supervisor as those of the service, over a store in the temporary folder that lives as long as
-the run (`jobs/locks.py`).
+The input is a file, standard input or a .gz, one document a line. The output file is the truth of
+what is done. It only grows: plain lines, or for .gz one compressed member after the other, so that
+a run that was killed loses at most what it was writing. Each answer has the digest of its question;
+on resuming it counts for a line with the same digest only. The jobs run on the same supervisor as
+those of the service, over a store in the temporary folder that lives as long as the run
+(`jobs/locks.py`).
 """
 
 import contextlib
@@ -41,7 +42,8 @@ MEMBER_BYTES, MEMBER_SECONDS = 262_144, 5.0
 CHUNK = 1 << 20
 # The id of the batch that a file is.
 BATCH = "file"
-# Jobs that are open at the same time, for each worker: enough that none waits for a line to be read.
+# Jobs that are open at the same time, for each worker: enough that none waits for a line to be
+# read.
 AHEAD = 8
 # So many error lines at the beginning, and nothing else, are a file of another kind.
 UNUSABLE = 10  # error lines, where there are no others
@@ -66,8 +68,14 @@ class Line:
 
     @property
     def digest(self) -> str:
-        """What the line asks, its options included, its id left out: an answer holds only for this."""
-        return hashlib.sha256(self.raw).hexdigest() if self.document is None else model.document_digest(self.document)
+        """What the line asks, its options included, its id left out: an answer holds only for
+        this.
+        """
+        return (
+            hashlib.sha256(self.raw).hexdigest()
+            if self.document is None
+            else model.document_digest(self.document)
+        )
 
 
 def open_source(path: Path) -> contextlib.AbstractContextManager[IO[bytes]]:
@@ -80,7 +88,9 @@ def open_source(path: Path) -> contextlib.AbstractContextManager[IO[bytes]]:
         return gzip.open(path) if path.suffix == ".gz" else path.open("rb")  # type: ignore[return-value]
     except (OSError, ValueError) as error:
         reason = (getattr(error, "strerror", None) or "the name is not a file name").lower()
-        raise InputError(f"The input {path} cannot be read: {reason}; name a file of one system a line.") from None
+        raise InputError(
+            f"The input {path} cannot be read: {reason}; name a file of one system a line."
+        ) from None
 
 
 def read_lines(stream: IO[bytes]) -> Iterator[Line]:
@@ -88,14 +98,18 @@ def read_lines(stream: IO[bytes]) -> Iterator[Line]:
     first_with: dict[Identifier, int] = {}
     for number, data in enumerate(_bounded_lines(stream), 1):
         if data is None:
-            fault = InputError(f"The line is longer than {MAX_LINE_BYTES} bytes; give this system alone to 'solve'.")
+            fault = InputError(
+                f"The line is longer than {MAX_LINE_BYTES} bytes; give this system alone to 'solve'."
+            )
             yield Line(number, None, fault=fault)
         elif data.strip():
             yield marked(_read_line(number, data), first_with)
 
 
 def read_answers(stream: IO[bytes]) -> Iterator[tuple[Line, dict[str, Any]]]:
-    """The lines of a batch's output with their answers, ids included, which may be null; InputError for others."""
+    """The lines of a batch's output with their answers, ids included, which may be null; InputError
+    for others.
+    """
     for line in read_lines(stream):
         answer = {**line.document, "id": line.identifier} if line.document is not None else None
         if line.fault and line.raw[:1] == b"{":
@@ -128,8 +142,16 @@ def line_of(number: int, value: Any) -> Line:
         return Line(number, None, fault=fault)
     document = {key: part for key, part in value.items() if key != "id"}
     identifier = value.get("id", number)
-    if isinstance(identifier, bool) or not isinstance(identifier, str | int) or len(str(identifier)) > 200:
-        return Line(number, None, fault=InputError("The id must be a text or an integer of at most 200 characters."))
+    if (
+        isinstance(identifier, bool)
+        or not isinstance(identifier, str | int)
+        or len(str(identifier)) > 200
+    ):
+        return Line(
+            number,
+            None,
+            fault=InputError("The id must be a text or an integer of at most 200 characters."),
+        )
     return Line(number, identifier, document)
 
 
@@ -140,7 +162,9 @@ def marked(line: Line, first_with: dict[Identifier, int]) -> Line:
     first = first_with.setdefault(line.identifier, line.number)
     if first == line.number:
         return line
-    fault = InputError(f"The id of this line was used on line {first} already; give each line its own.", "/id")
+    fault = InputError(
+        f"The id of this line was used on line {first} already; give each line its own.", "/id"
+    )
     return replace(line, fault=fault, duplicate_of=first)
 
 
@@ -150,7 +174,9 @@ def _bounded_lines(stream: IO[bytes]) -> Iterator[bytes | None]:
         while data := stream.readline(MAX_LINE_BYTES + 1):
             blank = 0 if data.strip() else blank + 1
             if blank > MOST_BLANK:
-                raise InputError(f"The input has more than {MOST_BLANK:,} blank lines in a row; leave them out.")
+                raise InputError(
+                    f"The input has more than {MOST_BLANK:,} blank lines in a row; leave them out."
+                )
             if len(data) <= MAX_LINE_BYTES or data.endswith(b"\n"):
                 yield data
                 continue
@@ -158,21 +184,27 @@ def _bounded_lines(stream: IO[bytes]) -> Iterator[bytes | None]:
                 data = stream.readline(MAX_LINE_BYTES)
             yield None
     except (OSError, EOFError, zlib.error) as error:  # OSError: BadGzipFile too
-        reason = getattr(error, "strerror", None) or "the compressed data are damaged or end too early"
+        reason = (
+            getattr(error, "strerror", None) or "the compressed data are damaged or end too early"
+        )
         raise InputError(f"The input cannot be read to its end: {reason.lower()}.") from None
 
 
 def lines_of_array(values: Any) -> Iterator[Line]:
     """Every element of a JSON array, numbered from 1. Raises InputError where it is no array."""
     if not isinstance(values, list):
-        raise InputError("The batch must be a JSON array of documents; one document alone goes to POST /v1/solve.")
+        raise InputError(
+            "The batch must be a JSON array of documents; one document alone goes to POST /v1/solve."
+        )
     first_with: dict[str | int, int] = {}
     return (marked(line_of(number, value), first_with) for number, value in enumerate(values, 1))
 
 
 def batch_task(body: bytes, is_array: bool, terms: tasks.Terms) -> list[model.BatchLine]:
     """A body with a batch to its lines."""
-    return batch_lines(lines_of_array(tasks.read_body(body)) if is_array else read_lines(io.BytesIO(body)), terms)
+    return batch_lines(
+        lines_of_array(tasks.read_body(body)) if is_array else read_lines(io.BytesIO(body)), terms
+    )
 
 
 def batch_lines(lines: Iterable[Line], terms: tasks.Terms) -> list[model.BatchLine]:
@@ -197,21 +229,29 @@ def batch_line(line: Line, terms: tasks.Terms) -> model.BatchLine:
         limit = (terms.time_limit if given is None else None) or terms.server.time_limit
         options = model.read_options(given, replace(terms.server, time_limit=limit))
         look = _plain_first if terms.kind == "solve" else None
-        request = tasks.request_of(terms.kind, document, options, terms.client, model.BULK, terms.fresh, look)
+        request = tasks.request_of(
+            terms.kind, document, options, terms.client, model.BULK, terms.fresh, look
+        )
     except InputError as error:
-        return model.BatchLine(line.number, identifier, problem=answers.as_bytes(answers.of_input_error(error)))
+        return model.BatchLine(
+            line.number, identifier, problem=answers.as_bytes(answers.of_input_error(error))
+        )
     return model.BatchLine(line.number, identifier, request)
 
 
 def _plain_first(document: Any) -> None:
-    """Refuse what has not the shape of a document; one that has the form of the schema is not looked at further."""
+    """Refuse what has not the shape of a document; one that has the form of the schema is not
+    looked at further.
+    """
     try:
         SystemDocument.model_validate(document)
     except ValidationError:
         tasks.KINDS["solve"].look(document)
 
 
-def answer_line(answer: model.BatchAnswer, digest: str = "", duplicate_of: int | None = None) -> bytes:
+def answer_line(
+    answer: model.BatchAnswer, digest: str = "", duplicate_of: int | None = None
+) -> bytes:
     """JSON with the `id` and the number of the line in front, and a line feed at the end.
 
     A problem document names its line; `error` holds it once more for who looks for that key.
@@ -229,7 +269,9 @@ def answer_line(answer: model.BatchAnswer, digest: str = "", duplicate_of: int |
 
 
 def line_head(answer: model.BatchAnswer, digest: str = "") -> bytes:
-    """What stands before the result in its line: the result follows without its first bracket, after a comma."""
+    """What stands before the result in its line: the result follows without its first bracket,
+    after a comma.
+    """
     shown = f', "digest": "{digest}"' if digest else ""
     return f'{{"id": {answer.identifier}, "line": {answer.number}{shown}'.encode()
 
@@ -243,7 +285,9 @@ def _problem(answer: model.BatchAnswer) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """An answer: to which question, what it is counted as (a verdict, "error", "fault"), and why."""
+    """An answer: to which question, what it is counted as (a verdict, "error", "fault"), and
+    why.
+    """
 
     digest: str
     label: str
@@ -251,7 +295,9 @@ class Known:
 
 
 class Output:
-    """Answers by their keys, and a place to write more; `superseded`: some were replaced by later ones."""
+    """Answers by their keys, and a place to write more; `superseded`: some were replaced by later
+    ones.
+    """
 
     def __init__(self, stream: IO[bytes], compressed: bool = False) -> None:
         self._stream, self._compressed = stream, compressed
@@ -276,7 +322,9 @@ class Output:
 
     def flush(self) -> None:
         """Hand over what was kept back to be compressed together."""
-        data = memoryview(gzip.compress(self._kept) if self._compressed and self._kept else bytes(self._kept))
+        data = memoryview(
+            gzip.compress(self._kept) if self._compressed and self._kept else bytes(self._kept)
+        )
         self._kept, self._since = bytearray(), time.monotonic()
         try:
             while data:
@@ -298,14 +346,17 @@ def answer_key(answer: dict[str, Any]) -> str:
 
 def key_of(line: Line) -> str:
     """The key of the answer to a line."""
-    return answer_key({"id": line.identifier, "line": line.number, "duplicate_of": line.duplicate_of})
+    return answer_key(
+        {"id": line.identifier, "line": line.number, "duplicate_of": line.duplicate_of}
+    )
 
 
 @contextlib.contextmanager
 def open_output(path: Path) -> Iterator[Output]:
     """The output, with the answers of earlier runs; for this process alone. Raises InputError.
 
-    What was half written is cut off. At a regular end superseded answers are moved to `path`.replaced.
+    What was half written is cut off. At a regular end superseded answers are moved to
+    `path`.replaced.
     """
     if str(path) == STANDARD:
         if sys.stdout is None:
@@ -331,7 +382,9 @@ def _note_earlier(path: Path, output: Output) -> int:
         with contextlib.suppress(ValueError, RecursionError):
             answer = json.loads(data)
         if not isinstance(answer, dict) or "line" not in answer or "id" not in answer:
-            raise InputError(f"Line {number} of the output file is not an answer of a batch; choose another file.")
+            raise InputError(
+                f"Line {number} of the output file is not an answer of a batch; choose another file."
+            )
         output.note(answer)
         whole = end
     return whole
@@ -349,7 +402,9 @@ def _whole_lines(path: Path) -> Iterator[tuple[bytes, int]]:
             end += len(line)
             yield line, end
     if len(line) >= MAX_ANSWER_BYTES:
-        raise InputError("The output file is not that of a batch: it has a line without an end; choose another file.")
+        raise InputError(
+            "The output file is not that of a batch: it has a line without an end; choose another file."
+        )
 
 
 def _members(path: Path) -> Iterator[tuple[list[bytes], int]]:
@@ -362,7 +417,9 @@ def _members(path: Path) -> Iterator[tuple[list[bytes], int]]:
                 try:
                     lines += member.decompress(rest, MAX_ANSWER_BYTES)
                 except zlib.error:
-                    raise InputError("The output file is not, or not all, of gzip; choose another file.") from None
+                    raise InputError(
+                        "The output file is not, or not all, of gzip; choose another file."
+                    ) from None
                 if len(lines) >= MAX_ANSWER_BYTES:
                     raise InputError("The output file is not that of a batch; choose another file.")
                 end += len(rest) - len(member.unused_data)
@@ -373,7 +430,9 @@ def _members(path: Path) -> Iterator[tuple[list[bytes], int]]:
 
 def _part_superseded(path: Path) -> None:
     """Keep the last answer of each key; append the others to a file next to it."""
-    last = {answer_key(json.loads(line)): number for number, (line, _) in enumerate(_whole_lines(path))}
+    last = {
+        answer_key(json.loads(line)): number for number, (line, _) in enumerate(_whole_lines(path))
+    }
     fresh = path.with_name(f"{path.name}.fresh")
     opened = gzip.open if path.suffix == ".gz" else open
     # A folder that takes no new file: whoever reads by id still has the last answer of each line.
@@ -402,10 +461,14 @@ def _reason(answer: dict[str, Any]) -> str:
 
 @contextlib.contextmanager
 def _locked(path: Path) -> Iterator[IO[bytes]]:
-    """The file, open for appending without a buffer, for this process alone; no device, pipe or folder."""
+    """The file, open for appending without a buffer, for this process alone; no device, pipe or
+    folder.
+    """
     try:
         if path.exists() and not stat.S_ISREG(path.stat().st_mode):
-            raise InputError(f"The output {path} is not a regular file; name a file, or - for standard output.")
+            raise InputError(
+                f"The output {path} is not a regular file; name a file, or - for standard output."
+            )
         stream = path.open("ab", buffering=0)
     except (OSError, ValueError) as error:
         reason = (getattr(error, "strerror", None) or "the name is not a file name").lower()
@@ -414,14 +477,17 @@ def _locked(path: Path) -> Iterator[IO[bytes]]:
         try:
             locks.lock(stream.fileno())
         except OSError:
-            detail = "Another batch is writing to the output file; wait for it or choose another file."
+            detail = (
+                "Another batch is writing to the output file; wait for it or choose another file."
+            )
             raise InputError(detail) from None
         yield stream
 
 
 @dataclass(frozen=True, slots=True)
 class BatchPlan:
-    """What to do with each line of `source`, and where answers go; `cluster`: a Dask scheduler; `kind`: solve or check.
+    """What to do with each line of `source`, and where answers go; `cluster`: a Dask scheduler;
+    `kind`: solve or check.
 
     `again`: which answers of an earlier run do not count, some of "errors" and "undetermined".
     """
@@ -437,7 +503,9 @@ class BatchPlan:
 
 @dataclass(slots=True)
 class Summary:
-    """Lines by what their answers are counted as, and the first reason of each kind; those of earlier runs included."""
+    """Lines by what their answers are counted as, and the first reason of each kind; those of
+    earlier runs included.
+    """
 
     labels: Counter[str] = field(default_factory=Counter)
     first: dict[str, str] = field(default_factory=dict)
@@ -457,11 +525,14 @@ class Summary:
         return self.labels.total() - self.earlier
 
 
-def run_batch(plan: BatchPlan, summary: Summary, report: Callable[[Line], None] = lambda line: None) -> None:
+def run_batch(
+    plan: BatchPlan, summary: Summary, report: Callable[[Line], None] = lambda line: None
+) -> None:
     """Answer every line of the source that the output does not answer yet, one line each.
 
-    Answers come in the order in which they are done; `summary` counts them, `report` is called once a line.
-    Raises InputError where the files cannot be used, or nothing but error lines begins the input.
+    Answers come in the order in which they are done; `summary` counts them, `report` is called once
+    a line. Raises InputError where the files cannot be used, or nothing but error lines begins the
+    input.
     """
     if plan.output.exists() and plan.source.exists() and plan.output.samefile(plan.source):
         raise InputError("The output file is the input file; choose another one for --output.")
@@ -473,7 +544,9 @@ def run_batch(plan: BatchPlan, summary: Summary, report: Callable[[Line], None] 
             report(line)
 
         def open_lines() -> Iterator[Line]:
-            """The lines without an answer that counts: of this very question, and not one to be asked again."""
+            """The lines without an answer that counts: of this very question, and not one to be
+            asked again.
+            """
             for place, line in enumerate(read_lines(source)):
                 if place == 0:
                     _refuse_other_layouts(line)
@@ -489,26 +562,36 @@ def run_batch(plan: BatchPlan, summary: Summary, report: Callable[[Line], None] 
         if first is not None:
             with _engine(plan) as (store, working):
                 asked = itertools.chain((first,), lines)
-                for line, answer in _answered(store, working, asked, tasks.Terms(plan.kind, plan.options)):
+                for line, answer in _answered(
+                    store, working, asked, tasks.Terms(plan.kind, plan.options)
+                ):
                     count(line, output.add(answer))
                 summary.duplicates = store.repeated(BATCH)
         bad = summary.labels["error"]
         if bad >= UNUSABLE and bad == summary.labels.total():
-            raise InputError(f"All {bad} lines are error lines; the first says: {summary.first['error']}")
+            raise InputError(
+                f"All {bad} lines are error lines; the first says: {summary.first['error']}"
+            )
         summary.replaced = output.superseded
 
 
 def _refuse_other_layouts(line: Line) -> None:
     if line.raw.startswith(b"["):
-        raise InputError("The input is a JSON array; write one document a line, as 'jq -c .[] FILE' does.")
+        raise InputError(
+            "The input is a JSON array; write one document a line, as 'jq -c .[] FILE' does."
+        )
     if line.raw == b"{":
-        raise InputError("A document takes several lines; write one document a line, as 'jq -c . FILE' does.")
+        raise InputError(
+            "A document takes several lines; write one document a line, as 'jq -c . FILE' does."
+        )
 
 
 def _answered(
     store: stores.SqliteStore, executor: workers.Executor, lines: Iterator[Line], terms: tasks.Terms
 ) -> Iterator[tuple[Line, bytes]]:
-    """Each line with its answer, as they come: a batch of the store as those of the service, which grows meanwhile."""
+    """Each line with its answer, as they come: a batch of the store as those of the service, which
+    grows meanwhile.
+    """
     open_lines, after, ended = dict[int, Line](), 0, threading.Event()
     store.on_change(lambda change: ended.set() if change.what in model.FINAL else None)
     store.begin_batch(BATCH, terms.kind, "")

@@ -1,13 +1,15 @@
-"""Work on many machines: a Dask cluster whose tasks host the same killable worker processes (extra `dask`).
+"""Work on many machines: a Dask cluster whose tasks host the same killable worker processes (extra
+`dask`).
 
-Here: tasks out, outcomes back, and both again when something dies. Dask tells the truth about tasks only as long as its
-scheduler lives. So every task stays here until its outcome is here: a scheduler that comes back gets the open ones
-again. A worker that dies is the scheduler's affair, which runs its tasks on another one; a task whose workers die again
-and again ends as a crash.
+Here: tasks out, outcomes back, and both again when something dies. Dask tells the truth about tasks
+only as long as its scheduler lives. So every task stays here until its outcome is here: a scheduler
+that comes back gets the open ones again. A worker that dies is the scheduler's affair, which runs
+its tasks on another one; a task whose workers die again and again ends as a crash.
 
-There (`perform`): a call on a pool of killable workers, because Dask can neither stop a running task nor bound its
-memory. Each Dask worker process has one pool, with one worker process for each of its threads. A Dask worker that is
-killed takes them with it: the death signal of `workers` reaches them through the server that forked them.
+There (`perform`): a call on a pool of killable workers, because Dask can neither stop a running
+task nor bound its memory. Each Dask worker process has one pool, with one worker process for each
+of its threads. A Dask worker that is killed takes them with it: the death signal of `workers`
+reaches them through the server that forked them.
 """
 
 from __future__ import annotations
@@ -48,7 +50,9 @@ _under_way: dict[str, workers.Running] = {}
 
 
 def fingerprint() -> Fingerprint:
-    """Of this process: the engine with a digest of its text, Python, and the packages that matter."""
+    """Of this process: the engine with a digest of its text, Python, and the packages that
+    matter.
+    """
     python = f"{sys.version_info.major}.{sys.version_info.minor}"
     return {"engine": model.engine_version(), "python": python} | {
         name: version(name) for name in ("distributed", "python-flint")
@@ -57,12 +61,18 @@ def fingerprint() -> Fingerprint:
 
 def difference(ours: Fingerprint, theirs: Fingerprint) -> str:
     """What differs, in words; empty where nothing does."""
-    return ", ".join(f"{name} {theirs[name]} instead of {ours[name]}" for name in ours if theirs[name] != ours[name])
+    return ", ".join(
+        f"{name} {theirs[name]} instead of {ours[name]}"
+        for name in ours
+        if theirs[name] != ours[name]
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """What every task of a front is sent with: its versions, MiB for a process, where reports go."""
+    """What every task of a front is sent with: its versions, MiB for a process, where reports
+    go.
+    """
 
     fingerprint: Fingerprint
     memory_limit: int
@@ -85,20 +95,25 @@ class RemoteRunning(workers.Running):
         return True
 
     def cancel(self) -> None:
-        """Drop it where it waits, kill its process where it runs: it ends here at once, there as soon as that hears.
+        """Drop it where it waits, kill its process where it runs: it ends here at once, there as
+        soon as that hears.
 
         It counts as if it had had a processor all the time.
         """
         self.is_cancelled = True
         wall = 0.0 if self.heard is None else time.monotonic() - self.heard
-        if self.end(tasks.Outcome("cancelled", spent=tasks.Usage(wall, wall))) and self.cluster is not None:
+        if (
+            self.end(tasks.Outcome("cancelled", spent=tasks.Usage(wall, wall)))
+            and self.cluster is not None
+        ):
             self.cluster.abandon(self)
 
 
 class Cluster:
     """An Executor (see `workers`) on the workers of a Dask scheduler; safe to use from any thread.
 
-    A thread of its own has the loop on which everything of Dask happens; each task is a coroutine there.
+    A thread of its own has the loop on which everything of Dask happens; each task is a coroutine
+    there.
     """
 
     def __init__(self, address: str, memory_limit: int) -> None:
@@ -114,7 +129,9 @@ class Cluster:
 
     @property
     def capacity(self) -> int:
-        """The threads of all workers, at least one: what is submitted waits for a worker to come."""
+        """The threads of all workers, at least one: what is submitted waits for a worker to
+        come.
+        """
         return max(1, self._threads)
 
     def fault(self) -> str:
@@ -124,7 +141,9 @@ class Cluster:
         return "" if self._threads else "The cluster has no worker."
 
     def start(self) -> None:
-        """Connect; once. Raises InputError: no scheduler answers, or a worker has another program."""
+        """Connect; once. Raises InputError: no scheduler answers, or a worker has another
+        program.
+        """
         if self._client is None:
             _silence_dask()
             if not self._thread.is_alive():
@@ -133,7 +152,9 @@ class Cluster:
 
     def submit(self, call: tasks.Call, report: tasks.Report | None = None) -> workers.Running:
         """Run the call on some worker; returns at once."""
-        running = RemoteRunning(call, report, key=f"inverse-service-{uuid.uuid4().hex}", cluster=self)
+        running = RemoteRunning(
+            call, report, key=f"inverse-service-{uuid.uuid4().hex}", cluster=self
+        )
         if self._stopped:
             running.end(tasks.Outcome("crash", detail="The cluster is given up."))
         else:
@@ -192,22 +213,30 @@ class Cluster:
             if task.is_cancelled:  # meanwhile
                 break
             key = f"{task.key}-{uuid.uuid4().hex[:8]}"
-            task.future = client.submit(perform, task.key, task.call, self._terms, key=key, pure=False)
+            task.future = client.submit(
+                perform, task.key, task.call, self._terms, key=key, pure=False
+            )
             try:
                 found = await task.future
             except KilledWorker:
-                found = tasks.Outcome("crash", detail="the machines that ran this task died one after another")
+                found = tasks.Outcome(
+                    "crash", detail="the machines that ran this task died one after another"
+                )
             except LOST:
                 lost = client
                 continue
             except Exception as error:
                 found = f"{type(error).__name__}: {error}"
-            if isinstance(found, str):  # the worker could not run it at all, as with another program; another one may
+            if isinstance(
+                found, str
+            ):  # the worker could not run it at all, as with another program; another one may
                 log.error("a worker of the cluster cannot run a task: %s", found)
                 failures += 1
                 if failures < FAILURES:
                     continue
-                found = tasks.Outcome("crash", detail=f"no worker of the cluster can run this task: {found}")
+                found = tasks.Outcome(
+                    "crash", detail=f"no worker of the cluster can run this task: {found}"
+                )
             task.end(found)
             break
         self._open.pop(task.key, None)
@@ -218,10 +247,15 @@ class Cluster:
                 await task.future.cancel()
                 await self._client.run(cancel, task.key, wait=False)
             except Exception as error:
-                log.warning("a cancelled task could not be stopped on the cluster (%s)", type(error).__name__)
+                log.warning(
+                    "a cancelled task could not be stopped on the cluster (%s)",
+                    type(error).__name__,
+                )
 
     async def _connected(self, lost: Any = None) -> Any:
-        """The client of a scheduler that answers; not the one `lost`, which would come back without its topics."""
+        """The client of a scheduler that answers; not the one `lost`, which would come back without
+        its topics.
+        """
         async with self._connecting:
             while not self._stopped and (self._client is lost or self._client.status != "running"):
                 self._threads = 0
@@ -230,7 +264,9 @@ class Cluster:
                     self._client = await self._new_client()
                     log.warning("the cluster's scheduler answers again")
                 except Exception as error:
-                    log.warning("the cluster does not answer (%s); trying again", type(error).__name__)
+                    log.warning(
+                        "the cluster does not answer (%s); trying again", type(error).__name__
+                    )
                     await asyncio.sleep(LOOK)
             return self._client
 
@@ -238,7 +274,11 @@ class Cluster:
         """A new client; raises OSError where no scheduler answers."""
         with dask.config.set({"distributed.comm.timeouts.connect": f"{CONNECT}s"}):
             client: Any = await distributed.Client(  # type: ignore[no-untyped-call]
-                self._address, timeout=CONNECT, set_as_default=False, name="inverse-service", asynchronous=True
+                self._address,
+                timeout=CONNECT,
+                set_as_default=False,
+                name="inverse-service",
+                asynchronous=True,
             )
         client.subscribe_topic(self._terms.topic, self._reported)
         return client
@@ -251,7 +291,9 @@ class Cluster:
             task.report(Stage(**event[1]["stage"]) if "stage" in event[1] else event[1]["value"])
 
     async def _refuse_strangers(self, client: Any) -> None:
-        """Raises InputError where a worker that is there now has another program, or none of ours."""
+        """Raises InputError where a worker that is there now has another program, or none of
+        ours.
+        """
         found = await client.run(fingerprint, on_error="return")
         for theirs in found.values():
             if not isinstance(theirs, dict):
@@ -260,7 +302,9 @@ class Cluster:
                     f"({type(theirs).__name__}); install inverse-service[dask] in its environment."
                 )
             if differs := difference(self._terms.fingerprint, theirs):
-                raise InputError(f"A worker of the cluster has another program: {differs}; install the same on all.")
+                raise InputError(
+                    f"A worker of the cluster has another program: {differs}; install the same on all."
+                )
         self._threads = sum((await client.nthreads()).values())
         if not found:
             log.warning("the cluster has no worker yet; the work waits for one")
@@ -280,7 +324,9 @@ async def _close(client: Any) -> None:
 
 
 def perform(key: str, call: tasks.Call, terms: Terms) -> tasks.Outcome | str:
-    """The Dask task: the outcome of a call, or what differs between the front's program and this one."""
+    """The Dask task: the outcome of a call, or what differs between the front's program and this
+    one.
+    """
     if differs := difference(terms.fingerprint, fingerprint()):
         return differs
     worker = distributed.get_worker()
@@ -302,7 +348,8 @@ def perform(key: str, call: tasks.Call, terms: Terms) -> tasks.Outcome | str:
 
 
 async def cancel(key: str) -> None:
-    """Kill the work on a call if this machine has it; runs in parallel with the tasks, not as one of them.
+    """Kill the work on a call if this machine has it; runs in parallel with the tasks, not as one
+    of them.
 
     A coroutine, as Dask waits for all machines where it is a plain function.
     """
@@ -318,16 +365,21 @@ def _pool(count: int, memory_limit: int) -> workers.Workers:
         for pool in _pools.values():
             pool.stop()
         _pools.clear()
-        # Under a nanny this process is daemonic, which multiprocessing takes for one without children.
+        # Under a nanny this process is daemonic, which multiprocessing takes for one without
+        # children.
         multiprocessing.current_process().daemon = False
         pool, started = workers.Workers(count, memory_limit), threading.Event()
-        threading.Thread(target=_keep, args=(memory_limit, pool, started), name="pool", daemon=True).start()
+        threading.Thread(
+            target=_keep, args=(memory_limit, pool, started), name="pool", daemon=True
+        ).start()
         started.wait()
         return pool
 
 
 def _keep(memory_limit: int, pool: workers.Workers, started: threading.Event) -> None:
-    """Start the pool, and never end: the kernel sends the death signal when the thread does that started the server."""
+    """Start the pool, and never end: the kernel sends the death signal when the thread does that
+    started the server.
+    """
     try:
         pool.start()
         _pools[memory_limit] = pool

@@ -1,4 +1,6 @@
-"""Locks that the kernel gives back however their holder dies: of a database, and of a folder for temporary files."""
+"""Locks that the kernel gives back however their holder dies: of a database, and of a folder for
+temporary files.
+"""
 
 import contextlib
 import functools
@@ -24,9 +26,11 @@ YOUNG = 60.0
 
 
 def take(path: Path) -> int:
-    """Be the one supervisor of a database, by a flock on `path` + ".lock"; its descriptor, or DatabaseTaken.
+    """Be the one supervisor of a database, by a flock on `path` + ".lock"; its descriptor, or
+    DatabaseTaken.
 
-    The kernel gives it back however its holder dies. The file stays, as removing it would let two in.
+    The kernel gives it back however its holder dies. The file stays, as removing it would let two
+    in.
     """
     descriptor = os.open(f"{path}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     try:
@@ -71,13 +75,17 @@ def temporary_folder() -> Iterator[Path]:
 
 @functools.cache
 def hold(folder: Path) -> int:
-    """Have a folder that somebody else made and removes: it is abandoned when this process is gone."""
+    """Have a folder that somebody else made and removes: it is abandoned when this process is
+    gone.
+    """
     remove_abandoned()
     return take(folder / HOLDER)
 
 
 def remove_abandoned() -> None:
-    """Remove this user's temporary folders whose process is gone: the kernel has given their locks back."""
+    """Remove this user's temporary folders whose process is gone: the kernel has given their locks
+    back.
+    """
     with contextlib.suppress(OSError):
         place = Path(tempfile.gettempdir())
         for folder in (*place.glob(f"{PREFIX}*"), *place.glob(f"{SOCKETS}*")):

@@ -1,9 +1,10 @@
-"""What a job is: the question with its options and its identity, whose it is, the states and the ways between them.
+"""What a job is: the question with its options and its identity, whose it is, the states and the
+ways between them.
 
-A job's id is a hash of engine, canonical document and options. The same question has the same id, so it is answered
-from the store, and its link is permanent. Every call, page, picture and stream asks `Viewer.seen` whose a job or a
-batch is, and nothing else. Options are what a caller may ask for in addition to the document: bounds within the
-server's, and the seed.
+A job's id is a hash of engine, canonical document and options. The same question has the same id,
+so it is answered from the store, and its link is permanent. Every call, page, picture and stream
+asks `Viewer.seen` whose a job or a batch is, and nothing else. Options are what a caller may ask
+for in addition to the document: bounds within the server's, and the seed.
 """
 
 from __future__ import annotations
@@ -23,19 +24,27 @@ from inverse_service import __version__, errors
 from inverse_service.service.documents import plain_data
 
 JobStatus = Literal["accepted", "running", "successful", "failed", "dismissed"]
-STATUSES: Final[tuple[JobStatus, ...]] = ("accepted", "running", "successful", "failed", "dismissed")
+STATUSES: Final[tuple[JobStatus, ...]] = (
+    "accepted",
+    "running",
+    "successful",
+    "failed",
+    "dismissed",
+)
 OPEN: Final[frozenset[JobStatus]] = frozenset({"accepted", "running"})
 FINAL: Final[frozenset[JobStatus]] = frozenset({"successful", "failed", "dismissed"})
-# accepted -> running -> successful or failed; accepted or running -> dismissed. running -> accepted: the worker or the
-# service died; final -> accepted: the question is asked again; accepted -> successful or failed: cancelled while it was
-# computed again, so its earlier answer holds.
-# A job whose worker dies this often by itself is failed. The death of the service is seldom the fault of a
-# job, which may only have been next in line; the bound ends the loop of one that takes the service along.
+# accepted -> running -> successful or failed; accepted or running -> dismissed. running ->
+# accepted: the worker or the service died; final -> accepted: the question is asked again; accepted
+# -> successful or failed: cancelled while it was computed again, so its earlier answer holds. A job
+# whose worker dies this often by itself is failed. The death of the service is seldom the fault of
+# a job, which may only have been next in line; the bound ends the loop of one that takes the
+# service along.
 MAX_CRASHES: Final = 3
 MAX_RESTARTS: Final = 100
 # Runs of a job for which no process could be started; each of them takes a second and more.
 MAX_UNSTARTED: Final = 100
-# Answers that a clock, lack of memory or a fault of ours ended are given for so long (s) and computed again then.
+# Answers that a clock, lack of memory or a fault of ours ended are given for so long (s) and
+# computed again then.
 TRANSIENT: Final = 600.0
 
 INTERACTIVE = 0
@@ -52,7 +61,9 @@ KEYS = "time_limit, memory_limit, seed"
 
 @dataclass(frozen=True, slots=True)
 class JobRequest:
-    """A question: `document` and `options` are canonical JSON texts; `priority` 0 goes before 10."""
+    """A question: `document` and `options` are canonical JSON texts; `priority` 0 goes before
+    10.
+    """
 
     id: str
     kind: str
@@ -71,7 +82,8 @@ class Job:
     `crashes` counts workers that died by themselves, `restarts` deaths of the whole service, both
     since the question was asked. `body` is the JSON of the result (successful) or of the problem
     document (failed), read only where it is asked for. `revision` counts the answers. `wall`, `cpu`
-    (seconds) and `memory` (MiB) are what the run took that gave the answer. `expires`: from this time
+    (seconds) and `memory` (MiB) are what the run took that gave the answer. `expires`: from this
+              time
     on the question is computed again where it is asked again; None: never.
     """
 
@@ -102,14 +114,18 @@ class Job:
         return self.status in OPEN
 
     def is_to_be_asked(self, fresh: bool, now: float) -> bool:
-        """Whether a question for this job is computed: it was cancelled, its answer expired or is to be new."""
+        """Whether a question for this job is computed: it was cancelled, its answer expired or is
+        to be new.
+        """
         is_old = fresh or (self.expires is not None and self.expires <= now)
         return self.status == "dismissed" or (is_old and not self.is_open)
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """One event of a job. Numbers grow, also over restarts; `data` is JSON. `kind`: status or progress."""
+    """One event of a job. Numbers grow, also over restarts; `data` is JSON. `kind`: status or
+    progress.
+    """
 
     number: int
     kind: str
@@ -129,7 +145,9 @@ class Change(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """How many open jobs the store takes, in all and of one client; processor seconds a client may use in a day."""
+    """How many open jobs the store takes, in all and of one client; processor seconds a client may
+    use in a day.
+    """
 
     total: int = NO_BOUND
     client: int = NO_BOUND
@@ -138,7 +156,9 @@ class Bounds:
 
 @dataclass(frozen=True, slots=True)
 class ClientUse:
-    """What the store has of a client: jobs, the operator's rank, runs and processor seconds of today (UTC)."""
+    """What the store has of a client: jobs, the operator's rank, runs and processor seconds of
+    today (UTC).
+    """
 
     client: str
     waiting: int
@@ -179,14 +199,17 @@ class Batch:
         unfinished = self.counts.get("accepted", 0) + self.counts.get("running", 0)
         if unfinished == 0:
             return "successful"
-        return "accepted" if unfinished == self.counts.get("accepted", 0) == self.total else "running"
+        return (
+            "accepted" if unfinished == self.counts.get("accepted", 0) == self.total else "running"
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class BatchAnswer:
     """The answer to one line; `order` grows in the order in which answers came.
 
-    `size` is that of the body in the store, which is None here where more was not asked for; `job` has it.
+    `size` is that of the body in the store, which is None here where more was not asked for; `job`
+    has it.
     """
 
     number: int
@@ -209,7 +232,9 @@ class Viewer:
     sees_all: bool = True
 
     def seen(self, found: Owned | None) -> Owned | None:
-        """What was found, where it is this client's; None, as for what is not there, where it is another's."""
+        """What was found, where it is this client's; None, as for what is not there, where it is
+        another's.
+        """
         return found if found is not None and (self.sees_all or found.client == self.name) else None
 
     @property
@@ -220,8 +245,9 @@ class Viewer:
     def own(self, request: JobRequest) -> JobRequest:
         """The request as the store takes it.
 
-        With keys each client has jobs of its own, also for the same question: otherwise the time of an answer would
-        tell what another one asked, and one could cancel or renew what is another's.
+        With keys each client has jobs of its own, also for the same question: otherwise the time of
+        an answer would tell what another one asked, and one could cancel or renew what is
+        another's.
         """
         if self.sees_all:
             return request
@@ -242,7 +268,9 @@ def job_id(kind: str, document: Any, options: str) -> str:
 
 def document_digest(document: Any) -> str:
     """A hash of what is asked, whoever answers it: 64 hexadecimal digits."""
-    return hashlib.sha256(f"{canonical(document)}\x00{canonical(_order(document))}".encode()).hexdigest()
+    return hashlib.sha256(
+        f"{canonical(document)}\x00{canonical(_order(document))}".encode()
+    ).hexdigest()
 
 
 @functools.cache
@@ -286,24 +314,34 @@ def stored_options(text: str) -> JobOptions:
 
 
 def split_options(document: Any) -> tuple[Any, Any]:
-    """The document without its key `options`, and what that key holds (None where it is not there)."""
+    """The document without its key `options`, and what that key holds (None where it is not
+    there).
+    """
     if not isinstance(document, Mapping) or "options" not in document:
         return document, None
     return {key: value for key, value in document.items() if key != "options"}, document["options"]
 
 
 def read_options(given: Any, server: JobOptions) -> JobOptions:
-    """The options asked for, the server's where nothing is said. Raises InputError with the pointer."""
+    """The options asked for, the server's where nothing is said. Raises InputError with the
+    pointer.
+    """
     if given is None:
         return server
     if not isinstance(given, Mapping):
-        raise errors.InputError(f"'options' must be an object with some of the keys {KEYS}.", "/options")
+        raise errors.InputError(
+            f"'options' must be an object with some of the keys {KEYS}.", "/options"
+        )
     unknown = set(given) - {"time_limit", "memory_limit", "seed"}
     if unknown:
-        raise errors.InputError(f"'options' has a key that is not known here; the keys are {KEYS}.", "/options")
+        raise errors.InputError(
+            f"'options' has a key that is not known here; the keys are {KEYS}.", "/options"
+        )
     return JobOptions(
         time_limit=read_time_limit(given.get("time_limit"), server.time_limit),
-        memory_limit=_whole(given, "memory_limit", server.memory_limit, SMALLEST_MEMORY, server.memory_limit),
+        memory_limit=_whole(
+            given, "memory_limit", server.memory_limit, SMALLEST_MEMORY, server.memory_limit
+        ),
         seed=_whole(given, "seed", server.seed, 0, LARGEST_SEED),
     )
 
@@ -315,22 +353,26 @@ def read_time_limit(value: Any, largest: float, pointer: str = "/options/time_li
     is_number = isinstance(value, int | float | Decimal) and not isinstance(value, bool)
     seconds = float(value) if is_number else math.nan
     if not 0 < seconds <= largest:
-        raise errors.LimitError(f"the time limit must be a number of seconds above 0 and at most {largest:g}.", pointer)
+        raise errors.LimitError(
+            f"the time limit must be a number of seconds above 0 and at most {largest:g}.", pointer
+        )
     return seconds
 
 
 def _whole(given: Mapping[str, Any], key: str, default: int, low: int, high: int) -> int:
     value = given.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-        raise errors.LimitError(f"{key} must be an integer from {low} to {high}.", f"/options/{key}")
+        raise errors.LimitError(
+            f"{key} must be an integer from {low} to {high}.", f"/options/{key}"
+        )
     return value
 
 
 class TooManyJobs(errors.InverseServiceError):
     """A bound on open jobs or on the processor time of a day is reached; nothing was stored.
 
-    `seconds` is the time after which it is worth to ask again; `quota` is the bound on the processor time of a day,
-    where that is the one.
+    `seconds` is the time after which it is worth to ask again; `quota` is the bound on the
+    processor time of a day, where that is the one.
     """
 
     code = "too-many-jobs"
@@ -366,4 +408,6 @@ class WrongVersion(Exception):
 
     def __init__(self, found: int, known: int) -> None:
         age = "a newer" if found > known else "an older"
-        super().__init__(f"{age} version of this program wrote it (its tables are {found}, those known here {known})")
+        super().__init__(
+            f"{age} version of this program wrote it (its tables are {found}, those known here {known})"
+        )

@@ -1,5 +1,6 @@
-"""What an operator sees: metrics of a process in the text format of Prometheus, and the log, a JSON object a line on
-standard error."""
+"""What an operator sees: metrics of a process in the text format of Prometheus, and the log, a JSON
+object a line on standard error.
+"""
 
 import contextlib
 import functools
@@ -22,12 +23,19 @@ REGISTRY: Final = prometheus_client.CollectorRegistry()
 BUCKETS: Final = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0)
 NAME: Final = "inverse_service"
 _counter = functools.partial(prometheus_client.Counter, namespace=NAME, registry=REGISTRY)
-_times = functools.partial(prometheus_client.Histogram, namespace=NAME, registry=REGISTRY, buckets=BUCKETS)
+_times = functools.partial(
+    prometheus_client.Histogram, namespace=NAME, registry=REGISTRY, buckets=BUCKETS
+)
 
-# Under the names that every dashboard knows: process_cpu_seconds_total, process_resident_memory_bytes, ...
+# Under the names that every dashboard knows: process_cpu_seconds_total,
+# process_resident_memory_bytes, ...
 prometheus_client.ProcessCollector(registry=REGISTRY)
-REQUESTS: Final = _counter("http_requests", "Requests by method, route and status.", ("method", "route", "status"))
-ANSWERED: Final = _times("http_request_duration_seconds", "Time until an answer begins.", ("method", "route"))
+REQUESTS: Final = _counter(
+    "http_requests", "Requests by method, route and status.", ("method", "route", "status")
+)
+ANSWERED: Final = _times(
+    "http_request_duration_seconds", "Time until an answer begins.", ("method", "route")
+)
 KNOWN: Final = _counter("answers_from_store", "Questions that were known already.", ("kind",))
 STORE: Final = _times("store_seconds", "Reads and changes.")
 LAG: Final = _times("loop_lag_seconds", "How late the event loop was.")
@@ -45,14 +53,21 @@ REQUEST: ContextVar[str] = ContextVar("request", default="")
 _AS_JSON = json.JSONEncoder(default=str).encode
 # Who writes the lines of the log, where they are JSON.
 WRITERS: Final[list[Callable[[str], object]]] = []
-STANDARD: Final = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "color_message", "taskName"}
+STANDARD: Final = frozenset(vars(logging.makeLogRecord({}))) | {
+    "message",
+    "asctime",
+    "color_message",
+    "taskName",
+}
 # The same sentence of what strangers can make us write comes so often, s.
 BETWEEN: Final = 10.0
 
 
 @functools.lru_cache(maxsize=1024)
 def of(family: Any, *labels: str) -> Any:
-    """The part of a counter or of times with these labels; to look for it takes longer than to count."""
+    """The part of a counter or of times with these labels; to look for it takes longer than to
+    count.
+    """
     return family.labels(*labels)
 
 
@@ -66,13 +81,20 @@ def note_run(kind: str, outcome: str, wall: float, processor: float, mebibytes: 
 
 def written(families: Iterable[Metric]) -> bytes:
     """All that was counted since the start, with these, which are read when they are asked for."""
-    by_kind: dict[tuple[str, ...], float] = {(kind,): value * 2**20 for kind, value in _largest.items()}
+    by_kind: dict[tuple[str, ...], float] = {
+        (kind,): value * 2**20 for kind, value in _largest.items()
+    }
     memory = gauge("job_memory_peak_bytes", "Largest memory of a run.", by_kind, ("kind",))
     read: Any = SimpleNamespace(collect=lambda: [*REGISTRY.collect(), *families, memory])
     return prometheus_client.generate_latest(read)
 
 
-def gauge(name: str, text: str, found: Mapping[tuple[str, ...], float] | float, labels: tuple[str, ...] = ()) -> Metric:
+def gauge(
+    name: str,
+    text: str,
+    found: Mapping[tuple[str, ...], float] | float,
+    labels: tuple[str, ...] = (),
+) -> Metric:
     """A metric that is read when it is asked for, with labels or without."""
     family = GaugeMetricFamily(f"{NAME}_{name}", text, labels=labels)
     for values, value in found.items() if isinstance(found, Mapping) else [((), float(found))]:
@@ -83,14 +105,21 @@ def gauge(name: str, text: str, found: Mapping[tuple[str, ...], float] | float, 
 def line(level: str, where: str, what: str, moment: float, more: Mapping[str, Any]) -> str:
     """A line of the log: time (UTC), level, where, what, the request; then more, such as `job`."""
     second = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(moment))
-    about = {"time": f"{second}.{int(moment % 1 * 1000):03d}Z", "level": level.lower(), "where": where, "what": what}
+    about = {
+        "time": f"{second}.{int(moment % 1 * 1000):03d}Z",
+        "level": level.lower(),
+        "where": where,
+        "what": what,
+    }
     if identifier := REQUEST.get():
         about["request"] = identifier
     return _AS_JSON({**about, **more}) + "\n"
 
 
 def say(log: logging.Logger, what: str, more: Mapping[str, Any], level: int = logging.INFO) -> None:
-    """Log what is said of each request; without the records of `logging`, which cost several times as much."""
+    """Log what is said of each request; without the records of `logging`, which cost several times
+    as much.
+    """
     if not WRITERS:
         log.log(level, what, extra=more)
     elif log.isEnabledFor(level):
@@ -109,7 +138,9 @@ class JsonLines(logging.Formatter):
 
 
 class Seldom(logging.Filter):
-    """Lets the same sentence through once in BETWEEN, and says how many were left out since; none of `no_fault`."""
+    """Lets the same sentence through once in BETWEEN, and says how many were left out since; none
+    of `no_fault`.
+    """
 
     def __init__(self, no_fault: type[Exception]) -> None:
         super().__init__()
@@ -137,7 +168,8 @@ def begin(level: str, no_fault: type[Exception]) -> None:
     handler.setFormatter(JsonLines())
     logging.basicConfig(level=logging.WARNING, handlers=[handler], force=True)
     logging.getLogger("inverse_service").setLevel(level.upper())
-    # What strangers can make these write has no end: bad requests, and connections where descriptors run out.
+    # What strangers can make these write has no end: bad requests, and connections where
+    # descriptors run out.
     for name in ("asyncio", "uvicorn.error"):
         logging.getLogger(name).addFilter(Seldom(no_fault))
     logging.captureWarnings(True)

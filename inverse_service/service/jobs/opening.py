@@ -20,7 +20,8 @@ SCHEMES = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
 
 
 def open_store(database: str | None, guest: bool = False) -> stores.JobStore:
-    """The store at a path or an address; raises InputError where it cannot be used. `guest`: s. `SqliteStore`.
+    """The store at a path or an address; raises InputError where it cannot be used. `guest`: s.
+    `SqliteStore`.
 
     None is the file of this user. Where another service has that one, or it cannot be written, the
     jobs go to a new file in the temporary folder, and the log says so.
@@ -32,12 +33,18 @@ def open_store(database: str | None, guest: bool = False) -> stores.JobStore:
         return _postgres_store(database)
     try:
         if guest and not Path(database).is_file():
-            raise errors.InputError(f"There is no database {database}; INVERSE_SERVICE_DATABASE names the service's.")
-        return stores.SqliteStore(Path(database), guest=True) if guest else _store_at(Path(database))
+            raise errors.InputError(
+                f"There is no database {database}; INVERSE_SERVICE_DATABASE names the service's."
+            )
+        return (
+            stores.SqliteStore(Path(database), guest=True) if guest else _store_at(Path(database))
+        )
     except model.DatabaseTaken as error:
         raise errors.InputError(error.detail) from None
     except (OSError, sqlite3.Error, model.WrongVersion) as error:
-        detail = f"The file INVERSE_SERVICE_DATABASE cannot be used as a database: {_reason(error)}."
+        detail = (
+            f"The file INVERSE_SERVICE_DATABASE cannot be used as a database: {_reason(error)}."
+        )
         raise errors.InputError(detail) from None
 
 
@@ -107,14 +114,17 @@ def stored_answer(address: str, id: str) -> tuple[str, bytes]:
 
 
 def executor(cluster: str | None, count: int, memory_limit: int) -> workers.Executor:
-    """A pool of so many processes, or a cluster at an address, which connects when it is started; MiB a process.
+    """A pool of so many processes, or a cluster at an address, which connects when it is started;
+    MiB a process.
 
     Raises InputError: the address is none, or the extra `dask` is not installed.
     """
     if cluster is None:
         return workers.Workers(count, memory_limit)
     if not cluster.startswith(SCHEMES):
-        raise errors.InputError("The address of a cluster must be that of a Dask scheduler, such as tcp://host:8786.")
+        raise errors.InputError(
+            "The address of a cluster must be that of a Dask scheduler, such as tcp://host:8786."
+        )
     if find_spec("distributed") is None:
         raise errors.InputError("A cluster needs the extra: pip install 'inverse-service[dask]'.")
     from inverse_service.service.jobs.cluster import Cluster

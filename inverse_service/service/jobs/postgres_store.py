@@ -1,7 +1,8 @@
 """The job store in PostgreSQL: several front ends, each with its own supervisor, share one.
 
-Times are those of the database server, whose clock all front ends share. What another front end did is not announced:
-who waits for it looks again (`engine.LOOK_AGAIN`), and so does who runs a job (`supervisor.HEARTBEAT`).
+Times are those of the database server, whose clock all front ends share. What another front end did
+is not announced: who waits for it looks again (`engine.LOOK_AGAIN`), and so does who runs a job
+(`supervisor.HEARTBEAT`).
 """
 
 import contextlib
@@ -40,7 +41,8 @@ def connect(address: str) -> Connection:
 
 
 def prepare(connection: Connection) -> None:
-    """Make the tables that are missing, bring those of an older version to this one, all in one transaction.
+    """Make the tables that are missing, bring those of an older version to this one, all in one
+    transaction.
 
     Raises WrongVersion for a newer one.
     """
@@ -57,7 +59,9 @@ def prepare(connection: Connection) -> None:
 
 
 class PostgresStore(stores.JobStore):
-    """See `stores.JobStore`. Raises InputError where the database cannot be used, StoreUnavailable later."""
+    """See `stores.JobStore`. Raises InputError where the database cannot be used, StoreUnavailable
+    later.
+    """
 
     exclusive = False
     step = 1_000
@@ -69,12 +73,18 @@ class PostgresStore(stores.JobStore):
             first = connect(address)
             prepare(first)
         except (psycopg.Error, model.WrongVersion, UnicodeError) as error:
-            name, text = type(error).__name__, str(error).strip().partition("\n")[0][:300].rstrip(".")
+            name, text = (
+                type(error).__name__,
+                str(error).strip().partition("\n")[0][:300].rstrip("."),
+            )
             is_said = isinstance(error, psycopg.OperationalError | model.WrongVersion)
             reason = text if is_said else f"wrong address or rights ({name})"
-            detail = f"The PostgreSQL database of INVERSE_SERVICE_DATABASE cannot be used: {reason}."
+            detail = (
+                f"The PostgreSQL database of INVERSE_SERVICE_DATABASE cannot be used: {reason}."
+            )
             raise errors.InputError(detail) from None
-        # A place for each connection there may be; a thread has one for the time of one transaction.
+        # A place for each connection there may be; a thread has one for the time of one
+        # transaction.
         self._places: queue.LifoQueue[Connection | None] = queue.LifoQueue()
         for place in [*[None] * (MOST - 1), first]:
             self._places.put(place)
@@ -97,12 +107,15 @@ class PostgresStore(stores.JobStore):
             self._places.put(self._closing(connection))
 
     def _read(self, function: Callable[[statements.Session], T]) -> T:
-        return self._insist(lambda connection: function(statements.Session(connection, [], statements.POSTGRES)))
+        return self._insist(
+            lambda connection: function(statements.Session(connection, [], statements.POSTGRES))
+        )
 
     def write_change(self, change: Callable[[statements.Session], T], durable: bool = True) -> T:
         def transaction(connection: Connection) -> tuple[T, list[model.Change]]:
             session = statements.Session(connection, [], statements.POSTGRES)
-            # In a pipeline, statements whose rows nobody waits for cost no way to the server and back.
+            # In a pipeline, statements whose rows nobody waits for cost no way to the server and
+            # back.
             with connection.pipeline(), connection.transaction():
                 if not durable:
                     connection.execute("SET LOCAL synchronous_commit TO off")
@@ -113,7 +126,8 @@ class PostgresStore(stores.JobStore):
         return value
 
     def _insist(self, function: Callable[[Connection], T]) -> T:
-        """Run it on a connection, again where that broke, so it must bear that a first run was committed.
+        """Run it on a connection, again where that broke, so it must bear that a first run was
+        committed.
 
         Raises what it raises, with everything undone; StoreUnavailable where the server stays away.
         """
@@ -127,7 +141,9 @@ class PostgresStore(stores.JobStore):
                 return function(connection)
             except (*LOST, *CONFLICT) as error:
                 if self._closed or time.monotonic() + pause > end:
-                    raise model.StoreUnavailable(f"The database does not answer ({type(error).__name__}).") from error
+                    raise model.StoreUnavailable(
+                        f"The database does not answer ({type(error).__name__})."
+                    ) from error
             finally:
                 self._places.put(self._closing(connection))
             time.sleep(pause)

@@ -1,7 +1,8 @@
 """What a store does inside a transaction, the same for each database.
 
-The SQL is in `schema.sql` (tables, and how those of older versions become these) and `statements.sql`, by name. Then
-batches: their identity, and what a store does with them and their lines.
+The SQL is in `schema.sql` (tables, and how those of older versions become these) and
+`statements.sql`, by name. Then batches: their identity, and what a store does with them and their
+lines.
 """
 
 import functools
@@ -21,7 +22,8 @@ from inverse_service.service.jobs import model, tasks
 NO_BOUNDS, NO_USE = model.Bounds(), tasks.Usage()
 VERSION: Final = 4
 ACCEPT_LOCK, CLAIM_LOCK, PRUNE_LOCK = 7_204_021_102, 7_204_021_104, 7_204_021_103
-# Near the bounds on open jobs front ends accept one after the other, so that they hold for all together.
+# Near the bounds on open jobs front ends accept one after the other, so that they hold for all
+# together.
 FAR, FEW = 10, 1000
 # The total of a batch of which lines are missing still.
 INCOMPLETE: Final = -1
@@ -36,7 +38,9 @@ def _by_name(file: str) -> dict[str, str]:
     """The statements of a file, each after a line with its name."""
     text = resources.files(__package__).joinpath(file).read_text(encoding="utf-8")
     _, *parts = re.split(r"^-- name: (\w+)\n", text, flags=re.MULTILINE)
-    return {name: statement.strip() for name, statement in zip(parts[::2], parts[1::2], strict=True)}
+    return {
+        name: statement.strip() for name, statement in zip(parts[::2], parts[1::2], strict=True)
+    }
 
 
 SQL: Final = _by_name("schema.sql") | _by_name("statements.sql")
@@ -44,8 +48,9 @@ SQL: Final = _by_name("schema.sql") | _by_name("statements.sql")
 
 @dataclass(frozen=True, eq=False)
 class Dialect:
-    """Of a database: what its statements have instead of ours, whether transactions run at the same time, and whether a
-    statement takes many rows as an array for each column, which saves as many ways over the network.
+    """Of a database: what its statements have instead of ours, whether transactions run at the same
+    time, and whether a statement takes many rows as an array for each column, which saves as many
+    ways over the network.
     """
 
     instead: Mapping[str, str]
@@ -54,7 +59,9 @@ class Dialect:
 
     @functools.cache  # noqa: B019 - there are two, for all time
     def translated(self, name: str, is_single: bool = False, **parts: str) -> str:
-        """The statement of this name as this database takes it, with these parts; `is_single`: for lists of one."""
+        """The statement of this name as this database takes it, with these parts; `is_single`: for
+        lists of one.
+        """
         query = SQL[name]
         while "{" in query:
             query = query.format(**SQL, **parts)
@@ -76,7 +83,8 @@ SQLITE: Final = Dialect(
 POSTGRES: Final = Dialect(
     {
         " STRICT, WITHOUT ROWID": "", " STRICT": "", "ADD COLUMN": "ADD COLUMN IF NOT EXISTS",
-        # PostgreSQL looks through all jobs for what is IN a list that depends on the row, and goes to each of an array.
+        # PostgreSQL looks through all jobs for what is IN a list that depends on the row, and goes
+        # to each of an array.
         " FIRST (": " = ANY(ARRAY(", ") LAST": "))", "AMONG (?)": "= ANY(%s)", "?": "%s",
         "moment()": "extract(epoch FROM clock_timestamp())::double precision",
         # The time of the statement is one for all its rows, so an index finds the day.
@@ -88,7 +96,9 @@ POSTGRES: Final = Dialect(
 
 
 def script(found: int, dialect: Dialect) -> str:
-    """What makes the tables of version `found` (0: none) those of this one. Raises WrongVersion for a newer one."""
+    """What makes the tables of version `found` (0: none) those of this one. Raises WrongVersion for
+    a newer one.
+    """
     if not 0 <= found <= VERSION:
         raise model.WrongVersion(found, VERSION)
     steps = [f"from_{version}" for version in range(found or VERSION, VERSION)]
@@ -97,7 +107,9 @@ def script(found: int, dialect: Dialect) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """The connection of one transaction, and what it changed; statements by name, in the words of its database."""
+    """The connection of one transaction, and what it changed; statements by name, in the words of
+    its database.
+    """
 
     connection: Any
     told: list[model.Change]
@@ -148,7 +160,8 @@ def jobs_of(rows: Iterable[Mapping[str, Any]]) -> list[model.Job]:
 def read_job(
     session: Session, id: str, largest: int = model.LARGEST_BODY, client: str | None = None
 ) -> model.Job | None:
-    """One job; the body only where it is that of the present status, and has at most `largest` bytes.
+    """One job; the body only where it is that of the present status, and has at most `largest`
+    bytes.
 
     Open, it is dismissed for who has left it.
     """
@@ -160,20 +173,25 @@ def read_job(
 
 
 def submit(
-    session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds = NO_BOUNDS, of_batch: bool = False
+    session: Session,
+    requests: Sequence[model.JobRequest],
+    bounds: model.Bounds = NO_BOUNDS,
+    of_batch: bool = False,
 ) -> list[model.Job]:
     """The job of each request, in order; all are stored, or none is (TooManyJobs).
 
-    A job that is open or answered already is returned as it is, without its body, unless the request is `fresh` and it
-    is answered, or it was dismissed: then it is accepted again. `of_batch`: its lines wait for the jobs. The jobs stay
-    locked until the commit.
+    A job that is open or answered already is returned as it is, without its body, unless the
+    request is `fresh` and it is answered, or it was dismissed: then it is accepted again.
+    `of_batch`: its lines wait for the jobs. The jobs stay locked until the commit.
     """
     _accept(session, requests, bounds, of_batch)
     found = _read(session, [request.id for request in requests])
     return [found[request.id] for request in requests]
 
 
-def _accept(session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds, of_batch: bool) -> bool:
+def _accept(
+    session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds, of_batch: bool
+) -> bool:
     """Store what is asked; whether any of it is to be computed that was not."""
     wanted = {request.id: request for request in reversed(requests)}
     known = lock_jobs(session, list(wanted))
@@ -188,14 +206,22 @@ def _accept(session: Session, requests: Sequence[model.JobRequest], bounds: mode
         if again := [request.id for request in new if request.id in known]:
             session.run("forget", again, table="events")
     if not of_batch:
-        answered = wanted.keys() - {request.id for request in new} - {id for id, job in known.items() if job.is_open}
-        waiting = [(request.id, request.client) for request in requests if request.id not in answered]
+        answered = (
+            wanted.keys()
+            - {request.id for request in new}
+            - {id for id, job in known.items() if job.is_open}
+        )
+        waiting = [
+            (request.id, request.client) for request in requests if request.id not in answered
+        ]
         session.many("ask", waiting)
         session.told.extend(model.Change(request.id, "accepted") for request in new)
     return bool(new)
 
 
-def refuse_without_room(session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds) -> None:
+def refuse_without_room(
+    session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds
+) -> None:
     """Raises TooManyJobs or LimitError where not all of these questions can be accepted now."""
     wanted = {request.id: request for request in requests}
     if new := _to_be_asked(session, wanted, _read(session, list(wanted))):
@@ -207,7 +233,9 @@ def _to_be_asked(
 ) -> list[model.JobRequest]:
     """Those that have to be computed."""
     now = session.first("now")["now"] if known else 0.0
-    return [r for r in wanted.values() if r.id not in known or known[r.id].is_to_be_asked(r.fresh, now)]
+    return [
+        r for r in wanted.values() if r.id not in known or known[r.id].is_to_be_asked(r.fresh, now)
+    ]
 
 
 def lock_jobs(session: Session, ids: list[str]) -> dict[str, model.Job]:
@@ -219,14 +247,19 @@ def _read(session: Session, ids: list[str], largest: int = 0) -> dict[str, model
     return {job.id: job for job in jobs_of(session.rows("read_jobs", largest, ids))}
 
 
-def refuse_too_many(session: Session, new: Sequence[model.JobRequest], bounds: model.Bounds) -> None:
-    """Raises TooManyJobs, LimitError for a batch that would never have room. Well below the limits no lock is taken: it
-    dominates the rate."""
+def refuse_too_many(
+    session: Session, new: Sequence[model.JobRequest], bounds: model.Bounds
+) -> None:
+    """Raises TooManyJobs, LimitError for a batch that would never have room. Well below the limits
+    no lock is taken: it dominates the rate.
+    """
     if len(new) > (most := min(bounds.total, bounds.client)):
         detail = f"The batch asks {len(new)} new questions, and at most {most} may be open; send it in parts."
         raise errors.LimitError(detail)
     clients = {request.client for request in new}
-    if bounds.daily < model.NO_BOUND and session.rows("used_up", list(clients), float(bounds.daily)):
+    if bounds.daily < model.NO_BOUND and session.rows(
+        "used_up", list(clients), float(bounds.daily)
+    ):
         detail = "The processor time of this client for today (UTC) is used; ask again tomorrow."
         raise model.TooManyJobs(detail, model.until_tomorrow(), bounds.daily)
     if _room(session, clients, bounds) > FAR * len(new) + FEW:
@@ -244,13 +277,17 @@ def _room(session: Session, clients: set[str], bounds: model.Bounds) -> int:
     return room
 
 
-def claim(session: Session, owner: str, limit: int, client_running: int = model.NO_BOUND) -> list[model.Job]:
-    """Up to `limit` accepted jobs, now running and owned by `owner`; of one client at most `client_running` run.
+def claim(
+    session: Session, owner: str, limit: int, client_running: int = model.NO_BOUND
+) -> list[model.Job]:
+    """Up to `limit` accepted jobs, now running and owned by `owner`; of one client at most
+    `client_running` run.
 
-    Those of the client that has the fewest running, of these the smallest priority, then the oldest; an operator's rank
-    goes before all of that. `attempt` is one higher than before. Those that another front end takes at this moment are
-    passed over; none while the store is drained. A claim that is lost leaves the job accepted.
-    Where running jobs of a client are bounded, front ends claim one after the other, so that it holds for all together.
+    Those of the client that has the fewest running, of these the smallest priority, then the
+    oldest; an operator's rank goes before all of that. `attempt` is one higher than before. Those
+    that another front end takes at this moment are passed over; none while the store is drained. A
+    claim that is lost leaves the job accepted. Where running jobs of a client are bounded, front
+    ends claim one after the other, so that it holds for all together.
     """
     if client_running < model.NO_BOUND:
         session.lock(CLAIM_LOCK)
@@ -266,13 +303,25 @@ def submit_and_claim(
 ) -> tuple[model.Job, bool, list[model.Job]]:  # fmt: skip
     """`submit` of one question, and in the same transaction `claim`.
 
-    Its job, with an answer that has at most so many bytes; whether it is new; those claimed. Where few are open, a new
-    one is stored in one statement: as running if it is next, else as waiting.
+    Its job, with an answer that has at most so many bytes; whether it is new; those claimed. Where
+    few are open, a new one is stored in one statement: as running if it is next, else as waiting.
     """
-    row, about = None, (request.id, request.kind, request.document, request.options, request.client, request.priority)
+    row, about = (
+        None,
+        (
+            request.id,
+            request.kind,
+            request.document,
+            request.options,
+            request.client,
+            request.priority,
+        ),
+    )
     if min(bounds.total, bounds.client) > 2 * FEW and bounds.daily >= model.NO_BOUND:
         may_begin = limit > 0 and client_running >= model.NO_BOUND
-        row = (may_begin and session.first("begin", *about, owner)) or session.first("wait", *about, FEW)
+        row = (may_begin and session.first("begin", *about, owner)) or session.first(
+            "wait", *about, FEW
+        )
     if row:
         found = model.Job(**dict(row))
         session.run("ask", found.id, found.client)
@@ -280,13 +329,21 @@ def submit_and_claim(
             return found, True, [found]
         session.told.append(model.Change(found.id, "accepted"))
     is_new = bool(row) or _accept(session, [request], bounds, of_batch=False)
-    claimed = {job.id: job for job in claim(session, owner, limit, client_running)} if is_new and limit > 0 else {}
-    job = claimed.get(request.id) or (found if row else _read(session, [request.id], largest)[request.id])
+    claimed = (
+        {job.id: job for job in claim(session, owner, limit, client_running)}
+        if is_new and limit > 0
+        else {}
+    )
+    job = claimed.get(request.id) or (
+        found if row else _read(session, [request.id], largest)[request.id]
+    )
     return job, is_new, [*claimed.values()]
 
 
 def heartbeat(session: Session, owner: str, running: Sequence[tuple[str, int]]) -> list[str]:
-    """Renew those of these claims (id, attempt) that are still this owner's; the ids of the others."""
+    """Renew those of these claims (id, attempt) that are still this owner's; the ids of the
+    others.
+    """
     ids = sorted({id for id, _ in running})
     lock_jobs(session, ids)
     rows = session.rows("heartbeat", ids, owner)
@@ -331,7 +388,8 @@ def list_jobs(
     session: Session, *, status: model.JobStatus | None = None, kind: str | None = None, client: str | None = None,
     cursor: str | None = None, limit: int = 50,
 ) -> tuple[list[model.Job], str | None]:  # fmt: skip
-    """One page, newest first, without bodies, and the cursor of the next one: the id of its last job.
+    """One page, newest first, without bodies, and the cursor of the next one: the id of its last
+    job.
 
     ValueError: a bad cursor.
     """
@@ -340,7 +398,9 @@ def list_jobs(
         raise ValueError("not a cursor of this list")
     wanted = {"status": status, "kind": kind, "client": client, "sequence": last and last.sequence}
     chosen = {name: value for name, value in wanted.items() if value is not None}
-    where = " AND ".join(f"{name} {'<' if name == 'sequence' else '='} ?" for name in chosen) or "1 = 1"
+    where = (
+        " AND ".join(f"{name} {'<' if name == 'sequence' else '='} ?" for name in chosen) or "1 = 1"
+    )
     if status is not None:
         where += " AND {open}" if status in model.OPEN else " AND {finished}"
     found = jobs_of(session.rows("list_jobs", *chosen.values(), limit + 1, where=where))
@@ -364,12 +424,17 @@ def oldest(session: Session) -> float | None:
 
 
 def release(
-    session: Session, id: str, attempt: int, crashed: bool, usage: tasks.Usage = NO_USE, left: bytes | None = None
+    session: Session,
+    id: str,
+    attempt: int,
+    crashed: bool,
+    usage: tasks.Usage = NO_USE,
+    left: bytes | None = None,
 ) -> model.Job | None:
     """running -> accepted after the worker died; counts a crash where `crashed`.
 
-    What the run took is counted also where the job was dismissed meanwhile; that one keeps as its result what is
-    `left`: what was finished of it.
+    What the run took is counted also where the job was dismissed meanwhile; that one keeps as its
+    result what is `left`: what was finished of it.
     """
     session.told.append(model.Change(id, "accepted"))
     session.run("release", int(crashed), id, attempt)
@@ -393,10 +458,12 @@ def used_today(session: Session, client: str) -> float:
 
 
 def dismiss(session: Session, id: str, client: str | None = None) -> tuple[model.Job | None, bool]:
-    """The job, dismissed for a client and its batches (None: for all), and whether its work is to stop.
+    """The job, dismissed for a client and its batches (None: for all), and whether its work is to
+    stop.
 
-    The work stops when nobody waits for it any more: accepted or running -> dismissed, or to the earlier answer of
-    a job that was computed again. A final job is returned as it is, an unknown one is None.
+    The work stops when nobody waits for it any more: accepted or running -> dismissed, or to the
+    earlier answer of a job that was computed again. A final job is returned as it is, an unknown
+    one is None.
     """
     lock_jobs(session, [id])
     job = read_job(session, id)
@@ -407,13 +474,17 @@ def dismiss(session: Session, id: str, client: str | None = None) -> tuple[model
         is_over = bool(dismiss_unwanted(session, [id], "1 = 1"))
         return read_job(session, id), is_over
     session.run("leave", id, client)
-    dismiss_lines(session, "job = ? AND batch IN (SELECT id FROM batches WHERE client = ?)", (id, client))
+    dismiss_lines(
+        session, "job = ? AND batch IN (SELECT id FROM batches WHERE client = ?)", (id, client)
+    )
     is_over = bool(dismiss_unwanted(session, [id]))
     return (read_job(session, id) if is_over else replace(job, status="dismissed")), is_over
 
 
 def dismiss_unwanted(session: Session, ids: list[str], where: str = "{unwanted}") -> list[str]:
-    """Those of these open jobs that nobody waits for, dismissed; one computed again has its earlier answer back."""
+    """Those of these open jobs that nobody waits for, dismissed; one computed again has its earlier
+    answer back.
+    """
     over = [row["id"] for row in session.rows("dismiss", ids, where=where)]
     if over:
         session.run("forget_askers", over)
@@ -445,7 +516,8 @@ def dismiss_lines(session: Session, where: str, arguments: tuple[Any, ...]) -> N
 def number_lines(session: Session, where: str, arguments: tuple[Any, ...]) -> None:
     """Number lines that have an answer now, in the order in which answers come.
 
-    Whoever takes numbers of a batch holds its row until the commit, so they become visible in their order.
+    Whoever takes numbers of a batch holds its row until the commit, so they become visible in their
+    order.
     """
     for row in session.rows("due_lines", *arguments, where=where):
         batch, due = row["batch"], row["due"]
@@ -453,10 +525,14 @@ def number_lines(session: Session, where: str, arguments: tuple[Any, ...]) -> No
         session.run("number_lines", before, *arguments, batch, batch, where=where)
 
 
-def batch_id(kind: str, client: str, lines: Sequence[model.BatchLine], key: str, generation: int) -> str:
-    """The id of a client's batch, so that one that is sent again after a lost answer is not stored twice.
+def batch_id(
+    kind: str, client: str, lines: Sequence[model.BatchLine], key: str, generation: int
+) -> str:
+    """The id of a client's batch, so that one that is sent again after a lost answer is not stored
+    twice.
 
-    `key` tells batches of the same lines apart; `generation` counts those with cancelled lines before it.
+    `key` tells batches of the same lines apart; `generation` counts those with cancelled lines
+    before it.
     """
     digest = hashlib.sha256("\x00".join(("batch", kind, client, key, str(generation))).encode())
     for line in lines:
@@ -499,7 +575,8 @@ def list_batches(
 def answers(
     session: Session, batch: str, after: int = 0, limit: int = 500, largest: int = model.NO_BOUND
 ) -> list[model.BatchAnswer]:
-    """Answers with `order` above `after`, in that order: what is done so far; bodies of at most `largest` bytes.
+    """Answers with `order` above `after`, in that order: what is done so far; bodies of at most
+    `largest` bytes.
 
     They are of a bad line, of one that was cancelled, or of a job.
     """
@@ -508,11 +585,15 @@ def answers(
 
 def _answer_of(row: Any) -> model.BatchAnswer:
     if row["problem"] is not None:
-        return model.BatchAnswer(row["number"], row["identifier"], "failed", row["problem"], row["order_number"])
+        return model.BatchAnswer(
+            row["number"], row["identifier"], "failed", row["problem"], row["order_number"]
+        )
     status: model.JobStatus = "dismissed" if row["dismissed"] else row["status"] or "dismissed"
     body = None if status == "dismissed" else row["body"]
     job, size = row["job"] or "", row["size"] or 0
-    return model.BatchAnswer(row["number"], row["identifier"], status, body, row["order_number"], job=job, size=size)
+    return model.BatchAnswer(
+        row["number"], row["identifier"], status, body, row["order_number"], job=job, size=size
+    )
 
 
 def repeated(session: Session, batch: str) -> int:
@@ -531,11 +612,18 @@ def claim_key(session: Session, client: str, key: str, digest: str) -> bool:
     return bool(session.first("key", client, key)["digest"] == digest)
 
 
-def add_lines(session: Session, id: str, lines: Sequence[model.BatchLine], bounds: model.Bounds) -> None:
+def add_lines(
+    session: Session, id: str, lines: Sequence[model.BatchLine], bounds: model.Bounds
+) -> None:
     """Some lines and the jobs that are new; lines that are there already stay as they are."""
-    _accept(session, [line.request for line in lines if line.request is not None], bounds, of_batch=True)
+    _accept(
+        session, [line.request for line in lines if line.request is not None], bounds, of_batch=True
+    )
     session.told.append(model.Change("", "accepted"))
-    rows = [(id, x.number, x.identifier, None if x.request is None else x.request.id, x.problem) for x in lines]
+    rows = [
+        (id, x.number, x.identifier, None if x.request is None else x.request.id, x.problem)
+        for x in lines
+    ]
     session.table("add_line", rows)
     numbers = (id, lines[0].number, lines[-1].number)
     number_lines(session, "batch = ? AND number BETWEEN ? AND ? AND {answered}", numbers)
@@ -556,7 +644,9 @@ def forget_batch(session: Session, id: str) -> None:
 
 
 def leave_some(session: Session, batch: str) -> tuple[int, list[str]]:
-    """Dismiss some open lines of a batch: how many jobs they have, and which of these nobody else waits for."""
+    """Dismiss some open lines of a batch: how many jobs they have, and which of these nobody else
+    waits for.
+    """
     rows = session.rows("open_jobs_of_batch", batch, STEP)
     ids = sorted(row["job"] for row in rows)
     lock_jobs(session, ids)
@@ -567,10 +657,11 @@ def leave_some(session: Session, batch: str) -> tuple[int, list[str]]:
 
 
 def forget(session: Session, before: float, most: int) -> tuple[int, int]:
-    """Forget a little: lines of a batch from before with nothing open, or where there is none, finished jobs.
+    """Forget a little: lines of a batch from before with nothing open, or where there is none,
+    finished jobs.
 
-    How many rows were forgotten, and how many of them are jobs. Those that a kept batch names stay, and so do those
-    that a batch has locked which is made at this moment.
+    How many rows were forgotten, and how many of them are jobs. Those that a kept batch names stay,
+    and so do those that a batch has locked which is made at this moment.
     """
     session.lock(PRUNE_LOCK)
     session.run("forget_keys", before)
@@ -582,7 +673,11 @@ def forget(session: Session, before: float, most: int) -> tuple[int, int]:
         return max(1, len(lines)), 0
     rows = session.rows("old_jobs", before, most)
     sizes = itertools.accumulate(row["size"] for row in rows)
-    ids = [row["id"] for row, size in zip(rows, sizes, strict=True) if row is rows[0] or size <= FORGOTTEN_BYTES]
+    ids = [
+        row["id"]
+        for row, size in zip(rows, sizes, strict=True)
+        if row is rows[0] or size <= FORGOTTEN_BYTES
+    ]
     return len(ids), _delete(session, ids)
 
 
@@ -616,7 +711,9 @@ def clients(session: Session) -> list[model.ClientUse]:
 
 
 def rank_client(session: Session, client: str, rank: int) -> None:
-    """The client's jobs, also those to come, begin before (-1), with (0) or after (1) those of the others."""
+    """The client's jobs, also those to come, begin before (-1), with (0) or after (1) those of the
+    others.
+    """
     session.run("forget_of_client", client, table="ranks")
     if rank:
         session.run("rank", client, rank)
@@ -630,19 +727,24 @@ def prioritise_batch(session: Session, batch: str, priority: int) -> int:
 
 
 def leave_all(session: Session, client: str) -> list[str]:
-    """Dismiss the single jobs that are open for a client; the ids of those that nobody else waits for, which stop."""
+    """Dismiss the single jobs that are open for a client; the ids of those that nobody else waits
+    for, which stop.
+    """
     asked = session.rows("open_of_client", client, client)
     return [row["id"] for row in asked if dismiss(session, row["id"], client)[1]]
 
 
 def erase_client(session: Session, client: str) -> int:
-    """Forget a client that has nothing open: its batches, its jobs with their answers, what it used; how many jobs.
+    """Forget a client that has nothing open: its batches, its jobs with their answers, what it
+    used; how many jobs.
 
     Jobs that others wait for, or that a batch of another client names, lose its name instead.
     """
     session.run("forget_lines_of_client", client)
     for table in ("batches", "askers", "keys", "ranks", "uses"):
         session.run("forget_of_client", client, table=table)
-    forgotten = _delete(session, [row["id"] for row in session.rows("forgettable_of_client", client)])
+    forgotten = _delete(
+        session, [row["id"] for row in session.rows("forgettable_of_client", client)]
+    )
     session.run("disown", client)
     return forgotten

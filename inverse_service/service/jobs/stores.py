@@ -1,11 +1,13 @@
-"""The job store: what every one does (`JobStore`), the default one in an SQLite file, and what forgets old answers.
+"""The job store: what every one does (`JobStore`), the default one in an SQLite file, and what
+forgets old answers.
 
-All methods block, may be called from any thread, and return after their change is durable unless they say otherwise. A
-store is the truth: whatever else dies, an accepted job is in it. The one in PostgreSQL is an extra (`postgres_store`).
+All methods block, may be called from any thread, and return after their change is durable unless
+they say otherwise. A store is the truth: whatever else dies, an accepted job is in it. The one in
+PostgreSQL is an extra (`postgres_store`).
 
-The SQLite file has a write-ahead log: one process, one thread at a time writes. SQLite itself waits for the disk only
-where it empties the log into the file. What is to be durable is synced here after its commit, while others write
-already: one wait for the disk may serve several of them.
+The SQLite file has a write-ahead log: one process, one thread at a time writes. SQLite itself waits
+for the disk only where it empties the log into the file. What is to be durable is synced here after
+its commit, while others write already: one wait for the disk may serve several of them.
 """
 
 from __future__ import annotations
@@ -28,10 +30,12 @@ from inverse_service.service.jobs import locks, model, statements
 
 P = ParamSpec("P")
 T = TypeVar("T")
-# Rows that are forgotten in one step, which takes some milliseconds; jobs that are looked at to find the oldest.
+# Rows that are forgotten in one step, which takes some milliseconds; jobs that are looked at to
+# find the oldest.
 STEP, OLDEST = 50, 100
 log = logging.getLogger(__name__)
-# A clock that went forward by more than this since the last look, or since the newest job, is not believed for a day.
+# A clock that went forward by more than this since the last look, or since the newest job, is not
+# believed for a day.
 JUMP, DISTRUST = 86_400.0, 86_400.0
 sqlite3.register_adapter(list, json.dumps)  # as AMONG reads it, see `statements`
 PAGES_AT_ONCE, PAGES_KEPT = 256, 2048
@@ -43,7 +47,9 @@ SYNC = getattr(os, "fdatasync", os.fsync)  # macOS has no fdatasync
 OWN_TABLES = {"jobs", "bodies", "events", "batches", "lines", "counters"}
 
 
-def _reading(statement: Callable[Concatenate[statements.Session, P], T]) -> Callable[Concatenate[JobStore, P], T]:
+def _reading(
+    statement: Callable[Concatenate[statements.Session, P], T],
+) -> Callable[Concatenate[JobStore, P], T]:
     """The method that looks at the store by this statement."""
 
     @functools.wraps(statement)
@@ -107,14 +113,18 @@ class JobStore(ABC):
 
     @abstractmethod
     def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:
-        """The length of the body of a job's answer, 0 where there is none, and so many bytes of it."""
+        """The length of the body of a job's answer, 0 where there is none, and so many bytes of
+        it.
+        """
 
     def size(self) -> int:
         """The bytes that the database takes."""
         return self._used_bytes()
 
     def try_to_write(self) -> None:
-        """Write something small and durable, and read every column; raises what the database says."""
+        """Write something small and durable, and read every column; raises what the database
+        says.
+        """
         self._read(lambda s: s.rows("columns"))
         self.write_change(lambda s: s.run("probe"))
 
@@ -152,8 +162,8 @@ class JobStore(ABC):
     ) -> model.Batch:  # fmt: skip
         """Store the batch and the jobs of its lines, all or nothing; one of this id stays as it is.
 
-        In small transactions, between which others are served. One that a death of the service left incomplete is
-        unseen, and goes on where it is sent again.
+        In small transactions, between which others are served. One that a death of the service left
+        incomplete is unseen, and goes on where it is sent again.
         """
         if (found := self.batch(id)) is not None:
             return found
@@ -170,7 +180,8 @@ class JobStore(ABC):
         return self.write_change(lambda s: statements.complete_batch(s, id, len(lines)))
 
     def dismiss_batch(self, id: str) -> list[str]:
-        """Dismiss the open lines of the batch; the ids of their jobs that nobody else waits for, which stop.
+        """Dismiss the open lines of the batch; the ids of their jobs that nobody else waits for,
+        which stop.
 
         In small transactions, as they are stored.
         """
@@ -199,7 +210,8 @@ class JobStore(ABC):
         return self.write_change(lambda s: statements.forget(s, before, STEP), durable=False)
 
     secret = writing(statements.secret)
-    # What follows is for an operator; a service that runs over the same store hears of it within seconds.
+    # What follows is for an operator; a service that runs over the same store hears of it within
+    # seconds.
     is_drained = _reading(statements.is_drained)
     drain = writing(statements.drain)
     clients = _reading(statements.clients)
@@ -207,13 +219,17 @@ class JobStore(ABC):
     prioritise_batch = writing(statements.prioritise_batch)
 
     def dismiss_client(self, client: str) -> list[str]:
-        """Dismiss whatever is open for a client; the ids of the jobs that nobody else waits for, which stop."""
+        """Dismiss whatever is open for a client; the ids of the jobs that nobody else waits for,
+        which stop.
+        """
         own = self._read(lambda s: s.rows("batches_of_client", client))
         ended = [id for batch in own for id in self.dismiss_batch(batch["id"])]
         return ended + self.write_change(lambda s: statements.leave_all(s, client))
 
     def erase_client(self, client: str) -> int:
-        """Forget all jobs, answers and batches of a client that no other one asked for; how many jobs."""
+        """Forget all jobs, answers and batches of a client that no other one asked for; how many
+        jobs.
+        """
         self.dismiss_client(client)
         return self.write_change(lambda s: statements.erase_client(s, client))
 
@@ -247,7 +263,9 @@ def prepare(connection: sqlite3.Connection) -> None:
     connection.execute("PRAGMA auto_vacuum = INCREMENTAL")  # heard by a new file, and by VACUUM
     connection.execute("PRAGMA journal_mode = WAL")
     connection.execute(f"PRAGMA journal_size_limit = {REWRITTEN // 4}")
-    connection.executescript(f"BEGIN IMMEDIATE; {script} PRAGMA user_version = {statements.VERSION}; COMMIT;")
+    connection.executescript(
+        f"BEGIN IMMEDIATE; {script} PRAGMA user_version = {statements.VERSION}; COMMIT;"
+    )
     with contextlib.closing(connect(":memory:")) as fresh:
         fresh.executescript(statements.script(0, statements.SQLITE))
         if missing := _columns(fresh) - _columns(connection):
@@ -263,8 +281,13 @@ def _refuse_other_version(connection: sqlite3.Connection) -> None:
 
 
 def _refuse_other_tables(connection: sqlite3.Connection, version: int) -> None:
-    """Raises sqlite3.DatabaseError for a database of another program, or one that is damaged at its root."""
-    tables = {row["name"] for row in connection.execute("SELECT name FROM sqlite_schema WHERE type = 'table'")}
+    """Raises sqlite3.DatabaseError for a database of another program, or one that is damaged at its
+    root.
+    """
+    tables = {
+        row["name"]
+        for row in connection.execute("SELECT name FROM sqlite_schema WHERE type = 'table'")
+    }
     if version and not tables >= OWN_TABLES:
         raise sqlite3.DatabaseError("tables are missing")
     if not version and tables - {"sqlite_sequence"}:
@@ -285,19 +308,24 @@ def _number(connection: sqlite3.Connection, name: str) -> int:
 class SqliteStore(JobStore):
     """See `stores.JobStore`. Raises DatabaseTaken where another process has this file.
 
-    `durable=False` leaves out the fsync, for a store that is deleted at the end. `guest`: an operator's command, which
-    runs no jobs and so may come in while a service has the file.
+    `durable=False` leaves out the fsync, for a store that is deleted at the end. `guest`: an
+    operator's command, which runs no jobs and so may come in while a service has the file.
     """
 
     exclusive = True
-    # A power failure that takes an answer takes the service and its streams too; the job is accepted, and runs again.
+    # A power failure that takes an answer takes the service and its streams too; the job is
+    # accepted, and runs again.
     finish = writing(statements.finish, durable=False)
 
     def __init__(self, path: Path, durable: bool = True, guest: bool = False) -> None:
         super().__init__()
         self.address = str(path)
         self._durable, self._is_guest = durable, guest
-        self._turn, self._writing, self._guard = threading.Lock(), threading.Lock(), threading.Lock()
+        self._turn, self._writing, self._guard = (
+            threading.Lock(),
+            threading.Lock(),
+            threading.Lock(),
+        )
         self._local = threading.local()
         with contextlib.ExitStack() as opened:
             if not guest:
@@ -326,7 +354,9 @@ class SqliteStore(JobStore):
 
     def try_to_write(self) -> None:
         if shutil.disk_usage(Path(self.address).parent).free < LEAST_FREE:
-            raise model.StoreUnavailable("The disk of the database is nearly full, so that no question can be stored.")
+            raise model.StoreUnavailable(
+                "The disk of the database is nearly full, so that no question can be stored."
+            )
         super().try_to_write()
 
     def prune(self, oldest: float, largest: int) -> int:
@@ -336,9 +366,14 @@ class SqliteStore(JobStore):
         return forgotten
 
     def erase_client(self, client: str) -> int:
-        """Also what SQLite would leave in its files: pages that are free already are wiped where no service runs."""
+        """Also what SQLite would leave in its files: pages that are free already are wiped where no
+        service runs.
+        """
         forgotten = super().erase_client(client)
-        with contextlib.closing(connect(self.address)) as connection, contextlib.suppress(model.DatabaseTaken):
+        with (
+            contextlib.closing(connect(self.address)) as connection,
+            contextlib.suppress(model.DatabaseTaken),
+        ):
             connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
             with locks.alone(Path(self.address)) if self._is_guest else contextlib.nullcontext():
                 connection.execute("VACUUM")
@@ -369,7 +404,9 @@ class SqliteStore(JobStore):
     def _used_bytes(self) -> int:
         """Pages set free are used again, or given back, and do not count."""
         reader = self._reader()
-        return (_number(reader, "page_count") - _number(reader, "freelist_count")) * _number(reader, "page_size")
+        return (_number(reader, "page_count") - _number(reader, "freelist_count")) * _number(
+            reader, "page_size"
+        )
 
     def _reader(self) -> sqlite3.Connection:
         """A connection for reading of this thread's own."""
@@ -391,7 +428,9 @@ def _give_back(session: statements.Session) -> bool:
 
 
 class Cleaner:
-    """Prunes the store to answers younger than `age` s and at most `size` bytes, each time it is asked to."""
+    """Prunes the store to answers younger than `age` s and at most `size` bytes, each time it is
+    asked to.
+    """
 
     def __init__(self, store: JobStore, age: float, size: int) -> None:
         self._store, self._age, self._size = store, age, size
@@ -411,9 +450,13 @@ class Cleaner:
         newest, _ = self._store.jobs(limit=1)
         offset, self._offset = self._offset, time.time() - time.monotonic()
         is_first = self._believed == 0.0
-        jumped = self._offset - offset > JUMP or (is_first and any(time.time() - job.created > JUMP for job in newest))
+        jumped = self._offset - offset > JUMP or (
+            is_first and any(time.time() - job.created > JUMP for job in newest)
+        )
         if jumped:
-            log.warning("the clock went forward, or nothing was asked for a day: nothing is forgotten by age for a day")
+            log.warning(
+                "the clock went forward, or nothing was asked for a day: nothing is forgotten by age for a day"
+            )
         if jumped or is_first:
             self._believed = time.monotonic() + (DISTRUST if jumped else 0.0)
         return time.time() - self._age if time.monotonic() >= self._believed else 0.0

@@ -1,8 +1,9 @@
 """Takes accepted jobs from the store, has them run, stores what came of them.
 
-One thread claims and keeps watch, a few store answers (so that a worker never waits for the disk), and the pool has its
-own. The store is the truth: what this process forgets when it dies is claimed again. `EventLog` has the progress of
-running jobs, `finish` says what becomes of a job when its task ended: stored, tried again, or released.
+One thread claims and keeps watch, a few store answers (so that a worker never waits for the disk),
+and the pool has its own. The store is the truth: what this process forgets when it dies is claimed
+again. `EventLog` has the progress of running jobs, `finish` says what becomes of a job when its
+task ended: stored, tried again, or released.
 """
 
 import contextlib
@@ -26,7 +27,8 @@ from inverse_service.service.jobs.tasks import LIMITS, Call, Outcome, Usage
 from inverse_service.statements.stages import ANSATZ, DECISION, METHOD, Stage
 
 log = logging.getLogger(__name__)
-# Progress of running jobs: the latest for whoever asks, all of it for the store, a few times a second.
+# Progress of running jobs: the latest for whoever asks, all of it for the store, a few times a
+# second.
 PART = "part"
 KEPT = ("question", "so_far", "seconds")
 QUESTIONS = {False: "L(q, q')", True: "L(t, q, q')"}
@@ -77,12 +79,15 @@ def described(report: Any, before: Mapping[str, Any]) -> dict[str, Any]:
 def last_events(store: stores.JobStore, job: model.Job) -> list[model.Event]:
     """What ends the stream of a final job: the greatest number of its attempt has its status.
 
-    Before it the parts of an answer that was there before any part was sent; they are made of the answer.
+    Before it the parts of an answer that was there before any part was sent; they are made of the
+    answer.
     """
     began, status = job.attempt * NUMBERS_PER_ATTEMPT, {"status": job.status}
     parts: list[dict[str, Any]] = []
     is_solved = (job.kind, job.status) == ("solve", "successful")
-    if is_solved and all(event.kind != PART for event in store.events(job.id, began, 2 * MOST_EVENTS)):
+    if is_solved and all(
+        event.kind != PART for event in store.events(job.id, began, 2 * MOST_EVENTS)
+    ):
         body = job.body or store.part(job.id, 0, model.LARGEST_BODY)[1]
         parts = growing.events(growing.at_once(json.loads(body))) if body else []
     ending = [(PART, part) for part in parts] + [("status", status)]
@@ -92,7 +97,9 @@ def last_events(store: stores.JobStore, job: model.Job) -> list[model.Event]:
 
 @dataclass(slots=True)
 class _Run:
-    """What is known of a job that runs here: its last number, what an earlier attempt finished, events not written."""
+    """What is known of a job that runs here: its last number, what an earlier attempt finished,
+    events not written.
+    """
 
     number: int = 0
     earlier: dict[str, Any] = field(default_factory=dict)
@@ -111,9 +118,15 @@ class _Run:
 
     @property
     def furthest(self) -> dict[str, Any] | None:
-        """What is finished, as `so_far` and `seconds`: of this attempt or, where that came less far, of the earlier."""
+        """What is finished, as `so_far` and `seconds`: of this attempt or, where that came less
+        far, of the earlier.
+        """
         tries = (self.latest, self.earlier)
-        found = [{key: each[key] for key in ("so_far", "seconds")} for each in tries if each.get("so_far")]
+        found = [
+            {key: each[key] for key in ("so_far", "seconds")}
+            for each in tries
+            if each.get("so_far")
+        ]
         return min(found, key=lambda each: len(each["so_far"]["incomplete"]), default=None)
 
 
@@ -126,11 +139,15 @@ class EventLog:
         self._runs: dict[str, _Run] = {}
 
     def begin(self, job: model.Job) -> None:
-        """The first event of an attempt; what an earlier one finished before it died is kept until this one has it."""
+        """The first event of an attempt; what an earlier one finished before it died is kept until
+        this one has it.
+        """
         stored = self._stored(job)
         with self._lock:
             before = self._runs.get(job.id, _Run())
-            run = _Run(job.attempt * NUMBERS_PER_ATTEMPT, before.furthest or stored, pending=before.pending)
+            run = _Run(
+                job.attempt * NUMBERS_PER_ATTEMPT, before.furthest or stored, pending=before.pending
+            )
             self._runs[job.id] = run
             self._append(job, run, "status", {"status": "running"})
 
@@ -148,7 +165,9 @@ class EventLog:
             if (run := self._runs.get(job.id)) is None:
                 return
             is_part = isinstance(value, Mapping) and "parts" in value
-            if is_part and "format" in value["value"]:  # another run of the same attempt begins from nothing
+            if (
+                is_part and "format" in value["value"]
+            ):  # another run of the same attempt begins from nothing
                 run.earlier = run.furthest or {}
                 run.latest.pop("so_far", None)
             progress = run.latest = described(value, run.latest)
@@ -157,7 +176,11 @@ class EventLog:
                 for event in growing.events(value):
                     self._append(job, run, PART, event)
             else:
-                shown = {key: value for key, value in progress.items() if key not in ("so_far", "seconds")}
+                shown = {
+                    key: value
+                    for key, value in progress.items()
+                    if key not in ("so_far", "seconds")
+                }
                 self._append(job, run, "progress", shown)
 
     def end(self, job: model.Job) -> None:
@@ -179,20 +202,32 @@ class EventLog:
             return self._runs[id].furthest if id in self._runs else None
 
     def flush(self, id: str | None = None, is_answered: bool = False) -> None:
-        """Write what was collected, of one job or of all; of a job that has only begun there is nothing to tell.
+        """Write what was collected, of one job or of all; of a job that has only begun there is
+        nothing to tell.
 
-        Of one that `is_answered` the rest of what is written already, if any: an answer tells all else.
+        Of one that `is_answered` the rest of what is written already, if any: an answer tells all
+        else.
         """
         with self._lock:
-            runs = self._runs.items() if id is None else [(id, self._runs[id])] if id in self._runs else []
-            told = [(k, run) for k, run in runs if (run.is_written if is_answered else run.has_told)]
+            runs = (
+                self._runs.items()
+                if id is None
+                else [(id, self._runs[id])]
+                if id in self._runs
+                else []
+            )
+            told = [
+                (k, run) for k, run in runs if (run.is_written if is_answered else run.has_told)
+            ]
             due = [(k, event) for k, run in told for event in run.pending]
         if due:
             self._store.add_events(due)
             written = {(k, event.number) for k, event in due}
             with self._lock:
                 for k, run in self._runs.items():
-                    run.pending = [event for event in run.pending if (k, event.number) not in written]
+                    run.pending = [
+                        event for event in run.pending if (k, event.number) not in written
+                    ]
 
     def _append(self, job: model.Job, run: _Run, kind: str, data: Mapping[str, Any]) -> None:
         # Nobody watches a single line of a batch.
@@ -205,7 +240,9 @@ class EventLog:
 
 @dataclass(slots=True, eq=False)
 class _Claimed:
-    """A job that is run here; `is_tried`: by the quick processes too; `is_ended`: its outcome is known, and counts."""
+    """A job that is run here; `is_tried`: by the quick processes too; `is_ended`: its outcome is
+    known, and counts.
+    """
 
     job: model.Job
     task: workers.Running
@@ -214,7 +251,9 @@ class _Claimed:
 
 
 class Supervisor:
-    """Runs the jobs of one store on one executor; `quick` has processes for short questions of who has none running."""
+    """Runs the jobs of one store on one executor; `quick` has processes for short questions of who
+    has none running.
+    """
 
     def __init__(
         self,
@@ -231,7 +270,8 @@ class Supervisor:
         self._running: dict[tuple[str, int], _Claimed] = {}
         self._lock = threading.Lock()
         self._wake = threading.Event()
-        # Whether some may wait that were not claimed for lack of room: then the end of a run is a reason to look.
+        # Whether some may wait that were not claimed for lack of room: then the end of a run is a
+        # reason to look.
         self._more = True
         self._stopping = threading.Event()
         self._finishers = ThreadPoolExecutor(FINISHERS, "finishing")
@@ -245,13 +285,18 @@ class Supervisor:
         self._thread.start()
         self._wake.set()
 
-    def submit(self, request: model.JobRequest, bounds: model.Bounds, largest: int = 0) -> tuple[model.Job, bool]:
-        """Store a question, and begin in the same commit what may be claimed; its job, and whether it is new.
+    def submit(
+        self, request: model.JobRequest, bounds: model.Bounds, largest: int = 0
+    ) -> tuple[model.Job, bool]:
+        """Store a question, and begin in the same commit what may be claimed; its job, and whether
+        it is new.
 
         The job comes with an answer of at most so many bytes.
         """
         free, most = self._room(request.client)
-        found, is_new, claimed = self._store.submit_and_claim(request, bounds, self._owner, free, most, largest)
+        found, is_new, claimed = self._store.submit_and_claim(
+            request, bounds, self._owner, free, most, largest
+        )
         for job in claimed:
             self._start(job)
         return found, is_new
@@ -290,11 +335,16 @@ class Supervisor:
         self.events.flush()
 
     def _work_loop(self) -> None:
-        """Claim jobs when woken; write events, try short questions and keep the claims now and then."""
+        """Claim jobs when woken; write events, try short questions and keep the claims now and
+        then.
+        """
         written = self._beaten
         while not self._stopping.is_set():
-            # Where more run than there are workers, one that waits may be short; else there is less to look for.
-            is_woken = self._wake.wait(TICK if len(self._running) > self._executor.capacity else WRITE_EVENTS)
+            # Where more run than there are workers, one that waits may be short; else there is less
+            # to look for.
+            is_woken = self._wake.wait(
+                TICK if len(self._running) > self._executor.capacity else WRITE_EVENTS
+            )
             self._wake.clear()
             now = time.monotonic()
             try:
@@ -314,19 +364,24 @@ class Supervisor:
                 self._wake.set()
 
     def _free(self) -> int:
-        """How many jobs may be claimed: as many as run, and as many again, so that no worker waits for the disk."""
+        """How many jobs may be claimed: as many as run, and as many again, so that no worker waits
+        for the disk.
+        """
         return 2 * self._executor.capacity - len(self._running)
 
     @property
     def _together(self) -> int:
-        """How many are claimed in one commit, at least: no worker waits as long as fewer have ended."""
+        """How many are claimed in one commit, at least: no worker waits as long as fewer have
+        ended.
+        """
         return min(self._executor.capacity, AHEAD)
 
     def _room(self, client: str) -> tuple[int, int]:
-        """How many jobs may be claimed as this client asks, and how many of one client may run with them.
+        """How many jobs may be claimed as this client asks, and how many of one client may run with
+        them.
 
-        Where none is free, or others wait until some are claimed together, there is room for clients with nothing
-        running.
+        Where none is free, or others wait until some are claimed together, there is room for
+        clients with nothing running.
         """
         if self._stopping.is_set():
             return 0, 0
@@ -348,7 +403,9 @@ class Supervisor:
                 return
 
     def _claim_ahead(self) -> None:
-        """Where `_claim` waits for a run to end, claim for clients with nothing running: they may ask short ones."""
+        """Where `_claim` waits for a run to end, claim for clients with nothing running: they may
+        ask short ones.
+        """
         free = self._free()
         if self._more and -AHEAD < free < self._together and self._quick is not None:
             self._begin(free + AHEAD, 1)
@@ -362,12 +419,22 @@ class Supervisor:
 
     def _start(self, job: model.Job) -> None:
         if job.restarts >= model.MAX_RESTARTS:
-            fail(self._store, job, f"The service died {job.restarts} times while this job ran; it is not tried again.")
+            fail(
+                self._store,
+                job,
+                f"The service died {job.restarts} times while this job ran; it is not tried again.",
+            )
             return
         options = model.stored_options(job.options)
         arguments = (job.kind, job.document, job.options)
         call = Call(
-            tasks.job_task, arguments, options.time_limit, options.memory_limit, "long", job.priority, job.client
+            tasks.job_task,
+            arguments,
+            options.time_limit,
+            options.memory_limit,
+            "long",
+            job.priority,
+            job.client,
         )
         self.events.begin(job)
         began = time.monotonic()
@@ -377,7 +444,8 @@ class Supervisor:
         task.outcome.add_done_callback(lambda done: self._end(claimed, done.result()))
 
     def _end(self, claimed: _Claimed, outcome: Outcome) -> bool:
-        """Store it; a system that a limit stopped is understood first, by the workers like all else.
+        """Store it; a system that a limit stopped is understood first, by the workers like all
+        else.
 
         False where an outcome of this run came before.
         """
@@ -391,25 +459,41 @@ class Supervisor:
             self._finishers.submit(self._conclude, job, outcome)
             return True
         deadline = answers.UNDERSTAND_DEADLINE
-        call = Call(tasks.understand_job_task, (job.document,), deadline, priority=workers.FIRST, client=job.client)
+        call = Call(
+            tasks.understand_job_task,
+            (job.document,),
+            deadline,
+            priority=workers.FIRST,
+            client=job.client,
+        )
         with self._lock:
             task = claimed.task = self._executor.submit(call)
         task.outcome.add_done_callback(
-            lambda done: self._finishers.submit(self._conclude, job, answers.with_understood(outcome, done.result()))
+            lambda done: self._finishers.submit(
+                self._conclude, job, answers.with_understood(outcome, done.result())
+            )
         )
         return True
 
     def _try_short(self, quick: workers.Executor) -> None:
-        """Try jobs that wait for a worker for a moment on the quick processes, each once; others go on waiting."""
+        """Try jobs that wait for a worker for a moment on the quick processes, each once; others go
+        on waiting.
+        """
         with self._lock:
             running = list(self._running.values())
         busy = {claimed.job.client for claimed in running if claimed.task.has_begun}
         for claimed in running:
             # How the system of a stopped job is understood is no answer.
             is_first = not (claimed.is_tried or claimed.is_ended)
-            if is_first and claimed.job.priority == model.INTERACTIVE and claimed.job.client not in busy:
+            if (
+                is_first
+                and claimed.job.priority == model.INTERACTIVE
+                and claimed.job.client not in busy
+            ):
                 claimed.is_tried, call = True, claimed.task.call
-                tried = quick.submit(replace(call, deadline=min(SHORT, call.deadline)), claimed.task.report)
+                tried = quick.submit(
+                    replace(call, deadline=min(SHORT, call.deadline)), claimed.task.report
+                )
                 tried.outcome.add_done_callback(functools.partial(self._win, claimed))
 
     def _win(self, claimed: _Claimed, tried: Future[Outcome]) -> None:
@@ -418,7 +502,9 @@ class Supervisor:
             claimed.task.cancel()
 
     def _conclude(self, job: model.Job, outcome: Outcome) -> None:
-        """Store an answer however long the store stays away; where the service stops first, the job runs again."""
+        """Store an answer however long the store stays away; where the service stops first, the job
+        runs again.
+        """
         told = False
         try:
             while True:
@@ -433,7 +519,9 @@ class Supervisor:
                     break
         except Exception:
             log.exception("an answer could not be stored", extra={"job": job.id})
-            with contextlib.suppress(Exception):  # claimed again after a restart; nobody else would end this job
+            with contextlib.suppress(
+                Exception
+            ):  # claimed again after a restart; nobody else would end this job
                 fail(self._store, job, "The answer was computed and could not be stored.")
         finally:
             with self._lock:
@@ -446,19 +534,36 @@ class Supervisor:
 
     def _finish(self, job: model.Job, outcome: Outcome) -> None:
         self.events.flush(job.id, outcome.status == "done")
-        label = finish(self._store, job, outcome, None if outcome.status == "done" else self.events.so_far(job.id))
+        label = finish(
+            self._store,
+            job,
+            outcome,
+            None if outcome.status == "done" else self.events.so_far(job.id),
+        )
         if label != "again":
             self.events.end(job)
         if outcome.status in ("crash", "killed"):
             monitoring.DEATHS.labels(outcome.status).inc()
         spent = outcome.spent
         monitoring.note_run(job.kind, label, spent.wall, spent.cpu, spent.memory)
-        about = {"job": job.id, "client": job.client, "attempt": job.attempt, "kind": job.kind, "outcome": label}
-        figures = {"wall": round(spent.wall, 4), "cpu": round(spent.cpu, 4), "memory": round(spent.memory, 1)}
+        about = {
+            "job": job.id,
+            "client": job.client,
+            "attempt": job.attempt,
+            "kind": job.kind,
+            "outcome": label,
+        }
+        figures = {
+            "wall": round(spent.wall, 4),
+            "cpu": round(spent.cpu, 4),
+            "memory": round(spent.memory, 1),
+        }
         monitoring.say(log, "job ended", about | figures)
 
     def _beat(self) -> None:
-        """Keep the claims, stop what another front end dismissed or took over, take back those of one that is gone."""
+        """Keep the claims, stop what another front end dismissed or took over, take back those of
+        one that is gone.
+        """
         self._beaten = time.monotonic()
         self._wake.set()  # an operator's command may have let jobs begin
         with self._lock:
@@ -472,7 +577,9 @@ class Supervisor:
             self._take_back(LEASE)
 
     def _changed(self, change: model.Change) -> None:
-        """Claim what waits now; one question that had no room as it was accepted, at the end of a run."""
+        """Claim what waits now; one question that had no room as it was accepted, at the end of a
+        run.
+        """
         if change.what == "accepted":
             self._more = True
             if not change.id or self._free() >= self._together:
@@ -488,15 +595,21 @@ def is_undetermined(job: model.Job, outcome: Outcome) -> bool:
     return outcome.status in LIMITS and tasks.KINDS[job.kind].limit_is_answer
 
 
-def finish(store: stores.JobStore, job: model.Job, outcome: Outcome, so_far: Mapping[str, Any] | None = None) -> str:
+def finish(
+    store: stores.JobStore,
+    job: model.Job,
+    outcome: Outcome,
+    so_far: Mapping[str, Any] | None = None,
+) -> str:
     """Store what came of the job; the label it is counted under ("again": it runs once more).
 
-    A job that was ended has as its result what is finished of it, `so_far`; where that is not known, and a limit
-    stopped it, its value is how the system was understood.
+    A job that was ended has as its result what is finished of it, `so_far`; where that is not
+    known, and a limit stopped it, its value is how the system was understood.
     """
     usage, options = outcome.spent, model.stored_options(job.options)
     if outcome.status == "cancelled":
-        # Dismissed: it is so in the store already. Otherwise the service stops, and the job runs later.
+        # Dismissed: it is so in the store already. Otherwise the service stops, and the job runs
+        # later.
         left = None if so_far is None else tasks.as_body(undetermined(outcome, options, so_far))
         store.release(job.id, job.attempt, crashed=False, usage=usage, left=left)
         return "cancelled"
@@ -512,11 +625,19 @@ def finish(store: stores.JobStore, job: model.Job, outcome: Outcome, so_far: Map
         if fault:
             log.error("no verdict for a fault of the program (%s)", fault, extra={"job": job.id})
         by_clock = label == "undetermined" and usage.cpu > CLOCK_SHARE * options.time_limit
-        store.finish(job.id, job.attempt, outcome.value.body, usage, model.TRANSIENT if by_clock or fault else None)
+        store.finish(
+            job.id,
+            job.attempt,
+            outcome.value.body,
+            usage,
+            model.TRANSIENT if by_clock or fault else None,
+        )
         return str(label)
     if outcome.status in ("crash", "fault", "unstarted"):
         log.error("task ended with %s: %s", outcome.status, outcome.detail, extra={"job": job.id})
-    if is_undetermined(job, outcome) or (so_far is not None and outcome.status in ("crash", "killed")):
+    if is_undetermined(job, outcome) or (
+        so_far is not None and outcome.status in ("crash", "killed")
+    ):
         result = undetermined(outcome, options, so_far)
         store.finish(job.id, job.attempt, tasks.as_body(result), usage, model.TRANSIENT)
         return tasks.label_of(result)

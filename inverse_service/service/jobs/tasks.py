@@ -1,7 +1,8 @@
 """The tasks that worker processes run, how they end, and the kinds of jobs.
 
-Light to import: the engine is loaded inside the process. How a task ended is plain data that crosses the boundary of
-the process; without slots, with which a frozen class takes several times as long to pickle.
+Light to import: the engine is loaded inside the process. How a task ended is plain data that
+crosses the boundary of the process; without slots, with which a frozen class takes several times as
+long to pickle.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ from inverse_service.service.documents import plain_data
 from inverse_service.service.jobs import model
 
 log = logging.getLogger(__name__)
-Status = Literal["done", "refused", "deadline", "memory", "killed", "crash", "fault", "cancelled", "unstarted"]
+Status = Literal[
+    "done", "refused", "deadline", "memory", "killed", "crash", "fault", "cancelled", "unstarted"
+]
 LIMITS: Final[Mapping[str, str]] = {"deadline": "time", "memory": "memory"}
 KILL = getattr(signal, "SIGKILL", None)
 OVER_CPU = getattr(signal, "SIGXCPU", None)
@@ -34,7 +37,8 @@ ENGINE = (
 Report = Callable[[Any], None]
 Work = Callable[[Any, model.JobOptions, Report], Any]
 Look = Callable[[Any], Any]
-# The code of a place in a body that cannot be read at all; HTTP answers it with 400 and all others with 422.
+# The code of a place in a body that cannot be read at all; HTTP answers it with 400 and all others
+# with 422.
 UNREADABLE = "unreadable"
 NO_RESULT = "The body is not a result: send the JSON object that /v1/solve answered."
 
@@ -67,12 +71,14 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Call:
-    """What a worker is to do: `task(*arguments)` within `deadline` s and `memory_limit` MiB (None: the pool's).
+    """What a worker is to do: `task(*arguments)` within `deadline` s and `memory_limit` MiB (None:
+    the pool's).
 
-    `reports`: the task takes a keyword `report` and calls it with what it is doing; "long": what one said that is done
-    within a moment is not told. `client`: whose it is, so that nobody waits for the many of another. `priority`: the
-    smaller one of a client goes first. `patience`: while others have the processor, the deadline may be later by so
-    many seconds, or by its own length if that is more.
+    `reports`: the task takes a keyword `report` and calls it with what it is doing; "long": what
+    one said that is done within a moment is not told. `client`: whose it is, so that nobody waits
+    for the many of another. `priority`: the smaller one of a client goes first. `patience`: while
+    others have the processor, the deadline may be later by so many seconds, or by its own length if
+    that is more.
     """
 
     task: Callable[..., Any]
@@ -99,7 +105,9 @@ def guard(task: Callable[..., Any], *arguments: Any, **named: Any) -> Outcome:
     except ImportError as error:
         missing = errors.missing_extra(error)
         return _fault(error) if missing is None else Outcome("refused", places=missing.places)
-    except Exception as error:  # the boundary of the process: a fault of ours becomes data for the log
+    except (
+        Exception
+    ) as error:  # the boundary of the process: a fault of ours becomes data for the log
         return _fault(error)
     return found if isinstance(found, Outcome) else Outcome("done", found)
 
@@ -121,7 +129,9 @@ def value_of(outcome: Outcome) -> Any:
     if outcome.status == "unstarted":
         raise errors.NoWorker("No worker process can be started; try again in some seconds.")
     kind = f" ({outcome.value})" if outcome.value else ""
-    raise errors.WorkerFailed(f"The program failed on this document{kind}; this is an error in the program.")
+    raise errors.WorkerFailed(
+        f"The program failed on this document{kind}; this is an error in the program."
+    )
 
 
 def outcome_of_exit(exitcode: int | None) -> Outcome:
@@ -149,7 +159,9 @@ def load_engine() -> None:
 
 @dataclass(frozen=True)
 class Answer:
-    """A result as it is stored and sent, what it is counted as, and the fault of ours that ended it, if one did."""
+    """A result as it is stored and sent, what it is counted as, and the fault of ours that ended
+    it, if one did.
+    """
 
     body: bytes
     label: str
@@ -157,7 +169,9 @@ class Answer:
 
 
 def job_task(kind: str, document: str, options: str, report: Callable[[Any], None]) -> Answer:
-    """A stored job to its Answer; JSON is read and written here, so that the web process is never blocked."""
+    """A stored job to its Answer; JSON is read and written here, so that the web process is never
+    blocked.
+    """
     result = KINDS[kind].work(plain_data.read_json(document), model.stored_options(options), report)
     fault = result.get("provenance", {}).get("fault", "") if isinstance(result, dict) else ""
     return Answer(as_body(result), label_of(result), fault)
@@ -175,7 +189,9 @@ def understand_job_task(document: str) -> Any:
 
 @dataclass(frozen=True)
 class Late:
-    """A function of the engine, which is imported where it is called: who only stores jobs has no engine."""
+    """A function of the engine, which is imported where it is called: who only stores jobs has no
+    engine.
+    """
 
     module: str
     name: str
@@ -185,8 +201,9 @@ class Late:
         return function(*given) if report is None else function(*given, report)
 
 
-# A document to its result, or to the `system` part of one; a result as theorems for another prover; the text of a
-# result to the checker's verdict; a scene to its result with the tables of all points, or to what it costs.
+# A document to its result, or to the `system` part of one; a result as theorems for another prover;
+# the text of a result to the checker's verdict; a scene to its result with the tables of all
+# points, or to what it costs.
 solve_task = Late("inverse_service.service.documents.documents", "solve_document")
 understand_task = Late("inverse_service.service.documents.documents", "understand_document")
 proof_task = Late("inverse_service.explanation.proofs", "proof_document")
@@ -197,7 +214,8 @@ work_precision_task = Late("inverse_service.service.scenes.work_precision", "wor
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """What a call says besides its documents: the kind, the server's options, a time limit of its own, who asks.
+    """What a call says besides its documents: the kind, the server's options, a time limit of its
+    own, who asks.
 
     `most`: how many lines a batch may have.
     """
@@ -282,10 +300,14 @@ KINDS: Final[dict[str, Kind]] = {
     ),
     "check": Kind(lambda d, o, report: check_task(plain_data.write_json(d)), _looked_at),
     "simulate": Kind(
-        lambda d, o, report: Late("inverse_service.service.scenes.simulating", "simulate")(d, report, o.time_limit),
+        lambda d, o, report: Late("inverse_service.service.scenes.simulating", "simulate")(
+            d, report, o.time_limit
+        ),
         _look_at_scene,
     ),
-    "work-precision": Kind(lambda d, o, report: work_precision_task(d, report, o.time_limit), _look_at_scene),
+    "work-precision": Kind(
+        lambda d, o, report: work_precision_task(d, report, o.time_limit), _look_at_scene
+    ),
 }
 
 
@@ -298,9 +320,17 @@ def request_of(
     fresh: bool = False,
     look: Look | None = None,
 ) -> model.JobRequest:
-    """The request. Raises InputError, or what `look` raises, where the document has not the shape of its kind."""
+    """The request. Raises InputError, or what `look` raises, where the document has not the shape
+    of its kind.
+    """
     (look or KINDS[kind].look)(document)
     chosen = options.canonical()
     return model.JobRequest(
-        model.job_id(kind, document, chosen), kind, plain_data.write_json(document), chosen, client, priority, fresh
+        model.job_id(kind, document, chosen),
+        kind,
+        plain_data.write_json(document),
+        chosen,
+        client,
+        priority,
+        fresh,
     )

@@ -1,9 +1,10 @@
-"""Imported by the server process that forks the workers, and by nothing else: it dies with the service, and is warm.
+"""Imported by the server process that forks the workers, and by nothing else: it dies with the
+service, and is warm.
 
-A killed service (SIGKILL) cannot tell its workers. The kernel does: the service's death kills the forking server, and
-that one's death kills each worker (`die_with_parent`), even one that spins in C code. The first solve loads
-the compiled kernels, which workers forked afterwards have. The import is the act because multiprocessing lets the
-server only import modules.
+A killed service (SIGKILL) cannot tell its workers. The kernel does: the service's death kills the
+forking server, and that one's death kills each worker (`die_with_parent`), even one that spins in C
+code. The first solve loads the compiled kernels, which workers forked afterwards have. The import
+is the act because multiprocessing lets the server only import modules.
 """
 
 import gc
@@ -23,6 +24,7 @@ tasks.guard(importlib.import_module, "inverse_service.service.scenes.simulating"
 if not code_store.is_warm():  # who starts the pool has said so
     compiling.warm_up()
 tasks.guard(tasks.solve_task, SMALL, SolveOptions(time_limit=10.0))
-# What is loaded stays: workers need not look through it for garbage, which takes a tenth of a small solve, nor copy it.
+# What is loaded stays: workers need not look through it for garbage, which takes a tenth of a small
+# solve, nor copy it.
 gc.collect()
 gc.freeze()

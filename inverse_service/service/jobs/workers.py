@@ -1,10 +1,11 @@
 """A pool of killable worker processes: every task has a deadline that holds even inside C code.
 
-A `WorkerProcess` runs one task after another, within bounds on memory and processor time; its parent waits with a
-deadline and kills it there. It is forked from a small server process that has the engine loaded, so a replacement
-costs some 20 ms, and never from the threads of the service. `Workers` has one thread a process, which takes tasks from
-a queue that is fair to clients, hands them over, and replaces a process that died. `run_alone` is a single task in a
-process of its own, for a call of the command line.
+A `WorkerProcess` runs one task after another, within bounds on memory and processor time; its
+parent waits with a deadline and kills it there. It is forked from a small server process that has
+the engine loaded, so a replacement costs some 20 ms, and never from the threads of the service.
+`Workers` has one thread a process, which takes tasks from a queue that is fair to clients, hands
+them over, and replaces a process that died. `run_alone` is a single task in a process of its own,
+for a call of the command line.
 """
 
 from __future__ import annotations
@@ -40,13 +41,15 @@ from inverse_service.service.jobs.tasks import Call, Outcome, Report, Usage, gua
 PR_SET_PDEATHSIG = 1
 # The wall clock ends a task first; the bound on processor time is for tasks that start threads.
 THREADS = 2
-# Objects made between collections of cyclic garbage. With Python's 700, expressions that are kept for later systems are
-# looked through so often that this takes a tenth of the time, and half of a long search late in a worker's life.
+# Objects made between collections of cyclic garbage. With Python's 700, expressions that are kept
+# for later systems are looked through so often that this takes a tenth of the time, and half of a
+# long search late in a worker's life.
 BETWEEN_COLLECTIONS = 100_000
 # A deadline is at most so many times as long where other programs have the processor.
 MOST_CROWDED = 2.0
 WARM = "inverse_service.service.jobs.warm"
-# What a task says is sent this often, from its beginning, so that a short one only says that it is done; s.
+# What a task says is sent this often, from its beginning, so that a short one only says that it is
+# done; s.
 BETWEEN_REPORTS = 0.3
 starting = threading.Lock()
 # What the server that forks the workers has loaded.
@@ -82,14 +85,18 @@ class WorkerProcess:
         self._heard = select.poll()
         self._heard.register(receiver, select.POLLIN)
         with starting:
-            self._process = context.Process(target=serve, args=(sender, memory_limit, is_alone), daemon=True)
+            self._process = context.Process(
+                target=serve, args=(sender, memory_limit, is_alone), daemon=True
+            )
             self._process.start()
         sender.close()
         self._server = None if is_alone else forking_server()
         self.pid, self.tasks = int(self._process.pid or 0), 0
-        # What it says before it takes a task: the seconds of processor that it used, and waited for one, until then.
+        # What it says before it takes a task: the seconds of processor that it used, and waited for
+        # one, until then.
         self._ready: tuple[float, float] | None = None
-        # When the task under way began, and what it took, read before the process that could tell is killed.
+        # When the task under way began, and what it took, read before the process that could tell
+        # is killed.
         self._began, self._used = 0.0, Usage()
 
     def is_alive(self) -> bool:
@@ -114,7 +121,8 @@ class WorkerProcess:
     def kill(self) -> None:
         """End the process at once, whatever it does."""
         used, wall = processor_time(self.pid), time.monotonic() - self._began
-        # Where the system does not tell, a task is taken to have used the processor all the time. It counts in steps.
+        # Where the system does not tell, a task is taken to have used the processor all the time.
+        # It counts in steps.
         processor = wall if used is None or self._ready is None else max(0.0, used - self._ready[0])
         self._used = Usage(wall, processor, peak_memory(self.pid))
         with contextlib.suppress(OSError, AttributeError):
@@ -127,7 +135,9 @@ class WorkerProcess:
         self._connection.close()
 
     def _await(self, call: Call, waited: float, report: Report | None) -> Outcome:
-        """The answer within so many seconds by the clock, and as many more as others had the processor."""
+        """The answer within so many seconds by the clock, and as many more as others had the
+        processor.
+        """
         began, deadline = time.monotonic(), call.deadline
         end, patience = began + deadline, max(call.patience, (MOST_CROWDED - 1) * deadline)
         while True:
@@ -140,8 +150,15 @@ class WorkerProcess:
                 said, outcome, ready = self._connection.recv()
             except (OSError, EOFError):
                 self._process.join(5)
-                if self._process.exitcode == UNTOLD and self._server is not None and has_ended(self._server):
-                    return Outcome("unstarted", detail="the server that forks the workers died, and they with it")
+                if (
+                    self._process.exitcode == UNTOLD
+                    and self._server is not None
+                    and has_ended(self._server)
+                ):
+                    return Outcome(
+                        "unstarted",
+                        detail="the server that forks the workers died, and they with it",
+                    )
                 return outcome_of_exit(self._process.exitcode)
             if report is not None:
                 for value in said:
@@ -154,7 +171,9 @@ class WorkerProcess:
 
 def forking_server() -> int | None:
     """The process that forks the workers; it alone knows how they end."""
-    found: int | None = getattr(getattr(multiprocessing.forkserver, "_forkserver", None), "_forkserver_pid", None)
+    found: int | None = getattr(
+        getattr(multiprocessing.forkserver, "_forkserver", None), "_forkserver_pid", None
+    )
     return found
 
 
@@ -176,7 +195,9 @@ def process_context() -> Any:
 
 
 def preload(module: str) -> None:
-    """Have the server that forks the workers load one more module; call before the first pool starts."""
+    """Have the server that forks the workers load one more module; call before the first pool
+    starts.
+    """
     if module not in _preloaded:
         _preloaded.append(module)
 
@@ -186,14 +207,17 @@ def start_server() -> None:
 
     Linux ties the death signal of a process to the thread that made it.
     """
-    # Not under `starting`: who has that waits for the server to load everything, and the loop must not.
+    # Not under `starting`: who has that waits for the server to load everything, and the loop must
+    # not.
     if process_context().get_start_method() == "forkserver":
         multiprocessing.forkserver.ensure_running()
         locks.hold(Path(multiprocessing.util.get_temp_dir()))
 
 
 def serve(connection: Connection, memory_limit: int, is_alone: bool) -> None:
-    """The life of a worker process: tasks until the parent closes the pipe; one task where it is alone."""
+    """The life of a worker process: tasks until the parent closes the pipe; one task where it is
+    alone.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     silence_standard_error()
     if not is_alone:
@@ -224,7 +248,9 @@ def ready() -> tuple[float, float]:
 
 
 class _Saying:
-    """What a task says, sent to the parent now and then: (what was said, outcome, `ready`), None before its end."""
+    """What a task says, sent to the parent now and then: (what was said, outcome, `ready`), None
+    before its end.
+    """
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -242,9 +268,13 @@ class _Saying:
         self._some.set()
 
     def end(self, outcome: Outcome, is_told: bool) -> None:
-        """Send how the task ended, and what is left where some was sent already or it `is_told` in any case."""
+        """Send how the task ended, and what is left where some was sent already or it `is_told` in
+        any case.
+        """
         with self._lock:
-            self._connection.send((self._said if self._is_heard or is_told else [], outcome, ready()))
+            self._connection.send(
+                (self._said if self._is_heard or is_told else [], outcome, ready())
+            )
             self._said, self._is_heard = [], False
 
     def _send_in_time(self) -> None:
@@ -260,7 +290,8 @@ class _Saying:
 
 
 def isolate(memory_limit: int) -> None:
-    """Bound the address space to `memory_limit` MiB, write no core file, die with the parent; collect garbage seldom.
+    """Bound the address space to `memory_limit` MiB, write no core file, die with the parent;
+    collect garbage seldom.
 
     Where the system has no such limits (Windows, partly macOS) a step is left out.
     """
@@ -287,12 +318,16 @@ def bound_memory(soft: int, hard: int) -> None:
 
 
 def bound_data(limit: int) -> None:
-    """Bound what this process has for its data, in MiB; the processes that it starts may raise that again."""
+    """Bound what this process has for its data, in MiB; the processes that it starts may raise that
+    again.
+    """
     _limit("RLIMIT_DATA", limit * 2**20, None)
 
 
 def bound_processor(deadline: float) -> None:
-    """End this process by SIGXCPU when the task that starts now used its time on all its threads."""
+    """End this process by SIGXCPU when the task that starts now used its time on all its
+    threads.
+    """
     _limit("RLIMIT_CPU", math.ceil(time.process_time() + THREADS * deadline) + 1, None)
 
 
@@ -303,7 +338,9 @@ def forget_peak() -> None:
 
 
 def peak_memory(pid: int | Literal["self"] = "self") -> float:
-    """Largest resident memory of a process since its `forget_peak`, in MiB; 0 where the system does not tell."""
+    """Largest resident memory of a process since its `forget_peak`, in MiB; 0 where the system does
+    not tell.
+    """
     with contextlib.suppress(OSError), open(f"/proc/{pid}/status") as stream:
         for line in stream:
             if line.startswith("VmHWM:"):
@@ -321,7 +358,9 @@ def silence_standard_error() -> None:
 
 
 def _waited(pid: int | Literal["self"]) -> float:
-    """Seconds in which a process was ready and others ran (Linux; 0 where the system does not tell)."""
+    """Seconds in which a process was ready and others ran (Linux; 0 where the system does not
+    tell).
+    """
     with contextlib.suppress(OSError), open(f"/proc/{pid}/schedstat") as stream:
         return int(stream.read().split()[1]) / 1e9
     return 0.0
@@ -329,8 +368,12 @@ def _waited(pid: int | Literal["self"]) -> float:
 
 def processor_time(pid: int) -> float | None:
     """Seconds of processor that a process has used; None where the system does not tell."""
-    with contextlib.suppress(OSError, AttributeError, IndexError), open(f"/proc/{pid}/stat") as stream:
-        # After the name, which may hold blanks: state and ten numbers, then those of user and system.
+    with (
+        contextlib.suppress(OSError, AttributeError, IndexError),
+        open(f"/proc/{pid}/stat") as stream,
+    ):
+        # After the name, which may hold blanks: state and ten numbers, then those of user and
+        # system.
         user, system = stream.read().rpartition(")")[2].split()[11:13]
         return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
     return None
@@ -345,7 +388,9 @@ def _limit(name: str, soft: int, hard: int | None) -> None:
         which = getattr(resource, name)
         present = resource.getrlimit(which)[1]
         largest = present if hard is None else hard
-        resource.setrlimit(which, (soft if present == resource.RLIM_INFINITY else min(soft, present), largest))
+        resource.setrlimit(
+            which, (soft if present == resource.RLIM_INFINITY else min(soft, present), largest)
+        )
 
 
 class FairQueue:
@@ -444,12 +489,16 @@ class Running:
             return not self.is_cancelled
 
     def end(self, outcome: Outcome) -> bool:
-        """Hand the outcome over; False where that was done before. What a cancelled task says does not count."""
+        """Hand the outcome over; False where that was done before. What a cancelled task says does
+        not count.
+        """
         with self._lock:
             self._worker = None
             is_first, self._ended = not self._ended, True
         if is_first:
-            self.outcome.set_result(Outcome("cancelled", spent=outcome.spent) if self.is_cancelled else outcome)
+            self.outcome.set_result(
+                Outcome("cancelled", spent=outcome.spent) if self.is_cancelled else outcome
+            )
         return is_first
 
 
@@ -474,7 +523,9 @@ class Executor(Protocol):
 
 
 class Workers:
-    """A pool that heals itself; safe to use from any thread. Of one client at most `share` tasks run at a time."""
+    """A pool that heals itself; safe to use from any thread. Of one client at most `share` tasks
+    run at a time.
+    """
 
     def __init__(self, count: int, memory_limit: int, share: int = NO_SHARE) -> None:
         self.capacity = count
@@ -482,7 +533,8 @@ class Workers:
         self._lock = threading.Lock()
         self._tasks: FairQueue = FairQueue(share)
         self._threads: list[threading.Thread] = []
-        # The threads that have a process, and how the first task of all ended, which no client asked for.
+        # The threads that have a process, and how the first task of all ended, which no client
+        # asked for.
         self._alive: set[int] = set()
         self.first: Future[Outcome] = Future()
         self._running: set[Running] = set()
@@ -500,10 +552,14 @@ class Workers:
             ]
         for thread in self._threads:
             thread.start()
-        self.submit(Call(tasks.load_engine, (), PING_DEADLINE, priority=FIRST)).outcome.add_done_callback(self._prove)
+        self.submit(
+            Call(tasks.load_engine, (), PING_DEADLINE, priority=FIRST)
+        ).outcome.add_done_callback(self._prove)
 
     def submit(self, call: Call, report: Report | None = None) -> Running:
-        """Run the call in one of the processes: the clients in turn, the urgent calls of each first."""
+        """Run the call in one of the processes: the clients in turn, the urgent calls of each
+        first.
+        """
         running = Running(call, report)
         if not self._threads or not self._tasks.put(call.client, call.priority, running):
             running.end(Outcome("crash", detail="The worker processes are stopped."))
@@ -528,8 +584,12 @@ class Workers:
     def _prove(self, pinged: Future[Outcome]) -> None:
         outcome = pinged.result()
         self.first.set_result(outcome)
-        if outcome.status != "done" and not self._stopping.is_set():  # who stops at once has no fault
-            log.error("the first task of a worker ended with %s: %s", outcome.status, outcome.detail)
+        if (
+            outcome.status != "done" and not self._stopping.is_set()
+        ):  # who stops at once has no fault
+            log.error(
+                "the first task of a worker ended with %s: %s", outcome.status, outcome.detail
+            )
 
     def _serve(self, number: int) -> None:
         worker: WorkerProcess | None = None
@@ -567,7 +627,8 @@ class Workers:
                 break
             try:
                 outcome = worker.run(task.call, task.report)
-                # One that waited may have been killed before it took the task: it ends a moment after the signal.
+                # One that waited may have been killed before it took the task: it ends a moment
+                # after the signal.
                 if not (has_waited and outcome.status == "killed" and outcome.spent.wall < AT_ONCE):
                     break
                 has_waited = False
@@ -613,12 +674,14 @@ def run_alone(
 ) -> Outcome:
     """Run `task(*arguments)` in a new process and kill it after `deadline` s (see `WorkerProcess`).
 
-    The process is forked from this one, which has no threads and has not loaded the engine; it loads what the task
-    needs. With `report` the task gets a keyword `report`, a function whose values come out of `report` here.
+    The process is forked from this one, which has no threads and has not loaded the engine; it
+    loads what the task needs. With `report` the task gets a keyword `report`, a function whose
+    values come out of `report` here.
     """
     method = "fork" if "fork" in multiprocessing.get_all_start_methods() else "spawn"
     with warnings.catch_warnings():
-        # Newer Pythons warn of any thread of the process; those of numerical libraries survive a fork.
+        # Newer Pythons warn of any thread of the process; those of numerical libraries survive a
+        # fork.
         warnings.simplefilter("ignore", DeprecationWarning)
         worker = WorkerProcess(memory_limit, multiprocessing.get_context(method), is_alone=True)
     try:

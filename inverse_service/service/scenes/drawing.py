@@ -1,7 +1,8 @@
-"""Figures as files: coordinates against time, ensembles, paths, observed quantities, error against work, animations.
+"""Figures as files: coordinates against time, ensembles, paths, observed quantities, error against
+work, animations.
 
-A path in a plane of two coordinates has one panel per method, all at one scale with equal axes. An animation shows
-the bodies of a scene with their trails, in real time or within SECONDS.
+A path in a plane of two coordinates has one panel per method, all at one scale with equal axes. An
+animation shows the bodies of a scene with their trails, in real time or within SECONDS.
 """
 
 import io
@@ -32,7 +33,9 @@ from inverse_service.simulation.sentences import say
 
 # The style of all figures: sizes in inches, colors, lines.
 TRUE_COLOR = "#222222"
-SETTINGS: Any = matplotlib.rc_params_from_file(Path(__file__).parent / "figures.mplstyle", use_default_template=False)
+SETTINGS: Any = matplotlib.rc_params_from_file(
+    Path(__file__).parent / "figures.mplstyle", use_default_template=False
+)
 RESOLUTION = 160
 CAPTION_SIZE = 9
 PALE, REACH_SIGNED = "#9aa3b2", 8.0
@@ -44,12 +47,31 @@ MOST_COORDINATES = MOST_PANELS = 6
 Result = Mapping[str, Any]  # of a simulation, or of work against precision
 # A path that extends beyond this multiple of the true one leaves the picture, as its axis says.
 REACH = 1.6
-FRAMES_A_SECOND, SECONDS, TRAIL = 25, 8.0, 1.0  # frames, length at most, length of a trail in seconds of the picture
+FRAMES_A_SECOND, SECONDS, TRAIL = (
+    25,
+    8.0,
+    1.0,
+)  # frames, length at most, length of a trail in seconds of the picture
 INCHES, DOTS = 4.8, 100
-BACKGROUND, SHADES, DOT, CLOCK, INK = 32, 6, 4, 14, "#222222"  # places of the palette; pixels; the color of the clock
-FAMILIES = {"geometric": "#0072B2", "explicit": "#D55E00", "implicit": "#009E73", "taylor": "#CC79A7"}
+BACKGROUND, SHADES, DOT, CLOCK, INK = (
+    32,
+    6,
+    4,
+    14,
+    "#222222",
+)  # places of the palette; pixels; the color of the clock
+FAMILIES = {
+    "geometric": "#0072B2",
+    "explicit": "#D55E00",
+    "implicit": "#009E73",
+    "taylor": "#CC79A7",
+}
 BY_ORDER = ((2, ":"), (4, "-."), (6, "--"), (99, "-"))
-DRAWN_FIRST, FAINT, LABEL_HEIGHT = 8, 0.3, 0.045  # curves in full color; how faint others are; of a panel's height
+DRAWN_FIRST, FAINT, LABEL_HEIGHT = (
+    8,
+    0.3,
+    0.045,
+)  # curves in full color; how faint others are; of a panel's height
 PANELS = (("seconds", "time in s"), ("evaluations", "force evaluations"))
 End = tuple[float, float, str, Any]
 
@@ -59,11 +81,15 @@ def save(figure: Figure, folder: Path, name: str, caption: str) -> list[str]:
     width = float(figure.get_size_inches()[0])
     lines = textwrap.wrap(caption, int(width * 14.5)) if caption else []
     if lines:
-        figure.supxlabel(plain("\n".join(lines)), x=0.012, ha="left", fontsize=CAPTION_SIZE, color="#333333")
+        figure.supxlabel(
+            plain("\n".join(lines)), x=0.012, ha="left", fontsize=CAPTION_SIZE, color="#333333"
+        )
     names = [f"{name}.svg", f"{name}.png"]
     for file in names:
         (folder / file).write_bytes(_encoded(figure, name, file[-3:]))
-        figure.set_layout_engine("none")  # the places found for the first file are those of the second
+        figure.set_layout_engine(
+            "none"
+        )  # the places found for the first file are those of the second
     return names
 
 
@@ -92,8 +118,9 @@ def shown(value: float) -> str:
 def view_figure(
     given: Sequence[Mapping[str, Any] | None], caption: str = "", wide: int = 3
 ) -> tuple[Figure, str] | None:
-    """Views as the page draws them too, with a caption: one panel each, `wide` in a row, with one legend for all; the
-    true motion is a broad pale line below the others."""
+    """Views as the page draws them too, with a caption: one panel each, `wide` in a row, with one
+    legend for all; the true motion is a broad pale line below the others.
+    """
     drawn = [view for view in given if view is not None]
     if not drawn:
         return None
@@ -110,19 +137,34 @@ def view_figure(
                 look_of_line: Any = {"linestyle": "none", "marker": ".", "markersize": 2} if view.get("dots") else {
                     "linestyle": DASHES[line["dash"]], "linewidth": 4 if is_true else 1.1}  # fmt: skip
                 color = PALE if is_true else line["color"]
-                axes.plot(*points, color=color, label=plain(line["label"]), zorder=1 if is_true else 2, **look_of_line)
+                axes.plot(
+                    *points,
+                    color=color,
+                    label=plain(line["label"]),
+                    zorder=1 if is_true else 2,
+                    **look_of_line,
+                )
             axes.set(xlabel=plain(view["x"]), ylabel=plain(view["y"]), title=plain(view["label"]))
             if view.get("log_y"):
                 axes.set_yscale("log")
             elif view.get("signed"):
-                # About 0: lines of more than REACH_SIGNED times the median of the greatest values leave the picture.
-                greatest = [max((abs(y) for y in line["y"] if y is not None), default=0.0) for line in view["lines"]]
+                # About 0: lines of more than REACH_SIGNED times the median of the greatest values
+                # leave the picture.
+                greatest = [
+                    max((abs(y) for y in line["y"] if y is not None), default=0.0)
+                    for line in view["lines"]
+                ]
                 usual = [one for one in greatest if one > 1e-9 * max(greatest)]
-                reach = 1.08 * (min(max(greatest), REACH_SIGNED * float(np.median(usual or [0.0]))) or 1e-16)
+                reach = 1.08 * (
+                    min(max(greatest), REACH_SIGNED * float(np.median(usual or [0.0]))) or 1e-16
+                )
                 axes.set_ylim(-reach, reach)
             if view.get("limits"):
                 center, half = view["limits"]
-                axes.set(xlim=(center[0] - half, center[0] + half), ylim=(center[1] - half, center[1] + half))
+                axes.set(
+                    xlim=(center[0] - half, center[0] + half),
+                    ylim=(center[1] - half, center[1] + half),
+                )
             if view.get("equal"):
                 axes.set_aspect("equal", adjustable="box" if view.get("limits") else "datalim")
         for empty in grid[len(drawn) :]:
@@ -132,7 +174,9 @@ def view_figure(
 
 
 def series_figure(name: str, result: Result, tables: Tables) -> tuple[Figure, str] | None:
-    """An observed quantity in time: its size on a logarithmic axis, and each of its columns with its sign."""
+    """An observed quantity in time: its size on a logarithmic axis, and each of its columns with
+    its sign.
+    """
     lines = views.lines_of(result, tables, views.QUANTITIES[name].size)
     sizes = {method["label"]: float(np.nanmax(np.abs(values))) for _, method, _, values in lines}
     caption = extremes(views.QUANTITIES[name].words, sizes) + _bands(tables)
@@ -152,7 +196,9 @@ def extremes(words: str, sizes: Mapping[str, float]) -> str:
 def _bands(tables: Tables) -> str:
     """The sentence of a caption if bands replace lines."""
     most = max(len(table["t"]) for table in tables.values())
-    return f" Bands reach from the least to the greatest of {most // views.BINS} points." * (most > views.MOST_POINTS)
+    return f" Bands reach from the least to the greatest of {most // views.BINS} points." * (
+        most > views.MOST_POINTS
+    )
 
 
 def with_truth(result: Result, tables: Tables, truth: Table | None) -> tuple[Result, Tables]:
@@ -160,12 +206,19 @@ def with_truth(result: Result, tables: Tables, truth: Table | None) -> tuple[Res
     if truth is None or any(method["method"] == "exact" for method in result["methods"]):
         return result, tables
     label = "true motion"
-    return {**result, "methods": [*result["methods"], {"label": label, "method": "exact"}]}, {**tables, label: truth}
+    return {**result, "methods": [*result["methods"], {"label": label, "method": "exact"}]}, {
+        **tables,
+        label: truth,
+    }
 
 
 def ensemble_figure(result: Result, tables: Tables) -> tuple[Figure, str]:
-    """One panel per coordinate and method: the median, the band from least to greatest, and lines of some members."""
-    methods = [(k, method) for k, method in enumerate(result["methods"]) if method["label"] in tables]
+    """One panel per coordinate and method: the median, the band from least to greatest, and lines
+    of some members.
+    """
+    methods = [
+        (k, method) for k, method in enumerate(result["methods"]) if method["label"] in tables
+    ]
     names = result["system"]["coordinates"][:MOST_COORDINATES]
     with matplotlib.rc_context(SETTINGS):
         figure = Figure(figsize=(3.6 * len(methods), 2.2 * len(names)), layout="constrained")
@@ -187,32 +240,49 @@ def ensemble_figure(result: Result, tables: Tables) -> tuple[Figure, str]:
             panels[-1][column].set_xlabel("t")
     count = methods[0][1]["members"]
     members = f"{count} member{'s' if count != 1 else ''}"
-    caption = f"{members}: the median, the full range, and {min(DRAWN, count)} of them as thin lines."
+    caption = (
+        f"{members}: the median, the full range, and {min(DRAWN, count)} of them as thin lines."
+    )
     return figure, caption
 
 
 def sweep_figure(result: Result, tables: Tables) -> tuple[Figure, str] | None:
-    """The final values of the members of an ensemble against the parameter that varies; None unless one does."""
+    """The final values of the members of an ensemble against the parameter that varies; None unless
+    one does.
+    """
     columns = [
         (k, m, {name.removeprefix("member_"): column for name, column in tables[m["label"]].items()
                 if name.startswith("member_")})
         for k, m in enumerate(result["methods"]) if m["label"] in tables
     ]  # fmt: skip
     first = columns[0][2]
-    varied = [name for name in result["system"]["parameters"] if name in first and np.ptp(first[name])]
-    ends = [name for name in first if name.endswith("_end") or name == "max_energy_error"][:MOST_COORDINATES]
+    varied = [
+        name for name in result["system"]["parameters"] if name in first and np.ptp(first[name])
+    ]
+    ends = [name for name in first if name.endswith("_end") or name == "max_energy_error"][
+        :MOST_COORDINATES
+    ]
     if len(varied) != 1 or not ends:
         return None
 
     def lines_to(name: str) -> list[views.Line]:
         return [(k, m, own[varied[0]], own[name]) for k, m, own in columns]
 
-    panels = [views.view_of("", varied[0], name.replace("_", " "), lines_to(name), dots=True) for name in ends]
-    return view_figure(panels, f"{result['name'] or 'Sweep'}: the end of each member against {varied[0]}.", 2)
+    panels = [
+        views.view_of("", varied[0], name.replace("_", " "), lines_to(name), dots=True)
+        for name in ends
+    ]
+    return view_figure(
+        panels, f"{result['name'] or 'Sweep'}: the end of each member against {varied[0]}.", 2
+    )
 
 
-def draw_simulation(folder: Path, result: Result, tables: Tables, truth: Table | None) -> list[dict[str, Any]]:
-    """Write the figures of the observed quantities. Return the names of the files with their captions."""
+def draw_simulation(
+    folder: Path, result: Result, tables: Tables, truth: Table | None
+) -> list[dict[str, Any]]:
+    """Write the figures of the observed quantities. Return the names of the files with their
+    captions.
+    """
     if not tables:
         return []
     observed, names = set(result["observe"]), result["system"]["coordinates"][:MOST_COORDINATES]
@@ -230,7 +300,9 @@ def draw_simulation(folder: Path, result: Result, tables: Tables, truth: Table |
             drawn["path"] = path_figure(whole, columns)
         elif "trajectory" in observed:
             caption = f"{result['name'] or 'Motion'}: {run_of(result)}.{_bands(tables)}"
-            drawn["coordinates"] = view_figure([views.time_view(name, whole, columns) for name in names], caption, 1)
+            drawn["coordinates"] = view_figure(
+                [views.time_view(name, whole, columns) for name in names], caption, 1
+            )
         if observed >= {"trajectory", "velocities"}:
             portraits = [views.portrait_view(one, result, tables) for one in names]
             caption = f"{result['name'] or 'Phase portrait'}: velocity against position of each coordinate."
@@ -241,7 +313,10 @@ def draw_simulation(folder: Path, result: Result, tables: Tables, truth: Table |
             if name in observed or (name == "discrete_energy" and "energy" in observed):
                 drawn[name] = series_figure(name, whole, columns)
     made = ((name, *pair) for name, pair in drawn.items() if pair is not None)
-    return [{"files": save(figure, folder, name, words), "caption": words} for name, figure, words in made]
+    return [
+        {"files": save(figure, folder, name, words), "caption": words}
+        for name, figure, words in made
+    ]
 
 
 def picture(result: Result, name: str, ending: str) -> bytes | None:
@@ -255,8 +330,9 @@ def picture(result: Result, name: str, ending: str) -> bytes | None:
 
 
 def path_figure(result: Result, tables: Tables) -> tuple[Figure, str] | None:
-    """A panel for each method, all of one scale: its path, the true one, and the paper's matching circle, which goes
-    through three points of the first revolution."""
+    """A panel for each method, all of one scale: its path, the true one, and the paper's matching
+    circle, which goes through three points of the first revolution.
+    """
     whole = views.path_view(result, tables)
     if whole is None:
         return None
@@ -275,18 +351,25 @@ def path_figure(result: Result, tables: Tables) -> tuple[Figure, str] | None:
         notes, circle = list[str](), method.get("circle") or {}
         lines, found = [*true, {**line, "dash": "solid"}], circle.get("through_three_points")
         if found is not None:
-            x, y = (found["center"][k] + found["radius"] * wave(turn) for k, wave in enumerate((np.cos, np.sin)))
+            x, y = (
+                found["center"][k] + found["radius"] * wave(turn)
+                for k, wave in enumerate((np.cos, np.sin))
+            )
             lines.append({**line, "label": "matching circle", "dash": "dash", "x": x, "y": y})
         if circle.get("max_radial_distance") is not None:
             notes.append(f"off the circle by {shown(100 * circle['max_radial_distance'])} %")
         elif (circle.get("revolutions") or 0) >= 1:
-            notes.append(f"radius {shown(circle['radius_first'])} to {shown(circle['radius_last'])}")
+            notes.append(
+                f"radius {shown(circle['radius_first'])} to {shown(circle['radius_last'])}"
+            )
         if method["outcome"] != "completed":
             notes.append(f"ends: {method['outcome']}")
         if float(np.abs(path - center).max()) > half:
             notes.append("leaves the picture")
         below = f"{whole['x']}\n{'; '.join(notes)}"
-        panels.append({**whole, "label": line["label"], "x": below, "lines": lines, "limits": (center, half)})
+        panels.append(
+            {**whole, "label": line["label"], "x": below, "lines": lines, "limits": (center, half)}
+        )
     # The caption says what is drawn, and which methods preserve the circle best and worst.
     methods = [result["methods"][line["place"]] for line in own]
     circles_of = {method["label"]: method["circle"] for method in methods if method.get("circle")}
@@ -294,7 +377,9 @@ def path_figure(result: Result, tables: Tables) -> tuple[Figure, str] | None:
     parts += ["The broad pale curve is the true motion."] * len(true)
     if any(circle.get("through_three_points") for circle in circles_of.values()):
         parts.append("Dashed: the matching circles through three points.")
-    known = {name: circle for name, circle in circles_of.items() if (circle["revolutions"] or 2) >= 2}
+    known = {
+        name: circle for name, circle in circles_of.items() if (circle["revolutions"] or 2) >= 2
+    }
     sizes = {name: abs(circle["radius_change"]) for name, circle in known.items()}
     words = "relative change of the radius from the first revolution to the last"
     caption = " ".join(filter(None, [*parts, extremes(words, sizes)]))
@@ -302,31 +387,50 @@ def path_figure(result: Result, tables: Tables) -> tuple[Figure, str] | None:
 
 
 def precision_figure(result: Result, evaluations: bool = False) -> tuple[Figure, str]:
-    """The figure of a work-precision document and its caption: time against the error, and evaluations on request.
+    """The figure of a work-precision document and its caption: time against the error, and
+    evaluations on request.
 
-    A color for each family of methods, a line style for each order, the names at the ends of the curves. Points are
-    joined in the order of h and end at the round-off floor; what failed is not drawn.
+    A color for each family of methods, a line style for each order, the names at the ends of the
+    curves. Points are joined in the order of h and end at the round-off floor; what failed is not
+    drawn.
     """
     panels = PANELS[: 1 + evaluations]
     with matplotlib.rc_context(SETTINGS):
         figure = Figure(figsize=(7.6 * len(panels), 5.0), layout="constrained")
-        for axes, (key, label) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
-            ends = [_curve(axes, place, name, result, key) for place, name in enumerate(best_first(result))]
-            axes.set(xscale="log", yscale="log", xlabel="relative error of the trajectory, smaller to the right")
+        for axes, (key, label) in zip(
+            figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True
+        ):
+            ends = [
+                _curve(axes, place, name, result, key)
+                for place, name in enumerate(best_first(result))
+            ]
+            axes.set(
+                xscale="log",
+                yscale="log",
+                xlabel="relative error of the trajectory, smaller to the right",
+            )
             axes.set_ylabel(label)
             axes.invert_xaxis()
-            for axis in (axes.xaxis, axes.yaxis):  # plain numbers: matplotlib parses each formula as long as it draws
+            for axis in (
+                axes.xaxis,
+                axes.yaxis,
+            ):  # plain numbers: matplotlib parses each formula as long as it draws
                 axis.set_major_formatter(lambda value, _: power(value))
                 axis.set_minor_formatter(NullFormatter())
             _label_ends(axes, [end for end in ends if end is not None])
     title = f"{result['name']}. " if result["name"] else ""
-    return figure, f"{title}{result['sentences'][0]} Lower is better; curves end at the round-off floor."
+    return (
+        figure,
+        f"{title}{result['sentences'][0]} Lower is better; curves end at the round-off floor.",
+    )
 
 
 def _curve(axes: Axes, place: int, name: str, result: Result, key: str) -> End | None:
     """Draw a method; (x, y, name, color) of its end."""
     drawn = [
-        run for run in result["runs"] if run["method"] == name and run["error"] and run[key] and not run["at_floor"]
+        run
+        for run in result["runs"]
+        if run["method"] == name and run["error"] and run[key] and not run["at_floor"]
     ]
     method = next(one for one in result["methods"] if one["label"] == name)
     if not drawn:
@@ -347,7 +451,10 @@ def _label_ends(axes: Axes, ends: Sequence[End]) -> None:
         top = max(math.log10(y), top + gap)
         place = (top - low) / (high - low)
         end = axes.transAxes.inverted().transform(axes.transData.transform((x, y)))
-        leader, faded = {"color": color, "clip_on": False, "transform": axes.transAxes}, max(faint, 0.6)
+        leader, faded = (
+            {"color": color, "clip_on": False, "transform": axes.transAxes},
+            max(faint, 0.6),
+        )
         axes.plot([end[0], 1.01], [end[1], place], alpha=0.3 * faint, linewidth=0.6, **leader)
         axes.text(1.02, place, plain(name), alpha=faded, fontsize=8.5, va="center", **leader)
 
@@ -359,7 +466,11 @@ def animate(path: Path, result: Result, tables: Tables) -> None:
     if path.suffix == ".mp4" and shutil.which("ffmpeg") is None:
         raise InputError("A .mp4 file needs the program ffmpeg: install it, or write a .gif file.")
     table = next((tables[m["label"]] for m in result["methods"] if m["label"] in tables), None)
-    bodies = {name: (table[x], table[y]) for name, (x, y) in result["bodies"].items()} if table is not None else {}
+    bodies = (
+        {name: (table[x], table[y]) for name, (x, y) in result["bodies"].items()}
+        if table is not None
+        else {}
+    )
     if not bodies and table is not None and {"x", "y"} <= set(result["system"]["coordinates"]):
         bodies = {"": (table["x"], table["y"])}
     if table is None or not bodies:
@@ -367,7 +478,12 @@ def animate(path: Path, result: Result, tables: Tables) -> None:
     frames = _frames(table["t"], bodies, with_origin=bool(result["bodies"]))
     if path.suffix == ".gif":
         first = next(frames)
-        settings: Any = {"duration": 1000 // FRAMES_A_SECOND, "loop": 0, "optimize": False, "disposal": 1}
+        settings: Any = {
+            "duration": 1000 // FRAMES_A_SECOND,
+            "loop": 0,
+            "optimize": False,
+            "disposal": 1,
+        }
         first.save(path, save_all=True, append_images=frames, **settings)
         return
     size, rate = f"{int(INCHES * DOTS)}x{int(INCHES * DOTS)}", str(FRAMES_A_SECOND)
@@ -381,12 +497,19 @@ def animate(path: Path, result: Result, tables: Tables) -> None:
         raise InputError("ffmpeg could not make the .mp4 file: write a .gif file.")
 
 
-def _frames(times: Array, bodies: Mapping[str, tuple[Array, Array]], with_origin: bool) -> Iterator[Image.Image]:
-    """Pictures with a palette of the bodies with their trails, in real time or within SECONDS. Matplotlib draws the
-    axes once; what moves is drawn by places of the palette, so that no picture is converted."""
+def _frames(
+    times: Array, bodies: Mapping[str, tuple[Array, Array]], with_origin: bool
+) -> Iterator[Image.Image]:
+    """Pictures with a palette of the bodies with their trails, in real time or within SECONDS.
+    Matplotlib draws the axes once; what moves is drawn by places of the palette, so that no picture
+    is converted.
+    """
     length = min(SECONDS, float(times[-1] - times[0]) or 1.0)
     moments = np.linspace(times[0], times[-1], max(2, int(FRAMES_A_SECOND * length)))
-    ways = {name: np.array([np.interp(moments, times, column) for column in place]) for name, place in bodies.items()}
+    ways = {
+        name: np.array([np.interp(moments, times, column) for column in place])
+        for name, place in bodies.items()
+    }
     points = np.concatenate([*ways.values(), *([np.zeros((2, 1))] if with_origin else [])], axis=1)
     low, high = np.nanmin(points, axis=1), np.nanmax(points, axis=1)
     middle, half = (low + high) / 2, 0.55 * float((high - low).max()) or 1.0
@@ -394,12 +517,22 @@ def _frames(times: Array, bodies: Mapping[str, tuple[Array, Array]], with_origin
     with matplotlib.rc_context(SETTINGS):
         figure = Figure(figsize=(INCHES, INCHES), layout="constrained")
         figure.set_dpi(DOTS)
-        axes, canvas = figure.subplots(), cast(Any, FigureCanvasAgg)(figure)  # matplotlib annotates none of it
-        axes.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half), aspect="equal")
+        axes, canvas = (
+            figure.subplots(),
+            cast(Any, FigureCanvasAgg)(figure),
+        )  # matplotlib annotates none of it
+        axes.set(
+            xlim=(middle[0] - half, middle[0] + half),
+            ylim=(middle[1] - half, middle[1] + half),
+            aspect="equal",
+        )
         canvas.draw()
         axes_only = np.asarray(canvas.buffer_rgba())[:, :, :3]
         height = len(axes_only)
-        pixels = {name: axes.transData.transform(way.T) * [1, -1] + [0, height] for name, way in ways.items()}
+        pixels = {
+            name: axes.transData.transform(way.T) * [1, -1] + [0, height]
+            for name, way in ways.items()
+        }
         corner = axes.transAxes.transform((0.02, 0.98)) * [1, -1] + [0, height]
     background = Image.fromarray(axes_only).quantize(BACKGROUND)
     palette = (background.getpalette() or [])[: 3 * BACKGROUND]
@@ -416,7 +549,9 @@ def _frames(times: Array, bodies: Mapping[str, tuple[Array, Array]], with_origin
         for place, way in enumerate(pixels.values()):
             trail = way[first : frame + 1]
             if len(trail) > 1 and np.isfinite(trail).all():
-                draw.line([*map(tuple, trail.tolist())], fill=shades[views.color_of(place)][SHADES // 2])
+                draw.line(
+                    [*map(tuple, trail.tolist())], fill=shades[views.color_of(place)][SHADES // 2]
+                )
         for place, way in enumerate(pixels.values()):
             if np.isfinite(way[frame]).all():
                 dot, mask = dots[views.color_of(place)]
@@ -430,7 +565,9 @@ def _frames(times: Array, bodies: Mapping[str, tuple[Array, Array]], with_origin
 
 
 def _shades(palette: list[int], color: str) -> list[int]:
-    """Places of the palette for shares 1/SHADES, ..., 1 of a color on white, which are added to it."""
+    """Places of the palette for shares 1/SHADES, ..., 1 of a color on white, which are added to
+    it.
+    """
     full = [255 * part for part in mcolors.to_rgb(color)]
     begin = len(palette) // 3
     for k in range(1, SHADES + 1):
@@ -439,9 +576,13 @@ def _shades(palette: list[int], color: str) -> list[int]:
 
 
 def _glyph(mask: Any, places: Sequence[int]) -> tuple[Image.Image, Image.Image]:
-    """A picture of places of the palette by how far each pixel is covered, and the mask of those that are."""
+    """A picture of places of the palette by how far each pixel is covered, and the mask of those
+    that are.
+    """
     table = [0, *(places[min(SHADES - 1, k * SHADES // 256)] for k in range(1, 256))]
-    covered = mask if isinstance(mask, Image.Image) else Image.frombytes("L", mask.size, bytes(mask))
+    covered = (
+        mask if isinstance(mask, Image.Image) else Image.frombytes("L", mask.size, bytes(mask))
+    )
     return covered.point(table), covered.point([0] + [255] * 255).convert("1")
 
 

@@ -1,6 +1,7 @@
-"""Translate scene documents, in this order: the system, from the catalogue, a document or a result, with symbolic
-parameters and formulas in the place of its functions; effects, forces, observables and events; the whole scene; the
-grid of times, methods with their settings and labels, initial data on the constraints, and the members of an ensemble.
+"""Translate scene documents, in this order: the system, from the catalogue, a document or a result,
+with symbolic parameters and formulas in the place of its functions; effects, forces, observables
+and events; the whole scene; the grid of times, methods with their settings and labels, initial data
+on the constraints, and the members of an ensemble.
 
 Each error is one sentence with its location.
 """
@@ -24,7 +25,14 @@ from api_schemas import base, scene as schemas
 from api_schemas.system import TAGS
 from inverse_service import catalogue
 from inverse_service.errors import DocumentRefused, InputError, LimitError
-from inverse_service.expressions import arrays, calculus, collecting, functions, refusals, tree as ex
+from inverse_service.expressions import (
+    arrays,
+    calculus,
+    collecting,
+    functions,
+    refusals,
+    tree as ex,
+)
 from inverse_service.field import tower
 from inverse_service.integrators.method_table import GEOMETRIC, METHODS, OWN_STEPS, RUNGE_KUTTA
 from inverse_service.integrators.trajectory import Array
@@ -36,7 +44,12 @@ from inverse_service.reading.document_names import AND_GUESS, Declared, document
 from inverse_service.service.documents import accepting
 from inverse_service.service.documents.plain_data import escape
 from inverse_service.simulation import derivation, numeric_formulas, observing, scene_data as data
-from inverse_service.simulation.initial import System, check_constraints, initial_velocities, velocities_from_momenta
+from inverse_service.simulation.initial import (
+    System,
+    check_constraints,
+    initial_velocities,
+    velocities_from_momenta,
+)
 
 LAGRANGIAN_KEYS = "name, coordinates, lagrangian, constraints, parameters, functions, where, time"
 # Keys of a nonholonomic document that are options of `solve` and do not affect the motion.
@@ -47,8 +60,12 @@ SOLVE_ONLY = frozenset({
 SYSTEM_WORDING = accepting.Wording(
     "The system",
     accepting.EXPECTED,
-    lambda _, where: f"The key {where} is not known here; a system with a Lagrangian has the keys {LAGRANGIAN_KEYS}.",
-    lambda steps: tuple(step for step in steps if step not in ("dict", "list") and not str(step).endswith("]")),
+    lambda _, where: (
+        f"The key {where} is not known here; a system with a Lagrangian has the keys {LAGRANGIAN_KEYS}."
+    ),
+    lambda steps: tuple(
+        step for step in steps if step not in ("dict", "list") and not str(step).endswith("]")
+    ),
 )
 HIDDEN = frozenset({*TAGS, "[key]", "quantity", "formulas", "columns", "list"})
 MOST_ACTS = 10_000
@@ -72,13 +89,17 @@ PARTS = ("positions", "velocities", "momenta")  # of the initial data
 OF_MEMBERS = ("trajectory", "velocities", "energy")
 
 
-def refusal(key: str, pointer: str, kind: type[InputError] = InputError, **words: object) -> InputError:
+def refusal(
+    key: str, pointer: str, kind: type[InputError] = InputError, **words: object
+) -> InputError:
     """The error of this key in `wording.toml`, with its words, at a place of the scene."""
     return kind(TABLE["refused"][key].format(**words), pointer)
 
 
 def read_definitions(given: Mapping[str, str], names: nm.Names) -> calculus.Definitions:
-    """The formula of each function over its own arguments; InputError with the pointer below /functions."""
+    """The formula of each function over its own arguments; InputError with the pointer below
+    /functions.
+    """
     found = {}
     for key, text in given.items():
         pointer = f"/functions/{key}"
@@ -90,7 +111,9 @@ def read_definitions(given: Mapping[str, str], names: nm.Names) -> calculus.Defi
         with reader.placed_at(pointer):
             tree = reader.read_formula(text, nm.Names(names.coordinates, names.parameters))
         words = {word: of[0] for word in arguments if (of := names.derivative(word))}
-        tree = ex.substitute(tree, {ex.Velocity(name): ex.Symbol(word) for word, name in words.items()})
+        tree = ex.substitute(
+            tree, {ex.Velocity(name): ex.Symbol(word) for word, name in words.items()}
+        )
         others = (ex.Symbol(other) for other in names.coordinates if other not in arguments)
         if ex.holds(tree, *others, *map(ex.Velocity, names.coordinates)):
             raise refusal("other_arguments", pointer, name=name, arguments=", ".join(arguments))
@@ -99,11 +122,21 @@ def read_definitions(given: Mapping[str, str], names: nm.Names) -> calculus.Defi
 
 
 def refuse_open_functions(formulas: Sequence[ex.Expression], names: nm.Names) -> None:
-    """InputError if a formula contains an arbitrary function for which the scene gives no formula."""
-    missing = sorted({node.name for tree in formulas for node in ex.walk(tree) if isinstance(node, ex.Arbitrary)})
+    """InputError if a formula contains an arbitrary function for which the scene gives no
+    formula.
+    """
+    missing = sorted(
+        {node.name for tree in formulas for node in ex.walk(tree) if isinstance(node, ex.Arbitrary)}
+    )
     if missing:
         first, argument = missing[0], names.functions[missing[0]][0]
-        raise refusal("open_functions", "/functions", missing=", ".join(missing), first=first, argument=argument)
+        raise refusal(
+            "open_functions",
+            "/functions",
+            missing=", ".join(missing),
+            first=first,
+            argument=argument,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,11 +149,13 @@ class KnownLagrangian:
 
 @dataclass(frozen=True, slots=True)
 class MechanicalSystem:
-    """Coordinates with L and constraints, or with accelerations; `names` are those its formulas may use.
+    """Coordinates with L and constraints, or with accelerations; `names` are those its formulas may
+    use.
 
-    `values` are the parameters that its document gives a value. `known` are the L~ that come with the system, the best
-    first, `source` says from where. `document` is what `solve` would be asked about. `definitions` are the
-    formulas that the scene gives to its functions. `catalogue_name` is there where it comes from the catalogue.
+    `values` are the parameters that its document gives a value. `known` are the L~ that come with
+    the system, the best first, `source` says from where. `document` is what `solve` would be asked
+    about. `definitions` are the formulas that the scene gives to its functions. `catalogue_name` is
+    there where it comes from the catalogue.
     """
 
     names: nm.Names
@@ -141,7 +176,11 @@ def _of_catalogue(name: str, extra: Sequence[str]) -> MechanicalSystem:
     known = entry.get("expected", {}).get("lagrangians", [])
     found = replace(_of_document(entry["document"], extra), catalogue_name=name)
     if found.accelerations is not None and known:
-        return replace(found, known=(KnownLagrangian(known[0]),), source="the known Lagrangian of the catalogue")
+        return replace(
+            found,
+            known=(KnownLagrangian(known[0]),),
+            source="the known Lagrangian of the catalogue",
+        )
     return found
 
 
@@ -160,9 +199,14 @@ def _of_result(result: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSys
 
 
 def lagrangians_of(result: Mapping[str, Any], names: nm.Names) -> tuple[KnownLagrangian, ...]:
-    """The Lagrangians of a result on all its branches, also with t, the most suitable first: those with a
-    Hamiltonian in closed form, and of these those with the fewest walls, at which a motion would end."""
-    branches = [result, *(branch for branch in result.get("branches") or () if isinstance(branch, Mapping))]
+    """The Lagrangians of a result on all its branches, also with t, the most suitable first: those
+    with a Hamiltonian in closed form, and of these those with the fewest walls, at which a motion
+    would end.
+    """
+    branches = [
+        result,
+        *(branch for branch in result.get("branches") or () if isinstance(branch, Mapping)),
+    ]
     answers = [
         answer
         for branch in branches
@@ -171,12 +215,19 @@ def lagrangians_of(result: Mapping[str, Any], names: nm.Names) -> tuple[KnownLag
     ]
 
     def rank(answer: Mapping[str, Any]) -> tuple[bool, int]:
-        hamiltonian, tree = answer.get("hamiltonian"), reader.read_formula(answer["lagrangian"]["text"], names)
+        hamiltonian, tree = (
+            answer.get("hamiltonian"),
+            reader.read_formula(answer["lagrangian"]["text"], names),
+        )
         closed = _is_part(hamiltonian) and not (hamiltonian or {}).get("implicit")
         return not closed, len({*numeric_formulas.walls(tree, names.coordinates)})
 
     parts = [answer["lagrangian"] for answer in sorted(answers, key=rank)]
-    return tuple(dict.fromkeys(KnownLagrangian(part["text"], tuple(part.get("domain") or ())) for part in parts))
+    return tuple(
+        dict.fromkeys(
+            KnownLagrangian(part["text"], tuple(part.get("domain") or ())) for part in parts
+        )
+    )
 
 
 def _is_part(value: Any) -> bool:
@@ -203,8 +254,12 @@ def _of_document(document: Mapping[str, Any], extra: Sequence[str]) -> Mechanica
 def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
     own = {key: value for key, value in document.items() if key not in SOLVE_ONLY}
     schema = accepting.validated(own, schemas.LagrangianDocument, SYSTEM_WORDING)
-    parameters, values = _parameters(schema.parameters, [name for name in extra if name not in schema.coordinates])
-    declared = Declared(schema.coordinates, parameters, schema.functions, schema.where, base.MAX_SIMULATED)
+    parameters, values = _parameters(
+        schema.parameters, [name for name in extra if name not in schema.coordinates]
+    )
+    declared = Declared(
+        schema.coordinates, parameters, schema.functions, schema.where, base.MAX_SIMULATED
+    )
     known = known_names(declared, {"/lagrangian": schema.lagrangian}, order=1)
     names = known.remaining()
     if schema.constraints:
@@ -212,15 +267,29 @@ def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> Mechani
         system = read_nonholonomic(declared, schema.lagrangian, schema.constraints)
         lagrangian, constraints = system.lagrangian, system.constraints
     else:
-        lagrangian, constraints = known.put_in(formula(schema.lagrangian, known.names, "/lagrangian")), ()
-    return MechanicalSystem(names, lagrangian, constraints, None, values, schema.name, document=document)
+        lagrangian, constraints = (
+            known.put_in(formula(schema.lagrangian, known.names, "/lagrangian")),
+            (),
+        )
+    return MechanicalSystem(
+        names, lagrangian, constraints, None, values, schema.name, document=document
+    )
 
 
 def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
     schema = accepting.to_schema(document)
     coordinates = schema.coordinates or schema.equations
-    parameters, values = _parameters(schema.parameters, [name for name in extra if name not in coordinates])
-    system = read_system(schema.coordinates, schema.equations, parameters, schema.functions, schema.name, schema.where)
+    parameters, values = _parameters(
+        schema.parameters, [name for name in extra if name not in coordinates]
+    )
+    system = read_system(
+        schema.coordinates,
+        schema.equations,
+        parameters,
+        schema.functions,
+        schema.name,
+        schema.where,
+    )
     functions = dict(system.functions)
     names = document_names(Declared(system.coordinates, system.parameters, functions), {})
     accelerations = tuple(map(without_steps, system.accelerations))
@@ -233,7 +302,8 @@ READERS: dict[str, Callable[[Any, Sequence[str]], MechanicalSystem]] = {
 
 
 def mechanical_system(given: Any, extra: Sequence[str]) -> MechanicalSystem:
-    """The system that the scene's `system` names; `extra` are additional parameters with values in the scene.
+    """The system that the scene's `system` names; `extra` are additional parameters with values in
+    the scene.
 
     InputError with its pointer below /system.
     """
@@ -242,14 +312,20 @@ def mechanical_system(given: Any, extra: Sequence[str]) -> MechanicalSystem:
     try:
         return READERS[key](getattr(given, key) if key else given, extra)
     except DocumentRefused as error:
-        raise DocumentRefused(tuple(replace(p, pointer=pointer + p.pointer) for p in error.places)) from None
+        raise DocumentRefused(
+            tuple(replace(p, pointer=pointer + p.pointer) for p in error.places)
+        ) from None
     except InputError as error:
         raise error.at(pointer) from None
 
 
 def without_steps(tree: ex.Expression) -> ex.Expression:
     """The tree with step functions written with u/sqrt(u^2), like sign(u)."""
-    steps = (node for node in ex.walk(tree) if isinstance(node, ex.Apply) and node.function == functions.STEP)
+    steps = (
+        node
+        for node in ex.walk(tree)
+        if isinstance(node, ex.Apply) and node.function == functions.STEP
+    )
     return ex.substitute(tree, {node: tower.to_kernels(node) for node in steps})
 
 
@@ -260,9 +336,14 @@ def formula(text: str, names: nm.Names, pointer: str) -> ex.Expression:
 
 
 def _parameters(given: Any, extra: Sequence[str]) -> tuple[list[str], dict[str, str]]:
-    """All parameter names, with the values of the document; values are not substituted, so that one kernel
-    serves all values."""
-    values = {name: text for name, text in given.items() if text is not None} if isinstance(given, Mapping) else {}
+    """All parameter names, with the values of the document; values are not substituted, so that one
+    kernel serves all values.
+    """
+    values = (
+        {name: text for name, text in given.items() if text is not None}
+        if isinstance(given, Mapping)
+        else {}
+    )
     declared = Declared(parameters=given)
     names = list(declared.named_parameters())
     more = [AND_GUESS] if declared.guesses else []
@@ -274,7 +355,9 @@ def _parameters(given: Any, extra: Sequence[str]) -> tuple[list[str], dict[str, 
 def scene_schema(document: Any) -> schemas.SceneDocument:
     """The scene in its schema; raises DocumentRefused with every fault found."""
     with refusals.longer_texts(base.LONGER_IN_SCENES):
-        return accepting.validated(accepting.prepared_scene(document), schemas.SceneDocument, WORDING)
+        return accepting.validated(
+            accepting.prepared_scene(document), schemas.SceneDocument, WORDING
+        )
 
 
 def _steps(loc: accepting.Steps) -> accepting.Steps:
@@ -294,14 +377,18 @@ def _unknown(steps: accepting.Steps, where: str) -> str:
 
 # What each place takes.
 EXPECTED: dict[accepting.Steps, str] = {
-    tuple(filter(None, place.split("."))): re.sub("<(.+?)>", lambda name: str(FILLED[name[1]]), text)
+    tuple(filter(None, place.split("."))): re.sub(
+        "<(.+?)>", lambda name: str(FILLED[name[1]]), text
+    )
     for place, text in TABLE["expected"].items()
 }
 WORDING = accepting.Wording("The scene", EXPECTED, _unknown, _steps)
 
 
 def read_expression(text: str, system: MechanicalSystem, pointer: str) -> ex.Expression:
-    """A formula of the scene, with those of its functions; InputError at the pointer, or where a function has none."""
+    """A formula of the scene, with those of its functions; InputError at the pointer, or where a
+    function has none.
+    """
     given = formula(text, system.names, pointer)
     tree = without_steps(calculus.define_functions(given, system.definitions))
     refuse_open_functions([tree], system.names)
@@ -326,8 +413,12 @@ def read_forces(
     return forces if any(force != ex.ZERO for force in forces) else ()
 
 
-def read_observables(schema: schemas.SceneDocument, system: MechanicalSystem) -> tuple[data.Observable, ...]:
-    """The observables that the scene gives by formula, in its order; each name is a separate column."""
+def read_observables(
+    schema: schemas.SceneDocument, system: MechanicalSystem
+) -> tuple[data.Observable, ...]:
+    """The observables that the scene gives by formula, in its order; each name is a separate
+    column.
+    """
     found: dict[str, data.Observable] = {}
     coordinates = system.names.coordinates
     contacts = [one.name or f"contact_{place}" for place, one in enumerate(schema.contacts, 1)]
@@ -369,9 +460,14 @@ def read_events(schema: schemas.SceneDocument, system: MechanicalSystem) -> tupl
 
 
 def read_contacts(
-    schema: schemas.SceneDocument, system: MechanicalSystem, values: Mapping[str, float], state: data.Point
+    schema: schemas.SceneDocument,
+    system: MechanicalSystem,
+    values: Mapping[str, float],
+    state: data.Point,
 ) -> tuple[data.Contact, ...]:
-    """The contacts of a scene; none may be penetrated at the start, and each name is a separate column."""
+    """The contacts of a scene; none may be penetrated at the start, and each name is a separate
+    column.
+    """
     names, found = system.names, dict[str, data.Contact]()
     if schema.contacts and system.lagrangian is None and len(names.coordinates) > 1:
         raise refusal("contacts_without_masses", "/contacts")
@@ -381,12 +477,20 @@ def read_contacts(
             raise refusal("contact_twice", f"{pointer}/name", name=name)
         gap = read_expression(given.gap, system, f"{pointer}/gap")
         if not ex.holds(gap, *map(ex.Symbol, names.coordinates)):
-            raise refusal("gap_of_no_coordinate", f"{pointer}/gap", known=", ".join(names.coordinates))
+            raise refusal(
+                "gap_of_no_coordinate", f"{pointer}/gap", known=", ".join(names.coordinates)
+            )
         if ex.has(gap, ex.Velocity):
             raise refusal("gap_of_velocities", f"{pointer}/gap")
-        restitution = number_of(given.restitution or "0", f"{pointer}/restitution", "restitution", 0, 1)
+        restitution = number_of(
+            given.restitution or "0", f"{pointer}/restitution", "restitution", 0, 1
+        )
         friction = number_of(given.friction or "0", f"{pointer}/friction", "friction", 0)
-        slides = ex.ZERO if given.slides is None else read_expression(given.slides, system, f"{pointer}/slides")
+        slides = (
+            ex.ZERO
+            if given.slides is None
+            else read_expression(given.slides, system, f"{pointer}/slides")
+        )
         if friction and not ex.has(slides, ex.Velocity):
             raise refusal("no_sliding", f"{pointer}/slides", first=names.coordinates[0])
         slopes = [calculus.differentiate(slides, ex.Velocity(x)) for x in names.coordinates]
@@ -403,7 +507,9 @@ def read_contacts(
 
 
 def beginning(schema: schemas.SceneDocument) -> tuple[float, schemas.SceneInitial]:
-    """The start time and initial data of the scene, given directly or taken from the end of the restarted result."""
+    """The start time and initial data of the scene, given directly or taken from the end of the
+    restarted result.
+    """
     if schema.restart is None:
         if schema.initial is None:
             raise refusal("no_initial", "/initial")
@@ -413,12 +519,18 @@ def beginning(schema: schemas.SceneDocument) -> tuple[float, schemas.SceneInitia
         raise refusal("begins_twice", "/restart")
     methods = schema.restart.get("methods")
     for method in methods if isinstance(methods, list) else []:
-        with suppress(InputError, AttributeError, KeyError, TypeError, ValueError):  # it has no last point
+        with suppress(
+            InputError, AttributeError, KeyError, TypeError, ValueError
+        ):  # it has no last point
             final = method["final"]
             given = (final["positions"], final["velocities"])
-            positions, velocities = ({name: repr(float(x)) for name, x in one.items()} for one in given)
+            positions, velocities = (
+                {name: repr(float(x)) for name, x in one.items()} for one in given
+            )
             begin = number_of(repr(float(final["t"])), "/restart")
-            return begin, schemas.SceneInitial(positions=positions, velocities=velocities, project=True)
+            return begin, schemas.SceneInitial(
+                positions=positions, velocities=velocities, project=True
+            )
     raise refusal("no_end", "/restart")
 
 
@@ -435,9 +547,20 @@ def _read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSy
     }
     system = mechanical_system(schema.system, list(given))
     # Formulas that the scene adds to those of its system may use additional parameters.
-    keys = ("terms", "functions", "free_lagrangian", "forces", "rayleigh", "events", "contacts", "points")
+    keys = (
+        "terms",
+        "functions",
+        "free_lagrangian",
+        "forces",
+        "rayleigh",
+        "events",
+        "contacts",
+        "points",
+    )
     has_formulas = any(getattr(one, key, None) for one in (schema, *schema.methods) for key in keys)
-    _refuse_unknown(system, given, has_formulas or any(isinstance(item, dict) for item in schema.observe))
+    _refuse_unknown(
+        system, given, has_formulas or any(isinstance(item, dict) for item in schema.observe)
+    )
     names = system.names
     columns = observing.names_of_columns(names.coordinates, len(system.constraints))
     if taken := [*filter(columns.fullmatch, names.coordinates)]:
@@ -448,7 +571,9 @@ def _read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSy
     values = {name: number_of(texts[name], f"/parameters/{name}") for name in names.parameters}
     system = replace(system, definitions=read_definitions(schema.functions, names))
     lagrangian, constraints, forces, effects, parts = _with_effects(schema, system)
-    accelerations = tuple(calculus.define_functions(tree, system.definitions) for tree in system.accelerations or ())
+    accelerations = tuple(
+        calculus.define_functions(tree, system.definitions) for tree in system.accelerations or ()
+    )
     formulas = [tree for tree in (lagrangian, *constraints, *accelerations) if tree is not None]
     refuse_open_functions(formulas, names)
     if any(ex.holds(tree, ex.TIME) for tree in constraints):
@@ -459,7 +584,9 @@ def _read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSy
     for kind in PARTS:
         for name in getattr(initial, kind) or {}:
             if name not in names.coordinates and f"{name}'" in equations:
-                raise refusal("first_order", f"/initial/{kind}/{escape(name)}", known=known, name=escape(name))
+                raise refusal(
+                    "first_order", f"/initial/{kind}/{escape(name)}", known=known, name=escape(name)
+                )
     what = data.Problem(names.coordinates, (), lagrangian, constraints)
     positions, velocities = read_initial(initial, names, what, values)
     grid, notes = read_grid(schema, begin, len(names.coordinates))
@@ -480,10 +607,23 @@ def _read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSy
 
 def _refuse_unknown(system: MechanicalSystem, extra: Iterable[str], formulas: bool) -> None:
     """Reject a parameter that neither the system nor an additional formula of the scene can use."""
-    parameters, trees = system.names.parameters, (system.lagrangian, *system.constraints, *(system.accelerations or ()))
-    known = {node.name for tree in trees if tree is not None for node in ex.walk(tree) if isinstance(node, ex.Symbol)}
-    known |= set(Declared(parameters=(system.document or {}).get("parameters", ())).named_parameters())
-    known = set(parameters) & (set(parameters) if formulas else set(map(system.names.spelling, known)))
+    parameters, trees = (
+        system.names.parameters,
+        (system.lagrangian, *system.constraints, *(system.accelerations or ())),
+    )
+    known = {
+        node.name
+        for tree in trees
+        if tree is not None
+        for node in ex.walk(tree)
+        if isinstance(node, ex.Symbol)
+    }
+    known |= set(
+        Declared(parameters=(system.document or {}).get("parameters", ())).named_parameters()
+    )
+    known = set(parameters) & (
+        set(parameters) if formulas else set(map(system.names.spelling, known))
+    )
     for name in extra:
         if system.names.spelling(name) not in known:
             names = ", ".join(name for name in parameters if name in known) or "none"
@@ -492,22 +632,36 @@ def _refuse_unknown(system: MechanicalSystem, extra: Iterable[str], formulas: bo
 
 def _with_effects(
     schema: schemas.SceneDocument, system: MechanicalSystem
-) -> tuple[ex.Expression | None, Constraints, Constraints, tuple[str, ...], tuple[data.Effect, ...]]:
-    """L with the effects named, the constraints and forces that act, all names in effect, and each effect that the
-    system has turned round."""
+) -> tuple[
+    ex.Expression | None, Constraints, Constraints, tuple[str, ...], tuple[data.Effect, ...]
+]:
+    """L with the effects named, the constraints and forces that act, all names in effect, and each
+    effect that the system has turned round.
+    """
     for name in schema.terms:
-        if name.casefold() in DISSIPATION and not schema.as_lagrangian:  # masses change and no energy is dissipated
+        if (
+            name.casefold() in DISSIPATION and not schema.as_lagrangian
+        ):  # masses change and no energy is dissipated
             raise refusal("dissipation", f"/terms/{escape(name)}", name=name)
-    terms = {name: read_expression(text, system, f"/terms/{escape(name)}") for name, text in schema.terms.items()}
-    further = [name for name, given in ((FORCES, schema.forces), (RAYLEIGH, schema.rayleigh)) if given]
+    terms = {
+        name: read_expression(text, system, f"/terms/{escape(name)}")
+        for name, text in schema.terms.items()
+    }
+    further = [
+        name for name, given in ((FORCES, schema.forces), (RAYLEIGH, schema.rayleigh)) if given
+    ]
     known = (*derivation.BUILT_IN, *terms, *further)
     named = tuple(dict.fromkeys(schema.effects if schema.effects is not None else known))
     for place, name in enumerate(named):
         if name not in known:
-            raise refusal("no_effect", f"/effects/{place}", name=escape(name), known=", ".join(known))
+            raise refusal(
+                "no_effect", f"/effects/{place}", name=escape(name), known=", ".join(known)
+            )
     if system.lagrangian is None:
         if terms or further or schema.effects is not None:
-            raise refusal("no_lagrangian", "/terms" if terms else f"/{further[0]}" if further else "/effects")
+            raise refusal(
+                "no_lagrangian", "/terms" if terms else f"/{further[0]}" if further else "/effects"
+            )
         return None, (), (), (), ()
     whole = calculus.define_functions(system.lagrangian, system.definitions)
     parts = [*derivation.lagrangian_parts(whole, system.names.coordinates).items(), *terms.items()]
@@ -528,13 +682,18 @@ def _with_effects(
     return *whole_scene, named, tuple(found)
 
 
-def number_of(text: str, pointer: str, key: str = "", low: float = -math.inf, high: float = math.inf) -> float:
-    """A number written as 0.1, "1/2" or "pi/4"; InputError for all other values and for values that are not finite, and
-    for one that is not from `low` to `high`, whose refusal has the `key`."""
+def number_of(
+    text: str, pointer: str, key: str = "", low: float = -math.inf, high: float = math.inf
+) -> float:
+    """A number written as 0.1, "1/2" or "pi/4"; InputError for all other values and for values that
+    are not finite, and for one that is not from `low` to `high`, whose refusal has the `key`.
+    """
     value = float(text) if _DECIMAL.fullmatch(text) else math.nan
     if not math.isfinite(value):
         with suppress(InputError, arrays.NoValue, OverflowError):
-            value = float(arrays.array_value(reader.read_formula(text, nm.Names(time=False)), {})[0])
+            value = float(
+                arrays.array_value(reader.read_formula(text, nm.Names(time=False)), {})[0]
+            )
     if not math.isfinite(value):
         raise refusal("no_number", pointer, text=refusals.shorten(text))
     if not low <= value <= high:
@@ -542,9 +701,12 @@ def number_of(text: str, pointer: str, key: str = "", low: float = -math.inf, hi
     return value
 
 
-def read_grid(schema: schemas.SceneDocument, begin: float = 0.0, size: int = 1) -> tuple[data.Grid, tuple[str, ...]]:
-    """The step, the number of steps and which are recorded, with a note if not all requested ones are, which would
-    take too much memory; `size` is the number of coordinates."""
+def read_grid(
+    schema: schemas.SceneDocument, begin: float = 0.0, size: int = 1
+) -> tuple[data.Grid, tuple[str, ...]]:
+    """The step, the number of steps and which are recorded, with a note if not all requested ones
+    are, which would take too much memory; `size` is the number of coordinates.
+    """
     step = number_of(schema.step, "/step", "backwards", POSITIVE)
     if (schema.steps is None) == (schema.time is None):
         raise refusal("two_lengths", "")
@@ -554,12 +716,18 @@ def read_grid(schema: schemas.SceneDocument, begin: float = 0.0, size: int = 1) 
         length = number_of(schema.time, "/time", "no_length", POSITIVE)
         if (count := length / step) > schemas.MAX_STEPS:
             raise refusal("most_steps", "/time", LimitError, most=schemas.MAX_STEPS)
-        steps = max(1, round(count) if abs(count - round(count)) < 1e-9 * count else math.ceil(count))
+        steps = max(
+            1, round(count) if abs(count - round(count)) < 1e-9 * count else math.ceil(count)
+        )
         if abs(steps * step - length) > 1e-9 * length:
-            notes = (f"The run takes {steps * step:.10g}, up to the first grid point beyond {length:.10g}.",)
+            notes = (
+                f"The run takes {steps * step:.10g}, up to the first grid point beyond {length:.10g}.",
+            )
     every = schema.record_every or 1
     if (schema.events or schema.contacts) and (every > 1 or steps > MOST_WITH_EVENTS):
-        raise refusal("every_step", "/events" if schema.events else "/contacts", most=MOST_WITH_EVENTS)
+        raise refusal(
+            "every_step", "/events" if schema.events else "/contacts", most=MOST_WITH_EVENTS
+        )
     most = min(MOST_RECORDED, MOST_STATES // (2 * size))
     if not (schema.events or schema.contacts) and steps // every > most:
         every = math.ceil(steps / most)
@@ -578,13 +746,19 @@ def read_methods(schema: schemas.SceneDocument) -> tuple[data.Requested, ...]:
     return tuple(found)
 
 
-def _requested(schema: schemas.SceneDocument, given: schemas.SceneMethod, pointer: str) -> data.Requested:
+def _requested(
+    schema: schemas.SceneDocument, given: schemas.SceneMethod, pointer: str
+) -> data.Requested:
     verlet = given.method == "stormer-verlet"
     method = INSIDE.get(given.method, given.method)
     alpha = number_of(given.alpha or "0.5", f"{pointer}/alpha", "alpha", 0, 1)
     allowed = METHODS[method].orders
     if given.order is not None and given.order not in allowed:
-        choice = f"takes the orders {METHODS[method].listed_orders}" if allowed else "has no order to choose"
+        choice = (
+            f"takes the orders {METHODS[method].listed_orders}"
+            if allowed
+            else "has no order to choose"
+        )
         raise refusal("order", f"{pointer}/order", method=given.method, choice=choice)
     if method == data.EXACT:
         return data.Requested(given.label or method, data.MethodChoice(method))
@@ -596,16 +770,21 @@ def _requested(schema: schemas.SceneDocument, given: schemas.SceneMethod, pointe
         tolerance = number_of(given.tolerance, f"{pointer}/tolerance", "tolerance", 1e-18, 0.1)
     if verlet and (given.alpha is not None or given.symmetrised or given.form != "hamiltonian"):
         raise refusal("verlet", pointer)
-    alpha, symmetrised, form = (0.0, True, "verlet") if verlet else (alpha, given.symmetrised, given.form)
+    alpha, symmetrised, form = (
+        (0.0, True, "verlet") if verlet else (alpha, given.symmetrised, given.form)
+    )
     short = f"{alpha:g}"
     written = short if float(short) == alpha else given.alpha or short  # as it is written: 1/3
     shown = written if method in GEOMETRIC else None
     constants = [
-        (key, number_of(text, f"{pointer}/constants/{escape(key)}")) for key, text in (given.constants or {}).items()
+        (key, number_of(text, f"{pointer}/constants/{escape(key)}"))
+        for key, text in (given.constants or {}).items()
     ]
     settings = data.MethodChoice(method, alpha, symmetrised, order, form, given.guard, tolerance)
     label, convention = given.label or _label(given, shown, order), given.start or schema.start
-    return data.Requested(label, settings, shown, convention, given.free_lagrangian, tuple(constants))
+    return data.Requested(
+        label, settings, shown, convention, given.free_lagrangian, tuple(constants)
+    )
 
 
 def _label(given: schemas.SceneMethod, alpha: str | None, order: int) -> str:
@@ -626,7 +805,9 @@ def read_circle(schema: schemas.SceneDocument, names: nm.Names) -> tuple[int, in
     known = names.coordinates
     pair = ["x", "y"] if {"x", "y"} <= set(known) else known[-2:]
     if schema.circle is not None:
-        pair = [_coordinate(name, names, f"/circle/{place}") for place, name in enumerate(schema.circle)]
+        pair = [
+            _coordinate(name, names, f"/circle/{place}") for place, name in enumerate(schema.circle)
+        ]
         if pair[0] == pair[1]:
             raise refusal("circle", "/circle")
     return (known.index(pair[0]), known.index(pair[1])) if len(pair) == 2 else None
@@ -668,14 +849,18 @@ def _by_coordinate(given: Mapping[str, str], names: nm.Names, pointer: str) -> d
 def _coordinate(key: str, names: nm.Names, pointer: str) -> str:
     """The coordinate of this name, as the system writes it."""
     if (name := names.spelling(key)) not in names.coordinates:
-        raise refusal("no_coordinate", pointer, name=escape(key), known=", ".join(names.coordinates))
+        raise refusal(
+            "no_coordinate", pointer, name=escape(key), known=", ".join(names.coordinates)
+        )
     return name
 
 
 def read_members(
     given: schemas.SceneEnsemble, base: schemas.SceneInitial, names: nm.Names, scene: data.Scene
 ) -> data.Members:
-    """Starts times combinations of parameters, the parameters running fastest; each start on the constraints."""
+    """Starts times combinations of parameters, the parameters running fastest; each start on the
+    constraints.
+    """
     unseen = [name for name in scene.observe if name not in OF_MEMBERS]
     if scene.events or scene.contacts or unseen:
         what = f"'{unseen[0]}' is" if unseen else "contacts are" if scene.contacts else "events are"
@@ -685,14 +870,20 @@ def read_members(
     for key, texts in given.parameters.items():
         name, pointer = names.spelling(key), f"/ensemble/parameters/{escape(key)}"
         if name not in scene.values:
-            raise refusal("no_parameter", pointer, name=escape(key), known=", ".join(scene.values) or "none")
+            raise refusal(
+                "no_parameter", pointer, name=escape(key), known=", ".join(scene.values) or "none"
+            )
         ends = (
             "energy",
             *names.coordinates,
             *(f"v_{of}" for of in names.coordinates),
             *(one.name for one in scene.own),
         )
-        if name in {"completed", *(f"{of}_end" for of in ends), *(f"{of}_start" for of in names.coordinates)}:
+        if name in {
+            "completed",
+            *(f"{of}_end" for of in ends),
+            *(f"{of}_start" for of in names.coordinates),
+        }:
             raise refusal("taken", pointer, name=name[:40])
         axes[name] = [number_of(text, f"{pointer}/{k}") for k, text in enumerate(texts)]
     grid, columns = list(product(*axes.values())), list[list[str]]()
@@ -703,7 +894,10 @@ def read_members(
         columns = [*starts.positions.values(), *starts.velocities.values()]
         if base.momenta is not None:
             raise refusal("momenta", "/ensemble/initial")
-    count, each = len(starts) if isinstance(starts, list) else len(next(iter(columns), [""])), len(grid)
+    count, each = (
+        len(starts) if isinstance(starts, list) else len(next(iter(columns), [""])),
+        len(grid),
+    )
     rows = scene.grid.steps // scene.grid.record_every + 2
     if 2.0 * count * each * rows * len(names.coordinates) > MOST_NUMBERS:
         raise refusal("large_ensemble", "/ensemble", LimitError, most=MOST_NUMBERS)
@@ -719,10 +913,15 @@ def read_members(
             where = f"/ensemble/initial/{place}"
             moving = one if one.velocities is not None or one.momenta is not None else base
             given_speeds = {"velocities": moving.velocities, "momenta": moving.momenta}
-            merged = one.model_copy(update={"positions": base.positions | one.positions, **given_speeds})
+            merged = one.model_copy(
+                update={"positions": base.positions | one.positions, **given_speeds}
+            )
             # Momenta and constraints may depend on the parameters.
             for member in range(place * each, (place + 1) * each):
-                own = {**scene.values, **{name: float(column[member]) for name, column in values.items()}}
+                own = {
+                    **scene.values,
+                    **{name: float(column[member]) for name, column in values.items()},
+                }
                 found.append(read_initial(merged, names, scene, own))
     except InputError as error:
         raise error.placed(error.pointer.replace("/initial", where, 1)) from None
@@ -733,17 +932,25 @@ def _together(
     given: schemas.MemberColumns, base: schemas.SceneInitial, names: nm.Names, scene: data.Scene,
     values: Mapping[str, Array], count: int,
 ) -> data.Members:  # fmt: skip
-    """Columns of starts, each repeated for the values of the parameters; missing velocities are filled in."""
+    """Columns of starts, each repeated for the values of the parameters; missing velocities are
+    filled in.
+    """
     tables = [np.tile(row, (count, 1)) for row in (scene.positions, scene.velocities)]
     for table, what in zip(tables, ("positions", "velocities"), strict=True):
         for key, texts in getattr(given, what).items():
             pointer = f"/initial/{what}/{escape(key)}"
             place = names.coordinates.index(_coordinate(key, names, pointer))
-            table[:, place] = [number_of(text, f"{pointer}/{row}") for row, text in enumerate(texts)]
+            table[:, place] = [
+                number_of(text, f"{pointer}/{row}") for row, text in enumerate(texts)
+            ]
     each = len(next(iter(values.values()), tables[0])) // count
     positions, velocities = (np.repeat(table, each, axis=0) for table in tables)
     if scene.constraints:
         free = {*(base.velocities or {}), *map(names.spelling, given.velocities)}
-        speeds = {name: velocities[:, k] for k, name in enumerate(names.coordinates) if name in free}
-        velocities = initial_velocities(scene, {**scene.values, **values}, positions, speeds, base.project)
+        speeds = {
+            name: velocities[:, k] for k, name in enumerate(names.coordinates) if name in free
+        }
+        velocities = initial_velocities(
+            scene, {**scene.values, **values}, positions, speeds, base.project
+        )
     return data.Members(positions, velocities, values)

@@ -31,13 +31,16 @@ FORMAT = "inverse-service/simulation/1"
 MOST_POINTS = 2001
 MOST_EVENTS = 20_000
 AGAIN_SECONDS = 600.0  # the deadline of a page comes first
-# Time of a scene reserved for observing and writing the results: a fraction, larger for a short run; seconds.
+# Time of a scene reserved for observing and writing the results: a fraction, larger for a short
+# run; seconds.
 SHARE_AFTER, LEAST_AFTER, LARGEST_SHARE = 0.1, 1.0, 0.3
 MOST_MEMBERS = 10_000  # members whose numbers a result document lists; files contain all
 MOST_ENDS = 20
 
 
-def simulate(document: Any, progress: Progress | None = None, time_limit: float = 60.0) -> dict[str, Any]:
+def simulate(
+    document: Any, progress: Progress | None = None, time_limit: float = 60.0
+) -> dict[str, Any]:
     """The result document of a scene. Raises InputError for a scene that cannot be accepted.
 
     A method that is still running near the time limit is stopped there, and its outcome says so.
@@ -46,30 +49,60 @@ def simulate(document: Any, progress: Progress | None = None, time_limit: float 
     return simulation_document(found, seconds)
 
 
-def simulate_tables(document: Any, progress: Progress | None = None, time_limit: float = 60.0) -> dict[str, Any]:
-    """The result document with all recorded points: {"result": ..., "tables": {label: {column: array}}}."""
+def simulate_tables(
+    document: Any, progress: Progress | None = None, time_limit: float = 60.0
+) -> dict[str, Any]:
+    """The result document with all recorded points: {"result": ..., "tables": {label: {column:
+    array}}}.
+    """
     found, seconds = run_document(document, progress, time_limit)
     scene = found.scene
     single = [run for run in found.runs if isinstance(run, MethodRun)]
-    tables = {run.requested.label: ensemble_arrays(scene, run) for run in found.runs if isinstance(run, EnsembleRun)}
-    tables |= {run.requested.label: table_of_run(scene, run) for run in single if run.trajectory is not None}
+    tables = {
+        run.requested.label: ensemble_arrays(scene, run)
+        for run in found.runs
+        if isinstance(run, EnsembleRun)
+    }
+    tables |= {
+        run.requested.label: table_of_run(scene, run)
+        for run in single
+        if run.trajectory is not None
+    }
     true = found.truth
-    truth = {"t": true.times, **columns_of(scene, true.positions)} if isinstance(true, Truth) else None
+    truth = (
+        {"t": true.times, **columns_of(scene, true.positions)} if isinstance(true, Truth) else None
+    )
     events = {}
-    for run in (run for run in single if run.events):  # the number of the event, t, the coordinates and velocities
-        parts = [{"event": np.full(len(e.times), k), **_event_columns(scene, e)} for k, e in enumerate(run.events, 1)]
-        events[run.requested.label] = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    return {"result": simulation_document(found, seconds), "tables": tables, "truth": truth, "events": events}
+    for run in (
+        run for run in single if run.events
+    ):  # the number of the event, t, the coordinates and velocities
+        parts = [
+            {"event": np.full(len(e.times), k), **_event_columns(scene, e)}
+            for k, e in enumerate(run.events, 1)
+        ]
+        events[run.requested.label] = {
+            name: np.concatenate([part[name] for part in parts]) for name in parts[0]
+        }
+    return {
+        "result": simulation_document(found, seconds),
+        "tables": tables,
+        "truth": truth,
+        "events": events,
+    }
 
 
-def every_point(document: Mapping[str, Any], result: Mapping[str, Any], label: str) -> dict[str, Array] | None:
+def every_point(
+    document: Mapping[str, Any], result: Mapping[str, Any], label: str
+) -> dict[str, Array] | None:
     """All columns at every recorded point of a method of a stored result, whose steps are repeated.
 
-    None where the result has no points of it. Where a time limit ended it elsewhere, the stored points, if these
-    are all that were recorded; else an InputError.
+    None where the result has no points of it. Where a time limit ended it elsewhere, the stored
+    points, if these are all that were recorded; else an InputError.
     """
     methods = result.get("methods", [])
-    place = next((k for k, one in enumerate(methods) if one["label"] == label and one.get("points")), None)
+    place = next(
+        (k for k, one in enumerate(methods) if one["label"] == label and one.get("points")), None
+    )
     if place is None:
         return None
     stored, alone = methods[place], {**document, "methods": [document["methods"][place]]}
@@ -79,8 +112,12 @@ def every_point(document: Mapping[str, Any], result: Mapping[str, Any], label: s
         table: dict[str, Array] = found["tables"][again["label"]]
         return table
     if stored["points"]["every"] > result["record_every"]:
-        raise InputError(f"The run made {again['steps']} steps now and {stored['steps']} before: take the JSON.")
-    return {name: np.array(column, dtype=float) for name, column in stored["points"]["columns"].items()}
+        raise InputError(
+            f"The run made {again['steps']} steps now and {stored['steps']} before: take the JSON."
+        )
+    return {
+        name: np.array(column, dtype=float) for name, column in stored["points"]["columns"].items()
+    }
 
 
 def csv_bytes(columns: Mapping[str, Any]) -> bytes:
@@ -90,12 +127,16 @@ def csv_bytes(columns: Mapping[str, Any]) -> bytes:
     """
     written = [
         [f"{value:.15g}" for value in column] if name == "t" else list(map(repr, column))
-        for name, column in ((name, np.asarray(values, dtype=float).tolist()) for name, values in columns.items())
+        for name, column in (
+            (name, np.asarray(values, dtype=float).tolist()) for name, values in columns.items()
+        )
     ]
     return "\n".join(map(",".join, ([*columns], *zip(*written, strict=True)))).encode() + b"\n"
 
 
-def npz_bytes(columns: Mapping[str, Any], document: Any, label: str, provenance: Any) -> tuple[bytes, str]:
+def npz_bytes(
+    columns: Mapping[str, Any], document: Any, label: str, provenance: Any
+) -> tuple[bytes, str]:
     """Arrays as NPZ, and its `metadata`: scene, method and version as text."""
     given = {"scene": document, "method": label, "provenance": provenance}
     metadata = json.dumps(given, ensure_ascii=False, default=str)
@@ -106,12 +147,19 @@ def npz_bytes(columns: Mapping[str, Any], document: Any, label: str, provenance:
 
 # Values that are not finite are reported in the numbers, so numpy does not need to warn of them.
 @np.errstate(all="ignore")
-def run_document(document: Any, progress: Progress | None, time_limit: float) -> tuple[SceneRun, dict[str, float]]:
+def run_document(
+    document: Any, progress: Progress | None, time_limit: float
+) -> tuple[SceneRun, dict[str, float]]:
     """Read, derive and run. Return also the seconds of each stage."""
     begun = time.perf_counter()
     after = max(SHARE_AFTER * time_limit, min(LEAST_AFTER, LARGEST_SHARE * time_limit))
-    # CPU time counts, not wall-clock time, so that the load of the machine has no influence. An ensemble uses threads.
-    now = time.monotonic if isinstance(document, Mapping) and document.get("ensemble") else deadline.now
+    # CPU time counts, not wall-clock time, so that the load of the machine has no influence. An
+    # ensemble uses threads.
+    now = (
+        time.monotonic
+        if isinstance(document, Mapping) and document.get("ensemble")
+        else deadline.now
+    )
     end = now() + time_limit - after
     schema = scene_reading.scene_schema(document)
     scene, system = scene_reading.read_scene(schema)
@@ -132,12 +180,18 @@ def run_document(document: Any, progress: Progress | None, time_limit: float) ->
 
 
 def table_of_run(scene: Scene, run: MethodRun) -> dict[str, Any]:
-    """Columns of all recorded points: t, the coordinates, velocities v_x, momenta p_x, and observed quantities."""
+    """Columns of all recorded points: t, the coordinates, velocities v_x, momenta p_x, and observed
+    quantities.
+    """
     trajectory = run.trajectory
     assert trajectory is not None
     columns: dict[str, Any] = {"t": trajectory.times}
     velocities = None if run.observed is None else run.observed.velocities
-    for prefix, table in (("", trajectory.positions), ("v_", velocities), ("p_", trajectory.momenta)):
+    for prefix, table in (
+        ("", trajectory.positions),
+        ("v_", velocities),
+        ("p_", trajectory.momenta),
+    ):
         if table is not None:
             columns |= columns_of(scene, table, prefix)
     return columns | dict(run.series)
@@ -146,8 +200,12 @@ def table_of_run(scene: Scene, run: MethodRun) -> dict[str, Any]:
 def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[str, Any]:
     """The simulated system, the outcome of each method, and every observed quantity."""
     scene, truth = found.scene, found.truth
-    equations = scene.accelerations and dict(zip(scene.coordinates, map(to_text, scene.accelerations), strict=True))
-    known: dict[str, Any] | None = {"against": None, "reason": truth} if isinstance(truth, str) else None
+    equations = scene.accelerations and dict(
+        zip(scene.coordinates, map(to_text, scene.accelerations), strict=True)
+    )
+    known: dict[str, Any] | None = (
+        {"against": None, "reason": truth} if isinstance(truth, str) else None
+    )
     if isinstance(truth, Truth):
         known = {name: getattr(truth, name) for name in ("against", "uncertainty", "seconds")}
         known |= {name: text for name in ("by", "reason") if (text := getattr(truth, name))}
@@ -162,7 +220,10 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
             "effects": scene.effects,
             "parameters": scene.values,
         },
-        "initial": {"positions": columns_of(scene, scene.positions), "velocities": columns_of(scene, scene.velocities)},
+        "initial": {
+            "positions": columns_of(scene, scene.positions),
+            "velocities": columns_of(scene, scene.velocities),
+        },
         "units": scene.units,
         "bodies": scene.bodies,
         "step": scene.grid.step,
@@ -171,14 +232,18 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
         "observe": scene.observe,
         "effects": found.effects,
         "methods": [
-            _method(scene, run) if isinstance(run, MethodRun) else ensemble_document(scene, run) for run in found.runs
+            _method(scene, run) if isinstance(run, MethodRun) else ensemble_document(scene, run)
+            for run in found.runs
         ],
         "truth": known,
         "advice": advice(scene, found.derived),
         **({} if found.lyapunov is None else {"lyapunov": found.lyapunov}),
-        "circle_coordinates": None if scene.circle is None else [scene.coordinates[k] for k in scene.circle],
+        "circle_coordinates": None
+        if scene.circle is None
+        else [scene.coordinates[k] for k in scene.circle],
         "derived": sorted(found.derived.seconds),
-        "seconds": dict(stages) | {f"derive: {name}": value for name, value in found.derived.seconds.items()},
+        "seconds": dict(stages)
+        | {f"derive: {name}": value for name, value in found.derived.seconds.items()},
         "notes": scene.notes,
         "provenance": {"program": "inverse-service", "version": __version__},
     }
@@ -191,7 +256,12 @@ def _method(scene: Scene, run: MethodRun) -> dict[str, Any]:
     if run.events:
         document["events"] = [
             {"when": to_text(one.event.formula), "count": len(one.times)}
-            | {"columns": {name: column[:MOST_EVENTS] for name, column in _event_columns(scene, one).items()}}
+            | {
+                "columns": {
+                    name: column[:MOST_EVENTS]
+                    for name, column in _event_columns(scene, one).items()
+                }
+            }
             | ({"note": one.note} if one.note else {})
             for one in run.events
         ]
@@ -207,7 +277,10 @@ def _method(scene: Scene, run: MethodRun) -> dict[str, Any]:
         document["final"] = {"t": at, "positions": positions, "velocities": velocities}
     if switches:
         listed, shown = switches[:MOST_EVENTS], {1: "above", -1: "below", 0: "sticks"}
-        columns = {"t": [one.time for one in listed], "when": [to_text(one.function) for one in listed]}
+        columns = {
+            "t": [one.time for one in listed],
+            "when": [to_text(one.function) for one in listed],
+        }
         columns["to"] = [shown[one.side] for one in listed]
         document["switches"] = {"count": len(switches), "columns": columns}
     if run.free is not None:
@@ -228,7 +301,11 @@ def _method(scene: Scene, run: MethodRun) -> dict[str, Any]:
 
 
 def _event_columns(scene: Scene, found: Found) -> dict[str, Array]:
-    return {"t": found.times, **columns_of(scene, found.positions), **columns_of(scene, found.velocities, "v_")}
+    return {
+        "t": found.times,
+        **columns_of(scene, found.positions),
+        **columns_of(scene, found.velocities, "v_"),
+    }
 
 
 def _requested(requested: Requested) -> dict[str, Any]:
@@ -251,20 +328,30 @@ def _outcome(scene: Scene, run: MethodRun) -> dict[str, Any]:
         return {"outcome": outcome.kind, "steps": 0, "reason": outcome.remedy}
     note = {name: text for name in ("note", "doubt") if (text := getattr(outcome, name))}
     if outcome.completed:
-        return {"outcome": outcome.kind, "steps": scene.grid.steps if outcome.step is None else outcome.step, **note}
-    parts: dict[str, Any] = {name: getattr(outcome, name) for name in ("step", "time", "quantity", "value", "remedy")}
+        return {
+            "outcome": outcome.kind,
+            "steps": scene.grid.steps if outcome.step is None else outcome.step,
+            **note,
+        }
+    parts: dict[str, Any] = {
+        name: getattr(outcome, name) for name in ("step", "time", "quantity", "value", "remedy")
+    }
     parts["sentence"] = outcome.sentence
     return {"outcome": outcome.kind, "steps": outcome.step or 0, "stopped": parts, **note}
 
 
 def as_plain(value: Mapping[str, Any]) -> dict[str, Any]:
     """JSON types only; numbers that are not finite become null, which JSON can hold."""
-    plain: dict[str, Any] = to_jsonable_python(value, inf_nan_mode="null", fallback=lambda array: array.tolist())
+    plain: dict[str, Any] = to_jsonable_python(
+        value, inf_nan_mode="null", fallback=lambda array: array.tolist()
+    )
     return plain
 
 
 def ensemble_document(scene: Scene, run: EnsembleRun) -> dict[str, Any]:
-    """One method of an ensemble: the count of each outcome, and columns with one number per member."""
+    """One method of an ensemble: the count of each outcome, and columns with one number per
+    member.
+    """
     document = _requested(run.requested) | {"outcome": run.outcome.kind, "seconds": run.seconds}
     many, count = run.many, len(run.many.positions)
     ended = {int(k): many.outcome(int(k)) for k in np.nonzero(~many.completed)[0]}
@@ -273,7 +360,14 @@ def ensemble_document(scene: Scene, run: EnsembleRun) -> dict[str, Any]:
     document |= {"steps": scene.grid.steps, "members": count, "outcomes": dict(kinds)}
     document |= {"doubt": run.outcome.doubt} if run.outcome.doubt else {}
     document["ended"] = [
-        {"member": k, "outcome": o.kind, "step": o.step, "time": o.time, "quantity": o.quantity, "remedy": o.remedy}
+        {
+            "member": k,
+            "outcome": o.kind,
+            "step": o.step,
+            "time": o.time,
+            "quantity": o.quantity,
+            "remedy": o.remedy,
+        }
         for k, o in list(ended.items())[:MOST_ENDS]
     ]
     for name, column in run.numbers.items():
@@ -281,7 +375,9 @@ def ensemble_document(scene: Scene, run: EnsembleRun) -> dict[str, Any]:
         document[name] = float(finite.max()) if len(finite) else None
         document[f"median_{name}"] = float(np.median(finite)) if len(finite) else None
     if count <= MOST_MEMBERS:
-        document["members_columns"] = {name: column.tolist() for name, column in member_columns(scene, run).items()}
+        document["members_columns"] = {
+            name: column.tolist() for name, column in member_columns(scene, run).items()
+        }
     return document
 
 
@@ -298,7 +394,13 @@ def member_columns(scene: Scene, run: EnsembleRun) -> dict[str, Array]:
 
 
 def ensemble_arrays(scene: Scene, run: EnsembleRun) -> dict[str, Array]:
-    """t (m,), each coordinate, velocity and observable (N, m), and one number per member: the content of NPZ files."""
+    """t (m,), each coordinate, velocity and observable (N, m), and one number per member: the
+    content of NPZ files.
+    """
     arrays: dict[str, Array] = {"t": run.many.grid.times} | columns_of(scene, run.many.positions)
     arrays |= {} if run.velocities is None else columns_of(scene, run.velocities, "v_")
-    return arrays | dict(run.series) | {f"member_{name}": x for name, x in member_columns(scene, run).items()}
+    return (
+        arrays
+        | dict(run.series)
+        | {f"member_{name}": x for name, x in member_columns(scene, run).items()}
+    )

@@ -1,8 +1,10 @@
-"""What the figures of a simulation show: the page draws these views with its script, files with matplotlib; and what
-was measured as people read it: numbers, times, names of methods, and what an error costs.
+"""What the figures of a simulation show: the page draws these views with its script, files with
+matplotlib; and what was measured as people read it: numbers, times, names of methods, and what an
+error costs.
 
-A figure has views to choose from. A view has axes and a line for each method, which keeps its color by its place in
-the scene; observed quantities are functions of a method and its table of recorded columns.
+A figure has views to choose from. A view has axes and a line for each method, which keeps its color
+by its place in the scene; observed quantities are functions of a method and its table of recorded
+columns.
 """
 
 import itertools
@@ -25,7 +27,8 @@ Column = Callable[[Method, Table], Array | None]
 Line = tuple[int, Method, Array, Array]  # the place of a method, times, values
 
 TRUE = ("exact", "reference")
-# Okabe and Ito (2008), the yellow and the last two darkened: distinct for every color vision, on light and dark paper.
+# Okabe and Ito (2008), the yellow and the last two darkened: distinct for every color vision, on
+# light and dark paper.
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#8A6D3B", "#7E57C2")
 DASHES = ("solid", "dash", "dashdot", "dot", "longdash", "longdashdot", "solid", "dash")
 MOST_POINTS, BINS = 2001, 1000
@@ -40,7 +43,9 @@ NAMES_OF_METHODS = {
     "variational": "Variational", "nonholonomic": "Nonholonomic", "modified": "Modified", "adaptive": "Adaptive",
     "stiff": "Stiff", "reference": "Reference", "exact": "Exact",
 }  # fmt: skip
-LABEL = re.compile(rf"({'|'.join(NAMES_OF_METHODS)})(?:-(\d[\d._]*))?(?:-order(\d+))?((?:-[a-z]+)*)")
+LABEL = re.compile(
+    rf"({'|'.join(NAMES_OF_METHODS)})(?:-(\d[\d._]*))?(?:-order(\d+))?((?:-[a-z]+)*)"
+)
 
 
 def short_number(value: Any, digits: int = 3) -> str:
@@ -52,7 +57,9 @@ def short_number(value: Any, digits: int = 3) -> str:
 
 
 def duration(seconds: Any) -> str:
-    """Two digits of seconds, or of ms and microseconds where they are small: no time that is measured has more."""
+    """Two digits of seconds, or of ms and microseconds where they are small: no time that is
+    measured has more.
+    """
     if not isinstance(seconds, int | float):
         return DASH
     for factor, unit in ((1e6, "\N{MICRO SIGN}s"), (1e3, "ms")):
@@ -67,7 +74,9 @@ def power(error: float) -> str:
 
 
 def method_name(label: str) -> str:
-    """A method in words: "Variational 4" for variational-0.5-order4; a label of the scene's own as it is."""
+    """A method in words: "Variational 4" for variational-0.5-order4; a label of the scene's own as
+    it is.
+    """
     found = LABEL.fullmatch(label)
     if found is None:
         return label
@@ -78,7 +87,9 @@ def method_name(label: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Price:
-    """What an error costs by a method: the time, the ratio to the best, the step; a dash where it is not reached."""
+    """What an error costs by a method: the time, the ratio to the best, the step; a dash where it
+    is not reached.
+    """
 
     time: str = DASH
     ratio: str = "not reached"
@@ -91,15 +102,26 @@ def price_of(target: Mapping[str, Any], label: str) -> Price:
     row = next(row for row in target["rows"] if row["method"] == label)
     if row["seconds"] is None:
         return Price(ratio="too slow" if row.get("too_slow") else "not reached")
-    is_best = row["seconds"] == min(row["seconds"] for row in target["rows"] if row["seconds"] is not None)
-    at_most = "\u2264 " if row["at_most"] else ""  # its coarsest setting is better than the error asked for
+    is_best = row["seconds"] == min(
+        row["seconds"] for row in target["rows"] if row["seconds"] is not None
+    )
+    at_most = (
+        "\u2264 " if row["at_most"] else ""
+    )  # its coarsest setting is better than the error asked for
     setting = "step" if row["tolerance"] is None else "tolerance"
     ratio = "best" if is_best else f"{short_number(row['ratio'], 2)} \u00d7"
-    return Price(f"{at_most}{duration(row['seconds'])}", ratio, f"{setting} {short_number(row[setting], 2)}", is_best)
+    return Price(
+        f"{at_most}{duration(row['seconds'])}",
+        ratio,
+        f"{setting} {short_number(row[setting], 2)}",
+        is_best,
+    )
 
 
 def best_first(result: Mapping[str, Any]) -> list[str]:
-    """The labels of the methods: those that reach most errors first, of these the cheapest at the smallest of them."""
+    """The labels of the methods: those that reach most errors first, of these the cheapest at the
+    smallest of them.
+    """
     ranks: dict[str, tuple[int, float]] = {}
     for target in result["targets"]:
         for row in target["rows"]:
@@ -109,8 +131,11 @@ def best_first(result: Mapping[str, Any]) -> list[str]:
     return sorted(ranks, key=ranks.__getitem__)
 
 
-def price_sentences(targets: Iterable[Mapping[str, Any]], called: Callable[[str], str] = str) -> list[str]:
-    """Which method is the fastest for which error, and what three more digits take with the best and the worst.
+def price_sentences(
+    targets: Iterable[Mapping[str, Any]], called: Callable[[str], str] = str
+) -> list[str]:
+    """Which method is the fastest for which error, and what three more digits take with the best
+    and the worst.
 
     `called` gives the names of the methods.
     """
@@ -118,7 +143,9 @@ def price_sentences(targets: Iterable[Mapping[str, Any]], called: Callable[[str]
     known = []  # each error with the seconds of the methods that reach it and not more, the fastest first
     for target in targets:
         rows = [row for row in target["rows"] if row["seconds"] is not None]
-        known.append((target["error"], {row["method"]: row["seconds"] for row in rows if not row["at_most"]}))
+        known.append(
+            (target["error"], {row["method"]: row["seconds"] for row in rows if not row["at_most"]})
+        )
         # What is better at its coarsest setting might be faster still.
         first = [*rows[:1], *(row for row in rows[1:] if row["at_most"])][:2]
         if first:
@@ -132,17 +159,24 @@ def price_sentences(targets: Iterable[Mapping[str, Any]], called: Callable[[str]
         factors = {name: after[name] / before[name] for name in after if name in before}
         if coarse < 1e-3 and len(factors) > 1:
             best, worst = next(iter(factors)), max(factors, key=factors.__getitem__)
-            each = [(short_number(factors[name], 2), called(name)) for name in dict.fromkeys((best, worst))]
+            each = [
+                (short_number(factors[name], 2), called(name))
+                for name in dict.fromkeys((best, worst))
+            ]
             longer = [(f"{times} times " if times != "1" else "", name) for times, name in each]
             sentence = " and ".join(f"{times}as long with {name}" for times, name in longer)
-            found.append(f"Three more digits, from {power(coarse)} to {power(fine)}, take {sentence}.")
+            found.append(
+                f"Three more digits, from {power(coarse)} to {power(fine)}, take {sentence}."
+            )
             break
     return found
 
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """What is drawn: the label and the name of its size, and the signed columns, each with its label."""
+    """What is drawn: the label and the name of its size, and the signed columns, each with its
+    label.
+    """
 
     label: str
     words: str
@@ -151,12 +185,16 @@ class Quantity:
 
 
 def keeps_energy(method: Method, name: str = "energy") -> bool:
-    """Whether a column of energies would be constant on the true motion, so that it has an error."""
+    """Whether a column of energies would be constant on the true motion, so that it has an
+    error.
+    """
     return "energy_note" not in method if name == "energy" else f"max_{name}_error" in method
 
 
 def energy_error(name: str) -> Column:
-    """E/E_0 - 1, or E - E_0 where E_0 is 0, of a column of energies; none if no energy is conserved."""
+    """E/E_0 - 1, or E - E_0 where E_0 is 0, of a column of energies; none if no energy is
+    conserved.
+    """
 
     def error(method: Method, table: Table) -> Array | None:
         start = method.get("energy_start")
@@ -180,7 +218,9 @@ def column(name: str) -> Column:
 
 
 def difference(name: str, times: Array, true: Array) -> Column:
-    """q - q(t) of one coordinate at the times that both have; a run that ended early has its last time alone."""
+    """q - q(t) of one coordinate at the times that both have; a run that ended early has its last
+    time alone.
+    """
 
     def found(method: Method, table: Table) -> Array | None:
         if method["method"] in TRUE:
@@ -191,7 +231,9 @@ def difference(name: str, times: Array, true: Array) -> Column:
     return found
 
 
-def _differences(result: Mapping[str, Any], tables: Tables, truth: Table | None) -> Iterable[tuple[str, Column]]:
+def _differences(
+    result: Mapping[str, Any], tables: Tables, truth: Table | None
+) -> Iterable[tuple[str, Column]]:
     if truth is None:
         return
     for name in result["system"]["coordinates"]:
@@ -199,8 +241,12 @@ def _differences(result: Mapping[str, Any], tables: Tables, truth: Table | None)
         yield label, difference(name, truth["t"], truth[name])
 
 
-def _constraints(result: Mapping[str, Any], tables: Tables, truth: Table | None) -> Iterable[tuple[str, Column]]:
-    names = dict.fromkeys(name for table in tables.values() for name in table if name.startswith("constraint_"))
+def _constraints(
+    result: Mapping[str, Any], tables: Tables, truth: Table | None
+) -> Iterable[tuple[str, Column]]:
+    names = dict.fromkeys(
+        name for table in tables.values() for name in table if name.startswith("constraint_")
+    )
     for name in names:
         yield name.replace("_", " "), column(name)
 
@@ -209,10 +255,15 @@ def _energy(name: str) -> Quantity:
     label = "E/E₀ \u2212 1" + (" (discrete)" if name == "discrete_energy" else "")
 
     def varying(method: Method, table: Table) -> Array | None:
-        return None if keeps_energy(method, name) else table.get("mechanical_energy", table.get(name))
+        return (
+            None if keeps_energy(method, name) else table.get("mechanical_energy", table.get(name))
+        )
 
-    def signed(result: Mapping[str, Any], tables: Tables, truth: Table | None) -> Iterable[tuple[str, Column]]:
-        # The energy of an L that was found for given equations is T + V only where a factor of t was taken out.
+    def signed(
+        result: Mapping[str, Any], tables: Tables, truth: Table | None
+    ) -> Iterable[tuple[str, Column]]:
+        # The energy of an L that was found for given equations is T + V only where a factor of t
+        # was taken out.
         is_known = any("mechanical_energy" in one for one in tables.values())
         found = result["system"]["lagrangian"] is None and not is_known
         yield label, energy_error(name)
@@ -247,7 +298,9 @@ def lines_of(result: Mapping[str, Any], tables: Tables, column_of: Column) -> li
 
 
 def without_start(values: Array) -> Array:
-    """Sizes without the rounding of the first two points, which would stretch a logarithmic axis for nothing."""
+    """Sizes without the rounding of the first two points, which would stretch a logarithmic axis
+    for nothing.
+    """
     is_rounding = (np.arange(len(values)) < 2) & (values <= ROUND_OFF * np.nanmax(values))
     return np.where(is_rounding, np.nan, values)
 
@@ -264,7 +317,10 @@ def with_unit(label: str, result: Mapping[str, Any], name: str = "") -> str:
 def tables_of(result: Mapping[str, Any]) -> dict[str, Table]:
     """The recorded columns of the methods that have some."""
     return {
-        method["label"]: {name: np.array(values, dtype=float) for name, values in method["points"]["columns"].items()}
+        method["label"]: {
+            name: np.array(values, dtype=float)
+            for name, values in method["points"]["columns"].items()
+        }
         for method in result["methods"]
         if method.get("points")
     }
@@ -295,15 +351,29 @@ def figures_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
 def quantity_views(name: str, result: Mapping[str, Any], tables: Tables) -> list[dict[str, Any]]:
     """The sizes of a quantity on a logarithmic axis, and each of its columns with its sign."""
     quantity, draw = QUANTITIES[name], partial(lines_of, result, tables)
-    true = next((tables[m["label"]] for m in result["methods"] if m["method"] in TRUE and m["label"] in tables), None)
+    true = next(
+        (
+            tables[m["label"]]
+            for m in result["methods"]
+            if m["method"] in TRUE and m["label"] in tables
+        ),
+        None,
+    )
     sizes = [(*line[:3], without_start(np.abs(line[3]))) for line in draw(quantity.size)]
     sizes = [(*line[:3], np.where(line[3] > 0, line[3], np.nan)) for line in sizes]
-    signed = [(label, draw(column_of)) for label, column_of in quantity.signed(result, tables, true)]
-    found = [view_of("size, logarithmic", with_unit("t", result), quantity.label, sizes, log_y=True)]
-    found += [
-        view_of(f"{label}, with its sign", with_unit("t", result), label, lines, signed=True) for label, lines in signed
+    signed = [
+        (label, draw(column_of)) for label, column_of in quantity.signed(result, tables, true)
     ]
-    return [view for view in (_kept_view(result, tables) if name == "energy" else None, *found) if view]
+    found = [
+        view_of("size, logarithmic", with_unit("t", result), quantity.label, sizes, log_y=True)
+    ]
+    found += [
+        view_of(f"{label}, with its sign", with_unit("t", result), label, lines, signed=True)
+        for label, lines in signed
+    ]
+    return [
+        view for view in (_kept_view(result, tables) if name == "energy" else None, *found) if view
+    ]
 
 
 def _conserved_name(result: Mapping[str, Any]) -> str:
@@ -338,14 +408,23 @@ def time_view(name: str, result: Mapping[str, Any], tables: Tables) -> dict[str,
 
 
 def portrait_view(name: str, result: Mapping[str, Any], tables: Tables) -> dict[str, Any] | None:
-    """Velocity against position; where no velocity was recorded, the slope between the recorded points."""
+    """Velocity against position; where no velocity was recorded, the slope between the recorded
+    points.
+    """
     q = printing.shown(name)
     lines = [
-        (k, method, table[name], table[f"v_{name}"] if f"v_{name}" in table else np.gradient(table[name], table["t"]))
+        (
+            k,
+            method,
+            table[name],
+            table[f"v_{name}"] if f"v_{name}" in table else np.gradient(table[name], table["t"]),
+        )
         for k, method, table in _drawn(result, tables)
     ]
     label = f"{q}, phase portrait"
-    return view_of(label, with_unit(q, result, name), f"{q}\u2032", lines, dots=is_thinned(result, tables))
+    return view_of(
+        label, with_unit(q, result, name), f"{q}\u2032", lines, dots=is_thinned(result, tables)
+    )
 
 
 def path_view(result: Mapping[str, Any], tables: Tables) -> dict[str, Any] | None:
@@ -359,7 +438,9 @@ def path_view(result: Mapping[str, Any], tables: Tables) -> dict[str, Any] | Non
 
 
 def section_views(result: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The points at each event, each coordinate with its velocity (Poincare sections), but one that is zero there."""
+    """The points at each event, each coordinate with its velocity (Poincare sections), but one that
+    is zero there.
+    """
     methods = [(k, method) for k, method in enumerate(result["methods"]) if method.get("events")]
     views = []
     for place, event in enumerate(methods[0][1]["events"] if methods else ()):
@@ -379,17 +460,25 @@ def section_views(result: Mapping[str, Any]) -> list[dict[str, Any]]:
 def is_thinned(result: Mapping[str, Any], tables: Tables) -> bool:
     """Whether points were left out: lines between every k-th step would fill a circle to a ring."""
     every = result.get("record_every", 1)
-    left_out = any((method.get("points") or {}).get("every", 1) > every for method in result["methods"])
+    left_out = any(
+        (method.get("points") or {}).get("every", 1) > every for method in result["methods"]
+    )
     return left_out or any(len(table["t"]) > MOST_POINTS for table in tables.values())
 
 
-def _drawn(result: Mapping[str, Any], tables: Tables, least: int = 2) -> list[tuple[int, Method, Table]]:
+def _drawn(
+    result: Mapping[str, Any], tables: Tables, least: int = 2
+) -> list[tuple[int, Method, Table]]:
     """The methods that recorded so many points at least, each with its place."""
-    found = [(k, method, tables.get(method["label"], {})) for k, method in enumerate(result["methods"])]
+    found = [
+        (k, method, tables.get(method["label"], {})) for k, method in enumerate(result["methods"])
+    ]
     return [(k, method, table) for k, method, table in found if len(table.get("t", ())) >= least]
 
 
-def view_of(label: str, x: str, y: str, lines: Sequence[Line], **axes: bool) -> dict[str, Any] | None:
+def view_of(
+    label: str, x: str, y: str, lines: Sequence[Line], **axes: bool
+) -> dict[str, Any] | None:
     """None if no line has a point."""
     drawn = [_line(*line) for line in lines if np.isfinite(line[3]).any()]
     return {"label": label, "x": x, "y": y, "lines": drawn, **axes} if drawn else None
@@ -414,8 +503,9 @@ def color_of(place: int) -> str:
 
 
 def outline(x: Array, y: Array) -> tuple[Array, Array]:
-    """At most MOST_POINTS points of a line: every k-th one, or of each of BINS pieces of a function of time the least
-    and the greatest, so that no peak is lost."""
+    """At most MOST_POINTS points of a line: every k-th one, or of each of BINS pieces of a function
+    of time the least and the greatest, so that no peak is lost.
+    """
     if len(x) <= MOST_POINTS:
         return x, y
     if not (np.diff(x) > 0).all():
@@ -429,4 +519,6 @@ def outline(x: Array, y: Array) -> tuple[Array, Array]:
 
 def shortened(values: Array) -> list[float | None]:
     """Numbers with so many digits as a picture shows; None for what is not one."""
-    return [float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None for value in values.tolist()]
+    return [
+        float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None for value in values.tolist()
+    ]

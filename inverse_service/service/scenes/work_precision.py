@@ -16,12 +16,26 @@ from inverse_service import __version__, errors, settings
 from inverse_service.integrators import method_table
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.service.scenes import scene_lagrangian, scene_reading, simulating, views
-from inverse_service.simulation import accuracy, advice as advising, derivation, precision, scene_data
+from inverse_service.simulation import (
+    accuracy,
+    advice as advising,
+    derivation,
+    precision,
+    scene_data,
+)
 from inverse_service.simulation.sentences import say
 
 FORMAT = "inverse-service/work-precision/1"
 FEWEST_STEPS = 8
-MEASURED = ("median_seconds", "first_seconds", "compile_seconds", "repeats", "newton_iterations", "at_floor", "reason")
+MEASURED = (
+    "median_seconds",
+    "first_seconds",
+    "compile_seconds",
+    "repeats",
+    "newton_iterations",
+    "at_floor",
+    "reason",
+)
 PACKAGES = ("numpy", "llvmlite", "symengine", "heyoka", "scipy")
 
 
@@ -29,7 +43,9 @@ PACKAGES = ("numpy", "llvmlite", "symengine", "heyoka", "scipy")
 def work_precision(
     document: Any, progress: scene_data.Progress | None = None, time_limit: float = 60.0
 ) -> dict[str, Any]:
-    """The work-precision document of a scene. Raises InputError for a scene that cannot be accepted."""
+    """The work-precision document of a scene. Raises InputError for a scene that cannot be
+    accepted.
+    """
     begun = time.monotonic()
     schema = scene_reading.scene_schema(document)
     steps = _steps(schema)
@@ -38,11 +54,14 @@ def work_precision(
     if not schema.methods:
         schema = schema.model_copy(update={"methods": _suitable(derivation.Derived(scene, find))})
         scene = dataclasses.replace(scene, methods=scene_reading.read_methods(schema))
-    # Errors are always compared, even if the scene does not observe them, so the true motion is always derived.
+    # Errors are always compared, even if the scene does not observe them, so the true motion is
+    # always derived.
     named = {requested.method for requested in scene.methods}
     # heyoka and the integrators of SciPy if they are installed and the scene does not name them.
     peers = [("heyoka", "heyoka")] if "heyoka" not in named and _version("heyoka") else []
-    peers += [(name, f"SciPy {shown}") for name, shown in method_table.SCIPY.items() if _version("scipy")]
+    peers += [
+        (name, f"SciPy {shown}") for name, shown in method_table.SCIPY.items() if _version("scipy")
+    ]
     others = (scene_data.Requested(label, scene_data.MethodChoice(name)) for name, label in peers)
     compared = dataclasses.replace(scene, observe=("error",), methods=(*scene.methods, *others))
     derived = derivation.Derived(compared, find)
@@ -50,7 +69,9 @@ def work_precision(
     try:
         measured = precision.measure(derived, steps, schema.repeats, left, progress, schema.long)
     except scene_data.Unavailable as error:
-        raise errors.InputError(f"the errors of this scene cannot be measured: {error.detail}", "/system") from None
+        raise errors.InputError(
+            f"the errors of this scene cannot be measured: {error.detail}", "/system"
+        ) from None
     advice = advising.advice(derivation.with_energy(derived).scene, derived)
     return simulating.as_plain(_document(measured, advice))
 
@@ -61,8 +82,16 @@ def _suitable(derived: derivation.Derived) -> list[SceneMethod]:
     chosen: list[dict[str, Any]] = [{"method": "adaptive"}, {"method": "reference"}]
     chosen += [{"method": "runge-kutta", "order": order} for order in (4, 8)]
     if scene.lagrangian is not None:
-        separable = euler_lagrange.is_separable(scene.lagrangian, scene.coordinates) and not scene.forces
-        own = "nonholonomic" if scene.constraints else "stormer-verlet" if separable else "variational"
+        separable = (
+            euler_lagrange.is_separable(scene.lagrangian, scene.coordinates) and not scene.forces
+        )
+        own = (
+            "nonholonomic"
+            if scene.constraints
+            else "stormer-verlet"
+            if separable
+            else "variational"
+        )
         chosen += [{"method": own, "order": order} for order in (2, 4, 8)]
     with suppress(scene_data.Unavailable):
         derived.accelerations()
@@ -75,7 +104,10 @@ def _steps(schema: SceneDocument) -> tuple[float, ...]:
     sizes, least = schema.step_sizes or (), scene_reading.POSITIVE
     if 0 < len(sizes) < FEWEST_STEPS:
         raise scene_reading.refusal("few_sizes", "/step_sizes", least=FEWEST_STEPS)
-    return tuple(scene_reading.number_of(text, f"/step_sizes/{k}", "step_size", least) for k, text in enumerate(sizes))
+    return tuple(
+        scene_reading.number_of(text, f"/step_sizes/{k}", "step_size", least)
+        for k, text in enumerate(sizes)
+    )
 
 
 def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> dict[str, Any]:
@@ -84,7 +116,11 @@ def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> di
     targets = target_errors(measured, named)
     # Only methods that were run here are recommended.
     run = {requested.method for requested in named.values()} | {"stormer-verlet"}
-    advice = taken if taken is not None and taken["method"].replace("-", "_") in run | {"stormer_verlet"} else None
+    advice = (
+        taken
+        if taken is not None and taken["method"].replace("-", "_") in run | {"stormer_verlet"}
+        else None
+    )
     return {
         "format": FORMAT,
         "name": measured.scene.name,
@@ -107,8 +143,16 @@ def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> di
         ],
         "runs": [_run(s, measured.scale) for s in measured.settings],
         "long": [
-            {name: value for name, value in _run(one.setting, 1.0).items() if name in ("method", "step", "tolerance")}
-            | {field.name: getattr(one, field.name) for field in dataclasses.fields(one) if field.name != "setting"}
+            {
+                name: value
+                for name, value in _run(one.setting, 1.0).items()
+                if name in ("method", "step", "tolerance")
+            }
+            | {
+                field.name: getattr(one, field.name)
+                for field in dataclasses.fields(one)
+                if field.name != "setting"
+            }
             for one in measured.long
         ],
         "machine": machine(),
@@ -116,8 +160,12 @@ def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> di
     }
 
 
-def target_errors(measured: precision.Precision, named: dict[str, scene_data.Requested]) -> list[dict[str, Any]]:
-    """The cost of each relative error, cheapest method first; methods that miss it come last, without numbers."""
+def target_errors(
+    measured: precision.Precision, named: dict[str, scene_data.Requested]
+) -> list[dict[str, Any]]:
+    """The cost of each relative error, cheapest method first; methods that miss it come last,
+    without numbers.
+    """
     found, own = [], precision.by_method(measured.settings)
     for target, reached in precision.prices(measured).items():
         best = next(iter(reached.values())).seconds if reached else None
@@ -170,11 +218,19 @@ def long_run(measured: precision.Precision) -> str:
     """Say which method preserves the energy, or the shape of the orbit, best over a long time."""
     done = [run for run in measured.long if not run.reason]
     if not done:
-        return say("long_runs") if not measured.long else "No method completed a run of a hundred times the time."
+        return (
+            say("long_runs")
+            if not measured.long
+            else "No method completed a run of a hundred times the time."
+        )
     key = "energy_drift" if any(run.energy_drift is not None for run in done) else "shape_change"
     what = {"energy_drift": "the energy drifts", "shape_change": "the shape changes"}[key]
     known = [(getattr(run, key), run) for run in done if getattr(run, key) is not None]
     (least, best), (most, worst) = (pick(known, key=lambda pair: pair[0]) for pick in (min, max))
     text = f"Over {precision.LONG} times the time {what} least by {best.setting.requested.label}: {least:.1e} in "
     text += views.duration(best.seconds or 0.0)
-    return f"{text}, and most by {worst.setting.requested.label}: {most:.1e}." if worst is not best else f"{text}."
+    return (
+        f"{text}, and most by {worst.setting.requested.label}: {most:.1e}."
+        if worst is not best
+        else f"{text}."
+    )

@@ -9,4 +9,6 @@ from typing import Any
 
 # What workers have loaded besides the engine.
 TASKS = ("inverse_service.web.pages.result_tasks",)
-WORDS: dict[str, Any] = tomllib.loads((Path(__file__).parent / "words.toml").read_text(encoding="utf-8"))
+WORDS: dict[str, Any] = tomllib.loads(
+    (Path(__file__).parent / "words.toml").read_text(encoding="utf-8")
+)

@@ -27,7 +27,15 @@ from inverse_service.service.documents import sheets, stated
 from inverse_service.service.jobs import model, tasks
 from inverse_service.web import clients
 from inverse_service.web.engine import Engine
-from inverse_service.web.pages import WORDS, forms, preview, rendering, result_tasks, solve, typesetting
+from inverse_service.web.pages import (
+    WORDS,
+    forms,
+    preview,
+    rendering,
+    result_tasks,
+    solve,
+    typesetting,
+)
 
 router = APIRouter()
 ASKED: dict[str, tuple[str, str, str]] = WORDS["exercises"]
@@ -54,10 +62,15 @@ def exercise_task(fields: Mapping[str, str], ask: str, answer: str, own: str) ->
         document = model.split_options(forms.document_of_fields(fields))[0]
         result = tasks.solve_task(document, SolveOptions(time_limit=result_tasks.GLANCE))
     except errors.InputError as error:
-        return Exercise([], "", problem=forms.sentence(error.places[0]) if error.places else str(error))
+        return Exercise(
+            [], "", problem=forms.sentence(error.places[0]) if error.places else str(error)
+        )
     system, names = result["system"], stated.names_of(result["system"])
     sheet = sheets.sheet_of(result, brief=True)
-    wanted = [typesetting.formula(f"{name}'' = {text}", names) for name, text in system["equations"].items()]
+    wanted = [
+        typesetting.formula(f"{name}'' = {text}", names)
+        for name, text in system["equations"].items()
+    ]
     judged = None
     if answer in ("none", "exists"):
         judged = _judged_existence(sheets.verdict_of(result), answer)
@@ -86,7 +99,10 @@ def judged_of(document: Mapping[str, Any], own: str, ask: str, names: Any) -> re
     """The checker's verdict on a student's L, or on the L that belongs to a student's H."""
     means = partial(lagrangian_of, names=names) if ask == "hamiltonian" else forms.right_side
     letter = "H" if ask == "hamiltonian" else "L"
-    return replace(result_tasks.judged_of(result_tasks.check_of(document, own, means), names, letter), lagrangian=own)
+    return replace(
+        result_tasks.judged_of(result_tasks.check_of(document, own, means), names, letter),
+        lagrangian=own,
+    )
 
 
 def lagrangian_of(hamiltonian: str, names: Any) -> str:
@@ -104,13 +120,17 @@ def lagrangian_of(hamiltonian: str, names: Any) -> str:
     document = {
         "coordinates": list(names.coordinates),
         "parameters": [
-            name for name in names.parameters if not name.startswith(("p_", "g_", "h_")) and name not in "LH"
+            name
+            for name in names.parameters
+            if not name.startswith(("p_", "g_", "h_")) and name not in "LH"
         ],
         "lagrangian": to_text(ex.substitute(tree, momenta)),
     }
     found = tasks.solve_task(document, SolveOptions(time_limit=result_tasks.GLANCE))["hamiltonian"]
     if found.get("implicit"):
-        raise errors.InputError("The velocities of this H could not be solved for the momenta in closed form.")
+        raise errors.InputError(
+            "The velocities of this H could not be solved for the momenta in closed form."
+        )
     back = reader.read_formula(found["text"], names)
     return to_text(ex.substitute(back, momenta))
 
@@ -121,16 +141,20 @@ def hints_of(result: Mapping[str, Any], names: Any) -> list[Markup]:
     first = Markup("Write {} for an L of your own, and put in the equations.").format(
         typesetting.proposition("d/dt dL/dv - dL/dq", names)
     )
-    second = Markup("Look for {} first. It has to satisfy {}, where Γ is the derivative along the motion.").format(
+    second = Markup(
+        "Look for {} first. It has to satisfy {}, where Γ is the derivative along the motion."
+    ).format(
         typesetting.of_theory("g_ij = d^2 L/dv^i dv^j"),
-        typesetting.of_theory("Gamma(g) + g df/dv = 0" if one else "Gamma(g) = g N + (g N)^T, g Phi = (g Phi)^T"),
+        typesetting.of_theory(
+            "Gamma(g) + g df/dv = 0" if one else "Gamma(g) = g N + (g N)^T, g Phi = (g Phi)^T"
+        ),
     )
     conditions = result.get("conditions") or {}
     if one:
         text = next(iter(result["system"]["equations"].values()))
-        third = Markup("Here f = {}. Try a g that depends on the time alone before you try others.").format(
-            typesetting.formula(text, names)
-        )
+        third = Markup(
+            "Here f = {}. Try a g that depends on the time alone before you try others."
+        ).format(typesetting.formula(text, names))
     elif conditions.get("Phi"):
         third = Markup("Here Φ = {}. Which symmetric g make g Φ symmetric, too?").format(
             typesetting.said(sheets.matrix_of("", conditions["Phi"], names))
@@ -152,12 +176,21 @@ async def exercise(request: Request) -> Response:
     engine: Engine = request.app.state.engine
     answer, own = query.get("answer", ""), query.get("own", "")[:6_000]
     found = await engine.made(
-        clients.client_of(request), exercise_task, fields, ask, answer, own, late=LATE, seconds=4 * result_tasks.GLANCE
+        clients.client_of(request),
+        exercise_task,
+        fields,
+        ask,
+        answer,
+        own,
+        late=LATE,
+        seconds=4 * result_tasks.GLANCE,
     )
     student = query.get("student", "").strip()[:80]
     code = ""
     if found.judged is not None and found.judged.verdict == sheets.YES and student:
-        code = await code_of(request, question_of(query), student, datetime.now(UTC).date().isoformat())
+        code = await code_of(
+            request, question_of(query), student, datetime.now(UTC).date().isoformat()
+        )
     shown = rendering.page(
         "exercise.html", active="", exercise=found, title=query.get("title", "")[:120],
         question=ASKED[ask][1], letter=ASKED[ask][2], answer=answer, own=own, student=student, code=code,
@@ -184,7 +217,11 @@ async def code_of(request: Request, question: str, student: str, day: str) -> st
 async def make(request: Request) -> HTMLResponse:
     """The page of a teacher: the question, the link, the code to embed."""
     query = request.query_params
-    fields = await solve.fields_of_job(request, query["job"]) if query.get("job") else forms.fields_of_link(query)
+    fields = (
+        await solve.fields_of_job(request, query["job"])
+        if query.get("job")
+        else forms.fields_of_link(query)
+    )
     fields = fields or forms.fields_from({"equations": "x'' = -x - c*x'"})
     chosen = {name: query.get(name, "") for name in ("title", "ask", "hints")}
     kept = {name: value for name, value in fields.items() if value and name in forms.LINKED}
@@ -207,5 +244,7 @@ async def teach(request: Request) -> HTMLResponse:
         verdict = "yes" if hmac.compare_digest(code.encode(), wanted.encode()) else "no"
     sent = {"link": link, "student": student, "code": code}
     example = urlencode({"equations": "x'' = -x - c*x'", "title": FRICTION})
-    frame = rendering.frame_code(f"{str(request.base_url).rstrip('/')}/exercise?{example}", FRICTION, "100%", 720)
+    frame = rendering.frame_code(
+        f"{str(request.base_url).rstrip('/')}/exercise?{example}", FRICTION, "100%", 720
+    )
     return rendering.page("teach.html", active="/teach", sent=sent, verdict=verdict, frame=frame)

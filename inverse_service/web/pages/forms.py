@@ -32,7 +32,9 @@ CHOSEN: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 LONGEST_LINK = 6_000
 TIME = {"no": False, "yes": True}
-_CHOICE = re.compile(r"(equations|lagrangian|constraints|parameters):(\d{1,4}):(\d{1,5})(?:\+(\d{1,5}))?:(.{1,200})")
+_CHOICE = re.compile(
+    r"(equations|lagrangian|constraints|parameters):(\d{1,4}):(\d{1,5})(?:\+(\d{1,5}))?:(.{1,200})"
+)
 _WORD = re.compile(r"(?:\\?\w+)?")
 _IDENTIFIER = re.compile(r"^\\?\w+")
 _LEFT_SIDE = re.compile(r"\s*(?:L|\\mathcal ?(?:L|\{L\}))\s*=(?!=)")
@@ -43,8 +45,12 @@ NAMED = ("parameters", "initial")
 AROUND = 40
 LONGEST_LABEL = 60
 # What may stand between a formula and the sign after it and belongs to neither.
-_AFTER_FORMULA = re.compile(r"(?:[\s&~$]|\\[,;:! \]]|\\(?:end|tag|label)\{[^}]*\}|\\(?:nonumber|notag)(?![a-z]))*$")
-_LETTER = re.compile(rf"(?<![A-Za-z\\])(?:{'|'.join(sorted(letters.LETTER_COMMANDS, reverse=True))})(?![A-Za-z])")
+_AFTER_FORMULA = re.compile(
+    r"(?:[\s&~$]|\\[,;:! \]]|\\(?:end|tag|label)\{[^}]*\}|\\(?:nonumber|notag)(?![a-z]))*$"
+)
+_LETTER = re.compile(
+    rf"(?<![A-Za-z\\])(?:{'|'.join(sorted(letters.LETTER_COMMANDS, reverse=True))})(?![A-Za-z])"
+)
 Fields = dict[str, str]
 
 
@@ -82,14 +88,18 @@ def form_of(body: bytes, content_type: str) -> Form:
 
 def _urlencoded(body: bytes) -> Form:
     try:
-        found = parse_qs(body.decode("ascii"), max_num_fields=MAX_FIELDS, errors="strict", keep_blank_values=True)
+        found = parse_qs(
+            body.decode("ascii"), max_num_fields=MAX_FIELDS, errors="strict", keep_blank_values=True
+        )
     except ValueError:
         raise unreadable() from None
     return Form({name: tuple(values) for name, values in found.items()})
 
 
 def _multipart(body: bytes, content_type: str) -> Form:
-    message = email.message_from_bytes(b"Content-Type: " + content_type.encode("latin-1") + b"\r\n\r\n" + body)
+    message = email.message_from_bytes(
+        b"Content-Type: " + content_type.encode("latin-1") + b"\r\n\r\n" + body
+    )
     parts: Any = message.get_payload()
     if not isinstance(parts, list) or len(parts) > MAX_FIELDS or message.defects:
         raise unreadable()
@@ -121,7 +131,9 @@ def fields_of(form: Form) -> dict[str, str]:
     """The fields of the solve form as texts."""
     found = {name: form.text(name) for name in FIELDS} | {"kinds": " ".join(form.every("kinds"))}
     if found["kind"] not in KINDS:
-        found["kind"] = "nonholonomic" if found["lagrangian"] and not found["equations"] else "equations"
+        found["kind"] = (
+            "nonholonomic" if found["lagrangian"] and not found["equations"] else "equations"
+        )
     return _with_choice(found, form.text("instead"))
 
 
@@ -141,7 +153,9 @@ def _with_choice(fields: dict[str, str], choice: str) -> dict[str, str]:
     if not 0 < line <= len(lines):
         return fields
     before, rest = lines[line - 1][: column - 1], lines[line - 1][column - 1 :]
-    lines[line - 1] = before + text + (rest[int(match[4]) :] if match[4] else _IDENTIFIER.sub("", rest, count=1))
+    lines[line - 1] = (
+        before + text + (rest[int(match[4]) :] if match[4] else _IDENTIFIER.sub("", rest, count=1))
+    )
     return fields | {name: "\n".join(lines)}
 
 
@@ -154,14 +168,20 @@ def document_of(form: Form) -> dict[str, Any]:
     if upload is not None:
         return _as_object(plain_data.read_document(upload.data, upload.name))
     fields = fields_of(form)
-    if fields["kind"] == "equations" and fields["equations"].startswith("{") and '"' in fields["equations"]:
+    if (
+        fields["kind"] == "equations"
+        and fields["equations"].startswith("{")
+        and '"' in fields["equations"]
+    ):
         return _as_object(plain_data.read_json(fields["equations"]))
     return document_of_fields(fields)
 
 
 def _as_object(value: Any) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise errors.InputError("The document is not an object; it must have coordinates and equations.")
+        raise errors.InputError(
+            "The document is not an object; it must have coordinates and equations."
+        )
     return value
 
 
@@ -169,7 +189,9 @@ def document_of_fields(fields: Mapping[str, str]) -> dict[str, Any]:
     """The document; names that were not declared are guessed where it is read."""
     plain_data.refuse_surrogates(dict(fields))
     nonholonomic = fields["kind"] == "nonholonomic"
-    constraints = [line.strip() for line in re.split(r"[\n;]", fields["constraints"]) if line.strip()]
+    constraints = [
+        line.strip() for line in re.split(r"[\n;]", fields["constraints"]) if line.strip()
+    ]
     document: dict[str, Any] = {"name": fields["name"]} if fields["name"] else {}
     if coordinates := document_names.words_of(fields["coordinates"]):
         document["coordinates"] = coordinates
@@ -178,7 +200,9 @@ def document_of_fields(fields: Mapping[str, str]) -> dict[str, Any]:
         # Without constraints there are no associated systems, though one of them is always ticked on the form.
         if constraints:
             document["constraints"] = constraints
-            document |= {"associated": fields["associated"]} if fields["associated"] in ASSOCIATED else {}
+            document |= (
+                {"associated": fields["associated"]} if fields["associated"] in ASSOCIATED else {}
+            )
     else:
         document["equations"] = fields["equations"]
         document |= {"kinds": kinds} if (kinds := document_names.words_of(fields["kinds"])) else {}
@@ -196,7 +220,9 @@ def _declared(fields: Mapping[str, str]) -> dict[str, Any]:
     parameters = document_names.parameters_of(fields["parameters"])
     functions = document_names.functions_of(fields["functions"])
     named = parameters if any(parameters.values()) else [*parameters]
-    return document_names.with_guess({"parameters": named}) | ({"functions": functions} if functions else {})
+    return document_names.with_guess({"parameters": named}) | (
+        {"functions": functions} if functions else {}
+    )
 
 
 def _questions(fields: Mapping[str, str]) -> dict[str, Any]:
@@ -205,7 +231,11 @@ def _questions(fields: Mapping[str, str]) -> dict[str, Any]:
         found["time_dependent_lagrangian"] = TIME[fields["time"]]
     if fields["family"]:
         found["family"] = True
-    if terms := [term.strip() for _, term in notation.split_outside(fields["ansatz"], "[,;\n]") if term.strip()]:
+    if terms := [
+        term.strip()
+        for _, term in notation.split_outside(fields["ansatz"], "[,;\n]")
+        if term.strip()
+    ]:
         found["ansatz"] = terms
     if fields["time_limit"]:
         found["options"] = {"time_limit": _seconds(fields["time_limit"])}
@@ -218,7 +248,9 @@ def _seconds(text: str) -> float:
     except ValueError:
         seconds = math.nan
     if not math.isfinite(seconds):
-        raise errors.InputError("The time limit must be a number of seconds such as 30.", "/options/time_limit")
+        raise errors.InputError(
+            "The time limit must be a number of seconds such as 30.", "/options/time_limit"
+        )
     return seconds
 
 
@@ -227,22 +259,36 @@ def fields_from(document: Mapping[str, Any]) -> dict[str, str]:
     fields = dict.fromkeys(FIELDS, "")
     fields |= {"kind": "equations", "name": str(document.get("name", ""))}
     fields["coordinates"] = ", ".join(document.get("coordinates") or ())
-    parameters = document_names.Declared(parameters=document.get("parameters") or ()).named_parameters()
-    pairs = parameters.items() if isinstance(parameters, Mapping) else ((name, None) for name in parameters)
-    fields["parameters"] = ", ".join(name if value is None else f"{name} = {value}" for name, value in pairs)
+    parameters = document_names.Declared(
+        parameters=document.get("parameters") or ()
+    ).named_parameters()
+    pairs = (
+        parameters.items()
+        if isinstance(parameters, Mapping)
+        else ((name, None) for name in parameters)
+    )
+    fields["parameters"] = ", ".join(
+        name if value is None else f"{name} = {value}" for name, value in pairs
+    )
     functions = document.get("functions") or {}
-    fields["functions"] = ", ".join(f"{name}({', '.join(arguments)})" for name, arguments in functions.items())
+    fields["functions"] = ", ".join(
+        f"{name}({', '.join(arguments)})" for name, arguments in functions.items()
+    )
     fields["time"] = {False: "no", True: "yes"}.get(document.get("time_dependent_lagrangian"), "")  # type: ignore[arg-type]
     fields["family"] = "yes" if document.get("family") else ""
     fields["ansatz"] = ", ".join(document.get("ansatz") or ())
     fields["kinds"] = " ".join(kind for kind in document.get("kinds") or () if kind in LAGRANGIANS)
     fields["clock"] = str(document.get("clock") or "")
     limit = (document.get("options") or {}).get("time_limit")
-    fields["time_limit"] = "" if limit is None else f"{limit:g}" if isinstance(limit, int | float) else str(limit)
+    fields["time_limit"] = (
+        "" if limit is None else f"{limit:g}" if isinstance(limit, int | float) else str(limit)
+    )
     if "lagrangian" in document:
         constraints = document.get("constraints", [])
         fields |= {"kind": "nonholonomic", "lagrangian": str(document["lagrangian"])}
-        fields["constraints"] = constraints if isinstance(constraints, str) else "\n".join(constraints)
+        fields["constraints"] = (
+            constraints if isinstance(constraints, str) else "\n".join(constraints)
+        )
         fields["associated"] = str(document.get("associated") or "")
     else:
         fields["equations"] = equations_text(document.get("equations", ""))
@@ -264,7 +310,10 @@ def link_of_fields(fields: Mapping[str, str], **further: str) -> str:
 def is_whole(fields: Mapping[str, str]) -> bool:
     """Whether a link fills the form with all that these fields say."""
     link = link_of_fields(fields)
-    return len(link) <= LONGEST_LINK and fields_of_link(dict(parse_qsl(link.partition("?")[2]))) == fields
+    return (
+        len(link) <= LONGEST_LINK
+        and fields_of_link(dict(parse_qsl(link.partition("?")[2]))) == fields
+    )
 
 
 def fields_of_link(query: Mapping[str, str]) -> dict[str, str] | None:
@@ -273,7 +322,9 @@ def fields_of_link(query: Mapping[str, str]) -> dict[str, str] | None:
         return None
     fields = dict.fromkeys(FIELDS, "") | {name: query.get(name, "") for name in LINKED}
     for name, allowed in CHOSEN.items():
-        fields[name] = " ".join(value for value in document_names.words_of(fields[name]) if value in allowed)
+        fields[name] = " ".join(
+            value for value in document_names.words_of(fields[name]) if value in allowed
+        )
     return fields | {"kind": "equations" if fields["equations"] else "nonholonomic"}
 
 
@@ -300,13 +351,18 @@ def lean_fields(document: Mapping[str, Any]) -> dict[str, str]:
 
 def _names_of(document: Mapping[str, Any]) -> tuple[Any, ...]:
     """The coordinates in their order, the parameters in any, and the functions of a document."""
-    parts = [document.get("equations") or document.get("lagrangian") or "", document.get("constraints") or ()]
+    parts = [
+        document.get("equations") or document.get("lagrangian") or "",
+        document.get("constraints") or (),
+    ]
     texts = [text for part in parts for text in _texts_in(part)]
     keys = tuple(parts[0]) if isinstance(parts[0], dict) else ()
     parameters, functions = document.get("parameters") or (), document.get("functions") or {}
     declared = document_names.Declared(document.get("coordinates"), parameters, functions)
     by_pointer = {f"/{place}": text for place, text in enumerate(texts)}
-    names = document_names.document_names(declared, by_pointer, 1 if "lagrangian" in document else 2, keys)
+    names = document_names.document_names(
+        declared, by_pointer, 1 if "lagrangian" in document else 2, keys
+    )
     values = declared.named_parameters()
     return (
         names.coordinates,
@@ -318,7 +374,9 @@ def _names_of(document: Mapping[str, Any]) -> tuple[Any, ...]:
 
 def _texts_in(part: Any) -> list[str]:
     return (
-        [part] if isinstance(part, str) else [str(text) for text in (part.values() if isinstance(part, dict) else part)]
+        [part]
+        if isinstance(part, str)
+        else [str(text) for text in (part.values() if isinstance(part, dict) else part)]
     )
 
 
@@ -376,13 +434,27 @@ def understood(answer: Mapping[str, Any], fields: Mapping[str, str], time: str =
     groups = (
         ("Lagrangian", [lagrangian["text"]] if lagrangian else []),
         ("Constraints", [f"{one['text']} = 0" for one in answer.get("constraints") or ()]),
-        ("Motion" if lagrangian else "", [reader.equation_line(name, found["text"]) for name, found in equations]),
+        (
+            "Motion" if lagrangian else "",
+            [reader.equation_line(name, found["text"]) for name, found in equations],
+        ),
     )
-    timed = [Markup("containing {}").format(typesetting.formula(time, names))] if answer.get("depends_on_time") else []
+    timed = (
+        [Markup("containing {}").format(typesetting.formula(time, names))]
+        if answer.get("depends_on_time")
+        else []
+    )
     return Understood(
-        [(words, [(one, typesetting.formula(one, names)) for one in lines]) for words, lines in groups if lines],
+        [
+            (words, [(one, typesetting.formula(one, names)) for one in lines])
+            for words, lines in groups
+            if lines
+        ],
         [*map(typesetting.said, sheets.meanings(answer)), *timed],
-        [(one["text"], *_offered(one["text"], one["as"], fields)) for one in answer.get("readings", ())],
+        [
+            (one["text"], *_offered(one["text"], one["as"], fields))
+            for one in answer.get("readings", ())
+        ],
     )
 
 
@@ -392,13 +464,19 @@ def _offered(text: str, meant: str, fields: Mapping[str, str]) -> tuple[str, str
     for name in ("equations", "lagrangian", "constraints") if other else ():
         for number, line in enumerate(fields.get(name, "").split("\n"), 1):
             if (place := line.find(text)) >= 0:
-                return meaning, f"{text} is {other}", f"{name}:{number}:{place + 1}+{len(text)}:{other}"
+                return (
+                    meaning,
+                    f"{text} is {other}",
+                    f"{name}:{number}:{place + 1}+{len(text)}:{other}",
+                )
     return meant, f"{text} is one name", _as_a_name(text, meant)
 
 
 def _as_a_name(text: str, meant: str) -> str:
     """What a button sends to declare the kx that was read as k*x; nothing for what was left out."""
-    return f"parameters:0:0:{text}" if text.isidentifier() and re.fullmatch(r"[\w*()]+", meant) else ""
+    return (
+        f"parameters:0:0:{text}" if text.isidentifier() and re.fullmatch(r"[\w*()]+", meant) else ""
+    )
 
 
 def problem_of(error: errors.InputError | Refusal, fields: Mapping[str, str]) -> Problem:
@@ -423,14 +501,24 @@ def sentence(place: errors.Place, fields: Collection[str] = (), is_marked: bool 
     if place.declare and place.declare in fields:
         where = f"\u201c{FIELD_NAMES[place.declare]}\u201d, in \u201cAsk in detail\u201d"
         said += f" A name can be declared in {where}."
-    return sheets.capitalized(said) if said.startswith(("the ", "a ", "an ", "this ", "what ", "where ")) else said
+    return (
+        sheets.capitalized(said)
+        if said.startswith(("the ", "a ", "an ", "this ", "what ", "where "))
+        else said
+    )
 
 
 def _fault(place: Mapping[str, Any]) -> errors.Place:
     span, instead = place.get("span"), tuple(place["instead"])
     parts = place.get("plain") or "", place.get("declare") or ""
     return errors.Place(
-        place["detail"], place["pointer"], place["column"], "", instead, (span[0], span[1]) if span else None, *parts
+        place["detail"],
+        place["pointer"],
+        place["column"],
+        "",
+        instead,
+        (span[0], span[1]) if span else None,
+        *parts,
     )
 
 
@@ -438,7 +526,9 @@ def _place(error: errors.Place, fields: Mapping[str, str]) -> ShownPlace:
     column = error.column
     steps = error.pointer.split("/")[1:]
     field = steps[0] if steps else ""
-    name = ", ".join([FIELD_NAMES.get(field, field), *(steps[-1:] if field in NAMED and len(steps) > 1 else ())])
+    name = ", ".join(
+        [FIELD_NAMES.get(field, field), *(steps[-1:] if field in NAMED and len(steps) > 1 else ())]
+    )
     text, before_it = _text_at(steps, fields)
     if column is None or text is None or column > len(text) + 1:
         return ShownPlace(sentence(error, fields), name, pointer=error.pointer)
@@ -460,16 +550,22 @@ def _place(error: errors.Place, fields: Mapping[str, str]) -> ShownPlace:
     return ShownPlace(detail, name, number, place + 1, before, marked, after, choices, at=field)
 
 
-def _choices(error: errors.Place, text: str, start: int, line: str, at: str) -> tuple[tuple[str, str], ...]:
+def _choices(
+    error: errors.Place, text: str, start: int, line: str, at: str
+) -> tuple[tuple[str, str], ...]:
     """The interpretations of the text at an error, each as the resulting line and what a button sends.
 
     Those of a name end with one that declares it a constant. In LaTeX an interpretation is written as LaTeX.
     """
     first, last = (one - 1 for one in error.span) if error.span else ((error.column or 1) - 1,) * 2
     piece = _AFTER_FORMULA.sub("", text[first:last]) if error.span else _WORD.match(text, first)[0]  # type: ignore[index]
-    readings = dict.fromkeys(_LETTER.sub(r"\\\g<0>", one) if "\\" in text else one for one in error.instead)
+    readings = dict.fromkeys(
+        _LETTER.sub(r"\\\g<0>", one) if "\\" in text else one for one in error.instead
+    )
     if piece == "[":  # it is closed by its own kind
-        readings = {f"{one.removesuffix('(')}[" if one.endswith("(") else one: None for one in readings}
+        readings = {
+            f"{one.removesuffix('(')}[" if one.endswith("(") else one: None for one in readings
+        }
     if text[:first][-1:].isalnum():
         readings = {f"{' ' * one[:1].isalnum()}{one}": None for one in readings}
     if not piece or "\n" in piece or piece.count("{") != piece.count("}"):
@@ -478,9 +574,15 @@ def _choices(error: errors.Place, text: str, start: int, line: str, at: str) -> 
     until = f"+{len(piece)}" if error.span else ""
     whole = {one: f"{line[:place]}{one}{line[place + len(piece) :]}" for one in readings}
     found = [
-        (made if len(made) <= LONGEST_LABEL else one, f"{at}:{place + 1}{until}:{one}") for one, made in whole.items()
+        (made if len(made) <= LONGEST_LABEL else one, f"{at}:{place + 1}{until}:{one}")
+        for one, made in whole.items()
     ]
-    is_name = found and not error.span and text[first + len(piece) :][:1] not in letters.PRIMES and "\\" not in piece
+    is_name = (
+        found
+        and not error.span
+        and text[first + len(piece) :][:1] not in letters.PRIMES
+        and "\\" not in piece
+    )
     return (*found, *([(f"a constant {piece}", f"parameters:0:0:{piece}")] if is_name else []))
 
 

@@ -18,7 +18,9 @@ class Kept:
     made: dict[str, Markup] = field(default_factory=dict)
     asked: dict[str, asyncio.Future[None]] = field(default_factory=dict)
 
-    async def of(self, key: str, make: Callable[[], Awaitable[Markup | None]], patience: float) -> Markup | None:
+    async def of(
+        self, key: str, make: Callable[[], Awaitable[Markup | None]], patience: float
+    ) -> Markup | None:
         """The part of this key; None if it is not made in `patience` seconds: the work goes on for the next visitor."""
         if key not in self.made:
             running = self.asked.get(key) or asyncio.ensure_future(self._keep(key, make))

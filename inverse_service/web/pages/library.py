@@ -26,7 +26,11 @@ open_router = APIRouter()  # asks for no key
 # Those of the systems in the lessons.
 NAMES = Names(("x", "y", "phi", "theta"), ("R", "L"))
 # (name in the address, title) of the pages in web/manual; the first page are the six screens.
-PAGES = (("mathematics", "The mathematics"), ("constraints", "Constraints"), ("calls", "Calls for programs"))
+PAGES = (
+    ("mathematics", "The mathematics"),
+    ("constraints", "Constraints"),
+    ("calls", "Calls for programs"),
+)
 _FORMULA = re.compile(r"<p>\$(.+?)\$</p>|\$(.+?)\$")
 FIRST_SHOWN, MOST_SHOWN = 20, 200
 REFERENCE = re.compile(
@@ -50,7 +54,11 @@ _ANSWERS = kept.Kept(256)
 async def learn() -> HTMLResponse:
     """The six screens."""
     return rendering.page(
-        "learn.html", active="/learn", names=NAMES, manual=PAGES, can_simulate=rendering.can_simulate()
+        "learn.html",
+        active="/learn",
+        names=NAMES,
+        manual=PAGES,
+        can_simulate=rendering.can_simulate(),
     )
 
 
@@ -80,22 +88,36 @@ async def documentation(request: Request) -> HTMLResponse:
     return _manual(request, "calls", calls)
 
 
-def _manual(request: Request, name: str, calls: Sequence[tuple[str, str, str]] = ()) -> HTMLResponse:
+def _manual(
+    request: Request, name: str, calls: Sequence[tuple[str, str, str]] = ()
+) -> HTMLResponse:
     body = _body(name, str(request.base_url).rstrip("/"))
     active = "/docs" if calls else "/learn"
     return rendering.page(
-        "manual.html", active=active, title=dict(PAGES)[name], body=body, pages=PAGES, name=name, calls=calls
+        "manual.html",
+        active=active,
+        title=dict(PAGES)[name],
+        body=body,
+        pages=PAGES,
+        name=name,
+        calls=calls,
     )
 
 
 def _body(name: str, address: str) -> Markup:
     """The page as HTML; text between dollar signs is a formula."""
-    text = (resources.files("inverse_service.web") / "manual" / f"{name}.md").read_text(encoding="utf-8")
+    text = (resources.files("inverse_service.web") / "manual" / f"{name}.md").read_text(
+        encoding="utf-8"
+    )
     text = text.replace("ADDRESS", address)
     html = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
     k = itertools.count(1)
-    html = re.sub("<pre>", lambda _: f'<pre tabindex="0" role="region" aria-label="Example {next(k)}">', html)
-    return Markup(_FORMULA.sub(lambda found: _formula(unescape(found[1] or found[2]), bool(found[1])), html))
+    html = re.sub(
+        "<pre>", lambda _: f'<pre tabindex="0" role="region" aria-label="Example {next(k)}">', html
+    )
+    return Markup(
+        _FORMULA.sub(lambda found: _formula(unescape(found[1] or found[2]), bool(found[1])), html)
+    )
 
 
 def _formula(text: str, alone: bool) -> str:
@@ -115,14 +137,20 @@ def body_of(name: str) -> str:
 async def atlas_search(request: Request) -> HTMLResponse:
     """The search and its results; the pictures if nothing is searched."""
     query = request.query_params
-    sent = {name: query.get(name, "").strip() for name in ("q", "tag", "equations", "verdict", "size")}
+    sent = {
+        name: query.get(name, "").strip() for name in ("q", "tag", "equations", "verdict", "size")
+    }
     most = MOST_SHOWN if query.get("all") else FIRST_SHOWN
     problem, found = "", []
     try:
         found = await routes.found_by(request, sent["q"], sent["tag"], sent["equations"])
     except (problems.Refusal, errors.InputError) as error:
         problem = str(getattr(error, "detail", error))
-    found = [one for one in found if sent["verdict"] in ("", one["verdict"]) and _has_size(one, sent["size"])]
+    found = [
+        one
+        for one in found
+        if sent["verdict"] in ("", one["verdict"]) and _has_size(one, sent["size"])
+    ]
     return rendering.page(
         "atlas.html",
         active="/atlas",
@@ -133,7 +161,10 @@ async def atlas_search(request: Request) -> HTMLResponse:
         more=f"/atlas?{urlencode({**sent, 'all': 'yes'})}#systems" if len(found) > most else "",
         whole=len(catalogue.atlas()),
         tags=[pair for pair in catalogue.atlas_tags().items() if not _is_general(pair[0])][:24],
-        verdicts=[(key, sheets.BADGES[key]) for key in (sheets.YES, sheets.NO, sheets.DIFFERS, sheets.OPEN)],
+        verdicts=[
+            (key, sheets.BADGES[key])
+            for key in (sheets.YES, sheets.NO, sheets.DIFFERS, sheets.OPEN)
+        ],
         sizes=SIZES,
         pictures=() if any(sent.values()) else pictures(),
         license=routes.LICENSE,
@@ -144,15 +175,24 @@ async def atlas_search(request: Request) -> HTMLResponse:
 def pictures() -> list[dict[str, Any]]:
     """Twenty systems whose body is drawn."""
     known = [catalogue.atlas()[name] for name in PICTURES if name in catalogue.atlas()]
-    known += [entry for entry in catalogue.atlas().values() if body_of(entry["name"]) and entry not in known]
-    return [{**entry, "body": body_of(entry["name"]) or "spring"} for entry in known[:MOST_PICTURES]]
+    known += [
+        entry
+        for entry in catalogue.atlas().values()
+        if body_of(entry["name"]) and entry not in known
+    ]
+    return [
+        {**entry, "body": body_of(entry["name"]) or "spring"} for entry in known[:MOST_PICTURES]
+    ]
 
 
 def _has_size(entry: Mapping[str, Any], size: str) -> bool:
     """Whether an entry has this number of coordinates; the largest choice means more, too."""
     if size not in SIZES:
         return True
-    count = next((int(tag.split()[0]) for tag in entry["tags"] if tag.split()[-1].startswith("coordinate")), 0)
+    count = next(
+        (int(tag.split()[0]) for tag in entry["tags"] if tag.split()[-1].startswith("coordinate")),
+        0,
+    )
     return count == int(size) or (size == SIZES[-1] and count > int(size))
 
 
@@ -169,11 +209,16 @@ async def atlas_entry(request: Request, name: str) -> HTMLResponse:
         "atlas_entry.html",
         active="/atlas",
         entry=found,
-        equations=[typesetting.proposition(text, stated.names_of(found["document"])) for text in found["equations"]],
+        equations=[
+            typesetting.proposition(text, stated.names_of(found["document"]))
+            for text in found["equations"]
+        ],
         answer=await _answer_of(request, found, AT_ONCE),
         source=referenced(found["source"]),
         body=body_of(name),
-        alike=[one for one in catalogue.search_atlas(form=found["form"]) if one["name"] != name][:MOST_NEAR]
+        alike=[one for one in catalogue.search_atlas(form=found["form"]) if one["name"] != name][
+            :MOST_NEAR
+        ]
         if found["form"]
         else [],
         near=near(found),
@@ -191,7 +236,9 @@ async def atlas_answer(request: Request, name: str) -> Response:
 
 
 def _entry(name: str) -> dict[str, Any]:
-    return problems.known(catalogue.atlas().get(name), "system of this name in the atlas; /atlas searches it.")
+    return problems.known(
+        catalogue.atlas().get(name), "system of this name in the atlas; /atlas searches it."
+    )
 
 
 async def _answer_of(request: Request, entry: dict[str, Any], patience: float) -> Markup | None:
@@ -208,10 +255,16 @@ async def _answer_of(request: Request, entry: dict[str, Any], patience: float) -
 def near(entry: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Systems with the rarest of the subjects of an entry, of another form."""
     counts = catalogue.atlas_tags()
-    subjects = [(counts[tag], tag) for tag in entry["tags"] if 1 < counts[tag] <= RARE and not _is_general(tag)]
+    subjects = [
+        (counts[tag], tag)
+        for tag in entry["tags"]
+        if 1 < counts[tag] <= RARE and not _is_general(tag)
+    ]
     found = [one for _, tag in sorted(subjects)[:1] for one in catalogue.search_atlas(tag=tag)]
     others = [
-        one for one in found if one["name"] != entry["name"] and (not one["form"] or one["form"] != entry["form"])
+        one
+        for one in found
+        if one["name"] != entry["name"] and (not one["form"] or one["form"] != entry["form"])
     ]
     return others[:MOST_NEAR]
 
@@ -226,8 +279,12 @@ def referenced(source: str) -> Markup:
     text = Markup("")
     place = 0
     for match in REFERENCE.finditer(source):
-        address = next(REFERRED[kind].format(number) for kind, number in match.groupdict().items() if number)
-        text += escape(source[place : match.start()]) + Markup('<a href="{}">{}</a>').format(address, match.group())
+        address = next(
+            REFERRED[kind].format(number) for kind, number in match.groupdict().items() if number
+        )
+        text += escape(source[place : match.start()]) + Markup('<a href="{}">{}</a>').format(
+            address, match.group()
+        )
         place = match.end()
     return text + escape(source[place:])
 

@@ -60,7 +60,10 @@ class Facts:
 
     def is_constant(self, tree: ex.Expression) -> bool:
         """Whether only parameters occur in a tree."""
-        moving = {*map(ex.Symbol, (*self.coordinates, self.time)), *map(ex.Velocity, self.coordinates)}
+        moving = {
+            *map(ex.Symbol, (*self.coordinates, self.time)),
+            *map(ex.Velocity, self.coordinates),
+        }
         return not any(node in moving or isinstance(node, ex.Arbitrary) for node in ex.walk(tree))
 
     def is_positive(self, tree: ex.Expression) -> bool:
@@ -116,7 +119,9 @@ def natural_of(facts: Facts) -> tuple[euler_lagrange.Matrix, ex.Expression] | No
         return None
     half = ex.number(Fraction(1, 2))
     kinetic = [
-        half * entry * u * v for u, row in zip(rates, mass, strict=True) for v, entry in zip(rates, row, strict=True)
+        half * entry * u * v
+        for u, row in zip(rates, mass, strict=True)
+        for v, entry in zip(rates, row, strict=True)
     ]
     rest = _collected(ex.subtract(facts.lagrangian, ex.add(*kinetic)))
     return None if ex.has(rest, ex.Velocity) else (mass, _collected(ex.negate(rest)))
@@ -132,26 +137,55 @@ def _of_one(facts: Facts) -> Picture:
     (f,) = facts.accelerations
     q, v = facts.said(name), facts.said(f"{name}'")
     if ex.holds(f, ex.Symbol(facts.time)):
-        return Picture("history", (q, " over ", facts.said(facts.time), ", as the equation contains the time."))
+        return Picture(
+            "history", (q, " over ", facts.said(facts.time), ", as the equation contains the time.")
+        )
     if facts.cases:
         told = [{"label": text, "sides": sides} for text, sides in facts.cases]
-        return Picture("cases", ("Each part of the plane has its own equation and its own formulas.",), {"cases": told})
+        return Picture(
+            "cases",
+            ("Each part of the plane has its own equation and its own formulas.",),
+            {"cases": told},
+        )
     natural = natural_of(facts)
     is_angle = name in facts.angles
     if natural and _falls(facts, natural) and not is_angle:
         trees = {"mass": natural[0][0][0], "potential": natural[1]}
-        said: sheets.Sentence = (_L, " is ", _theory("T - V"), ": the point rolls on the graph of ", _theory("V"))
+        said: sheets.Sentence = (
+            _L,
+            " is ",
+            _theory("T - V"),
+            ": the point rolls on the graph of ",
+            _theory("V"),
+        )
         return Picture("well", (*said, ", as high as its energy ", _theory("E"), " allows."), trees)
-    position, slope = calculus.differentiate(f, ex.Symbol(name)), calculus.differentiate(f, ex.Velocity(name))
+    position, slope = (
+        calculus.differentiate(f, ex.Symbol(name)),
+        calculus.differentiate(f, ex.Velocity(name)),
+    )
     position, slope = _collected(position), _collected(slope)
     rest = ex.subtract(f, ex.add(position * ex.Symbol(name), slope * ex.Velocity(name)))
     if facts.is_positive(ex.negate(position)) and facts.is_constant(slope) and _is_zero(rest):
-        return Picture("spring", ("A mass on a spring, above the plane of its ", q, " and ", v, *_area(facts, slope)))
+        return Picture(
+            "spring",
+            ("A mass on a spring, above the plane of its ", q, " and ", v, *_area(facts, slope)),
+        )
     if is_angle:
         return Picture(
-            "pendulum", ("A rod at the angle ", q, ", above the plane of ", q, " and ", v, *_area(facts, slope))
+            "pendulum",
+            (
+                "A rod at the angle ",
+                q,
+                ", above the plane of ",
+                q,
+                " and ",
+                v,
+                *_area(facts, slope),
+            ),
         )
-    return Picture("phase", ("The arrows show where each ", q, " and ", v, " lead", *_area(facts, slope)))
+    return Picture(
+        "phase", ("The arrows show where each ", q, " and ", v, " lead", *_area(facts, slope))
+    )
 
 
 _L = sheets.Formula("L", nm.Names(parameters=("L",)))
@@ -234,12 +268,18 @@ def _central(facts: Facts) -> Picture | None:
 
     def is_swept(tree: ex.Expression) -> bool:
         factor = _collected(ex.divide(calculus.differentiate(tree, v), x))
-        return facts.is_constant(factor) and factor != ex.ZERO and _is_zero(ex.subtract(tree, factor * swept))
+        return (
+            facts.is_constant(factor)
+            and factor != ex.ZERO
+            and _is_zero(ex.subtract(tree, factor * swept))
+        )
 
     if facts.angles or not _is_kept(facts, is_swept):
         return None
     rule = facts.said(printing.to_text(swept))
-    return Picture("central", (rule, " stays the same: equal times sweep equal areas."), {"swept": swept})
+    return Picture(
+        "central", (rule, " stays the same: equal times sweep equal areas."), {"swept": swept}
+    )
 
 
 def _charge(facts: Facts) -> Picture | None:
@@ -301,7 +341,9 @@ def _hangs(facts: Facts, potential: ex.Expression) -> bool:
     """Whether V grows with each angle from 0 on."""
     zero: Point = {ex.Symbol(name): mpmath.mpf(0) for name in facts.coordinates}
     for name in facts.angles:
-        slope = calculus.differentiate(calculus.differentiate(potential, ex.Symbol(name)), ex.Symbol(name))
+        slope = calculus.differentiate(
+            calculus.differentiate(potential, ex.Symbol(name)), ex.Symbol(name)
+        )
         if not facts.value(slope, zero) > 0:
             return False
     return True
@@ -317,7 +359,9 @@ def _cart(facts: Facts) -> Picture | None:
         return None
     x, angle = (facts.said(name) for name in facts.coordinates)
     return Picture(
-        "cart", ("A slide at ", x, " with a rod at the angle ", angle, "."), {"length": ex.divide(second, factor)}
+        "cart",
+        ("A slide at ", x, " with a rod at the angle ", angle, "."),
+        {"length": ex.divide(second, factor)},
     )
 
 
@@ -342,9 +386,12 @@ def _none(facts: Facts) -> Picture | None:
         return None
     tensors = [*facts.tensors, _nabla(facts, facts.tensors[1])]
     rows = [
-        [_collected(part) for part in (t[0][1], ex.subtract(t[1][1], t[0][0]), ex.negate(t[1][0]))] for t in tensors
+        [_collected(part) for part in (t[0][1], ex.subtract(t[1][1], t[0][0]), ex.negate(t[1][0]))]
+        for t in tensors
     ]
-    if sum(ex.node_count(part) for row in rows for part in row) > MOST_NODES or not _are_apart(facts, rows):
+    if sum(ex.node_count(part) for row in rows for part in row) > MOST_NODES or not _are_apart(
+        facts, rows
+    ):
         return None
     said = (
         "Above, the path of ",
@@ -372,7 +419,8 @@ def _nabla(facts: Facts, tensor: Matrix) -> Matrix:
         rates += [(ex.Symbol(name), ex.Velocity(name)), (ex.Velocity(name), f)]
     half = ex.number(Fraction(-1, 2))
     n = [
-        [half * calculus.differentiate(f, ex.Velocity(name)) for name in facts.coordinates] for f in facts.accelerations
+        [half * calculus.differentiate(f, ex.Velocity(name)) for name in facts.coordinates]
+        for f in facts.accelerations
     ]
 
     def entry(i: int, j: int) -> ex.Expression:
@@ -393,7 +441,9 @@ def _are_apart(facts: Facts, rows: Matrix) -> bool:
     point: Point = {leaf: mpmath.mpf(k) / 7 + mpmath.mpf(1) / 3 for k, leaf in enumerate(leaves)}
     a, b, c = ([facts.value(part, point) for part in row] for row in rows)
     crossed = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]]
-    determinant = abs(sum((left * right for left, right in zip(a, crossed, strict=True)), mpmath.mpf(0)))
+    determinant = abs(
+        sum((left * right for left, right in zip(a, crossed, strict=True)), mpmath.mpf(0))
+    )
     size = mpmath.mpf(1)
     for row in (a, b, c):
         size *= mpmath.sqrt(sum((value**2 for value in row), mpmath.mpf(0)))
@@ -430,7 +480,10 @@ def _of_many(facts: Facts) -> Picture:
             ),
         )
     if len(facts.coordinates) <= MOST_LINES:
-        return Picture("lines", ("Each coordinate on its own line, to one scale, with its last second behind it.",))
+        return Picture(
+            "lines",
+            ("Each coordinate on its own line, to one scale, with its last second behind it.",),
+        )
     return Picture("history", ("All coordinates over the time.",))
 
 
@@ -451,7 +504,15 @@ def _of_constraints(facts: Facts) -> Picture:
             return _of_heading(facts, name, [one for one in others if one != name], u, cos)
     turned = " Other coordinates are not drawn." if others else ""
     return Picture(
-        "path", ("The path of ", "(", facts.said("x"), ", ", facts.said("y"), f") on the constraints.{turned}")
+        "path",
+        (
+            "The path of ",
+            "(",
+            facts.said("x"),
+            ", ",
+            facts.said("y"),
+            f") on the constraints.{turned}",
+        ),
     )
 
 
@@ -459,7 +520,10 @@ def _solved(facts: Facts) -> dict[ex.Velocity, ex.Expression]:
     """x' and y' by the other velocities, from the first two constraints that give them (Cramer's rule)."""
     x, y = ex.Velocity("x"), ex.Velocity("y")
     for first, second in itertools.combinations(facts.constraints, 2):
-        a, b = ([_collected(calculus.differentiate(one, rate)) for rate in (x, y)] for one in (first, second))
+        a, b = (
+            [_collected(calculus.differentiate(one, rate)) for rate in (x, y)]
+            for one in (first, second)
+        )
         determinant = _collected(ex.subtract(a[0] * b[1], a[1] * b[0]))
         if writing.simplified(determinant) == ex.ZERO:
             continue
@@ -474,14 +538,22 @@ def _is_along(facts: Facts, cos: ex.Expression, sin: ex.Expression) -> bool:
     """Whether a velocity along (cos, sin) without any other one keeps the only constraint, which has x' and y'."""
     if len(facts.constraints) != 1:
         return False
-    rates: dict[ex.Velocity, ex.Expression] = {ex.Velocity(name): ex.ZERO for name in facts.coordinates}
+    rates: dict[ex.Velocity, ex.Expression] = {
+        ex.Velocity(name): ex.ZERO for name in facts.coordinates
+    }
     rates |= {ex.Velocity("x"): cos, ex.Velocity("y"): sin}
     (constraint,) = facts.constraints
-    alone = all(ex.Velocity(name) not in set(ex.walk(constraint)) for name in facts.coordinates if name not in "xy")
+    alone = all(
+        ex.Velocity(name) not in set(ex.walk(constraint))
+        for name in facts.coordinates
+        if name not in "xy"
+    )
     return alone and _is_zero(ex.substitute(constraint, rates))
 
 
-def _of_heading(facts: Facts, name: str, rest: Sequence[str], u: ex.Expression, cos: ex.Expression) -> Picture:
+def _of_heading(
+    facts: Facts, name: str, rest: Sequence[str], u: ex.Expression, cos: ex.Expression
+) -> Picture:
     heading = facts.coordinates.index(name)
     angle = facts.said(name)
     if len(rest) == 1:
@@ -493,10 +565,14 @@ def _of_heading(facts: Facts, name: str, rest: Sequence[str], u: ex.Expression, 
                 angle,
                 " without slipping: the marks on the ground are one turn apart.",
             )
-            return Picture("disk", said, {"heading": heading, "rolled": facts.coordinates.index(one)})
+            return Picture(
+                "disk", said, {"heading": heading, "rolled": facts.coordinates.index(one)}
+            )
     if len(rest) >= 2 and len(facts.constraints) >= 3:
         said = ("Seen from above. No wheel moves sideways: the path has the direction ", angle, ".")
-        return Picture("carriage", said, {"heading": heading, "rolled": facts.coordinates.index(rest[0])})
+        return Picture(
+            "carriage", said, {"heading": heading, "rolled": facts.coordinates.index(rest[0])}
+        )
     if rest:
         said = (
             "Seen from above. The point moves along the direction ",

@@ -25,11 +25,15 @@ MOST_NODES = 4_000
 LONG = "These equations cannot be played with in the browser; Run computes them."
 # The steps of a price: of longer runs the error is that after so many.
 MOST_PRICED, FEW = 2_000, 50
-SUBSCRIPTS = str.maketrans("0123456789", "\u2080\u2081\u2082\u2083\u2084\u2085\u2086\u2087\u2088\u2089")
+SUBSCRIPTS = str.maketrans(
+    "0123456789", "\u2080\u2081\u2082\u2083\u2084\u2085\u2086\u2087\u2088\u2089"
+)
 MOST_METERS, LONGEST_METER, MOST_SLIDERS = 3, 40, 6
 
 
-def accelerations_of(document: Mapping[str, Any]) -> tuple[Scene, tuple[trees.Expression, ...] | None]:
+def accelerations_of(
+    document: Mapping[str, Any],
+) -> tuple[Scene, tuple[trees.Expression, ...] | None]:
     """A scene without its methods, and the accelerations of its motion if they can be solved for.
 
     Called in workers only: the web process loads nothing of this.
@@ -96,21 +100,39 @@ def price_task(document: Mapping[str, Any]) -> dict[str, Any]:
     ends, seconds = [], 0.0
     for part in (1, 2, 4):
         count = part * few * (min(steps, MOST_PRICED) // few)
-        scene = {"step": str(step / part), "steps": count, "record_every": part * few, "methods": [chosen]}
+        scene = {
+            "step": str(step / part),
+            "steps": count,
+            "record_every": part * few,
+            "methods": [chosen],
+        }
         method = simulate({**document, **scene, "observe": ["trajectory"]})["methods"][0]
         name = views.method_name(method["label"])
         if method["outcome"] != "completed":
-            return {"reason": f"{name} with step {float(step / part):g}: {printed_pages.why(method)}"}
+            return {
+                "reason": f"{name} with step {float(step / part):g}: {printed_pages.why(method)}"
+            }
         columns = method["points"]["columns"]
-        ends.append([columns[name] for name in columns if name != "t" and not name.startswith(("v_", "p_"))])
+        ends.append(
+            [columns[name] for name in columns if name != "t" and not name.startswith(("v_", "p_"))]
+        )
         if part == 1:
             seconds, until = method["seconds"]["run"] * steps / count, columns["t"][-1]
     coarse, fine = (_distance(*pair) for pair in itertools.pairwise(ends))
     order = min(12.0, max(1.0, math.log2(coarse / fine))) if coarse and fine else 1.0
     error = coarse / (1 - 2**-order)
-    told = {"method": name, "step": float(step), "order": order, "error": error, "seconds": seconds, "until": until}
+    told = {
+        "method": name,
+        "step": float(step),
+        "order": order,
+        "error": error,
+        "seconds": seconds,
+        "until": until,
+    }
     # A free Lagrangian holds the effects in one formula.
-    apart = next((one for one in methods if one["method"] not in (*views.TRUE, "variational")), chosen)
+    apart = next(
+        (one for one in methods if one["method"] not in (*views.TRUE, "variational")), chosen
+    )
     return told | {"parts": _parts_of_step({**document, "methods": [apart], "steps": FEW})}
 
 
@@ -118,8 +140,14 @@ def _parts_of_step(scene: Mapping[str, Any]) -> dict[str, float]:
     """What each effect adds to a step, in s."""
     from inverse_service.service.scenes.simulating import simulate
 
-    cost = simulate({**scene, "record_every": 1, "observe": ["cost"]})["methods"][0].get("cost") or {}
-    return {one["name"]: one["step_ns"] * 1e-9 for one in cost.get("parts") or () if one["kind"] == "effect"}
+    cost = (
+        simulate({**scene, "record_every": 1, "observe": ["cost"]})["methods"][0].get("cost") or {}
+    )
+    return {
+        one["name"]: one["step_ns"] * 1e-9
+        for one in cost.get("parts") or ()
+        if one["kind"] == "effect"
+    }
 
 
 def _distance(left: Sequence[Sequence[float]], right: Sequence[Sequence[float]]) -> float:
@@ -157,12 +185,17 @@ def moving_of(result: Mapping[str, Any]) -> Moving | None:
     motion, time = part.get("equations_of_motion") or {}, system.get("time", "t")
     parameters = tuple(system["parameters"])
     names = nm.Names(tuple(system["coordinates"]), (*parameters, *((time,) if time != "t" else ())))
-    texts = system["equations"] | {name: f["text"] for name, f in motion.get("accelerations", {}).items()}
+    texts = system["equations"] | {
+        name: f["text"] for name, f in motion.get("accelerations", {}).items()
+    }
     try:
         return Moving(
             names,
             tuple(reader.read_formula(texts[name], names) for name in names.coordinates),
-            {name: reader.read_formula(one["text"], names) for name, one in motion.get("first_order", {}).items()},
+            {
+                name: reader.read_formula(one["text"], names)
+                for name, one in motion.get("first_order", {}).items()
+            },
             tuple(reader.read_formula(one["text"], names) for one in part.get("constraints") or ()),
         )
     except (errors.InputError, ValueError):
@@ -179,7 +212,9 @@ class Shown:
     rows: int = 0  # of sliders, whose room is kept until the script makes them
 
 
-def motion_of_result(result: Mapping[str, Any], domain: Sequence[str] = (), reveals: bool = True) -> Shown | None:
+def motion_of_result(
+    result: Mapping[str, Any], domain: Sequence[str] = (), reveals: bool = True
+) -> Shown | None:
     """What a page needs to move a result; the start keeps the conditions of `domain`. None where nothing moves.
 
     Without `reveals` the picture follows from the equations alone.
@@ -192,7 +227,10 @@ def motion_of_result(result: Mapping[str, Any], domain: Sequence[str] = (), reve
     system = result["system"]
     given = system["given"].get("parameters") if isinstance(system.get("given"), Mapping) else None
     values = given if isinstance(given, Mapping) else {}
-    numbers = {name: float(Fraction(values[name])) if values.get(name) else 1 for name in system["parameters"]}
+    numbers = {
+        name: float(Fraction(values[name])) if values.get(name) else 1
+        for name in system["parameters"]
+    }
     constrained = (result.get("nonholonomic") or {}).get("equations_of_motion")
     try:
         played = _played(system["coordinates"], numbers, moving.accelerations, moving.constraints)
@@ -211,7 +249,9 @@ def motion_of_result(result: Mapping[str, Any], domain: Sequence[str] = (), reve
         "known": _written(picture.trees),
         "meters": [listed(tree) for _, _, tree in meters],
     }
-    said = tuple((name, facts.said(text) if len(text) <= LONGEST_METER else "") for name, text, _ in meters)
+    said = tuple(
+        (name, facts.said(text) if len(text) <= LONGEST_METER else "") for name, text, _ in meters
+    )
     return Shown(data, picture.caption, said, _rows_of_sliders(data))
 
 
@@ -224,7 +264,11 @@ def _rows_of_sliders(data: Mapping[str, Any]) -> int:
 
 
 def facts_of(
-    result: Mapping[str, Any], moving: Moving, values: Mapping[str, float], angles: tuple[str, ...], reveals: bool
+    result: Mapping[str, Any],
+    moving: Moving,
+    values: Mapping[str, float],
+    angles: tuple[str, ...],
+    reveals: bool,
 ) -> pictures.Facts:
     """What the result says of the motion; without `reveals` the equations alone."""
     facts = pictures.Facts(
@@ -240,16 +284,26 @@ def facts_of(
     branches = stated.branches_of(result)
     shown = {**branches[0], **stated.main_statements(result)[0].part}
     if len(branches) > 1:
-        cases = [(", ".join(texts), tuple(map(moving.read, texts))) for one in branches if (texts := one["domain"])]
+        cases = [
+            (", ".join(texts), tuple(map(moving.read, texts)))
+            for one in branches
+            if (texts := one["domain"])
+        ]
         here = {moving.names.coordinates[0]}
         is_of_places = all(_names_in(side) <= here for _, sides in cases for side in sides)
-        return replace(facts, cases=tuple(cases)) if len(cases) == len(branches) and is_of_places else facts
+        return (
+            replace(facts, cases=tuple(cases))
+            if len(cases) == len(branches) and is_of_places
+            else facts
+        )
     # An L with functions that are known by their derivatives alone has no values.
     text = None if stated.auxiliary_of(shown) else (shown.get("lagrangian") or {}).get("text")
     tensors, conditions = None, result.get("conditions") or {}
     is_none = shown.get("verdict") == "not_variational" and len(moving.accelerations) == 2
     if is_none and conditions.get("Phi") and conditions.get("nabla_Phi"):
-        first, second = ([list(map(moving.read, row)) for row in conditions[key]] for key in ("Phi", "nabla_Phi"))
+        first, second = (
+            [list(map(moving.read, row)) for row in conditions[key]] for key in ("Phi", "nabla_Phi")
+        )
         tensors = (first, second)
     return replace(
         facts,
@@ -259,7 +313,9 @@ def facts_of(
     )
 
 
-def _kept_of(shown: Mapping[str, Any], moving: Moving) -> Iterable[tuple[str, str, trees.Expression]]:
+def _kept_of(
+    shown: Mapping[str, Any], moving: Moving
+) -> Iterable[tuple[str, str, trees.Expression]]:
     """The conserved quantities that can be computed."""
     for one in shown.get("first_integrals") or ():
         with suppress(errors.InputError):
@@ -269,7 +325,9 @@ def _kept_of(shown: Mapping[str, Any], moving: Moving) -> Iterable[tuple[str, st
 def _names_in(tree: trees.Expression) -> set[str]:
     """The names of coordinates, of velocities with a prime, and of parameters in a tree."""
     leaves = (node for node in trees.walk(tree) if isinstance(node, trees.Symbol | trees.Velocity))
-    return {leaf.name if isinstance(leaf, trees.Symbol) else f"{leaf.coordinate}'" for leaf in leaves}
+    return {
+        leaf.name if isinstance(leaf, trees.Symbol) else f"{leaf.coordinate}'" for leaf in leaves
+    }
 
 
 def _written(known: Any) -> Any:
@@ -330,9 +388,15 @@ def angles_of(coordinates: Iterable[str], formulas: Iterable[trees.Expression]) 
 def angles_of_texts(system: Mapping[str, Any]) -> list[str]:
     """The same of the formulas of a simulated system, which are written out."""
     names = nm.Names(tuple(system["coordinates"]), tuple(system["parameters"]))
-    texts = [system["lagrangian"] or "0", *system["constraints"], *(system["equations"] or {}).values()]
+    texts = [
+        system["lagrangian"] or "0",
+        *system["constraints"],
+        *(system["equations"] or {}).values(),
+    ]
     try:
-        return angles_of(system["coordinates"], [reader.read_formula(text, names) for text in texts])
+        return angles_of(
+            system["coordinates"], [reader.read_formula(text, names) for text in texts]
+        )
     except errors.InputError:
         return []
 
@@ -341,13 +405,20 @@ def picture_of_texts(system: Mapping[str, Any]) -> dict[str, Any]:
     """The picture of a simulated system, as far as it needs no values of formulas."""
     names = nm.Names(tuple(system["coordinates"]), tuple(system["parameters"]))
     try:
-        lagrangian = reader.read_formula(system["lagrangian"], names) if system["lagrangian"] else None
+        lagrangian = (
+            reader.read_formula(system["lagrangian"], names) if system["lagrangian"] else None
+        )
         constraints = tuple(reader.read_formula(text, names) for text in system["constraints"])
     except errors.InputError:
         return {}
     angles = tuple(angles_of_texts(system))
-    picture = pictures.picture_of(pictures.Facts(names, (), angles, lagrangian=lagrangian, constraints=constraints))
-    return {"picture": picture.kind, "known": {k: v for k, v in picture.trees.items() if isinstance(v, int)}}
+    picture = pictures.picture_of(
+        pictures.Facts(names, (), angles, lagrangian=lagrangian, constraints=constraints)
+    )
+    return {
+        "picture": picture.kind,
+        "known": {k: v for k, v in picture.trees.items() if isinstance(v, int)},
+    }
 
 
 def _plainly(tree: trees.Expression) -> Iterable[trees.Symbol]:

@@ -30,7 +30,13 @@ from inverse_service.web import clients
 from inverse_service.web.pages import WORDS, forms, typesetting
 from inverse_service.web.problems import Refusal
 
-TYPES = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml", "png": "image/png", "woff2": "font/woff2"}
+TYPES = {
+    "css": "text/css",
+    "js": "text/javascript",
+    "svg": "image/svg+xml",
+    "png": "image/png",
+    "woff2": "font/woff2",
+}
 FONT = "stix-two-math.woff2"
 CHARTS = ("uPlot.iife.js", "uPlot.min.css")  # of the package uplot-python
 NAMES = (
@@ -111,7 +117,9 @@ async def static(request: Request, asked: str, name: str) -> Response:
         return Response(status_code=304, headers=headers)
     media_type = TYPES[name.rpartition(".")[2]]
     if "gzip" in request.headers.get("accept-encoding", ""):
-        return Response(compressed, headers={**headers, "Content-Encoding": "gzip"}, media_type=media_type)
+        return Response(
+            compressed, headers={**headers, "Content-Encoding": "gzip"}, media_type=media_type
+        )
     return Response(data, headers=headers, media_type=media_type)
 
 
@@ -149,7 +157,9 @@ async def require_visitor(request: Request) -> None:
         if request.headers.get("sec-fetch-mode", "") not in NAVIGATE:
             raise
         place = f"/login?next={quote(_address(request), safe='/')}"
-        raise Refusal(303, "key", "This service asks for a key: log in.", headers={"Location": place}) from None
+        raise Refusal(
+            303, "key", "This service asks for a key: log in.", headers={"Location": place}
+        ) from None
     VISITOR.set(_visitor(request, clients.client_of(request) if keys else ""))
 
 
@@ -162,7 +172,12 @@ def _visitor(request: Request, client: str) -> Visitor:
 
 def local_address(text: str) -> str:
     """An address on this service; the start page if the text is not one."""
-    is_local = text.startswith("/") and not text.startswith(("//", "/\\")) and text.isprintable() and len(text) < 2_000
+    is_local = (
+        text.startswith("/")
+        and not text.startswith(("//", "/\\"))
+        and text.isprintable()
+        and len(text) < 2_000
+    )
     return text if is_local else "/"
 
 
@@ -189,12 +204,21 @@ def environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    found.policies["json.dumps_kwargs"] = {"sort_keys": False}  # sliders stand in the order of the parameters
+    found.policies["json.dumps_kwargs"] = {
+        "sort_keys": False
+    }  # sliders stand in the order of the parameters
     shown = [(href, label) for href, label in NAVIGATION if href != "/simulate" or can_simulate()]
-    found.globals |= {"address": address, "style": style, "navigation": shown, "charts": chart_folder() is not None}
+    found.globals |= {
+        "address": address,
+        "style": style,
+        "navigation": shown,
+        "charts": chart_folder() is not None,
+    }
     for typeset in (typesetting.equation, typesetting.formula, typesetting.of_theory):
         found.globals[typeset.__name__] = typeset
-    found.filters["greek"] = lambda name: re.sub(r"[A-Za-z]+", lambda word: printing.shown(word[0]), name)
+    found.filters["greek"] = lambda name: re.sub(
+        r"[A-Za-z]+", lambda word: printing.shown(word[0]), name
+    )
     for said in (views.short_number, views.duration, views.method_name):
         found.filters[said.__name__] = said
     found.filters["code_marks"] = code_marks
@@ -207,7 +231,8 @@ def environment() -> Environment:
 def code_marks(text: str) -> Markup:
     """Prose with `words` between grave accents set as code."""
     parts = [
-        Markup("<code>{}</code>").format(part) if k % 2 else escape(part) for k, part in enumerate(text.split("`"))
+        Markup("<code>{}</code>").format(part) if k % 2 else escape(part)
+        for k, part in enumerate(text.split("`"))
     ]
     return Markup("").join(parts)
 
@@ -217,7 +242,12 @@ def csv_of(rows: Iterable[Iterable[Any]]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     for row in rows:
-        writer.writerow([f"'{one}" if isinstance(one, str) and one[:1] in ("=", "+", "-", "@") else one for one in row])
+        writer.writerow(
+            [
+                f"'{one}" if isinstance(one, str) and one[:1] in ("=", "+", "-", "@") else one
+                for one in row
+            ]
+        )
     return text.getvalue()
 
 
@@ -245,13 +275,17 @@ def render(template: str, **values: Any) -> str:
 
 def page(template: str, status: int = 200, **values: Any) -> HTMLResponse:
     """A whole page under the policy of the pages."""
-    return sent(render(template, **values), "text/html", {"Content-Security-Policy": POLICY}, status)
+    return sent(
+        render(template, **values), "text/html", {"Content-Security-Policy": POLICY}, status
+    )
 
 
 def framed(response: HTMLResponse, origins: Iterable[str]) -> HTMLResponse:
     """The page, allowed in frames of this service and of other sites."""
     allowed = " ".join(("'self'", *origins))
-    response.headers["Content-Security-Policy"] = POLICY.replace("frame-ancestors 'none'", f"frame-ancestors {allowed}")
+    response.headers["Content-Security-Policy"] = POLICY.replace(
+        "frame-ancestors 'none'", f"frame-ancestors {allowed}"
+    )
     # The older header cannot hold a list; browsers that know the policy ignore it.
     response.headers["X-Frame-Options"] = "SAMEORIGIN"
     return response
@@ -283,5 +317,7 @@ def packed(data: bytes, media_type: str, headers: Mapping[str, str]) -> Response
     """What a worker has compressed, as it is for a visitor who takes that."""
     more = {"Vary": "Accept-Encoding"}
     if VISITOR.get().takes_gzip:
-        return Response(data, headers={**headers, **more, "Content-Encoding": "gzip"}, media_type=media_type)
+        return Response(
+            data, headers={**headers, **more, "Content-Encoding": "gzip"}, media_type=media_type
+        )
     return Response(gzip.decompress(data), headers={**headers, **more}, media_type=media_type)

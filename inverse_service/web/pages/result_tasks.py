@@ -18,7 +18,13 @@ from starlette.responses import HTMLResponse
 from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.reading import document_names, names as nm
-from inverse_service.service.documents import plain_data, printed_pages, sheets, short_results, stated
+from inverse_service.service.documents import (
+    plain_data,
+    printed_pages,
+    sheets,
+    short_results,
+    stated,
+)
 from inverse_service.service.jobs import model, opening, tasks
 from inverse_service.service.scenes import views
 from inverse_service.statements.stages import Stage
@@ -29,7 +35,9 @@ OFFER_TERMS = "Offer terms that L may contain, in \u201cAsk in detail\u201d: for
 ONE_QUESTION = "Ask one question instead of two, in \u201cAsk in detail\u201d: L(q, q\u2032) alone."
 # Of a time limit; the remaining time is for the work after the search.
 MUCH_OF = 0.8
-LONG_RUN = "Run the system on your own computer: `inverse-service solve --time-limit 3600 system.json`"
+LONG_RUN = (
+    "Run the system on your own computer: `inverse-service solve --time-limit 3600 system.json`"
+)
 EXPORTS: dict[str, tuple[str, str]] = WORDS["exports"]
 ENTRY = 6.0  # s of processor time for an entry of the atlas
 GLANCE = 3.0  # s of processor time; no one who is still typing waits longer
@@ -56,7 +64,11 @@ def longer_of(result: Mapping[str, Any], largest: float) -> float | None:
 def _terms_of(system: Mapping[str, Any] | None) -> str:
     """Terms in the velocities of this system."""
     first, *others = (system or {}).get("coordinates") or ("x",)
-    return f"`{others[0]}'^2/{first}'`" if others else f"`{first}*{first}'^2`, `{first}'*log({first}')`"
+    return (
+        f"`{others[0]}'^2/{first}'`"
+        if others
+        else f"`{first}*{first}'^2`, `{first}'*log({first}')`"
+    )
 
 
 def _limit_that_was_hit(result: Mapping[str, Any]) -> float | None:
@@ -64,7 +76,10 @@ def _limit_that_was_hit(result: Mapping[str, Any]) -> float | None:
     provenance = result["provenance"]
     stopped = (provenance.get("options") or {}).get("time_limit")
     if isinstance(stopped, int | float):
-        reasons = [result.get("reason") or "", *(one["reason"] for one in result.get("incomplete") or ())]
+        reasons = [
+            result.get("reason") or "",
+            *(one["reason"] for one in result.get("incomplete") or ()),
+        ]
         return stopped if any("limit" in reason for reason in reasons) else None
     limit, used = provenance.get("time_limit"), (provenance.get("seconds") or {}).values()
     return limit if isinstance(limit, int | float) and sum(used) >= MUCH_OF * limit else None
@@ -75,11 +90,17 @@ def _about_size(result: Mapping[str, Any]) -> list[str]:
     if system.get("functions"):
         found.append("Replace each arbitrary function with a formula.")
     if system.get("parameters"):
-        found.append("Assign values to the parameters, such as k = 1/2. Numeric systems are faster.")
-    both_are_open = result["verdict"] == "undetermined" and result.get("verdict_with_time") is not None
+        found.append(
+            "Assign values to the parameters, such as k = 1/2. Numeric systems are faster."
+        )
+    both_are_open = (
+        result["verdict"] == "undetermined" and result.get("verdict_with_time") is not None
+    )
     if both_are_open and not stated.asks_for_time(result):
         found.append(ONE_QUESTION)
-    return found or ["Write the equations in other coordinates, or solve uncoupled parts separately."]
+    return found or [
+        "Write the equations in other coordinates, or solve uncoupled parts separately."
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +112,9 @@ class Look:
     time_limit: float
 
 
-def page_task(store: str, id: str, job: Mapping[str, Any], look: Look, check: Mapping[str, Any] | None) -> HTMLResponse:
+def page_task(
+    store: str, id: str, job: Mapping[str, Any], look: Look, check: Mapping[str, Any] | None
+) -> HTMLResponse:
     """The page of a successful job, with the verdict of the checker, or that on a visitor's own L."""
     rendering.VISITOR.set(look.visitor)
     document, body = opening.stored_answer(store, id)
@@ -115,21 +138,32 @@ def so_far_task(job: Mapping[str, Any], look: Look, waited: int) -> HTMLResponse
 def embed_task(store: str, id: str, visitor: rendering.Visitor) -> HTMLResponse:
     """The short page of a solved system that other pages show in a frame."""
     rendering.VISITOR.set(visitor)
-    return rendering.page("embed.html", active="", sheet=sheets.sheet_of(_result(store, id), brief=True), id=id)
+    return rendering.page(
+        "embed.html", active="", sheet=sheets.sheet_of(_result(store, id), brief=True), id=id
+    )
 
 
 def own_lagrangian_task(store: str, id: str, text: str) -> dict[str, Any]:
     """The verdict on a visitor's Lagrangian for the equations of a stored result, with the `lagrangian` itself."""
-    return {**check_of(_result(store, id)["system"]["given"], text, forms.right_side), "lagrangian": text}
+    return {
+        **check_of(_result(store, id)["system"]["given"], text, forms.right_side),
+        "lagrangian": text,
+    }
 
 
 def check_of(document: Any, text: str, to_lagrangian: Callable[[str], str]) -> dict[str, Any]:
     """The checker's verdict on the L that a text means, with this `lagrangian`; "unread" where there is none."""
     try:
         lagrangian = to_lagrangian(text)
-        found = tasks.check_task(plain_data.write_json({"system": document, "lagrangian": lagrangian}))
+        found = tasks.check_task(
+            plain_data.write_json({"system": document, "lagrangian": lagrangian})
+        )
     except errors.InputError as error:
-        return {"verdict": "unread", "reasons": [forms.sentence(place) for place in error.places], "lagrangian": text}
+        return {
+            "verdict": "unread",
+            "reasons": [forms.sentence(place) for place in error.places],
+            "lagrangian": text,
+        }
     return {**found, "lagrangian": lagrangian}
 
 
@@ -157,7 +191,9 @@ def judged_of(check: Mapping[str, Any], names: nm.Names, letter: str = "L") -> J
         if cell["verdict"] != "valid" and cell["domain"]
     ]
     verdict, headline = WORDS["own"][check["verdict"]]
-    reasons = () if verdict == sheets.YES else tuple(check.get("reasons") or ())  # of a yes the headline says them
+    reasons = (
+        () if verdict == sheets.YES else tuple(check.get("reasons") or ())
+    )  # of a yes the headline says them
     return Judged(
         check["lagrangian"],
         verdict,
@@ -171,7 +207,9 @@ def _with_own_names(lagrangian: str, names: nm.Names) -> nm.Names:
     """The names with the constants and functions that occur in a visitor's L alone."""
     try:
         declared = document_names.Declared(names.coordinates, document_names.GUESS, names.functions)
-        found = document_names.known_names(declared, {"": forms.right_side(lagrangian)}, order=1).names
+        found = document_names.known_names(
+            declared, {"": forms.right_side(lagrangian)}, order=1
+        ).names
     except errors.InputError:
         return names
     parameters = tuple(dict.fromkeys((*names.parameters, *found.parameters)))
@@ -194,7 +232,11 @@ def picture_task(store: str, id: str, name: str, ending: str) -> bytes | None:
 def table_task(store: str, id: str) -> bytes | None:
     """The table of a result's page as CSV; None if it has none."""
     found = _result(store, id)
-    rows = simulations.table_of(found) if "methods" in found else sheets.rows_of(sheets.sheet_of(found, brief=True))
+    rows = (
+        simulations.table_of(found)
+        if "methods" in found
+        else sheets.rows_of(sheets.sheet_of(found, brief=True))
+    )
     return rendering.csv_of(rows).encode() if len(rows) > 1 else None
 
 
@@ -218,7 +260,11 @@ def file_task(store: str, id: str, label: str, ending: str) -> bytes | None:
     columns = every_point(document, found, label)
     if columns is None:
         return None
-    return csv_bytes(columns) if ending == "csv" else npz_bytes(columns, document, label, found["provenance"])[0]
+    return (
+        csv_bytes(columns)
+        if ending == "csv"
+        else npz_bytes(columns, document, label, found["provenance"])[0]
+    )
 
 
 def code_task(store: str, id: str, language: str, address: str) -> str:
@@ -227,7 +273,9 @@ def code_task(store: str, id: str, language: str, address: str) -> str:
     if language == "latex":
         return printed_pages.latex_page(dict(found), True, f"{address}/results/{id}")
     if language == "embed":
-        return rendering.frame_code(f"{address}/results/{id}/embed", sheets.title_of(found), "640", 320)
+        return rendering.frame_code(
+            f"{address}/results/{id}/embed", sheets.title_of(found), "640", 320
+        )
     if language in ("client", "curl"):
         return (python_call if language == "client" else curl_of)(found["system"]["given"], address)
     from inverse_service.sympy import from_result
@@ -238,8 +286,16 @@ def code_task(store: str, id: str, language: str, address: str) -> str:
 def certificate_task(store: str, id: str) -> str:
     """The certificates of a result alone, as JSON."""
     found = _result(store, id)
-    parts = {"certificate": found, "with_time": found.get("with_time"), "any_associated": found.get("any_associated")}
-    kept = {name: part["certificate"] for name, part in parts.items() if part and part.get("certificate")}
+    parts = {
+        "certificate": found,
+        "with_time": found.get("with_time"),
+        "any_associated": found.get("any_associated"),
+    }
+    kept = {
+        name: part["certificate"]
+        for name, part in parts.items()
+        if part and part.get("certificate")
+    }
     return json.dumps(kept, ensure_ascii=False, indent=1)
 
 
@@ -258,7 +314,9 @@ def _result(store: str, id: str) -> Any:
     return json.loads(opening.stored_answer(store, id)[1])
 
 
-def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | None) -> HTMLResponse:
+def solve_result(
+    look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | None
+) -> HTMLResponse:
     """The page of a solved system, or of one that is confirmed in part while more is looked for (`open`)."""
     found, system = job["result"], job["result"]["system"]
     is_open = job["status"] != "successful"
@@ -277,13 +335,18 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         motion=preview.motion_of_result(found, _conditions_shown(found)),
         own=judged,
         specials=bool(found.get("special_cases")),
-        can_judge=bool(system) and "verdict" in found and not stated.is_constrained(found) and not is_open,
+        can_judge=bool(system)
+        and "verdict" in found
+        and not stated.is_constrained(found)
+        and not is_open,
         advice=advice,
         seconds=_seconds_of(found),
         longer=longer_of(found, look.time_limit) if advice else None,
         more_words=_words_of_more(sheet),
         exports=exported(found),
-        certified=bool(found.get("certificate") or (found.get("any_associated") or {}).get("certificate")),
+        certified=bool(
+            found.get("certificate") or (found.get("any_associated") or {}).get("certificate")
+        ),
         can_simulate=rendering.can_simulate() and system is not None,
     )
 
@@ -301,7 +364,9 @@ def entry_task(entry: Mapping[str, Any]) -> Markup:
         name=entry["name"],
         sheet=sheet,
         motion=preview.motion_of_result(found, _conditions_shown(found)),
-        more_words=_words_of_more(sheet) if sheet.more or any(case.more for case in sheet.cases) else "",
+        more_words=_words_of_more(sheet)
+        if sheet.more or any(case.more for case in sheet.cases)
+        else "",
         question=forms.question_address(entry["document"]),
     )
     return Markup(html)
@@ -316,13 +381,24 @@ def _conditions_shown(result: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _seconds_of(result: Mapping[str, Any]) -> float:
     seconds = (result.get("provenance") or {}).get("seconds") or {}
-    return float(seconds.get("all", sum(value for value in seconds.values() if isinstance(value, int | float))))
+    return float(
+        seconds.get(
+            "all", sum(value for value in seconds.values() if isinstance(value, int | float))
+        )
+    )
 
 
 def _words_of_more(sheet: sheets.Sheet) -> str:
     """The contents of "More" in one line."""
-    told = list(dict.fromkeys(row.name for row in [*(row for case in sheet.cases for row in case.more), *sheet.more]))
-    return ", ".join(name.lower() if k else name for k, name in enumerate(told[:5])) or "Check your own L"
+    told = list(
+        dict.fromkeys(
+            row.name for row in [*(row for case in sheet.cases for row in case.more), *sheet.more]
+        )
+    )
+    return (
+        ", ".join(name.lower() if k else name for k, name in enumerate(told[:5]))
+        or "Check your own L"
+    )
 
 
 def exported(result: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -399,8 +475,14 @@ def glance_of(document: Mapping[str, Any]) -> dict[str, Any] | None:
             raise _Enough
 
     try:
-        found = tasks.solve_task(model.split_options(document)[0], SolveOptions(time_limit=GLANCE), look)
+        found = tasks.solve_task(
+            model.split_options(document)[0], SolveOptions(time_limit=GLANCE), look
+        )
     except _Enough:
         found = so_far
     sheet = sheets.sheet_of(found, brief=True)
-    return None if sheet.verdict == sheets.OPEN else {"sheet": sheet, "motion": preview.motion_of_result(found)}
+    return (
+        None
+        if sheet.verdict == sheets.OPEN
+        else {"sheet": sheet, "motion": preview.motion_of_result(found)}
+    )

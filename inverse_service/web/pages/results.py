@@ -65,17 +65,24 @@ async def read_form(request: Request, limit: int | None = None) -> forms.Form:
 
 
 async def read_sent(
-    request: Request, task: Callable[[bytes, str], T], seconds: float = QUICK_DEADLINE, limit: int | None = None
+    request: Request,
+    task: Callable[[bytes, str], T],
+    seconds: float = QUICK_DEADLINE,
+    limit: int | None = None,
 ) -> T:
     """What a task makes of the sent form, in a worker where it may be large; refuses as `read_form` does."""
     if not clients.is_of_own_page(request):
-        raise problems.Refusal(403, "cross-site", "Forms are taken from the pages of this service only.")
+        raise problems.Refusal(
+            403, "cross-site", "Forms are taken from the pages of this service only."
+        )
     engine: Engine = request.app.state.engine
     limit, content_type = limit or engine.settings.max_body, request.headers.get("content-type", "")
     async with asking.body_of(request, limit, None) as body:
         if limit <= SMALL_FORM:
             return task(body, content_type)
-        return await engine.read_body(clients.client_of(request), task, body, content_type, seconds=seconds)
+        return await engine.read_body(
+            clients.client_of(request), task, body, content_type, seconds=seconds
+        )
 
 
 async def quick(
@@ -92,7 +99,11 @@ async def quick(
 @router.get("/results/{identifier}")
 async def result(request: Request, identifier: str) -> Response:
     """The result, or how far it is; with `lagrangian` a visitor's own L judged."""
-    job, own, judged = await finished(request, identifier, PATIENCE), request.query_params.get("lagrangian"), None
+    job, own, judged = (
+        await finished(request, identifier, PATIENCE),
+        request.query_params.get("lagrangian"),
+        None,
+    )
     if own and job.status == "successful" and job.kind == "solve":
         judged = await made(request, identifier, result_tasks.own_lagrangian_task, own)
     return await shown(request, job, judged)
@@ -131,7 +142,13 @@ async def again(request: Request, identifier: str) -> Response:
         asked = await ask(request, job.kind, document, fresh=bool(options))
     except problems.REFUSED as error:
         refusal = problems.refusal_of(request, error)
-        return page("missing.html", refusal.status, active="", title="Not asked again", detail=refusal.detail)
+        return page(
+            "missing.html",
+            refusal.status,
+            active="",
+            title="Not asked again",
+            detail=refusal.detail,
+        )
     return RedirectResponse(f"/results/{asked.id}{'#more' if what == 'special' else ''}", 303)
 
 
@@ -177,22 +194,34 @@ def _file_of(kind: str, file: str, identifier: str, address: str) -> Made | None
         case False, "figures", name if name in views.NAMES and ending in simulations.PICTURES:
             return simulations.PICTURES[ending], "", result_tasks.picture_task, (name, ending)
         case False, "data", *label if label and ending in simulations.TABLES:
-            return simulations.TABLES[ending], "", result_tasks.file_task, ("/".join(map(str, label)), ending)
+            return (
+                simulations.TABLES[ending],
+                "",
+                result_tasks.file_task,
+                ("/".join(map(str, label)), ending),
+            )
     return None
 
 
 def kept(job: model.Job, what: str = "result") -> dict[str, str]:
     """Headers of what is made of a finished job: the browser keeps it and asks whether it is still that."""
-    return {"ETag": f'{job_answers.etag(job)[:-1]}-{what}"', "Cache-Control": job_answers.REVALIDATE}
+    return {
+        "ETag": f'{job_answers.etag(job)[:-1]}-{what}"',
+        "Cache-Control": job_answers.REVALIDATE,
+    }
 
 
 async def made(request: Request, identifier: str, task: Callable[..., T], *arguments: Any) -> T:
     """What a worker makes of a stored result; raises Refusal where that takes too long."""
     engine: Engine = request.app.state.engine
-    return await engine.made(clients.client_of(request), task, engine.store.address, identifier, *arguments)
+    return await engine.made(
+        clients.client_of(request), task, engine.store.address, identifier, *arguments
+    )
 
 
-async def successful(request: Request, identifier: str, kinds: Container[str] = tasks.KINDS) -> model.Job:
+async def successful(
+    request: Request, identifier: str, kinds: Container[str] = tasks.KINDS
+) -> model.Job:
     """The job; refused with 404 unless it is successful, and of one of the kinds."""
     job = await finished(request, identifier)
     return problems.known(job if job.status == "successful" and job.kind in kinds else None, RESULT)
@@ -200,10 +229,17 @@ async def successful(request: Request, identifier: str, kinds: Container[str] = 
 
 async def finished(request: Request, identifier: str, patience: float = 0.0) -> model.Job:
     """The job with its document, after a short wait; refused with 404 if there is no such job."""
-    engine, viewer, end = routes.engine_of(request), clients.viewer_of(request), time.monotonic() + patience
+    engine, viewer, end = (
+        routes.engine_of(request),
+        clients.viewer_of(request),
+        time.monotonic() + patience,
+    )
     job = problems.known(await engine.job(identifier, viewer), RESULT)
     while job.is_open and (left := end - time.monotonic()) > 0:
-        if "so_far" in (engine.supervisor.events.latest(identifier) or {}) and time.time() - job.created > SOON:
+        if (
+            "so_far" in (engine.supervisor.events.latest(identifier) or {})
+            and time.time() - job.created > SOON
+        ):
             break
         job = await engine.wait(job, viewer, min(left, SOON / 2))
     return job
@@ -212,19 +248,33 @@ async def finished(request: Request, identifier: str, patience: float = 0.0) -> 
 def asked_of(document: Any) -> list[str]:
     """The formulas of a document as sent, to show while the answer is computed."""
     found: list[str] = []
-    inner = [document] + [document.get(key) for key in ("system", "document")] if isinstance(document, dict) else []
+    inner = (
+        [document] + [document.get(key) for key in ("system", "document")]
+        if isinstance(document, dict)
+        else []
+    )
     for part in (part for part in inner if isinstance(part, dict)):
-        texts = [part.get(key) or "" for key in ("name", "catalogue", "equations", "lagrangian", "constraints")]
-        if str(texts[1]).replace("-", " ") in found:  # a scene is named after its entry of the catalogue
+        texts = [
+            part.get(key) or ""
+            for key in ("name", "catalogue", "equations", "lagrangian", "constraints")
+        ]
+        if (
+            str(texts[1]).replace("-", " ") in found
+        ):  # a scene is named after its entry of the catalogue
             texts[1] = ""
         found += [line for text in texts for line in forms.equations_text(text).split("\n") if line]
     return found[:ASKED]
 
 
-async def shown(request: Request, job: model.Job, check: dict[str, Any] | None = None) -> HTMLResponse:
+async def shown(
+    request: Request, job: model.Job, check: dict[str, Any] | None = None
+) -> HTMLResponse:
     """The page of a job by its status."""
     engine = routes.engine_of(request)
-    fields, waited = await engine.read(job_answers.job_fields, job, engine), int(time.time() - job.created)
+    fields, waited = (
+        await engine.read(job_answers.job_fields, job, engine),
+        int(time.time() - job.created),
+    )
     if job.is_open and "so_far" in (fields["progress"] or {}):
         told = await quick(request, result_tasks.so_far_task, fields, _look(request), waited)
         if told.status == "done":
@@ -233,13 +283,17 @@ async def shown(request: Request, job: model.Job, check: dict[str, Any] | None =
         asked = asked_of(json.loads(job.document))
         return page("working.html", 200, active="", job=fields, asked=asked, waited=waited)
     if job.status != "successful":
-        problem = forms.problem_of(await _refusal_of(job, engine), {}) if job.status == "failed" else None
+        problem = (
+            forms.problem_of(await _refusal_of(job, engine), {}) if job.status == "failed" else None
+        )
         return page("ended.html", 200, active="", job=fields, problem=problem)
     return await made(request, job.id, result_tasks.page_task, fields, _look(request), check)
 
 
 def _look(request: Request) -> result_tasks.Look:
-    return result_tasks.Look(VISITOR.get(), _address(request), request.app.state.engine.settings.time_limit)
+    return result_tasks.Look(
+        VISITOR.get(), _address(request), request.app.state.engine.settings.time_limit
+    )
 
 
 def _address(request: Request) -> str:
@@ -258,16 +312,24 @@ async def form() -> HTMLResponse:
 @router.post("/batch")
 async def submit(request: Request) -> Response:
     """Store the batch; on to its page."""
-    sent = await read_form(request, asking.FACTORS["batch"] * request.app.state.engine.settings.max_body)
+    sent = await read_form(
+        request, asking.FACTORS["batch"] * request.app.state.engine.settings.max_body
+    )
     upload = sent.files.get("file")
     body = upload.data if upload is not None else as_documents(sent.text("lines")).encode()
     engine, client = routes.engine_of(request), clients.client_of(request)
-    terms = tasks.Terms("solve", engine.server_options, client=client, most=engine.settings.max_lines)
+    terms = tasks.Terms(
+        "solve", engine.server_options, client=client, most=engine.settings.max_lines
+    )
     try:
-        stored = await engine.ask_batch(body, body.lstrip()[:1] == b"[", terms, clients.viewer_of(request))
+        stored = await engine.ask_batch(
+            body, body.lstrip()[:1] == b"[", terms, clients.viewer_of(request)
+        )
     except problems.REFUSED as error:
         refusal, typed = problems.refusal_of(request, error), sent.text("lines") or EXAMPLE
-        return page("batch.html", refusal.status, active="/batch", typed=typed, problem=refusal.detail)
+        return page(
+            "batch.html", refusal.status, active="/batch", typed=typed, problem=refusal.detail
+        )
     return RedirectResponse(f"/batch/{stored.id}", 303)
 
 
@@ -277,7 +339,10 @@ def as_documents(text: str) -> str:
         return text
     lines = [line.strip() for line in text.split("\n") if line.strip()]
     plain = {"parameters": document_names.GUESS}
-    documents = [line if line[0] == "{" else json.dumps({"id": line[:80], "equations": line} | plain) for line in lines]
+    documents = [
+        line if line[0] == "{" else json.dumps({"id": line[:80], "equations": line} | plain)
+        for line in lines
+    ]
     return "\n".join(documents)
 
 
@@ -290,7 +355,10 @@ async def as_table(request: Request, identifier: str) -> Response:
 
 def _csv(answers: list[model.BatchAnswer]) -> str:
     heads = ("line", "name", "verdict", "lagrangian or reason", "checked", "where")
-    rows = [row | {"line": row["number"], heads[3]: row["lagrangian"] or row["reason"]} for row in _rows(answers)]
+    rows = [
+        row | {"line": row["number"], heads[3]: row["lagrangian"] or row["reason"]}
+        for row in _rows(answers)
+    ]
     return csv_of([heads, *([row[head] for head in heads] for row in rows)])
 
 
@@ -322,11 +390,15 @@ async def cancel_batch(request: Request, identifier: str) -> Response:
 @router.get("/batch/{identifier}/lines/{number}")
 async def line(request: Request, identifier: str, number: int) -> Response:
     """The page of one line's result."""
-    lines = {one.number: one for one in await _answers(request, identifier) if one.status == "successful"}
+    lines = {
+        one.number: one for one in await _answers(request, identifier) if one.status == "successful"
+    }
     return RedirectResponse(f"/results/{problems.known(lines.get(number), RESULT).job}", 303)
 
 
-async def _answers(request: Request, identifier: str, most: int = SHOWN_LINES + 1) -> list[model.BatchAnswer]:
+async def _answers(
+    request: Request, identifier: str, most: int = SHOWN_LINES + 1
+) -> list[model.BatchAnswer]:
     """The answers that are there now; the call under /v1 would wait for all."""
     engine, viewer = routes.engine_of(request), clients.viewer_of(request)
     problems.known(await engine.batch(identifier, viewer), RESULT)
@@ -345,7 +417,12 @@ def row_of(answer: model.BatchAnswer) -> dict[str, Any]:
     found = json.loads(answer_line(answer))
     row |= {} if found["id"] is None else {"name": str(found["id"])}
     if "error" in found:
-        return row | {"verdict": "failed", "word": "failed", "shade": sheets.NO, "reason": found["detail"]}
+        return row | {
+            "verdict": "failed",
+            "word": "failed",
+            "shade": sheets.NO,
+            "reason": found["detail"],
+        }
     known = answer_rows.first_row(found)
     others, sets = (known["cells"] or 1) - 1, [known["domain"], known["L_where"]]
     where = ", ".join(dict.fromkeys(filter(None, sets)))

@@ -20,7 +20,16 @@ from inverse_service import catalogue, errors
 from inverse_service.deadline import now
 from inverse_service.reading import document_names, names as nm, reader
 from inverse_service.service.documents import accepting, stated
-from inverse_service.web.pages import WORDS, forms, library, preview, rendering, result_tasks, results, solve
+from inverse_service.web.pages import (
+    WORDS,
+    forms,
+    library,
+    preview,
+    rendering,
+    result_tasks,
+    results,
+    solve,
+)
 from inverse_service.web.pages.typesetting import formulas_of
 from inverse_service.web.problems import REFUSED, Refusal, known, refusal_of
 
@@ -33,7 +42,16 @@ TICKED_OBSERVABLES = ("trajectory", "energy", "constraints")
 # Of use with constraints only.
 OF_CONSTRAINTS = ("nonholonomic", "modified", "constraints")
 PLANE = ("x", "y")
-CONSTRAINED = ("name", "time", "coordinates", "lagrangian", "where", "constraints", "parameters", "functions")
+CONSTRAINED = (
+    "name",
+    "time",
+    "coordinates",
+    "lagrangian",
+    "where",
+    "constraints",
+    "parameters",
+    "functions",
+)
 FIRST_SYSTEM = "vertically-rolling-disk"
 WITHOUT_LAGRANGIAN = ("runge-kutta", "reference")
 # What a price is compared with, besides the methods that are ticked.
@@ -91,7 +109,9 @@ class SceneForm:
     def offers(self, name: str) -> bool:
         """Whether a method or an observed quantity can mean something here; what is ticked is shown in any case."""
         is_constrained = "constraints" in dict(self.parts)
-        return is_constrained or name not in OF_CONSTRAINTS or name in (*self.methods, *self.observe)
+        return (
+            is_constrained or name not in OF_CONSTRAINTS or name in (*self.methods, *self.observe)
+        )
 
 
 def form_for(document: Mapping[str, Any], title: str, **address: Any) -> SceneForm:
@@ -102,19 +122,27 @@ def form_for(document: Mapping[str, Any], title: str, **address: Any) -> SceneFo
     coordinates = tuple(document["coordinates"])
     given = document.get("parameters") or []
     parameters = given if isinstance(given, dict) else dict.fromkeys(given)
-    functions = {name: tuple(arguments) for name, arguments in (document.get("functions") or {}).items()}
+    functions = {
+        name: tuple(arguments) for name, arguments in (document.get("functions") or {}).items()
+    }
     others = "0"  # velocities that are not determined by constraints
     methods: tuple[str, ...] = ("variational", "reference")
     observe: tuple[str, ...] = ("trajectory", "energy")
     if document.get("constraints"):
         has_plane = set(PLANE) <= set(coordinates) and "z" not in coordinates
-        others, methods, observe = "", TICKED_METHODS, (*TICKED_OBSERVABLES, *["matching_circle"] * has_plane)
+        others, methods, observe = (
+            "",
+            TICKED_METHODS,
+            (*TICKED_OBSERVABLES, *["matching_circle"] * has_plane),
+        )
     return SceneForm(
         **address,
         title=title,
         coordinates=coordinates,
         parameters={name: str(value or "1") for name, value in parameters.items()},
-        functions={name: (f"{name}({', '.join(of)})", f"1 + {of[0]}^2/4") for name, of in functions.items()},
+        functions={
+            name: (f"{name}({', '.join(of)})", f"1 + {of[0]}^2/4") for name, of in functions.items()
+        },
         positions={name: "0" if place else "0.1" for place, name in enumerate(coordinates)},
         velocities={name: "1" if place < 2 else others for place, name in enumerate(coordinates)},
         methods=methods,
@@ -129,7 +157,9 @@ def parts_of(document: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     """The effects that a system can have."""
     if "lagrangian" not in document:
         return ()
-    return tuple(effect for effect in EFFECTS if effect[0] != "constraints" or document.get("constraints"))
+    return tuple(
+        effect for effect in EFFECTS if effect[0] != "constraints" or document.get("constraints")
+    )
 
 
 def with_sent(form: SceneForm, sent: forms.Form) -> SceneForm:
@@ -141,13 +171,18 @@ def with_sent(form: SceneForm, sent: forms.Form) -> SceneForm:
     return replace(
         form,
         parameters=texts("parameter", form.parameters),
-        functions={name: (label, sent.text(f"function.{name}")) for name, (label, _) in form.functions.items()},
+        functions={
+            name: (label, sent.text(f"function.{name}"))
+            for name, (label, _) in form.functions.items()
+        },
         positions=texts("position", form.positions),
         velocities=texts("velocity", form.velocities),
         step=sent.text("step"),
         steps=sent.text("steps"),
         methods=tuple(name for name, *_ in METHODS if name in sent.every("method")),
-        alphas={name: sent.text(f"alpha.{name}") for name, _, _, takes_alpha in METHODS if takes_alpha},
+        alphas={
+            name: sent.text(f"alpha.{name}") for name, _, _, takes_alpha in METHODS if takes_alpha
+        },
         form="raw" if sent.text("form") == "raw" else "",
         constants=sent.text("constants"),
         observe=tuple(name for name, *_ in OBSERVABLES if name in sent.every("observe")),
@@ -168,7 +203,10 @@ def scene_document(form: SceneForm, system: Mapping[str, Any]) -> dict[str, Any]
         "initial": {"positions": _filled(form.positions), "velocities": _filled(form.velocities)},
         "step": form.step,
         "steps": int(form.steps),
-        "methods": [*(_method(name, form) for name in form.methods), *(form.further[k] for k in form.kept)],
+        "methods": [
+            *(_method(name, form) for name in form.methods),
+            *(form.further[k] for k in form.kept),
+        ],
         "observe": list(form.observe),
     }
     if form.title:
@@ -204,25 +242,41 @@ def _filled(values: Mapping[str, str]) -> dict[str, str]:
 def form_of_scene(form: SceneForm, scene: Mapping[str, Any]) -> SceneForm:
     """The form filled with a scene that was run before."""
     initial = scene.get("initial", {})
-    methods = [entry if isinstance(entry, dict) else {"method": entry} for entry in scene.get("methods", [])]
+    methods = [
+        entry if isinstance(entry, dict) else {"method": entry}
+        for entry in scene.get("methods", [])
+    ]
     fitting = _fitting(methods)
     further = tuple(entry for entry in methods if entry not in fitting.values())
     positions, velocities = initial.get("positions", {}), initial.get("velocities") or {}
     functions, values = scene.get("functions", {}), scene.get("parameters") or {}
-    parts = (*form.parts, *((name, "a term of the scene") for name in scene.get("terms") or {})) if form.parts else ()
+    parts = (
+        (*form.parts, *((name, "a term of the scene") for name in scene.get("terms") or {}))
+        if form.parts
+        else ()
+    )
     return replace(
         form,
         title=scene.get("name") or form.title,
         parameters={name: str(values.get(name, value)) for name, value in form.parameters.items()},
-        functions={name: (label, str(functions.get(name, text))) for name, (label, text) in form.functions.items()},
+        functions={
+            name: (label, str(functions.get(name, text)))
+            for name, (label, text) in form.functions.items()
+        },
         positions={name: str(positions.get(name, "")) for name in form.coordinates},
         velocities={name: str(velocities.get(name, "")) for name in form.coordinates},
         step=str(scene.get("step", form.step)),
         steps=_steps(scene, form.steps),
         methods=tuple(fitting),
-        alphas={name: str(entry["alpha"]) for name, entry in fitting.items() if entry.get("alpha") is not None},
+        alphas={
+            name: str(entry["alpha"])
+            for name, entry in fitting.items()
+            if entry.get("alpha") is not None
+        },
         form=next((str(one["form"]) for one in fitting.values() if one.get("form") == "raw"), ""),
-        constants=", ".join(f"{name} = {value}" for name, value in (scene.get("constants") or {}).items()),
+        constants=", ".join(
+            f"{name} = {value}" for name, value in (scene.get("constants") or {}).items()
+        ),
         observe=tuple(scene.get("observe", form.observe)),
         further=further,
         kept=tuple(range(len(further))),
@@ -233,13 +287,19 @@ def form_of_scene(form: SceneForm, scene: Mapping[str, Any]) -> SceneForm:
 
 def changed_scene(base: Mapping[str, Any], scene: Mapping[str, Any]) -> dict[str, Any]:
     """A scene that was run before with what the form says; what the form does not show stays."""
-    kept = {key: value for key, value in base.items() if key not in ("time", "steps", "effects", "constants")}
+    kept = {
+        key: value
+        for key, value in base.items()
+        if key not in ("time", "steps", "effects", "constants")
+    }
     initial = dict(scene["initial"])
     before = base.get("initial") or {}
     if before.get("project"):
         initial["project"] = True
     if before.get("momenta") and not initial["velocities"]:
-        initial = {key: value for key, value in initial.items() if key != "velocities"} | {"momenta": before["momenta"]}
+        initial = {key: value for key, value in initial.items() if key != "velocities"} | {
+            "momenta": before["momenta"]
+        }
     return kept | dict(scene) | {"initial": initial}
 
 
@@ -271,7 +331,10 @@ def _steps(scene: Mapping[str, Any], otherwise: str) -> str:
 
 
 def with_good_start(
-    form: SceneForm, system: Mapping[str, Any], answer: Mapping[str, Any], further: Mapping[str, Any] | None = None
+    form: SceneForm,
+    system: Mapping[str, Any],
+    answer: Mapping[str, Any],
+    further: Mapping[str, Any] | None = None,
 ) -> SceneForm:
     """The form with the start that lasts longest, and as many steps as it lasts; `further` is part of its scene.
 
@@ -287,23 +350,33 @@ def with_good_start(
         scene, found = preview.accelerations_of(scene_document(form, system))
         names = nm.Names(scene.coordinates, tuple(scene.values))
         watched = tuple(reader.read_condition(condition, names) for condition in domain)
-        hessian = tuple(reader.read_formula(text, names) for line in answer.get("multiplier") or () for text in line)
+        hessian = tuple(
+            reader.read_formula(text, names)
+            for line in answer.get("multiplier") or ()
+            for text in line
+        )
     except errors.InputError:
         return form
     if scene.constraints:
         return _where_all_methods_begin(form, system, further or {})
     if found is None:
         return form
-    watched += tuple(dict.fromkeys(wall for tree in found for wall in walls(tree, scene.coordinates)))
+    watched += tuple(
+        dict.fromkeys(wall for tree in found for wall in walls(tree, scene.coordinates))
+    )
     q, v = starts.every_start(len(scene.coordinates))
-    steps_lasted, evenness, _ = starts.lasted(scene, (*found, *watched), hessian, q, v, int(form.steps))
+    steps_lasted, evenness, _ = starts.lasted(
+        scene, (*found, *watched), hessian, q, v, int(form.steps)
+    )
     best = int((steps_lasted + evenness).argmax())
     if not steps_lasted[best]:
         return form
     whole = steps_lasted[best] == int(form.steps)
     steps = int(form.steps) if whole else max(1, int(SHARE * steps_lasted[best]))
     positions, velocities = (_texts(scene.coordinates, values[best]) for values in (q, v))
-    return _as_long_as_it_runs(replace(form, positions=positions, velocities=velocities, steps=str(steps)), system)
+    return _as_long_as_it_runs(
+        replace(form, positions=positions, velocities=velocities, steps=str(steps)), system
+    )
 
 
 def _with_velocities_that_fit(form: SceneForm, system: Mapping[str, Any]) -> SceneForm:
@@ -312,7 +385,10 @@ def _with_velocities_that_fit(form: SceneForm, system: Mapping[str, Any]) -> Sce
         return form
     names, most = form.coordinates, len(form.coordinates) - 1
     chosen = (given for size in range(most, 0, -1) for given in combinations(names, size))
-    choices = (replace(form, velocities={name: "1" if name in given else "" for name in names}) for given in chosen)
+    choices = (
+        replace(form, velocities={name: "1" if name in given else "" for name in names})
+        for given in chosen
+    )
     for tried in islice(chain((form,), choices), MOST_CHOICES):
         with suppress(errors.InputError):
             preview.accelerations_of(scene_document(tried, system))
@@ -324,7 +400,9 @@ def _texts(names: Sequence[str], values: Iterable[float]) -> dict[str, str]:
     return {name: f"{value or 0:g}" for name, value in zip(names, values, strict=True)}
 
 
-def _where_all_methods_begin(form: SceneForm, system: Mapping[str, Any], further: Mapping[str, Any]) -> SceneForm:
+def _where_all_methods_begin(
+    form: SceneForm, system: Mapping[str, Any], further: Mapping[str, Any]
+) -> SceneForm:
     """The form at the first of some places at which each ticked method begins; as it is where there is none."""
     from inverse_service.service.scenes.simulating import simulate
     from inverse_service.web.pages.starts import every_start
@@ -335,7 +413,9 @@ def _where_all_methods_begin(form: SceneForm, system: Mapping[str, Any], further
         if now() > end:
             break
         tried = replace(form, positions=positions, steps="1")
-        methods = simulate({**scene_document(tried, system), **further}, time_limit=LONGEST_TRIAL)["methods"]
+        methods = simulate({**scene_document(tried, system), **further}, time_limit=LONGEST_TRIAL)[
+            "methods"
+        ]
         if not {"unavailable", "off_domain"} & {method["outcome"] for method in methods}:
             return replace(form, positions=positions)
     return form
@@ -347,7 +427,9 @@ def _as_long_as_it_runs(form: SceneForm, system: Mapping[str, Any]) -> SceneForm
 
     methods = simulate(scene_document(form, system), time_limit=LONGEST_TRIAL)["methods"]
     # What a busy machine does not finish says nothing about the motion.
-    ended = [m["steps"] for m in methods if m["outcome"] not in ("completed", "unavailable", "cancelled")]
+    ended = [
+        m["steps"] for m in methods if m["outcome"] not in ("completed", "unavailable", "cancelled")
+    ]
     return replace(form, steps=str(max(1, int(SHARE * min(ended))))) if ended else form
 
 
@@ -393,7 +475,11 @@ def field_of(pointer: str) -> str:
     for start, name in FIELDS:
         if pointer.startswith(start):
             return name + pointer.removeprefix(start)
-    return pointer[1:] if pointer in ("/step", "/steps") else "constants" * pointer.startswith("/constants")
+    return (
+        pointer[1:]
+        if pointer in ("/step", "/steps")
+        else "constants" * pointer.startswith("/constants")
+    )
 
 
 @router.post("/simulate/preview")
@@ -408,7 +494,9 @@ async def price(request: Request) -> Response:
     return await _of_form(request, preview.price_task)
 
 
-async def _of_form(request: Request, task: Callable[[Mapping[str, Any]], dict[str, Any]]) -> Response:
+async def _of_form(
+    request: Request, task: Callable[[Mapping[str, Any]], dict[str, Any]]
+) -> Response:
     """The result of a task for the current form, or the errors and their fields."""
     sent = await results.read_form(request)
     form, base = await _sent_form(request, sent)
@@ -424,7 +512,10 @@ async def _of_form(request: Request, task: Callable[[Mapping[str, Any]], dict[st
 def _told(places: Sequence[errors.Place]) -> dict[str, Any]:
     """The errors, and next to which fields they are shown."""
     faults = {field_of(place.pointer): forms.sentence(place) for place in places}
-    return {"reason": " ".join(faults.values()), "faults": {name: said for name, said in faults.items() if name}}
+    return {
+        "reason": " ".join(faults.values()),
+        "faults": {name: said for name, said in faults.items() if name},
+    }
 
 
 async def _sent_form(request: Request, sent: forms.Form) -> tuple[SceneForm, dict[str, Any]]:
@@ -436,7 +527,9 @@ async def _sent_form(request: Request, sent: forms.Form) -> tuple[SceneForm, dic
     return with_sent(empty, sent), base
 
 
-def simulate_page(form: SceneForm, problem: forms.Problem | None = None, status: int = 200) -> HTMLResponse:
+def simulate_page(
+    form: SceneForm, problem: forms.Problem | None = None, status: int = 200
+) -> HTMLResponse:
     """The page with the form filled in."""
     systems = [(name, catalogue.entry(name)["title"]) for name in catalogue.names("nonholonomic")]
     return rendering.page(
@@ -463,7 +556,9 @@ async def _empty_form(request: Request, system: str, job: str) -> tuple[SceneFor
         return form_of_system({"catalogue": system}), {"system": {"catalogue": system}}
     await results.successful(request, job)
     choose = partial(_form_of_result, job=job)
-    found: tuple[SceneForm, dict[str, Any]] | None = await results.made(request, job, result_tasks.part_task, choose)
+    found: tuple[SceneForm, dict[str, Any]] | None = await results.made(
+        request, job, result_tasks.part_task, choose
+    )
     return known(found, "result with a system at this address.")
 
 
@@ -477,18 +572,25 @@ def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dic
     if result.get("nonholonomic") or is_forward:
         # L and constraints may stand in one text. Names that were left to be found in it are taken from what was found.
         ready = accepting.prepared(given)
-        read = ready.outward(ready.document) | {key: given[key] for key in ("time",) if key in given}
+        read = ready.outward(ready.document) | {
+            key: given[key] for key in ("time",) if key in given
+        }
         if is_forward and read.pop("where", None):  # x = l sin(theta) is put in
             read["lagrangian"] = result["lagrangian"]["text"]
         names = {key: result["system"][key] for key in ("coordinates", "parameters", "functions")
                  if key in result["system"] and not isinstance(given.get(key), list | dict)}  # fmt: skip
-        system: dict[str, Any] = {"document": {key: read[key] for key in CONSTRAINED if key in read} | names}
+        system: dict[str, Any] = {
+            "document": {key: read[key] for key in CONSTRAINED if key in read} | names
+        }
         # A Lagrangian with arbitrary functions is looked for again, with the functions that the scene gives.
         if not is_forward and result.get("lagrangian") and not given.get("functions"):
             found = {"free_lagrangian": result["lagrangian"]["text"]}
     else:
         system = {"result": result}
-        answer = next((one.part for one in stated.main_statements(result) if one.part.get("lagrangian")), answer)
+        answer = next(
+            (one.part for one in stated.main_statements(result) if one.part.get("lagrangian")),
+            answer,
+        )
     form = with_good_start(form_of_system(system, job=job), system, answer, found)
     return form, {"system": system, **found}
 
@@ -497,16 +599,24 @@ def form_of_system(system: Mapping[str, Any], **address: str) -> SceneForm:
     """The form for a scene's `system`: an entry of the catalogue, a document, a result, or a system written out."""
     if "catalogue" in system:
         name = system["catalogue"]
-        return form_for(solve.example_document(name), catalogue.entry(name)["title"], system=name, **address)
+        return form_for(
+            solve.example_document(name), catalogue.entry(name)["title"], system=name, **address
+        )
     if "result" in system:
         shown = system["result"]["system"]
         kept = ("coordinates", "parameters", "functions", "equations")
         solved = {key: shown[key] for key in kept if key in shown}
-        unsolved = any(reader.has_acceleration(text) for text in shown.get("equations", {}).values())
+        unsolved = any(
+            reader.has_acceleration(text) for text in shown.get("equations", {}).values()
+        )
         form = form_for(shown["given"] if unsolved else solved, shown["name"] or "", **address)
         answers = (system["result"], system["result"].get("with_time") or {})
         # Without a Lagrangian there is nothing to discretize but the equations.
-        return form if any(a.get("lagrangian") for a in answers) else replace(form, methods=WITHOUT_LAGRANGIAN)
+        return (
+            form
+            if any(a.get("lagrangian") for a in answers)
+            else replace(form, methods=WITHOUT_LAGRANGIAN)
+        )
     document = system.get("document", system)
     return form_for(document, document.get("name") or "", **address)
 
@@ -519,5 +629,7 @@ async def _form_of_scene(request: Request, identifier: str) -> tuple[SceneForm, 
     try:
         empty = form_of_system(scene["system"], scene=identifier)
     except (AttributeError, KeyError, TypeError, ValueError):
-        raise Refusal(422, "bad-input", "This scene names no coordinates; change its document instead.") from None
+        raise Refusal(
+            422, "bad-input", "This scene names no coordinates; change its document instead."
+        ) from None
     return form_of_scene(empty, scene), scene

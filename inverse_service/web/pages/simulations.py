@@ -35,8 +35,15 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
         headings=[heading for _, heading in columns],
         formulas=typesetting.formulas_of(result["system"]),
         start={name: f"{v or 0:.10g}" for name, v in start_of(result).items()},
-        rows=[(m, _numbers(m, columns), printed_pages.why(m), m["label"] in tables) for m in result["methods"]],
-        ensembles=[(m["label"], *_members(of)) for m in result["methods"] if (of := m.get("members_columns"))],
+        rows=[
+            (m, _numbers(m, columns), printed_pages.why(m), m["label"] in tables)
+            for m in result["methods"]
+        ],
+        ensembles=[
+            (m["label"], *_members(of))
+            for m in result["methods"]
+            if (of := m.get("members_columns"))
+        ],
         free=free_lagrangians(result),
         costs=costs(result),
         parts=part_costs(result),
@@ -55,7 +62,10 @@ def _numbers(method: Mapping[str, Any], columns: Sequence[tuple[str, str]]) -> l
 def _members(columns: Mapping[str, Sequence[Any]]) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """The headings and the first rows of the numbers of an ensemble, one row for each run."""
     rows = zip(*columns.values(), strict=True)
-    shown = [(k, list(map(views.short_number, row))) for k, row in enumerate(itertools.islice(rows, MOST_MEMBERS), 1)]
+    shown = [
+        (k, list(map(views.short_number, row)))
+        for k, row in enumerate(itertools.islice(rows, MOST_MEMBERS), 1)
+    ]
     return list(map(_heading, columns)), shown
 
 
@@ -115,7 +125,10 @@ def precision_result(job: Mapping[str, Any], document: str) -> HTMLResponse:
         played=[{**asdict(curve), "name": curve.name} for curve in measured],
         sentences=views.price_sentences(result["targets"], views.method_name),
         errors=[views.power(target["error"]) for target in result["targets"]],
-        prices=[[views.price_of(target, curve.label) for target in result["targets"]] for curve in measured],
+        prices=[
+            [views.price_of(target, curve.label) for target in result["targets"]]
+            for curve in measured
+        ],
         missing=[(", ".join(names), reason) for reason, names in missing.items()],
         scene=document,
     )
@@ -125,7 +138,10 @@ def curves_of(result: Mapping[str, Any]) -> list[Curve]:
     """All methods, the best first."""
     places = {label: place for place, label in enumerate(views.best_first(result))}
     methods = sorted(result["methods"], key=lambda method: places.get(method["label"], len(places)))
-    return [_curve(method, [run for run in result["runs"] if run["method"] == method["label"]]) for method in methods]
+    return [
+        _curve(method, [run for run in result["runs"] if run["method"] == method["label"]])
+        for method in methods
+    ]
 
 
 def _curve(method: Mapping[str, Any], runs: Sequence[Mapping[str, Any]]) -> Curve:
@@ -133,7 +149,11 @@ def _curve(method: Mapping[str, Any], runs: Sequence[Mapping[str, Any]]) -> Curv
     good = [run for run in settings if run["error"] and run["seconds"]]
     setting = "step" if settings and settings[0]["tolerance"] is None else "tolerance"
     coarse = settings[: settings.index(good[0])] if good else []
-    reason = "" if good else next((s["reason"].rstrip(".") for s in settings if s["reason"]), "it was not measured")
+    reason = (
+        ""
+        if good
+        else next((s["reason"].rstrip(".") for s in settings if s["reason"]), "it was not measured")
+    )
     return Curve(
         method["label"],
         method["order"],
@@ -160,11 +180,17 @@ def plot_of(curves: Sequence[Curve], width: int, height: int) -> dict[str, Any]:
 
     def at(error: float, seconds: float) -> tuple[float, float]:
         x = left + (right - left) * (high - math.log10(error)) / (high - low)
-        return round(x, 1), round(bottom - (bottom - top) * (math.log10(seconds) - floor) / (ceiling - floor), 1)
+        return round(x, 1), round(
+            bottom - (bottom - top) * (math.log10(seconds) - floor) / (ceiling - floor), 1
+        )
 
     every = 3 if high - low > 4 else 1
-    lines = [[at(*pair) for pair in zip(curve.errors, curve.seconds, strict=True)] for curve in curves]
-    labels, leaders = _labels([line[-1] for line in lines], [curve.name for curve in curves], right, top)
+    lines = [
+        [at(*pair) for pair in zip(curve.errors, curve.seconds, strict=True)] for curve in curves
+    ]
+    labels, leaders = _labels(
+        [line[-1] for line in lines], [curve.name for curve in curves], right, top
+    )
     ticks = [10.0**k for k in range(0, math.floor(low), -1) if low <= k <= high and k % every == 0]
     seconds = [10.0**k for k in range(floor, ceiling + 1)]
     frame = {"width": width, "height": height, "left": left, "right": right, "bottom": bottom}
@@ -192,11 +218,23 @@ def table_of(result: Mapping[str, Any]) -> list[tuple[Any, ...]]:
     """The table of the page: a line for each method, or of a measurement one for each error and method."""
     if "targets" in result:
         keys = ("error", "method", "order", "step", "tolerance", "seconds", "ratio", "evaluations")
-        rows = [{**row, "error": target["error"]} for target in result["targets"] for row in target["rows"]]
+        rows = [
+            {**row, "error": target["error"]}
+            for target in result["targets"]
+            for row in target["rows"]
+        ]
         return [keys, *(tuple(row[key] for key in keys) for row in rows)]
-    columns = [("label", "method"), ("outcome", "outcome"), ("steps", "steps"), *printed_pages.quantities(result)]
+    columns = [
+        ("label", "method"),
+        ("outcome", "outcome"),
+        ("steps", "steps"),
+        *printed_pages.quantities(result),
+    ]
     columns += [("seconds.run", "seconds")]
-    lines = [tuple(printed_pages.value_at(method, key) for key, _ in columns) for method in result["methods"]]
+    lines = [
+        tuple(printed_pages.value_at(method, key) for key, _ in columns)
+        for method in result["methods"]
+    ]
     return [tuple(heading for _, heading in columns), *lines]
 
 
@@ -204,7 +242,11 @@ def notes_of(result: Mapping[str, Any]) -> list[str]:
     """Notes of the scene and its methods, besides their numbers; the same note of several methods once."""
     found: dict[str, list[str]] = {}
     for method in result["methods"]:
-        own = [str(method[key]) for key in ("note", "energy_note", "error_note", "phase_note") if method.get(key)]
+        own = [
+            str(method[key])
+            for key in ("note", "energy_note", "error_note", "phase_note")
+            if method.get(key)
+        ]
         own = [sheets.capitalized(text).replace(FIELD, "") for text in own]
         for text in (*own, *printed_pages.notes_of_formulas(method)):
             found.setdefault(text, []).append(method["label"])
@@ -221,9 +263,19 @@ def free_lagrangians(result: Mapping[str, Any]) -> list[tuple[Markup, str, str]]
     for method in result["methods"]:
         text = method.get("free_lagrangian")
         if text and text not in found and result["system"].get("constraints"):
-            letters = tuple(dict.fromkeys((*result["system"].get("parameters", {}), *(method.get("constants") or {}))))
-            math = typesetting.equation("L", text, Names(tuple(result["system"]["coordinates"]), letters))
-            found[text] = (math, method["label"], _named(method.get("free_lagrangian_source") or ""))
+            letters = tuple(
+                dict.fromkeys(
+                    (*result["system"].get("parameters", {}), *(method.get("constants") or {}))
+                )
+            )
+            math = typesetting.equation(
+                "L", text, Names(tuple(result["system"]["coordinates"]), letters)
+            )
+            found[text] = (
+                math,
+                method["label"],
+                _named(method.get("free_lagrangian_source") or ""),
+            )
     return list(found.values())
 
 
@@ -239,26 +291,48 @@ def costs(result: Mapping[str, Any]) -> dict[str, Any]:
     methods = [method for method in result["methods"] if method.get("seconds")]
     stages = list(dict.fromkeys(stage for method in methods for stage in method["seconds"]))
     rows = [
-        (stage.replace("_", " "), [views.duration(method["seconds"].get(stage)) for method in methods])
+        (
+            stage.replace("_", " "),
+            [views.duration(method["seconds"].get(stage)) for method in methods],
+        )
         for stage in stages
     ]
     shared = [(stage, views.duration(value)) for stage, value in result.get("seconds", {}).items()]
-    return {"labels": [views.method_name(method["label"]) for method in methods], "rows": rows, "shared": shared}
+    return {
+        "labels": [views.method_name(method["label"]) for method in methods],
+        "rows": rows,
+        "shared": shared,
+    }
 
 
 def part_costs(result: Mapping[str, Any]) -> dict[str, Any]:
     """What each effect and observed quantity adds to a step, if the scene observed that; otherwise empty."""
-    methods = [method for method in result["methods"] if (method.get("cost") or {}).get("step_ns") is not None]
+    methods = [
+        method
+        for method in result["methods"]
+        if (method.get("cost") or {}).get("step_ns") is not None
+    ]
     if not methods:
         return {}
-    names = dict.fromkeys((p["kind"], p["name"]) for method in methods for p in method["cost"]["parts"])
+    names = dict.fromkeys(
+        (p["kind"], p["name"]) for method in methods for p in method["cost"]["parts"]
+    )
     rows = [("the whole step", [_price(method["cost"]) for method in methods])]
     for kind, name in names:
-        found = [[p for p in method["cost"]["parts"] if (p["kind"], p["name"]) == (kind, name)] for method in methods]
+        found = [
+            [p for p in method["cost"]["parts"] if (p["kind"], p["name"]) == (kind, name)]
+            for method in methods
+        ]
         title = f"{name} observed" if kind == "observed" else name
         rows.append((title, [_price(part[0]) if part else "\u2013" for part in found]))
-    notes = dict.fromkeys(method["cost"]["note"] for method in methods if method["cost"].get("note"))
-    return {"labels": [views.method_name(method["label"]) for method in methods], "rows": rows, "notes": list(notes)}
+    notes = dict.fromkeys(
+        method["cost"]["note"] for method in methods if method["cost"].get("note")
+    )
+    return {
+        "labels": [views.method_name(method["label"]) for method in methods],
+        "rows": rows,
+        "notes": list(notes),
+    }
 
 
 def _price(part: Mapping[str, Any]) -> str:

@@ -51,7 +51,11 @@ async def form(request: Request) -> Response:
     engine: Engine = request.app.state.engine
     patience = None if query else AT_ONCE * engine.is_reading
     found = await understand(request, fields, patience)
-    glance = await glance_of(request, fields, SOON * engine.is_reading) if not query or linked is not None else None
+    glance = (
+        await glance_of(request, fields, SOON * engine.is_reading)
+        if not query or linked is not None
+        else None
+    )
     return solve_page(fields, glance=glance, notes=forms.left_out_of_link(query), **found)
 
 
@@ -62,9 +66,16 @@ async def ask(request: Request) -> Response:
     fields = forms.fields_of_link(query) or forms.fields_from({"equations": START})
     if query.get("kind") in forms.KINDS:
         fields |= {"kind": query["kind"]}
-    found: dict[str, Any] = {"problem": None, "understood": None} | await understand(request, fields)
+    found: dict[str, Any] = {"problem": None, "understood": None} | await understand(
+        request, fields
+    )
     return rendering.page(
-        "ask.html", active="/", fields=fields, kinds=sheets.KIND_NAMES, most_coordinates=base.MAX_COORDINATES, **found
+        "ask.html",
+        active="/",
+        fields=fields,
+        kinds=sheets.KIND_NAMES,
+        most_coordinates=base.MAX_COORDINATES,
+        **found,
     )
 
 
@@ -73,7 +84,9 @@ async def glance_of(request: Request, fields: dict[str, str], patience: float) -
     engine, client = request.app.state.engine, clients.client_of(request)
 
     async def make() -> Markup | None:
-        outcome = await engine.run_quick(client, result_tasks.glance_of_fields, fields, seconds=LONG_DEADLINE)
+        outcome = await engine.run_quick(
+            client, result_tasks.glance_of_fields, fields, seconds=LONG_DEADLINE
+        )
         return outcome.value if outcome.status == "done" else None
 
     return await _GLANCES.of(json.dumps(fields, sort_keys=True), make, patience)
@@ -92,7 +105,9 @@ async def submit(request: Request) -> Response:
         job = await results.ask(request, "solve", sent.document)
     except REFUSED as error:
         found = refusal_of(request, error)
-        return await _refused(request, sent.shown, forms.problem_of(found, sent.shown), found.status)
+        return await _refused(
+            request, sent.shown, forms.problem_of(found, sent.shown), found.status
+        )
     return RedirectResponse(f"/results/{job.id}", 303)
 
 
@@ -106,14 +121,26 @@ async def echo(request: Request) -> Response:
     except Refusal as refusal:
         if not is_fragment:
             return _not_read(refusal)
-        fields, found, status = {}, {"problem": [forms.ShownPlace(refusal.detail)]}, _status_of_busy(refusal)
+        fields, found, status = (
+            {},
+            {"problem": [forms.ShownPlace(refusal.detail)]},
+            _status_of_busy(refusal),
+        )
     if is_fragment:
-        return rendering.page("understood.html", status, **({"problem": None, "understood": None} | found))
+        return rendering.page(
+            "understood.html", status, **({"problem": None, "understood": None} | found)
+        )
     is_whole = forms.is_whole(fields)
-    return RedirectResponse(forms.link_of_fields(fields), 303) if is_whole else solve_page(fields, **found)
+    return (
+        RedirectResponse(forms.link_of_fields(fields), 303)
+        if is_whole
+        else solve_page(fields, **found)
+    )
 
 
-async def _refused(request: Request, fields: dict[str, str], problem: forms.Problem | None, status: int) -> Response:
+async def _refused(
+    request: Request, fields: dict[str, str], problem: forms.Problem | None, status: int
+) -> Response:
     """The form with what to change: its link where the page there says the same, so that a reload asks nothing."""
     if forms.is_whole(fields) and (await understand(request, fields)).get("problem") == problem:
         return RedirectResponse(forms.link_of_fields(fields), 303)
@@ -126,7 +153,9 @@ async def answer_beside(request: Request) -> Response:
     engine: Engine = request.app.state.engine
     try:
         with engine.glances.hold(clients.client_of(request), 1):
-            found = await results.read_sent(request, result_tasks.glance_task, 2 * result_tasks.GLANCE)
+            found = await results.read_sent(
+                request, result_tasks.glance_task, 2 * result_tasks.GLANCE
+            )
     except Refusal as refusal:
         return rendering.page("glance.html", _status_of_busy(refusal), glance=None)
     return rendering.sent(found, "text/html", {"Content-Security-Policy": rendering.POLICY})
@@ -147,10 +176,14 @@ def _not_read(refusal: Refusal) -> HTMLResponse:
     if refusal.kind != "limit":
         raise refusal
     problem = [forms.ShownPlace(refusal.detail)]
-    return solve_page(forms.fields_from({"equations": START}), problem=problem, status=refusal.status)
+    return solve_page(
+        forms.fields_from({"equations": START}), problem=problem, status=refusal.status
+    )
 
 
-async def understand(request: Request, fields: dict[str, str], patience: float | None = None) -> dict[str, Any]:
+async def understand(
+    request: Request, fields: dict[str, str], patience: float | None = None
+) -> dict[str, Any]:
     """How the fields are understood, for the template; nothing where no worker has said it in `patience` seconds."""
     asked = results.quick(request, forms.echo_task, fields, seconds=QUICK_DEADLINE)
     try:
@@ -163,10 +196,23 @@ async def understand(request: Request, fields: dict[str, str], patience: float |
 
 def solve_page(fields: dict[str, str], status: int = 200, **values: Any) -> HTMLResponse:
     """The page with the form filled in."""
-    mode = "equations" if fields["kind"] == "equations" else "constraints" if fields["constraints"] else "lagrangian"
-    shown: dict[str, Any] = {"problem": None, "understood": None, "notes": (), "glance": None} | values
+    mode = (
+        "equations"
+        if fields["kind"] == "equations"
+        else "constraints"
+        if fields["constraints"]
+        else "lagrangian"
+    )
+    shown: dict[str, Any] = {
+        "problem": None,
+        "understood": None,
+        "notes": (),
+        "glance": None,
+    } | values
     examples = [{**one, "is_shown": _same(one["fields"], fields)} for one in tiles()]
-    return rendering.page("solve.html", status, active="/", fields=fields, mode=mode, examples=examples, **shown)
+    return rendering.page(
+        "solve.html", status, active="/", fields=fields, mode=mode, examples=examples, **shown
+    )
 
 
 def _same(one: Mapping[str, str], other: Mapping[str, str]) -> bool:
@@ -185,10 +231,14 @@ def example_document(name: str) -> dict[str, Any]:
     try:
         return catalogue.document(name)
     except errors.InputError:
-        raise Refusal(404, "not-found", "The catalogue has no system of this name; /atlas shows them.") from None
+        raise Refusal(
+            404, "not-found", "The catalogue has no system of this name; /atlas shows them."
+        ) from None
 
 
 async def fields_of_job(request: Request, identifier: str) -> dict[str, str]:
     """The form filled with the document of a result."""
     await results.successful(request, identifier)
-    return await results.made(request, identifier, result_tasks.fields_task) or forms.fields_from({"equations": START})
+    return await results.made(request, identifier, result_tasks.fields_task) or forms.fields_from(
+        {"equations": START}
+    )

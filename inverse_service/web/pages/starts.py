@@ -42,7 +42,12 @@ def every_start(n: int) -> Array:
 
 @np.errstate(all="ignore")
 def lasted(
-    scene: Any, formulas: Sequence[ex.Expression], hessian: Sequence[ex.Expression], q: Array, v: Array, steps: int
+    scene: Any,
+    formulas: Sequence[ex.Expression],
+    hessian: Sequence[ex.Expression],
+    q: Array,
+    v: Array,
+    steps: int,
 ) -> tuple[Array, Array, Array]:
     """For how many steps the classical Runge-Kutta method stays within bounds from each start (m,).
 
@@ -52,8 +57,15 @@ def lasted(
 
     def values(q: Array, v: Array) -> Array:
         table = table_of(scene.coordinates, q, v, scene.values)
-        columns = [np.broadcast_to(arrays.array_value(formula, table), len(q)) for formula in (*formulas, *hessian)]
-        matrices = np.stack(columns[len(formulas) :], axis=1).reshape(-1, n, n) if hessian else np.ones((len(q), 1, 1))
+        columns = [
+            np.broadcast_to(arrays.array_value(formula, table), len(q))
+            for formula in (*formulas, *hessian)
+        ]
+        matrices = (
+            np.stack(columns[len(formulas) :], axis=1).reshape(-1, n, n)
+            if hessian
+            else np.ones((len(q), 1, 1))
+        )
         return np.stack([*columns[: len(formulas)], np.linalg.det(matrices)], axis=1)
 
     found, alive, first = np.zeros(len(q)), np.ones(len(q), dtype=bool), values(q, v)
@@ -63,8 +75,14 @@ def lasted(
     motion = []
     for _ in range(steps):
         a = values(q, v)
-        alive &= np.isfinite(a).all(1) & (np.abs(a[:, :n]) < LARGEST).all(1) & (np.abs(q) < LARGEST).all(1)
-        alive &= (np.abs(a[:, n:]) > floor).all(1) & (np.sign(a[:, n:]) == np.sign(first[:, n:])).all(1)
+        alive &= (
+            np.isfinite(a).all(1)
+            & (np.abs(a[:, :n]) < LARGEST).all(1)
+            & (np.abs(q) < LARGEST).all(1)
+        )
+        alive &= (np.abs(a[:, n:]) > floor).all(1) & (
+            np.sign(a[:, n:]) == np.sign(first[:, n:])
+        ).all(1)
         if not alive.any():
             break
         least = np.where(alive, np.minimum(least, np.abs(a[:, -1])), least)
@@ -94,7 +112,9 @@ def motion_of(result: Mapping[str, Any]) -> tuple[Array, tuple[str, str]] | None
         table = table_of(coordinates, q, v, values)
         for name, slope in moving.velocities.items():
             v[:, coordinates.index(name)] = arrays.array_value(slope, table)
-        scene: Any = SimpleNamespace(coordinates=coordinates, values=values, grid=SimpleNamespace(step=STEP))
+        scene: Any = SimpleNamespace(
+            coordinates=coordinates, values=values, grid=SimpleNamespace(step=STEP)
+        )
         steps, _, motion = lasted(scene, moving.accelerations, (), q, v, STEPS)
     except (InputError, KeyError, ValueError, ArithmeticError):
         return None
@@ -103,9 +123,15 @@ def motion_of(result: Mapping[str, Any]) -> tuple[Array, tuple[str, str]] | None
         return None
     path = motion[: int(steps[best]), :, best]
     if len(coordinates) == 1:
-        return path[:, :, 0], (printing.shown(coordinates[0]), f"{printing.shown(coordinates[0])}\u2032")
+        return path[:, :, 0], (
+            printing.shown(coordinates[0]),
+            f"{printing.shown(coordinates[0])}\u2032",
+        )
     pair = ("x", "y") if {"x", "y"} <= set(coordinates) else coordinates[:2]
-    return path[:, 0][:, [coordinates.index(name) for name in pair]], (printing.shown(pair[0]), printing.shown(pair[1]))
+    return path[:, 0][:, [coordinates.index(name) for name in pair]], (
+        printing.shown(pair[0]),
+        printing.shown(pair[1]),
+    )
 
 
 def picture_of(result: Mapping[str, Any], ending: str, words: str) -> bytes | None:
@@ -116,7 +142,9 @@ def picture_of(result: Mapping[str, Any], ending: str, words: str) -> bytes | No
     points, axes = found
     with mpl.rc_context({"svg.hashsalt": "answer", "font.size": 9, "text.usetex": False}):
         figure = Figure(SIZES[ending], facecolor=PAPER if ending == "png" else "none")
-        place = figure.add_axes((0.55, 0.16, 0.4, 0.72) if ending == "png" else (0.14, 0.12, 0.82, 0.8))
+        place = figure.add_axes(
+            (0.55, 0.16, 0.4, 0.72) if ending == "png" else (0.14, 0.12, 0.82, 0.8)
+        )
         place.plot(points[:, 0], points[:, 1], color=ACCENT, linewidth=1.6)
         place.plot(*points[0], "o", color=PAPER, markeredgecolor=ACCENT, markersize=7)
         place.set_xlabel(axes[0])

@@ -46,7 +46,9 @@ def inner_mathml(text: str, names: nm.Names) -> str | None:
 
 def spaced(mathml: str) -> str:
     """With room between factors and between tall letters and the dots above them, and with low brackets."""
-    return _DOTTED.sub(r'\g<0> class="tall"', low_fences(mathml).replace("<mo>&#x2062;</mo>", THIN_TIMES))
+    return _DOTTED.sub(
+        r'\g<0> class="tall"', low_fences(mathml).replace("<mo>&#x2062;</mo>", THIN_TIMES)
+    )
 
 
 def math(inner: str, display: bool = False) -> Markup:
@@ -70,28 +72,44 @@ def equation(letter: str, text: str, names: nm.Names) -> Markup:
     return math(f"<mrow>{left}<mo>=</mo></mrow>") + found
 
 
-def said(sentence: sheets.Sentence | sheets.Formula | sheets.Word, address_of: Callable[[Any], str] = str) -> Markup:
+def said(
+    sentence: sheets.Sentence | sheets.Formula | sheets.Word, address_of: Callable[[Any], str] = str
+) -> Markup:
     """A sentence of a sheet, or a piece of one; `address_of` gives the address of a question, empty for none."""
     if isinstance(sentence, tuple):
-        return Markup("").join(escape(one) if isinstance(one, str) else said(one, address_of) for one in sentence)
+        return Markup("").join(
+            escape(one) if isinstance(one, str) else said(one, address_of) for one in sentence
+        )
     if isinstance(sentence, sheets.Word):
         if not sentence.verdict:
             return _link(sentence, address_of)
         return Markup('<span class="{}">{}</span>').format(sentence.verdict, sentence.words)
     text, names = sentence.text, sentence.names
     if sentence.kind == "matrix":
-        left = f"{spaced(_theory(sentence.letter))}<mo>=</mo>" if sentence.letter and text else _theory(sentence.letter)
+        left = (
+            f"{spaced(_theory(sentence.letter))}<mo>=</mo>"
+            if sentence.letter and text
+            else _theory(sentence.letter)
+        )
         return math(f"<mrow>{left}{_side_mathml(text, names)}</mrow>", display=bool(text))
     if sentence.kind:
         found = proposition(sentence.whole, names)
-        return Markup('<span class="display">{}</span>').format(found) if sentence.kind == "display" else found
+        return (
+            Markup('<span class="display">{}</span>').format(found)
+            if sentence.kind == "display"
+            else found
+        )
     return equation(sentence.letter, text, names) if sentence.letter else formula(text, names)
 
 
 def _link(word: sheets.Word, address_of: Callable[[Any], str]) -> Markup:
     """Words that lead to a part of the page, or a sentence that leads to a question."""
     if isinstance(word.target, str):
-        return Markup('<a href="{}">{}</a>').format(word.target, word.words) if word.target else Markup("")
+        return (
+            Markup('<a href="{}">{}</a>').format(word.target, word.words)
+            if word.target
+            else Markup("")
+        )
     address = address_of(word.target)
     return Markup(' <a href="{}">{}</a>.').format(address, word.words) if address else Markup("")
 
@@ -102,7 +120,9 @@ def _breakable(text: str, names: nm.Names) -> Markup | None:
         found = _relation(text, names)
         return None if found is None else math(found)
     parts = _terms(text, names)
-    return None if parts is None else Markup(" ").join(math(f"<mrow>{part}</mrow>") for part in parts)
+    return (
+        None if parts is None else Markup(" ").join(math(f"<mrow>{part}</mrow>") for part in parts)
+    )
 
 
 def _terms(text: str, names: nm.Names) -> list[str] | None:
@@ -118,19 +138,28 @@ def _terms(text: str, names: nm.Names) -> list[str] | None:
         pieces = [inner]
         if _width(term) > WIDE:
             factors = ex.factors_of(reader.read_formula(term, names))
-            widest = max(factors, key=lambda factor: isinstance(factor, ex.Sum) * ex.node_count(factor))
+            widest = max(
+                factors, key=lambda factor: isinstance(factor, ex.Sum) * ex.node_count(factor)
+            )
             written = printing.to_text(widest)
             if isinstance(widest, ex.Sum) and len(factors) > 1 and _width(written) > WIDE // 2:
-                outside = printing.to_text(ex.multiply(*(factor for factor in factors if factor is not widest)))
+                outside = printing.to_text(
+                    ex.multiply(*(factor for factor in factors if factor is not widest))
+                )
                 pieces = _terms(written, names) or []
                 pieces[0] = '<mo stretchy="false">(</mo>' + pieces[0]
                 pieces[-1] += '<mo stretchy="false">)</mo>'
-                before, first = inner_mathml(outside, names) or "", printing.to_text(widest.terms[0])
+                before, first = (
+                    inner_mathml(outside, names) or "",
+                    printing.to_text(widest.terms[0]),
+                )
                 is_wide = _width(outside) + _width(first) > WIDE
                 pieces = [before, *pieces] if is_wide else [before + pieces[0], *pieces[1:]]
         sign = sign.strip()
         lead = f'<mo form="infix">{escape(SIGNS.get(sign, sign))}</mo>' if sign else ""
-        left = found.pop() if sign in RELATIONS and len(found) == 1 else ""  # no line ends behind the left side
+        left = (
+            found.pop() if sign in RELATIONS and len(found) == 1 else ""
+        )  # no line ends behind the left side
         found += [left + lead + pieces[0], *pieces[1:]]
     return found
 
@@ -148,7 +177,9 @@ def _relation(text: str, names: nm.Names) -> str | None:
     sides = _RELATION.split(text)
     parts: list[str] = []
     for place, side in enumerate(sides):
-        found = f"<mo>{escape(SIGNS.get(side, side))}</mo>" if place % 2 else inner_mathml(side, names)
+        found = (
+            f"<mo>{escape(SIGNS.get(side, side))}</mo>" if place % 2 else inner_mathml(side, names)
+        )
         if found is None:
             return None
         parts.append(found)
@@ -178,7 +209,9 @@ def _side_mathml(side: str, names: nm.Names) -> str:
         return f"<mo>\u222b</mo>{inner}"
     if side.startswith("[[") and side.endswith("]]"):
         rows = [row.strip()[1:-1] for _, row in notation.split_outside(side[1:-1], ",")]
-        found = matrix_inner([[entry for _, entry in notation.split_outside(row, ",")] for row in rows], names)
+        found = matrix_inner(
+            [[entry for _, entry in notation.split_outside(row, ",")] for row in rows], names
+        )
         if found is not None:
             return found
     return (inner_mathml(side, names) or spaced(_theory(side))) if side else ""
@@ -195,7 +228,9 @@ def _theory(text: str) -> str:
         below = f"<mi>{escape(printing.shown(match[2]))}</mi>"
         below = f'<mover accent="true">{below}{dots}</mover>' if match[4] else below
         below = f"<msup>{below}<mi>{match[3]}</mi></msup>" if match[3] else below
-        found.append(f"<mfrac><mrow><mi>∂</mi><mi>{match[1]}</mi></mrow><mrow><mi>∂</mi>{below}</mrow></mfrac>")
+        found.append(
+            f"<mfrac><mrow><mi>∂</mi><mi>{match[1]}</mi></mrow><mrow><mi>∂</mi>{below}</mrow></mfrac>"
+        )
         place = match.end()
     return f"<mrow>{''.join(found)}{_between(found, text[place:])}</mrow>"
 
@@ -207,7 +242,11 @@ def _between(before: Sequence[str], text: str) -> str:
     found = notation.to_mathml(text)
     found = found.replace("<msup><mi>d</mi><mrow><mn>2", "<msup><mi>∂</mi><mrow><mn>2")
     found = found.replace("<mn>1</mn><mo>/</mo><mn>2</mn>", "<mfrac><mn>1</mn><mn>2</mn></mfrac>")
-    found = found.replace('<mo form="prefix">', "<mo>", 1) if before and found.startswith("<mo form") else found
+    found = (
+        found.replace('<mo form="prefix">', "<mo>", 1)
+        if before and found.startswith("<mo form")
+        else found
+    )
     return found + '<mspace width="0.17em"/>' if found.endswith("</mfrac>") else found
 
 
@@ -216,7 +255,9 @@ def matrix_inner(rows: Sequence[Sequence[str]], names: nm.Names) -> str | None:
     entries = [[inner_mathml(entry, names) for entry in row] for row in rows]
     if any(entry is None for row in entries for entry in row):
         return None
-    body = "".join(f"<mtr>{''.join(f'<mtd>{entry}</mtd>' for entry in row)}</mtr>" for row in entries)
+    body = "".join(
+        f"<mtr>{''.join(f'<mtd>{entry}</mtd>' for entry in row)}</mtr>" for row in entries
+    )
     return f"<mrow><mo>(</mo><mtable>{body}</mtable><mo>)</mo></mrow>"
 
 
@@ -241,6 +282,12 @@ def formulas_of(system: Mapping[str, Any]) -> tuple[Markup, ...]:
     names = stated.names_of(system)
     found = [equation("L", system["lagrangian"], names)] if system.get("lagrangian") else []
     constraints, equations = system.get("constraints") or (), system.get("equations")
-    lines = [f"{text} = 0" for text in ([constraints] if isinstance(constraints, str) else constraints)]
-    lines += [f"{name}'' = {text}" for name, text in equations.items()] if isinstance(equations, dict) else []
+    lines = [
+        f"{text} = 0" for text in ([constraints] if isinstance(constraints, str) else constraints)
+    ]
+    lines += (
+        [f"{name}'' = {text}" for name, text in equations.items()]
+        if isinstance(equations, dict)
+        else []
+    )
     return (*found, *(formula(line, names) for line in lines))

@@ -59,7 +59,9 @@ def test_a_service_in_use_forgets_by_age_from_the_start(clock: Clock) -> None:
 
 
 @pytest.mark.parametrize("jump_at_start", [True, False])
-def test_after_a_jump_of_the_clock_nothing_is_forgotten_by_age_for_a_day(clock: Clock, jump_at_start: bool) -> None:
+def test_after_a_jump_of_the_clock_nothing_is_forgotten_by_age_for_a_day(
+    clock: Clock, jump_at_start: bool
+) -> None:
     found = cleaner(clock.wall - (400 * DAY if jump_at_start else 0.0))
     if not jump_at_start:
         found.oldest_kept()

@@ -28,8 +28,12 @@ def test_a_named_database_in_use_is_refused_with_a_sentence(tmp_path: Path) -> N
     store.close()
 
 
-@pytest.mark.parametrize("content", [b"my thesis, which is long enough to be no database at all" * 20, None])
-def test_a_file_that_is_not_a_database_is_rejected_and_unchanged(tmp_path: Path, content: bytes | None) -> None:
+@pytest.mark.parametrize(
+    "content", [b"my thesis, which is long enough to be no database at all" * 20, None]
+)
+def test_a_file_that_is_not_a_database_is_rejected_and_unchanged(
+    tmp_path: Path, content: bytes | None
+) -> None:
     path = tmp_path / "thesis"
     if content is None:
         path.mkdir()

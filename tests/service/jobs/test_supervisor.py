@@ -69,7 +69,9 @@ def final(store: SqliteStore, id: str) -> model.Job:
 
 
 @contextmanager
-def supervised(store: SqliteStore, executor: Scripted, quick: Scripted | None = None) -> Iterator[Supervisor]:
+def supervised(
+    store: SqliteStore, executor: Scripted, quick: Scripted | None = None
+) -> Iterator[Supervisor]:
     """A running supervisor; it is stopped at the end."""
     supervisor = Supervisor(store, executor, quick=quick)
     supervisor.start()
@@ -79,12 +81,18 @@ def supervised(store: SqliteStore, executor: Scripted, quick: Scripted | None = 
         supervisor.stop()
 
 
-def run(store: SqliteStore, *outcomes: Outcome, understood: Outcome | None = None) -> tuple[model.Job, dict[str, Any]]:
+def run(
+    store: SqliteStore, *outcomes: Outcome, understood: Outcome | None = None
+) -> tuple[model.Job, dict[str, Any]]:
     """Run the job with these successive ends; return the job and its body."""
     left = list(outcomes)
 
     def end_of(call: Call) -> Outcome:
-        return understood or Outcome("crash") if call.task is tasks.understand_job_task else left.pop(0)
+        return (
+            understood or Outcome("crash")
+            if call.task is tasks.understand_job_task
+            else left.pop(0)
+        )
 
     with supervised(store, Scripted(end_of)):
         (job,) = store.submit([request()])
@@ -98,13 +106,17 @@ def test_a_result_is_stored_as_the_worker_wrote_it(store: SqliteStore) -> None:
     assert (job.status, body) == ("successful", {"verdict": "variational"})
 
 
-def test_a_new_question_takes_two_commits(store: SqliteStore, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_new_question_takes_two_commits(
+    store: SqliteStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
     commits = list[int]()
     write = store.write_change
     heard = list[model.Change]()
     store.on_change(heard.append)
     with supervised(store, Scripted(lambda call: DONE)) as supervisor:
-        monkeypatch.setattr(store, "write_change", lambda *given: (commits.append(1), write(*given))[1])
+        monkeypatch.setattr(
+            store, "write_change", lambda *given: (commits.append(1), write(*given))[1]
+        )
         jobs = [supervisor.submit(request(str(k)), model.Bounds())[0] for k in range(3)]
         assert {final(store, job.id).status for job in jobs} == {"successful"}
     assert sum(commits) == 2 * 3, "one commit when the job is accepted and starts, one when it ends"
@@ -118,20 +130,28 @@ def test_a_refusal_is_a_failed_job_with_its_places(store: SqliteStore) -> None:
 
 
 @pytest.mark.parametrize("status", ["deadline", "memory"])
-def test_a_limit_makes_a_system_undetermined_and_names_itself(store: SqliteStore, status: Any) -> None:
+def test_a_limit_makes_a_system_undetermined_and_names_itself(
+    store: SqliteStore, status: Any
+) -> None:
     job, body = run(store, Outcome(status))
     assert (job.status, body["verdict"]) == ("successful", "undetermined")
-    assert {"deadline": "time limit of 60 s", "memory": "memory limit of 4096 MiB"}[status] in body["reason"]
+    assert {"deadline": "time limit of 60 s", "memory": "memory limit of 4096 MiB"}[status] in body[
+        "reason"
+    ]
 
 
 @pytest.mark.parametrize("status", ["crash", "killed"])
-def test_a_worker_that_dies_is_tried_again_until_it_died_three_times(store: SqliteStore, status: Any) -> None:
+def test_a_worker_that_dies_is_tried_again_until_it_died_three_times(
+    store: SqliteStore, status: Any
+) -> None:
     job, _ = run(store, Outcome(status), Outcome(status), DONE)
     assert (job.status, job.crashes) == ("successful", 2)
 
 
 @pytest.mark.parametrize(("status", "code"), [("crash", 500), ("killed", 422)])
-def test_three_deaths_fail_a_job_with_the_reason(store: SqliteStore, status: Any, code: int) -> None:
+def test_three_deaths_fail_a_job_with_the_reason(
+    store: SqliteStore, status: Any, code: int
+) -> None:
     job, body = run(store, *[Outcome(status, detail="a secret of the inside")] * model.MAX_CRASHES)
     assert (job.status, body["status"]) == ("failed", code)
     assert "repeatedly" in body["detail"]
@@ -158,7 +178,9 @@ SO_FAR = {
         (["killed", "killed", "deadline"], "The time limit of 60 s was reached."),
     ],
 )
-def test_however_a_run_ends_its_result_is_what_was_finished(store: SqliteStore, ends: list[Any], reason: str) -> None:
+def test_however_a_run_ends_its_result_is_what_was_finished(
+    store: SqliteStore, ends: list[Any], reason: str
+) -> None:
     """This includes parts of the first attempt if a later one got less far."""
     left = list(ends)
 
@@ -174,7 +196,11 @@ def test_however_a_run_ends_its_result_is_what_was_finished(store: SqliteStore, 
     body = json.loads(job.body or b"null")
     assert (job.status, body["verdict"], left) == ("successful", "not_variational", [])
     assert body["incomplete"] == [
-        {"part": "any_associated", "reason": reason, "more_time": "A longer time limit allows this."}
+        {
+            "part": "any_associated",
+            "reason": reason,
+            "more_time": "A longer time limit allows this.",
+        }
     ]
     assert body["provenance"]["seconds"] == {"motion": 0.5, "any_associated": 1.5}
 
@@ -183,7 +209,9 @@ def test_what_was_finished_outlives_the_service(store: SqliteStore) -> None:
     (job,) = store.submit([request()])
     store.claim("a service that was killed", 1)
     event = growing.events(SO_FAR)
-    store.add_events([(job.id, model.Event(10_001 + k, "part", each)) for k, each in enumerate(event)])
+    store.add_events(
+        [(job.id, model.Event(10_001 + k, "part", each)) for k, each in enumerate(event)]
+    )
     with supervised(store, Scripted(lambda call: Outcome("deadline"))):
         body = json.loads(final(store, job.id).body or b"null")
     assert (body["verdict"], body["incomplete"][0]["part"]) == ("not_variational", "any_associated")
@@ -270,7 +298,10 @@ def test_the_short_lane_gives_no_answer_to_what_a_limit_stopped(store: SqliteSto
         waiting[0].cancel()
         found = final(store, job.id)
     assert [call.task for call in quick.calls] == [], found.priority
-    assert (found.status, json.loads(found.body or b"")["verdict"]) == ("successful", "undetermined")
+    assert (found.status, json.loads(found.body or b"")["verdict"]) == (
+        "successful",
+        "undetermined",
+    )
 
 
 def test_a_cancelled_job_frees_its_worker(store: SqliteStore) -> None:
@@ -285,9 +316,13 @@ def test_a_cancelled_job_frees_its_worker(store: SqliteStore) -> None:
 
 def test_the_options_of_a_job_reach_its_worker(store: SqliteStore) -> None:
     executor = Scripted(lambda call: DONE)
-    document, given = model.split_options(SYSTEM | {"options": {"time_limit": 3, "memory_limit": 2000, "seed": 5}})
+    document, given = model.split_options(
+        SYSTEM | {"options": {"time_limit": 3, "memory_limit": 2000, "seed": 5}}
+    )
     with supervised(store, executor):
-        (job,) = store.submit([tasks.request_of("solve", document, model.read_options(given, model.JobOptions()))])
+        (job,) = store.submit(
+            [tasks.request_of("solve", document, model.read_options(given, model.JobOptions()))]
+        )
         final(store, job.id)
     (call,) = executor.calls
     assert (call.deadline, call.memory_limit) == (3.0, 2000)
@@ -395,7 +430,11 @@ def test_a_front_end_loses_its_jobs_after_many_missed_heartbeats_and_not_after_a
     monkeypatch.setattr(SqliteStore, "exclusive", False)
     (job,) = store.submit([request()])
     store.claim("another front end", 1)
-    store.write_change(lambda s: s.connection.execute("UPDATE jobs SET heartbeat = heartbeat - ?", (silent,)))
-    with supervised(store, Scripted(lambda call: None)):  # it looks as it starts, and at each heartbeat
+    store.write_change(
+        lambda s: s.connection.execute("UPDATE jobs SET heartbeat = heartbeat - ?", (silent,))
+    )
+    with supervised(
+        store, Scripted(lambda call: None)
+    ):  # it looks as it starts, and at each heartbeat
         assert present(store.job(job.id)).restarts == int(is_taken)
     assert 10 * HEARTBEAT < 20.0

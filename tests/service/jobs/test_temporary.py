@@ -50,15 +50,23 @@ def test_the_folder_is_gone_at_the_end(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_what_a_killed_process_left_is_removed_at_the_next_start_and_what_is_in_use_is_not(folder: Path) -> None:
+def test_what_a_killed_process_left_is_removed_at_the_next_start_and_what_is_in_use_is_not(
+    folder: Path,
+) -> None:
     command = [sys.executable, "-c", HOLD]
     with (
-        subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as killed,
-        subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as living,
+        subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as killed,
+        subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as living,
     ):
         assert killed.stdout is not None
         assert living.stdout is not None
-        first, second = (aged(Path(process.stdout.readline().strip())) for process in (killed, living))  # type: ignore[union-attr]
+        first, second = (
+            aged(Path(process.stdout.readline().strip())) for process in (killed, living)
+        )  # type: ignore[union-attr]
         killed.kill()
         killed.wait()
         with temporary_folder() as used:
@@ -70,7 +78,9 @@ def test_what_a_killed_process_left_is_removed_at_the_next_start_and_what_is_in_
 
 
 def test_only_old_folders_that_hold_a_store_and_nothing_else_are_removed(folder: Path) -> None:
-    young, empty, other, linked = (folder / f"inverse-service-{name}" for name in ("young", "empty", "other", "linked"))
+    young, empty, other, linked = (
+        folder / f"inverse-service-{name}" for name in ("young", "empty", "other", "linked")
+    )
     target = folder / "target"
     for path in (young, empty, other, target):
         path.mkdir()

@@ -15,7 +15,12 @@ pytest.importorskip("playwright")
 from playwright.sync_api import Browser, Error, Page, ViewportSize, expect, sync_playwright
 
 CHROMIUM = next(
-    (path for path in ("/usr/bin/chromium", shutil.which("chromium")) if path and Path(path).exists()), None
+    (
+        path
+        for path in ("/usr/bin/chromium", shutil.which("chromium"))
+        if path and Path(path).exists()
+    ),
+    None,
 )
 QUIET = (
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
@@ -39,7 +44,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @dataclass
 class Seen:
-    """The activity of a page: console messages, script errors, requested addresses, statuses of 400 and above."""
+    """The activity of a page: console messages, script errors, requested addresses, statuses of 400
+    and above.
+    """
 
     console: list[str] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
@@ -61,7 +68,9 @@ class Visit:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    """Closed after each file: while it is open its event loop runs, and `asyncio.run` in other tests fails."""
+    """Closed after each file: while it is open its event loop runs, and `asyncio.run` in other
+    tests fails.
+    """
     expect.set_options(timeout=20_000)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(QUIET))
@@ -80,7 +89,9 @@ class Look:
 
 @pytest.fixture(scope="module")
 def pages(browser: Browser) -> Iterator[Pages]:
-    """Pages opened on first use and then reused: a new one costs half a second of processor time."""
+    """Pages opened on first use and then reused: a new one costs half a second of processor
+    time.
+    """
     opened: dict[Look, Page] = {}
 
     def page_of(look: Look) -> Page:
@@ -95,7 +106,9 @@ def pages(browser: Browser) -> Iterator[Pages]:
 
 def new_page(browser: Browser, look: Look) -> Page:
     size = NARROW if look.narrow else WIDE
-    context = browser.new_context(java_script_enabled=look.scripts, viewport=size, color_scheme=look.scheme)
+    context = browser.new_context(
+        java_script_enabled=look.scripts, viewport=size, color_scheme=look.scheme
+    )
     page = context.new_page()
     page.set_default_timeout(20_000)
     return page
@@ -139,7 +152,9 @@ def whole(page: Page) -> None:
 
 
 def cleared(page: Page) -> None:
-    """Clear drafts after the page of a pending job has become its result, which takes up to three pages."""
+    """Clear drafts after the page of a pending job has become its result, which takes up to three
+    pages.
+    """
     for _ in range(4):
         try:
             page.evaluate("sessionStorage.clear()")
@@ -152,13 +167,17 @@ def cleared(page: Page) -> None:
 
 
 def visited(page: Page, address: str) -> Iterator[Visit]:
-    """A page without earlier state; asserts at the end that its console is silent and no request left the host."""
+    """A page without earlier state; asserts at the end that its console is silent and no request
+    left the host.
+    """
     seen = Seen()
     listeners: dict[Any, Any] = {
         "console": lambda message: seen.console.append(f"{message.type}: {message.text}"),
         "pageerror": lambda error: seen.faults.append(str(error)),
         "request": lambda request: seen.addresses.append(request.url),
-        "response": lambda r: seen.refused.append(f"{r.status} {r.url}") if r.status >= 400 else None,
+        "response": lambda r: (
+            seen.refused.append(f"{r.status} {r.url}") if r.status >= 400 else None
+        ),
     }
     for event, listener in listeners.items():
         page.on(event, listener)
@@ -171,11 +190,20 @@ def visited(page: Page, address: str) -> Iterator[Visit]:
     for event, listener in listeners.items():
         page.remove_listener(event, listener)
     page.context.clear_cookies()
-    # Chromium logs a rejected form and "busy" on the console; any other message is an error of ours.
-    noted = [text for text in seen.console if not re.search(r"the server responded with a status of (4|503)", text)]
+    # Chromium logs a rejected form and "busy" on the console; any other message is an error of
+    # ours.
+    noted = [
+        text
+        for text in seen.console
+        if not re.search(r"the server responded with a status of (4|503)", text)
+    ]
     assert noted == []
     assert seen.faults == []
-    outside = [url for url in seen.addresses if not url.startswith((address, "blob:" + address, "data:", "about:"))]
+    outside = [
+        url
+        for url in seen.addresses
+        if not url.startswith((address, "blob:" + address, "data:", "about:"))
+    ]
     assert outside == []
 
 

@@ -1,4 +1,6 @@
-"""Twelve pages at two widths as small pictures: `python -m tests.web.browser.screens` renews docs/records/screens."""
+"""Twelve pages at two widths as small pictures: `python -m tests.web.browser.screens` renews
+docs/records/screens.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,10 @@ def main() -> None:
     parser.add_argument("--output", type=Path, default=FOLDER)
     folder: Path = parser.parse_args().output
     folder.mkdir(parents=True, exist_ok=True)
-    with serving(time_limit="60", log_level="warning") as (_, address), sync_playwright() as playwright:
+    with (
+        serving(time_limit="60", log_level="warning") as (_, address),
+        sync_playwright() as playwright,
+    ):
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(QUIET))
         for width in SIZES:
             for name, page in PAGES.items():
@@ -56,7 +61,9 @@ def main() -> None:
 
 def screen(browser: Browser, address: str, what: str | dict[str, Any], width: int) -> bytes:
     """The first screen of a page, or of the answer to a document, as a PNG with few colors."""
-    page = browser.new_page(viewport={"width": width, "height": SIZES[width]}, device_scale_factor=SCALE)
+    page = browser.new_page(
+        viewport={"width": width, "height": SIZES[width]}, device_scale_factor=SCALE
+    )
     page.set_default_timeout(PATIENCE)
     path = what
     if not isinstance(path, str):
@@ -66,7 +73,9 @@ def screen(browser: Browser, address: str, what: str | dict[str, Any], width: in
         place = sent.headers.get("location") or sent.headers["content-location"]
         path = f"/results/{place.rpartition('/')[2]}"
     page.goto(address + path)
-    page.wait_for_function("() => !document.querySelector('[data-later], [data-events], #glance > .hint')")
+    page.wait_for_function(
+        "() => !document.querySelector('[data-later], [data-events], #glance > .hint')"
+    )
     page.wait_for_timeout(SETTLED)
     found = page.screenshot()
     page.close()

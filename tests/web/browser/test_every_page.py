@@ -1,5 +1,5 @@
-"""Every page, in every state, in both colors and both widths, has no axe violations, is not too wide, and is not too
-heavy. These tests are long, so not in the default suite.
+"""Every page, in every state, in both colors and both widths, has no axe violations, is not too
+wide, and is not too heavy. These tests are long, so not in the default suite.
 """
 
 from __future__ import annotations
@@ -61,7 +61,9 @@ def weight(visit: Visit, path: str) -> int:
     visit.page.remove_listener("requestfinished", note)
     # Browsers fetch pictures below the screen ahead of time; how far depends on the connection.
     seen = visit.page.evaluate(IN_SIGHT)
-    loaded = [request for request in loaded if request.resource_type != "image" or request.url in seen]
+    loaded = [
+        request for request in loaded if request.resource_type != "image" or request.url in seen
+    ]
     # A cached file has no size, and chromium reports slightly less than zero.
     return sum(max(0, request.sizes()["responseBodySize"]) for request in loaded)
 
@@ -100,7 +102,10 @@ ENSEMBLE: dict[str, Any] = {
 
 def hard(function: str, seconds: float) -> dict[str, Any]:
     """A document that cannot be decided in this time."""
-    equations = {c: "+".join(f"{a}*{b}'^2*{function}({a}*{b}*{c})" for a in NAMES for b in NAMES) for c in NAMES}
+    equations = {
+        c: "+".join(f"{a}*{b}'^2*{function}({a}*{b}*{c})" for a in NAMES for b in NAMES)
+        for c in NAMES
+    }
     return {"coordinates": NAMES, "equations": equations, "options": {"time_limit": seconds}}
 
 
@@ -125,8 +130,13 @@ def documents() -> dict[str, tuple[str, dict[str, Any]]]:
 @pytest.fixture(scope="module")
 def states(service: str) -> dict[str, str]:
     """The address of each state's page."""
-    with httpx.Client(base_url=service, timeout=PATIENCE, headers={"Prefer": "respond-async"}) as client:
-        found = {name: post(client, f"/v1/{call}", document) for name, (call, document) in documents().items()}
+    with httpx.Client(
+        base_url=service, timeout=PATIENCE, headers={"Prefer": "respond-async"}
+    ) as client:
+        found = {
+            name: post(client, f"/v1/{call}", document)
+            for name, (call, document) in documents().items()
+        }
         cancelled = post(client, "/v1/solve", hard("cos", 9))
         client.delete(f"/v1/jobs/{cancelled}")
         end = time.monotonic() + PATIENCE
@@ -145,7 +155,9 @@ def post(client: httpx.Client, path: str, document: dict[str, Any]) -> str:
     return answer.headers["location"].rpartition("/")[2]
 
 
-@pytest.fixture(params=[(s, w) for s in ("light", "dark") for w in ("wide", "narrow")], ids="-".join)
+@pytest.fixture(
+    params=[(s, w) for s in ("light", "dark") for w in ("wide", "narrow")], ids="-".join
+)
 def look(request: pytest.FixtureRequest, pages: Pages, service: str) -> Iterator[Visit]:
     scheme, width = request.param
     yield from visited(pages(Look(narrow=width == "narrow", scheme=scheme)), service)
@@ -173,14 +185,18 @@ def test_each_run_of_an_ensemble_has_a_line(look: Visit, states: dict[str, str])
     expect(look.page.get_by_role("columnheader", name="x\u2032 at the end")).to_be_visible()
 
 
-def test_the_verdict_is_on_the_first_screen_below_long_equations(look: Visit, states: dict[str, str]) -> None:
+def test_the_verdict_is_on_the_first_screen_below_long_equations(
+    look: Visit, states: dict[str, str]
+) -> None:
     look.go(states["undetermined"])
     expect(look.page.locator("h1")).to_be_in_viewport()
     expect(look.page.locator(".asked")).to_have_attribute("tabindex", "0")
 
 
 def test_work_that_is_open_has_no_violation(look: Visit) -> None:
-    with httpx.Client(base_url=look.address, timeout=PATIENCE, headers={"Prefer": "respond-async"}) as client:
+    with httpx.Client(
+        base_url=look.address, timeout=PATIENCE, headers={"Prefer": "respond-async"}
+    ) as client:
         id = post(client, "/v1/solve", hard("tan", 10))
         look.go(f"/results/{id}")
         expect(look.page.get_by_role("progressbar")).to_be_visible()

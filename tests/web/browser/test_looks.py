@@ -55,7 +55,9 @@ MORE: dict[str, dict[str, Any]] = {
     "charge": {"equations": "x'' = (1+x/2)*y'; y'' = -(1+x/2)*x'"},
     "polar": {"equations": "r'' = r*phi'^2 - 1/r^2; phi'' = -2*r'*phi'/r"},
     "chain": {"equations": "x1''=x2-2*x1; x2''=x1-2*x2+x3; x3''=x2-2*x3+x4; x4''=x3-2*x4"},
-    "three angles": {"equations": "theta1''=theta2-theta1; theta2''=theta1-2*theta2+theta3; theta3''=theta2-theta3"},
+    "three angles": {
+        "equations": "theta1''=theta2-theta1; theta2''=theta1-2*theta2+theta3; theta3''=theta2-theta3"
+    },
     "space": {"equations": "x'' = y'; y'' = -x'; z'' = -1"},
     "blade": {"lagrangian": "(x'^2+y'^2+p'^2)/2", "constraints": ["x'*sin(p)-y'*cos(p)"]},
     "particle": {"lagrangian": "(x'^2+y'^2+z'^2)/2", "constraints": ["z' - y*x'"]},
@@ -108,10 +110,15 @@ def calm(browser: Browser, service: str) -> Iterator[Visit]:
 
 
 def drawn(page: Page) -> list[str | None]:
-    return [page.locator("[data-done]").get_attribute("stroke-dasharray"), page.locator("[data-now]").text_content()]
+    return [
+        page.locator("[data-done]").get_attribute("stroke-dasharray"),
+        page.locator("[data-now]").text_content(),
+    ]
 
 
-def test_a_picture_is_still_for_those_who_ask_for_less_motion_and_its_energy_stays(calm: Visit) -> None:
+def test_a_picture_is_still_for_those_who_ask_for_less_motion_and_its_energy_stays(
+    calm: Visit,
+) -> None:
     page = calm.page
     ask(calm, SYSTEMS["well"])
     before = drawn(page)
@@ -128,7 +135,10 @@ def test_the_button_stays_where_it_is_and_nothing_shifts(fresh: Visit) -> None:
     page = fresh.page
     fresh.go("/")
     expect(page.locator("#glance h2")).to_contain_text("Yes")
-    box, button = page.get_by_label("Equations", exact=True), page.get_by_role("button", name="Open the answer")
+    box, button = (
+        page.get_by_label("Equations", exact=True),
+        page.get_by_role("button", name="Open the answer"),
+    )
     begin = button.bounding_box()
     for text, words in (
         ("x'' = -x'^2", "Yes"),

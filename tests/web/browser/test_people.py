@@ -1,4 +1,6 @@
-"""Six people and their tasks: one flow each from the first page to the goal, in one browser and one service."""
+"""Six people and their tasks: one flow each from the first page to the goal, in one browser and one
+service.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,9 @@ HARD = json.dumps({"coordinates": NAMES, "equations": {
 
 def ask(visit: Visit, document: dict[str, Any]) -> None:
     """Open the page of an answer."""
-    found = visit.page.request.post(f"{visit.address}/v1/solve", data=document, headers={"Prefer": "wait=20"})
+    found = visit.page.request.post(
+        f"{visit.address}/v1/solve", data=document, headers={"Prefer": "wait=20"}
+    )
     place = found.headers.get("location") or found.headers["content-location"]
     visit.go("/results/" + place.rpartition("/")[2])
     whole(visit.page)
@@ -69,7 +73,9 @@ def answer_in_one_screen(visit: Visit, height: int) -> None:
 
 
 def test_a_student(visit: Visit) -> None:
-    """Types an equation, sees the answer, plays with it, checks an L of their own, and exports it."""
+    """Types an equation, sees the answer, plays with it, checks an L of their own, and exports
+    it.
+    """
     page = visit.page
     page.context.grant_permissions(["clipboard-read", "clipboard-write"])
     visit.go("/")
@@ -129,7 +135,9 @@ def test_a_student(visit: Visit) -> None:
 
 @pytest.mark.slow
 def test_a_researcher(pages: Pages, service: str, tmp_path: Path) -> None:
-    """Sees one table and one sentence for a sleigh, the proof of a no, special cases, many systems, the atlas."""
+    """Sees one table and one sentence for a sleigh, the proof of a no, special cases, many systems,
+    the atlas.
+    """
     for visit in visited(pages(Look(scheme="dark")), service):
         page = visit.page
         visit.go("/?kind=nonholonomic")
@@ -144,7 +152,13 @@ def test_a_researcher(pages: Pages, service: str, tmp_path: Path) -> None:
             expect(main).to_contain_text("No")
             expect(page.locator(".gist > div")).to_have_count(1)
             expect(page.locator("table.verdicts")).to_contain_text(other)
-            for word in ("ndetermined", "no certificate", "any_associated", "not_variational", "to try next"):
+            for word in (
+                "ndetermined",
+                "no certificate",
+                "any_associated",
+                "not_variational",
+                "to try next",
+            ):
                 assert word not in page.locator("main").inner_text()
             ask(visit, SLEIGH)
         assert "L,H\nFirst,No,,\n" in page.request.get(page.url + "/table.csv").text()
@@ -176,7 +190,11 @@ def test_a_researcher(pages: Pages, service: str, tmp_path: Path) -> None:
             expect(page.locator("tbody tr").nth(row)).to_contain_text(word)
         table = page.request.get(page.url + "/results.csv").text().splitlines()
         assert table[0] == "line,name,verdict,lagrangian or reason,checked,where"
-        assert [row.split(",")[2] for row in table[1:]] == ["variational", "not_variational", "failed"]
+        assert [row.split(",")[2] for row in table[1:]] == [
+            "variational",
+            "not_variational",
+            "failed",
+        ]
 
         visit.go("/atlas")
         page.get_by_label("Equations").fill("b'' = -2*R'*b'/R; R'' = R*b'^2 - 7/R^2")
@@ -246,7 +264,9 @@ BLUE, ORANGE = [0, 114, 178], [213, 94, 0]
 
 @pytest.mark.slow
 def test_one_who_simulates(visit: Visit) -> None:
-    """Opens a scene by its address, compares methods, reads values at the cursor, zooms, and changes the scene."""
+    """Opens a scene by its address, compares methods, reads values at the cursor, zooms, and
+    changes the scene.
+    """
     page = visit.page
     visit.go("/simulate")
     expect(page.locator("[data-play-motion] [data-all]")).to_have_attribute("d", re.compile("M"))
@@ -270,7 +290,9 @@ def test_one_who_simulates(visit: Visit) -> None:
     page.mouse.move(box["x"] + box["width"] - 8, box["y"] + box["height"] - 8, steps=4)
     page.mouse.up()
     page.mouse.move(box["x"] + 1, box["y"] + box["height"] / 2)
-    expect(shown.locator("output")).to_contain_text(re.compile(r"t = (4\.9|5)"))  # the left end after the zoom
+    expect(shown.locator("output")).to_contain_text(
+        re.compile(r"t = (4\.9|5)")
+    )  # the left end after the zoom
     shown.get_by_text("As a table").click()
     expect(shown.get_by_role("row")).to_have_count(22)
     expect(shown.get_by_role("row").last).to_contain_text("10.00")  # 200 steps of 0.05
@@ -281,7 +303,9 @@ def test_one_who_simulates(visit: Visit) -> None:
 
 @pytest.mark.slow
 def test_one_with_a_phone(pages: Pages, service: str) -> None:
-    """The verdict is a strip and a link at the bottom edge; errors are visible; the answer fits the screen."""
+    """The verdict is a strip and a link at the bottom edge; errors are visible; the answer fits the
+    screen.
+    """
     for visit in visited(pages(Look(narrow=True, scheme="dark")), service):
         page = visit.page
         visit.go("/")
@@ -300,7 +324,9 @@ def test_one_with_a_phone(pages: Pages, service: str) -> None:
 
 
 def test_one_without_scripts(plain: Visit) -> None:
-    """Sees a marked error, solves a motion on constraints with open proofs, runs a scene with pictures and files."""
+    """Sees a marked error, solves a motion on constraints with open proofs, runs a scene with
+    pictures and files.
+    """
     page = plain.page
     plain.go("/")
     equations(page).fill("x'' = -y\ny'' = 3*@ + x")
@@ -333,7 +359,9 @@ def test_one_without_scripts(plain: Visit) -> None:
 
 @pytest.mark.slow
 def test_one_who_waits(visit: Visit) -> None:
-    """The page of a pending job becomes its result; a new request with more time can be canceled."""
+    """The page of a pending job becomes its result; a new request with more time can be
+    canceled.
+    """
     page = visit.page
     visit.go("/")
     equations(page).fill(json.dumps({**json.loads(HARD), "options": {"time_limit": 3}}))

@@ -28,7 +28,9 @@ FORMULAS = {
     "sin(x)/cos(x) + tan(x') - cot(x) + sec(x) - csc(x)": lambda x, v: (
         math.tan(x) + math.tan(v) - 1 / math.tan(x) + 1 / math.cos(x) - 1 / math.sin(x)
     ),
-    "exp(-x^2/2)*log(x + 3) + sqrt(x)": lambda x, v: math.exp(-x * x / 2) * math.log(x + 3) + math.sqrt(x),
+    "exp(-x^2/2)*log(x + 3) + sqrt(x)": lambda x, v: (
+        math.exp(-x * x / 2) * math.log(x + 3) + math.sqrt(x)
+    ),
     "sinh(x) - cosh(x) + tanh(x') + x*x'^3 - pi": lambda x, v: (
         math.sinh(x) - math.cosh(x) + math.tanh(v) + x * v**3 - math.pi
     ),

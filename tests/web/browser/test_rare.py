@@ -102,7 +102,9 @@ def test_what_was_typed_survives_back_reload_and_the_other_tab(visit: Visit) -> 
 
 
 @pytest.mark.parametrize("scripts", [True, False])
-def test_a_link_carries_a_question_and_does_not_ask_it(visit: Visit, plain: Visit, scripts: bool) -> None:
+def test_a_link_carries_a_question_and_does_not_ask_it(
+    visit: Visit, plain: Visit, scripts: bool
+) -> None:
     at = visit if scripts else plain
     at.go("/?equations=x''+%3D+-k*x&parameters=k")
     expect(at.page.get_by_label("Equations", exact=True)).to_have_value("x'' = -k*x")
@@ -121,7 +123,9 @@ def test_the_link_to_the_question_of_a_result_fills_the_form_with_it(visit: Visi
     expect(visit.page.get_by_label("Equations", exact=True)).to_have_value(re.compile("x''"))
 
 
-@pytest.mark.parametrize("path", ["/nope", "/?example=nope", "/simulate?system=nope", "/results/nope"])
+@pytest.mark.parametrize(
+    "path", ["/nope", "/?example=nope", "/simulate?system=nope", "/results/nope"]
+)
 def test_a_mistyped_address_has_a_page(plain: Visit, path: str) -> None:
     assert present(plain.page.goto(plain.address + path)).status in (404, 422)
     expect(plain.page.get_by_role("heading", level=1)).to_be_visible()
@@ -138,7 +142,9 @@ def test_a_printed_result_is_light_and_whole(browser: Browser, service: str) -> 
     page.evaluate("dispatchEvent(new Event('beforeprint'))")
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
     expect(page.locator("#why .proof li").first).to_be_visible()
-    expect(page.locator(".print-only")).to_contain_text(re.compile(r"/results/[0-9a-f]{40}.*20\d\d-"))
+    expect(page.locator(".print-only")).to_contain_text(
+        re.compile(r"/results/[0-9a-f]{40}.*20\d\d-")
+    )
     page.context.close()
 
 
@@ -182,7 +188,9 @@ def test_a_screen_reader_hears_one_end_state_and_no_half_equation(visit: Visit) 
 
 def test_formulas_are_set_in_the_font_that_is_sent_with_the_page(visit: Visit) -> None:
     visit.go("/")
-    visit.page.wait_for_function("document.fonts.ready.then(() => document.fonts.check('16px Formulas'))")
+    visit.page.wait_for_function(
+        "document.fonts.ready.then(() => document.fonts.check('16px Formulas'))"
+    )
     faces = visit.page.evaluate("[...document.fonts].map(face => [face.family, face.status])")
     assert ["Formulas", "loaded"] in [[family.strip('"'), status] for family, status in faces]
 
@@ -193,7 +201,9 @@ STREAM = """window.EventSource = class extends EventTarget {
 }"""
 
 
-def test_a_page_that_waits_says_that_the_service_is_away_and_that_it_is_back(browser: Browser, service: str) -> None:
+def test_a_page_that_waits_says_that_the_service_is_away_and_that_it_is_back(
+    browser: Browser, service: str
+) -> None:
     page = new_page(browser, Look())
     page.add_init_script(STREAM)
     page.goto(service + "/")
@@ -203,7 +213,10 @@ def test_a_page_that_waits_says_that_the_service_is_away_and_that_it_is_back(bro
     page.wait_for_function("window.stream")
     page.evaluate("stream.dispatchEvent(new Event('error'))")
     expect(told).to_contain_text("not responding")
-    page.evaluate("data => stream.dispatchEvent(new MessageEvent('status', { data }))", '{"status": "running"}')
+    page.evaluate(
+        "data => stream.dispatchEvent(new MessageEvent('status', { data }))",
+        '{"status": "running"}',
+    )
     expect(page.locator("h1")).to_have_text("Working on it")
     page.get_by_role("button", name="Cancel").click()
     page.context.close()
@@ -241,7 +254,8 @@ def test_parts_fill_in_without_a_new_page_and_a_verdict_stays(visit: Visit) -> N
 def test_an_answer_that_is_not_a_page_is_not_dropped_silently(visit: Visit) -> None:
     visit.go("/")
     visit.page.route(
-        re.compile("fragment=1"), lambda r: r.fulfill(status=500, content_type="application/json", body="{}")
+        re.compile("fragment=1"),
+        lambda r: r.fulfill(status=500, content_type="application/json", body="{}"),
     )
     visit.page.get_by_label("Equations", exact=True).fill("x'' = -5*x")
     expect(visit.page.locator("#understood")).to_contain_text("error of the program")
@@ -269,7 +283,9 @@ def test_a_lesson_can_be_changed_and_asked(visit: Visit) -> None:
 
 def test_every_control_is_reached_by_keys_and_shows_that_it_is(visit: Visit) -> None:
     visit.go("/")
-    controls = "a[href], button, summary, textarea, input:not([type=hidden]), select, [tabindex='0']"
+    controls = (
+        "a[href], button, summary, textarea, input:not([type=hidden]), select, [tabindex='0']"
+    )
     wanted = visit.page.evaluate(
         f"""() => [...document.querySelectorAll("{controls}")].filter(n => n.checkVisibility()).length"""
     )
@@ -292,7 +308,9 @@ def test_every_call_is_listed_with_what_it_does(visit: Visit) -> None:
     visit.go("/docs")
     paths = visit.page.request.get(f"{visit.address}/openapi.json").json()["paths"]
     listed = visit.page.locator("article tbody th code").all_inner_texts()
-    assert {f"{method.upper()} {path}" for path, methods in paths.items() for method in methods} <= {*listed}
+    assert {
+        f"{method.upper()} {path}" for path, methods in paths.items() for method in methods
+    } <= {*listed}
     assert all(text.strip() for text in visit.page.locator("article .scroll td").all_inner_texts())
 
 
@@ -315,38 +333,60 @@ def test_a_constrained_result_is_simulated_with_the_lagrangian_that_was_found(vi
         "coordinates": ["x", "y", "z"], "lagrangian": "(x'^2 + y'^2 + z'^2)/2", "constraints": ["z' + x*y'"],
         "associated": "second",
     }  # fmt: skip
-    solved = visit.page.request.post(f"{visit.address}/v1/solve", data=document, headers={"Prefer": "wait=20"})
+    solved = visit.page.request.post(
+        f"{visit.address}/v1/solve", data=document, headers={"Prefer": "wait=20"}
+    )
     found = solved.json()["lagrangian"]["text"]
     visit.go("/simulate?job=" + solved.headers["location"].rpartition("/")[2])
     visit.page.get_by_label("Steps").fill("40")
     visit.page.get_by_role("button", name="Run").click()
     visit.page.get_by_text("The scene as a document").click(timeout=40_000)
-    expect(visit.page.get_by_label("The scene as JSON")).to_contain_text(f'"free_lagrangian": "{found}"')
-    expect(visit.page.locator("tbody tr", has_text="variational").first).to_contain_text("completed")
+    expect(visit.page.get_by_label("The scene as JSON")).to_contain_text(
+        f'"free_lagrangian": "{found}"'
+    )
+    expect(visit.page.locator("tbody tr", has_text="variational").first).to_contain_text(
+        "completed"
+    )
     visit.page.get_by_role("link", name="Change the scene").click()
     visit.page.get_by_label("Steps").fill("60")
     visit.page.get_by_role("button", name="Run").click()
-    expect(visit.page.locator("tbody tr", has_text="completed").first).to_contain_text("60", timeout=40_000)
+    expect(visit.page.locator("tbody tr", has_text="completed").first).to_contain_text(
+        "60", timeout=40_000
+    )
 
 
 @pytest.mark.parametrize("rest", ["b'^2/2 + 2*g*cos(a) - V(b)", "b'^2 - g*b, a + b = c"])
 def test_a_lagrangian_typed_as_text_is_simulated(visit: Visit, rest: str) -> None:
     document = {"equations": f"L = a'^2 + a'*b'*cos(a - b) + {rest}", "parameters": "guess"}
-    solved = visit.page.request.post(f"{visit.address}/v1/solve", data=document, headers={"Prefer": "wait=20"})
+    solved = visit.page.request.post(
+        f"{visit.address}/v1/solve", data=document, headers={"Prefer": "wait=20"}
+    )
     visit.go("/simulate?job=" + solved.headers["location"].rpartition("/")[2])
     visit.page.get_by_role("button", name="Run").click()
     expect(visit.page.locator("tbody tr", has_text="completed").first).to_be_visible(timeout=40_000)
 
 
-CONSTRAINED = {row["id"]: row["document"] for row in rows("constrained") if "constraints" in row.get("document", {})}
+CONSTRAINED = {
+    row["id"]: row["document"]
+    for row in rows("constrained")
+    if "constraints" in row.get("document", {})
+}
 WORDS = """rows => rows.map(row =>
     [row.querySelector('th').firstChild.textContent.trim(), row.querySelector('b').textContent])"""
-MOTIONS = {"sleigh": SLEIGH, "particle": PARTICLE, "forced": FORCED, "disk": DISK, **dict([*CONSTRAINED.items()][:10])}
+MOTIONS = {
+    "sleigh": SLEIGH,
+    "particle": PARTICLE,
+    "forced": FORCED,
+    "disk": DISK,
+    **dict([*CONSTRAINED.items()][:10]),
+}
 
 
 @pytest.mark.parametrize("name", MOTIONS)
 def test_a_constrained_motion_has_one_table_and_one_sentence(visit: Visit, name: str) -> None:
-    """Headline, title, and table agree: a yes for a system is a yes for the motion, which Any decides."""
+    """Headline, title, and table agree: a yes for a system is a yes for the motion, which Any
+    decides.
+    """
     ask(visit, {"parameters": "guess", **MOTIONS[name], "options": {"time_limit": 20}})
     page, table = visit.page, visit.page.locator("table.verdicts")
     expect(table).to_have_count(1)
@@ -368,7 +408,9 @@ def test_a_constrained_motion_has_one_table_and_one_sentence(visit: Visit, name:
 
 
 def test_error_is_measured_against_time(browser: Browser, patient: str) -> None:
-    """Five methods at many steps take 4 s on an idle machine, under load more than the 10 s of the other service."""
+    """Five methods at many steps take 4 s on an idle machine, under load more than the 10 s of the
+    other service.
+    """
     page = browser.new_page()
     page.goto(f"{patient}/simulate?system=knife-edge")
     page.get_by_label("Steps").fill("20")
@@ -378,12 +420,19 @@ def test_error_is_measured_against_time(browser: Browser, patient: str) -> None:
     assert page.locator("table.prices .best").count() >= 4
     for name in ("Variational", "Adaptive", "Runge\u2013Kutta 8"):  # selected, or compared with
         expect(page.locator(".pick")).to_contain_text(name)
-    picture, table = (page.locator(place).first.bounding_box() for place in (".prices-plot", "table.prices"))
+    picture, table = (
+        page.locator(place).first.bounding_box() for place in (".prices-plot", "table.prices")
+    )
     assert picture is not None
     assert table is not None
     assert picture["y"] < table["y"]
-    page.locator(".pick label", has_text="Variational").first.click()  # a method whose step determines its error
-    slider, ring = page.locator("[data-prices] [type=range]"), page.locator(".prices-plot .ring").first
+    page.locator(
+        ".pick label", has_text="Variational"
+    ).first.click()  # a method whose step determines its error
+    slider, ring = (
+        page.locator("[data-prices] [type=range]"),
+        page.locator(".prices-plot .ring").first,
+    )
     slider.press("Home")
     before, place = told.inner_text(), ring.get_attribute("cx")
     slider.press("End")
@@ -400,7 +449,9 @@ def test_error_is_measured_against_time(browser: Browser, patient: str) -> None:
 
 
 @pytest.mark.parametrize("scripts", [True, False])
-def test_an_error_in_a_scene_is_shown_next_to_its_field(visit: Visit, plain: Visit, scripts: bool) -> None:
+def test_an_error_in_a_scene_is_shown_next_to_its_field(
+    visit: Visit, plain: Visit, scripts: bool
+) -> None:
     at = visit if scripts else plain
     at.go("/simulate?system=sho")
     at.page.get_by_label("x", exact=True).fill("abc")
@@ -414,7 +465,9 @@ def test_an_error_in_a_scene_is_shown_next_to_its_field(visit: Visit, plain: Vis
 
 def test_the_cost_is_shown_next_to_the_step(visit: Visit) -> None:
     """Runge-Kutta has order 4: halving the step of 0.1 divides the error by 16."""
-    visit.go("/simulate?system=sho&method=runge-kutta&step=0.1&steps=100&position.x=1&velocity.x=0&parameter.k=1")
+    visit.go(
+        "/simulate?system=sho&method=runge-kutta&step=0.1&steps=100&position.x=1&velocity.x=0&parameter.k=1"
+    )
     price = visit.page.locator("[data-price]")
     expect(price).to_contain_text("Runge\u2013Kutta", timeout=30_000)
 
@@ -441,7 +494,10 @@ def test_other_sites_frame_an_answer_only_where_they_are_listed(visit: Visit) ->
     answer = httpx.get(visit.page.url + "/embed", timeout=30)
     assert "frame-ancestors 'self'" in answer.headers["content-security-policy"]
     assert "<nav" not in answer.text
-    assert "frame-ancestors 'none'" in httpx.get(visit.page.url, timeout=30).headers["content-security-policy"]
+    assert (
+        "frame-ancestors 'none'"
+        in httpx.get(visit.page.url, timeout=30).headers["content-security-policy"]
+    )
 
 
 class Quiet(SimpleHTTPRequestHandler):
@@ -454,7 +510,10 @@ class Quiet(SimpleHTTPRequestHandler):
 @pytest.fixture
 def courses(tmp_path: Path) -> Iterator[list[str]]:
     """The origins of two external sites that serve the same folder."""
-    sites = [ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(tmp_path))) for _ in range(2)]
+    sites = [
+        ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(tmp_path)))
+        for _ in range(2)
+    ]
     for site in sites:
         threading.Thread(target=site.serve_forever, daemon=True).start()
     yield [f"http://127.0.0.1:{site.server_port}" for site in sites]
@@ -500,7 +559,9 @@ def paper(page: Page) -> str:
 
 
 @pytest.mark.parametrize("scripts", [True, False])
-def test_another_system_to_simulate_is_one_click_in_the_list(visit: Visit, plain: Visit, scripts: bool) -> None:
+def test_another_system_to_simulate_is_one_click_in_the_list(
+    visit: Visit, plain: Visit, scripts: bool
+) -> None:
     at = visit if scripts else plain
     at.go("/simulate")
     at.page.get_by_text("Another system").click()
@@ -531,7 +592,9 @@ def test_the_colors_are_chosen_and_remembered(visit: Visit, plain: Visit, script
 
 
 def test_special_values_are_decided_in_place(visit: Visit) -> None:
-    """One click leads from the sentence to the answer with the special values open; without scripts it is a link."""
+    """One click leads from the sentence to the answer with the special values open; without scripts
+    it is a link.
+    """
     ask(visit, {"equations": "x'' = a*x + y'; y'' = -x'", "parameters": "guess"})
     link = visit.page.get_by_role("link", name="Decide special values")
     if not link.count():  # nothing is left out of the answer

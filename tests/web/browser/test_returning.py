@@ -1,4 +1,6 @@
-"""An answer never appears next to another question than its own: after a draft, a reload, Back, and Forward."""
+"""An answer never appears next to another question than its own: after a draft, a reload, Back, and
+Forward.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,9 @@ ANSWERED = "([text, words]) => seen.map(JSON.parse).some(([typed, said]) => type
 
 @dataclass(frozen=True)
 class Beside:
-    """A box, the part of its page that answers it, and for each text the words that its answer alone has."""
+    """A box, the part of its page that answers it, and for each text the words that its answer
+    alone has.
+    """
 
     box: str
     answer: str
@@ -48,17 +52,30 @@ EQUATIONS = {
 }
 PAGES = {
     "/": Beside("#equations", "#live", EQUATIONS),
-    "/?kind=nonholonomic": Beside("#constraints", "#live", {f"z' - {one}*x*y'": ITALIC[one] for one in "ab"}),
-    "/?kind=lagrangian": Beside("#lagrangian", "#live", {f"x'^2/2 - {one}*x^2/2": ITALIC[one] for one in "ab"}),
-    "own": Beside("#own-lagrangian", "#own + [role=status]", {"x'^2/2 - x^2/2": "Yes", "x'^2/2": "Not yet"}, "Does it"),
+    "/?kind=nonholonomic": Beside(
+        "#constraints", "#live", {f"z' - {one}*x*y'": ITALIC[one] for one in "ab"}
+    ),
+    "/?kind=lagrangian": Beside(
+        "#lagrangian", "#live", {f"x'^2/2 - {one}*x^2/2": ITALIC[one] for one in "ab"}
+    ),
+    "own": Beside(
+        "#own-lagrangian",
+        "#own + [role=status]",
+        {"x'^2/2 - x^2/2": "Yes", "x'^2/2": "Not yet"},
+        "Does it",
+    ),
     "/exercise?equations=x''+%3D+-x": Beside(
         "#formula", "#feedback h2", {"x'^2/2 - x^2/2": "Yes", "x'^2/2": "Not yet"}, "Check"
     ),
-    "/atlas": Beside("#q", "[aria-label=Systems]", {"kepler": "Kepler problem", "sleigh": "Chaplygin"}, "Search"),
+    "/atlas": Beside(
+        "#q", "[aria-label=Systems]", {"kepler": "Kepler problem", "sleigh": "Chaplygin"}, "Search"
+    ),
 }
 
 
-@pytest.mark.parametrize("path", ["/", *(pytest.param(path, marks=pytest.mark.slow) for path in list(PAGES)[1:])])
+@pytest.mark.parametrize(
+    "path", ["/", *(pytest.param(path, marks=pytest.mark.slow) for path in list(PAGES)[1:])]
+)
 def test_an_answer_is_never_next_to_another_question(fresh: Visit, path: str) -> None:
     page, beside = fresh.page, PAGES[path]
     page.add_init_script(f"{WATCH}({json.dumps([beside.box, beside.answer])})")
@@ -68,7 +85,9 @@ def test_an_answer_is_never_next_to_another_question(fresh: Visit, path: str) ->
     def agree() -> None:
         """No frame showed the answer of another text."""
         for typed, answer in map(json.loads, page.evaluate("window.seen")):
-            wrong = [text for text, words in beside.said.items() if text != typed and words in answer]
+            wrong = [
+                text for text, words in beside.said.items() if text != typed and words in answer
+            ]
             right = beside.said.get(typed)
             assert not (wrong and (right is None or right not in answer)), (typed, answer)
             answered.update([typed] if right and right in answer else [])

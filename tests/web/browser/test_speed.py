@@ -57,7 +57,9 @@ def first(browser: Browser, tmp_path: Path) -> Iterator[Page]:
 
 @pytest.mark.parametrize("equations", SYSTEMS)
 def test_first_paint_and_verdict_from_a_fresh_server(first: Page, equations: str) -> None:
-    """0.5 s to the first paint and 1 s from the button to the verdict, by the browser's own clock, the load printed."""
+    """0.5 s to the first paint and 1 s from the button to the verdict, by the browser's own clock,
+    the load printed.
+    """
     first.add_init_script(SEEN)
     first.goto("/")
     paint = float(first.evaluate(FIRST_PAINT))
@@ -84,6 +86,11 @@ def test_the_first_paint_comes_within_300_ms(visit: Visit) -> None:
 def test_the_echo_comes_within_100_ms_after_the_pause(visit: Visit) -> None:
     visit.go("/")
     expect(visit.page.locator("#understood .formula").first).to_be_visible()
-    times = [float(visit.page.evaluate(ECHO, f"x'' = -{k}*x + y'\ny'' = -{k}*y - x'")) for k in range(2, 2 + REPEATS)]
-    print(f"echo with its pause of 60 ms: median {statistics.median(times):.0f} ms, worst {max(times):.0f} ms")
+    times = [
+        float(visit.page.evaluate(ECHO, f"x'' = -{k}*x + y'\ny'' = -{k}*y - x'"))
+        for k in range(2, 2 + REPEATS)
+    ]
+    print(
+        f"echo with its pause of 60 ms: median {statistics.median(times):.0f} ms, worst {max(times):.0f} ms"
+    )
     assert statistics.median(times) - 60 < 100

@@ -15,7 +15,9 @@ from inverse_service.web.problems import Refusal
 
 
 class Starting:
-    """An engine whose workers answer after `delay` seconds; `withdrawn` counts the abandoned requests."""
+    """An engine whose workers answer after `delay` seconds; `withdrawn` counts the abandoned
+    requests.
+    """
 
     def __init__(self, delay: float) -> None:
         self.delay, self.withdrawn = delay, 0
@@ -29,7 +31,9 @@ class Starting:
         return Outcome("done", {"understood": "read"})
 
 
-@pytest.mark.parametrize(("delay", "patience", "found"), [(60, 0.01, {}), (0, 5, "read"), (0.05, None, "read")])
+@pytest.mark.parametrize(
+    ("delay", "patience", "found"), [(60, 0.01, {}), (0, 5, "read"), (0.05, None, "read")]
+)
 def test_a_page_at_its_start_does_not_wait_for_workers(
     monkeypatch: pytest.MonkeyPatch, delay: float, patience: float | None, found: Any
 ) -> None:

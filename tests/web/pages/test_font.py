@@ -1,4 +1,6 @@
-"""The mathematics font of the pages has every character that our MathML writes, and the table that stretches signs."""
+"""The mathematics font of the pages has every character that our MathML writes, and the table that
+stretches signs.
+"""
 
 from __future__ import annotations
 
@@ -26,18 +28,27 @@ def characters(mathml: str) -> set[str]:
 
 
 def test_every_character_of_our_formulas_is_in_the_font() -> None:
-    letters = (
-        "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau phi chi psi omega"
+    letters = "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau phi chi psi omega"
+    names = Names(
+        ("x", "y", "theta", "q_1"),
+        ("k", *(w for w in letters.split() if w != "theta")),
+        {"A": ("x",)},
     )
-    names = Names(("x", "y", "theta", "q_1"), ("k", *(w for w in letters.split() if w != "theta")), {"A": ("x",)})
-    shown = [typesetting.formula(EVERYTHING, names), *(typesetting.formula(word, names) for word in letters.split())]
+    shown = [
+        typesetting.formula(EVERYTHING, names),
+        *(typesetting.formula(word, names) for word in letters.split()),
+    ]
     for name in catalogue.names():
         document = catalogue.document(name)
         if isinstance(document.get("equations"), dict):
-            named = stated.names_of({"parameters": list(document.get("parameters") or ()), **document})
+            named = stated.names_of(
+                {"parameters": list(document.get("parameters") or ()), **document}
+            )
             shown += [typesetting.formula(text, named) for text in document["equations"].values()]
     used = set().union(*(characters(str(one)) for one in shown))
-    assert {f"{ord(c):04X}" for c in used if c.strip() and ord(c) not in FONT.getBestCmap()} == set()
+    assert {
+        f"{ord(c):04X}" for c in used if c.strip() and ord(c) not in FONT.getBestCmap()
+    } == set()
 
 
 def test_the_font_can_stretch_brackets_and_roots_and_carries_its_licence() -> None:

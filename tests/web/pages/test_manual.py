@@ -1,4 +1,6 @@
-"""The manual under /learn and the about page are complete, linked with each other, and free of raw markup."""
+"""The manual under /learn and the about page are complete, linked with each other, and free of raw
+markup.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ NAMES = [name for name, _ in PAGES]
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_each_page_of_the_manual_is_served_and_its_links_lead_somewhere(service: str, name: str) -> None:
+def test_each_page_of_the_manual_is_served_and_its_links_lead_somewhere(
+    service: str, name: str
+) -> None:
     answer = httpx.get(f"{service}/learn/{name}", timeout=60)
     assert answer.status_code == 200
     article = answer.text.partition('<article class="manual">')[2].partition("</article>")[0]
@@ -31,6 +35,12 @@ def test_a_page_that_is_not_there_is_not_found(service: str) -> None:
 
 def test_the_about_page_names_the_paper_the_version_and_how_to_cite(service: str) -> None:
     text = httpx.get(f"{service}/about", timeout=60).text
-    for words in ("Hamiltonization and geometric integration", "Mestdag", "@software", "@article", "MIT license"):
+    for words in (
+        "Hamiltonization and geometric integration",
+        "Mestdag",
+        "@software",
+        "@article",
+        "MIT license",
+    ):
         assert words in text
     assert 'href="/about"' in httpx.get(service, timeout=60).text

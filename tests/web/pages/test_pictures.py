@@ -1,4 +1,6 @@
-"""Pictures: drawings of bodies, and pictures of answers for pages without scripts and for shared links."""
+"""Pictures: drawings of bodies, and pictures of answers for pages without scripts and for shared
+links.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,11 @@ def test_the_oscillator_draws_a_circle_and_a_constraint_is_kept() -> None:
     assert found is not None
     radii = (found[0] ** 2).sum(axis=1)
     assert radii == pytest.approx(radii[0], rel=1e-3)
-    knife = {"lagrangian": "(x'^2+y'^2+p'^2)/2", "constraints": ["y' - x'*tan(p)"], "coordinates": ["p", "x", "y"]}
+    knife = {
+        "lagrangian": "(x'^2+y'^2+p'^2)/2",
+        "constraints": ["y' - x'*tan(p)"],
+        "coordinates": ["p", "x", "y"],
+    }
     result = solve(knife)
     assert (picture_of(result, "svg", "") or b"").startswith(b"<?xml")
     assert (picture_of(result, "png", "Yes") or b"").startswith(b"\x89PNG")

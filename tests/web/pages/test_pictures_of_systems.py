@@ -114,7 +114,9 @@ def test_a_force_besides_the_potential_is_not_drawn_as_a_well() -> None:
     found = shown("x'' = -x - x'")
     assert found is not None
     assert "potential" not in found.data["known"]
-    assert "changes by the factor exp(-t), which exp(t) in L makes up for" in printed_pages.plain(found.caption)
+    assert "changes by the factor exp(-t), which exp(t) in L makes up for" in printed_pages.plain(
+        found.caption
+    )
 
 
 @pytest.mark.parametrize("document", ["x'' = x - x^3", KEPLER])

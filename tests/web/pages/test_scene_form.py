@@ -11,19 +11,31 @@ DISK = catalogue.document("vertically-rolling-disk")
 
 
 def sent(**fields: str) -> forms.Form:
-    return forms.Form({"method": ("variational", "nonholonomic"), **{name: (text,) for name, text in fields.items()}})
+    return forms.Form(
+        {
+            "method": ("variational", "nonholonomic"),
+            **{name: (text,) for name, text in fields.items()},
+        }
+    )
 
 
 def test_free_constants_and_the_form_of_a_method_reach_the_scene_and_come_back() -> None:
     empty = simulate.form_for(DISK, "disk")
-    form = simulate.with_sent(empty, sent(constants="C_x = 1/100, C_y = 2", form="raw", step="0.1", steps="5"))
+    form = simulate.with_sent(
+        empty, sent(constants="C_x = 1/100, C_y = 2", form="raw", step="0.1", steps="5")
+    )
     scene = simulate.scene_document(form, DISK)
     assert scene["constants"] == {"C_x": "1/100", "C_y": "2"}
-    assert scene["methods"] == [{"method": "variational", "form": "raw"}, {"method": "nonholonomic"}]
+    assert scene["methods"] == [
+        {"method": "variational", "form": "raw"},
+        {"method": "nonholonomic"},
+    ]
     again = simulate.form_of_scene(empty, scene)
     assert (again.constants, again.form, again.methods) == (form.constants, "raw", form.methods)
     assert again.further == ()
-    left = simulate.changed_scene(scene, simulate.scene_document(simulate.with_sent(empty, sent(steps="5")), DISK))
+    left = simulate.changed_scene(
+        scene, simulate.scene_document(simulate.with_sent(empty, sent(steps="5")), DISK)
+    )
     assert "constants" not in left  # what was emptied does not stay
 
 

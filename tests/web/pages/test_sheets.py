@@ -36,18 +36,26 @@ words = printed_pages.plain
         ({"equations": "x'' = -x' - x; y'' = -y' - y - x^2 + y^2"}, "no", "no Lagrangian"),
         ({"equations": "x'' = -y; y'' = x*x'"}, "no", "no Lagrangian"),
         # Damped Henon-Heiles: no L without time, one with time.
-        slow({"equations": "x'' = -x - 2*x*y - x'/10; y'' = -y - x^2 + y^2 - y'/10"}, "yes", "has a Lagrangian"),
+        slow(
+            {"equations": "x'' = -x - 2*x*y - x'/10; y'' = -y - x^2 + y^2 - y'/10"},
+            "yes",
+            "has a Lagrangian",
+        ),
         ({"equations": "x'' = -x*abs(x)"}, "yes", "has a Lagrangian"),
         slow({**SLEIGH, "associated": "any"}, "no", "has no Hamiltonian"),
         slow({**PARTICLE, "associated": "any"}, "yes", "has a Hamiltonian"),
     ],
 )
-def test_title_badge_and_headline_say_the_same(document: dict[str, Any], verdict: str, badge: str) -> None:
+def test_title_badge_and_headline_say_the_same(
+    document: dict[str, Any], verdict: str, badge: str
+) -> None:
     result = solve(document)
     sheet = sheets.sheet_of(result)
     assert (sheet.verdict, sheet.badge) == (verdict, badge)
     assert sheet.title.endswith(f": {badge}")
-    assert [piece.verdict for piece in sheet.sentence if isinstance(piece, sheets.Word)] == [verdict]
+    assert [piece.verdict for piece in sheet.sentence if isinstance(piece, sheets.Word)] == [
+        verdict
+    ]
     shown = words(sheet.sentence) + " ".join(map(words, sheet.notes))
     assert "undetermined" not in shown
     if sheet.table:
@@ -73,7 +81,9 @@ def test_an_older_proof_is_not_called_checked(form: str, shown: str) -> None:
 
 
 def test_parts_that_are_missing_are_named() -> None:
-    result = dict(solve({"equations": "x'' = -x"})) | {"incomplete": [{"part": "first_integrals", "reason": "time"}]}
+    result = dict(solve({"equations": "x'' = -x"})) | {
+        "incomplete": [{"part": "first_integrals", "reason": "time"}]
+    }
     assert sheets.sheet_of(result).missing == ("first integrals",)
 
 
@@ -87,18 +97,27 @@ def test_cases_that_differ_or_are_open_are_all_listed() -> None:
 
 
 def test_a_glance_ends_with_the_first_l_and_h_and_shows_every_branch() -> None:
-    """The damped oscillator also has an L without time, which takes ten times as long; |x| has two branches."""
-    damped = present(result_tasks.glance_of({"equations": "m*x'' + d*x' + k*x = 0", "parameters": "guess"}))
+    """The damped oscillator also has an L without time, which takes ten times as long; |x| has two
+    branches.
+    """
+    damped = present(
+        result_tasks.glance_of({"equations": "m*x'' + d*x' + k*x = 0", "parameters": "guess"})
+    )
     (case,) = damped["sheet"].cases
     assert [formula.letter for formula in case.formulas] == ["L", "H"]
     assert "with the time" in words(case.sentence)
-    assert len(present(result_tasks.glance_of({"equations": "x'' = -x*abs(x)"}))["sheet"].cases) == 2
+    assert (
+        len(present(result_tasks.glance_of({"equations": "x'' = -x*abs(x)"}))["sheet"].cases) == 2
+    )
 
 
 @pytest.mark.slow
 def test_l_and_h_of_another_clock_are_not_shown_as_those_of_the_motion() -> None:
     result = copy.deepcopy(dict(solve(PARTICLE)))
-    assert any(words(note).startswith("These formulas hold where") for note in sheets.sheet_of(result).notes)
+    assert any(
+        words(note).startswith("These formulas hold where")
+        for note in sheets.sheet_of(result).notes
+    )
     for part in (result["any_associated"], *result["nonholonomic"]["associated"]):
         part |= {"lagrangian": None, "hamiltonian": None}
     sheet = sheets.sheet_of(result)
@@ -113,11 +132,16 @@ def test_l_and_h_of_another_clock_are_not_shown_as_those_of_the_motion() -> None
     ("equations", "headline"),
     [
         ("x'' = -abs(x)", "Yes, this equation comes from a Lagrangian in each of 2 cases."),
-        slow("x'' = abs(x)*y'; y'' = -y", "These equations do not come from any regular Lagrangian in any of 2 cases."),
+        slow(
+            "x'' = abs(x)*y'; y'' = -y",
+            "These equations do not come from any regular Lagrangian in any of 2 cases.",
+        ),
         slow("x'' = (x + abs(x))*y'; y'' = -y", "No where x > 0, yes where x < 0."),
     ],
 )
-def test_the_headline_of_cases_is_true_of_each_and_each_has_its_condition(equations: str, headline: str) -> None:
+def test_the_headline_of_cases_is_true_of_each_and_each_has_its_condition(
+    equations: str, headline: str
+) -> None:
     sheet = sheets.sheet_of(solve({"equations": equations}))
     assert words(sheet.sentence) == headline
     assert [words(case.where) for case in sheet.cases] == ["x > 0", "x < 0"]
@@ -127,7 +151,9 @@ def test_the_headline_of_cases_is_true_of_each_and_each_has_its_condition(equati
 
 @pytest.mark.slow
 def test_the_proof_of_each_no_in_the_table_ends_in_its_contradiction() -> None:
-    """First, second, any, and the reduced system of a sleigh with an offset mass; the checker's word comes after it."""
+    """First, second, any, and the reduced system of a sleigh with an offset mass; the checker's
+    word comes after it.
+    """
     table = {row.name: row for row in sheets.sheet_of(solve(SLEIGH)).table}
     for name in ("First", "Second", "Any", "Reduced"):
         *proof, checked = map(words, table[name].steps)

@@ -32,13 +32,19 @@ def test_the_question_is_on_the_page_of_its_job(document: Any, lines: list[str])
 
 def test_the_page_of_work_tells_since_when_it_waits() -> None:
     job = {"id": "a", "status": "running", "progress": None, "created": 0.0}
-    text = bytes(page("working.html", 200, active="", job=job, asked=["x'' = <b>"], waited=17).body).decode()
+    text = bytes(
+        page("working.html", 200, active="", job=job, asked=["x'' = <b>"], waited=17).body
+    ).decode()
     assert 'data-seconds="17"' in text
     assert "x&#39;&#39; = &lt;b&gt;" in text
 
 
 def test_the_echo_of_a_constrained_system_is_said_to_be_the_motion() -> None:
     """The equations of d'Alembert are the same for every associated system."""
-    document = {"lagrangian": "(x'^2 + y'^2 + z'^2)/2", "constraints": ["z' - y*x'"], "associated": "third"}
+    document = {
+        "lagrangian": "(x'^2 + y'^2 + z'^2)/2",
+        "constraints": ["z' - y*x'"],
+        "associated": "third",
+    }
     headings = [heading for heading, _ in understood(documents.parse_document(document), {}).groups]
     assert headings == ["Lagrangian", "Constraints", "Motion"]
