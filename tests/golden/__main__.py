@@ -134,7 +134,7 @@ def tree_of(revision: str) -> Path:
     tree = FOLDER / commit
     if not tree.exists():
         subprocess.run(
-            ["git", "worktree", "add", "--quiet", "--detach", str(tree), commit],
+            ["git", "worktree", "add", "--force", "--quiet", "--detach", str(tree), commit],
             check=True,
             cwd=ROOT,
         )
