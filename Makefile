@@ -4,7 +4,7 @@ HOST ?= 127.0.0.1
 SERVICE := .venv/.service
 STAMP := .venv/.installed
 
-.PHONY: help docs atlas notebooks install develop service run test wheel installed nightly lint paper bench bench-service records soundness coverage mutation golden font reference screens
+.PHONY: help docs atlas notebooks install develop service run test wheel installed nightly lint paper bench bench-service records soundness coverage mutation golden font reference screens clients
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):[^#]*## /\1: /p' Makefile
@@ -130,6 +130,10 @@ reference: install ## docs/reference/results.md from the program
 
 screens: install ## the pictures of twelve pages, docs/records/screens
 	.venv/bin/python -m tests.web.browser.screens
+
+# Both clients of clients/ from the service's own description, and five calls by each. Needs npm.
+clients: install ## the generated clients, build/clients
+	.venv/bin/python -m tests.client.generated build/clients
 
 atlas: install ## every entry of the atlas from the program, ten minutes of processor time
 	.venv/bin/python -m benchmarks.atlas
