@@ -5,8 +5,13 @@
 from __future__ import annotations
 
 import itertools
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any
 
 import pytest
+from flint import fmpq
 
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field
@@ -51,9 +56,81 @@ def test_the_members_of_the_leaves_are_those_of_the_equations(texts: list[str]) 
         point = [0] * len(equations[0].degrees())
         for name, value in zip(LETTERS, values, strict=True):
             point[places[name]] = value
-        on_a_leaf = any(
-            not any(equation(*point) for equation in leaf.equations)
-            and all(one(*point) for one in leaf.nonzero)
+        around = [
+            leaf
             for leaf in found
-        )
-        assert on_a_leaf == (not any(equation(*point) for equation in equations)), values
+            if not any(equation(*point) for equation in leaf.equations)
+            and all(one(*point) for one in leaf.nonzero)
+        ]
+        assert bool(around) == (not any(equation(*point) for equation in equations)), values
+        for rule in (rule for leaf in around for rule in leaf.rules):
+            assert rule.initial(*point), values
+            assert rule.equation.derivative(rule.leader)(*point), values
+
+
+# Equations for F(x), and functions that satisfy them or not, singular solutions among them.
+FUNCTIONS = [
+    ["diff(F(x), x)^2 - 4*F(x)"],  # F = (x + c)^2, with the envelope F = 0
+    ["F(x) - x*diff(F(x), x) - diff(F(x), x)^2"],  # Clairaut: c x + c^2, and -x^2/4
+    ["diff(F(x), x)^3 - 27*F(x)^2"],  # (x + c)^3, and 0
+    ["diff(F(x), x)*diff(diff(F(x), x), x)"],
+    ["F(x)*diff(F(x), x) - a*F(x)"],
+    ["a*diff(F(x), x) - F(x)^2 + F(x)*a^2"],
+    ["diff(F(x), x, 2) - F(x)", "diff(F(x), x)*(diff(F(x), x, 2) - a*F(x) + a)"],
+]
+MEMBERS: list[tuple[Fraction | int, ...]] = [  # coefficients of 1, x, x^2, x^3
+    *((0,), (1,), (4,), (0, 1), (0, 2), (0, -1), (1, 1), (4, 2), (4, -2), (Fraction(1, 4), 2)),
+    *((0, 0, Fraction(-1, 4)), (9, 6, 1), (0, 0, 1), (1, 3, 3, 1), (0, 0, 0, 1), (2,)),
+]
+PLACES = [Fraction(k, 7) for k in range(3, 40)]  # more than the degree of any equation on a member
+
+
+@pytest.mark.parametrize("texts", FUNCTIONS, ids=lambda texts: ", ".join(texts))
+def test_the_functions_of_the_leaves_are_those_that_satisfy_the_equations(texts: list[str]) -> None:
+    """Singular solutions, where the separant of an equation vanishes, have leaves of their own: a
+    leaf is decided at a point where it does not.
+    """
+    names = nm.Names(("x",), ("a",), {"F": ("x",)})
+    trees = [reader.read_formula(text, names) for text in texts]
+    ring = exact_field.exact_ring(trees, [ex.Symbol("x")], 4, exact_field.Budget())
+    unknowns = leaves.Unknowns.of(ring, ("a",), {"F": ("x",)})
+    equations = [ring.value(tree).numerator for tree in trees]
+    found = leaves.split(leaves.Leaf(unknowns), equations, float("inf"))
+    on_some = 0
+    for member, value in itertools.product(MEMBERS, (0, 1, 2)):
+        points = [[0 * x for _ in equations[0].degrees()] for x in PLACES]
+        for (index, tree), (point, x) in itertools.product(
+            ring.trees.items(), zip(points, PLACES, strict=True)
+        ):
+            if isinstance(tree, ex.Arbitrary):
+                point[index] = slope(member, tree.orders[0], x)
+            else:
+                point[index] = x if tree == ex.Symbol("x") else Fraction(value)
+
+        def vanishes(one: Any, points: list[list[Fraction]] = points) -> bool:
+            return not any(one(*[fmpq(x.numerator, x.denominator) for x in p]) for p in points)
+
+        around = [
+            leaf
+            for leaf in found
+            if all(map(vanishes, leaf.equations)) and not any(map(vanishes, leaf.nonzero))
+        ]
+        assert bool(around) == all(map(vanishes, equations)), (member, value)
+        on_some += bool(around)
+        for rule in (rule for leaf in around for rule in leaf.rules):
+            assert not vanishes(rule.initial)
+            assert not vanishes(rule.equation.derivative(rule.leader))
+    for leaf in found:
+        functional = [
+            unknowns.jets[rule.leader] for rule in leaf.rules if rule.leader in unknowns.jets
+        ]
+        assert len({name for name, _ in functional}) == len(
+            functional
+        )  # of F(x), one is the lowest
+    assert 0 < on_some < 3 * len(MEMBERS)
+
+
+def slope(member: Sequence[Fraction | int], order: int, x: Fraction) -> Fraction:
+    """The derivative of this order of a polynomial at x."""
+    powers = enumerate(member[order:], start=order)
+    return sum((c * math.perm(k, order) * x ** (k - order) for k, c in powers), Fraction(0))
