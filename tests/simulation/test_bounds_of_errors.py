@@ -4,6 +4,8 @@ solution.
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
@@ -121,3 +123,25 @@ def test_the_error_shown_with_its_uncertainty_is_the_distance_from_the_exact_sol
         # The estimate from half the step knows the error to a third, above round-off.
         assert 2 * error / 3 < method["estimated_error"] + 1e-13
         assert method["estimated_error"] < 3 * error / 2 + 1e-13
+
+
+@pytest.mark.parametrize("step", [2.0, 2.2, 2.4])
+def test_a_step_that_loses_most_of_a_constant_energy_is_too_long(step: float) -> None:
+    """From rest at 1, x'' = -x, RK4 multiplies x - i v by R(ih), the sum of its series up to h^4:
+    its modulus falls to 1/2 at h = sqrt(6).
+    """
+    factor = sum((1j * step) ** k / math.factorial(k) for k in range(5))
+    lost = 1 - abs(factor) ** 2
+    system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}
+    scene = {
+        "system": system,
+        "initial": {"positions": {"x": 1}, "velocities": {"x": 0}},
+        "step": step,
+        "time": 20 * step,
+        "methods": [{"method": "runge-kutta", "order": 4}],
+    }
+    (found,) = simulate(scene)["methods"]
+    assert (found["outcome"], found["steps"]) == ("unresolved", 0)
+    share = re.search(r"changes in one step by ([\d.]+) of", found["stopped"]["quantity"])
+    assert share is not None
+    assert float(share[1]) == pytest.approx(lost / factor.imag**2, rel=1e-2)

@@ -78,6 +78,7 @@ KNIFE = {"r": 1, "phi": 0, "x": 1, "z": 0}
 SCENES: dict[str, dict[str, Any]] = {
     "pendulum": pendulum(3) | {"time": 1},
     "chain": oscillators(5) | {"time": 1},
+    "springs": oscillators(3) | {"time": 0.5},
     "bodies": bodies(3) | {"time": 0.2},
     "pushed": pendulum(2)
     | {"forces": {"q1": "-q1'/5", "q2": "sin(t)"}, "time": 1, "effects": ["kinetic", "potential", "forces"]},
@@ -94,6 +95,7 @@ FAST = [
     ("constrained", RK4),
     ("constrained", "nonholonomic"),
     ("pushed", VARIATIONAL | {"order": 4}),
+    ("springs", VARIATIONAL | {"order": 4}),  # its matrix changes with the length of substeps alone
 ]
 SLOW = [
     ("chain", VARIATIONAL), ("pendulum", "adaptive"), ("bodies", "adaptive"), ("pushed", "adaptive"), ("pendulum", RK4),
@@ -115,3 +117,32 @@ def test_loops_make_the_steps_of_a_written_kernel(name: str, method: Any, limits
     for part in ("positions", "velocities"):
         for coordinate, value in second["final"][part].items():
             assert abs(first["final"][part][coordinate] - value) <= 1e-12 * (1 + abs(value))
+
+
+@pytest.mark.parametrize("method", [RK4, "variational"])
+@pytest.mark.parametrize(
+    ("position", "velocity", "outcome"),
+    [(0.03, -1, "singular"), (-0.03, 1, "singular"), (0.03, 1, "completed"), (-1, -1, "completed")],
+)
+def test_no_step_passes_a_pole_and_the_first_one_neither(
+    position: float, velocity: float, outcome: str, method: Any, limits: Any
+) -> None:
+    """A wall of 1e-5/x turns a body back before x = 0, from either side, in its first step."""
+    scene = {
+        "system": {
+            "coordinates": ["x", "y", "z"],
+            "lagrangian": "(x'^2 + y'^2 + z'^2)/2 - 1/(100000*x)^2 - y*z",
+        },
+        "initial": {
+            "positions": {"x": position, "y": 1, "z": 0},
+            "velocities": {"x": velocity, "y": 0, "z": 0},
+        },
+        "step": 0.1,
+        "time": 1,
+        "methods": [method],
+        "observe": ["trajectory"],
+    }
+    for small in (0, 1000):
+        limits(small)
+        (found,) = simulate(scene)["methods"]
+        assert (found["outcome"], found["steps"]) == (outcome, 0 if outcome == "singular" else 10)
