@@ -78,7 +78,14 @@ KNIFE = {"r": 1, "phi": 0, "x": 1, "z": 0}
 SCENES: dict[str, dict[str, Any]] = {
     "pendulum": pendulum(3) | {"time": 1},
     "chain": oscillators(5) | {"time": 1},
-    "springs": oscillators(3) | {"time": 0.5},
+    "springs": {
+        "system": {
+            "coordinates": ["x", "y", "z"],
+            "lagrangian": "(x'^2 + y'^2 + z'^2)/2 - (x^2 + (y - x)^2 + 3*(z - y)^2)/2",
+        },
+        "initial": {"positions": {"x": 1, "y": 0, "z": 0.2}, "velocities": {"x": 0, "y": 1, "z": 0}},
+        "step": 0.1, "time": 1,
+    },
     "bodies": bodies(3) | {"time": 0.2},
     "pushed": pendulum(2)
     | {"forces": {"q1": "-q1'/5", "q2": "sin(t)"}, "time": 1, "effects": ["kinetic", "potential", "forces"]},
