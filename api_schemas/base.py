@@ -20,6 +20,25 @@ LONGER_IN_SCENES = 10  # times as long: a Lagrangian of 60 bodies has 84,000 cha
 MAX_EQUATIONS = 128
 MAX_VALUE_CHARACTERS = 200
 
+# Why something is open, for programs; "" if it is not, or if that is known in words only.
+ReasonCode = Literal[
+    "",
+    "time",
+    "size",
+    "irreducible",
+    "check",
+    "search",
+    "not_asked",
+    "not_yet",
+    "no_point",
+    "many_cells",
+    "unconnected",
+    "beyond",
+    "outside_domain",
+    "unsolved",
+    "stopped",
+    "fault",
+]
 
 CHECK_FORMAT: Final = "inverse-service/check/1"
 

@@ -86,6 +86,7 @@ class ProvenPart(base.Document):
 
     verdict: Verdict
     reason: str = ""
+    reason_code: base.ReasonCode = ""
     lagrangian: LagrangianPart | None = None
     certificate: dict[str, Any] | None = None
     checked: Checked | None = None
@@ -317,6 +318,7 @@ class NotAnsweredPart(base.Document):
     domain: list[str] = Field(default_factory=list)
     near: dict[str, str] = Field(default_factory=dict)
     reason: str
+    reason_code: base.ReasonCode = ""
 
 
 class KindPart(ProvenPart):
@@ -371,6 +373,7 @@ class IncompletePart(base.Document):
 
     part: str
     reason: str
+    reason_code: base.ReasonCode = ""
     more_time: str = ""
 
 
@@ -379,6 +382,7 @@ class OpenPart(base.Document):
 
     part: str
     words: str = ""
+    reason_code: base.ReasonCode = ""
     more_time: str = ""
 
 

@@ -17,8 +17,6 @@ _ENDS: ContextVar[float] = ContextVar("ends", default=float("inf"))
 _HALF: ContextVar[float] = ContextVar("half", default=float("-inf"))
 # The least time for a part of the work that has begun, in s.
 LEAST = 0.1
-# The reason of an answer that is still to come.
-NOT_YET = "This is not decided yet."
 # The cost of a point with its tensors, or of a residual, in addition to the nodes visited, in units of work.
 STEP = 60
 

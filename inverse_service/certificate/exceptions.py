@@ -49,7 +49,7 @@ SPARE = 4  # additional points beyond those required by the degrees
 MAX_SHAPES = 60  # monomials of one degree
 MAX_ZEROS = 4  # parameters that are 0 together
 LEAST_TIME = 3.0  # s
-SPECIAL_FUNCTIONS = "special functions "
+SPECIAL_FUNCTIONS, SINGLE_VALUES = "special functions ", "single values of "
 EXPONENTS = (*map(Fraction, range(-3, 4)), Fraction(1, 2))  # tried for a parameter in an exponent
 Values = dict[str, str]  # formulas in the place of parameters
 # The ways in which a computation ends without a value: by a limit, or at its point.
@@ -139,7 +139,7 @@ class Exceptions(Sequence[str]):
 
 def not_found(names: Sequence[str]) -> tuple[str, ...]:
     """The placeholder for excluded values that could not be found."""
-    return (f"single values of {', '.join(names)}",) if names else ()
+    return (f"{SINGLE_VALUES}{', '.join(names)}",) if names else ()
 
 
 def of_functions(functions: Mapping[str, Sequence[str]]) -> str:

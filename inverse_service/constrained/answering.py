@@ -40,6 +40,7 @@ from inverse_service.linear_pde.involution import (
 )
 from inverse_service.mechanics import constrained_motion, second_order_system
 from inverse_service.mechanics.legendre import legendre
+from inverse_service.statements import reasons
 from inverse_service.statements.questions import About
 from inverse_service.statements.stages import Progress, Stage
 
@@ -54,8 +55,6 @@ _LEAST_FOR_ANSATZ = 6.0
 # which it depends, which no proof needs.
 _FOR_KNOWN, _FOR_FREEDOM = 2.0, 1.0
 ANY = About.ANY.value
-OUT_OF_TIME = "The time for this question was over."
-_NOT_CONFIRMED = "the independent check could not confirm it"
 _FREE_MOTION = (
     "The forces of constraint vanish along the motion, so the Euler-Lagrange expressions of the given `L` do, too. "
     "With half the squares of the constraints it is regular."
@@ -109,7 +108,7 @@ class MotionAnswer:
 
     verdict: Verdict
     verdict_with_time: Verdict
-    reason: str = ""
+    open: reasons.Open | None = None
     certificates: tuple[Mapping[str, Any], ...] = ()
     lagrangian: MotionLagrangian | None = None
     freedom: str = ""
@@ -163,9 +162,9 @@ def answer_motion(
                 work, time_dependent, existence.analyze_motion(motion, positive)
             )
     except errors.IrreducibleAtoms as problem:
-        return MotionAnswer("undetermined", "undetermined", problem.detail)
+        return MotionAnswer("undetermined", "undetermined", reasons.irreducible(problem.detail))
     except OutOfTime:
-        return work.told or MotionAnswer("undetermined", "undetermined", OUT_OF_TIME)
+        return work.told or MotionAnswer("undetermined", "undetermined", reasons.TIME_WAS_OVER)
 
 
 def _answer_both_questions(
@@ -200,7 +199,7 @@ def _answer_both_questions(
         return first
     work.first, work.told = (
         first,
-        _of_both(first, MotionAnswer("undetermined", "undetermined", OUT_OF_TIME)),
+        _of_both(first, MotionAnswer("undetermined", "undetermined", reasons.TIME_WAS_OVER)),
     )
     known = _first_confirmed(work, analyzed, _propose_known(work, with_time=True), with_time=True)
     if known is not None:
@@ -217,7 +216,7 @@ def _of_both(first: MotionAnswer, other: MotionAnswer) -> MotionAnswer:
     return MotionAnswer(
         first.verdict,
         other.verdict,
-        first.reason or other.reason,
+        first.open or other.open,
         (*first.certificates, *other.certificates),
         other.lagrangian,
         first.freedom or other.freedom,
@@ -242,7 +241,7 @@ def _of_reduced(work: _Work) -> MotionAnswer | None:
     return MotionAnswer(
         "variational",
         "variational",
-        "",
+        None,
         (reduced.certificate,),
         None,
         "",
@@ -344,7 +343,7 @@ def _first_confirmed(
         found = found.on_its_set(certificate, checked)
         steps = (*proposal.steps, *lagrangian_steps(tree, jet))
         return MotionAnswer(
-            "variational", "variational", "", (certificate,), found, "", steps, checked.exceptions
+            "variational", "variational", None, (certificate,), found, "", steps, checked.exceptions
         )
     return None
 
@@ -366,11 +365,11 @@ def _prove_verdict(
     proven = _confirm_certificate(work, analyzed, existence.of_finding(analyzed, found, with_time))
     size = freedom(found, len(work.motion.coordinates), with_time)
     if proven is None:
-        reason = f"the solver found {verdict.replace('_', ' ')} at order {found.order}, but {_NOT_CONFIRMED}"
+        reason = reasons.unconfirmed_motion(verdict, found.order)
         return MotionAnswer("undetermined", "undetermined", reason, (), None, size)
     steps = finding_steps(analyzed, found, with_time)
     steps += series_steps(analyzed, found, with_time) if found.exists else ()
-    return MotionAnswer(verdict, verdict, "", proven[:1], None, size, steps, proven[1].exceptions)
+    return MotionAnswer(verdict, verdict, None, proven[:1], None, size, steps, proven[1].exceptions)
 
 
 def _confirm_certificate(
@@ -554,15 +553,14 @@ def reduced_steps(names: Sequence[str]) -> tuple[Step, ...]:
     )
 
 
-def open_reason(found: Finding) -> str:
-    """A sentence on how far the decision got."""
-    if not found.history:
-        return found.reason
+def open_reason(found: Finding) -> reasons.Open | None:
+    """Why the decision did not end, and how far it got."""
+    if not found.history or found.open is None:
+        return found.open
     dimensions = ", ".join(map(str, found.history[-1][:3]))
-    return (
-        f"{found.reason}: at order {found.order} rank {found.ranks[0] if found.ranks else 'unknown'} is possible, "
-        f"dimensions {dimensions} in degrees 0, 1, 2"
-    )
+    rank = found.ranks[0] if found.ranks else "unknown"
+    reached = f"at order {found.order} rank {rank} is possible, dimensions {dimensions} in degrees 0, 1, 2"
+    return reasons.Open(found.open.reason, f"{found.open.words}: {reached}")
 
 
 def freedom(found: Finding, n: int, with_time: bool) -> str:

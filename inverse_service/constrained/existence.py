@@ -37,6 +37,7 @@ from inverse_service.field.real_branch import (
 )
 from inverse_service.linear_pde import equations, involution
 from inverse_service.mechanics.second_order_system import ConstrainedMotion
+from inverse_service.statements import reasons
 from inverse_service.statements.stages import Progress, Stage
 
 Integers = npt.NDArray[np.int64]
@@ -147,7 +148,7 @@ def decide_motion(
             return refused
         return involution.settle(ConstrainedAt(analyzed, with_time), seed, limits, progress)
     except IrreducibleAtoms as problem:
-        return involution.Finding(None, 0, problem.detail)
+        return involution.Finding(None, 0, reasons.irreducible(problem.detail))
 
 
 def refused_along_a_solution(

@@ -35,6 +35,7 @@ from inverse_service.field.real_branch import RealTable, find_real_point, first_
 from inverse_service.field.tower import Tower, draw_point, to_kernels
 from inverse_service.linear_pde import equations as pde, involution
 from inverse_service.mechanics import conditions, second_order_system
+from inverse_service.statements import reasons
 from inverse_service.statements.stages import Progress
 
 if TYPE_CHECKING:
@@ -167,7 +168,7 @@ class Decision:
     verdict: solutions.Verdict
     with_time: bool
     order: int
-    reason: str = ""
+    open: reasons.Open | None = None
     rows: tuple[RowName, ...] = ()
     space: solutions.SolutionSpace | None = None
     symbol: involution.Symbol | None = None
@@ -256,7 +257,7 @@ def decide(
                 card, seed, limits or involution.Limits(), progress or (lambda _: None)
             )
     except errors.IrreducibleAtoms as problem:
-        return Decision("undetermined", with_time, 0, reason=problem.detail)
+        return Decision("undetermined", with_time, 0, reasons.irreducible(problem.detail))
     return replace(_decision(found, with_time), seconds=deadline.now() - began)
 
 
@@ -288,7 +289,7 @@ def _decision(found: involution.Finding, with_time: bool) -> Decision:
         space = solutions.SolutionSpace(found.order, dimensions, symbol.characters, True, words)
     rows = cast(tuple[RowName, ...], found.rows)
     return Decision(
-        _VERDICTS[found.exists], with_time, found.order, found.reason, rows, space, symbol, found.degree,
+        _VERDICTS[found.exists], with_time, found.order, found.open, rows, space, symbol, found.degree,
         found.history, found.points,
     )  # fmt: skip
 

@@ -13,15 +13,11 @@ if TYPE_CHECKING:
     from inverse_service.mechanics.first_integrals import FirstIntegral
     from inverse_service.mechanics.legendre import LegendreTransform
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
+    from inverse_service.statements.parts import Part as ResultPart
+    from inverse_service.statements.reasons import Open
 
 Verdict = Literal["variational", "not_variational", "undetermined"]
 Matrix = tuple[tuple[ex.Expression, ...], ...]
-# Why a set beyond the domain of an answer is listed on which the equations are defined.
-BEYOND_DOMAIN = "not answered; the same equations hold there"
-BEYOND_ODD_ROOTS = (
-    "not answered; with real odd roots of negative values the same equations hold there"
-)
-BEYOND = (BEYOND_DOMAIN, BEYOND_ODD_ROOTS)
 # The solutions on the answered cells, and the remaining cells.
 SoFar: TypeAlias = "tuple[tuple[Solution, ...], tuple[Left, ...]]"
 
@@ -52,7 +48,7 @@ class SolveOptions:
     conditions: bool = True
     first_integrals: bool = False
     reasons: bool = True
-    hand_over: Callable[[Sequence[str], Callable[[], SoFar]], None] | None = None
+    hand_over: Callable[[Sequence[ResultPart], Callable[[], SoFar]], None] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +115,8 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """The answer to one question: is there L(q, q'), or is there L(t, q, q')?
+    """The answer to one question: is there L(q, q'), or is there L(t, q, q')? `open` says why it
+    is undetermined.
 
     `explanation` proves it; `details` say how it was found and which other proofs exist.
 
@@ -130,7 +127,7 @@ class Answer:
     """
 
     verdict: Verdict
-    reason: str = ""
+    open: Open | None = None
     lagrangian: Lagrangian | None = None
     other_lagrangians: tuple[Lagrangian, ...] = ()
     hamiltonian: Hamiltonian | None = None
@@ -163,7 +160,7 @@ class Left:
 
     positive: tuple[ex.Expression, ...]
     near: RealTable | None
-    reason: str
+    open: Open
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +182,7 @@ class AllIntegrals:
 class Solution:
     """All results about one system; `autonomous` is None if f contains t.
 
-    `cut` maps each part for which the time limit expired to a sentence.
+    `cut` maps each part for which the time limit expired to why it is open.
     """
 
     system: SecondOrderSystem
@@ -193,7 +190,7 @@ class Solution:
     with_time: Answer | None
     conditions: Conditions | None
     provenance: Mapping[str, Any] = field(default_factory=dict)
-    cut: Mapping[str, str] = field(default_factory=dict)
+    cut: Mapping[ResultPart, Open] = field(default_factory=dict)
     first_integrals: tuple[FirstIntegral, ...] = ()
     all_integrals: AllIntegrals | None = None
 

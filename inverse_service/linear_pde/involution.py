@@ -34,6 +34,7 @@ from inverse_service.field.modular import (
     multiply,
 )
 from inverse_service.linear_pde import equations as pde
+from inverse_service.statements import reasons
 from inverse_service.statements.stages import PROLONGATION, Progress, Stage
 
 Rows = list[dict[int, int]]
@@ -46,8 +47,6 @@ MOST_UNKNOWNS = 60_000
 # The growth of the time from one order to the next; an order that would exceed the deadline is not
 # begun.
 _GROWTH = 3
-# The beginning of the reason if the deadline leaves a finding undetermined.
-OUT_OF_TIME = "the time limit came before order"
 Integers = npt.NDArray[np.int64]
 # A Taylor coefficient (function, monomial), and the choice of a free coefficient's value modulo a
 # prime.
@@ -285,7 +284,7 @@ class Finding:
 
     exists: bool | None
     order: int
-    reason: str = ""
+    open: reasons.Open | None = None
     rows: tuple[pde.RowName, ...] = ()
     symbol: Symbol | None = None
     degree: int = 0
@@ -326,9 +325,9 @@ def settle(card: Card, seed: int, limits: Limits, progress: Progress) -> Finding
         again.expected_rows = run.dependent_rows
         return _agreement(first, settle_once(again))
     except IrreducibleAtoms as problem:
-        return Finding(None, 0, problem.detail)
+        return Finding(None, 0, reasons.irreducible(problem.detail))
     except TooLarge:
-        return Finding(None, 0, "its series are too large")
+        return Finding(None, 0, reasons.SERIES_TOO_LARGE)
 
 
 def _agreement(first: Finding, second: Finding) -> Finding:
@@ -338,7 +337,7 @@ def _agreement(first: Finding, second: Finding) -> Finding:
         second.history,
     )
     if second.exists is None or not same:
-        return Finding(None, first.order, second.reason or "two random points gave two answers")
+        return Finding(None, first.order, second.open or reasons.TWO_ANSWERS)
     return replace(first, points=(*first.points, *second.points))
 
 
@@ -367,8 +366,7 @@ def prolong(run: Run, seed: int) -> Finding:
             try:
                 prolongation.local = run.card.at(seed, known)
             except TooLarge:
-                stop = f"order {order} of prolongation would need too large series"
-                return _stopped(run, prolongation, stop)
+                return _stopped(run, prolongation, reasons.too_large_series(order))
         run.progress(Stage(PROLONGATION, order=order))
         began = now()
         pde.advance(prolongation)
@@ -381,7 +379,7 @@ def prolong(run: Run, seed: int) -> Finding:
             )
 
 
-def _stopped(run: Run, prolongation: pde.Prolongation, reason: str) -> Finding:
+def _stopped(run: Run, prolongation: pde.Prolongation, reason: reasons.Open) -> Finding:
     """An undetermined finding, with the progress so far."""
     return Finding(
         None,
@@ -404,17 +402,17 @@ def _ranks(run: Run, prolongation: pde.Prolongation) -> tuple[int, ...]:
     return tuple(found)
 
 
-def limit_reached(run: Run, prolongation: pde.Prolongation, order: int) -> str:
-    """The sentence that names the limit in the way of this order, or nothing."""
+def limit_reached(run: Run, prolongation: pde.Prolongation, order: int) -> reasons.Open | None:
+    """The limit in the way of this order, if there is one."""
     if order > run.limits.order:
-        return f"not decided by order {run.limits.order} of prolongation"
+        return reasons.not_by_order(run.limits.order)
     if now() + _GROWTH * run.lasted > run.limits.deadline:
-        return f"{OUT_OF_TIME} {order} of prolongation"
+        return reasons.time_before_order(order)
     unknowns, bits = prolongation.unknowns, 63 // prolongation.size
     total = prolongation.width(order - 1) + pde.count_of_degree(unknowns, order)
     if order + unknowns.most >= 1 << bits or total > run.limits.unknowns:
-        return f"order {order} of prolongation would need more than {run.limits.unknowns} unknowns"
-    return ""
+        return reasons.too_many_unknowns(order, run.limits.unknowns)
+    return None
 
 
 def _negative(run: Run, prolongation: pde.Prolongation, seed: int) -> Finding | None:

@@ -65,6 +65,10 @@ _END_OF_TEXT = re.compile(
 )
 
 
+class NotPairs(errors.InputError):
+    """Equations of first order that are no pairs of x' = h and p' = F."""
+
+
 @dataclass(frozen=True, slots=True)
 class Branch:
     """Where the accelerations of a system are those of other formulas, `given`: where all of
@@ -391,7 +395,7 @@ def from_pairs(
     order = tuple(slopes)
     half = len(order) // 2
     if len(order) != 2 * half or set(order) != set(coordinates):
-        raise errors.InputError(NOT_PAIRS, "/equations")
+        raise NotPairs(NOT_PAIRS, "/equations")
     plain = tuple(
         name
         for name in order
@@ -406,7 +410,7 @@ def from_pairs(
             return found
         if chosen and chosen == tuple(preferred):
             break
-    raise errors.InputError(NOT_PAIRS, "/equations")
+    raise NotPairs(NOT_PAIRS, "/equations")
 
 
 def _slopes(
@@ -419,7 +423,7 @@ def _slopes(
     for left, right in equations:
         parts = euler_lagrange.linear_parts(left - right, ex.Velocity)
         if not isinstance(parts, tuple) or len(parts[0]) != 1 or ex.ZERO in parts[0].values():
-            raise errors.InputError(NOT_PAIRS, "/equations")
+            raise NotPairs(NOT_PAIRS, "/equations")
         ((rate, factor),), rest = parts[0].items(), parts[1]
         found[rate.coordinate] = -(rest if factor == ex.ONE else rest / factor)
     return found
@@ -536,10 +540,9 @@ def read_given(declared: document_names.Declared, equations: Equations) -> Given
         equations += _canonical_equations(equations)
     try:
         return _read_lines(declared, equations, False)
-    except errors.InputError as error:
-        if error.detail == NOT_PAIRS:
-            with suppress(errors.InputError):
-                return _read_lines(declared, equations, True)
+    except NotPairs:
+        with suppress(errors.InputError):
+            return _read_lines(declared, equations, True)
         raise
 
 
@@ -552,7 +555,7 @@ def _read_lines(
     texts = _texts(equations)
     defined = {} if isinstance(equations, Mapping) else _definitions(texts, declared, rates)
     if rates and defined.keys() == _definitions(texts, declared).keys():
-        raise errors.InputError(NOT_PAIRS, "/equations")
+        raise NotPairs(NOT_PAIRS, "/equations")
     where = {name: formula for name, (formula, _) in defined.items()}
     try:
         return _read_with(

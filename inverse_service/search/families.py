@@ -601,8 +601,8 @@ def label(family: Family, terms: Sequence[tm.Monomial]) -> str:
         set(map(tm.velocity_degree, kinetic)),
         [tm.split_velocities(key)[1] for key in kinetic],
     )
-    if family.name == NAME:
-        return NAME
+    if family.given:
+        return family.name
     if None not in degrees:
         return "quadratic in the velocities" if degrees == {2} else "polynomial in the velocities"
     if not all(isinstance(p, ex.Velocity) for part in moving for p, _ in part):

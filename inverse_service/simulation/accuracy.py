@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from enum import Enum, auto
+from enum import Enum, StrEnum, auto
 from fractions import Fraction
 from itertools import pairwise
 
@@ -48,8 +48,6 @@ from inverse_service.simulation.sentences import say
 
 MOST_STEPS = 1_000_000
 CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE, ROUND_OFF = 0.1, 0.1, 1e-14, 0.01, 1e-15
-HALF = "half the step"
-STRICTER, LOOSER = f"{HALF} and a tenth of the tolerance", f"{HALF} and ten times the tolerance"
 AGAIN, TRUE = "With {}, the trajectory", "The true motion"
 GOES_ON = ("completed", "cancelled")
 TOO_LARGE, NOT_CHOSEN, OVER_TOLERANCE = 0.1, 0.01, 100.0  # the first two of the size of the motion
@@ -66,9 +64,18 @@ TAYLOR, EXPLICIT, IMPLICIT = (
     data.MethodChoice("heyoka", tolerance=1e-15), data.MethodChoice("adaptive", tolerance=1e-13),
     data.MethodChoice("reference"),
 )  # fmt: skip
-PEAKS, MISSED = "`adaptive`, stopping at the peaks of the forces", 0.01  # of the usual limits
+MISSED = 0.01  # of the usual limits
 BEYOND = 10.0  # times what half the step shows
 ADAPTIVE = data.Requested("", EXPLICIT)
+
+
+class How(StrEnum):
+    """In which way a second solution is finer, in the words of a sentence."""
+
+    HALF = "half the step"
+    STRICTER = "half the step and a tenth of the tolerance"
+    LOOSER = "half the step and ten times the tolerance"
+    PEAKS = "`adaptive`, stopping at the peaks of the forces"
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +87,7 @@ class Finer:
 
     requested: data.Requested
     grid: data.Grid
-    how: str
+    how: How
     part: float
     problem: data.Problem | None = None
     stops: tuple[float, ...] = ()
@@ -94,9 +101,11 @@ def finer(requested: data.Requested, grid: data.Grid) -> Finer:
     steps = min(grid.steps, max(1, MOST_STEPS // every) * every)
     half = replace(grid, step=grid.step / 2, steps=2 * steps, record_every=2 * every)
     if choice.method not in method_table.OWN_STEPS:
-        return Finer(requested, half, HALF, 1 - 0.5 ** (order_of(requested) or 1))
+        return Finer(requested, half, How.HALF, 1 - 0.5 ** (order_of(requested) or 1))
     factor, how = (
-        (TIGHTER, STRICTER) if TIGHTER * choice.tolerance >= TIGHTEST else (1 / TIGHTER, LOOSER)
+        (TIGHTER, How.STRICTER)
+        if TIGHTER * choice.tolerance >= TIGHTEST
+        else (1 / TIGHTER, How.LOOSER)
     )
     return Finer(
         replace(requested, choice=replace(choice, tolerance=factor * choice.tolerance)),
@@ -299,19 +308,19 @@ def _by_another_run(
         found.outcome.kind,
     )
     early = count < len(at.times) and kind not in GOES_ON
-    if early and again.how == HALF:
+    if early and again.how is How.HALF:
         quantity = say("end_with_half", kind.replace("_", " "))
         return replace(before, lost=_unresolved(run, count - 1, quantity)), whole
     errors, shares = errors_of(
         at.positions[:count], found.positions[:count], turns, again.part, whole
     )
-    is_at_peaks, error = again.how == PEAKS, observing.greatest(errors)
+    is_at_peaks, error = again.how is How.PEAKS, observing.greatest(errors)
     is_own = run.requested.method in method_table.OWN_STEPS
     missed = is_at_peaks and (is_own or (error or 0.0) > BEYOND * (before.error or 0.0))
     estimate = replace(
         before, is_known=True, error=error, share=observing.greatest(shares),
         until=float(at.times[count - 1]) if count < len(at.times) else before.until,
-        lost=_lost(run, shares.max(axis=1)) if again.how == HALF else None,
+        lost=_lost(run, shares.max(axis=1)) if again.how is How.HALF else None,
     )  # fmt: skip
     sentence = _elsewhere(run, errors, shares, AGAIN.format(again.how), MISSED if missed else 1.0)
     if early and not sentence:
@@ -328,7 +337,7 @@ def _at_peaks(run: observing.Observed, derived: derivation.Derived) -> Iterator[
     if len(peaks := moments_between(run)):
         with suppress(data.Unavailable):
             grid, stops = finer(run.requested, run.scene.grid).grid, tuple(peaks.tolist())
-            yield Finer(ADAPTIVE, grid, PEAKS, 1.0, derived.explicit(), stops)
+            yield Finer(ADAPTIVE, grid, How.PEAKS, 1.0, derived.explicit(), stops)
 
 
 def _stopping(

@@ -7,10 +7,11 @@ from itertools import product
 from typing import TypeGuard
 
 from inverse_service.decision import deciding
-from inverse_service.decision.solutions import BEYOND_DOMAIN, BEYOND_ODD_ROOTS, Answer, Left
+from inverse_service.decision.solutions import Answer, Left
 from inverse_service.expressions import collecting, tree as ex
 from inverse_service.field import real_branch, tower
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.statements import reasons
 
 _SEED = 1
 _MOST_BASES = 3  # odd roots of more expressions than these are taken of positive values alone
@@ -122,4 +123,7 @@ def _with_point(
     near = {
         name: value for name, value in point.items() if name not in _accelerations(system).values()
     }
-    return Left(whole, near, BEYOND_ODD_ROOTS if -1 in signs.values() else BEYOND_DOMAIN)
+    has_negative_roots = -1 in signs.values()
+    return Left(
+        whole, near, reasons.OUTSIDE_ODD_ROOTS if has_negative_roots else reasons.OUTSIDE_DOMAIN
+    )

@@ -33,9 +33,8 @@ from inverse_service.mechanics import euler_lagrange, second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import ansatz, antiderivatives, row_factors, terms as tm, tidy
 from inverse_service.solving import solving
+from inverse_service.statements import reasons
 
-_NO_TIME = "the time limit was reached before this question"
-NOT_FOUND = "the conditions on the multiplier leave such a Lagrangian possible, but none was found"
 _HOMOGENEOUS = ("riemannian", "finsler")
 FAMILY = "natural, with friction"
 HALF = Fraction(1, 2)
@@ -44,32 +43,25 @@ HALF = Fraction(1, 2)
 _SHARE_OF_SEARCH = 0.7
 Near = Mapping[ex.Symbol | ex.Velocity, Fraction]
 DEFINITE_SUM = "a sum with a definite Hessian"
-IRRATIONAL = (
-    "f is not rational, and none of the Lagrangians found has a definite Hessian at this point"
-)
-_OPEN = "no matrix of rational numbers was found that decides this; matrices of algebraic numbers may, but are not tried"
-OUTSIDE = "f has no value at this point, or the point belongs to another branch of signs"
-_SPECIAL = (
-    "the check could not confirm that g takes the same values at this point as at a generic one"
-)
 _DIGITS = 2
 
 
 @dataclass(frozen=True, slots=True)
 class KindAnswer:
     """Whether there is a regular Lagrangian of a kind; `dissipation` is D for a Lagrangian with
-    friction.
+    friction. `why` says in words why there is none, `open` why this is not known.
 
     The proof is valid for general parameters: `exceptions` are equations between parameters for
     which it fails.
     """
 
     verdict: solutions.Verdict
-    reason: str = ""
+    why: str = ""
     certificate: Mapping[str, Any] | None = None
     lagrangian: solutions.Lagrangian | None = None
     dissipation: ex.Expression | None = None
     exceptions: Sequence[str] = ()
+    open: reasons.Open | None = None
 
 
 def answer_kind(
@@ -87,7 +79,7 @@ def answer_kind(
     """
     main, system, friction = solution.main, solution.system, kind.name == "rayleigh"
     if system.depends_on_time and kind.name in _HOMOGENEOUS:
-        return KindAnswer("undetermined", "f contains t: no homogeneous Lagrangian is looked for")
+        return _open(reasons.NOT_HOMOGENEOUS)
     if (
         not friction
         and main is not None
@@ -109,7 +101,7 @@ def answer_kind(
             analysis, kind, asked.seed, deadline
         )
     except errors.IrreducibleAtoms as problem:
-        return KindAnswer("undetermined", problem.detail)
+        return _open(reasons.irreducible(problem.detail))
 
 
 def _of_known(
@@ -152,24 +144,23 @@ def decided(
     kind refers to it.
     """
     if now() > deadline:
-        return KindAnswer("undetermined", _NO_TIME)
+        return _open(reasons.NO_TIME_TO_BEGIN)
     with_time, limits = analysis.system.depends_on_time, involution.Limits(deadline=deadline)
     own = None if even is not None else analysis
     found = deciding.decide(
         even or analysis.system, with_time, seed, limits, analysis=own, among=kind.derivations
     )
     if found.verdict == "undetermined":
-        return KindAnswer("undetermined", found.reason)
+        return _open(found.open)
     answer = KindAnswer(found.verdict, "", certify.of_decision(analysis, found, kind=kind))
     if (proven := confirmed(answer, deadline)) is not None:
         return proven
-    words = found.verdict.replace("_", " ")
-    return KindAnswer(
-        "undetermined",
-        NOT_FOUND
-        if found.verdict == "variational"
-        else f"found {words}, but the check could not confirm it",
-    )
+    is_possible = found.verdict == "variational"
+    return _open(reasons.KIND_NOT_FOUND if is_possible else reasons.unconfirmed_kind(found.verdict))
+
+
+def _open(why: reasons.Open | None) -> KindAnswer:
+    return KindAnswer("undetermined", open=why)
 
 
 def confirmed(answer: KindAnswer, deadline: float) -> KindAnswer | None:
@@ -211,7 +202,7 @@ def answer_rayleigh(
 ) -> KindAnswer:
     """Yes with L and D, or no because f is not quadratic in v or its even part has no natural L."""
     found = quick_rayleigh(analysis, given, deadline) or _refuted(analysis, seed, deadline)
-    return found or _searched(analysis, seed, deadline) or KindAnswer("undetermined", NOT_FOUND)
+    return found or _searched(analysis, seed, deadline) or _open(reasons.KIND_NOT_FOUND)
 
 
 def _kind(analysis: Analysis) -> LagrangianKind:
@@ -415,7 +406,7 @@ def answer_definite(
     if not real_branch.is_defined(analysis.accelerations, there) or not real_branch.are_positive(
         analysis.system.positive, there
     ):
-        return KindAnswer("undetermined", OUTSIDE)
+        return _open(reasons.POINT_OUTSIDE)
     found = _definite_of_known(analysis, kind, known, near, deadline)
     if found is not None:
         return found
@@ -424,7 +415,7 @@ def answer_definite(
             "undetermined", f"this is decided for at most {matrices.MOST} coordinates"
         )
     if not deciding.is_rational(analysis) or ex.PI in deciding.symbols_of(analysis):
-        return KindAnswer("undetermined", IRRATIONAL)
+        return _open(reasons.NOT_RATIONAL)
     with_time, decision, member, order = analysis.system.depends_on_time, None, None, 1
     while now() < deadline:  # start with two orders, which usually refute
         space, rows = values_at(analysis, near, with_time, order)
@@ -458,7 +449,7 @@ def answer_definite(
             near, "multiplier", member
         )
         return _confirmed(certificate, "variational", deadline)
-    return KindAnswer("undetermined", _OPEN if decision is None else decision.reason or _OPEN)
+    return _open((decision and decision.open) or reasons.NO_RATIONAL_MATRIX)
 
 
 def point_near(analysis: deciding.Analysis, given: Near) -> Near:
@@ -495,7 +486,7 @@ def _confirmed(
     certificate: dict[str, Any], verdict: solutions.Verdict, deadline: float
 ) -> KindAnswer:
     found = confirmed(KindAnswer(verdict, "", certificate), deadline)
-    return found or KindAnswer("undetermined", _SPECIAL)
+    return found or _open(reasons.POINT_IS_SPECIAL)
 
 
 def _definite_of_known(

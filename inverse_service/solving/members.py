@@ -360,7 +360,7 @@ def _decided(work: _Work, leaf: Leaf, inside: int | None) -> Found:
         found = involution.settle(card, work.seed, limits, lambda _: None)
         verdicts[timed] = deciding.verdict_of(found.exists)
         if found.exists is None:
-            raise NotSplit(f"the general member is undetermined: {found.reason}")
+            raise NotSplit(f"the general member is undetermined: {found.open and found.open.words}")
     system, solved = (None, ()) if member is None else (member.system, member.solved)
     plain = verdicts[False] if wants_plain else None
     return Found(

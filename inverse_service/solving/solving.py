@@ -35,6 +35,8 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import antiderivatives, row_factors, terms, tidy
 from inverse_service.search.tidy import Found, SearchOutcome, describe, is_multiple, why_shown
 from inverse_service.solving import beyond
+from inverse_service.statements import parts, reasons
+from inverse_service.statements.parts import Part
 from inverse_service.statements.stages import DECISION, Progress, Stage
 
 if TYPE_CHECKING:
@@ -45,11 +47,6 @@ _SEARCH_SHARE = 0.5
 # The shares of the remaining time for the decision on the first of two questions, and for factors
 # of the equations as written.
 _SHARE_OF_FIRST, _SHARE_AS_GIVEN = 0.6, 0.3
-_UNCONNECTED = "this part is not connected with the one answered"
-_UNSOLVED = (
-    "the accelerations in solved form are too long to decide about, and no Lagrangian of the equations as "
-    "given answers this"
-)
 AS_GIVEN = "the equations as given"
 # The seconds, and the share of the time, that first integrals may use.
 _FOR_INTEGRALS, _FOR_ALL_INTEGRALS, _SHARE_FOR_INTEGRALS = 1.0, 0.5, 0.1
@@ -64,16 +61,12 @@ _QUICK, _FAIR = 1.9, 3.65
 # The seconds after which a search reports the results confirmed so far; before that, the Lagrangian
 # itself is expected.
 AT_ONCE = 1.0
-OPEN = Answer("undetermined", reason=deadline.NOT_YET)  # for a question that is not yet decided
+OPEN = Answer("undetermined", reasons.NOT_YET)  # for a question that is not yet decided
 log = logging.getLogger(__name__)
 Result = TypeVar("Result")
 _MOST_OUTSIDE = 64  # combinations of one side of each cell
 _OTHER_POINTS = range(2, 8)  # seeds of points on other parts of a cell
 _FAR = 8
-NO_TIME = "the time was over"
-NO_POINT = "no real point was found in this set"
-TOO_MANY = f"more than {second_order_system.MOST_BRANCHES} cells"
-BEYOND = "no solved cell contains the point"
 
 
 def solve_branches(
@@ -95,10 +88,7 @@ def solve_branches(
             if len(branches) == second_order_system.MOST_COUNTED
             else str(len(branches))
         )
-        reason = (
-            f"roots of squares and similar terms lead to {number} combinations of signs, each with a separate answer; "
-            f"at most {second_order_system.MOST_BRANCHES} are solved: write the formulas of one"
-        )
+        reason = reasons.many_cells(number, second_order_system.MOST_BRANCHES)
         return (_unreduced(system, options, None, reason),), ()
     told, end, solutions = options.hand_over, deadline.now() + options.time_limit, list[Solution]()
 
@@ -112,7 +102,7 @@ def solve_branches(
         solutions.append(found)
         if told is not None and not alone:
             open_ones = tuple(
-                Left(tuple(map(collecting.collect, each.positive)), None, deadline.NOT_YET)
+                Left(tuple(map(collecting.collect, each.positive)), None, reasons.NOT_YET)
                 for each in waiting
             )
             known = tuple(solutions)
@@ -126,7 +116,7 @@ def solve_branches(
                 analysis = deciding.analyze(found.system)
                 other = other_part(analysis, one.certificate, one.sides, end)
                 if other is not None:
-                    open_cells.append(Left(sides_of(found), other[0], _UNCONNECTED))
+                    open_cells.append(Left(sides_of(found), other[0], reasons.UNCONNECTED))
                     break
     is_alone = len(solutions) == 1 and not open_cells
     for found in solutions:
@@ -174,7 +164,8 @@ def cell_by_cell(
         if len(found) == second_order_system.MOST_BRANCHES or (
             cell not in branches and deadline.now() > end
         ):
-            reason = TOO_MANY if len(found) == second_order_system.MOST_BRANCHES else NO_TIME
+            most = second_order_system.MOST_BRANCHES
+            reason = reasons.more_cells(most) if len(found) == most else reasons.NO_TIME
             left.append(Left(tuple(map(collecting.collect, cell.positive)), point_of(cell), reason))
             continue
         one, sides = answer(cell, waiting)
@@ -188,7 +179,8 @@ def cell_by_cell(
                 waiting.append(other)
     unreached = second_order_system.unreached(system)
     left += [
-        Left(tuple(map(collecting.collect, one.positive)), None, NO_POINT) for one in unreached
+        Left(tuple(map(collecting.collect, one.positive)), None, reasons.NO_POINT)
+        for one in unreached
     ]
     return found, left + (_in_no_cell(system, known_sides) if system.branch is None else [])
 
@@ -209,7 +201,7 @@ def _in_no_cell(system: SecondOrderSystem, sides: Sequence[Sequence[ex.Expressio
             or any(real_branch.are_positive(one.positive, point) for one in found)
         ):
             continue
-        found.append(Left(beyond.positive, point, BEYOND))
+        found.append(Left(beyond.positive, point, reasons.IN_NO_CELL))
     return found
 
 
@@ -312,13 +304,13 @@ def _solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress 
     began = deadline.now()
     system = second_order_system.branches_of(system)[0]
     if max(len(printing.to_text(tree)) for tree in system.accelerations) > formulas.MAX_TEXT:
-        reason = f"an acceleration in solved form has more than {formulas.MAX_TEXT:,} characters, too many for a certificate"
-        return _unreduced(system, options, None, reason)
+        return _unreduced(system, options, None, reasons.too_long(formulas.MAX_TEXT))
     report = progress or (lambda _: None)
     try:
         analysis = deciding.analyze(system)
     except errors.IrreducibleAtoms as problem:
-        return _unreduced(system, options, _conditions(system, options, report)[0], problem.detail)
+        written = _conditions(system, options, report)[0]
+        return _unreduced(system, options, written, reasons.irreducible(problem.detail))
     work = Work(
         analysis,
         options,
@@ -331,7 +323,7 @@ def _solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress 
     began = deadline.now()
     work.printed, left_out = _conditions(system, options, report)
     work.add_seconds("conditions", began)
-    hand_over(work, "conditions")
+    hand_over(work, Part.CONDITIONS)
     autonomous, with_time = _changed(
         _answers(work, given), lambda answer, _: _explained(answer, system)
     )
@@ -415,10 +407,10 @@ def _all_integrals(
 
 
 def _unreduced(
-    system: SecondOrderSystem, options: SolveOptions, found: Conditions | None, reason: str
+    system: SecondOrderSystem, options: SolveOptions, found: Conditions | None, reason: reasons.Open
 ) -> Solution:
     answer = Answer(
-        "undetermined", reason=reason, positive=tuple(map(collecting.collect, system.positive))
+        "undetermined", reason, positive=tuple(map(collecting.collect, system.positive))
     )
     autonomous, with_time = (
         answer if asked else None for asked in deciding.questions(options.time_dependent, system)
@@ -608,9 +600,9 @@ def _without_time(work: Work, answer: Answer) -> Answer | None:
 def _answer(work: Work, decision: deciding.Decision) -> Answer:
     work.autonomous = work.autonomous if decision.with_time else decision
     if decision.verdict == "undetermined":
-        if decision.reason.startswith(involution.OUT_OF_TIME):
-            work.cut[named("existence", decision.with_time)] = decision.reason
-        return Answer("undetermined", reason=decision.reason)
+        if decision.open is not None and decision.open.reason is reasons.Reason.TIME:
+            work.cut[parts.existence(decision.with_time)] = decision.open
+        return Answer("undetermined", decision.open)
     if decision.verdict == "not_variational":
         return _negative(work, decision)
     return _by_lagrangian(work, decision) or confirmed(work, _by_existence(work, decision))
@@ -624,7 +616,7 @@ def _decide(
     order: int = involution.Limits().order,
 ) -> deciding.Decision:
     if work.analysis.system.is_unsolved:
-        return deciding.Decision("undetermined", with_time, 0, _UNSOLVED)
+        return deciding.Decision("undetermined", with_time, 0, reasons.UNSOLVED)
     if with_time in work.decided:
         return work.decided[with_time]
     stage = Stage(DECISION, timed=with_time)
@@ -681,12 +673,12 @@ def _reasons(work: Work, with_time: bool) -> tuple[Step, ...]:
     from inverse_service.explanation.hierarchy import smallest_sufficient_set
     from inverse_service.explanation.negative import explain_negative
 
-    if work.reasons:
-        return work.reasons
+    if work.explained:
+        return work.explained
     chosen = smallest_sufficient_set(work.analysis, work.options.seed)
     steps = explain_negative(work.analysis, chosen, with_time, work.options.seed)
     if chosen is not None:
-        work.reasons = steps
+        work.explained = steps
     return steps
 
 
@@ -778,7 +770,7 @@ def _searched(work: Work, decision: deciding.Decision, highest: float) -> Search
         )
     work.add_seconds("search", began + work.seconds.get("check", 0.0) - checked)
     if outcome.found is None and deadline.now() >= limit:
-        work.cut[named("lagrangian", decision.with_time)] = "The time for the search expired."
+        work.cut[parts.lagrangian(decision.with_time)] = reasons.SEARCH_EXPIRED
     return outcome
 
 
@@ -798,14 +790,14 @@ class Work:
     decided: dict[bool, deciding.Decision] = field(default_factory=dict)  # by `with_time`
     outcome: SearchOutcome | None = None
     autonomous: deciding.Decision | None = None
-    reasons: tuple[Step, ...] = ()
+    explained: tuple[Step, ...] = ()
     refused: set[tuple[str, bool]] = field(default_factory=set)
     began: float = field(default_factory=deadline.now)
     # The conditions written out, the confirmed answer to each question (with t: True), and the
     # parts for which the time limit expired.
     printed: Conditions | None = None
     answers: dict[bool, Answer] = field(default_factory=dict)
-    cut: dict[str, str] = field(default_factory=dict)
+    cut: dict[Part, reasons.Open] = field(default_factory=dict)
 
     def add_seconds(self, stage: str, began: float) -> None:
         self.seconds[stage] = self.seconds.get(stage, 0.0) + deadline.now() - began
@@ -862,25 +854,20 @@ def tell(work: Work, answer: Answer, with_time: bool) -> None:
     is_main = (
         with_time is not deciding.questions(work.options.time_dependent, work.analysis.system)[0]
     )
-    parts = [named("existence", with_time), "certificate"]
+    finished = [parts.existence(with_time), Part.CERTIFICATE]
     # L(q, q') answers both questions, without L(t, q, q') there is no L(q, q'), and one question
     # has both names.
     if with_time is (answer.verdict == "not_variational") or (with_time and is_main):
-        parts.append(named("existence", not with_time))
-    parts += [named("lagrangian", not is_main)] if found is not None else []
-    parts += ["hamiltonian"] if answer.hamiltonian is not None and is_main else []
-    hand_over(work, *parts)
+        finished.append(parts.existence(not with_time))
+    finished += [parts.lagrangian(not is_main)] if found is not None else []
+    finished += [Part.HAMILTONIAN] if answer.hamiltonian is not None and is_main else []
+    hand_over(work, *finished)
 
 
-def hand_over(work: Work, *parts: str) -> None:
+def hand_over(work: Work, *finished: Part) -> None:
     """Report that these parts are finished and checked."""
     if work.options.hand_over is not None:
-        work.options.hand_over(parts, lambda: _so_far(work))
-
-
-def named(part: str, with_time: bool) -> str:
-    """The name of a part for one of the two questions."""
-    return f"{part}_with_time" if with_time else part
+        work.options.hand_over(finished, lambda: _so_far(work))
 
 
 def _so_far(work: Work) -> SoFar:
@@ -970,8 +957,8 @@ def confirmed(work: Work, answer: Answer) -> Answer:
     ):
         raise errors.CertificateRefused("; ".join(found.reasons))
     if found.verdict != "valid":
-        reason = f"found {answer.verdict}, but the checker could not confirm it: {'; '.join(found.reasons)}"
+        reason = reasons.unconfirmed(answer.verdict, "; ".join(found.reasons))
         if work.left() <= 0:
-            work.cut["certificate"] = reason
-        return Answer("undetermined", reason=reason)
+            work.cut[Part.CERTIFICATE] = reason
+        return Answer("undetermined", reason)
     return replace(_on_its_set(work, answer), checked="valid")

@@ -117,7 +117,7 @@ def page_of_refusal(request: Request, refusal: problems.Refusal) -> HTMLResponse
     rendering.note_visitor_of(request)
     detail = (
         "The address may be mistyped."
-        if refusal.detail.startswith("There is nothing at")
+        if isinstance(refusal, problems.NoAddress)
         else refusal.detail
     )
     title = TITLES.get(refusal.status, "This was refused")

@@ -56,6 +56,10 @@ class Refusal(Exception):
         )
 
 
+class NoAddress(Refusal):
+    """The service has no such address."""
+
+
 # A full disk, for one (OperationalError): nothing was stored, and asking again is right.
 STORE = (model.TooManyJobs, model.StoreUnavailable, sqlite3.OperationalError)
 # What is answered by a problem document.
@@ -167,7 +171,8 @@ def _of_framework(request: Request, error: HTTPException) -> Refusal:
             for method in headers.pop("allow", headers.pop("Allow", "GET")).split(",")
         }
         headers["Allow"] = ", ".join(sorted(known | _methods(request)))
-    return Refusal(error.status_code, kind, detail, headers=headers)
+    made = NoAddress if error.status_code == 404 else Refusal
+    return made(error.status_code, kind, detail, headers=headers)
 
 
 def _methods(request: Request) -> set[str]:

@@ -12,6 +12,7 @@ from inverse_service.field.modular import safe_prime
 from inverse_service.linear_pde import equations as emission, involution as settling
 from inverse_service.linear_pde.equations import rows_of_degree
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, read_system
+from inverse_service.statements.reasons import Reason
 
 PRIME = safe_prime(5)
 SYSTEMS: list[tuple[dict[str, str], list[str], bool]] = [
@@ -52,7 +53,7 @@ def test_rows_that_find_no_room_are_written_into_more(
 
 
 def told(found: Decision) -> tuple[object, ...]:
-    return found.verdict, found.order, found.history, found.degree, found.space, found.reason
+    return found.verdict, found.order, found.history, found.degree, found.space, found.open
 
 
 def test_a_denominator_that_vanishes_everywhere_is_reported(
@@ -67,7 +68,9 @@ def test_a_denominator_that_vanishes_everywhere_is_reported(
     monkeypatch.setattr(settling, "constants_at", zeros)
     found = decide(system, False)
     assert found.verdict == "undetermined"
-    assert "denominator vanishes" in found.reason
+    assert found.open is not None
+    assert found.open.reason is Reason.IRREDUCIBLE
+    assert "denominator vanishes" in found.open.words
 
 
 @pytest.mark.parametrize(("equations_of", "parameters", "with_time"), SYSTEMS)

@@ -12,6 +12,13 @@ from inverse_service.decision.deciding import HelmholtzAt, analyze, decide
 from inverse_service.linear_pde import involution, involution as settling
 from inverse_service.linear_pde.involution import Finding, Limits
 from inverse_service.mechanics.second_order_system import read_system
+from inverse_service.statements.reasons import (
+    TWO_ANSWERS,
+    Open,
+    Reason,
+    not_by_order,
+    too_many_unknowns,
+)
 from inverse_service.statements.stages import Stage
 
 OSCILLATORS = read_system(["x", "y"], {"x": "-x", "y": "-2*y"})
@@ -22,10 +29,7 @@ def test_a_symbol_that_is_not_involutive_proves_nothing(monkeypatch: pytest.Monk
     assert decide(OSCILLATORS, False).verdict == "variational"
     monkeypatch.setattr(involution, "symbol_of", lambda *_: involution.Symbol(2, 1, (2, 0, 0, 0)))
     found = decide(OSCILLATORS, False, limits=Limits(order=4))
-    assert (found.verdict, found.reason) == (
-        "undetermined",
-        "not decided by order 4 of prolongation",
-    )
+    assert (found.verdict, found.open) == ("undetermined", not_by_order(4))
 
 
 def test_a_dimension_that_still_falls_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -51,17 +55,17 @@ def test_two_points_that_do_not_agree_leave_it_undetermined(
     answers = iter((FIRST, second, FIRST, FIRST))
     monkeypatch.setattr(settling, "settle_once", lambda _: next(answers))
     found = decide(OSCILLATORS, False)
-    assert (found.verdict, found.reason) == ("undetermined", "two random points gave two answers")
+    assert (found.verdict, found.open) == ("undetermined", TWO_ANSWERS)
     assert decide(OSCILLATORS, False).verdict == "variational"
 
 
 def test_a_second_point_that_meets_a_limit_leaves_it_undetermined(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    answers = iter((FIRST, Finding(None, 2, "the time limit")))
+    answers = iter((FIRST, Finding(None, 2, Open(Reason.TIME, "the time limit"))))
     monkeypatch.setattr(settling, "settle_once", lambda _: next(answers))
     found = decide(OSCILLATORS, False)
-    assert (found.verdict, found.reason) == ("undetermined", "the time limit")
+    assert (found.verdict, found.open) == ("undetermined", Open(Reason.TIME, "the time limit"))
 
 
 def test_the_second_point_expands_to_the_order_at_which_the_first_ended(
@@ -97,7 +101,7 @@ def test_no_more_unknowns_than_the_limit_are_ever_made(most: int, order: int) ->
     """
     found = decide(OSCILLATORS, False, limits=Limits(unknowns=most))
     assert (found.verdict, found.order) == ("undetermined", order - 1)
-    assert found.reason == f"order {order} of prolongation would need more than {most} unknowns"
+    assert found.open == too_many_unknowns(order, most)
 
 
 def test_only_a_positive_verdict_has_a_degree_and_a_symbol() -> None:

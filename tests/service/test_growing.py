@@ -11,11 +11,12 @@ import itertools
 import json
 import operator
 import time
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
 import inverse_service
+from api_schemas import base
 from inverse_service import deadline
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.decision import certify
@@ -26,6 +27,8 @@ from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.jobs.supervisor import described
 from inverse_service.solving import solving
+from inverse_service.statements.parts import Part
+from inverse_service.statements.reasons import Open, Reason
 from inverse_service.web.pages.rendering import Visitor
 from inverse_service.web.pages.result_tasks import Look, so_far_task
 
@@ -180,7 +183,9 @@ def test_each_part_of_an_immediate_answer_is_reported_too(monkeypatch: pytest.Mo
 def test_cut_off_anywhere_the_result_is_what_was_finished(place: int) -> None:
     messages, result = told_once(PARTICLE)
     so_far = states(messages)[min(place, len(messages) - 2)]
-    cut = growing.cut_off(so_far, "The time limit of 1 s was reached.", {"motion": 0.5}, 1.0)
+    cut = growing.cut_off(
+        so_far, Open(Reason.TIME, "The time limit of 1 s was reached."), {"motion": 0.5}, 1.0
+    )
     assert {entry["reason"] for entry in cut["incomplete"]} <= {
         "The time limit of 1 s was reached."
     }
@@ -235,3 +240,8 @@ def test_in_the_first_half_of_a_limit_no_share_ends_a_decision(part: float) -> N
     assert deadline.share(0.5, deadline.now() + 20.0) == pytest.approx(
         deadline.now() + 10.0, abs=0.1
     )
+
+
+def test_each_part_has_a_row() -> None:
+    assert {*growing.PARTS} == {*map(str, Part)}
+    assert {str(one) for one in Reason} | {""} == {*get_args(base.ReasonCode)}

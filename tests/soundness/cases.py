@@ -17,6 +17,7 @@ from inverse_service.decision.deciding import Analysis, Decision, analyze, decid
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics.second_order_system import read_system
+from inverse_service.statements.reasons import irreducible
 from tests.generator import disguised, random_right_side, random_system
 from tests.generator.systems import GeneratedSystem
 from tests.soundness.corruption import corruptions, found_valid, spoilt_lagrangians
@@ -73,7 +74,7 @@ def decided(equations: dict[str, str], with_time: bool) -> Decided:
     try:
         analysis = analyze(system)
     except IrreducibleAtoms as problem:
-        return Decided(None, Decision("undetermined", with_time, 0, reason=problem.detail))
+        return Decided(None, Decision("undetermined", with_time, 0, irreducible(problem.detail)))
     return Decided(analysis, decide(system, with_time, limits=limits, analysis=analysis))
 
 
@@ -81,7 +82,7 @@ def note(outcome: Outcome, found: Decided) -> str:
     """Record the verdict."""
     outcome.verdicts.append(found.decision.verdict)
     if found.decision.verdict == "undetermined":
-        outcome.reasons.append(found.decision.reason)
+        outcome.reasons.append("" if found.decision.open is None else found.decision.open.words)
     return found.decision.verdict
 
 

@@ -12,6 +12,8 @@ from inverse_service import __version__, errors
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents import growing, stated
 from inverse_service.service.jobs.tasks import Outcome, value_of
+from inverse_service.statements import parts
+from inverse_service.statements.reasons import Open, Reason
 
 UNDERSTAND_DEADLINE = 2.0
 PREFIX = "urn:inverse-service:problem:"
@@ -21,6 +23,7 @@ _WORDS = json.loads((Path(__file__).parent / "problems.json").read_text("utf-8")
 TITLES: dict[int, str] = {int(status): title for status, title in _WORDS["titles"].items()}
 ENDS: dict[str, tuple[int, str, str, str]] = _WORDS["ends"]
 FAULT = "this is an error in the program"
+_REASONS = {"deadline": Reason.TIME, "memory": Reason.SIZE}  # by how a task ended
 
 
 def with_understood(outcome: Outcome, understood: Outcome) -> Outcome:
@@ -48,7 +51,8 @@ def result_document(
     faults, WorkerFailed where the program is at fault (its details go to the log only).
     """
     happened = ENDS[outcome.status][2] if outcome.status in ENDS else ""
-    reason = f"{happened.format(time=options.time_limit, memory=memory_limit)}."
+    words = f"{happened.format(time=options.time_limit, memory=memory_limit)}."
+    reason = Open(_REASONS.get(outcome.status, Reason.STOPPED), words)
     if happened and so_far is not None:
         result = growing.cut_off(so_far["so_far"], reason, so_far["seconds"], outcome.spent.wall)
         result["provenance"] |= {
@@ -56,9 +60,8 @@ def result_document(
         }
         return result
     if outcome.status in ("deadline", "memory"):
-        return undetermined(
-            outcome.value, f"{reason[:-1]} before a verdict could be proved.", options
-        )
+        ended = Open(reason.reason, f"{words[:-1]} before a verdict could be proved.")
+        return undetermined(outcome.value, ended, options)
     found: dict[str, Any] = value_of(outcome)
     return found
 
@@ -74,16 +77,17 @@ def check_document(outcome: Outcome) -> dict[str, Any]:
     return found
 
 
-def undetermined(understood: Any, reason: str, options: SolveOptions) -> dict[str, Any]:
+def undetermined(understood: Any, reason: Open, options: SolveOptions) -> dict[str, Any]:
     """The result document of a run that a limit ended."""
     result = ResultDocument(
         system=None if understood is None else UnderstoodSystem.model_validate(understood),
         verdict="undetermined",
         verdict_with_time="undetermined",
-        reason=reason,
+        reason=reason.words,
+        reason_code=reason.reason.value,
         incomplete=[
             IncompletePart(**growing.entry(part, reason))
-            for part in ("existence", "existence_with_time")
+            for part in map(parts.existence, (False, True))
         ],
         provenance={
             "program": "inverse-service",

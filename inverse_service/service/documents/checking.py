@@ -17,7 +17,7 @@ import mpmath
 from api_schemas.base import CHECK_FORMAT
 from inverse_service.certificate import checker, conserved, formulas
 from inverse_service.certificate.cell import Cell
-from inverse_service.certificate.exceptions import SPECIAL_FUNCTIONS
+from inverse_service.certificate.exceptions import SINGLE_VALUES, SPECIAL_FUNCTIONS
 from inverse_service.certificate.kinds import KINDS, named
 from inverse_service.deadline import now
 from inverse_service.decision import certify
@@ -693,9 +693,7 @@ class Examination:
         is proven one.
         """
         place = f"{at}/exceptions"
-        is_cut = (
-            any(one.startswith("single values") for one in (*found, *stated)) or now() > self.end
-        )
+        is_cut = any(one.startswith(SINGLE_VALUES) for one in (*found, *stated)) or now() > self.end
         if is_cut or {one for one in stated if not one.startswith(SPECIAL_FUNCTIONS)} == {
             *found
         } != {*stated}:

@@ -31,8 +31,9 @@ from inverse_service.expressions import calculus, printing, tree as ex
 from inverse_service.field import real_branch
 from inverse_service.mechanics import second_order_system
 from inverse_service.reading import document_names, names as nm, reader
-from inverse_service.service.documents import accepting
+from inverse_service.service.documents import accepting, translate
 from inverse_service.solving.solving import point_of
+from inverse_service.statements import reasons
 
 if TYPE_CHECKING:
     from api_schemas.result import ResultDocument
@@ -952,9 +953,7 @@ def _leave_open(result: dict[str, Any], why: str) -> None:
         for key in ("verdict", "verdict_with_time"):
             if one.get(key) is not None:
                 one[key] = "undetermined"
-                one["reason"] = (
-                    f"An answer was found, but its system could not be compared with the document: {why}"
-                )
+                one |= translate.reason_fields(reasons.other_system("system", why))
 
 
 def compare_motion(result: dict[str, Any], time_limit: float) -> None:
@@ -968,8 +967,8 @@ def compare_motion(result: dict[str, Any], time_limit: float) -> None:
                 continue
             found = compared_claim(result["system"]["given"], part[key], time_limit)
             if found.verdict != "valid":
-                why = f"An answer was found, but its motion could not be compared with the document: {found.reasons[0]}"
-                kept: dict[str, Any] = {"statement": OPEN_MOTION, "reason": why, "freedom": ""}
+                kept: dict[str, Any] = {"statement": OPEN_MOTION, "freedom": ""}
+                kept |= translate.reason_fields(reasons.other_system("motion", found.reasons[0]))
                 kept |= dict.fromkeys(("verdict", "verdict_with_time"), "undetermined")
                 kept |= {name: [] for name in ("parts", "image", "explanation", "exceptions")}
                 holder["any_associated"] = dict.fromkeys(part, None) | kept

@@ -29,6 +29,7 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import accepting, translate
 from inverse_service.solving import solving
+from inverse_service.statements import reasons
 
 if TYPE_CHECKING:
     from inverse_service.solving.kind_answers import KindAnswer
@@ -106,10 +107,12 @@ def clock_part(
         factor, tried = clock.find_clock(system, asked.seed, deadline.now() + time_limit / 2)
         if factor is None:
             listed = ", ".join(map(printing.to_text, tried))
-            reason = (
-                f"No Lagrangian was found with dtau = N dt for N = {listed}; others were not tried."
+            return schemas.ClockPart(
+                factor="",
+                equations={},
+                verdict="undetermined",
+                **translate.reason_fields(reasons.no_clock(listed)),
             )
-            return schemas.ClockPart(factor="", equations={}, verdict="undetermined", reason=reason)
     changed = clock.with_clock(system, factor)
     assert changed is not None
     solved, answer = _solved(changed, False, asked.seed, end)
@@ -529,6 +532,8 @@ def kind_part(found: KindAnswer) -> schemas.KindPart:
     return translate.part_of(
         schemas.KindPart,
         found,
+        **translate.reason_fields(found.open)
+        | ({} if found.open is not None else {"reason": found.why}),
         checked=None if found.certificate is None else "valid",
         lagrangian=None
         if found.lagrangian is None

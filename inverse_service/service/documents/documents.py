@@ -34,15 +34,16 @@ from inverse_service.service.documents import (
     translate,
 )
 from inverse_service.solving import solving
+from inverse_service.statements import reasons
+from inverse_service.statements.parts import Part
 
 if TYPE_CHECKING:
     from inverse_service.decision.solutions import Left, Solution
 
 # Errors in the mathematics of a valid document, and the reason that the result then gives.
 REASONS = {
-    OverflowError: "A number in the computation, usually an exponent, exceeds 64 bits, so no verdict was reached.",
-    errors.CertificateRefused: "The independent checker refused the certificate of this answer, so there is none; "
-    "this is an error in the program.",
+    OverflowError: reasons.TOO_LARGE_NUMBER,
+    errors.CertificateRefused: reasons.REFUSED,
 }
 Progress = Callable[[Any], None]
 # What the solver may take where a family or kinds are wanted too.
@@ -92,7 +93,7 @@ def _undetermined(document: Any, error: Exception, options: SolveOptions) -> dic
     understood = None
     with contextlib.suppress(*ENDED):
         understood = understand_document(document)
-    reason = next(text for kind, text in REASONS.items() if isinstance(error, kind))
+    reason = next(one for kind, one in REASONS.items() if isinstance(error, kind))
     result = answers.undetermined(understood, reason, options)
     trace = "".join(traceback.format_exception(error))[-4000:]
     result["provenance"] |= {"fault": type(error).__name__}
@@ -239,42 +240,42 @@ def solve_system(
     if result.exceptions or (result.with_time and result.with_time.exceptions):
         result = derived.with_left_out(result, solution, asked, min(limit, now() + QUICKLY))
     if result.verdict == "not_variational":
-        grow.begin("kinds")
+        grow.begin(Part.KINDS)
         result = derived.with_instead(result, solution, asked, min(limit, now() + QUICKLY))
     if kinds:
-        grow.begin("kinds")
+        grow.begin(Part.KINDS)
         result = derived.with_kinds(result, solution, schema, kinds, asked, limit)
-        grow.hand_over(("explanation", "kinds"), partial(comparison.checked, result, 1.0))
+        grow.hand_over((Part.EXPLANATION, Part.KINDS), partial(comparison.checked, result, 1.0))
     if schema.clock is not None:
-        grow.begin("clock")
+        grow.begin(Part.CLOCK)
         part = derived.clock_part(system, factor, asked, comparison.SHARE_OF_SOLVER * (end - now()))
         result = result.model_copy(update={"with_clock": part})
-        grow.hand_over(("explanation", "clock"), partial(comparison.checked, result, 1.0))
+        grow.hand_over((Part.EXPLANATION, Part.CLOCK), partial(comparison.checked, result, 1.0))
     if asks_family:
         result = family_parts.with_family(result, system, schema, asked, grow, end)
-    grow.begin("certificate")
+    grow.begin(Part.CERTIFICATE)
     return comparison.with_one_verdict(
         comparison.ordered(grow.end(comparison.checked(result, end - now())))
     )
 
 
-def _wanted(schema: SystemDocument, system: SecondOrderSystem, kinds: bool) -> tuple[str, ...]:
+def _wanted(schema: SystemDocument, system: SecondOrderSystem, kinds: bool) -> tuple[Part, ...]:
     """The parts of the result that is asked for, in the order of wanting."""
     wants_plain, wants_time = deciding.questions(schema.time_dependent_lagrangian, system)
-    parts = (
-        "conditions",
-        "existence",
-        *["existence_with_time"] * wants_time,
-        "certificate",
-        "lagrangian",
-    )
-    second = ["lagrangian_with_time"] * (wants_plain and wants_time)
-    last = [
-        *["first_integrals"] * schema.first_integrals,
-        *["kinds"] * kinds,
-        *["clock"] * bool(schema.clock),
-    ]
-    return (*parts, *second, "hamiltonian", *last, "explanation")
+    wanted = {
+        Part.CONDITIONS: True,
+        Part.EXISTENCE: True,
+        Part.EXISTENCE_WITH_TIME: wants_time,
+        Part.CERTIFICATE: True,
+        Part.LAGRANGIAN: True,
+        Part.LAGRANGIAN_WITH_TIME: wants_plain and wants_time,
+        Part.HAMILTONIAN: True,
+        Part.FIRST_INTEGRALS: schema.first_integrals,
+        Part.KINDS: kinds,
+        Part.CLOCK: bool(schema.clock),
+        Part.EXPLANATION: True,
+    }
+    return tuple(part for part, is_wanted in wanted.items() if is_wanted)
 
 
 def parse_system(schema: SystemDocument) -> ParseAnswer:

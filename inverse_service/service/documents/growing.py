@@ -14,6 +14,8 @@ from typing import Any, Final
 
 from inverse_service import deadline
 from inverse_service.service.documents import stated
+from inverse_service.statements import reasons
+from inverse_service.statements.parts import Part
 from inverse_service.statements.stages import Stage
 
 Tell = Callable[[Any], None]
@@ -28,7 +30,6 @@ _STAGES: Final = {stage: part for part, row in PARTS.items() for stage in row.ge
 # What is finished sooner after a message waits for the next part to begin: to make a result so far
 # takes some ms; s of processor time, so that it costs a busy machine no larger share.
 AT_ONCE = 0.1
-_TO_COME = "The computation is in progress."
 _MORE_OF_OTHERS = "A longer time limit allows this."
 
 
@@ -46,9 +47,9 @@ class Growing:
         self._part, self._seconds = "understood", dict[str, float]()
         self._known: dict[str, Any] = {}
         self._untold: list[str] = []
-        self.wanted: tuple[str, ...] = ()
+        self.wanted: tuple[Part, ...] = ()
         self.finished: list[str] = []
-        self.cut: dict[str, str] = {}
+        self.cut: dict[Part, reasons.Open] = {}
 
     def stage(self, stage: Stage) -> None:
         """A stage begins."""
@@ -103,7 +104,9 @@ class Growing:
     @property
     def seconds(self) -> dict[str, float]:
         """By part, up to the last change of part; together the time that was taken."""
-        return {part: round(value, 4) for part, value in self._seconds.items() if value >= 5e-5}
+        return {
+            str(part): round(value, 4) for part, value in self._seconds.items() if value >= 5e-5
+        }
 
     def _send(self, found: dict[str, Any]) -> None:
         missing = [
@@ -111,7 +114,7 @@ class Growing:
             for part in self.wanted
             if part not in self.finished and not _is_ruled_out(part, found)
         ]
-        found["incomplete"] = [entry(part, self.cut.get(part, _TO_COME)) for part in missing]
+        found["incomplete"] = [entry(part, self.cut.get(part, reasons.TO_COME)) for part in missing]
         self._tell_new(self._outward(found))
 
     def _tell_new(self, found: dict[str, Any]) -> None:
@@ -121,25 +124,26 @@ class Growing:
             if key not in self._known or self._known[key] != value
         }
         self._known |= new
-        names, self._untold = self._untold, []
+        names, self._untold = [*map(str, self._untold)], []
         if self._tell is not None and (names or new):
             self._tell({"parts": names, "value": new, "seconds": self.seconds})
 
 
 def _is_ruled_out(part: str, found: Mapping[str, Any]) -> bool:
     """Whether a verdict says that there is no such part."""
-    verdict = found["verdict"] if part in ("lagrangian", "hamiltonian") else None
+    verdict = found["verdict"] if part in (Part.LAGRANGIAN, Part.HAMILTONIAN) else None
     return "not_variational" in (
         verdict,
-        found["verdict_with_time"] if part == "lagrangian_with_time" else None,
+        found["verdict_with_time"] if part == Part.LAGRANGIAN_WITH_TIME else None,
     )
 
 
-def entry(part: str, reason: str) -> dict[str, str]:
+def entry(part: str, reason: reasons.Open) -> dict[str, Any]:
     """The entry of `incomplete` for a part."""
     return {
-        "part": part,
-        "reason": reason,
+        "part": str(part),
+        "reason": reason.words,
+        "reason_code": reason.reason.value,
         "more_time": PARTS.get(part, {}).get("more_time", _MORE_OF_OTHERS),
     }
 
@@ -148,7 +152,7 @@ def events(message: Mapping[str, Any]) -> list[dict[str, Any]]:
     """A message as one {"part", "value"} for each part; together they have all that is new."""
     left, parts = (
         dict(message["value"]),
-        [part for part in message["parts"] if part in FIELDS] or ["existence"],
+        [part for part in message["parts"] if part in FIELDS] or [Part.EXISTENCE],
     )
     found = [
         {"part": part, "value": {key: left.pop(key) for key in FIELDS[part] if key in left}}
@@ -175,12 +179,13 @@ def grown(so_far: Mapping[str, Any], message: Mapping[str, Any]) -> dict[str, An
 
 
 def cut_off(
-    so_far: Mapping[str, Any], reason: str, seconds: Mapping[str, float], wall: float
+    so_far: Mapping[str, Any], reason: reasons.Open, seconds: Mapping[str, float], wall: float
 ) -> dict[str, Any]:
     """The result of a run that was ended, with all that was finished; what was to come is named
     with the reason.
     """
-    left = [one | {"reason": reason} for one in so_far["incomplete"]]
+    fields = {"reason": reason.words, "reason_code": reason.reason.value}
+    left = [one | fields for one in so_far["incomplete"]]
     names = [one["part"] for one in left]
     taken = dict(seconds)
     if names:
@@ -189,20 +194,20 @@ def cut_off(
         "incomplete": left,
         "provenance": so_far["provenance"] | {"seconds": taken},
     }
-    said = f"{reason[:-1]} before a verdict could be proved."
-    if found["verdict"] == "undetermined" and "existence" in names:
-        found["reason"] = said
-    return stated.with_answers({key: _with_reason(value, said) for key, value in found.items()})
+    fields["reason"] = f"{reason.words[:-1]} before a verdict could be proved."
+    if found["verdict"] == "undetermined" and Part.EXISTENCE in names:
+        found |= fields
+    return stated.with_answers({key: _with_reason(value, fields) for key, value in found.items()})
 
 
-def _with_reason(value: Any, reason: str) -> Any:
+def _with_reason(value: Any, fields: Mapping[str, str]) -> Any:
     """The same with this reason for each verdict that was still to come."""
     if isinstance(value, list):
-        return [_with_reason(one, reason) for one in value]
+        return [_with_reason(one, fields) for one in value]
     if not isinstance(value, dict):
         return value
-    found = {key: _with_reason(one, reason) for key, one in value.items()}
-    return found | {"reason": reason} if found.get("reason") == deadline.NOT_YET else found
+    found = {key: _with_reason(one, fields) for key, one in value.items()}
+    return {**found, **fields} if found.get("reason_code") == reasons.Reason.NOT_YET else found
 
 
 def asks_motion_alone(document: Any) -> bool:

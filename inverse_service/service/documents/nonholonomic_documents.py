@@ -21,7 +21,7 @@ from inverse_service.constrained import (
     reduced as deciding,
 )
 from inverse_service.constrained.lagrangian import first_system
-from inverse_service.deadline import NOT_YET, now, share
+from inverse_service.deadline import now, share
 from inverse_service.decision import solutions
 from inverse_service.explanation import explaining
 from inverse_service.expressions import collecting, notation, printing, tree as ex
@@ -42,6 +42,8 @@ from inverse_service.service.documents import (
     translate,
 )
 from inverse_service.service.documents.growing import Growing
+from inverse_service.statements import reasons
+from inverse_service.statements.parts import Part
 
 _MEASURE = {
     "found": "N times the volume of phase space is invariant; its momenta are those of the free velocities.",
@@ -51,7 +53,6 @@ _MEASURE = {
 # Of the time, what the equations of the free coordinates alone may take.
 SHARE_OF_REDUCED = 0.25
 MOST_FOR_INTEGRALS = 2.0  # s
-ONLY_THE_MOTION = "Only the motion was requested: see any_associated."
 QUADRATURE = "Along a solution of these equations the other coordinates follow by integrating the right sides over t."
 CLOSED = "The equations of these coordinates contain no other coordinates; those follow from the equations of motion."
 # Of the time for all, what finding the motion and what it keeps may take.
@@ -61,7 +62,7 @@ SHARE_OF_MOTION = 0.3
 SHARE_OF_SYSTEMS = 0.45
 SHARE_OF_ANY = 0.7
 # What is said of the motion before it was asked.
-OPEN = answering.MotionAnswer("undetermined", "undetermined", NOT_YET)
+OPEN = answering.MotionAnswer("undetermined", "undetermined", reasons.NOT_YET)
 # What first integrals may take, s and of the time.
 FOR_INTEGRALS, SHARE_OF_INTEGRALS = 5.0, 0.1
 # And what is left for checking all answers at the end.
@@ -128,6 +129,7 @@ def to_any_associated(answer: answering.MotionAnswer) -> schemas.AnyAssociatedPa
         schemas.AnyAssociatedPart,
         answer,
         **_stated(*_statement(answer)),
+        **translate.reason_fields(answer.open),
         checked="valid" if certificates else None,
         exceptions=list(answer.exceptions),
         lagrangian=None
@@ -293,17 +295,17 @@ def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) 
         )
     motion = motion_documents.read_given_motion(schema)
     question = schema.time_dependent_lagrangian
-    grow.wanted = ("any_associated", "reduced")
-    grow.begin("reduced")
+    grow.wanted = (Part.ANY_ASSOCIATED, Part.REDUCED)
+    grow.begin(Part.REDUCED)
     plain = deciding.decide_reduced(
         motion, None, _for_reduced(options, SHARE_OF_REDUCED * (end - now()))
     )
     own = None if plain is None else plain.answer
-    grow.begin("any_associated")
+    grow.begin(Part.ANY_ASSOCIATED)
     answer = answering.answer_motion(
         motion, (), question, options.seed, end, grow.stage, reduced=own
     )
-    open_answer = solutions.Answer("undetermined", reason=ONLY_THE_MOTION)
+    open_answer = solutions.Answer("undetermined", reasons.ONLY_THE_MOTION)
     result = translate.to_result(
         solutions.Solution(first_system(motion), open_answer, None, None), schema
     )
@@ -315,13 +317,13 @@ def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) 
     told = dict(result) | {"first_integrals": [translate.integral_part(one) for one in kept]}
     about = to_any_associated(answer)
     whole = schemas.NonholonomicResult(**told, nonholonomic=None, any_associated=about)
-    grow.hand_over(("any_associated",), lambda: compared(whole, end - now()))
-    grow.begin("reduced")
+    grow.hand_over((Part.ANY_ASSOCIATED,), lambda: compared(whole, end - now()))
+    grow.begin(Part.REDUCED)
     reduced = None  # there is no measure that would give a clock
     if plain is not None:
         limits = _for_reduced(options, end - now())
         reduced = _part(deciding.answer_reduced(motion, None, None, limits, plain))
-    grow.begin("certificate")
+    grow.begin(Part.CERTIFICATE)
     return grow.end(compared(whole.model_copy(update={"reduced": reduced}), end - now()))
 
 
@@ -368,7 +370,7 @@ def solve_nonholonomic(
     schema = motion_documents.to_nonholonomic_schema(document)
     system = motion_documents.to_nonholonomic(schema)
     families = motion_documents.to_families(schema, system)
-    grow.begin("motion")
+    grow.begin(Part.MOTION)
     report = nonholonomic_study.motion_report(
         system, min(constrained_motion.TIME_LIMIT, SHARE_OF_MOTION * options.time_limit)
     )
@@ -388,20 +390,20 @@ def solve_nonholonomic(
             "/associated",
         )
     questions = (
-        "existence",
-        *["existence_with_time"] * (schema.time_dependent_lagrangian is not False),
+        Part.EXISTENCE,
+        *[Part.EXISTENCE_WITH_TIME] * (schema.time_dependent_lagrangian is not False),
     )
     further = (
-        "any_associated",
-        "first_integrals",
-        "reduced",
-        "lagrangian",
-        "hamiltonian",
-        "explanation",
+        Part.ANY_ASSOCIATED,
+        Part.FIRST_INTEGRALS,
+        Part.REDUCED,
+        Part.LAGRANGIAN,
+        Part.HAMILTONIAN,
+        Part.EXPLANATION,
     )
-    grow.wanted = ("motion", *questions, *further)
-    first = [nonholonomic_study.Study(report, (_unasked(defined, NOT_YET),), 0)]
-    made.tell(("motion",), first)
+    grow.wanted = (Part.MOTION, *questions, *further)
+    first = [nonholonomic_study.Study(report, (_unasked(defined, reasons.NOT_YET),), 0)]
+    made.tell((Part.MOTION,), first)
     asked = dataclasses.replace(
         options,
         time_dependent=schema.time_dependent_lagrangian,
@@ -411,8 +413,8 @@ def solve_nonholonomic(
         ansatz=accepting.to_ansatz(schema, defined.system),
         series_order=schema.series_order,
     )
-    grow.begin("existence")
-    decided = (*questions, "lagrangian", "hamiltonian")
+    grow.begin(Part.EXISTENCE)
+    decided = (*questions, Part.LAGRANGIAN, Part.HAMILTONIAN)
     studies = list(
         nonholonomic_study.study_branches(
             report, systems, asked, grow.stage, lambda study: made.tell(decided, [study])
@@ -421,7 +423,7 @@ def solve_nonholonomic(
     main = studies[0].answers[studies[0].main]
     if main.solution is not None:
         grow.cut |= main.solution.cut
-    made.tell((*decided, "explanation"), studies)
+    made.tell((*decided, Part.EXPLANATION), studies)
     made.ask_about_the_motion(studies, asked, SHARE_OF_ANY)
     whole = made.whole(studies)
     if schema.family or schema.special_cases:
@@ -433,7 +435,7 @@ def solve_nonholonomic(
         and made.answers[0].verdict != "variational"
     ):
         whole = whole.model_copy(update={"instead": derived.of_reduced(whole.reduced)})
-    grow.begin("certificate")
+    grow.begin(Part.CERTIFICATE)
     return comparison.with_one_verdict(
         comparison.ordered(grow.end(comparison.checked(whole, end - now())))
     )
@@ -457,7 +459,7 @@ class _Made:
     reduced: schemas.ReducedPart | None = None
     kept: tuple[FirstIntegral, ...] = ()
 
-    def tell(self, parts: Sequence[str], studies: Sequence[nonholonomic_study.Study]) -> None:
+    def tell(self, parts: Sequence[Part], studies: Sequence[nonholonomic_study.Study]) -> None:
         """Hand over these parts, and with them all that is known."""
         self.grow.hand_over(
             parts, lambda: self.check(self.whole(studies), max(1.0, self.last - now()))
@@ -477,21 +479,21 @@ class _Made:
         """
         motion, density = self.report.motion, self.report.density
         lagrangian = motion.system.lagrangian
-        self.grow.begin("reduced")
+        self.grow.begin(Part.REDUCED)
         limits = _for_reduced(self.options, SHARE_OF_REDUCED * (self.last - now()))
         plain = deciding.decide_reduced(motion, lagrangian, limits)
         for left, study in zip(range(len(studies), 0, -1), studies, strict=True):
-            self.grow.begin("any_associated")
+            self.grow.begin(Part.ANY_ASSOCIATED)
             own = None if plain is None else plain.answer
             tell = partial(self.tell, (), studies) if len(studies) == 1 else lambda: None
             self._ask(study, asked, share(part / left, self.last), own, tell)
-        self.tell(("any_associated",), studies)
+        self.tell((Part.ANY_ASSOCIATED,), studies)
         if self.schema.first_integrals:
-            self.grow.begin("first_integrals")
+            self.grow.begin(Part.FIRST_INTEGRALS)
             limit = min(FOR_INTEGRALS, SHARE_OF_INTEGRALS * self.options.time_limit)
             self.kept = nonholonomic_study.first_integrals(self.report, self.options.seed, limit)
-        self.tell(("first_integrals",), studies)
-        self.grow.begin("reduced")
+        self.tell((Part.FIRST_INTEGRALS,), studies)
+        self.grow.begin(Part.REDUCED)
         limits = _for_reduced(self.options, self.last - now())
         if plain is not None:
             self.reduced = _part(
@@ -521,10 +523,11 @@ class _Made:
 
         found = nonholonomic_study.answer_about(study, asked, deadline, self.grow.stage, own, told)
         self.answers[place:] = [found]
-        if answering.OUT_OF_TIME in found.reason or (
-            found.verdict == "undetermined" and now() >= deadline
+        if found.open is not None and (
+            found.open.reason is reasons.Reason.TIME
+            or (found.verdict == "undetermined" and now() >= deadline)
         ):
-            self.grow.cut["any_associated"] = found.reason
+            self.grow.cut[Part.ANY_ASSOCIATED] = found.open
 
     def whole(self, studies: Sequence[nonholonomic_study.Study]) -> schemas.NonholonomicResult:
         """The result of an associated system with what is known of the motion, which is what one
@@ -565,24 +568,29 @@ def _about_the_motion(made: _Made, end: float) -> dict[str, Any]:
     one = nonholonomic_study.associated_systems(made.report, "first")[0]
     if one.system is None:
         raise errors.InputError(one.explanation, "/associated")
-    made.grow.wanted = ("motion", "any_associated", "first_integrals", "reduced")
+    made.grow.wanted = (
+        Part.MOTION,
+        Part.ANY_ASSOCIATED,
+        Part.FIRST_INTEGRALS,
+        Part.REDUCED,
+    )
     answered = map(_unasked, nonholonomic_study.on_branches(one))
     studies = [nonholonomic_study.Study(made.report, (each,), 0) for each in answered]
-    made.tell(("motion",), studies)
+    made.tell((Part.MOTION,), studies)
     asked = dataclasses.replace(made.options, time_dependent=made.schema.time_dependent_lagrangian)
     # Other clocks of the reduced system, which come after, have a floor too.
     made.ask_about_the_motion(studies, asked, 1 - SHARE_OF_REDUCED)
-    made.grow.begin("certificate")
+    made.grow.begin(Part.CERTIFICATE)
     return made.grow.end(compared(made.whole(studies), end - now()))
 
 
 def _unasked(
-    one: paper_class.AssociatedSystem, reason: str = ONLY_THE_MOTION
+    one: paper_class.AssociatedSystem, reason: reasons.Open = reasons.ONLY_THE_MOTION
 ) -> nonholonomic_study.AssociatedAnswer:
     """The answer that leaves open whether a system has a Lagrangian."""
     assert one.system is not None
     answer = solutions.Answer(
-        "undetermined", reason=reason, positive=tuple(map(collecting.collect, one.system.positive))
+        "undetermined", reason, positive=tuple(map(collecting.collect, one.system.positive))
     )
     return nonholonomic_study.AssociatedAnswer(
         one, solutions.Solution(one.system, answer, None, None)

@@ -95,7 +95,7 @@ def check_lagrangian(document: Any, text: str, time_limit: float = 60.0) -> dict
     verdict = verdicts.pop() if len(verdicts) == 1 else "differs" if wrong and right else (
         "invalid" if wrong else "incomplete")  # fmt: skip
     reasons = list(dict.fromkeys(reason for one in found for reason in one["reasons"]))
-    reasons += [f"Undecided {_where(one)}: {one.reason}." for one in left]
+    reasons += [f"Undecided {_where(one)}: {one.open.words}." for one in left]
     if is_singular:
         verdict, reasons = "invalid", [_SINGULAR]
     elif (

@@ -28,6 +28,7 @@ from inverse_service.service.documents.stated import (
     is_constrained,
     names_of,
 )
+from inverse_service.statements.parts import OF_LAGRANGIANS, Part
 from inverse_service.statements.questions import About
 
 YES, NO, OPEN, DIFFERS = "yes", "no", "open", "differs"
@@ -316,7 +317,7 @@ def _sentence(verdict: str, answers: Sequence[Stated], count: int, told: _Told) 
     general = _in_general(answers[0].part.get("exceptions") or (), told)
     if verdict == YES:
         shown, yes = answers[0], Word("Yes,", YES)
-        is_sought = any(part.startswith(("existence", "lagrangian")) for part in pending)
+        is_sought = not OF_LAGRANGIANS.isdisjoint(pending)
         is_asked = shown.question.timed is asks_for_time(told.result)
         time = (
             " that contains the time"
@@ -454,7 +455,7 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
 
 
 def _why_not(unanswered: Mapping[str, Any]) -> str:
-    return str(unanswered["reason"]).removeprefix("not answered; ")
+    return str(unanswered["reason"])
 
 
 def _sentence_of_cases(cases: Sequence[Case], unanswered: Sequence[Sentence]) -> Sentence:
@@ -1046,7 +1047,9 @@ def _constrained(told: _Told, verdict: str) -> Sheet:
         notes.insert(0, _general(motions[0]["exceptions"], told))
     # What ended a question that was begun is the reason, not how far it was.
     ended = [
-        one["reason"] for one in result.get("incomplete") or () if one["part"] == "any_associated"
+        one["reason"]
+        for one in result.get("incomplete") or ()
+        if one["part"] == Part.ANY_ASSOCIATED
     ]
     reason = (ended or [motions[0].get("reason")])[0]
     if verdict == OPEN and reason and not pending:

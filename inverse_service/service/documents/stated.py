@@ -13,12 +13,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from inverse_service import errors
-from inverse_service.decision.solutions import BEYOND
 from inverse_service.expressions import tree as ex
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
+from inverse_service.statements import parts
 from inverse_service.statements.order import Standing, in_order
+from inverse_service.statements.parts import Part
 from inverse_service.statements.questions import About, Question
+from inverse_service.statements.reasons import Reason
 
 QUESTION_WITH_TIME = "L(t, q, q')"
 NOT_FOUND = "No Lagrangian was found in closed form."
@@ -54,7 +56,7 @@ _OF_FOLLOWING = frozenset(
 )
 _EMPTY: tuple[Any, ...] = ("", None, [], {})
 _ALONG_CONSTRAINTS = ("on_constraints", "transverse_momenta")  # of the L of a motion
-_NAMES_OF_PARTS = {About.ANY: "any_associated", About.REDUCED: "reduced"}
+_PARTS = {About.ANY: Part.ANY_ASSOCIATED, About.REDUCED: Part.REDUCED}
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +82,11 @@ def branches_of(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 def open_cells_of(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """The cells without an answer; not the sets that only the domain of an answer leaves out."""
-    return [one for one in result.get("not_answered") or () if one["reason"] not in BEYOND]
+    return [
+        one
+        for one in result.get("not_answered") or ()
+        if one.get("reason_code") != Reason.OUTSIDE_DOMAIN
+    ]
 
 
 def asks_for_time(result: Mapping[str, Any]) -> bool:
@@ -447,21 +453,27 @@ def _open_part(one: Stated, result: Mapping[str, Any]) -> dict[str, str] | None:
     """What is missing of a verdict, or of a yes without L."""
     question = one.question
     if one.verdict == "undetermined":
-        part = _NAMES_OF_PARTS.get(question.about, f"existence{'_with_time' * question.timed}")
+        part: str = _PARTS.get(question.about, parts.existence(question.timed))
         part = (
-            "clock"
+            Part.CLOCK
             if question.clock
-            else "kinds"
+            else Part.KINDS
             if question.kind
             else "cases"
             if question.case
             else part
         )
-        words = str(one.part.get("reason") or "")
+        words, code = (str(one.part.get(key) or "") for key in ("reason", "reason_code"))
     elif one.verdict == "variational" and not one.part.get("lagrangian"):
-        part, words = f"lagrangian{'_with_time' * question.timed}", NOT_FOUND
+        part, words = parts.lagrangian(question.timed), NOT_FOUND
+        code = Reason.SEARCH.value
     else:
         return None
     known = next((entry for entry in result.get("incomplete") or () if entry["part"] == part), None)
-    said = {"reason": "", "more_time": ""} if known is None else known
-    return {"part": part, "words": words or said["reason"], "more_time": said["more_time"]}
+    said = known or {}
+    return {
+        "part": part,
+        "words": words or said.get("reason", ""),
+        "reason_code": code or said.get("reason_code", ""),
+        "more_time": said.get("more_time", ""),
+    }

@@ -21,6 +21,7 @@ from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import real_branch, tower
 from inverse_service.mechanics import euler_lagrange, legendre, second_order_system
 from inverse_service.reading import document_names, names as nm
+from inverse_service.statements.reasons import Open
 
 if TYPE_CHECKING:
     from inverse_service.mechanics.constrained_motion import NonholonomicSystem
@@ -142,7 +143,7 @@ def _not_answered(left: solutions.Left) -> schemas.NotAnsweredPart:
     }
     near = {name: value for name, value in named.items() if name}
     return schemas.NotAnsweredPart(
-        domain=certify.shortest(left.positive), near=near, reason=left.reason
+        domain=certify.shortest(left.positive), near=near, **reason_fields(left.open)
     )
 
 
@@ -265,9 +266,17 @@ def answer_fields(answer: solutions.Answer) -> dict[str, Any]:
         "details": [step_part(step, in_full=False) for step in answer.details],
         "checked": answer.checked,
         "exceptions": list(answer.exceptions),
-        "reason": answer.reason,
+        **reason_fields(answer.open),
         "domain": certify.shortest(answer.positive, answer.nonzero),
         "near": {} if answer.certificate is None else dict(answer.certificate.get("near", {})),
+    }
+
+
+def reason_fields(why: Open | None) -> dict[str, Any]:
+    """Why something is open, in words and as a code; both empty if it is not."""
+    return {
+        "reason": "" if why is None else why.words,
+        "reason_code": "" if why is None else why.reason.value,
     }
 
 

@@ -27,6 +27,7 @@ from inverse_service.service.documents import (
 )
 from inverse_service.service.jobs import model, opening, tasks
 from inverse_service.service.scenes import views
+from inverse_service.statements.reasons import Reason
 from inverse_service.statements.stages import Stage
 from inverse_service.web.pages import WORDS, forms, preview, rendering, simulations, typesetting
 
@@ -76,11 +77,8 @@ def _limit_that_was_hit(result: Mapping[str, Any]) -> float | None:
     provenance = result["provenance"]
     stopped = (provenance.get("options") or {}).get("time_limit")
     if isinstance(stopped, int | float):
-        reasons = [
-            result.get("reason") or "",
-            *(one["reason"] for one in result.get("incomplete") or ()),
-        ]
-        return stopped if any("limit" in reason for reason in reasons) else None
+        codes = {one.get("reason_code") for one in (result, *(result.get("incomplete") or ()))}
+        return stopped if codes & {Reason.TIME, Reason.SIZE} else None
     limit, used = provenance.get("time_limit"), (provenance.get("seconds") or {}).values()
     return limit if isinstance(limit, int | float) and sum(used) >= MUCH_OF * limit else None
 
