@@ -202,20 +202,24 @@ class Leaf:
 
     def reduced(self, polynomial: fmpq_mpoly) -> fmpq_mpoly:
         """The polynomial on the leaf, times elements that vanish nowhere on it."""
-        changed = True
-        while changed and not polynomial.is_zero():
-            changed = False
-            for index in self.unknowns.unknowns_in(polynomial):
-                divisor = self.divisor(index)
-                if divisor is None or polynomial.degrees()[index] < divisor.degrees()[index]:
-                    continue
-                polynomial = exact_field.pseudo_division(polynomial, divisor, index)[2]
-                polynomial = self.unknowns.ring.field.reduce(polynomial)
-                if len(polynomial) > 10 * MOST_TERMS:
-                    raise NotSplit(f"an equation has {len(polynomial)} terms")
-                changed = True
-                break
+        scale: fmpq_mpoly | None = polynomial
+        while scale is not None and not polynomial.is_zero():
+            scale, polynomial = self.reduced_once(polynomial)
+            if len(polynomial) > 10 * MOST_TERMS:
+                raise NotSplit(f"an equation has {len(polynomial)} terms")
         return polynomial
+
+    def reduced_once(self, polynomial: fmpq_mpoly) -> tuple[fmpq_mpoly | None, fmpq_mpoly]:
+        """(scale, rest): scale times the polynomial is the rest on the leaf; the scale is None if
+        no rule applies.
+        """
+        for index in self.unknowns.unknowns_in(polynomial):
+            divisor = self.divisor(index)
+            if divisor is None or polynomial.degrees()[index] < divisor.degrees()[index]:
+                continue
+            scale, _, rest = exact_field.pseudo_division(polynomial, divisor, index)
+            return scale, self.unknowns.ring.field.reduce(rest)
+        return None, polynomial
 
     def divisor(self, index: int) -> fmpq_mpoly | None:
         """The rule for a constant or jet, or the derivative of one with that leader."""

@@ -40,7 +40,7 @@ from inverse_service.field import exact_field, matrices, modular, tower
 from inverse_service.linear_pde import involution
 from inverse_service.mechanics import conditions as cd
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.solving import closed_members, leaves, regularity, solving
+from inverse_service.solving import closed_members, completion, leaves, regularity, solving
 from inverse_service.solving.leaves import Leaf, NotSplit, Unknowns
 from inverse_service.statements.stages import Progress, Stage
 
@@ -54,11 +54,10 @@ MOST_MINORS, MOST_TRIED = (
     24,
     4000,
 )  # of one size: computed, and tried at a point for one that is not zero
-SPLITTING_SECONDS, DECIDING_SECONDS, SEARCH_SECONDS = 8.0, 15.0, 10.0
-NOT_EXAMINED = (
-    "special members of this set were not examined: several g satisfy the algebraic conditions"
+SPLITTING_SECONDS, DECIDING_SECONDS, SEARCH_SECONDS = 8.0, 15.0, 5.0
+SEVERAL = (
+    "several g satisfy the algebraic conditions, and their differential ones were not completed"
 )
-DIFFERENTIAL = "several g satisfy the algebraic conditions, and the differential conditions on them were not split"
 
 
 @dataclass(frozen=True)
@@ -376,12 +375,6 @@ def _next_leaves(work: _Work, found: Found, place: int) -> Iterator[Leaf]:
     open.
     """
     asked = [one for one in found.verdicts if one is not None]
-    if set(asked) == {"variational"}:
-        exact = _by_lagrangian(work, found)
-        if exact is not None:
-            for equations in exact:
-                yield from _split(work, found.leaf, equations, place)
-            return
     if work.size == 1 and "not_variational" not in asked:
         return  # each equation of one coordinate has a Lagrangian
     rank, chosen, kernel = _rank(work, found.leaf)
@@ -393,24 +386,49 @@ def _next_leaves(work: _Work, found: Found, place: int) -> Iterator[Leaf]:
             break  # the sets of lower rank are among the leaves
     if kernel == "singular":
         return
-    if total - rank > 1:
-        reason = DIFFERENTIAL if "not_variational" in asked else NOT_EXAMINED
-        system = found.system or work.system
-        isotropic = work.size == 2 and rank == 0 and found.verdict is None  # Douglas' case I
-        if reason is not NOT_EXAMINED or not (isotropic or regularity.has_one_everywhere(system)):
-            work.open.append(Open(place, (), reason))
-        return
     try:
-        direction = _direction(work, [work.rows[k] for k in chosen])
-        yield from _split(
-            work, found.leaf, work.unknowns.coefficients(_determinant(direction)), place
-        )
-        if "not_variational" in asked:
-            yield from _differential(work, found, direction, place)
-    except (exact_field.TooLarge, ZeroDivisionError, NotSplit) as problem:
-        work.open.append(
-            Open(place, (), f"the conditions on the factor of g were not computed: {problem}")
-        )
+        if total - rank == 1:
+            direction = _direction(work, [work.rows[k] for k in chosen])
+            yield from _split(
+                work, found.leaf, work.unknowns.coefficients(_determinant(direction)), place
+            )
+            if "not_variational" in asked:
+                yield from _differential(work, found, direction, place)
+            return
+    except (exact_field.TooLarge, ZeroDivisionError, NotSplit):
+        pass
+    try:
+        yield from list(_completed(work, found, place, chosen))
+    except (NotSplit, exact_field.TooLarge, ZeroDivisionError) as problem:
+        exact = None if "not_variational" in asked else _by_lagrangian(work, found)
+        if exact is None:
+            work.open.append(Open(place, (), f"{SEVERAL}: {problem}"))
+        for equations in exact or ():
+            yield from _split(work, found.leaf, equations, place)
+
+
+def _completed(work: _Work, found: Found, place: int, chosen: Sequence[int]) -> Iterator[Leaf]:
+    """The next leaves by completed differential conditions, from independent algebraic ones."""
+    plain, timed = found.verdict, found.with_time
+    system = found.system or work.system
+    isotropic = work.size == 2 and not chosen and plain is None  # Douglas' case I
+    if "not_variational" not in (plain, timed) and (
+        isotropic or regularity.has_one_everywhere(system)
+    ):
+        return
+    # If there is an L(q, q'), it answers both questions; if there is no L(t, q, q'), none.
+    questions = [False] if plain == "variational" or timed is None else [True]
+    if plain == "not_variational" and timed == "variational":
+        questions.append(False)
+    systems = dict[frozenset[str], tuple[fmpq_mpoly, ...]]()
+    for one in questions:
+        rows = [work.rows[k] for k in chosen]
+        done = completion.complete(found.leaf, work.exact, rows, one, _until(work))
+        if done.is_regular != ((timed if one else plain) == "variational"):
+            raise NotSplit("the differential conditions have another answer")
+        systems |= {frozenset(map(str, parts)): parts for parts in done.special}
+    for parts in systems.values():
+        yield from _split(work, found.leaf, parts, place)
 
 
 def _split(work: _Work, leaf: Leaf, equations: Iterable[fmpq_mpoly], place: int) -> list[Leaf]:
