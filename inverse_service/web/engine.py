@@ -23,7 +23,7 @@ from starlette.types import Scope
 
 from api_schemas.system import SystemDocument
 from inverse_service import __version__, errors
-from inverse_service.service.documents import answers
+from inverse_service.service.documents import answers, plain_system
 from inverse_service.service.jobs import (
     model,
     monitoring,
@@ -36,7 +36,7 @@ from inverse_service.service.jobs import (
 from inverse_service.service.jobs.batch import batch_task
 from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.settings import Settings
-from inverse_service.web import asking, clients, pages, problems
+from inverse_service.web import asking, clients, pages, problems, together
 
 log = logging.getLogger(__name__)
 # What is no job has a second, and two more for each MB; batches of many lines have more, pages and figures too. It
@@ -51,6 +51,8 @@ LOOK_AGAIN = 0.5
 # A stream says that it lives this often, s.
 KEEP_ALIVE = 10.0
 STORE_THREADS = 32
+# Threads that store questions where several can at a time.
+WRITERS = 2
 # Bytes of a question that costs the loop less to read, in a fraction of a millisecond, than to hand it to a process.
 SHORT = 2048
 # So many bytes of an answer are read at once.
@@ -148,6 +150,7 @@ class Engine:
 
     supervisor: Supervisor
     hub: asking.Hub
+    together: together.Together
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
@@ -198,6 +201,10 @@ class Engine:
         self.store.on_change(self.hub.tell)
         self.store.on_change(self.known.drop)
         self.supervisor.start()
+        self.together = together.Together(
+            lambda some: self.supervisor.submit_together(some, self.bounds),
+            1 if self.store.exclusive else WRITERS,
+        )
         self._chores = [asyncio.create_task(chore()) for chore in (self._measure_lag, self._forget)]
         gc.collect()
         gc.freeze()  # what is loaded stays, and is not looked through again and again
@@ -225,6 +232,7 @@ class Engine:
         log.info("the service stops")
         for chore in self._chores:
             chore.cancel()
+        self.together.stop()
         self.supervisor.stop()
         self.work_workers.stop()
         self.quick_workers.stop()
@@ -286,22 +294,42 @@ class Engine:
         """The stored job of a question, sent with this key, when it is final, or as it is after so many seconds."""
         own, end = viewer.own(request), time.monotonic() + seconds
         with self.hub.waiting(asking.end_of(own.id)) as ended:
-            job = await self.read(self._submit, own, key)
+            if key:
+                await self.read(self._claim_key, own.client, key, own.id)
+            new = await self._in_time(self.together.submit(own))
+            job = await self.read(self._submit, own) if new is None else new
             return await self._until_final(job, viewer, end - time.monotonic(), ended)
 
     async def ask(
         self, question: model.JobRequest, viewer: model.Viewer, seconds: float = 0.0, key: str = ""
     ) -> model.Job:
-        """`submit`; a document for whose answer nobody waits is refused at once where it cannot be read."""
-        job = await self.submit(question, viewer, seconds, key)
-        if job.is_open and seconds <= 0 and question.kind == "solve":
-            with suppress(problems.Refusal):  # where too many wait, the job will tell
-                body = question.document.encode()
-                outcome = await self.run_quick(
-                    question.client, tasks.parse_task, body, seconds=QUICK_DEADLINE
+        """`submit`; a document for whose answer nobody waits is refused at once where it cannot be read.
+
+        It is read while it is stored; where that takes long, the job will tell.
+        """
+        reading = None
+        is_to_be_read = seconds <= 0 and question.kind == "solve"
+        if is_to_be_read and not plain_system.is_readable(question.document):
+            reading = asyncio.ensure_future(
+                self.run_quick(
+                    question.client,
+                    tasks.refuse_task,
+                    question.document.encode(),
+                    seconds=QUICK_DEADLINE,
                 )
-                if outcome.status == "refused":
-                    raise errors.DocumentRefused(outcome.places)
+            )
+            # Whoever leaves before hears nothing of it.
+            reading.add_done_callback(lambda task: task.cancelled() or task.exception())
+        try:
+            job = await self.submit(question, viewer, seconds, key)
+            if reading is not None and job.is_open:
+                with suppress(problems.Refusal):  # where too many wait, the job will tell
+                    outcome = await reading
+                    if outcome.status == "refused":
+                        raise errors.DocumentRefused(outcome.places)
+        finally:
+            if reading is not None:
+                reading.cancel()
         return job
 
     async def rate_limit(self, client: str) -> dict[str, str]:
@@ -346,10 +374,9 @@ class Engine:
                 if not found.is_more:
                     await asking.until_set(changed, patience)
 
-    def _submit(self, request: model.JobRequest, key: str) -> model.Job:
-        self._claim_key(request.client, key, request.id)
-        # A known answer waits for no change; where none is under way, both are one look.
-        found, is_new = self.store.job(request.id, PART) if self.store.is_busy else None, False
+    def _submit(self, request: model.JobRequest) -> model.Job:
+        """The job of a question that may be known, or for which there may be no room."""
+        found, is_new = self.store.job(request.id, PART), False
         if found is None or found.is_open or found.is_to_be_asked(request.fresh, time.time()):
             found, is_new = self.supervisor.submit(request, self.bounds, PART)
         if not is_new:

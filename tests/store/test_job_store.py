@@ -458,3 +458,35 @@ def test_batches_are_listed_in_pages_the_newest_first(store: JobStore) -> None:
     for wrong in ("nothing", "b4"):
         with pytest.raises(ValueError, match="cursor"):
             store.batches("alice", wrong)
+
+
+@pytest.mark.slow
+def test_questions_are_stored_together_and_the_first_begin(store: JobStore) -> None:
+    asked = [request(name, client=f"of {name}") for name in "cadb"]
+    jobs = {job.id: job for job in store.submit_together(asked, "me", 2)}
+    assert [jobs[name].status for name in "abcd"] == ["running", "running", "accepted", "accepted"]
+    assert {name: present(store.job(name)) for name in jobs} == jobs
+    assert ids(store.claim("other", 9)) == ["c", "d"]
+    assert store.finish("a", 1, b"{}", USAGE)
+    # Whoever asked is who is waited for: nobody else may end it.
+    assert not store.dismiss("b", "of a")[1]
+    assert store.dismiss("b", "of b")[1]
+
+
+@pytest.mark.slow
+def test_of_questions_that_are_known_none_is_stored_again(store: JobStore) -> None:
+    run(store, "a", b"1")
+    store.submit([request("b")])
+    heard = list[str]()
+    store.on_change(lambda change: heard.append(change.id))
+    assert ids(store.submit_together([request("a"), request("b")], "me", 2)) == []
+    assert ids(store.submit_together([request("c"), request("c")], "me", 2)) == ["c"]
+    assert present(store.job("c")).status == "accepted", "b waits already"
+    assert heard == ["c"]
+    assert (present(store.job("a")).body, present(store.job("b")).status) == (b"1", "accepted")
+
+
+@pytest.mark.slow
+def test_where_the_operator_lets_none_begin_questions_stored_together_wait(store: JobStore) -> None:
+    store.drain(True)
+    assert [job.status for job in store.submit_together([request("a")], "me", 5)] == ["accepted"]

@@ -25,6 +25,7 @@ from inverse_service.settings import Settings
 from inverse_service.web import engine as engine_module
 from inverse_service.web.application import create_application
 from inverse_service.web.asking import Hub
+from inverse_service.web.together import Together
 from tests.web.inline import Inline
 
 SYSTEM = {"coordinates": ["x"], "equations": {"x": "0"}}
@@ -68,6 +69,7 @@ def with_store(store: Any, work: Work) -> None:
 
     async def run() -> None:
         engine.hub = Hub()
+        engine.together = Together(lambda some: dict(store.submit_together(some)), 1)
         transport = httpx.ASGITransport(application, raise_app_exceptions=False)
         async with httpx.AsyncClient(transport=transport, base_url="http://service") as client:
             await work(client)

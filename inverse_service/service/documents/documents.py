@@ -110,6 +110,12 @@ def parse_document(document: Any) -> dict[str, Any]:
         )
 
 
+def refuse_unreadable(document: Any) -> None:
+    """`parse_document` without its value."""
+    ready = accepting.prepared(document)
+    _in_own_words(ready, lambda cases: {"read": cases.parse(cases.look(ready.document))})
+
+
 def understand_document(document: Any) -> dict[str, Any]:
     """The `system` part of a result, with the document as JSON has it; raises InputError."""
     ready = accepting.prepared(document)

@@ -14,7 +14,7 @@ import hashlib
 import json
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from decimal import Decimal
 from pathlib import Path
@@ -152,6 +152,11 @@ class Bounds:
     total: int = NO_BOUND
     client: int = NO_BOUND
     daily: float = NO_BOUND
+
+    def room(self, open_jobs: Mapping[str, int], clients: Iterable[str]) -> int:
+        """How many more jobs may be open, of each of these clients and in all; open ones by client."""
+        most = max((open_jobs.get(client, 0) for client in clients), default=0)
+        return min(self.total - sum(open_jobs.values()), self.client - most)
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ is not announced: who waits for it looks again (`engine.LOOK_AGAIN`), and so doe
 import contextlib
 import queue
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import psycopg
@@ -124,6 +124,19 @@ class PostgresStore(stores.JobStore):
         value, told = self._insist(transaction)
         self.tell(told)
         return value
+
+    def submit_together(
+        self, requests: Sequence[model.JobRequest], owner: str, begin: int
+    ) -> list[model.Job]:
+        """One statement, which is its own transaction: half the time of a pipeline with BEGIN and COMMIT."""
+
+        def insert(connection: Connection) -> tuple[list[model.Job], list[model.Change]]:
+            session = statements.Session(connection, [], statements.POSTGRES)
+            return statements.submit_together(session, requests, owner, begin), session.told
+
+        jobs, told = self._insist(insert)
+        self.tell(told)
+        return jobs
 
     def _insist(self, function: Callable[[Connection], T]) -> T:
         """Run it on a connection, again where that broke, so it must bear that a first run was

@@ -257,9 +257,7 @@ def refuse_too_many(
         detail = f"The batch asks {len(new)} new questions, and at most {most} may be open; send it in parts."
         raise errors.LimitError(detail)
     clients = {request.client for request in new}
-    if bounds.daily < model.NO_BOUND and session.rows(
-        "used_up", list(clients), float(bounds.daily)
-    ):
+    if bounds.daily < model.NO_BOUND and over_quota(session, [*clients], float(bounds.daily)):
         detail = "The processor time of this client for today (UTC) is used; ask again tomorrow."
         raise model.TooManyJobs(detail, model.until_tomorrow(), bounds.daily)
     if _room(session, clients, bounds) > FAR * len(new) + FEW:
@@ -271,10 +269,7 @@ def refuse_too_many(
 
 def _room(session: Session, clients: set[str], bounds: model.Bounds) -> int:
     """How many more jobs may be open, of each of these clients and in all."""
-    rows = session.rows("open_of_clients")
-    most = max((row["jobs"] for row in rows if row["client"] in clients), default=0)
-    room: int = min(bounds.total - sum(row["jobs"] for row in rows), bounds.client - most)
-    return room
+    return bounds.room(open_by_client(session), clients)
 
 
 def claim(
@@ -303,41 +298,47 @@ def submit_and_claim(
 ) -> tuple[model.Job, bool, list[model.Job]]:  # fmt: skip
     """`submit` of one question, and in the same transaction `claim`.
 
-    Its job, with an answer that has at most so many bytes; whether it is new; those claimed. Where
-    few are open, a new one is stored in one statement: as running if it is next, else as waiting.
+    Its job, with an answer that has at most so many bytes; whether it is new; those claimed.
     """
-    row, about = (
-        None,
-        (
-            request.id,
-            request.kind,
-            request.document,
-            request.options,
-            request.client,
-            request.priority,
-        ),
-    )
-    if min(bounds.total, bounds.client) > 2 * FEW and bounds.daily >= model.NO_BOUND:
-        may_begin = limit > 0 and client_running >= model.NO_BOUND
-        row = (may_begin and session.first("begin", *about, owner)) or session.first(
-            "wait", *about, FEW
-        )
-    if row:
-        found = model.Job(**dict(row))
-        session.run("ask", found.id, found.client)
-        if found.status == "running":
-            return found, True, [found]
-        session.told.append(model.Change(found.id, "accepted"))
-    is_new = bool(row) or _accept(session, [request], bounds, of_batch=False)
-    claimed = (
-        {job.id: job for job in claim(session, owner, limit, client_running)}
-        if is_new and limit > 0
-        else {}
-    )
-    job = claimed.get(request.id) or (
-        found if row else _read(session, [request.id], largest)[request.id]
-    )
+    is_new = _accept(session, [request], bounds, of_batch=False)
+    begins = is_new and limit > 0
+    claimed = {
+        job.id: job for job in (claim(session, owner, limit, client_running) if begins else [])
+    }
+    job = claimed.get(request.id) or _read(session, [request.id], largest)[request.id]
     return job, is_new, [*claimed.values()]
+
+
+def submit_together(
+    session: Session, requests: Sequence[model.JobRequest], owner: str, begin: int
+) -> list[model.Job]:
+    """Store those of these questions that are new, where none waits the first `begin` as running.
+
+    Bounds are not looked at. In the order of ids, or two front ends might wait for each other.
+    """
+    wanted = sorted({request.id: request for request in requests}.values(), key=lambda r: r.id)
+    rows = [(r.id, r.kind, r.document, r.options, r.client, r.priority) for r in wanted]
+    if session.dialect.has_arrays:
+        columns = map(list, zip(*rows, strict=True))
+        found = session.rows("begin_or_wait_all", owner, begin, *columns)
+    else:
+        found = []
+        for row in rows:
+            found += session.rows("begin_or_wait", *row, int(len(found) < begin), owner)
+        session.many("ask", [(row["id"], row["client"]) for row in found])
+    jobs = jobs_of(found)
+    session.told.extend(model.Change(j.id, "accepted") for j in jobs if j.status == "accepted")
+    return jobs
+
+
+def open_by_client(session: Session) -> dict[str, int]:
+    """How many jobs of each client are open."""
+    return {row["client"]: row["jobs"] for row in session.rows("open_of_clients")}
+
+
+def over_quota(session: Session, clients: Sequence[str], daily: float) -> set[str]:
+    """Those of these clients that have used their processor seconds of today (UTC)."""
+    return {row["client"] for row in session.rows("used_up", list(clients), daily)}
 
 
 def heartbeat(session: Session, owner: str, running: Sequence[tuple[str, int]]) -> list[str]:

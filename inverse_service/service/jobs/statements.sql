@@ -65,18 +65,35 @@ created = excluded.created, started = NULL, finished = NULL, attempt = jobs.atte
 owner = NULL
 WHERE jobs.{finished} AND (jobs.status = 'dismissed' OR jobs.id AMONG (?) OR jobs.expires <= moment())
 
--- name: begin
--- A new question begins as it is stored where none waits and the operator lets it.
-INSERT INTO jobs (id, kind, document, options, status, client, priority, created, started, heartbeat, attempt, owner)
-SELECT ?, ?, ?, ?, 'running', ?, ?, moment(), moment(), moment(), 1, ?
-WHERE NOT EXISTS (SELECT 1 FROM jobs WHERE {waiting}) AND NOT EXISTS ({is_drained})
-ON CONFLICT (id) DO NOTHING RETURNING {job}
+-- name: begin_or_wait
+-- A new question, which begins as it is stored where it may, none waits, and the operator lets it.
+INSERT INTO jobs (id, kind, document, options, client, priority, created, owner, status, started, heartbeat, attempt)
+SELECT ?, ?, ?, ?, ?, ?, moment(), {begun} FROM (
+    SELECT ? AND NOT EXISTS (SELECT 1 FROM jobs WHERE {waiting}) AND NOT EXISTS ({is_drained}) AS begins, ? AS claimer
+) AS asked WHERE 1 = 1 ON CONFLICT (id) DO NOTHING RETURNING {job}
 
--- name: wait
--- A new question waits where not many are open.
-INSERT INTO jobs (id, kind, document, options, status, client, priority, created)
-SELECT ?, ?, ?, ?, 'accepted', ?, ?, moment() WHERE NOT EXISTS (SELECT 1 FROM jobs WHERE {open} LIMIT 1 OFFSET ?)
-ON CONFLICT (id) DO NOTHING RETURNING {job}
+-- name: begun
+-- The owner, status, start, heartbeat and attempt of a new question.
+CASE WHEN begins THEN claimer END, CASE WHEN begins THEN 'running' ELSE 'accepted' END,
+CASE WHEN begins THEN moment() END, CASE WHEN begins THEN moment() END, CASE WHEN begins THEN 1 ELSE 0 END
+
+-- name: begin_or_wait_all
+-- Of many new questions the first ones begin; whoever asked waits for them. One statement is one way to the server.
+WITH asked AS (
+    SELECT one.*, CAST(? AS text) AS claimer, place <= CAST(? AS integer)
+    AND NOT EXISTS (SELECT 1 FROM jobs WHERE {waiting}) AND NOT EXISTS ({is_drained}) AS begins
+    FROM unnest(
+        CAST(? AS text[]), CAST(? AS text[]), CAST(? AS text[]), CAST(? AS text[]), CAST(? AS text[]),
+        CAST(? AS integer[])
+    ) WITH ORDINALITY AS one (id, kind, document, options, client, priority, place)
+), new AS (
+    INSERT INTO jobs (id, kind, document, options, client, priority, created, owner, status, started, heartbeat, attempt)
+    SELECT id, kind, document, options, client, priority, moment(), {begun} FROM asked
+    ON CONFLICT (id) DO NOTHING RETURNING {job}
+), waits AS (
+    INSERT INTO askers SELECT id, client, 0 FROM new ON CONFLICT (job, client) DO UPDATE SET gone = 0
+)
+SELECT * FROM new
 
 -- name: ask
 INSERT INTO askers VALUES (?, ?, 0) ON CONFLICT (job, client) DO UPDATE SET gone = 0

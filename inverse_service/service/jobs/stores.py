@@ -96,11 +96,6 @@ class JobStore(ABC):
     def _used_bytes(self) -> int:
         """Bytes that forgetting can make fewer."""
 
-    @property
-    def is_busy(self) -> bool:
-        """Whether a change may have to wait for others."""
-        return True
-
     def on_change(self, listener: Callable[[model.Change], None]) -> None:
         """Call the listener with each change."""
         self._listeners.append(listener)
@@ -134,6 +129,9 @@ class JobStore(ABC):
 
     submit = writing(statements.submit)
     submit_and_claim = writing(statements.submit_and_claim)
+    submit_together = writing(statements.submit_together)
+    open_by_client = _reading(statements.open_by_client)
+    over_quota = _reading(statements.over_quota)
     claim = writing(statements.claim, durable=False)
     heartbeat = writing(statements.heartbeat, durable=False)
     finish = writing(statements.finish)
@@ -339,10 +337,6 @@ class SqliteStore(JobStore):
                 self._connection.execute("PRAGMA secure_delete = ON")
             # All that is closed with the store.
             self._opened = opened.pop_all()
-
-    @property
-    def is_busy(self) -> bool:
-        return self._writing.locked()
 
     def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:
         row = self._read(lambda session: session.first("place_of_body", id))

@@ -15,7 +15,7 @@ import threading
 import time
 import uuid
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -48,6 +48,9 @@ WRITE_EVENTS = 0.3
 HEARTBEAT = 1.0
 LEASE = 30.0
 POLL = 0.5
+# Open jobs for which there must be room, so that one count of them serves all questions of a heartbeat, also where
+# another front end accepts as many meanwhile.
+ENOUGH = 10_000
 # A store that does not answer keeps no service from its end; what it does not hear is run again, s.
 STOP_PATIENCE = 1.0
 # The store cannot be reached now and may be back: disk full or locked, server gone.
@@ -277,10 +280,15 @@ class Supervisor:
         self._finishers = ThreadPoolExecutor(FINISHERS, "finishing")
         self._thread = threading.Thread(target=self._work_loop, name="jobs", daemon=True)
         self._beaten = time.monotonic()
+        # At the last heartbeat: open jobs by client, whether the operator lets none begin; and how many were asked since.
+        self._open: Mapping[str, int] | None = None
+        self._is_drained = False
+        self._asked_since = 0
 
     def start(self) -> None:
         """Take back what a dead service left behind, then work."""
         self._take_back(0.0 if self._store.exclusive else LEASE)
+        self._look()
         self._store.on_change(self._changed)
         self._thread.start()
         self._wake.set()
@@ -300,6 +308,31 @@ class Supervisor:
         for job in claimed:
             self._start(job)
         return found, is_new
+
+    def submit_together(
+        self, requests: Sequence[model.JobRequest], bounds: model.Bounds
+    ) -> dict[str, model.Job]:
+        """Store in one commit, and begin, those of these questions that are new; by id.
+
+        Others are left to `submit`, and so are all where open jobs come near their bounds, and those
+        of a client that has used its quota.
+        """
+        if self._open is None:
+            return {}
+        self._asked_since += len(requests)
+        clients = {request.client for request in requests}
+        if bounds.room(self._open, clients) - self._asked_since < ENOUGH:
+            return {}
+        if bounds.daily < model.NO_BOUND:
+            over = self._store.over_quota([*clients], bounds.daily)
+            requests = [request for request in requests if request.client not in over]
+        is_bounded = self._client_running < model.NO_BOUND  # then a claim counts what runs
+        begin = 0 if is_bounded or self._stopping.is_set() else max(0, self._free())
+        found = self._store.submit_together(requests, self._owner, begin) if requests else []
+        for job in found:
+            if job.status == "running":
+                self._start(job)
+        return {job.id: job for job in found}
 
     def cancel(self, id: str) -> None:
         """Stop the work on a job at once, if it runs here; the caller updates the store."""
@@ -565,6 +598,7 @@ class Supervisor:
         one that is gone.
         """
         self._beaten = time.monotonic()
+        self._look()
         self._wake.set()  # an operator's command may have let jobs begin
         with self._lock:
             running = dict(self._running)
@@ -576,13 +610,18 @@ class Supervisor:
         if not self._store.exclusive:
             self._take_back(LEASE)
 
+    def _look(self) -> None:
+        """What the store says now of open jobs, and of the operator's wish."""
+        self._open, self._asked_since = self._store.open_by_client(), 0
+        self._is_drained = self._store.is_drained()
+
     def _changed(self, change: model.Change) -> None:
         """Claim what waits now; one question that had no room as it was accepted, at the end of a
         run.
         """
         if change.what == "accepted":
             self._more = True
-            if not change.id or self._free() >= self._together:
+            if not self._is_drained and (not change.id or self._free() >= self._together):
                 self._wake.set()
 
     def _take_back(self, lease: float) -> None:

@@ -245,6 +245,12 @@ def parse_task(body: bytes) -> bytes:
     return json.dumps(understood, ensure_ascii=False, allow_nan=False).encode()
 
 
+def refuse_task(body: bytes) -> None:
+    """Raises InputError where a System document cannot be solved as it is written."""
+    document, _ = model.split_options(read_body(body))
+    Late("inverse_service.service.documents.documents", "refuse_unreadable")(document)
+
+
 def check_body_task(body: bytes) -> Any:
     """A result or a certificate to the checker's verdict."""
     if not isinstance(read_body(body), dict):

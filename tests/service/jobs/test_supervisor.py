@@ -124,6 +124,36 @@ def test_a_new_question_takes_two_commits(
     assert [job.body for job in ended if job is not None] == [DONE.value.body] * 3
 
 
+def test_questions_that_come_together_are_stored_and_begun_in_one_commit(
+    store: SqliteStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    commits = list[int]()
+    write = store.write_change
+    with supervised(store, Scripted(lambda call: None)) as supervisor:
+        monkeypatch.setattr(
+            store, "write_change", lambda *given: (commits.append(1), write(*given))[1]
+        )
+        asked = [request(str(k)) for k in range(5)]
+        found = supervisor.submit_together(asked, model.Bounds())
+        assert sum(commits) == 1
+        assert {job.id for job in asked} == {*found}
+        assert supervisor.running == 2 * Scripted.capacity
+
+
+@pytest.mark.parametrize("bounds", [
+    model.Bounds(total=5), model.Bounds(client=5), model.Bounds(total=9_000), model.Bounds(daily=0.0),
+])  # fmt: skip
+def test_near_the_bounds_each_question_is_counted_as_it_is_stored(
+    store: SqliteStore, bounds: model.Bounds
+) -> None:
+    store.submit([request("spent")])
+    (job,) = store.claim("o", 1)
+    assert store.finish(job.id, 1, b"{}", Usage(1.0, 1.0, 1.0))
+    with supervised(store, Scripted(lambda call: DONE)) as supervisor:
+        assert supervisor.submit_together([request("a")], bounds) == {}
+        assert store.job(request("a").id) is None
+
+
 def test_a_refusal_is_a_failed_job_with_its_places(store: SqliteStore) -> None:
     job, body = run(store, Outcome("refused", places=(errors.Place("No.", "/equations/x", 3),)))
     assert (job.status, body["status"], body["errors"][0]["column"]) == ("failed", 422, 3)
