@@ -285,6 +285,66 @@ class FamilyPart(base.Document):
     covered: bool
 
 
+# {"from": "0.51", "to": "0.5", "sigmas": -0.5}: both numbers exact, and the change in standard errors.
+Moved = dict[str, str | float]
+
+
+class LinearConditions(base.Document):
+    """The conditions `matrix` c = `values` on the `coefficients` c, independent; numbers as text."""
+
+    coefficients: list[str]
+    matrix: list[list[str]]
+    values: list[str]
+
+
+class NiceMember(base.Document):
+    """A member of the same set whose free coefficients are simple fractions."""
+
+    distance: float
+    moved: dict[str, Moved] = Field(default_factory=dict)
+    equations: dict[str, str]
+
+
+class NearestMember(base.Document):
+    """The nearest system of a kind that was found; its coefficients are exact, and `result` is the answer about it.
+
+    `distance` is in standard errors, or relative to the sizes of the coefficients where no errors are known;
+    `chi2` is its square if they are known, `degrees` the number of equations that the kind imposes, `chance` how
+    often fits of a system of this kind are as far or farther; `within`: that is more than in 3 of 1000 cases.
+    `least` is the distance at which the computation ended, before the coefficients were made short. If it is a
+    `projection`, none of the kind is nearer. Otherwise it is the nearest of `starts` starts; the next best ended at
+    `second`. `attained` is false where still nearer ones tend to a singular Lagrangian.
+    `equations` are what the members of the kind satisfy: for kinds with a matrix G and rates, with those of this
+    member; `constraints` are the same as a matrix where they are linear.
+    """
+
+    kind: Literal["leaf", "equal_masses", "natural", "damped", "exponential", "damped_exponential"]
+    statement: str
+    distance: float
+    chi2: float | None = None
+    degrees: int
+    chance: float | None = None
+    within: bool | None = None
+    least: float
+    projection: bool
+    starts: int
+    second: float | None = None
+    attained: bool
+    moved: dict[str, Moved] = Field(default_factory=dict)
+    equations: list[Formula] = Field(default_factory=list)
+    constraints: LinearConditions | None = None
+    multiplier: TextMatrix | None = None
+    nice: NiceMember | None = None
+    result: dict[str, Any]
+
+
+class NotReached(base.Document):
+    """A kind of which no nearest member is given, or a set that is not decided, and why."""
+
+    kind: str
+    reason: str
+
+
 class OtherAnswer(ProvenPart):
     """The answer to the other question, L(t, q, q'), where it differs from the main one; `domain` as in a result.
 
@@ -458,6 +518,8 @@ class ResultDocument(OtherAnswer):
     not_answered: list[NotAnsweredPart] = Field(default_factory=list)
     left_out: list[LeftOutPart] = Field(default_factory=list)
     family: FamilyPart | None = None
+    nearest: list[NearestMember] | None = None
+    nearest_not_reached: list[NotReached] = Field(default_factory=list)
     special_cases: SpecialCasesPart | None = None
     kinds: dict[str, KindPart] | None = None
     instead: InsteadPart | None = None

@@ -10,6 +10,7 @@ from api_schemas import base
 MAX_ANSATZ_TERMS = 50
 MAX_KINDS = 12
 MAX_FAMILIES = 20
+MAX_COEFFICIENTS = 240  # of a fitted system
 # Beyond this order the series of a multiplier fills pages.
 MAX_SERIES_ORDER = 8
 TAGS = ("<mapping>", "<list>", "<text>")
@@ -22,6 +23,12 @@ def shape(value: Any) -> str | None:
     if isinstance(value, list | tuple):
         return "<list>"
     return "<text>" if isinstance(value, str) else None
+
+
+def shape_of_numbers(value: Any) -> str | None:
+    """Which of the forms numbers have; a single one is a text."""
+    is_number = isinstance(value, int | Decimal | float) and not isinstance(value, bool)
+    return "<text>" if is_number else shape(value)
 
 
 def number_as_text(value: Any) -> Any:
@@ -135,6 +142,46 @@ Kind = Annotated[
 ]
 
 
+Measure = Annotated[
+    Annotated[dict[Name, Value], Field(max_length=MAX_COEFFICIENTS), Tag("<mapping>")]
+    | Annotated[list[Value], Field(min_length=1, max_length=MAX_COEFFICIENTS), Tag("<list>")]
+    | Annotated[Value, Tag("<text>")],
+    Discriminator(shape_of_numbers),
+]
+Library = Annotated[
+    Annotated[
+        dict[Name, Annotated[list[Text], Field(max_length=MAX_COEFFICIENTS)]],
+        Field(max_length=base.MAX_COORDINATES),
+        Tag("<mapping>"),
+    ]
+    | Annotated[list[Text], Field(max_length=MAX_COEFFICIENTS), Tag("<list>")],
+    Discriminator(shape),
+]
+
+
+class NearestQuestion(base.Document):
+    """How the distance of a fitted system from those with a Lagrangian is measured, and what may be changed.
+
+    The coefficients are the parameters with values, {"a": "0.31"}, or where there are none the numbers before the terms
+    of the equations, which are called "x'': x*y" after the equation and the term.
+    `errors`: the standard error of each coefficient, or one number for all; `weights`: the factors of the squares of
+    the changes; `covariance`: a matrix, in the order of `coefficients`. Without any of these, changes are relative to
+    the sizes of the coefficients. `library`: terms that may be used besides those of the equations, for all of them or
+    by coordinate. `nice`: also offer members with simple fractions.
+    """
+
+    errors: Measure | None = None
+    weights: Measure | None = None
+    covariance: (
+        Annotated[list[list[Value]], Field(min_length=1, max_length=MAX_COEFFICIENTS)] | None
+    ) = None
+    coefficients: Annotated[list[Text], Field(max_length=MAX_COEFFICIENTS)] = Field(
+        default_factory=list
+    )
+    library: Library = Field(default_factory=list)
+    nice: bool = False
+
+
 class SystemDocument(QuestionDocument):
     """A second-order system as users write it.
 
@@ -145,6 +192,8 @@ class SystemDocument(QuestionDocument):
     (homogeneous of degree 2 in the velocities), "positive_definite" (a definite Hessian at a real point), "rayleigh"
     (natural, with friction D quadratic in the velocities), {"invariant": ["x", {"x": "-y", "y": "x"}]}.
     `near`: that point, {"x": "1", "x'": 0, "k": 2}; what it does not name is chosen.
+    `nearest`: the systems with a Lagrangian that are nearest to this one, whose numbers were fitted: true, or with
+    their errors, {"errors": {"a": "0.02"}}.
     """
 
     equations: Equations
@@ -153,6 +202,7 @@ class SystemDocument(QuestionDocument):
     near: Annotated[dict[Name, Value], Field(max_length=base.MAX_PARAMETERS)] = Field(
         default_factory=dict
     )
+    nearest: bool | NearestQuestion = False
 
 
 Associated = Literal["first", "second", "third", "search", "any"]

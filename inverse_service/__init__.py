@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from inverse_service.errors import InputError
     from inverse_service.sympy.objects import Result, Run
 
-__all__ = ["Client", "InputError", "Result", "catalogue", "check", "simulate", "solve"]
+__all__ = [
+    "Client", "InputError", "Result", "catalogue", "check", "nearest", "simulate", "solve"
+]  # fmt: skip
 __version__ = "0.2.0"
 _ELSEWHERE = {
     "Client": "inverse_service.client",
@@ -74,6 +76,45 @@ def solve(
     return from_result(
         _told_by_part(lambda tell: solve_document(alone, options, tell), progress), names
     )
+
+
+def nearest(
+    document: Mapping[str, Any] | Sequence[str] | str | Any,
+    *,
+    errors: Mapping[str, Any] | Sequence[Any] | float | None = None,
+    weights: Mapping[str, Any] | Sequence[Any] | None = None,
+    covariance: Any = None,
+    coefficients: Sequence[str] = (),
+    library: Mapping[str, Sequence[str]] | Sequence[str] = (),
+    nice: bool = False,
+    time_limit: float = 60.0,
+    seed: int = 1,
+    **keys: Any,
+) -> Result:
+    """The systems with a Lagrangian that are nearest to a fitted one, in `nearest` of the result.
+
+    The coefficients are the parameters of the document that have values, or where there are none the numbers before
+    the terms of its equations, named "x'': x*y". `errors` are standard errors, `weights` factors of squared changes,
+    `covariance` a matrix in the order of `coefficients`; without these, changes are relative. `library` are terms
+    that may be used besides. `nice` also offers simple fractions. Each member was solved, and the independent checker
+    found its certificate valid. Other arguments as in `solve`. Raises InputError.
+
+    >>> nearest("x'' = -1.02*x + 0.51*y; y'' = 0.48*x - 0.99*y").nearest[0]["kind"]
+    'equal_masses'
+    """
+    question: dict[str, Any] = {
+        "errors": errors,
+        "weights": weights,
+        "covariance": covariance,
+        "coefficients": list(coefficients),
+        "library": library if isinstance(library, Mapping) else list(library),
+    }
+    asked: dict[str, Any] = {
+        key: value for key, value in question.items() if value is not None and value != []
+    }
+    if nice:
+        asked["nice"] = True
+    return solve(document, time_limit=time_limit, seed=seed, nearest=asked or True, **keys)
 
 
 def check(

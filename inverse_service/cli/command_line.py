@@ -26,6 +26,7 @@ from inverse_service.service.documents import plain_data
 # The module of each command, in the order of the help.
 COMMANDS = {
     **dict.fromkeys(("solve", "catalogue"), "inverse_service.cli.solve_command"),
+    "nearest": "inverse_service.cli.nearest_command",
     **dict.fromkeys(("check", "batch", "table"), "inverse_service.cli.check_command"),
     **dict.fromkeys(("simulate", "work-precision"), "inverse_service.cli.simulate_command"),
     **dict.fromkeys(("serve", "mcp", "admin"), "inverse_service.cli.serving"),

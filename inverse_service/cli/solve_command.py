@@ -136,7 +136,7 @@ def solve(
     warm_alone(settings.memory_limit)
     options = SolveOptions(seed=asked.seed, time_limit=asked.time_limit)
     try:
-        result = _solve(document, options, asked.memory_limit, progress)
+        result = answered(document, options, asked.memory_limit, progress)
     except errors.InputError as error:
         detail = error.detail if is_file(file) else _by_options(error.detail)
         raise errors.InputError(detail, error.pointer, error.column) from None
@@ -281,7 +281,7 @@ def is_file(name: str) -> bool:
         return False
 
 
-def _solve(
+def answered(
     document: Any, options: SolveOptions, memory_limit: int, progress: bool | None
 ) -> dict[str, Any]:
     """The result, or what is finished of it where a limit ended the process."""

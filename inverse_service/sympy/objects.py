@@ -623,6 +623,11 @@ class Result(Answer):
         """Which members of the family have a Lagrangian, if the document asks."""
         return self.get("family")
 
+    @property
+    def nearest(self) -> Sequence[Mapping[str, Any]] | None:
+        """The nearest systems with a Lagrangian, if the document asks."""
+        return self.get("nearest")
+
     def check(self, document: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """The independent checker's verdict and reasons."""
         from inverse_service import check

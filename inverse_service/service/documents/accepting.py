@@ -638,7 +638,14 @@ def to_solvable(
     InputError as `to_system`. `given` is `to_given` of the document where it is known.
     """
     given, system = given or to_given(schema), None
-    asks_more = schema.family or schema.special_cases or schema.kinds or schema.clock or schema.near
+    asks_more = (
+        schema.family
+        or schema.special_cases
+        or schema.kinds
+        or schema.clock
+        or schema.near
+        or schema.nearest
+    )
     is_solved = bool(asks_more) or isinstance(schema.equations, Mapping)
     try:
         system = second_order_system.solved_system(given, schema.name)

@@ -30,6 +30,7 @@ from inverse_service.service.documents import (
     derived,
     family_parts,
     growing,
+    nearest_parts,
     stated,
     translate,
 )
@@ -205,9 +206,10 @@ def solve_system(
     asks_family = bool(schema.family) or schema.special_cases
     if asks_family:
         family_parts.names_of(schema, system)
+    fitted = nearest_parts.fitted_system(schema) if schema.nearest else None
     share = (
         SHARE_BESIDE_CASES
-        if asks_family or schema.kinds or schema.clock
+        if asks_family or schema.kinds or schema.clock or schema.nearest
         else comparison.SHARE_OF_SOLVER
     )
     asked = dataclasses.replace(
@@ -259,10 +261,20 @@ def solve_system(
         grow.hand_over((Part.EXPLANATION, Part.CLOCK), partial(comparison.checked, result, 1.0))
     if asks_family:
         result = family_parts.with_family(result, system, schema, asked, grow, end)
+    if fitted is not None:
+        result = nearest_parts.with_nearest(
+            result, schema, fitted, options, grow, end, _answer_about_member
+        )
     grow.begin(Part.CERTIFICATE)
     return comparison.with_one_verdict(
         comparison.ordered(grow.end(comparison.checked(result, end - now())))
     )
+
+
+def _answer_about_member(document: dict[str, Any], options: SolveOptions) -> dict[str, Any]:
+    """The result of a document that this program wrote."""
+    with printing.with_decimals(accepting.typed_decimals(document)):
+        return _finished(solve_system(document, options), document)
 
 
 def _wanted(schema: SystemDocument, system: SecondOrderSystem, kinds: bool) -> tuple[Part, ...]:

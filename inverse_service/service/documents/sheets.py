@@ -54,6 +54,8 @@ LONGEST_CONDITION, MOST_CONDITIONS = (
     3,
 )  # characters, and number, of the conditions on functions that are shown
 MOST_OPEN = 4  # open sets of a family that are shown
+MOST_MOVED = 8  # coefficients of a nearest system that are shown
+NO_DISTANCE = 1e-5  # at which a fitted system is called one of a kind
 LONGEST_MATRICES = 6_000  # characters of all matrices together: typeset they weigh 25 times that
 TENSORS = (("Phi", "Phi"), ("nabla Phi", "nabla_Phi"))
 CHECKED = "An independent checker verified that"
@@ -777,6 +779,8 @@ def _more(told: _Told) -> Iterable[Row]:
         yield _clock_row(part, told)
     if family := result.get("family"):
         yield _row_of_family(family, told)
+    if (result.get("nearest")) is not None:
+        yield _row_of_nearest(result, told)
 
 
 def _row_of_left_out(part: Mapping[str, Any], told: _Told) -> Row:
@@ -836,6 +840,98 @@ def _row_of_family(family: Mapping[str, Any], told: _Told) -> Row:
         len(opened) > MOST_OPEN
     )
     return Row("Family", (said,), tree=(*tree, *notes))
+
+
+def _row_of_nearest(result: Mapping[str, Any], told: _Told) -> Row:
+    """The nearest systems with a Lagrangian, each with what moved and its L, and what was not
+    reached.
+    """
+    found = result["nearest"]
+    said = distance_said(found[0]) if found else "No system with a Lagrangian was reached."
+    lines = [
+        SpecialCase(
+            (f"{part['kind'].replace('_', ' ')}, {part['statement']}: {distance_of(part)}",),
+            tuple(_about_nearest(part, told)),
+        )
+        for part in found
+    ]
+    lines += [
+        SpecialCase((f"not reached, {part['kind'].replace('_', ' ')}: {part['reason']}",))
+        for part in result.get("nearest_not_reached") or ()
+    ]
+    return Row("Nearest", (said,), tree=tuple(lines))
+
+
+def distance_said(part: Mapping[str, Any]) -> str:
+    """How far the nearest system with a Lagrangian is, and whether errors explain it."""
+    distance = part["distance"]
+    if distance < NO_DISTANCE:
+        return "The fitted system is of this kind itself, but for rounding."
+    if part["chi2"] is None:
+        return f"The nearest system with a Lagrangian is {100 * distance:.3g} % away."
+    often = (
+        "fewer than 1 of 1000" if part["chance"] < 0.001 else f"{100 * part['chance']:.2g} of 100"
+    )
+    lies = "lies within its errors" if part["within"] else "does not lie within its errors"
+    return (
+        f"The nearest system with a Lagrangian is {distance:.3g} errors away. A distance this large, "
+        f"or larger, comes by chance in {often} fits of a system of this kind: it {lies}."
+    )
+
+
+def distance_of(part: Mapping[str, Any]) -> str:
+    """The distance in short, with its degrees of freedom."""
+    count = f"{part['degrees']} equation{'s' * (part['degrees'] != 1)}"
+    least = ", the least possible" if part["projection"] else ""
+    if part["chi2"] is None:
+        return f"{100 * part['distance']:.4g} % for {count}{least}"
+    return (
+        f"{part['distance']:.4g} errors{least}, chi-square {part['chi2']:.4g} for {count}, "
+        f"{'within' if part['within'] else 'not within'} the errors"
+    )
+
+
+def _about_nearest(part: Mapping[str, Any], told: _Told) -> Iterator[SpecialCase]:
+    moved = sorted(part["moved"].items(), key=lambda one: -abs(one[1]["sigmas"]))
+    if moved and part["distance"] >= NO_DISTANCE:
+        unit = "errors" if part["chi2"] is not None else ""
+        each = (
+            f"{name} {_short_number(one['from'])} -> {_short_number(one['to'])}"
+            + (f" ({one['sigmas']:+.2f} {unit})" if unit else f" ({100 * one['sigmas']:+.2f} %)")
+            for name, one in moved[:MOST_MOVED]
+        )
+        more = f", and {len(moved) - MOST_MOVED} more" if len(moved) > MOST_MOVED else ""
+        yield SpecialCase((f"moved: {', '.join(each)}{more}",))
+    if not part["attained"]:
+        yield SpecialCase(("nearer ones have an L that tends to a singular one: none is nearest",))
+    result = part["result"]
+    timed = result.get("with_time") or {}
+    lagrangian = result.get("lagrangian") or timed.get("lagrangian")
+    names = names_of(result["system"])
+    for name, text in result["system"]["equations"].items():
+        if len(text) <= LONGEST_CONDITION:
+            yield SpecialCase((Formula(text, names, f"{name}''"),))
+    if lagrangian and len(lagrangian["text"]) <= 3 * LONGEST_CONDITION:
+        yield SpecialCase((formula_of("L", lagrangian, names),))
+    if offered := part.get("nice"):
+        far = offered["distance"] * (1 if part["chi2"] is not None else 100)
+        unit = "errors" if part["chi2"] is not None else "%"
+        yield SpecialCase(
+            (
+                f"in simple fractions, {far:.4g} {unit} away: ",
+                *listed(
+                    (f"{name}'' = {text}" for name, text in offered["equations"].items()), names
+                ),
+            )
+        )
+
+
+def _short_number(text: str) -> str:
+    """A number to five digits."""
+    if len(text) <= 8:
+        return text
+    top, _, bottom = text.partition("/")
+    return f"{float(top) / float(bottom or 1):.5g}"
 
 
 def _leaf_said(leaf: Mapping[str, Any], verdict: str, told: _Told) -> Sentence:

@@ -1,0 +1,254 @@
+"""The nearest members on the leaves of a family that is split exactly (`solving.members`).
+
+On a leaf with equations h(c) = 0 the nearest point is found by Newton's method on the conditions of
+the least distance, c <- c0 + C J^T (J C J^T)^+ (J (c - c0) - h), from the fitted system and from
+points around it; if the equations are linear the first step is the projection and exact.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from graphlib import CycleError, TopologicalSorter
+
+import numpy as np
+from flint import fmpq_mpoly
+
+from inverse_service.field import exact_field
+from inverse_service.fitting import exact_members
+from inverse_service.fitting.exact_members import Numbers
+from inverse_service.fitting.fitted import FittedSystem, Floats
+from inverse_service.solving.members import Found
+
+STEPS = 80
+TINY = 1e-10
+
+
+@dataclass(frozen=True, slots=True)
+class Polynomial:
+    """sum_a factors[a] prod_k c_k^exponents[a, k], over the coefficients of a fitted system."""
+
+    exponents: tuple[tuple[int, ...], ...]
+    factors: Numbers
+
+    def value(self, c: Floats) -> float:
+        powers = np.prod(np.power(c, np.array(self.exponents)), axis=1)
+        return float(powers @ np.array(self.factors, dtype=float))
+
+    def slopes(self, c: Floats) -> Floats:
+        found = np.zeros(len(c))
+        exponents = np.array(self.exponents)
+        factors = np.array(self.factors, dtype=float)
+        for k in range(len(c)):
+            lowered = exponents.copy()
+            lowered[:, k] = np.maximum(lowered[:, k] - 1, 0)
+            found[k] = (factors * exponents[:, k]) @ np.prod(np.power(c, lowered), axis=1)
+        return found
+
+    def exact(self, c: Sequence[Fraction]) -> Fraction:
+        total = Fraction(0)
+        for exponents, factor in zip(self.exponents, self.factors, strict=True):
+            term = factor
+            for value, exponent in zip(c, exponents, strict=True):
+                if exponent:
+                    term *= value**exponent
+            total += term
+        return total
+
+    @property
+    def degree(self) -> int:
+        return max(map(sum, self.exponents), default=0)
+
+    def degree_in(self, k: int) -> int:
+        return max((exponents[k] for exponents in self.exponents), default=0)
+
+    def held(self) -> set[int]:
+        return {k for exponents in self.exponents for k, e in enumerate(exponents) if e}
+
+
+def polynomial_of(found: Found, fitted: FittedSystem, equation: fmpq_mpoly) -> Polynomial | None:
+    """The equation as a polynomial in the coefficients; None if it holds anything else."""
+    unknowns = found.leaf.unknowns
+    place = {index: fitted.letters.index(name) for index, name in unknowns.letters.items()}
+    exponents, factors = list[tuple[int, ...]](), list[Fraction]()
+    for powers, factor in equation.terms():
+        own = [0] * len(fitted.letters)
+        for index, power in enumerate(powers):
+            if power and index not in place:
+                return None
+            if power:
+                own[place[index]] = int(power)
+        exponents.append(tuple(own))
+        factors.append(exact_field.as_fraction(factor))
+    return Polynomial(tuple(exponents), tuple(factors))
+
+
+@dataclass(frozen=True, slots=True)
+class OnLeaf:
+    """The nearest point of a leaf that was found: floating point, and exact where its equations can
+    be solved in rational numbers.
+
+    `is_linear`: it is the projection, and no point of the leaf is nearer.
+    """
+
+    equations: tuple[Polynomial, ...]
+    coefficients: Floats
+    distance: float
+    exact: Numbers | None
+    is_linear: bool
+    starts: int
+    second: float | None
+    attained: bool
+
+
+def nearest_on(found: Found, fitted: FittedSystem, starts: int, seed: int) -> OnLeaf | None:
+    """The nearest member on a leaf; None if its equations hold more than coefficients or no start
+    reached it.
+    """
+    equations = [polynomial_of(found, fitted, rule.equation) for rule in found.leaf.rules]
+    nonzero = [polynomial_of(found, fitted, one) for one in found.leaf.nonzero]
+    whole = [one for one in equations if one is not None]
+    if len(whole) < len(equations):
+        return None
+    is_linear = all(one.degree <= 1 for one in whole)
+    root = fitted.metric.root
+    random = np.random.default_rng(seed)
+    points = list[tuple[float, Floats]]()
+    for attempt in range(1 if is_linear else starts):
+        shift = random.normal(size=len(root)) * (0 if not attempt else 3.0 * 2 ** (attempt % 4))
+        point = _projected(whole, fitted, fitted.fitted + root @ shift)
+        if point is not None:
+            points.append(
+                (float(np.linalg.norm(np.linalg.solve(root, point - fitted.fitted))), point)
+            )
+    if not points:
+        return None
+    points.sort(key=lambda one: one[0])
+    distance, point = points[0]
+    if is_linear and (projected := exact_members.projection(_rows(whole), fitted)) is not None:
+        point = np.array(projected, dtype=float)
+        distance = fitted.distance(projected)
+    others = [one for one, _ in points if one > distance * (1 + 1e-6) + 1e-9]
+    attained = all(one is None or _is_away(one, point, fitted) for one in nonzero)
+    exact = _exact(whole, point, distance, fitted) if whole else fitted.values
+    return OnLeaf(
+        tuple(whole),
+        point,
+        distance,
+        exact,
+        is_linear,
+        1 if is_linear else starts,
+        others[0] if others else None,
+        attained,
+    )
+
+
+def _rows(equations: Sequence[Polynomial]) -> exact_members.Rows:
+    """(k, K) of linear equations."""
+    size = len(equations[0].exponents[0]) if equations else 0
+    found = list[list[Fraction]]()
+    for one in equations:
+        row = [Fraction(0)] * (1 + size)
+        for exponents, factor in zip(one.exponents, one.factors, strict=True):
+            row[1 + exponents.index(1) if any(exponents) else 0] += factor
+        found.append(row)
+    return found
+
+
+def _is_away(polynomial: Polynomial, point: Floats, fitted: FittedSystem) -> bool:
+    """Whether it does not vanish at the point, to a thousandth of the errors."""
+    slope = float(np.linalg.norm(fitted.metric.root.T @ polynomial.slopes(point)))
+    return abs(polynomial.value(point)) > 1e-3 * slope or not slope
+
+
+def _projected(
+    equations: Sequence[Polynomial], fitted: FittedSystem, start: Floats
+) -> Floats | None:
+    c, root = start, fitted.metric.root
+    if not equations:
+        return fitted.fitted
+    for _ in range(STEPS):
+        slopes = np.array([one.slopes(c) for one in equations]) @ root
+        h = np.array([one.value(c) for one in equations])
+        sizes = np.linalg.norm(slopes, axis=1)
+        if not np.all(sizes > 0):
+            return None
+        slopes, h = slopes / sizes[:, None], h / sizes
+        y = np.linalg.solve(root, c - fitted.fitted)
+        new = np.linalg.lstsq(slopes, slopes @ y - h, rcond=1e-12)[0]
+        step = new - y
+        limit = 3.0 + float(np.linalg.norm(y))
+        length = float(np.linalg.norm(step))
+        if length > limit:
+            step *= limit / length
+        c = c + root @ step
+        if length < 1e-13 * (1 + float(np.linalg.norm(y))):
+            break
+    slopes = np.array([one.slopes(c) for one in equations]) @ root
+    h = np.array([one.value(c) for one in equations])
+    good = np.all(np.abs(h) <= TINY * np.maximum(np.linalg.norm(slopes, axis=1), 1e-300))
+    return c if good and np.all(np.isfinite(c)) else None
+
+
+def _exact(
+    equations: Sequence[Polynomial], point: Floats, distance: float, fitted: FittedSystem
+) -> Numbers | None:
+    """A member of short rational numbers beside the point."""
+    solved = _solvable(equations, point)
+    if solved is None:
+        return None
+    bound = [k for _, k in solved]
+    free = [k for k in range(len(point)) if k not in bound]
+
+    def member(values: Numbers) -> Numbers | None:
+        c = [Fraction(0)] * len(point)
+        for k, value in zip(free, values, strict=True):
+            c[k] = value
+        for equation, k in solved:
+            c[k] = Fraction(0)
+            rest = equation.exact(c)
+            c[k] = Fraction(1)
+            slope = equation.exact(c) - rest
+            if not slope:
+                return None
+            c[k] = -rest / slope
+        return tuple(c)
+
+    tries = exact_members.roundings(point[free], fitted.metric.spread[free])
+    found = exact_members.first_close(
+        tries, member, fitted, lambda d: exact_members.is_close(d, distance, fitted)
+    )
+    return None if found is None else found[0]
+
+
+def _solvable(
+    equations: Sequence[Polynomial], point: Floats
+) -> list[tuple[Polynomial, int]] | None:
+    """An order in which each equation is linear in a coefficient that no earlier one needs."""
+    choices = [
+        [
+            k
+            for k in sorted(one.held())
+            if one.degree_in(k) == 1 and abs(one.slopes(point)[k]) > 1e-9
+        ]
+        for one in equations
+    ]
+    for chosen in itertools.islice(itertools.product(*choices), 2000):
+        if len(set(chosen)) < len(chosen):
+            continue
+        needs = {
+            place: {
+                other
+                for other, k in enumerate(chosen)
+                if other != place and k in equations[place].held()
+            }
+            for place in range(len(equations))
+        }
+        try:
+            order = [*TopologicalSorter(needs).static_order()]
+        except CycleError:
+            continue
+        return [(equations[place], chosen[place]) for place in order]
+    return None

@@ -1,0 +1,173 @@
+"""The nearest systems with a Lagrangian: conditions, projections, and answers through the doors."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+
+from inverse_service import errors, nearest, solve
+from inverse_service.decision.solutions import SolveOptions
+from inverse_service.fitting import exact_members, fitted as ft, multipliers, nearest_members
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.service.documents import accepting
+
+
+def system_of(equations: dict[str, str]) -> SecondOrderSystem:
+    document = {"coordinates": list(equations), "parameters": [], "equations": equations}
+    return accepting.to_system(accepting.to_schema(accepting.prepared(document).document))
+
+
+# q'' = f from L = e^s (q' G q'/2 + A q' - V), by hand: G, (g0, g), f.
+KNOWN = [
+    ([[1, 0], [0, 1]], [0, 0, 0], {"x": "-2*x + y - 3*x^2*y", "y": "x - y - x^3"}),
+    ([[1, 0], [0, 2]], [0, 0, 0], {"x": "-x + (1 + x)*y'", "y": "-y - (1 + x)*x'/2"}),
+    ([[1, 1], [1, 3]], [0, 0, 0], {"x": "-3*x + y", "y": "x - y"}),
+    ([[0, 1], [1, 0]], [0, 0, 0], {"x": "-x - x'/2", "y": "-y + y'/2"}),
+    ([[1, 0], [0, 3]], ["1/5", 0, 0], {"x": "-x*y - x'/5", "y": "-x^2/6 - y'/5"}),
+    # L = e^x (x'^2 + y'^2)/2: x'' = -x'^2/2 + y'^2/2, y'' = -x'*y'
+    ([[1, 0], [0, 1]], [0, 1, 0], {"x": "(y'^2 - x'^2)/2", "y": "-x'*y'"}),
+    # L = e^(x + t) (x'^2 + y'^2)/2
+    ([[1, 0], [0, 1]], [1, 1, 0], {"x": "(y'^2 - x'^2)/2 - x'", "y": "-x'*y' - y'"}),
+]
+
+
+@pytest.mark.parametrize(("matrix", "rates", "equations"), KNOWN)
+def test_members_of_a_kind_satisfy_its_conditions_exactly(
+    matrix: list[list[int]], rates: list[Any], equations: dict[str, str]
+) -> None:
+    fitted = ft.of_terms(system_of(equations), {})
+    conditions = multipliers.conditions_of(fitted)
+    exact = [[Fraction(value) for value in row] for row in matrix]
+    rows = multipliers.linear_conditions(conditions, exact, [Fraction(rate) for rate in rates])
+    left = [
+        row[0] + sum(a * c for a, c in zip(row[1:], fitted.values, strict=True)) for row in rows
+    ]
+    assert rows
+    assert not any(left)
+    wrong = multipliers.linear_conditions(
+        conditions, exact, [Fraction(7), *map(Fraction, rates[1:])]
+    )
+    assert any(
+        row[0] + sum(a * c for a, c in zip(row[1:], fitted.values, strict=True)) for row in wrong
+    )
+
+
+def test_the_projection_on_a_linear_kind_is_that_of_least_squares() -> None:
+    """f = -dV/dq + B J v with V = a x^2 + b x y + c y^2 + d x^2 y and B = e + h x, fitted directly."""
+    equations = {
+        "x": "-1.1*x + 0.4*y + 0.7*x*y + 0.9*y' + 0.2*x*y'",
+        "y": "0.6*x - 2.3*y + 0.31*x^2 - 1.2*x' - 0.13*x*x'",
+    }
+    spread = [Fraction(k, 37) for k in range(3, 13)]
+    fitted = ft.of_terms(system_of(equations), {})
+    fitted = ft.FittedSystem(
+        fitted.system, fitted.letters, fitted.names, fitted.values,
+        ft.diagonal(spread, True), fitted.fixed, fitted.columns,
+    )  # fmt: skip
+    columns = np.zeros((10, 6))
+    entries = [
+        ("x'': x", 0, 1), ("x'': y", 1, 1), ("y'': x", 1, 1), ("y'': y", 2, 1), ("x'': x*y", 3, 2),
+        ("y'': x^2", 3, 1), ("x'': y'", 4, 1), ("y'': x'", 4, -1), ("x'': x*y'", 5, 1),
+        ("y'': x*x'", 5, -1),
+    ]  # fmt: skip
+    for name, column, value in entries:
+        columns[fitted.names.index(name), column] = value
+    weights = 1 / np.array(spread, dtype=float)
+    least = np.linalg.lstsq(weights[:, None] * columns, weights * fitted.fitted, rcond=None)[0]
+    conditions = multipliers.conditions_of(fitted)
+    unit = [[Fraction(1), Fraction(0)], [Fraction(0), Fraction(1)]]
+    rows = multipliers.linear_conditions(conditions, unit, [Fraction(0)] * 3)
+    found = exact_members.projection(rows, fitted)
+    assert found is not None
+    assert np.abs(np.array(found, dtype=float) - columns @ least).max() < 1e-10
+
+
+@pytest.mark.slow
+def test_a_fitted_system_and_its_nearest_ones_are_checked() -> None:
+    """Springs with masses 1:2: natural needs y'' to have no friction, and equal masses b = c."""
+    result = nearest("x'' = -1.02*x + 0.51*y; y'' = 0.248*x - 0.99*y - 0.01*y'", errors=0.02)
+    assert result.verdict == "not_variational"
+    first = result["nearest"][0]
+    assert first["kind"] == "natural"
+    assert (first["degrees"], first["within"]) == (1, True)
+    assert first["distance"] == pytest.approx(0.5, rel=1e-3)
+    for part in result["nearest"]:
+        assert part["chi2"] == pytest.approx(part["distance"] ** 2)
+        assert part["distance"] >= part["least"] * (1 - 1e-9)
+        timed = part["result"].get("with_time") or part["result"]
+        assert "valid" in (part["result"]["checked"], timed["checked"])
+    equal = next(part for part in result["nearest"] if part["kind"] == "equal_masses")
+    assert equal["projection"]
+    assert equal["distance"] ** 2 == pytest.approx((0.131**2 * 2 + 0.01**2) / 0.02**2, rel=1e-6)
+
+
+def test_what_moved_says_which_system_the_member_is() -> None:
+    document = {
+        "equations": {"x": "-k*x - c*x'"},
+        "parameters": {"k": "1.02", "c": "0.003"},
+        "nearest": {"errors": {"k": "0.02", "c": "0.01"}},
+    }
+    result = solve(document)
+    natural = next(part for part in result["nearest"] if part["kind"] == "natural")
+    assert natural["moved"] == {"c": {"from": "0.003", "to": "0", "sigmas": pytest.approx(-0.3)}}
+    assert natural["result"]["system"]["equations"] == {"x": "-1.02*x"}
+    assert natural["constraints"] == {
+        "coefficients": ["k", "c"], "matrix": [["0", "1"]], "values": ["0"]
+    }  # fmt: skip
+
+
+def of_kinds(fitted: ft.FittedSystem) -> list[nearest_members.Member]:
+    """The nearest members in their order, without those on leaves."""
+    found = nearest_members.of_kinds(fitted, SolveOptions(), float("inf"), False)
+    members = [one for one in found if isinstance(one, nearest_members.Member)]
+    return [*nearest_members.in_order(nearest_members.distinct(members, fitted), fitted)]
+
+
+def test_an_exact_member_has_the_distance_zero_of_its_smallest_kind() -> None:
+    fitted = ft.of_terms(system_of({"x": "-1.5*x + 0.5*y", "y": "0.25*x - y"}), {})
+    first = of_kinds(fitted)[0]
+    assert first.kind == "natural"
+    assert first.distance == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("distance", "degrees", "chance"),
+    [(1.0, 1, 0.31731), (3.0, 1, 0.0026998), (2.0, 2, 0.135335), (4.0, 16, 0.45296), (0.0, 0, 1.0)],
+)
+def test_chances_are_those_of_tables_of_chi_square(
+    distance: float, degrees: int, chance: float
+) -> None:
+    assert nearest_members.chance(distance, degrees) == pytest.approx(chance, rel=1e-4)
+
+
+SPRINGS = {"x": "-a*x + y", "y": "x - b*y"}
+
+
+@pytest.mark.parametrize(
+    ("question", "pointer"),
+    [
+        ({"errors": {"c": "0.1"}}, "/nearest/errors/c"),
+        ({"errors": {"a": "-0.1"}}, "/nearest/errors"),
+        ({"errors": ["0.1"]}, "/nearest/errors"),
+        ({"errors": 0.1, "weights": 3}, "/nearest"),
+        ({"covariance": [["1", "2"], ["2", "1"]]}, "/nearest/covariance"),
+        ({"covariance": [["1", "0.5"], ["0", "1"]]}, "/nearest/covariance"),
+        ({"covariance": [["1", "0"]]}, "/nearest/covariance"),
+        ({"library": ["x^2"]}, "/nearest/library"),
+        ({"errors": "much"}, "/nearest/errors"),
+    ],
+)
+def test_a_wrong_question_is_refused_at_its_place(question: dict[str, Any], pointer: str) -> None:
+    document = {"equations": SPRINGS, "parameters": {"a": 2, "b": "3.1"}, "nearest": question}
+    with pytest.raises(errors.InputError) as refusal:
+        solve(document)
+    assert refusal.value.pointer == pointer
+
+
+def test_letters_without_numbers_are_asked_back() -> None:
+    document = {"equations": SPRINGS, "parameters": {"a": 2, "b": None}, "nearest": True}
+    with pytest.raises(errors.InputError, match="give `b` a value"):
+        solve(document)
