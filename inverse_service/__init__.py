@@ -99,8 +99,8 @@ def nearest(
     that may be used besides. `nice` also offers simple fractions. Each member was solved, and the independent checker
     found its certificate valid. Other arguments as in `solve`. Raises InputError.
 
-    >>> nearest("x'' = -1.02*x + 0.51*y; y'' = 0.48*x - 0.99*y").nearest[0]["kind"]
-    'equal_masses'
+    >>> nearest("x'' = -1.02*x + 0.01*x'", errors=0.02).nearest[0]["kind"]
+    'natural'
     """
     question: dict[str, Any] = {
         "errors": errors,
