@@ -64,7 +64,6 @@ READY_PATIENCE = 10.0
 READY_KEPT = 1.0
 LAG_EVERY = 1.0
 FIRST_CLEANING, BETWEEN_CLEANINGS = 30.0, 600.0
-START_PATIENCE = 10.0
 MANY_WAIT = "Too many requests wait for a worker; try again in some seconds."
 # How long, in seconds, an answer is given without asking the store, even if it was erased there.
 KEPT = 5.0
@@ -545,10 +544,6 @@ class Engine:
             found.append("The service is stopping.")
         if not self.supervisor.is_working():
             found.append("The supervisor of the jobs is not running.")
-        with suppress(TimeoutError):  # while the service starts
-            await asyncio.wait_for(
-                asyncio.shield(asyncio.wrap_future(self.quick_workers.first)), START_PATIENCE
-            )
         found += {
             fault: None
             for fault in (self.work_workers.fault(), self.quick_workers.fault())

@@ -585,11 +585,14 @@ async def livez() -> dict[str, str]:
 
 @open_router.get("/readyz", responses=openapi.refusals(503))
 async def readyz(request: Request) -> dict[str, str]:
-    """The store and a worker process answer, the supervisor of the jobs runs, the queue has room."""
+    """The store answers, the supervisor of the jobs runs, the queue has room, no pool is at fault.
+
+    `workers`: "loading" until the first process that reads has answered; questions are taken before.
+    """
     engine: Engine = request.app.state.engine
     if faults := await engine.faults():
         raise problems.Refusal(503, "not-ready", " ".join(faults), headers={"Retry-After": "2"})
-    return {"status": "ready"}
+    return {"status": "ready", "workers": "running" if engine.is_reading else "loading"}
 
 
 @open_router.get("/metrics", response_class=PlainTextResponse)

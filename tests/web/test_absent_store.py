@@ -6,7 +6,8 @@ import asyncio
 import json
 import sqlite3
 import threading
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
+from concurrent.futures import Future
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,6 +20,7 @@ from inverse_service.service.jobs.model import (
     Change,
     Event,
     Job,
+    JobRequest,
     StoreUnavailable,
 )
 from inverse_service.settings import Settings
@@ -56,13 +58,13 @@ class AbsentStore:
 Work = Callable[[httpx.AsyncClient], Awaitable[None]]
 
 
-def with_store(store: Any, work: Work) -> None:
+def with_store(store: Any, work: Work, quick: Any = None) -> None:
     application = create_application(Settings())
     engine = application.state.engine
     engine.is_open, engine.job_store, engine.quick_workers, engine.work_workers = (
         True,
         store,
-        Inline(),
+        quick or Inline(),
         Inline(),
     )
     engine.supervisor = SimpleNamespace(is_working=lambda: True)
@@ -236,3 +238,36 @@ def test_a_stream_over_a_store_of_this_process_alone_waits_to_be_woken(
         assert '"status": "successful"' in answer.text
 
     with_store(store, work)
+
+
+def test_questions_are_taken_before_the_first_process_reads() -> None:
+    class Loading(Inline):
+        def __init__(self) -> None:
+            super().__init__()
+            self.first = Future()
+
+    class Store:
+        exclusive = True
+
+        def is_drained(self) -> bool:
+            return False
+
+        def counts(self) -> dict[str, int]:
+            return {}
+
+        def try_to_write(self) -> None: ...
+
+        def submit_together(self, some: Sequence[JobRequest]) -> dict[str, Job]:
+            return {one.id: Job(one.id, "solve", one.document, "{}", "accepted") for one in some}
+
+    async def work(client: httpx.AsyncClient) -> None:
+        ready = await client.get("/readyz")
+        assert (ready.status_code, ready.json()["workers"]) == (200, "loading")
+        asked = await client.post(
+            "/v1/solve",
+            json=SYSTEM | {"equations": {"x": "-x"}},
+            headers={"Prefer": "respond-async"},
+        )
+        assert (asked.status_code, asked.json()["status"]) == (202, "accepted")
+
+    with_store(Store(), work, quick=Loading())

@@ -232,7 +232,7 @@ def test_limits_and_probes(client: httpx.Client) -> None:
     assert limits["document"]["max_coordinates"] == 64
     assert limits["formula"]["characters"] > 0
     assert client.get("/livez").json() == {"status": "alive"}
-    assert client.get("/readyz").json() == {"status": "ready"}
+    assert client.get("/readyz").json() == {"status": "ready", "workers": "running"}
 
 
 def test_openapi_resolves_within_itself(client: httpx.Client) -> None:
