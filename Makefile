@@ -124,9 +124,10 @@ font: install ## the mathematics font of the pages
 	  --output-file=$(FONT).woff2
 	cp build/font/package/LICENSE $(FONT).LICENSE
 
-# docs/reference/results.md from the program; a test says when it is old.
-reference: install ## docs/reference/results.md from the program
+# docs/reference/results.md and docs/inverse-service.1 from the program; tests say when they are old.
+reference: install ## docs/reference/results.md and the manual page from the program
 	.venv/bin/python -m tests.docs.reference
+	.venv/bin/python -m tests.docs.manual
 
 screens: install ## the pictures of twelve pages, docs/records/screens
 	.venv/bin/python -m tests.web.browser.screens
