@@ -350,12 +350,11 @@ def _solve(
     unknowns = leaf.unknowns
     letter = _letter_of(unknowns, equation, math.inf)
     leader = letter if letter is not None else _leader(leaf, equation)
-    if all(unknowns.is_unknown(k) for k, degree in enumerate(equation.degrees()) if degree):
-        squares = _real_zeros(unknowns, equation, leader)
-        if squares is not None:
-            if squares:
-                waiting.append(_Open((*squares, *rest), leaf))
-            return
+    squares = _real_zeros(unknowns, equation, leader)
+    if squares is not None:
+        if squares:
+            waiting.append(_Open((*squares, *rest), leaf))
+        return
     rule = Rule(equation, leader)
     initial, degree = rule.initial, rule.degree
     separant = equation.derivative(leader)
@@ -372,10 +371,9 @@ def _solve(
                 nonzero.append(part)
     kept, again = list[Rule](), list[fmpq_mpoly]()
     for old in leaf.rules:
-        touched = (
-            old.equation.degrees()[leader] > 0
-            if leader in unknowns.letters
-            else _is_above(unknowns, old, leader)
+        touched = any(
+            k == leader or _is_above(unknowns, k, leader)
+            for k in unknowns.unknowns_in(old.equation)
         )
         (again if touched else kept).append(old.equation if touched else old)  # type: ignore[arg-type]
     waiting.extend(cases)
@@ -399,11 +397,11 @@ def _leader(leaf: Leaf, equation: fmpq_mpoly) -> int:
     )
 
 
-def _is_above(unknowns: Unknowns, rule: Rule, leader: int) -> bool:
-    """Whether the leader of a rule is a derivative of another one, or the same."""
-    if rule.leader not in unknowns.jets:
+def _is_above(unknowns: Unknowns, index: int, leader: int) -> bool:
+    """Whether a constant or jet is a derivative of a leader, or the same jet."""
+    if index not in unknowns.jets or leader not in unknowns.jets:
         return False
-    (name, orders), (own, below) = unknowns.jets[rule.leader], unknowns.jets[leader]
+    (name, orders), (own, below) = unknowns.jets[index], unknowns.jets[leader]
     return name == own and all(a >= b for a, b in zip(orders, below, strict=True))
 
 
@@ -417,16 +415,32 @@ def _real_zeros(unknowns: Unknowns, equation: fmpq_mpoly, leader: int) -> list[f
     if equation.degrees()[leader] == 2:
         low, middle, high = (exact_field.coefficient(equation, leader, k) for k in range(3))
         discriminant = middle * middle - high * low * 4
-        if not discriminant.is_zero() and _is_definite(-discriminant):
-            roots = [equation.context().from_dict({e: 1}) for e, _ in discriminant.terms()]
-            if any(root.is_constant() for root in roots):
+        roots = _roots_of_squares(-discriminant)
+        if roots is not None:
+            if any(not unknowns.unknowns_in(root) for root in roots):
                 return []
             # 2 p = a (2 A a + B) + (B a + 2 C), where A may be 0, too.
             gen = equation.context().gen(leader)
             return [*roots, high * gen * 2 + middle, middle * gen + low * 2]
     if _is_definite(form) or _is_definite(-form):
         monomials = [form.context().from_dict({e: 1}) for e, _ in form.terms()]
-        return [] if any(one.is_constant() for one in monomials) else monomials
+        return [] if any(not unknowns.unknowns_in(one) for one in monomials) else monomials
+    return None
+
+
+def _roots_of_squares(form: fmpq_mpoly) -> list[fmpq_mpoly] | None:
+    """What vanishes where a form does that is not negative: its monomials, if all terms are even and
+    positive, or the product of its factors, if it is a square; None if it is neither.
+    """
+    if form.is_zero():
+        return None
+    if _is_definite(form):
+        return [form.context().from_dict({e: 1}) for e, _ in form.terms()]
+    if len(form) > MOST_TERMS:
+        return None
+    constant, factors = exact_field.factor_polynomial(form)
+    if constant > 0 and all(power % 2 == 0 for _, power in factors):
+        return [math.prod((factor for factor, _ in factors), start=form * 0 + 1)]
     return None
 
 
@@ -640,10 +654,12 @@ class PointOnLeaf(modular.Point):
 def on_leaf(leaf: Leaf, draw: Callable[[int], modular.Point], seed: int) -> PointOnLeaf:
     """A random point of the leaf; SingularPoint if its equations have no root at this seed."""
     base = draw(seed)
+    # The sign of a constant matters where it stands in an atom; elsewhere it may hide all roots.
+    free = {ex.Symbol(name) for name in leaf.unknowns.letters.values()} if not base.atoms else ()
     return PointOnLeaf(
         base.prime,
         base.seed,
-        base.signs,
+        {name: sign for name, sign in base.signs.items() if name not in free},
         base.salts,
         base.flipped,
         atoms=dict(base.atoms),

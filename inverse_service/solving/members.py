@@ -621,9 +621,13 @@ def _is_in(large: Leaf, places: Sequence[leaves.PointOnLeaf]) -> bool:
     if not large.rules and not large.nonzero:
         return True
     equations = large.equations
-    return bool(places) and all(
-        not any(map(one.value, equations)) and all(map(one.value, large.nonzero)) for one in places
-    )
+    try:
+        return bool(places) and all(
+            not any(map(one.value, equations)) and all(map(one.value, large.nonzero))
+            for one in places
+        )
+    except modular.SingularPoint:  # the point has no value for a derivative in the equations
+        return False
 
 
 def _drop_inequations(work: _Work) -> None:
