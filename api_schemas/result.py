@@ -275,7 +275,8 @@ class FamilyPart(base.Document):
     """Which members of the family in these constants and functions have a Lagrangian.
 
     `leaves`: the general member first, the most special last; a member belongs to the last leaf whose equations and
-    inequations it satisfies. `covered`: the leaves have all members, and none is open.
+    inequations it satisfies. `covered`: the leaves have all members, and none is open. `certificate` is what proves the
+    verdicts of all members that are not open, and `checked` the verdict of the independent checker on it.
     """
 
     letters: list[str]
@@ -283,6 +284,8 @@ class FamilyPart(base.Document):
     leaves: list[FamilyLeaf]
     open: list[OpenSet] = Field(default_factory=list)
     covered: bool
+    certificate: dict[str, Any] | None = None
+    checked: Checked | None = None
 
 
 # {"from": "0.51", "to": "0.5", "sigmas": -0.5}: both numbers exact, and the change in standard errors.

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Literal
 
-from . import conserved
+from . import conserved, family
 from .cell import Cell, cells_of
 from .constraints import Along, Motion
 from .exceptions import Exceptions, Values, exceptions_of
@@ -108,6 +108,8 @@ def certified(document: Any, tools: Tools) -> CheckResult:
     """
     if isinstance(document, dict) and document.get("format") == conserved.FORMAT:
         return CheckResult("valid", (conserved.complete_integrals(document, tools),))
+    if isinstance(document, dict) and document.get("format") == family.FORMAT:
+        return CheckResult("valid", tuple(family.complete_family(document, tools.deadline)))
     began = time.thread_time()
     asked, sentence = proven_question(document, tools)
     kind, among = document["kind"], document.get("among")

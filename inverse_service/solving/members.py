@@ -80,6 +80,8 @@ class Found:
     without_time: Answer | None = (
         None  # if the answer that is shown has an L with t, and there is one without t
     )
+    rows: tuple[tuple[int, ...], ...] = ()  # sets of rows of conditions by whose minors it is split
+    kernel: str = ""  # whether these leave a regular g; "" where a Lagrangian decides
 
     @property
     def verdicts(self) -> tuple[Verdict | None, Verdict | None]:
@@ -106,6 +108,10 @@ class Family:
     unknowns: Unknowns
     leaves: tuple[Found, ...]
     open: tuple[Open, ...]
+    # All sets that were decided, whose verdicts the leaves sum up, and the names of the conditions.
+    cells: tuple[Found, ...] = ()
+    undecided: tuple[Open, ...] = ()  # inside these cells
+    names: tuple[hierarchy.EquationName, ...] = ()
 
     @property
     def covered(self) -> bool:
@@ -121,6 +127,7 @@ class _Work:
     exact: cd.MotionInRing
     unknowns: Unknowns
     rows: list[list[fmpq_mpoly]]
+    names: list[hierarchy.EquationName]
     time_dependent: bool | None
     seed: int
     end: float
@@ -230,17 +237,17 @@ def _prepared(
     ring = motion.ring
     known = {name: of for name, of in system.functions if name in functions}
     unknowns = Unknowns.of(ring, letters, known)
-    places, rows = hierarchy.unknowns(n), list[list[fmpq_mpoly]]()
+    places, named = hierarchy.unknowns(n), list[tuple[hierarchy.EquationName, list[fmpq_mpoly]]]()
     zero = ring.constant(0)
-    for equation in exact.equations.values() if exact is not None else ():
+    for name, equation in exact.equations.items() if exact is not None else ():
         whole = matrices.numerators(ring, [equation.get(place, zero) for place in places])
         common = exact_field.common_divisor([one for one in whole if not one.is_zero()])
         moving = [
             f for f, _ in exact_field.factor_polynomial(common)[1] if not unknowns.unknowns_in(f)
         ]
         scale = math.prod(moving, start=common * 0 + 1)
-        rows.append([one / scale for one in whole])
-    rows.sort(key=lambda row: sum(map(len, row)))
+        named.append((name, [one / scale for one in whole]))
+    named.sort(key=lambda pair: sum(map(len, pair[1])))
     atoms = [tree for tree in ring.trees.values() if isinstance(tree, ex.Apply | ex.Power)]
     wanted = {ex.Symbol(name) for name in letters}
     is_movable = not any(
@@ -253,7 +260,8 @@ def _prepared(
         analysis,
         motion,
         unknowns,
-        rows,
+        [row for _, row in named],
+        [name for name, _ in named],
         options.time_dependent,
         options.seed,
         end,
@@ -379,6 +387,9 @@ def _next_leaves(work: _Work, found: Found, place: int) -> Iterator[Leaf]:
         return  # each equation of one coordinate has a Lagrangian
     rank, chosen, kernel = _rank(work, found.leaf)
     total = len(hierarchy.unknowns(work.size))
+    work.found[place] = found = replace(
+        work.found[place], rows=(tuple(chosen), *_row_sets(work, rank)), kernel=kernel
+    )
     for smaller in range(rank, 0, -1):
         known = len(work.open)
         yield from _split(work, found.leaf, _minors(work, found.leaf, chosen[:smaller]), place)
@@ -490,8 +501,7 @@ def _minors(work: _Work, leaf: Leaf, chosen: Sequence[int]) -> Iterator[fmpq_mpo
     width, rank, until = len(work.rows[0]), len(chosen), _until(work)
     echelon, _ = nmod_mat([values[k] for k in chosen], prime).rref()
     pivots = tuple(next(j for j in range(width) if echelon[i, j]) for i in range(rank))
-    row_sets = itertools.islice(itertools.combinations(range(len(work.rows)), rank), MOST_MINORS)
-    pairs = ((rows, columns) for rows in dict.fromkeys((tuple(chosen), *row_sets))
+    pairs = ((rows, columns) for rows in dict.fromkeys((tuple(chosen), *_row_sets(work, rank)))
              for columns in itertools.chain((pivots,), itertools.combinations(range(width), rank)))  # fmt: skip
     wanted = (pair for pair in itertools.islice(pairs, MOST_TRIED)
               if nmod_mat([[values[r][c] for c in pair[1]] for r in pair[0]], prime).det())  # fmt: skip
@@ -500,6 +510,11 @@ def _minors(work: _Work, leaf: Leaf, chosen: Sequence[int]) -> Iterator[fmpq_mpo
         yield from work.unknowns.coefficients(minor)
         if deadline.now() > until:
             return
+
+
+def _row_sets(work: _Work, rank: int) -> tuple[tuple[int, ...], ...]:
+    sets = itertools.combinations(range(len(work.rows)), rank)
+    return tuple(itertools.islice(sets, MOST_MINORS))
 
 
 def _polynomial_determinant(work: _Work, matrix: Sequence[Sequence[fmpq_mpoly]]) -> fmpq_mpoly:
@@ -597,6 +612,7 @@ def _summary(work: _Work) -> Family:
             places.append(list(leaves.points(one.leaf, work.draw, 7, 2)))
         except (NotSplit, errors.IrreducibleAtoms, KeyError):
             places.append([])
+    cells = tuple(work.found)
     _drop_inequations(work)
     told, numbers = list[Found](), dict[int, int]()
     for number, one in sorted(enumerate(work.found), key=lambda item: item[1].leaf.size):
@@ -613,7 +629,14 @@ def _summary(work: _Work) -> Family:
             )
     final = [_with_answer(work, one) for one in told]
     opened = [_told_as_open(work, one, told, numbers, places) for one in work.open]
-    return Family(work.unknowns, tuple(final), tuple(dict.fromkeys(opened)))
+    return Family(
+        work.unknowns,
+        tuple(final),
+        tuple(dict.fromkeys(opened)),
+        cells,
+        tuple(work.open),
+        tuple(work.names),
+    )
 
 
 def _is_in(large: Leaf, places: Sequence[leaves.PointOnLeaf]) -> bool:

@@ -15,7 +15,7 @@ from typing import Any, Final
 import mpmath
 
 from api_schemas.base import CHECK_FORMAT
-from inverse_service.certificate import checker, conserved, formulas
+from inverse_service.certificate import checker, conserved, family, formulas
 from inverse_service.certificate.cell import Cell
 from inverse_service.certificate.exceptions import SINGLE_VALUES, SPECIAL_FUNCTIONS
 from inverse_service.certificate.kinds import KINDS, named
@@ -359,7 +359,7 @@ class Examination:
         self.others(document, own)
         if not moving:
             self.left_out(document)
-            self.family(document)
+        self.family(document, own, moving)
         if not main and not (growing.asks_motion_alone(plain) and result.get("any_associated")):
             self.unsettled(_OPEN)
         if moving:
@@ -875,19 +875,20 @@ class Examination:
                     "It is not decided.",
                 )
 
-    def family(self, document: Any) -> None:
+    def family(self, document: Any, own: dict[str, Any], moving: bool) -> None:
         """Each leaf with a proof: its equations are those of its solved member, about which the
         certificate is.
         """
-        part = as_object(self.result.get("family"))
-        for k, leaf in enumerate(part.get("leaves") or ()):
+        part, proven = as_object(self.result.get("family")), self.all_members(own)
+        for k, leaf in enumerate(part.get("leaves") or () if not moving else ()):
             at, proof = f"/family/leaves/{k}", as_object(leaf.get("proof"))
             self.agree(f"{at}/id", leaf.get("id") == k, leaf.get("id"), f"It is leaf {k}.")
             if not proof:
                 for key in ("lagrangian", "hamiltonian"):
                     if leaf.get(key) is not None:
                         self.contradict(f"{at}/{key}", _text(leaf[key]), "Nothing is proven here.")
-                self.open_places.append(at)
+                if k not in proven:
+                    self.open_places.append(at)
                 continue
             system = family_parts.system_of_leaf(document, leaf)
             good = None if system is None else family_parts.follows(document, leaf)
@@ -897,12 +898,78 @@ class Examination:
                 self.agree(f"{at}/equations", good, "", "They are not those of the solved members.")
             for place in range(len(leaf["equations"])) if good else ():
                 self.claim(f"{at}/equations/{place}/text", f"{at}/solved/{place}/text")
-            own = None if system is None else translate.plain_fields(system)
+            member = None if system is None else translate.plain_fields(system)
             for name in ("proof", "proof_without_time"):
                 if one := as_object(leaf.get(name)):
-                    self.leaf_proof(at, name, leaf, one, own)
-        if part:
-            self.open_places.append("/family/covered")
+                    self.leaf_proof(at, name, leaf, one, member)
+
+    def all_members(self, own: dict[str, Any]) -> set[int]:
+        """The leaves of a family are those of its certificate; those whose verdicts it proves for
+        all members.
+        """
+        part = as_object(self.result.get("family"))
+        if not part:
+            return set()
+        certificate = as_object(part.get("certificate"))
+        proof = checker.CheckResult("incomplete", ("No certificate proves it.",))
+        if certificate.get("format") == family.FORMAT:
+            seconds = max(1.0, self.end - now())
+            proof = checker.check_certificate(certificate, time_limit=seconds)
+        if proof.verdict != "valid":
+            if certificate and proof.verdict == "invalid":
+                self.contradict("/family/certificate", "", proof.reasons[0])
+            elif part.get("covered") or certificate:
+                self.unsettled(f"/family: {proof.reasons[0]}")
+            good = part.get("checked") != "valid"
+            self.agree("/family/checked", good, part.get("checked"), "No certificate proves it.")
+            return set()
+        same = (
+            system_fields(certificate) == own
+            and part.get("letters") == certificate["letters"]
+            and sorted(part.get("functions") or {}) == sorted(certificate["functions"])
+        )
+        self.agree("/family/certificate", same, "", "It is about another family.")
+        leaves, stated = part.get("leaves") or [], certificate["leaves"]
+        good = len(leaves) == len(stated)
+        self.agree("/family/leaves", good, "", "The certificate is about other leaves.")
+        for k, (leaf, proven) in enumerate(zip(leaves, stated, strict=False)):
+            self.leaf_of_certificate(f"/family/leaves/{k}", leaf, proven)
+        is_whole = not certificate.get("open")
+        for key, says, wanted in (
+            ("checked", part.get("checked"), "valid"),
+            ("covered", part.get("covered"), is_whole),
+        ):
+            self.agree(f"/family/{key}", says == wanted, says, f"Its certificate says {wanted}.")
+        if is_whole:
+            self.agree("/family/open", not part.get("open"), "", "No member is open.")
+        self.claim("/family/letters", "/family/functions")
+        self.reasons += proof.reasons
+        return {
+            k
+            for k, one in enumerate(stated)
+            if k == 0 or any(f" with {family.text_of(one)}: " in said for said in proof.reasons)
+        }
+
+    def leaf_of_certificate(self, at: str, leaf: dict[str, Any], proven: dict[str, Any]) -> None:
+        for key, wanted in (
+            ("equations", proven["equations"]),
+            ("nonzero", proven.get("nonzero") or []),
+        ):
+            says = [one if isinstance(one, str) else one.get("text") for one in leaf.get(key) or []]
+            if self.agree(f"{at}/{key}", says == wanted, _text(says), "The certificate says more, or less."):  # fmt: skip
+                ends = [""] * len(says) if key == "nonzero" else ["/text"] * len(says)
+                self.claim(*(f"{at}/{key}/{i}{end}" for i, end in enumerate(ends)))
+        timed = proven.get("time_dependent")
+        for key, verdict in (
+            ("verdict", proven.get("autonomous") or timed),
+            ("verdict_with_time", timed),
+        ):
+            self.agree(
+                f"{at}/{key}",
+                leaf.get(key) == verdict,
+                leaf.get(key),
+                f"Its certificate says {verdict}.",
+            )
 
     def leaf_proof(
         self,

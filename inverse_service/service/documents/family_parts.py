@@ -12,6 +12,7 @@ from flint import fmpq_mpoly
 from api_schemas import result as schemas
 from api_schemas.system import FamilyNames, QuestionDocument
 from inverse_service import deadline, errors
+from inverse_service.certificate import checker
 from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import Answer, SolveOptions
 from inverse_service.expressions import calculus, collecting, printing, tree as ex
@@ -19,12 +20,20 @@ from inverse_service.field import exact_field
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import names as nm, reader
-from inverse_service.service.documents import accepting, comparison, growing, translate
+from inverse_service.service.documents import (
+    accepting,
+    comparison,
+    coverage,
+    growing,
+    translate,
+)
 
 if TYPE_CHECKING:
     from inverse_service.solving.leaves import Rule, Unknowns
     from inverse_service.solving.members import Family, Found
 
+CHECKING_SECONDS = 20.0
+NOT_CONFIRMED = "the checker did not confirm that there are no others"
 Whole = TypeVar("Whole", bound=schemas.ResultDocument)
 _SAYS = {
     (True, True): "the general member has a Lagrangian L(q, q')",
@@ -75,7 +84,7 @@ def with_family(
     limit = deadline.now() + comparison.SHARE_OF_SOLVER * (end - deadline.now())
     try:
         found = members.explore(system, letters, list(functions), asked, limit, grow.stage)
-        part = family_part(found, letters, functions)
+        part = checked_part(found, system, letters, functions, end)
     except (
         leaves.NotSplit,
         exact_field.TooLarge,
@@ -87,6 +96,36 @@ def with_family(
             letters=letters, functions=functions, leaves=[], open=[opened], covered=False
         )
     return result.model_copy(update={"family": part})
+
+
+def checked_part(
+    family: Family,
+    system: SecondOrderSystem,
+    letters: Sequence[str],
+    functions: Mapping[str, Sequence[str]],
+    end: float,
+) -> schemas.FamilyPart:
+    """The leaves with the checker's verdict on their certificate; they cover the family only if it
+    agrees.
+    """
+    part = family_part(family, letters, functions)
+    if not family.leaves:
+        return part
+    leaves = [
+        {
+            "equations": [one.text for one in leaf.equations],
+            "nonzero": leaf.nonzero,
+            **coverage.verdicts_of(found),
+        }
+        for leaf, found in zip(part.leaves, family.leaves, strict=True)
+    ]
+    certificate = coverage.certificate_of(family, system, letters, list(functions), leaves)
+    seconds = max(1.0, min(CHECKING_SECONDS, end - deadline.now()))
+    proof = checker.check_certificate(certificate, time_limit=seconds)
+    if proof.verdict == "valid":
+        return part.model_copy(update={"certificate": certificate, "checked": "valid"})
+    opened = part.open or [schemas.OpenSet(reason=f"{NOT_CONFIRMED}: {proof.reasons[0]}")]
+    return part.model_copy(update={"open": opened, "covered": False, "checked": proof.verdict})
 
 
 def family_part(

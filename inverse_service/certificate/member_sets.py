@@ -1,0 +1,583 @@
+"""Sets of members of a family: equations between constants and derivatives of unknown functions.
+
+All is exact, over the rational numbers. A polynomial holds the time, coordinates, velocities,
+constants, and derivatives of the functions, as independent generators. It vanishes *for a member*
+if it is zero with the member's constants and functions put in, for all values of the others: these
+functions of the arguments of the unknown functions are analytic, so a product vanishes only if a
+factor does, and derivatives of what vanishes vanish.
+
+`split` parts a set by cases p = 0 and p != 0. Each case either ends in a contradiction or is a
+`Part`: equations, solved for a leader each, whose initials and separants do not vanish, so that
+pseudo-division proves that other polynomials vanish on it. Nothing is claimed but these steps, so a
+strategy that is not complete cannot prove anything false.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+from flint import Ordering, fmpq, fmpq_mpoly_ctx
+
+from .formulas import TEXT, Incomplete, Nodes, check_shape, read_tokens, require, value_of
+
+MAX_TERMS, MAX_STEPS = 20_000, 3_000
+Polynomial = Any  # fmpq_mpoly
+Orders = tuple[int, ...]
+
+
+class Quotient(NamedTuple):
+    """A rational function without a common factor, the divisor with the leading coefficient 1."""
+
+    above: Polynomial
+    below: Polynomial
+
+
+class Ring:
+    """Rational functions of the generators, and the derivations by time, coordinates, and
+    velocities.
+
+    Of each free function, the derivatives to `order` are generators. `free` are the constants and
+    derivatives; `inner` the other constants, and the variables on which a function depends; `outer`
+    all other variables. A polynomial in inner generators alone vanishes nowhere.
+    """
+
+    degree = 0
+
+    def __init__(
+        self,
+        coordinates: Sequence[str],
+        letters: Sequence[str],
+        fixed: Sequence[str],
+        functions: dict[str, list[str]],
+        order: int,
+        deadline: float,
+        with_atoms: bool = False,
+    ) -> None:
+        self.variables = ["t", *coordinates, *(name + "'" for name in coordinates)]
+        self.functions, self.deadline, self.integrals = functions, deadline, dict[str, Any]()
+        self.size, self.nodes, self.question = len(coordinates), Nodes(), self
+        plain = [*self.variables, *letters, *fixed]
+        self.jets = dict[int, tuple[str, Orders]]()
+        for name, of in functions.items():
+            for total in range(order + 1):
+                for orders in orders_of(len(of), total):
+                    self.jets[len(plain) + len(self.jets)] = name, orders
+        self.places = {jet: k for k, jet in self.jets.items()}
+        count = len(plain) + len(self.jets)
+        # tan(x/2) and exp(x/12) of each variable x, independent of each other and of x.
+        held = range(len(self.variables)) if with_atoms else range(0)
+        self.tangents = {k: count + 2 * k for k in held}
+        self.exponentials = {k: count + 2 * k + 1 for k in held}
+        count += 2 * len(held)
+        self.context = fmpq_mpoly_ctx.get([f"g{k}" for k in range(count)], Ordering.lex)
+        self.gens = self.context.gens()
+        self.one, self.none = self.context.constant(1), self.context.constant(0)
+        moving = {name for of in functions.values() for name in of}
+        self.letters = {plain.index(name): name for name in letters}
+        self.moving = [k for k, name in enumerate(self.variables) if name in moving]
+        still = [k for k, name in enumerate(self.variables) if name not in moving]
+        self.outer, self.inner = self.with_atoms(still), self.with_atoms(self.moving)
+        self.free = frozenset((*self.letters, *self.jets))
+        self.names = {name: Quotient(self.gens[k], self.one) for k, name in enumerate(plain)}
+        self.of_functions = {name: sorted(functions).index(name) for name in functions}
+        self.slopes = dict[tuple[int, int], Polynomial]()
+
+    def with_atoms(self, variables: list[int]) -> list[int]:
+        atoms = (self.tangents, self.exponentials)
+        return [*variables, *(table[k] for table in atoms for k in variables if k in table)]
+
+    # Formulas.
+
+    def read(self, text: str) -> Quotient:
+        """A formula, or `A = B` for A - B."""
+        check_shape(text, TEXT, "a formula")
+        sides = text.split("=")
+        require(len(sides) <= 2, "An equation has one equals sign.")
+        values = [value_of(self, read_tokens(side, "a formula")) for side in sides]
+        return values[0] if len(values) == 1 else self.minus(*values)
+
+    def check_time(self) -> None:
+        if time.thread_time() > self.deadline:
+            raise Incomplete("The time limit ended the check of the family.")
+
+    def constant(self, value: Fraction | int) -> Quotient:
+        number = Fraction(value)
+        return Quotient(self.context.constant(fmpq(number.numerator, number.denominator)), self.one)
+
+    def add(self, terms: Sequence[Quotient], weights: Iterable[int] = ()) -> Quotient:
+        total = self.constant(0)
+        for term, weight in itertools.zip_longest(terms, weights, fillvalue=1):
+            total = self.plus(total, Quotient(term.above * weight, term.below))  # type: ignore[union-attr]
+        return total
+
+    def multiply(self, left: Quotient, right: Quotient, degree: int = 0) -> Quotient:
+        return self.times(left, right)
+
+    def power(self, value: Quotient, exponent: int) -> Quotient:
+        if exponent < 0:
+            require(value.above, "A divisor is zero.")
+            value = self.quotient(value.below, value.above)
+        if abs(exponent) > 64:
+            raise Incomplete("A power in a family is too high.")
+        return Quotient(value.above ** abs(exponent), value.below ** abs(exponent))
+
+    def elementary(self, name: str, value: Quotient) -> Quotient:
+        """sin, cos and exp of multiples of one variable, rational in tan(x/2) and exp(x/12)."""
+        used = [k for k, degree in enumerate(value.above.degrees()) if degree > 0]
+        k = used[0] if len(used) == 1 and not value.below.degrees()[used[0]] else -1
+        scale = Fraction(0)
+        if k in self.tangents and value.above == value.above.leading_coefficient() * self.gens[k]:
+            number = value.above.leading_coefficient() / value.below.leading_coefficient()
+            scale = Fraction(int(number.p), int(number.q)) * (12 if name == "exp" else 1)
+        known = name in ("sin", "cos", "exp") and scale.denominator == 1 and 0 < abs(scale) <= 48
+        if not known or not value.below.is_constant():
+            raise Incomplete("Families are proven for rational functions of q, q', sin, cos, exp.")
+        times = int(scale)
+        if name == "exp":
+            return self.power(Quotient(self.gens[self.exponentials[k]], self.one), times)
+        half = self.gens[self.tangents[k]]
+        cosine, sine = 1 - half * half, 2 * half
+        real, imaginary = self.one, self.none
+        for _ in range(abs(times)):
+            real, imaginary = real * cosine - imaginary * sine, real * sine + imaginary * cosine
+        above = real if name == "cos" else imaginary if times > 0 else -imaginary
+        return self.quotient(above, (1 + half * half) ** abs(times))
+
+    def function(self, name: str, orders: Orders, arguments: list[Quotient]) -> Quotient:
+        plain = [self.names[one] for one in self.functions[name]]
+        if arguments != plain:
+            raise Incomplete(f"{name} has other arguments than those it is declared with.")
+        return Quotient(self.gens[self.jet(name, orders)], self.one)
+
+    def integral(self, name: str, orders: list[int], arguments: list[Quotient]) -> Quotient:
+        raise Incomplete("Families are proven without integrals.")
+
+    def jet(self, name: str, orders: Orders) -> int:
+        if (name, orders) not in self.places:
+            raise Incomplete("A family needs derivatives of too high an order.")
+        return self.places[name, orders]
+
+    # Arithmetic.
+
+    def quotient(self, above: Polynomial, below: Polynomial) -> Quotient:
+        if not above:
+            return Quotient(self.none, self.one)
+        self.check_time()
+        if len(above) > MAX_TERMS or len(below) > MAX_TERMS:
+            raise Incomplete(f"A formula of the family has more than {MAX_TERMS} terms.")
+        if not below.is_constant():
+            common = above.gcd(below)
+            above, below = above / common, below / common
+        unit = below.leading_coefficient()
+        return Quotient(above / unit, below / unit)
+
+    def plus(self, left: Quotient, right: Quotient) -> Quotient:
+        if left.below == right.below:
+            return self.quotient(left.above + right.above, left.below)
+        return self.quotient(
+            left.above * right.below + right.above * left.below, left.below * right.below
+        )
+
+    def minus(self, left: Quotient, right: Quotient) -> Quotient:
+        return self.plus(left, Quotient(-right.above, right.below))
+
+    def times(self, left: Quotient, right: Quotient) -> Quotient:
+        if not left.above or not right.above:
+            return Quotient(self.none, self.one)
+        return self.quotient(left.above * right.above, left.below * right.below)
+
+    def total(self, values: Iterable[Quotient]) -> Quotient:
+        found = self.constant(0)
+        for value in values:
+            found = self.plus(found, value)
+        return found
+
+    def slope(self, polynomial: Polynomial, variable: int) -> Polynomial:
+        """The derivative of a polynomial by a variable, of which functions may depend."""
+        found, name = polynomial.derivative(variable), self.variables[variable]
+        if variable in self.tangents:
+            half, power = self.tangents[variable], self.exponentials[variable]
+            found += polynomial.derivative(half) * (1 + self.gens[half] ** 2) / 2
+            found += polynomial.derivative(power) * self.gens[power] / 12
+        if variable in self.moving:
+            for k, degree in enumerate(polynomial.degrees()):
+                if degree > 0 and k in self.jets:
+                    function, orders = self.jets[k]
+                    of = self.functions[function]
+                    if name in of:
+                        higher = tuple(one + (of[i] == name) for i, one in enumerate(orders))
+                        found += polynomial.derivative(k) * self.gens[self.jet(function, higher)]
+        return found
+
+    def by(self, value: Quotient, variable: int) -> Quotient:
+        above, below = self.slope(value.above, variable), self.slope(value.below, variable)
+        if not below:
+            return self.quotient(above, value.below)
+        return self.quotient(above * value.below - value.above * below, value.below**2)
+
+    # Unknowns.
+
+    def unknowns(self, polynomial: Polynomial) -> list[int]:
+        """The free constants and derivatives in it, the highest first."""
+        found = [
+            k for k, degree in enumerate(polynomial.degrees()) if degree > 0 and k in self.free
+        ]
+        return sorted(found, key=self.rank, reverse=True)
+
+    def rank(self, k: int) -> tuple[Any, ...]:
+        """Constants below derivatives, these by their order (an orderly ranking)."""
+        if k in self.letters:
+            return (0, -k)
+        name, orders = self.jets[k]
+        return (1, sum(orders), self.of_functions[name], orders)
+
+    def coefficients(self, polynomial: Polynomial) -> list[Polynomial]:
+        """What vanishes for the members for which the polynomial vanishes, and the other way
+        round.
+        """
+        found = self.collected(polynomial, self.outer)
+        return [part for one in found for part in self.constants(one)]
+
+    def constants(self, polynomial: Polynomial) -> list[Polynomial]:
+        """The same for a polynomial without outer variables: one of constants alone is free of
+        variables.
+        """
+        holds_functions = any(k in self.jets for k in self.unknowns(polynomial))
+        return (
+            [polynomial]
+            if holds_functions or not self.unknowns(polynomial)
+            else self.collected(polynomial, self.inner)
+        )
+
+    def collected(self, polynomial: Polynomial, over: Sequence[int]) -> list[Polynomial]:
+        """The coefficients of a polynomial in these generators."""
+        if not any(polynomial.degrees()[k] > 0 for k in over):
+            return [polynomial] if polynomial else []
+        table = dict[tuple[int, ...], dict[tuple[int, ...], Any]]()
+        for exponents, value in polynomial.terms():
+            key = tuple(int(exponents[k]) for k in over)
+            rest = list(exponents)
+            for k in over:
+                rest[k] = 0
+            table.setdefault(key, {})[tuple(rest)] = value
+        return [self.context.from_dict(terms) for terms in table.values()]
+
+    def factors(self, polynomial: Polynomial) -> list[Polynomial]:
+        """The distinct irreducible factors with unknowns in them; none if it vanishes for no
+        member.
+        """
+        self.check_time()
+        if len(polynomial) > MAX_TERMS:
+            raise Incomplete(f"An equation of the family has more than {MAX_TERMS} terms.")
+        return [
+            one / one.leading_coefficient()
+            for one, _ in polynomial.factor()[1]
+            if self.unknowns(one)
+        ]
+
+    def powers(self, polynomial: Polynomial, k: int) -> list[Polynomial]:
+        """The coefficients of a polynomial in a generator, the constant one first."""
+        found: list[dict[tuple[int, ...], Any]] = [
+            {} for _ in range(int(polynomial.degrees()[k]) + 1)
+        ]
+        for exponents, value in polynomial.terms():
+            rest = list(exponents)
+            rest[k] = 0
+            found[int(exponents[k])][tuple(rest)] = value
+        return [self.context.from_dict(one) for one in found]
+
+
+def orders_of(count: int, total: int) -> Iterator[Orders]:
+    """The orders of all derivatives of this total order by as many arguments."""
+    if count == 1:
+        yield (total,)
+        return
+    for first in range(total, -1, -1):
+        for rest in orders_of(count - 1, total - first):
+            yield (first, *rest)
+
+
+class Rule(NamedTuple):
+    """An equation, and the constant or derivative it is solved for."""
+
+    equation: Polynomial
+    leader: int
+
+
+@dataclass(frozen=True)
+class Part:
+    """Members for which the rules vanish and no `nonzero` element does.
+
+    The initials and separants of the rules vanish for none of them.
+    """
+
+    ring: Ring
+    rules: tuple[Rule, ...] = ()
+    nonzero: tuple[Polynomial, ...] = ()
+
+    def divisor(self, k: int) -> Polynomial | None:
+        """The rule with this leader, or the derivative of one."""
+        ring = self.ring
+        for rule in self.rules:
+            if rule.leader == k:
+                return rule.equation
+        if k in ring.letters:
+            return None
+        name, orders = ring.jets[k]
+        for rule in self.rules:
+            own, below = ring.jets.get(rule.leader, ("", ()))
+            if own == name and all(a >= b for a, b in zip(orders, below, strict=True)):
+                return derived(ring, rule, orders)
+        return None
+
+    def reduced(self, polynomial: Polynomial) -> Polynomial:
+        """A polynomial that vanishes for the same members of the part."""
+        ring, changed = self.ring, True
+        while changed and polynomial:
+            changed = False
+            for k in ring.unknowns(polynomial):
+                divisor = self.divisor(k)
+                if divisor is None or polynomial.degrees()[k] < divisor.degrees()[k]:
+                    continue
+                polynomial, changed = remainder(ring, polynomial, divisor, k), True
+                if polynomial:
+                    polynomial = polynomial / polynomial.leading_coefficient()
+                break
+        return polynomial
+
+    def vanishes(self, polynomials: Iterable[Polynomial]) -> bool:
+        """Whether these vanish for all members of the part."""
+        return not any(
+            self.reduced(part) for one in polynomials for part in self.ring.coefficients(one)
+        )
+
+    def is_unit(self, polynomial: Polynomial) -> bool:
+        """Whether this vanishes for no member of the part: a product of what does not vanish."""
+        left = self.reduced(polynomial)
+        return bool(left) and all(one in self.nonzero for one in self.ring.factors(left))
+
+
+def derived(ring: Ring, rule: Rule, orders: Orders) -> Polynomial:
+    """The derivative of a rule whose leader is the derivative of these orders."""
+    name, below = ring.jets[rule.leader]
+    equation = rule.equation
+    for argument, a, b in zip(ring.functions[name], orders, below, strict=True):
+        for _ in range(a - b):
+            equation = ring.slope(equation, ring.variables.index(argument))
+    return equation
+
+
+def remainder(ring: Ring, polynomial: Polynomial, divisor: Polynomial, k: int) -> Polynomial:
+    """The pseudo-remainder: the polynomial times powers of the initial, minus multiples of the
+    divisor.
+    """
+    low, high = ring.powers(divisor, k), ring.powers(polynomial, k)
+    initial = low.pop()
+    while len(high) > len(low):
+        ring.check_time()
+        first = high.pop()
+        if first:
+            high = [one * initial for one in high]
+            shift = len(high) - len(low)
+            for i, one in enumerate(low):
+                high[shift + i] -= first * one
+        if sum(map(len, high)) > MAX_TERMS:
+            raise Incomplete(f"An equation of the family has more than {MAX_TERMS} terms.")
+    found = ring.none
+    for one in reversed(high):
+        found = found * ring.gens[k] + one
+    return found
+
+
+class Waiting(NamedTuple):
+    """Equations that are still to be solved in a part."""
+
+    equations: tuple[Polynomial, ...]
+    part: Part
+
+
+def split(part: Part, equations: Iterable[Polynomial]) -> list[Part]:
+    """Parts that together hold all members of the part for which the equations vanish."""
+    ring = part.ring
+    whole = tuple(coefficient for one in equations for coefficient in ring.coefficients(one))
+    waiting, found = [Waiting(whole, part)], list[Part]()
+    for _ in range(MAX_STEPS):
+        if not waiting:
+            return found
+        ring.check_time()
+        found += _step(waiting.pop(), waiting)
+    raise Incomplete("The equations of the family have too many cases.")
+
+
+def _step(item: Waiting, waiting: list[Waiting]) -> list[Part]:
+    part, ring = item.part, item.part.ring
+    if any(not part.reduced(one) for one in part.nonzero):
+        return []
+    table = dict[frozenset[str], list[Polynomial]]()
+    for equation in item.equations:
+        left = part.reduced(equation)
+        for one in ring.constants(left) if left else ():
+            factors = [factor for factor in ring.factors(one) if factor not in part.nonzero]
+            if not factors:
+                return []  # what vanishes for no member would vanish
+            table[frozenset(map(str, factors))] = factors
+    if not table:
+        further = _compatibility(part)
+        if not further:
+            return [part]
+        waiting.append(Waiting(tuple(further), part))
+        return []
+    least = [factors for key, factors in table.items() if not any(other < key for other in table)]
+    first, *others = sorted(least, key=lambda one: _cost(ring, one))
+    rest = tuple(_product(one) for one in others)
+    if len(first) > 1:
+        for factor in sorted(first, key=len):
+            waiting.append(Waiting((factor, *rest), part))
+            part = replace(part, nonzero=(*part.nonzero, factor))
+        return []
+    _solve(first[0], rest, part, waiting)
+    return []
+
+
+def _product(factors: Sequence[Polynomial]) -> Polynomial:
+    found = factors[0]
+    for one in factors[1:]:
+        found = found * one
+    return found
+
+
+def _cost(ring: Ring, factors: Sequence[Polynomial]) -> tuple[Any, ...]:
+    """Short equations of low order first, those with a constant that has a number before it above
+    all.
+    """
+    first = factors[0]
+    easy = len(factors) == 1 and any(
+        first.degrees()[k] == 1 and not ring.unknowns(ring.powers(first, k)[1])
+        for k in ring.letters
+    )
+    top = max(ring.rank(k)[:2] for one in factors for k in ring.unknowns(one)[:1])
+    return (not easy, len(factors), top, sum(map(len, factors)))
+
+
+def _solve(
+    equation: Polynomial, rest: Sequence[Polynomial], part: Part, waiting: list[Waiting]
+) -> None:
+    """Solve an irreducible equation for its leader; where that fails is another case."""
+    ring = part.ring
+    leader = _leader(part, equation)
+    squares = _squares(ring, equation)
+    if squares is not None:  # constants are real
+        if squares:
+            waiting.append(Waiting((*squares, *rest), part))
+        return
+    parts = ring.powers(equation, leader)
+    guards = ring.factors(parts[-1]) if ring.unknowns(parts[-1]) else []
+    guards += ring.factors(equation.derivative(leader)) if len(parts) > 2 else []
+    for one in guards:
+        if one not in part.nonzero:
+            waiting.append(Waiting((one, equation, *rest), part))
+            part = replace(part, nonzero=(*part.nonzero, one))
+    kept, again = list[Rule](), list[Polynomial]()
+    for rule in part.rules:
+        if leader in ring.letters:
+            touched = rule.equation.degrees()[leader] > 0
+        else:
+            (name, orders), (own, below) = (
+                ring.jets[leader],
+                ring.jets.get(rule.leader, ("", ())),
+            )
+            touched = own == name and all(a >= b for a, b in zip(below, orders, strict=True))
+        if touched:
+            again.append(rule.equation)
+        else:
+            kept.append(rule)
+    solved = replace(part, rules=(*kept, Rule(equation, leader)))
+    waiting.append(Waiting((*again, *rest), solved))
+
+
+def _leader(part: Part, equation: Polynomial) -> int:
+    """The highest derivative; of constants the one that is simplest to solve for."""
+    ring = part.ring
+    found = ring.unknowns(equation)
+    if found[0] in ring.jets:
+        return found[0]
+    taken = {rule.leader for rule in part.rules}
+
+    def cost(k: int) -> tuple[Any, ...]:
+        first = ring.powers(equation, k)[-1]
+        return (
+            equation.degrees()[k] > 1,
+            k in taken,
+            len(first) if ring.unknowns(first) else 0,
+            equation.degrees()[k],
+            k,
+        )
+
+    return min(found, key=cost)
+
+
+def _squares(ring: Ring, equation: Polynomial) -> list[Polynomial] | None:
+    """What vanishes where a sum of squares does; None if the equation is no such sum.
+
+    So is A a^2 + B a + C, times 4 A, if 4 A C - B^2 is one: then it is zero, and 2 A a + B, or A
+    and B and C.
+    """
+    used = [k for k, degree in enumerate(equation.degrees()) if degree > 0]
+    if not all(k in ring.letters for k in used):
+        return None
+    for form in (equation, -equation):
+        if _is_sum_of_squares(form):
+            return _terms(ring, form)
+    for k in used:
+        if equation.degrees()[k] == 2:
+            low, middle, high = ring.powers(equation, k)
+            form = low * high * 4 - middle * middle
+            if form and _is_sum_of_squares(form):
+                terms = _terms(ring, form)
+                slope = high * ring.gens[k] * 2 + middle
+                return [*terms, slope, middle * ring.gens[k] + low * 2] if terms else []
+    return None
+
+
+def _terms(ring: Ring, form: Polynomial) -> list[Polynomial]:
+    """The monomials of a sum of squares; none if one is constant, so that it never vanishes."""
+    found = [ring.context.from_dict({exponents: 1}) for exponents, _ in form.terms()]
+    return [] if any(one.is_constant() for one in found) else found
+
+
+def _is_sum_of_squares(form: Polynomial) -> bool:
+    return all(
+        value > 0 and not any(int(exponent) % 2 for exponent in exponents)
+        for exponents, value in form.terms()
+    )
+
+
+def _compatibility(part: Part) -> list[Polynomial]:
+    """Differences of equal derivatives of two rules, and derivatives of rules by variables that
+    their function does not have: all these vanish.
+    """
+    ring, found = part.ring, list[Polynomial]()
+    rules = [rule for rule in part.rules if rule.leader in ring.jets]
+    for rule in rules:
+        name, _ = ring.jets[rule.leader]
+        for variable in ring.moving:
+            if ring.variables[variable] not in ring.functions[name]:
+                found.append(ring.slope(rule.equation, variable))
+    for one, other in itertools.combinations(rules, 2):
+        (name, orders), (own, below) = ring.jets[one.leader], ring.jets[other.leader]
+        if name == own:
+            top = tuple(map(max, orders, below))
+            k = ring.jet(name, top)
+            left, right = derived(ring, one, top), derived(ring, other, top)
+            if left.degrees()[k] > 1 or right.degrees()[k] > 1:
+                low, high = sorted((left, right), key=lambda p, k=k: p.degrees()[k])  # type: ignore[misc]
+                found.append(remainder(ring, high, low, k))
+            else:
+                found.append(ring.powers(right, k)[1] * left - ring.powers(left, k)[1] * right)
+    reduced = [part.reduced(one) for one in found if one]
+    return [one for one in reduced if one]

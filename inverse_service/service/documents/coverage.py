@@ -1,0 +1,232 @@
+"""What proves to the checker that the leaves of a family are right and hold all members: the
+document of certificate/FAMILIES.md.
+
+Its cells are all sets that the exploration decided. For each, the conditions are named by whose
+minors it is parted, or the multiplier of its Lagrangian is given; the checker computes the rest.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+from inverse_service.certificate.family import FORMAT
+from inverse_service.expressions import calculus, collecting, printing, tree as ex
+from inverse_service.mechanics import euler_lagrange
+from inverse_service.service.documents import translate
+from inverse_service.solving import regularity
+
+if TYPE_CHECKING:
+    from inverse_service.explanation.hierarchy import EquationName
+    from inverse_service.mechanics.second_order_system import SecondOrderSystem
+    from inverse_service.solving.leaves import Leaf
+    from inverse_service.solving.members import Family, Found, Open
+
+YES, NO = "variational", "not_variational"
+PLAIN, TIMED = "autonomous", "time_dependent"
+
+
+def certificate_of(
+    family: Family,
+    system: SecondOrderSystem,
+    letters: Sequence[str],
+    functions: Sequence[str],
+    leaves: Sequence[dict[str, Any]],
+) -> dict[str, Any]:
+    """The certificate of a family with these leaves, as plain data."""
+    return {
+        "format": FORMAT,
+        "system": translate.plain_fields(system),
+        "letters": list(letters),
+        "functions": list(functions),
+        "cells": [_cell(family, system, one) for one in family.cells],
+        "leaves": list(leaves),
+        "open": [_open(family, one) for one in family.undecided],
+    }
+
+
+def verdicts_of(found: Found) -> dict[str, Any]:
+    return {PLAIN: found.verdict, TIMED: found.with_time}
+
+
+def _cell(family: Family, system: SecondOrderSystem, found: Found) -> dict[str, Any]:
+    return _set(found.leaf) | verdicts_of(found) | {"proofs": _proofs(family, system, found)}
+
+
+def _open(family: Family, one: Open) -> dict[str, Any]:
+    around = _set(family.cells[one.inside].leaf)
+    return {
+        **around,
+        "equations": [*around["equations"], *map(printing.to_text, one.equations)],
+    }
+
+
+def _set(leaf: Leaf) -> dict[str, Any]:
+    def text(polynomial: Any) -> str:
+        return printing.to_text(collecting.collect(leaf.unknowns.tree(polynomial)))
+
+    return {
+        "equations": [text(one) for one in leaf.equations],
+        "nonzero": [text(one) for one in leaf.nonzero],
+    }
+
+
+def _proofs(family: Family, system: SecondOrderSystem, found: Found) -> list[dict[str, Any]]:
+    """A proof for each verdict, as few as cover them."""
+    rows = [[_row(family.names[k]) for k in one] for one in dict.fromkeys(found.rows)]
+    asked = {PLAIN: found.verdict, TIMED: found.with_time}
+    if NO in asked.values() and found.kernel == "singular":
+        return [{"kind": "rank", "rows": rows}]
+    proofs = list[dict[str, Any]]()
+    refused = [about for about in (TIMED, PLAIN) if asked[about] == NO]
+    if refused:
+        proofs.append({"kind": "factor", "question": refused[0], "rows": rows})
+    given = [about for about in (PLAIN, TIMED) if asked[about] == YES]
+    if given:
+        proofs.append(_existence(family, system, found, rows, given[0]))
+    return proofs
+
+
+def _existence(
+    family: Family,
+    system: SecondOrderSystem,
+    found: Found,
+    rows: list[list[list[str]]],
+    about: str,
+) -> dict[str, Any]:
+    n = len(system.coordinates)
+    if n == 1:
+        return {"kind": "one_coordinate"}
+    if found.kernel and found.rows and len(found.rows[0]) == n * (n + 1) // 2 - 1:
+        return {"kind": "direction", "question": about, "rows": rows[0]}
+    if found.system is not None and regularity.has_one_everywhere(found.system):
+        return {"kind": "algebra"}
+    by_lagrangian = _multiplier(family, system, found, about)
+    if by_lagrangian is not None and (about == TIMED or not _holds_time(by_lagrangian)):
+        return by_lagrangian
+    return {"kind": "isotropic"}
+
+
+def _holds_time(proof: dict[str, Any]) -> bool:
+    return any(
+        "t" in term["slopes"]
+        or any(re.search(r"\bt\b", one) for one in (*term["entries"], *term["slopes"].values()))
+        for term in proof["terms"]
+    )
+
+
+def _row(name: EquationName) -> list[str]:
+    condition, power = name.condition.name, 0
+    operand = condition.removeprefix("R[").removesuffix("]")
+    if operand.startswith("nabla"):
+        head = operand.split(" ")[0]
+        power = int(head.partition("^")[2] or 1)
+    kind = "S" if condition.startswith("R[") else operand.split(" ")[-1]
+    return [kind, str(power), *map(str, name.indices)]
+
+
+def _multiplier(
+    family: Family, system: SecondOrderSystem, found: Found, about: str
+) -> dict[str, Any] | None:
+    """g of the Lagrangian, up to a factor e^u, with the derivatives of u; None if these are not
+    rational.
+    """
+    answer, member = found.answer, found.system
+    if answer is None or answer.lagrangian is None or member is None:
+        return None
+    hessian = euler_lagrange.hessian(answer.lagrangian.expression, member.coordinates)
+    n = len(hessian)
+    constants = _constants(found)
+    fresh = {name for one in found.solved for name in one.new_constants}
+    terms = dict[collecting.Monomial, list[list[collecting.Term]]]()
+    places = [(i, j) for i in range(n) for j in range(i, n)]
+    for place, (i, j) in enumerate(places):
+        for monomial, value in collecting.expand(ex.substitute(hessian[i][j], constants)):
+            common, rest = _parted(monomial, fresh)
+            terms.setdefault(common, [[] for _ in places])[place].append((rest, value))
+    names: list[ex.Symbol | ex.Velocity] = [
+        ex.TIME,
+        *map(ex.Symbol, member.coordinates),
+        *map(ex.Velocity, member.coordinates),
+    ]
+    written = list[dict[str, Any]]()
+    for common, entries in terms.items():
+        u = ex.add(*(exponent * ex.Apply("log", base) for base, exponent in common if not ex.is_exponential(base)),
+                   *(exponent * base.argument for base, exponent in common if ex.is_exponential(base)))  # fmt: skip
+        slopes = [collecting.collect(calculus.differentiate(u, name)) for name in names]
+        trees = [_whole(family, one) for one in (*map(collecting.terms_tree, entries), *slopes)]
+        if not all(map(_is_rational, trees)):
+            return None
+        texts = list(map(printing.to_text, trees))
+        kept = zip(map(printing.to_text, names), texts[len(entries) :], strict=True)
+        written.append(
+            {
+                "entries": texts[: len(entries)],
+                "slopes": {name: text for name, text in kept if text != "0"},
+            }
+        )
+    return {"kind": "multiplier", "question": about, "terms": written}
+
+
+def _is_rational(tree: ex.Expression) -> bool:
+    return not any(
+        isinstance(node, ex.Integral)
+        or (isinstance(node, ex.Apply) and node.function not in ("sin", "cos", "tan"))
+        or (isinstance(node, ex.Power) and not _is_integer(node.exponent))
+        for node in ex.walk(tree)
+    )
+
+
+def _is_integer(tree: ex.Expression) -> bool:
+    return isinstance(tree, ex.Number) and tree.value.denominator == 1
+
+
+def _parted(
+    monomial: collecting.Monomial, fresh: set[str]
+) -> tuple[collecting.Monomial, collecting.Monomial]:
+    """(p, r) with the product p r: exponentials, roots and new constants, and the rational rest."""
+    common, rest = list[tuple[ex.Expression, Fraction]](), list[tuple[ex.Expression, Fraction]]()
+    for base, exponent in monomial:
+        if ex.is_exponential(base) or (isinstance(base, ex.Symbol) and base.name in fresh):
+            common.append((base, exponent))
+            continue
+        whole = exponent.numerator // exponent.denominator
+        if exponent != whole:
+            common.append((base, exponent - whole))
+        if whole:
+            rest.append((base, Fraction(whole)))
+    return tuple(common), tuple(rest)
+
+
+def _constants(found: Found) -> dict[ex.Expression, ex.Expression]:
+    """New constants by derivatives of the function they are in, where one is a multiple of it: F'' =
+    c f(x).
+    """
+    values = dict[ex.Expression, ex.Expression]()
+    for one in found.solved:
+        if not isinstance(one.left, ex.Arbitrary) or len(one.left.arguments) != 1:
+            continue
+        (argument,) = one.left.arguments
+        left, right = one.left, one.right
+        for order in range(len(one.new_constants)):
+            held = [name for name in one.new_constants if ex.holds(right, ex.Symbol(name))]
+            if len(held) == 1:
+                constant = ex.Symbol(held[0])
+                slope = collecting.collect(right / constant)
+                if not ex.holds(slope, constant):
+                    values[constant] = left / slope
+                    break
+            right = collecting.collect(calculus.differentiate(right, argument))
+            left = ex.Arbitrary(left.name, left.arguments, (order + 1,))
+    return values
+
+
+def _whole(family: Family, tree: ex.Expression) -> ex.Expression:
+    """The tree with functions of all arguments that they have in the family."""
+    if isinstance(tree, ex.Arbitrary) and tree.name in family.unknowns.arguments:
+        whole = family.unknowns.arguments[tree.name]
+        orders = dict(zip(tree.arguments, tree.orders, strict=True))
+        return ex.Arbitrary(tree.name, whole, tuple(orders.get(one, 0) for one in whole))
+    return ex.rebuild(tree, lambda part: _whole(family, part))

@@ -1,0 +1,252 @@
+"""Certificates about families: what they prove, and 40 false claims, none of which is valid.
+
+The claims are conditions derived by hand (tests/doors/test_families.py has the derivations), changed
+in one place: an inequation or equation dropped, a set too large, a verdict turned, a proof of
+another cell, a minor or a cell left out.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from inverse_service.certificate.checker import check_certificate, check_text
+
+Certificate = dict[str, Any]
+YES, NO = "variational", "not_variational"
+T0, T1, T2 = ["Phi", "0", "0", "1"], ["Phi", "1", "0", "1"], ["Phi", "2", "0", "1"]
+PAIRS = [[T0, T1], [T0, T2], [T1, T2]]
+
+
+def cell(equations: list[str], nonzero: list[str], verdict: str, proof: Any) -> dict[str, Any]:
+    return {
+        "equations": equations, "nonzero": nonzero, "autonomous": verdict,
+        "time_dependent": verdict, "proofs": [proof],
+    }  # fmt: skip
+
+
+def leaf(equations: list[str], verdict: str, nonzero: tuple[str, ...] = ()) -> dict[str, Any]:
+    return {
+        "equations": equations, "nonzero": [*nonzero], "autonomous": verdict, "time_dependent": verdict,
+    }  # fmt: skip
+
+
+def multiplier(*entries: str, **slopes: str) -> dict[str, Any]:
+    return {
+        "kind": "multiplier", "question": "autonomous", "terms": [{"entries": [*entries], "slopes": slopes}],
+    }  # fmt: skip
+
+
+def springs() -> Certificate:
+    """x'' = -a x + b y, y'' = c x - d y always has an L: g = diag(c, b), and others where b c = 0."""
+    return {
+        "format": "inverse-service/family/1",
+        "system": {
+            "coordinates": ["x", "y"], "equations": {"x": "-a*x + b*y", "y": "c*x - d*y"},
+            "parameters": ["a", "b", "c", "d"],
+        },
+        "letters": ["a", "b", "c", "d"], "functions": [],
+        "cells": [
+            cell([], [], YES, multiplier("c", "0", "b")),
+            cell(["b*c"], [], YES, {"kind": "algebra"}),
+        ],
+        "leaves": [leaf([], YES)],
+    }  # fmt: skip
+
+
+def oscillators() -> Certificate:
+    """x'' = -a x' + b y, y'' = c x - d y': an L iff d = a, d = -a, or b = c = 0."""
+    return {
+        "format": "inverse-service/family/1",
+        "system": {
+            "coordinates": ["x", "y"], "equations": {"x": "-a*x' + b*y", "y": "c*x - d*y'"},
+            "parameters": ["a", "b", "c", "d"],
+        },
+        "letters": ["a", "b", "c", "d"], "functions": [],
+        "cells": [
+            cell([], [], NO, {"kind": "rank", "rows": [[T0, T1, T2]]}),
+            cell(["d = a"], [], YES, {"kind": "algebra"}),
+            cell(["d = -a"], [], YES, multiplier("0", "1", "0")),
+            cell(["b"], ["a^2 - d^2"], NO, {"kind": "rank", "rows": PAIRS}),
+            cell(["c"], ["a^2 - d^2"], NO, {"kind": "rank", "rows": PAIRS}),
+            cell(["b", "c"], [], YES, {"kind": "algebra"}),
+        ],
+        "leaves": [leaf([], NO), leaf(["d = a"], YES), leaf(["d = -a"], YES), leaf(["b = 0", "c = 0"], YES)],
+    }  # fmt: skip
+
+
+def reduced_particle() -> Certificate:
+    """x'' = -V'(x), y'' = -x x' y'/(1 + x^2): an L iff V' = 0 or x (1 + x^2) V'' = V'."""
+    lagrangian = {
+        "kind": "multiplier", "question": "autonomous",
+        "terms": [{"entries": ["1/((x^2 + 1)*y')", "-x'/((x^2 + 1)*y'^2)", "x'^2/((x^2 + 1)*y'^3) + 2*V'(x)/(x*y'^3)"]}],
+    }  # fmt: skip
+    free = {
+        "kind": "multiplier", "question": "autonomous",
+        "terms": [
+            {"entries": ["1", "0", "0"]},
+            {"entries": ["y'^2/x'^3", "-y'/x'^2", "1/x'"], "slopes": {"x": "x/(x^2 + 1)"}},
+        ],
+    }  # fmt: skip
+    return {
+        "format": "inverse-service/family/1",
+        "system": {
+            "coordinates": ["x", "y"], "equations": {"x": "-V'(x)", "y": "-x*x'*y'/(1 + x^2)"},
+            "functions": {"V": ["x"]},
+        },
+        "letters": [], "functions": ["V"],
+        "cells": [
+            cell([], [], NO, {"kind": "rank", "rows": [[T0, T1]]}),
+            cell(["x*(1 + x^2)*V''(x) = V'(x)"], [], YES, lagrangian),
+            cell(["V'(x)"], [], YES, free),
+        ],
+        "leaves": [leaf([], NO), leaf(["V'(x) = 0"], YES), leaf(["x*(1 + x^2)*V''(x) = V'(x)"], YES)],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("certificate", [springs(), oscillators(), reduced_particle()])
+def test_the_conditions_derived_by_hand_are_proven(certificate: Certificate) -> None:
+    found = check_certificate(certificate)
+    assert found.verdict == "valid", found.reasons
+    assert len(found.reasons) == len(certificate["leaves"])
+    assert found == check_text(json.dumps(certificate))
+
+
+def test_what_is_proven_is_said() -> None:
+    assert check_certificate(oscillators()).reasons == (
+        "For all members with b = 0, c = 0: a Lagrangian L(q, q').",
+        "For all others with d = -a: a Lagrangian L(q, q').",
+        "For all others with d = a: a Lagrangian L(q, q').",
+        "For all other members: no regular Lagrangian.",
+    )
+
+
+def test_of_an_open_set_nothing_is_claimed() -> None:
+    certificate = oscillators()
+    del certificate["cells"][5], certificate["leaves"][3]
+    assert check_certificate(certificate).verdict == "incomplete"
+    certificate["open"] = [{"equations": ["b", "c"], "nonzero": ["a^2 - d^2"]}]
+    assert check_certificate(certificate).reasons[0] == (
+        "Nothing is claimed of members with b = 0, c = 0, a^2 - d^2 != 0."
+    )
+
+
+def changed(certificate: Certificate, change: Callable[[Certificate], object]) -> Certificate:
+    twin = copy.deepcopy(certificate)
+    change(twin)
+    return twin
+
+
+def forgeries() -> Iterator[tuple[str, Certificate]]:
+    """False claims, and true ones without their proofs."""
+    whole, drawn, particle = oscillators(), springs(), reduced_particle()
+
+    def of(base: Certificate, name: str, change: Callable[[Certificate], object]) -> Any:
+        return name, changed(base, change)
+
+    def turned(one: dict[str, Any]) -> None:
+        for key in ("autonomous", "time_dependent"):
+            one[key] = NO if one[key] == YES else YES
+
+    for k in range(4):
+        yield of(whole, f"verdict of leaf {k}", lambda one, k=k: turned(one["leaves"][k]))
+        yield of(whole, f"L(q, q') of leaf {k}", lambda one, k=k: one["leaves"][k].update(
+            autonomous=NO if k else YES))  # fmt: skip
+    for k in range(6):
+        yield of(whole, f"no cell {k}", lambda one, k=k: one["cells"].pop(k))
+        yield of(whole, f"verdict of cell {k}", lambda one, k=k: turned(one["cells"][k]))
+    for k in (1, 2, 3):
+        yield of(whole, f"no leaf {k}", lambda one, k=k: one["leaves"].pop(k))
+        yield of(whole, f"leaf {k} too large", lambda one, k=k: one["leaves"][k].update(
+            equations=one["leaves"][k]["equations"][1:]))  # fmt: skip
+        yield of(
+            whole,
+            f"leaf {k} too small",
+            lambda one, k=k: one["leaves"][k].update(nonzero=["a" if k == 3 else "b"]),
+        )
+    yield of(
+        whole,
+        "a product for an equation",
+        lambda one: one["leaves"][1].update(equations=["(a - d)*b = 0"]),
+    )
+    yield of(whole, "another equation", lambda one: one["leaves"][1].update(equations=["d = 2*a"]))
+    yield of(
+        whole,
+        "a leaf of no member with an L",
+        lambda one: one["leaves"].append(leaf(["a = 1"], YES)),
+    )
+    yield of(whole, "leaves in another order", lambda one: one["leaves"].reverse())
+    yield of(whole, "a row less", lambda one: one["cells"][0]["proofs"][0].update(rows=[[T0, T1]]))
+    yield of(whole, "a minor less", lambda one: one["cells"][3]["proofs"][0].update(rows=[[T0]]))
+    yield of(
+        whole, "a row twice", lambda one: one["cells"][0]["proofs"][0].update(rows=[[T0, T1, T1]])
+    )
+    yield of(whole, "no rows", lambda one: one["cells"][0]["proofs"][0].update(rows=[]))
+    yield of(whole, "no proof", lambda one: one["cells"][0].update(proofs=[]))
+    yield of(
+        whole,
+        "the proof of another cell",
+        lambda one: one["cells"][2].update(proofs=one["cells"][1]["proofs"]),
+    )
+    yield of(whole, "a theorem that does not apply", lambda one: one["cells"][0].update(
+        cell([], [], YES, {"kind": "algebra"})))  # fmt: skip
+    yield of(
+        whole,
+        "isotropic, but is not",
+        lambda one: one["cells"][1].update(proofs=[{"kind": "isotropic"}]),
+    )
+    yield of(
+        whole,
+        "g of another cell",
+        lambda one: one["cells"][2].update(proofs=[multiplier("c", "0", "b")]),
+    )
+    yield of(
+        whole,
+        "a singular g",
+        lambda one: one["cells"][2].update(proofs=[multiplier("0", "0", "0")]),
+    )
+    yield of(whole, "g with the time for L(q, q')", lambda one: one["cells"][1].update(
+        proofs=[multiplier("c", "0", "b", t="a")]))  # fmt: skip
+    yield of(whole, "a slope that is wrong", lambda one: one["cells"][2].update(
+        proofs=[multiplier("0", "1", "0", x="1")]))  # fmt: skip
+    yield of(
+        whole, "another system", lambda one: one["system"]["equations"].update(y="c*x - d*y' - y'")
+    )
+    yield of(whole, "an open set that is not all", lambda one: (
+        one["cells"].pop(5), one["leaves"].pop(3), one.update(open=[{"equations": ["b", "c", "a = 2*d"]}])))  # fmt: skip
+    yield of(drawn, "no cell where g is singular", lambda one: one["cells"].pop())
+    yield of(
+        drawn,
+        "g singular in the next cell",
+        lambda one: one["cells"][1].update(proofs=[multiplier("c", "0", "b")]),
+    )
+    yield of(drawn, "cells in a circle", lambda one: (one["cells"][1].update(
+        equations=[], proofs=[multiplier("c", "0", "b")])))  # fmt: skip
+    yield of(drawn, "a divisor that vanishes", lambda one: one["cells"][0].update(
+        proofs=[multiplier("1/b", "0", "1/c")]) or one["cells"].pop())  # fmt: skip
+    yield of(particle, "no leaf of V", lambda one: one["leaves"].pop())
+    yield of(particle, "all V", lambda one: one["leaves"][2].update(equations=[]))
+    yield of(particle, "a sign in the equation", lambda one: one["leaves"][2].update(
+        equations=["x*(1 + x^2)*V''(x) = -V'(x)"]))  # fmt: skip
+    yield of(particle, "V'' = 0 for V' = 0", lambda one: (
+        one["leaves"][1].update(equations=["V''(x) = 0"]), one["cells"][2].update(equations=["V''(x)"])))  # fmt: skip
+    yield of(particle, "no cell where V' = 0", lambda one: one["cells"].pop())
+    yield of(
+        particle,
+        "a function that depends on y",
+        lambda one: one["system"].update(functions={"V": ["y"]}),
+    )
+
+
+@pytest.mark.parametrize(("name", "certificate"), [*forgeries()])
+def test_no_false_claim_is_valid(name: str, certificate: Certificate) -> None:
+    found = check_certificate(certificate)
+    assert found.verdict != "valid", (name, found.reasons)
+
+
+def test_there_are_forty_of_them() -> None:
+    assert len(list(forgeries())) >= 40
