@@ -28,6 +28,7 @@ from .formulas import (
     require,
 )
 from .member_sets import Part, Polynomial, Quotient, Ring, split
+from .passive import Passive
 
 FORMAT = "inverse-service/family/1"
 MAX_CELLS, MAX_EQUATIONS, MAX_COORDINATES, MAX_PARTS = 200, 200, 6, 400
@@ -38,7 +39,8 @@ TERMS = [{"entries": [TEXT, 40], "slopes?": {}}, 8]
 SET = {"equations": [TEXT, MAX_EQUATIONS], "nonzero?": [TEXT, MAX_EQUATIONS]}
 VERDICTS = {"autonomous?": VERDICT, "time_dependent?": VERDICT}
 PROOF = {
-    "kind": "rank|factor|direction|multiplier|one_coordinate|algebra|isotropic",
+    "kind": "rank|factor|direction|multiplier|completion|one_coordinate|algebra|isotropic",
+    "claim?": VERDICT,
     "question?": "autonomous|time_dependent",
 }
 DOCUMENT = {
@@ -357,7 +359,7 @@ class Family:
         kind, timed = proof["kind"], proof.get("question") == "time_dependent"
         if kind == "rank":
             return "not_variational", True
-        if kind == "factor":
+        if kind == "factor" or (kind == "completion" and proof.get("claim") != "variational"):
             return "not_variational", timed
         if kind == "isotropic" or kind in ("one_coordinate", "algebra"):
             return "variational", kind == "isotropic" or self.depends_on_time
@@ -452,6 +454,8 @@ class Family:
             return self.by_factor(proof, part)
         if kind in ("direction", "multiplier"):
             return self.by_multiplier(proof, part)
+        if kind == "completion":
+            return self.by_completion(proof, part)
         good = {
             "one_coordinate": lambda: self.conditions.n == 1,
             "algebra": lambda: self.is_over_an_algebra(part),
@@ -597,6 +601,19 @@ class Family:
         for below in divisors.values():
             missed += [[factor] for factor in ring.factors(below)]
         return [sets for sets in missed if not any(part.is_unit(one) for one in sets)]
+
+    def by_completion(self, proof: dict[str, Any], part: Part) -> Sets:
+        """The completed differential conditions leave a regular g, or singular ones alone."""
+        check_shape(proof.get("rows"), [ROW, 40], "rows")
+        width, order = len(self.conditions.places), proof.get("order") or []
+        check_shape(order, [range(width), width], "order")
+        require(sorted(order) == [*range(width)], "The order names each entry of g once.")
+        timed, exists = proof.get("question") == "time_dependent", proof.get("claim") == "variational"  # fmt: skip
+        require(self.conditions.n > 1, "For one coordinate there is a theorem.")
+        found = Passive(self.conditions, part, self.rows(proof["rows"]), order, timed)
+        if found.is_singular() is exists:
+            raise Failed
+        return found.missed(exists)
 
     def mixed_determinants(self, matrices: list[Matrix]) -> list[Quotient]:
         """The coefficients of det(sum of c_k e^(u_k) g_k) in the numbers c_k, without the

@@ -373,16 +373,23 @@ def derived(ring: Ring, rule: Rule, orders: Orders) -> Polynomial:
 
 
 def remainder(ring: Ring, polynomial: Polynomial, divisor: Polynomial, k: int) -> Polynomial:
-    """The pseudo-remainder: the polynomial times powers of the initial, minus multiples of the
-    divisor.
+    return scaled_remainder(ring, polynomial, divisor, k)[1]
+
+
+def scaled_remainder(
+    ring: Ring, polynomial: Polynomial, divisor: Polynomial, k: int
+) -> tuple[Polynomial, Polynomial]:
+    """(s, r): s times the polynomial, minus a multiple of the divisor, is the pseudo-remainder r; s is
+    a power of the initial.
     """
     low, high = ring.powers(divisor, k), ring.powers(polynomial, k)
-    initial = low.pop()
+    initial, scale = low.pop(), ring.one
     while len(high) > len(low):
         ring.check_time()
         first = high.pop()
         if first:
             high = [one * initial for one in high]
+            scale = scale * initial
             shift = len(high) - len(low)
             for i, one in enumerate(low):
                 high[shift + i] -= first * one
@@ -391,7 +398,7 @@ def remainder(ring: Ring, polynomial: Polynomial, divisor: Polynomial, k: int) -
     found = ring.none
     for one in reversed(high):
         found = found * ring.gens[k] + one
-    return found
+    return scale, found
 
 
 class Waiting(NamedTuple):

@@ -47,6 +47,7 @@ class Completed:
 
     is_regular: bool
     special: tuple[tuple[fmpq_mpoly, ...], ...]
+    order: tuple[int, ...]  # of the unknowns
 
 
 @dataclass(frozen=True)
@@ -300,7 +301,8 @@ def complete(
     with_t = timed and n > 2
     variables = tuple(range(0 if with_t else 1, 2 * n + 1))
     rows = [_row(leaf, row, len(variables)) for row in algebraic]
-    work = _Completion(leaf, exact, variables, _order(leaf, rows, n), until)
+    order = _order(leaf, rows, n)
+    work = _Completion(leaf, exact, variables, order, until)
     started = _differential_rows(exact, variables, timed and not with_t)
     work.complete([*(row for row in rows if row), *map(work.whole, started)])
     is_regular = not work.is_singular()
@@ -313,7 +315,7 @@ def complete(
         parts = tuple(p for one in work.determinant() for p in leaf.unknowns.coefficients(one))
         if not any(_vanishes_nowhere(leaf, part) for part in parts):
             listed.setdefault(frozenset(map(str, parts)), parts)
-    return Completed(is_regular, tuple(listed.values()))
+    return Completed(is_regular, tuple(listed.values()), order)
 
 
 def systems_of(leaf: Leaf, element: fmpq_mpoly) -> Iterator[tuple[fmpq_mpoly, ...]]:

@@ -81,6 +81,7 @@ class Found:
         None  # if the answer that is shown has an L with t, and there is one without t
     )
     rows: tuple[tuple[int, ...], ...] = ()  # sets of rows of conditions by whose minors it is split
+    order: tuple[int, ...] = ()  # of the entries of g, where differential conditions were completed
     kernel: str = ""  # whether these leave a regular g; "" where a Lagrangian decides
 
     @property
@@ -438,6 +439,7 @@ def _completed(work: _Work, found: Found, place: int, chosen: Sequence[int]) -> 
         if done.is_regular != ((timed if one else plain) == "variational"):
             raise NotSplit("the differential conditions have another answer")
         systems |= {frozenset(map(str, parts)): parts for parts in done.special}
+        work.found[place] = replace(work.found[place], order=done.order)
     for parts in systems.values():
         yield from _split(work, found.leaf, parts, place)
 

@@ -135,6 +135,23 @@ def test_of_an_open_set_nothing_is_claimed() -> None:
     )
 
 
+def completed(claim: str, rows: list[Any], question: str = "autonomous") -> dict[str, Any]:
+    return {
+        "kind": "completion", "question": question, "claim": claim, "rows": rows, "order": [0, 1, 2],
+    }  # fmt: skip
+
+
+def test_differential_conditions_are_completed() -> None:
+    """Where b = c = 0 or d = a several g satisfy the algebraic conditions, and some are regular."""
+    certificate = oscillators()
+    certificate["cells"][5]["proofs"] = [completed(YES, [])]
+    assert check_certificate(certificate).verdict == "valid"
+    certificate["cells"][2]["proofs"] = [completed(YES, [T0])]  # with the pivot c
+    assert check_certificate(certificate).verdict == "incomplete"
+    certificate["cells"].append(cell(["c", "d = -a"], [], YES, multiplier("0", "1", "0")))
+    assert check_certificate(certificate).verdict == "valid"
+
+
 def changed(certificate: Certificate, change: Callable[[Certificate], object]) -> Certificate:
     twin = copy.deepcopy(certificate)
     change(twin)

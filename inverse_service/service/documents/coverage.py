@@ -82,11 +82,22 @@ def _proofs(family: Family, system: SecondOrderSystem, found: Found) -> list[dic
     proofs = list[dict[str, Any]]()
     refused = [about for about in (TIMED, PLAIN) if asked[about] == NO]
     if refused:
-        proofs.append({"kind": "factor", "question": refused[0], "rows": rows})
+        kind = _completion(found, rows, refused[0], NO) if found.order else {
+            "kind": "factor", "question": refused[0], "rows": rows}  # fmt: skip
+        proofs.append(kind)
     given = [about for about in (PLAIN, TIMED) if asked[about] == YES]
     if given:
         proofs.append(_existence(family, system, found, rows, given[0]))
     return proofs
+
+
+def _completion(
+    found: Found, rows: list[list[list[str]]], about: str, claim: str
+) -> dict[str, Any]:
+    return {
+        "kind": "completion", "question": about, "claim": claim,
+        "rows": rows[0] if rows else [], "order": list(found.order),
+    }  # fmt: skip
 
 
 def _existence(
@@ -99,6 +110,8 @@ def _existence(
     n = len(system.coordinates)
     if n == 1:
         return {"kind": "one_coordinate"}
+    if found.order:
+        return _completion(found, rows, about, YES)
     if found.kernel and found.rows and len(found.rows[0]) == n * (n + 1) // 2 - 1:
         return {"kind": "direction", "question": about, "rows": rows[0]}
     if found.system is not None and regularity.has_one_everywhere(found.system):
