@@ -107,13 +107,15 @@ class FirstIntegralPart(Formula):
 class AllIntegralsPart(base.Document):
     """A proof that there are no other first integrals polynomial in the velocities up to a degree.
 
-    They are combinations of `number` products of those in `first_integrals` (1, H, H^2, …), with any coefficients that
-    are analytic in the coordinates, and in t if `timed`.
+    They are combinations of `number` products of those in `first_integrals` and of `others` (1, H, H^2, …), with any
+    coefficients that are analytic in the coordinates, and in t if `timed`. The `others` depend on `first_integrals`, but
+    are no polynomials in them: A_y, where A_x^2 + A_y^2 = 1 + 2 H L^2.
     """
 
     degree: int
     number: int
     timed: bool
+    others: list[FirstIntegralPart] = Field(default_factory=list)
     certificate: dict[str, Any]
     checked: Literal["valid"]
 

@@ -24,7 +24,7 @@ from flint import arb, nmod_mat
 
 from . import formulas as fm
 from .formulas import TEXT, Incomplete, check_shape, read_tokens, require
-from .numbers import Arithmetic, Number, Residues, Series, Undefined
+from .numbers import ONE, TURN, Arithmetic, Number, Residues, Series, Undefined
 from .question import Claims, Question, Tools, Zero
 from .series import Expansion
 
@@ -44,6 +44,9 @@ DOCUMENT = {
     "integrals": [TEXT, fm.MAX_LISTED],
     "products": [[range(fm.MAX_LISTED), MAX_DEGREE], 500],
 }
+# Functions that are rational in exponentials of real (False) or imaginary (True) arguments.
+EXPONENTIALS = dict.fromkeys(("exp", "sinh", "cosh", "tanh", "coth", "sech", "csch"), False)
+EXPONENTIALS |= dict.fromkeys(("sin", "cos", "tan", "cot", "sec", "csc"), True)
 Exponents = tuple[int, ...]
 Rows = dict[tuple[Exponents, Exponents], dict[int, Number]]
 
@@ -181,6 +184,22 @@ class Conserved(Question):
             f"{number} products of those listed, with any analytic coefficients."
         )
 
+    def most(self, degree: int, order: int) -> int:
+        """The number of integrals that the prolonged equations at one random point leave
+        possible.
+        """
+        highest = max([1, *fm.read_formulas(Degrees(self), self.force_texts)])
+        self.prepare(lambda ring: None)
+        velocities, powers = self.unknown(degree, order)
+        size = len(velocities) * len(powers)
+        if size > MAX_UNKNOWNS:
+            raise Incomplete(f"There are {size} unknowns, which are too many.")
+        (rows, *_), prime = self.at_a_point(
+            lambda ring: self.equations(ring, velocities, powers), order, max(highest, degree)
+        )
+        parts = (self.regular_part(rows, *block, prime, False) for block in blocks_of(rows))
+        return size - sum(len(columns) for _, columns in parts)
+
     def rates(self, ring: Expansion, integrals: list[tuple[str, ...]]) -> Claims:
         """Gamma F of each integral."""
         zeros = []
@@ -220,60 +239,151 @@ class Conserved(Question):
             size = len(rows)
             ring.arithmetic.regular([gram[size * k : size * (k + 1)] for k in range(size)])
 
-        if not self.rational:
+        if not self.exact(*integrals):
             self.proven_in_balls(
                 0, real, "Balls do not show that the products of integrals are independent."
             )
             return
-        rows, prime = self.at_a_point(coefficients, order, highest)
-        keys = [*dict.fromkeys(key for row in rows for key in row)]
-        table = [[row.get(key, 0) for key in keys] for row in rows]
-        require(nmod_mat(table, prime).rank() == len(rows), "The products are not independent.")
+        found, prime = self.at_a_point(coefficients, order, highest)
+        for rows in found:
+            keys = [*dict.fromkeys(key for row in rows for key in row)]
+            table = [[row.get(key, 0) for key in keys] for row in rows]
+            require(nmod_mat(table, prime).rank() == len(rows), "The products are not independent.")
 
-    def at_a_point(self, work: Callable[[Slice], Any], order: int, highest: int) -> tuple[Any, int]:
-        """The result at a random point modulo a prime, and the prime."""
+    def at_a_point(
+        self, work: Callable[[Slice], Any], order: int, highest: int
+    ) -> tuple[list[Any], int]:
+        """The results at a random point modulo a prime, one for each choice of the roots there,
+        and the prime.
+        """
         prime = self.prime()
-        for _ in range(200):
+        for _ in range(200 * self.plan.draws):
+            seed = self.generator.getrandbits(64)
+
+            def ring(choice: dict[int, int], *sizes: int, seed: int = seed) -> Slice:
+                return Slice(Residues(self, prime, seed, choice), *sizes)
+
             with suppress(Undefined):
-                field = Residues(self, prime, self.generator.getrandbits(64), self.plan.choices[0])
-                return work(Slice(field, order, highest)), prime
+                if self.plan.draws > 1:  # whether the roots exist, which is known at once
+                    ring(self.plan.choices[0], 0, 0)
+                return [work(ring(choice, order, highest)) for choice in self.plan.choices], prime
             self.check_time()
         raise Incomplete("No point was found at which every formula is defined.")
+
+    def exact(self, *more: tuple[str, ...]) -> bool:
+        """Whether nothing made of f and more formulas is zero as a function but 0 in the ring: see
+        FORMAT.md.
+
+        That is so for algebraic functions and exponentials, sines and cosines of rational functions
+        of which no sum with whole factors is constant.
+        """
+        if self.rational:
+            return True
+        rational, inside = set[int](), {True: set[int](), False: set[int]()}
+        read = [self.nodes.order(text) for text in (*self.texts(), *more)]
+        for number in sorted({number for one in read for number in one}):
+            kind, *parts = self.nodes.listed[number]
+            below = self.nodes.parts(number)
+            if kind in ("number", "name", "+", "*", "/", "power"):
+                if rational.issuperset(below):
+                    rational.add(number)
+            elif kind in EXPONENTIALS and rational.issuperset(below):
+                inside[EXPONENTIALS[kind]].add(below[0])
+            elif not (kind == "sqrt" or (kind == "^" and self.is_constant(parts[1]))):
+                return False
+        # Of e and pi, or e^i, it is not known that they are algebraically independent.
+        powers = (part for entry in self.plan.entries for part, _ in entry.parts)
+        if self.plan.wide or not {ONE, TURN}.isdisjoint(powers):
+            return False
+        return all(
+            self.are_independent(rational, nodes, imaginary) for imaginary, nodes in inside.items()
+        )
+
+    def is_constant(self, number: int) -> bool:
+        """Whether a formula consists of numbers alone."""
+        kind, *_ = self.nodes.listed[number]
+        parts = self.nodes.parts(number)
+        return kind == "number" or (
+            kind in ("+", "*", "/", "power") and all(map(self.is_constant, parts))
+        )
+
+    def are_independent(self, rational: set[int], nodes: set[int], imaginary: bool) -> bool:
+        """Whether these functions span as many dimensions, modulo constants, as there are
+        exponentials.
+        """
+        wanted = sum(
+            pair.imaginary == imaginary and not pair.logarithm and not pair.number
+            for pair in self.plan.pairs
+        )
+
+        def series(ring: Slice) -> list[Series]:
+            known: dict[int, Series] = {}
+            for number in sorted(rational):
+                node = self.nodes.listed[number]
+                known[number] = fm.computed(ring, node, ring.names, known)
+            return [known[number] for number in sorted(nodes)]
+
+        if not nodes:
+            return not wanted
+        (rows, *_), prime = self.at_a_point(series, 2, 2)
+        keys = [*dict.fromkeys(key for row in rows for key in row if key)] or [1]
+        table = [[int(row.get(key, 0)) for key in keys] for row in rows]
+        return all(map(any, table)) and bool(nmod_mat(table, prime).rank() == wanted)
 
     def no_others(self, degree: int, order: int, highest: int, number: int) -> None:
         """The rank of the prolonged equations is the number of unknowns minus the claimed
         number.
         """
-        still = len(self.variables) - len(self.free)
-        velocities = [a for d in range(degree + 1) for a in exponents(len(self.free), d)]
-        powers = [a for d in range(order, -1, -1) for a in exponents(still, d)]
-        size = len(velocities) * len(powers)
-        if size > (MAX_UNKNOWNS if self.rational else MAX_IN_BALLS):
+        velocities, powers = self.unknown(degree, order)
+        size, exact = len(velocities) * len(powers), self.exact()
+        if size > (MAX_UNKNOWNS if exact else MAX_IN_BALLS):
             raise Incomplete(f"There are {size} unknowns, which are too many.")
-        rows, prime = self.at_a_point(
+        found, prime = self.at_a_point(
             lambda ring: self.equations(ring, velocities, powers), order, highest
         )
-        names = [*rows]
-        table = [[rows[name].get(k, 0) % prime for k in range(size)] for name in names]
-        columns = pivots_of(nmod_mat(table, prime))
-        if size - len(columns) > number:
-            raise Incomplete(f"Up to this order, {size - len(columns)} integrals are possible.")
-        require(size - len(columns) == number, "There are fewer integrals than claimed.")
-        if self.rational:
+        blocks = list[tuple[list[Any], list[int]]]()
+        for rows in found:
+            blocks = [
+                self.regular_part(rows, *block, prime, not exact) for block in blocks_of(rows)
+            ]
+            rank = sum(len(columns) for _, columns in blocks)
+            if size - rank > number:
+                raise Incomplete(f"Up to this order, {size - rank} integrals are possible.")
+            require(size - rank == number, "There are fewer integrals than claimed.")
+        if exact:
             return
-        lines = pivots_of(nmod_mat([[line[k] for line in table] for k in columns], prime))
-        chosen = [names[k] for k in lines]
 
         def real(ring: Expansion) -> None:
             rows = self.equations(
                 Slice(ring.arithmetic.again(), order, highest), velocities, powers
             )
-            matrix = [[rows.get(name, {}).get(k, 0) for k in columns] for name in chosen]
-            ring.arithmetic.regular(matrix)
+            for names, columns in blocks:
+                matrix = [[rows.get(name, {}).get(k, 0) for k in columns] for name in names]
+                ring.arithmetic.regular(matrix)
 
         self.proven_in_balls(
             0, real, "Balls at the real point do not show that there are no other integrals."
         )
+
+    def unknown(self, degree: int, order: int) -> tuple[list[Exponents], list[Exponents]]:
+        """The exponents of the velocities, and of t and q, whose coefficients in F are unknown."""
+        still = len(self.variables) - len(self.free)
+        velocities = [a for d in range(degree + 1) for a in exponents(len(self.free), d)]
+        return velocities, [a for d in range(order, -1, -1) for a in exponents(still, d)]
+
+    def regular_part(
+        self, rows: Rows, names: list[Any], columns: list[int], prime: int, lines_too: bool
+    ) -> tuple[list[Any], list[int]]:
+        """The names of rows, if they are asked for, and the columns of a largest regular part of a
+        block.
+        """
+        self.check_time()
+        table = [[rows[name].get(k, 0) % prime for k in columns] for name in names]
+        places = pivots_of(nmod_mat(table, prime))
+        if not lines_too:
+            return [], [columns[k] for k in places]
+        lines = pivots_of(nmod_mat([[line[k] for line in table] for k in places], prime))
+        return [names[k] for k in lines], [columns[k] for k in places]
 
     def equations(self, ring: Slice, velocities: list[Exponents], powers: list[Exponents]) -> Rows:
         """The coefficients of v^b q^c in Gamma F, by the places of the unknown coefficients of v^a
@@ -308,6 +418,29 @@ class Conserved(Question):
         return {name: row for name, row in rows.items() if sum(name[1]) < order}
 
 
+def blocks_of(rows: Rows) -> list[tuple[list[Any], list[int]]]:
+    """The rows and columns of a matrix by connected blocks: even and odd ones, if f is even in v.
+
+    A column without an entry belongs to no block.
+    """
+    root = dict[int, int]()
+
+    def found(column: int) -> int:
+        while root.setdefault(column, column) != column:
+            root[column] = column = root[root[column]]
+        return column
+
+    for row in rows.values():
+        first, *others = map(found, row)
+        root.update(dict.fromkeys(others, first))
+    blocks = dict[int, tuple[list[Any], set[int]]]()
+    for name, row in rows.items():
+        names, columns = blocks.setdefault(found(next(iter(row))), ([], set()))
+        names.append(name)
+        columns.update(row)
+    return [(names, sorted(columns)) for names, columns in blocks.values()]
+
+
 def exponents(count: int, degree: int) -> Iterator[Exponents]:
     """The exponents of all monomials of a degree."""
     for chosen in combinations_with_replacement(range(count), degree):
@@ -323,6 +456,12 @@ def pivots_of(matrix: nmod_mat) -> list[int]:
         found.append(column)
         column += 1
     return found
+
+
+def most_integrals(document: Any, tools: Tools) -> int:
+    """An upper bound for the number of integrals of a document, without a proof, or Ended."""
+    check_shape(document, DOCUMENT, "certificate")
+    return Conserved(tools, document).most(document["degree"], document["order"])
 
 
 def complete_integrals(document: Any, tools: Tools) -> str:

@@ -248,7 +248,7 @@ def read_formulas(ring: Any, formulas: Iterable[tuple[str, ...]], **bound: Any) 
         order = nodes.order(formula)
         for number in order:
             if number not in known:
-                known[number] = _computed(ring, nodes.listed[number], names, known)
+                known[number] = computed(ring, nodes.listed[number], names, known)
         found.append(known[order[-1]])
     return found
 
@@ -258,7 +258,7 @@ def value_of(ring: Any, formula: tuple[str, ...], **bound: Any) -> Any:
     return read_formulas(ring, [formula], **bound)[0]
 
 
-def _computed(
+def computed(
     ring: Any, node: tuple[Any, ...], names: Mapping[str, Any], known: Mapping[int, Any]
 ) -> Any:
     match node:

@@ -18,7 +18,7 @@ from itertools import combinations, count, islice
 import numpy as np
 
 from inverse_service import bounds
-from inverse_service.constrained.reduced import reduced_system
+from inverse_service.constrained.reduced import reduced_system, solve_once
 from inverse_service.deadline import OutOfTime, check, left, now, until, within
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import Lagrangian, SolveOptions
@@ -36,7 +36,6 @@ from inverse_service.mechanics.second_order_system import (
 from inverse_service.search import ansatz, families, grading, terms as tm
 from inverse_service.search.ansatz import best_members
 from inverse_service.search.tidy import describe
-from inverse_service.solving import solving
 
 # The products of all degrees together.
 _MOST_PRODUCTS = 200_000
@@ -261,9 +260,7 @@ def lagrangian_of_closed(
     """
     end = now() + time_limit
     for one in islice(closed, bounds.FEW):
-        solution = solving.solve(
-            one.system, SolveOptions(with_time, seed, max(left(end), 0.1), conditions=False)
-        )
+        solution = solve_once(one.system, SolveOptions(with_time, seed, max(left(end), 0.1)))
         answer = solution.with_time if with_time else solution.autonomous
         if answer is not None and answer.lagrangian is not None:
             return on_whole_motion(motion, one, answer.lagrangian)

@@ -19,7 +19,7 @@ from itertools import combinations
 
 from flint import nmod_mat
 
-from inverse_service import errors
+from inverse_service import bounds, errors
 from inverse_service.certificate import checker
 from inverse_service.deadline import left, now
 from inverse_service.decision import certify, deciding, solutions
@@ -291,9 +291,29 @@ def _decided(
         found = solution_with(system, [known], options)
         assert found.autonomous is not None
         return Decided(found.system, found.autonomous)
-    solution = solving.solve(system, replace(options, time_limit=left(end)))
+    solution = solve_once(system, replace(options, time_limit=left(end)))
     assert solution.main is not None
     return Decided(solution.system, solution.main)
+
+
+# The last complete solutions, which several questions about one motion need.
+_recent: dict[tuple[SecondOrderSystem, solutions.SolveOptions], solutions.Solution] = {}
+
+
+def solve_once(system: SecondOrderSystem, options: solutions.SolveOptions) -> solutions.Solution:
+    """The solution without written conditions, from an earlier question if that was not cut
+    short.
+    """
+    asked = replace(options, conditions=False)
+    key = system, replace(asked, time_limit=0)
+    if key not in _recent:
+        found = solving.solve(system, asked)
+        if found.cut:
+            return found
+        while len(_recent) >= bounds.FEW:
+            del _recent[next(iter(_recent))]
+        _recent[key] = found
+    return _recent[key]
 
 
 def confirmed(

@@ -168,14 +168,15 @@ class AllIntegrals:
     """A proof that first integrals polynomial in the velocities up to a degree are combinations of
     `number` products.
 
-    The products of those found, 1 among them; with any coefficients that are analytic in q, and in
-    t if `timed`.
+    The products of those found and of `others`, 1 among them; with any coefficients that are
+    analytic in q, and in t if `timed`. Those found determine the `others`, but not as polynomials.
     """
 
     degree: int
     number: int
     timed: bool
     certificate: Mapping[str, Any]
+    others: tuple[FirstIntegral, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

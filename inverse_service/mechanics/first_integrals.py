@@ -21,6 +21,7 @@ from fractions import Fraction
 from functools import cached_property, reduce
 
 import numpy as np
+from flint import fmpq, fmpq_mat
 
 from inverse_service import errors
 from inverse_service.deadline import OutOfTime, check, now
@@ -44,7 +45,7 @@ _LONGEST_UNIT = 40
 _LONGEST_SYMMETRY = 160
 _WORDS = {1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic"}
 # The highest total degree of the coefficients of cubic and quartic integrals, and the most terms.
-_HIGHEST, _MOST_HIGHER = 8, 420
+_HIGHEST, _MOST_HIGHER = 8, 1_500
 _NO_RING = (exact_field.TooLarge, ZeroDivisionError, KeyError, errors.IrreducibleAtoms)
 
 
@@ -102,27 +103,51 @@ def first_integrals(
     return tuple(work.kept)
 
 
-def higher_integrals(
+def more_integrals(
     motion: second_order_system.ConstrainedMotion,
     known: Sequence[FirstIntegral],
+    trees: Sequence[Expression],
+    products: Sequence[Sequence[int]],
     degree: int,
+    count: int,
     seed: int = 1,
     time_limit: float = 2.0,
-) -> tuple[FirstIntegral, ...]:
-    """The known integrals and those of this degree in the velocities that are independent of them.
+) -> tuple[tuple[FirstIntegral, bool], ...]:
+    """Integrals of a degree in the velocities that are no combinations of products of `trees`, and
+    whether each is independent, as a function, of those before and of the known ones.
 
-    The coefficients are products of letters of f, of growing total degree until one more integral
-    is found. For systems of which it is known that there is one: others are searched in vain.
+    The coefficients are products of letters of f, of growing total degree until there are `count`.
+    For systems of which it is known that there are so many: others are searched without success.
     """
     work = _Integrals(motion, None, seed, now() + time_limit)
+    found = list[tuple[FirstIntegral, bool]]()
     with suppress(*_NO_RING, OutOfTime, ValueError):
         for one in known:
             work._keep(one, one.expression)
-        for terms in work.units.of_degree(work.velocities, degree):
-            work._search(terms, degree, False)
-            if len(work.kept) > len(known):
-                break
-    return (*known, *work.kept[len(known) :])
+        brackets = work.bracketed(trees, degree)
+        for terms in (brackets, *work.units.of_degree(work.velocities, degree)):
+            for fresh in work.outside(terms, trees, products, degree):
+                before = len(work.kept)
+                independent = work._keep(fresh, fresh.expression)
+                found.append((work.kept[before] if independent else fresh, independent))
+                trees, products = [*trees, fresh.expression], [*products, (len(trees),)]
+                if len(found) == count:
+                    return tuple(found)
+    return tuple(found)
+
+
+def independent_products(
+    motion: second_order_system.ConstrainedMotion,
+    trees: Sequence[Expression],
+    products: Sequence[tuple[int, ...]],
+    seed: int = 1,
+) -> list[tuple[int, ...]]:
+    """The products of functions that are no combinations of those before, by values modulo a
+    prime.
+    """
+    work = _Integrals(motion, None, seed, float("inf"))
+    values = work.values_of(trees, products)
+    return [()] if values is None else [products[k] for k in matrices.pivots(values.T, flow.PRIME)]
 
 
 class _Integrals:
@@ -454,33 +479,128 @@ class _Integrals:
             found.append(total)
         return known, found
 
+    def _sampled(self, kernels: Sequence[Expression], wanted: int) -> list[flow.Numbers] | None:
+        """(value, rate) of trees at so many points with the same constants, each (2, wanted)."""
+        count = max(_DRAWN, wanted + wanted // 4)
+        for _ in range(_DOUBLED):
+            points, jets = self._along(kernels, count, self.constants, self.moving)
+            good = np.flatnonzero(points.good)[:wanted]
+            if len(good) == wanted:
+                check(1 + wanted * wanted // 100)
+                return [jet.data[0][:, good] for jet in jets]
+            if len(good):
+                count *= 2
+            else:  # a root of a constant, which exists for others
+                points, _ = self._along(kernels, _DRAWN)
+                if not points.good.any():
+                    return None
+            first = int(np.argmax(points.good))
+            drawn = points.values.items()
+            self.constants = {
+                key: int(x[first]) for key, x in drawn if not ex.holds(key[1], *self.moving)
+            }
+        return None
+
+    def values_of(
+        self,
+        trees: Sequence[Expression],
+        products: Sequence[Sequence[int]],
+        more: Sequence[Expression] = (),
+    ) -> flow.Numbers | None:
+        """The values of products of trees, and of more trees, at points, (products, points)."""
+        wanted = len(products) + len(more) + _SPARE
+        pairs = self._sampled([*map(tower.to_kernels, (*trees, *more))], wanted)
+        if pairs is None:
+            return None
+        rows = [pair[0] for pair in pairs]
+
+        def product(chosen: Sequence[int]) -> flow.Numbers:
+            one = np.ones(wanted, np.int64)
+            return reduce(lambda total, k: total * rows[k] % flow.PRIME, chosen, one)
+
+        return np.stack([*map(product, products), *rows[len(trees) :]])
+
+    def bracketed(self, trees: Sequence[Expression], degree: int) -> _Ansatz:
+        """The Poisson brackets of two of the integrals, with the first quadratic one of constant
+        Hessian as the energy.
+
+        Those that are not conserved, because it is not, drop out later. The terms of other degrees
+        are dropped by their number of velocities.
+        """
+        inverse = next(filter(None, map(self._inverse_of, trees)), None)
+        if inverse is None:
+            return _Ansatz((), (), ())
+        places = range(len(self.names))
+        slopes = [
+            [
+                [calculus.differentiate(tree, x) for x in of]
+                for of in (self.positions, self.velocities)
+            ]
+            for tree in trees
+        ]
+        found = dict[Expression, None]()
+        for (q, v), (other_q, other_v) in itertools.combinations(slopes, 2):
+            terms = (
+                inverse[i][j] * (q[i] * other_v[j] - v[j] * other_q[i])
+                for i in places
+                for j in places
+            )
+            with suppress(*_NO_RING):
+                found[self._short(_without_content(ex.add(*terms)))] = None
+        brackets = tuple(tree for tree in found if _degree(tree) == degree)
+        return _Ansatz(brackets, (ex.ONE,), tuple(((k,), 0) for k in range(len(brackets))))
+
+    def _inverse_of(self, tree: Expression) -> list[list[Expression]] | None:
+        """The inverse of the Hessian in the velocities if that consists of numbers and has one."""
+        form = euler_lagrange.hessian(tree, self.names)
+        numbers = [entry.value for row in form for entry in row if isinstance(entry, ex.Number)]
+        size = len(self.names)
+        if len(numbers) < size * size:
+            return None
+        matrix = fmpq_mat(size, size, [fmpq(a.numerator, a.denominator) for a in numbers])
+        if not matrix.det():
+            return None
+        found = matrix.inv()
+        return [[ex.number(Fraction(int(a.p), int(a.q))) for a in row] for row in found.tolist()]
+
+    def outside(
+        self,
+        ansatz: _Ansatz,
+        trees: Sequence[Expression],
+        products: Sequence[Sequence[int]],
+        degree: int,
+    ) -> Iterator[FirstIntegral]:
+        """The integrals of an ansatz that are no combinations of products of trees and of those
+        before.
+        """
+        candidates = self._candidates(ansatz)
+        places = list(dict.fromkeys(place for one in candidates for place in one))
+        values = self.values_of(trees, products, [ansatz.tree(place) for place in places])
+        if values is None or not candidates:
+            return
+        terms = dict(zip(places, values[len(products) :], strict=True))
+        own = [
+            reduce(lambda total, item: (total + item) % flow.PRIME, rows)
+            for rows in (
+                [c * terms[place] % flow.PRIME for place, c in one.items()] for one in candidates
+            )
+        ]
+        table = np.stack([*values[: len(products)], *own]).T
+        for place in matrices.pivots(table, flow.PRIME):
+            if place >= len(products):
+                vector = self._exact(ansatz, list(candidates[place - len(products)]))
+                if vector is not None:
+                    yield self._written(ansatz, vector, degree)[0]
+
     def _candidates(self, ansatz: _Ansatz) -> list[dict[int, int]]:
         """The coefficients of the terms of each integral of a basis, at one value of the
         parameters.
         """
         kernels = [*map(tower.to_kernels, ansatz.forms), *map(tower.to_kernels, ansatz.factors)]
         wanted = len(ansatz.terms) + _SPARE
-        count = max(_DRAWN, wanted + wanted // 4)
-        for _ in range(_DOUBLED):
-            points, jets = self._along(kernels, count, self.constants, self.moving)
-            good = np.flatnonzero(points.good)[:wanted]
-            if len(good) == wanted:
-                break
-            if len(good):
-                count *= 2
-            else:  # a root of a constant, which exists for others
-                points, _ = self._along(kernels, _DRAWN)
-                if not points.good.any():
-                    return []
-            first = int(np.argmax(points.good))
-            drawn = points.values.items()
-            self.constants = {
-                key: int(x[first]) for key, x in drawn if not ex.holds(key[1], *self.moving)
-            }
-        else:
+        pairs = self._sampled(kernels, wanted)
+        if pairs is None:
             return []
-        check(1 + wanted * wanted // 100)
-        pairs = [jet.data[0][:, good] for jet in jets]
         forms = len(ansatz.forms)
 
         def product(one: flow.Numbers, other: flow.Numbers) -> flow.Numbers:
@@ -667,6 +787,19 @@ def _cleared(
     ]
     scale = 1 / (collecting.content_of(numbers) or Fraction(1))
     return [exact_field.Quotient(ring.field, one, ()).scaled(scale) for one in whole]
+
+
+def _without_content(tree: Expression) -> Expression:
+    """The expanded sum over the common factor of its numbers."""
+    numbers = [value for _, value in collecting.expand(tree)]
+    return collecting.collect(tree / ex.number(collecting.content_of(numbers) or 1))
+
+
+def _degree(tree: Expression) -> int:
+    """The degree in the velocities of a polynomial."""
+    terms = (monomial for monomial, _ in collecting.expand(tree))
+    degrees = (int(sum(e for atom, e in one if isinstance(atom, ex.Velocity))) for one in terms)
+    return max(degrees, default=0)
 
 
 def _are_independent(rows: Sequence[flow.Numbers]) -> bool:
@@ -945,17 +1078,27 @@ class _Units:
                 case ex.Power(base, ex.Number(exponent)) if not ex.has(node, ex.Velocity):
                     if exponent.denominator > 1:
                         roots[base] = math.lcm(roots.get(base, 1), exponent.denominator)
-                    if exponent < 0:
-                        inverted.add(base)
+                    if exponent < 0:  # 1/(u)^(3/2) has a power as its base
+                        inverted.add(base.base if isinstance(base, ex.Power) else base)
                 case ex.Apply("exp" | "sin" | "cos") if not ex.has(node, ex.Velocity):
                     functions[node] = None
                     if node.function == "exp":
                         inverted.add(node)
         outside = {node for f in forces for node in _walk_outside(f)}
         plain = [q for q in self.positions if q in outside and q not in roots]
-        sums = [base for base in inverted if isinstance(base, ex.Sum) and base not in roots]
-        found = [*plain, *functions, *sums, *(base ** Fraction(1, k) for base, k in roots.items())]
-        return [(p, (p.base if isinstance(p, ex.Power) else p) in inverted) for p in found]
+        sums = dict[Expression, Expression]()  # each with one sign only
+        for base in inverted:
+            if isinstance(base, ex.Sum) and base not in roots:
+                both = collecting.collect(base), collecting.collect(-base)
+                sums.setdefault(max(both, key=repr), base)
+        inner = {node for one in sums.values() for node in _walk_outside(one)}
+        plain += [q for q in self.positions if q in inner and q not in (*plain, *roots)]
+        if not (plain or functions or roots):  # f holds no coordinate: charges in a constant field
+            plain = [*self.positions]
+        found = [*plain, *functions, *(base ** Fraction(1, k) for base, k in roots.items())]
+        letters = [(p, (p.base if isinstance(p, ex.Power) else p) in inverted) for p in found]
+        # Powers of a sum of these are sums of others.
+        return letters + [(one**-1, False) for one in sums.values()]
 
     def _polynomials(self) -> list[Expression]:
         """Monomials in the coordinates to the degree of a polynomial potential and one, where they

@@ -340,8 +340,20 @@ def primitive(
     The coefficients are rational if possible; otherwise they contain generators without x. The
     result is real at the point of a table; None if none is found. Fractions come first, with one
     denominator as partial fractions, with many terms as logarithms; then candidates in a few
-    rounds, each for the terms that the candidates of the last one add.
+    rounds, each for the terms that the candidates of the last one add. Cached, because smaller
+    systems of a search ask for the same ones again.
     """
+    near = None if table is None else tuple(table.items())
+    return _primitive_of(x, tuple(wanted.items()), near)
+
+
+@lru_cache(maxsize=256)
+def _primitive_of(
+    x: modular.Variable,
+    items: tuple[tuple[tm.Monomial, Fraction], ...],
+    near: tuple[tuple[ex.Expression, Any], ...] | None,
+) -> ex.Expression | None:
+    wanted, table = dict(items), None if near is None else dict(near)
     if _has_function_without_slope((letter for key in wanted for letter, _ in key), x):
         return None
     columns: dict[tm.Monomial, tm.Terms] = {}

@@ -35,6 +35,15 @@ TRUE: dict[str, tuple[dict[str, str], list[str], int, int, list[list[int]]]] = {
     # Momentum and energy, and the squares and products of Laplace, Runge and Lenz.
     "Kepler, linear": (KEPLER, OF_KEPLER, 1, 3, [[], [1]]),
     "Kepler, quadratic": (KEPLER, OF_KEPLER, 2, 4, [[], [0], [1], [1, 1], [2], [3]]),
+    "Kepler, quartic": (
+        KEPLER, OF_KEPLER, 4, 5,
+        [[], [0], [1], [1, 1], [2], [3], [0, 1], [1, 1, 1], [1, 2], [1, 3], [0, 0], [0, 1, 1],
+         [0, 2], [0, 3], [1, 1, 1, 1], [1, 1, 2], [1, 1, 3], [2, 2], [2, 3]],
+    ),
+    "Toda, three masses": (
+        {"x": "-exp(x-y)", "y": "exp(x-y)-exp(y-z)", "z": "exp(y-z)"},
+        ["x'+y'+z'", "(x'^2+y'^2+z'^2)/2+exp(x-y)+exp(y-z)"], 2, 4, [[], [0], [1], [0, 0]],
+    ),
     "free particle": ({"x": "0", "y": "0"}, ["x'", "y'", "x*y'-y*x'"], 1, 3, [[], [0], [1], [2]]),
     "pendulum on a spring": (
         {"x": "-sin(x-y)-x", "y": "sin(x-y)"}, ["(x'^2+y'^2)/2+x^2/2-cos(x-y)"], 2, 4, [[], [0]],
@@ -137,6 +146,22 @@ def test_a_function_is_not_taken_for_another_one() -> None:
         checker.check_certificate(document(equations, integrals, 1, 3, [[]]), seed=1).verdict
         != "valid"
     )
+
+
+@pytest.mark.parametrize(
+    "zero",
+    [
+        "exp(2*y)-exp(y)^2",
+        "sqrt(x^2*y^2)-x*y",
+        "sqrt(x)*sqrt(y)-sqrt(x*y)",
+        "tan(y)-2*tan(y/2)/(1-tan(y/2)^2)",
+        "exp(x+1)-exp(1)*exp(x)",
+    ],
+)
+def test_a_force_that_is_zero_leaves_the_momentum(zero: str) -> None:
+    """x'' = 0, y'' = -y near x = y = 1/2; functions taken for independent ones would leave no x'."""
+    claim = document({"x": f"({zero})*x", "y": "-y"}, [], 1, 3, [[]], near={"x": "1/2", "y": "1/2"})
+    assert checker.check_certificate(claim, seed=1).verdict != "valid"
 
 
 @pytest.mark.parametrize(

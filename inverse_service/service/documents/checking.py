@@ -444,24 +444,23 @@ class Examination:
                 found.get(key),
                 f"The certificate says {proven}.",
             )
-        listed = [as_object(one).get("text") for one in part.get("first_integrals") or []]
-        same = system_fields(certificate) == own and all(
-            one in listed for one in certificate.get("integrals") or []
-        )
+        used = certificate.get("integrals") or []
+        listed = {
+            f"{place}/{k}/text": as_object(one).get("text")
+            for place, several in (
+                (at.removesuffix("_complete"), part.get("first_integrals")),
+                (f"{at}/others", found.get("others")),
+            )
+            for k, one in enumerate(several or [])
+        }
+        same = system_fields(certificate) == own and {*listed.values()}.issuperset(used)
         self.agree(
             f"{at}/certificate",
             same,
             "",
             "It is about another system, or about integrals that are not listed.",
         )
-        of = at.removesuffix("_complete")
-        self.claim(
-            *(
-                f"{of}/{k}/text"
-                for k, one in enumerate(listed)
-                if one in certificate.get("integrals", [])
-            )
-        )
+        self.claim(*(place for place, text in listed.items() if text in used))
 
     def main(self, part: dict[str, Any], at: str, timed: bool, own: dict[str, Any]) -> bool:
         """The answers to both questions on one cell; whether both are decided."""

@@ -702,7 +702,8 @@ def _answer_rows(shown: Mapping[str, Any], told: _Told) -> list[Row]:
     names = told.names
     rows = [_conserved(one, names) for one in shown.get("first_integrals") or ()]
     if complete := shown.get("first_integrals_complete"):
-        rows.append(Row("Conserved, all", (_completeness(complete),)))
+        formulas = tuple(formula_of("", one, names) for one in complete.get("others") or ())
+        rows.append(Row("Conserved, all", (_completeness(complete),), formulas=formulas))
     for other in shown.get("other_lagrangians") or ():
         hint = (other["reason"],) if other.get("reason") else ()
         rows.append(Row("Another Lagrangian", hint, formulas=(formula_of("L", other, names),)))
@@ -726,7 +727,8 @@ def _completeness(complete: Mapping[str, Any]) -> str:
     of_time = ", with coefficients that may depend on time," if complete["timed"] else ""
     if complete["number"] == 1:
         return f"No first integral but a constant is {kind} in the velocities{of_time.rstrip(',')}."
-    return f"Each first integral that is {kind} in the velocities{of_time} is a combination of products of these."
+    others = " and of the following, which these determine" if complete.get("others") else ""
+    return f"Each first integral that is {kind} in the velocities{of_time} is a combination of products of these{others}."
 
 
 def matrix_of(letter: str, rows: Iterable[Iterable[str]], names: Names) -> Formula:

@@ -203,6 +203,7 @@ def _all_integrals(found: solutions.AllIntegrals | None) -> schemas.AllIntegrals
         degree=found.degree,
         number=found.number,
         timed=found.timed,
+        others=[integral_part(one) for one in found.others],
         certificate=certificate,
         checked="valid",
     )
