@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+import functools
+import ssl
 from collections.abc import Iterator
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
 from tests.serving import serving
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _certificates_are_read_once() -> Iterator[None]:
+    """Each call of httpx reads the certificates of all authorities, 15 ms of processor time, also
+    for an address of this machine.
+    """
+    once = functools.lru_cache(ssl.create_default_context)
+    with mock.patch.object(ssl, "create_default_context", once):
+        yield
 
 
 @pytest.fixture(scope="session")
