@@ -20,7 +20,11 @@ from inverse_service.service.documents.printed_pages import latex_page, text_pag
 from tests.values import slow
 
 COUPLED = {"equations": {"x": "a*y", "y": "b*x*y'"}, "parameters": ["a", "b"]}
-FRICTION = {"equations": {"x": "-x + k*y - c*x'", "y": "-y + k*x"}, "parameters": ["c", "k"]}
+FRICTION: dict[str, Any] = {
+    "equations": {"x": "-x + k*y - c*x'", "y": "-y + k*x"},
+    "parameters": ["c", "k"],
+    "first_integrals": False,
+}
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +125,7 @@ def kinds() -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def motion() -> dict[str, Any]:
     asked = {"coordinates": ["x", "y", "z"], "motion": {"x": "-x + k*y - c*x'", "y": "-y + k*x"},
-             "constraints": ["z' = y*x'"], "parameters": ["c", "k"]}  # fmt: skip
+             "constraints": ["z' = y*x'"], "parameters": ["c", "k"], "first_integrals": False}  # fmt: skip
     found: dict[str, Any] = json.loads(inverse_service.solve(asked).to_json())
     return found
 

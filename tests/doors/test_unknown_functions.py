@@ -83,11 +83,11 @@ def test_a_proof_that_divides_by_no_function_is_about_all_of_them(
 
 
 def test_what_was_checked_is_said() -> None:
-    for force, said in (
-        ("-x", "L gives these equations"),
-        ("F(x, y)", "no regular solution near a general point"),
+    for slope, said in (
+        ("-y'", "L gives these equations"),
+        ("f(x)*y'", "no regular solution near a general point"),
     ):
-        asked = {"equations": {"x": force, "y": "-y"}, "functions": {"F": ["x", "y"]}}
+        asked = {"equations": {"x": slope, "y": "x'"}, "functions": {"f": ["x"]}}
         assert "An independent checker verified that" in (
             text := text_page(inverse_service.solve(asked), False)
         )
