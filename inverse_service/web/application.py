@@ -18,7 +18,15 @@ from inverse_service import __version__, errors
 from inverse_service.service.documents import answers
 from inverse_service.settings import Settings
 from inverse_service.web import clients, engine, middleware, openapi, problems, routes
-from inverse_service.web.pages import exercises, library, rendering, results, simulate, solve
+from inverse_service.web.pages import (
+    classes,
+    exercises,
+    library,
+    rendering,
+    results,
+    simulate,
+    solve,
+)
 
 page_router = APIRouter()
 account = APIRouter()
@@ -212,5 +220,5 @@ def _is_secure(request: Request) -> bool:
 page_router.get("/static/{asked}/{name}")(rendering.static)
 for part in (account, library.open_router):
     page_router.include_router(part, dependencies=[Depends(rendering.note_visitor)])
-for pages in (solve, exercises, results, simulate, library):
+for pages in (solve, exercises, classes, results, simulate, library):
     page_router.include_router(pages.router, dependencies=[Depends(rendering.require_visitor)])

@@ -65,6 +65,7 @@ TEXTS = {
         1,
         "compared by tests/service/test_nonholonomic_page.py",
     ),
+    "docs/how-to/teach.md": (2, "what is pasted into a page, and into a Moodle"),
     "docs/simulation.md": (1, "the times of one machine"),
 }
 COMMAND = re.compile(

@@ -188,9 +188,8 @@ async def exercise(request: Request) -> Response:
     student = query.get("student", "").strip()[:80]
     code = ""
     if found.judged is not None and found.judged.verdict == sheets.YES and student:
-        code = await code_of(
-            request, question_of(query), student, datetime.now(UTC).date().isoformat()
-        )
+        today = datetime.now(UTC).date().isoformat()
+        code = code_of(await secret_of(request), question_of(query), student, today)
     shown = rendering.page(
         "exercise.html", active="", exercise=found, title=query.get("title", "")[:120],
         question=ASKED[ask][1], letter=ASKED[ask][2], answer=answer, own=own, student=student, code=code,
@@ -205,12 +204,22 @@ def question_of(query: Mapping[str, str]) -> str:
     return urlencode({name: query[name] for name in wanted if query.get(name)})
 
 
-async def code_of(request: Request, question: str, student: str, day: str) -> str:
-    """The day and twelve characters that only this service can make for an exercise and a name."""
+async def secret_of(request: Request) -> bytes:
+    """What only services over this store know."""
     engine: Engine = request.app.state.engine
-    secret = str(await engine.in_thread(engine.store.secret)).encode()
+    return str(await engine.in_thread(engine.store.secret)).encode()
+
+
+def code_of(secret: bytes, question: str, student: str, day: str) -> str:
+    """The day and twelve characters that only this service can make for an exercise and a name."""
     digest = hmac.new(secret, f"{question}\n{student}\n{day}".encode(), hashlib.sha256).hexdigest()
     return f"{day}-{digest[:12]}"
+
+
+def is_genuine(secret: bytes, question: str, student: str, code: str) -> bool:
+    """Whether the code is that of this exercise and name, on the day that it names."""
+    wanted = code_of(secret, question, student, code[: len("2026-01-01")])
+    return hmac.compare_digest(code.encode(), wanted.encode())
 
 
 @router.get("/exercise/new")
@@ -239,9 +248,7 @@ async def teach(request: Request) -> HTMLResponse:
     link, student, code = (query.get(name, "").strip() for name in ("link", "student", "code"))
     if link and code:
         asked = question_of(dict(parse_qsl(link.partition("?")[2])))
-        day = code[: len("2026-01-01")]
-        wanted = await code_of(request, asked, student, day)
-        verdict = "yes" if hmac.compare_digest(code.encode(), wanted.encode()) else "no"
+        verdict = "yes" if is_genuine(await secret_of(request), asked, student, code) else "no"
     sent = {"link": link, "student": student, "code": code}
     example = urlencode({"equations": "x'' = -x - c*x'", "title": FRICTION})
     frame = rendering.frame_code(

@@ -23,7 +23,7 @@ from .conftest import Look, Pages, Visit, visited
 pytestmark = pytest.mark.slow
 PAGES = (
     "/", "/?kind=nonholonomic", "/ask", "/simulate", "/atlas", "/batch", "/learn", "/docs", "/teach", "/exercise/new",
-    "/exercise?equations=x''=-x", "/results/none",
+    "/class/new", "/class/marks", "/class?set=x''=-[2..9]x&student=Ada", "/exercise?equations=x''=-x", "/results/none",
 )  # fmt: skip
 HEAVIEST = 100_000
 

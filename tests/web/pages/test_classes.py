@@ -1,0 +1,101 @@
+"""Sets of exercises: own numbers for each student, and marks that only codes of this service give."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from urllib.parse import parse_qs, urlencode, urlparse
+
+import httpx
+import pytest
+
+from inverse_service.web.pages import classes
+
+SET = "# Friction\nx'' = -[2..9] x - [1..4] x'\nx'' = -[-3..-3] x"
+
+
+def test_a_set_is_titles_and_equations() -> None:
+    assert classes.tasks_of(SET) == (
+        classes.Task("Friction", "x'' = -[2..9] x - [1..4] x'"),
+        classes.Task("Exercise 2", "x'' = -[-3..-3] x"),
+    )
+
+
+@pytest.mark.parametrize(("text", "said"), [
+    ("", "at least one line"), ("# only a title", "at least one line"), ("x'' = -[9..2] x", "[2..9]"),
+    ("x'' = -x\n" * 41, "at most 40"), ("x" * 4_001, "at most 4000"),
+])  # fmt: skip
+def test_a_set_that_is_none_says_what_to_write(text: str, said: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(said)):
+        classes.tasks_of(text)
+
+
+def test_numbers_lie_in_their_ranges_stay_and_differ_between_students() -> None:
+    text = classes.tasks_of(SET)[0].equations
+    seen = {name: classes.drawn(SET, name, 0, text) for name in map(str, range(60))}
+    numbers = [re.fullmatch(r"x'' = -(\d) x - (\d) x'", line) for line in seen.values()]
+    assert {found[1] for found in numbers if found} == set("23456789")
+    assert {found[2] for found in numbers if found} == set("1234")
+    assert all(numbers)
+    assert seen == {name: classes.drawn(SET, name, 0, text) for name in seen}
+    assert classes.drawn(SET, "A", 0, "x'' = -[-3..-3] x") == "x'' = -(-3) x"
+
+
+def test_names_come_with_their_codes_however_they_are_written() -> None:
+    one, two = "2026-11-28-0123456789ab", "2026-11-29-ba9876543210"
+    text = f"Ada L.; {one}, {two}\n\nBob\t{one}\nAda L.: {one}\nNobody\n{one}"
+    assert classes.rows_of(text) == [
+        ("Ada L.", frozenset({one, two})),
+        ("Bob", frozenset({one})),
+        ("Nobody", frozenset()),
+    ]
+
+
+def test_no_cell_of_the_marks_is_a_formula() -> None:
+    tasks = (classes.Task("=1+1", ""),)
+    rows = list(csv.reader(io.StringIO(classes.as_csv(tasks, [classes.Marked("@x", (True,))]))))
+    assert rows == [["student", "'=1+1", "solved"], ["'@x", "1", "1"]]
+
+
+@pytest.mark.slow
+def test_a_class_from_the_set_to_the_marks(client: httpx.Client) -> None:
+    text = "# One\nx'' = -[2..9] x\n# None\nx'' = -x; y'' = -[2..5] y - y' + x x'"
+    made = client.get("/class/new", params={"set": text, "title": "Week 3"})
+    assert made.status_code == 200
+    assert "/class?" in made.text
+    page = client.get("/class", params={"set": text, "student": "Ada"})
+    links = re.findall(r'href="(/exercise\?[^"]+)"', page.text)
+    assert len(links) == 2
+    address = links[0].replace("&amp;", "&")
+    (equations,) = parse_qs(urlparse(address).query)["equations"]
+    found = re.fullmatch(r"x'' = -(\d) x", equations)
+    assert found is not None
+
+    def judged(own: str) -> str:
+        return client.get(f"{address}&{urlencode({'answer': 'one', 'own': own})}").text
+
+    assert "Code for your teacher" not in judged("x'^2/2")
+    right = judged(f"x'^2 - {found[1]}*x^2")
+    (code,) = re.findall(r"<code>(\d{4}-\d\d-\d\d-[0-9a-f]{12})</code>", right)
+    codes = f"Ada; {code}\nBob; {code}\nCy; 2026-11-28-0123456789ab"
+    sent = {"set": text, "ask": "lagrangian", "hints": "yes", "codes": codes}
+    shown = client.post("/class/marks", data=sent)
+    assert [*re.findall(r"(\d) of 2", shown.text)] == ["1", "0", "0"]
+    table = client.post("/class/marks", data=sent | {"format": "csv"})
+    assert table.headers["content-type"].startswith("text/csv")
+    assert list(csv.reader(io.StringIO(table.text)))[1:] == [
+        ["Ada", "1", "0", "1"],
+        ["Bob", "0", "0", "0"],
+        ["Cy", "0", "0", "0"],
+    ]
+
+
+@pytest.mark.slow
+def test_pages_of_a_class_say_what_is_wrong_with_a_set(client: httpx.Client) -> None:
+    assert "no number" in client.get("/class/new", params={"set": "x'' = [5..1] x"}).text
+    assert "at least one line" in client.get("/class").text
+    asked = client.post("/class/marks", data={"set": "", "codes": "Ada"})
+    assert "at least one line" in asked.text
+    script = client.get("/class", params={"set": "x'' = -x", "student": "<script>x</script>"}).text
+    assert "<script>x" not in script
