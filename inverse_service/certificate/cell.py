@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
 from .exceptions import has_real_zeros, polynomial_text, primitive
-from .formulas import Ended, Incomplete, read_formulas, read_tokens, value_of
+from .formulas import Ended, Incomplete, Order, laws_of, read_formulas, read_tokens, value_of
 from .numbers import Entry
 
 if TYPE_CHECKING:
@@ -276,6 +276,15 @@ class Letters:
         inner = frozenset().union(*map(self.needs_of, [*arguments, *within]))
         place = self.letter(f"{name}{primes.replace(' ', '')}({listed})", inner)
         return Quotient(self.generators[place], self.one)
+
+    def special(self, name: str, arguments: list[Quotient], order: Order) -> Quotient:
+        """A special function, which is analytic where it is real."""
+        once, u = laws_of(self, name, arguments[-1]), arguments[-1]
+        if name == "lambertw":
+            self.need(">", self.add([u, once["e"]]))
+        elif name != "erf" and not (name == "besselj" and order.whole):
+            self.need(">", u)
+        return self.function(name, (), arguments)
 
     def integral(self, name: str, orders: list[int], arguments: list[Quotient]) -> Quotient:
         slopes = self.question.integrals[name].slopes.values()

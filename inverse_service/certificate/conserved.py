@@ -82,6 +82,9 @@ class Degrees:
     def function(self, name: str, orders: tuple[int, ...], arguments: list[int]) -> int:
         return self.at_rest(max(arguments))
 
+    def special(self, name: str, arguments: list[int], order: fm.Order) -> int:
+        return self.at_rest(max(arguments))
+
     def at_rest(self, u: int) -> int:
         if u:
             raise Incomplete("A formula is not a polynomial in the velocities as it is written.")
@@ -320,7 +323,7 @@ class Conserved(Question):
             known: dict[int, Series] = {}
             for number in sorted(rational):
                 node = self.nodes.listed[number]
-                known[number] = fm.computed(ring, node, ring.names, known)
+                known[number] = fm.computed(ring, self.nodes, node, ring.names, known)
             return [known[number] for number in sorted(nodes)]
 
         if not nodes:

@@ -35,7 +35,7 @@ from typing import TYPE_CHECKING, Any
 
 from flint import Ordering, fmpq, fmpq_mpoly_ctx, fmpz_poly, nmod_mat, nmod_mpoly_ctx, nmod_poly
 
-from .formulas import Ended
+from .formulas import ORDERED, Ended
 from .numbers import Residues, Undefined, Unsettled
 
 if TYPE_CHECKING:
@@ -87,7 +87,8 @@ class Special(Residues):
     """
 
     divisors: list[int] | None = None
-    salt = 0  # which values the arbitrary functions have
+    salt = 0  # which values the functions in `salted` have
+    salted: frozenset[str] = frozenset()
 
     def __init__(
         self, question: Question, prime: int, seed: int, values: dict[str, int], last: bool = False
@@ -101,7 +102,7 @@ class Special(Residues):
         return self.drawn.randrange(self.prime)
 
     def jet(self, name: str, number: int, orders: tuple[int, ...]) -> int:
-        if self.salt and name in self.question.functions:
+        if self.salt and name in self.salted:
             return random.Random(f"{self.salt} {(name, number, orders)}").randrange(self.prime)
         return super().jet(name, number, orders)
 
@@ -148,13 +149,12 @@ def of_functions(functions: Mapping[str, Sequence[str]]) -> str:
     return f"{SPECIAL_FUNCTIONS}{', '.join(written)}"
 
 
-def depends_on_functions(question: Question, generic: Generic) -> bool:
-    """Whether a divisor of the proof changes with the values of the arbitrary functions, at the
-    same point.
+def depends_on(question: Question, generic: Generic, functions: frozenset[str]) -> bool:
+    """Whether a divisor of the proof changes with the values of the functions, at the same point.
 
     True, too, if the time is over before it is known: then the proof is of general functions.
     """
-    if not question.functions:
+    if not functions:
         return False
     for _ in range(32):
         seed, found = question.generator.getrandbits(64), list[list[int]]()
@@ -162,7 +162,7 @@ def depends_on_functions(question: Question, generic: Generic) -> bool:
             prime = question.prime(narrow=True)
             for salt in (0, question.generator.randrange(1, prime)):
                 arithmetic = Special(question, prime, seed, {})
-                arithmetic.salt = salt
+                arithmetic.salt, arithmetic.salted = salt, functions
                 ring = question.expansion(arithmetic, generic.degree)
                 arithmetic.divisors = []
                 generic.work(ring)
@@ -192,11 +192,15 @@ def exceptions_of(
         return ()
     deadline = question.deadline
     question.deadline = min(question.deadline, time.thread_time() + spent + LEAST_TIME)
-    found = [of_functions(question.functions)] if depends_on_functions(question, generic) else []
+    general = depends_on(question, generic, frozenset(question.functions))
+    found = [of_functions(question.functions)] if general else []
     if not names:
         question.deadline = deadline
         return tuple(found)
     (unknown,) = not_found(names)
+    orders, ordered = parameters_of_orders(question)
+    if depends_on(question, generic, ordered):
+        found += not_found([name for name in names if name in orders])
     try:
         if len(names) > MAX_PARAMETERS:
             return (*found, unknown)
@@ -210,6 +214,23 @@ def exceptions_of(
         return (*found, unknown)
     finally:
         question.deadline = deadline
+
+
+def parameters_of_orders(question: Question) -> tuple[set[str], frozenset[str]]:
+    """The parameters in orders of functions, and these functions: for single orders they satisfy
+    relations that their derivatives do not show.
+    """
+    nodes, names, functions = question.nodes, set[str](), set[str]()
+    for node in nodes.listed:
+        if node[0] in ORDERED:
+            waiting = [node[1]]
+            while waiting:
+                number = waiting.pop()
+                waiting += nodes.parts(number)
+                if nodes.listed[number][0] == "name":
+                    names.add(nodes.listed[number][1])
+                    functions.add(node[0])
+    return names, frozenset(functions)
 
 
 def special_values(question: Question) -> Iterator[tuple[str, Values]]:

@@ -1,5 +1,6 @@
 """The grammar of certificates: document shapes, tokens, and a parser that computes in any ring."""
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
@@ -32,9 +33,34 @@ DEFINED = {
     "acosh": "log(u + sqrt(u^2 - 1))",
     "atanh": "log((1 + u)/(1 - u))/2",
 }
+
+
+class Law(NamedTuple):
+    """The derivatives by u of y = f(u) and, for a function with an order n, of z, which is f of the
+    order n + 1. `once` are formulas in u, which are computed first. A function without slopes has
+    independent derivatives.
+    """
+
+    slopes: tuple[str, ...] = ()
+    once: Mapping[str, str] = {}
+
+
+_BESSEL = Law(("n*y/u - z", "y - (n + 1)*z/u"))  # DLMF 10.6.2
+# Functions that are no formulas of others. A polygamma function has its order as the number of a
+# derivative of the first.
+SPECIAL = {
+    "erf": Law(("g",), {"g": "2*exp(-u^2)/sqrt(pi)"}),
+    "lambertw": Law(("y/(u*(1 + y))",), {"e": "exp(-1)"}),
+    "gammafunction": Law(("y*p",), {"p": "polygamma(0, u)"}),
+    "polygamma": Law(),
+    "besselj": _BESSEL,
+    "bessely": _BESSEL,
+}
+ORDERED = ("polygamma", "besselj", "bessely")  # they take an order and an argument
+MAX_SHIFT = 64  # of an order
 DERIVATIVE = re.compile(r"\bdiff\s*\(\s*(\w+)\s*\(([^()]*)\)\s*,([^()]*)\)", re.ASCII)
 # An integer power is a token of another form.
-IRRATIONAL = {"^", "exp", "log", "sin", "cos", "atan", *DEFINED}
+IRRATIONAL = {"^", "exp", "log", "sin", "cos", "atan", *DEFINED, *SPECIAL}
 RESERVED = {"t", "pi", "diff", *IRRATIONAL}
 BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "^": 4}
 FREE = ("", "+", "-", "*", "(")  # tokens before an operand whose value is unrestricted
@@ -176,6 +202,13 @@ def bounded(tokens: tuple[str, ...], letters: set[str]) -> bool:
     return False
 
 
+class Order(NamedTuple):
+    """The integer in an order n + k, and whether n is 0."""
+
+    shift: int = 0
+    whole: bool = False
+
+
 class Nodes:
     """The distinct parts of all formulas read, each after its own parts.
 
@@ -204,6 +237,33 @@ class Nodes:
             case _, *parts:
                 return tuple(parts)
         raise AssertionError
+
+    def rational(self, number: int) -> Fraction | None:
+        """The value of a node that is a sum, product, or quotient of numbers."""
+        match self.listed[number]:
+            case "number", value:
+                return Fraction(value)
+            case "+", terms:
+                parts = [self.rational(part) for part, _ in terms]
+                weighted = zip(parts, terms, strict=True)
+                return None if None in parts else sum((a or 0) * w for a, (_, w) in weighted)
+            case ("*" | "/") as operator, left, right:
+                a, b = self.rational(left), self.rational(right)
+                if a is None or b is None or (operator == "/" and not b):
+                    return None
+                return a * b if operator == "*" else a / b
+        return None
+
+    def order_of(self, number: int) -> Order | None:
+        """The integer in the order of a function, None if it is too large."""
+        value, whole = self.rational(number), False
+        if value is not None:
+            whole = value.denominator == 1
+        elif self.listed[number][0] == "+":
+            terms = [(self.rational(part), w) for part, w in self.listed[number][1]]
+            value = sum((a * w for a, w in terms if a is not None), start=Fraction(0))
+        shift = math.floor(value or 0)
+        return Order(shift, whole) if abs(shift) <= MAX_SHIFT else None
 
     def order(self, formula: tuple[str, ...]) -> list[int]:
         """The nodes of a formula in an order of evaluation.
@@ -248,7 +308,7 @@ def read_formulas(ring: Any, formulas: Iterable[tuple[str, ...]], **bound: Any) 
         order = nodes.order(formula)
         for number in order:
             if number not in known:
-                known[number] = computed(ring, nodes.listed[number], names, known)
+                known[number] = computed(ring, nodes, nodes.listed[number], names, known)
         found.append(known[order[-1]])
     return found
 
@@ -259,7 +319,11 @@ def value_of(ring: Any, formula: tuple[str, ...], **bound: Any) -> Any:
 
 
 def computed(
-    ring: Any, node: tuple[Any, ...], names: Mapping[str, Any], known: Mapping[int, Any]
+    ring: Any,
+    nodes: Nodes,
+    node: tuple[Any, ...],
+    names: Mapping[str, Any],
+    known: Mapping[int, Any],
 ) -> Any:
     match node:
         case "number", value:
@@ -274,6 +338,11 @@ def computed(
             return ring.power(known[part], exponent)
         case ("*" | "/" | "^") as operator, left, right:
             return joined(ring, operator, known[left], known[right])
+        case token, *parts if token in SPECIAL:
+            require(len(parts) == 1 + (token in ORDERED), f"{token} has other arguments.")
+            order = nodes.order_of(parts[0]) if token in ORDERED else Order()
+            require(order is not None, f"The order of {token} is not a constant of moderate size.")
+            return ring.special(token, [known[part] for part in parts], order)
         case token, *parts:
             return _called(ring, token, [known[part] for part in parts])
 
@@ -375,6 +444,35 @@ def applied(ring: Any, name: str, u: Any) -> Any:
     if name in DEFINED:
         return value_of(ring, read_tokens(DEFINED[name], name), u=u)
     return ring.elementary(name, u)
+
+
+def laws_of(ring: Any, name: str, u: Any) -> dict[str, Any]:
+    """The values of the formulas of a special function that are computed once."""
+    return {
+        key: value_of(ring, read_tokens(text, name), u=u)
+        for key, text in SPECIAL[name].once.items()
+    }
+
+
+def slopes_of(ring: Any, name: str, **bound: Any) -> list[Any]:
+    """The derivatives of a special function, and of that of the next order, by u."""
+    return [value_of(ring, read_tokens(text, name), **bound) for text in SPECIAL[name].slopes]
+
+
+def shifted(ring: Any, pair: tuple[Any, Any], n: Any, u: Any, shift: int) -> Any:
+    """The Bessel function of the order n + shift from those of n and n + 1 (DLMF 10.6.1)."""
+    lower, upper = pair
+    for k in range(abs(shift)):
+        j = k + 1 if shift > 0 else -k
+        order = ring.add([n, ring.constant(Fraction(j))])
+        twice = joined(ring, "/", ring.add([order, order]), u)
+        if shift > 0:
+            next_one = ring.multiply(twice, upper, ring.degree)
+            lower, upper = upper, ring.add([next_one, lower], [1, -1])
+        else:
+            next_one = ring.multiply(twice, lower, ring.degree)
+            lower, upper = ring.add([next_one, upper], [1, -1]), lower
+    return lower
 
 
 def is_root(formula: tuple[str, ...]) -> bool:

@@ -15,9 +15,9 @@ from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import flint
-from flint import arb, fmpq, fmpz
+from flint import acb, arb, fmpq, fmpz
 
-from .formulas import MAX_POWER, Incomplete
+from .formulas import MAX_POWER, Incomplete, Order
 
 if TYPE_CHECKING:
     from .question import Question
@@ -553,6 +553,14 @@ class Residues:
         """A derivative of a function: a random number, the same for the same class."""
         return random.Random(f"{self.seed} {(name, number, orders)}").randrange(self.prime)
 
+    def special(
+        self, name: str, number: int, derivative: int, at: list[Number], order: Order
+    ) -> int:
+        """An independent derivative of a special function, or the function of the next order: a
+        random number.
+        """
+        return self.jet(name, number, (derivative,))
+
     def determinant(self, matrix: list[list[Number]]) -> Number:
         rows, found = [[self.reduced(entry) for entry in row] for row in matrix], 1
         if not self.field:
@@ -740,6 +748,35 @@ class Balls:
 
     def jet(self, name: str, number: int, orders: tuple[int, ...]) -> arb:
         return self.number(self.place.jet((name, number, orders)))
+
+    def special(
+        self, name: str, number: int, derivative: int, at: list[Number], order: Order
+    ) -> arb:
+        """The value of a special function, of a derivative of digamma, or of the next order."""
+        *orders, u = at
+        least = None if name == "erf" or (name == "besselj" and order.whole) else arb(0)
+        least = -(arb(-1).exp()) if name == "lambertw" else least
+        if least is not None and u < least:
+            raise Undefined
+        if least is not None and not u > least:
+            raise Unsettled
+        value: arb
+        match name:
+            case "erf":
+                value = u.erf()
+            case "lambertw":
+                value = u.lambertw()
+            case "gammafunction":
+                value = u.gamma()
+            case "polygamma":
+                value = acb(u).polygamma(derivative).real
+            case "besselj":
+                value = u.bessel_j(orders[0] + derivative)
+            case _:
+                value = u.bessel_y(orders[0] + derivative)
+        if not value.is_finite():
+            raise Unsettled
+        return value
 
     def regular(self, matrix: list[list[Number]]) -> bool:
         """True if the balls show that the determinant is not zero, else Unsettled."""

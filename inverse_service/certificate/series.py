@@ -11,7 +11,18 @@ from heapq import heappop, heappush
 from itertools import accumulate, combinations_with_replacement, pairwise, product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from .formulas import MAX_POWER, Incomplete, read_formulas, require, value_of
+from .formulas import (
+    MAX_POWER,
+    SPECIAL,
+    Incomplete,
+    Order,
+    laws_of,
+    read_formulas,
+    require,
+    shifted,
+    slopes_of,
+    value_of,
+)
 from .numbers import Arithmetic, Number, Root, Series, Unsettled
 
 if TYPE_CHECKING:
@@ -130,6 +141,15 @@ class Count:
 
     def function(self, name: str, orders: tuple[int, ...], arguments: list[Any]) -> Any:
         return 1, 0, 1, 0, 0
+
+    def special(self, name: str, arguments: list[Any], order: Order) -> Any:
+        *orders, u = arguments
+        free = (1, 0, 1, 0, 0)
+        bound = {"u": u, "y": free, "z": free} | laws_of(self, name, u)
+        bound |= dict(zip("n", orders, strict=False))
+        found = self.add([free, *slopes_of(self, name, **bound)])
+        shift = order.shift if name != "polygamma" else 0
+        return shifted(self, (found, found), bound.get("n"), u, shift)
 
     def integral(self, name: str, orders: list[int], arguments: list[Any]) -> Any:
         slopes = self.question.integrals[name].slopes.values()
@@ -288,6 +308,50 @@ class Expansion:
             return value * field.number(Fraction(1, math.prod(map(math.factorial, beta))))
 
         return self.compose(arguments, coefficient)
+
+    def special(self, name: str, arguments: list[Series], order: Order) -> Series:
+        """A special function: its value at the point, and the rest from its derivatives, degree by
+        degree.
+        """
+        field, (*orders, u) = self.arithmetic, arguments
+        zero = field.number(Fraction(0))
+        require(all(not any(one) for one in orders), f"The order of {name} has to be constant.")
+        bound = {"u": u} | laws_of(self, name, u)
+        start = u.get(0, zero)
+        if name == "polygamma":
+            place = field.class_of(name, [start])
+
+            def slope(k: int) -> Number:
+                value = field.special(name, place, order.shift + k, [start], order)
+                return value * field.number(Fraction(1, math.factorial(k)))
+
+            return self.compose([u], slope)
+        if orders:
+            less = self.constant(Fraction(order.shift))
+            bound["n"] = self.add([orders[0], less], [1, -1])
+        at = [bound[key].get(0, zero) for key in ("n", "u") if key in bound]
+        place = field.class_of(name, at)
+        count = len(SPECIAL[name].slopes)
+        values = [field.special(name, place, k, at, order) for k in range(count)]
+        growth = {key: part * (key >> self.shift) for key, part in u.items() if key}
+        found = [self.settle({0: value}) for value in values]
+        for _ in range(self.degree):
+            moving = dict(zip("yz", found, strict=False))
+            slopes = slopes_of(self, name, **bound, **moving)
+            raised = [self.multiply(slope, growth, self.degree) for slope in slopes]
+            found = [
+                self.settle(
+                    {0: value}
+                    | {
+                        key: part * field.number(Fraction(1, key >> self.shift))
+                        for key, part in one.items()
+                        if key
+                    }
+                )
+                for value, one in zip(values, raised, strict=True)
+            ]
+        pair = found[0], found[-1]
+        return shifted(self, pair, bound["n"], u, order.shift) if orders else found[0]
 
     def integral(self, name: str, orders: list[int], arguments: list[Series]) -> Series:
         """A function with given derivatives, random where none are given.

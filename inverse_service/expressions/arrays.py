@@ -8,6 +8,7 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
+from mpmath import fp
 from numpy.typing import NDArray
 
 from inverse_service import errors
@@ -41,6 +42,22 @@ def array_values(
     return [np.broadcast_to(one, sizes[0] if sizes else (1,)) for one in found]
 
 
+def special_values(function: str, *arguments: Any) -> Array:
+    """A special function of (its order and) its argument in double precision, by mpmath; nan where
+    it has no real value.
+    """
+    operation = getattr(fp, functions.FUNCTION[function].mpmath or function)
+
+    def value(*inner: float) -> float:
+        try:
+            found = operation(*inner)
+        except (ValueError, ZeroDivisionError, OverflowError):
+            return math.nan
+        return math.nan if isinstance(found, complex) else float(found)
+
+    return np.asarray(np.vectorize(value, otypes=[float])(*arguments))
+
+
 def _value(expression: ex.Expression, known: dict[ex.Expression, Any]) -> Any:
     if expression in known:
         return known[expression]
@@ -60,6 +77,9 @@ def _value(expression: ex.Expression, known: dict[ex.Expression, Any]) -> Any:
             found = found if value > 0 else 1 / found
         case ex.Power(base, exponent):
             found = np.power(np.asarray(_value(base, known), dtype=float), _value(exponent, known))
+        case ex.Apply(function) if function in functions.SPECIAL:
+            inner = functions.arguments_of(expression)[::-1]  # the order first
+            found = special_values(function, *(_value(part, known) for part in inner))
         case ex.Apply(function, argument):
             below, inner = functions.RECIPROCALS.get(function), _value(argument, known)
             found = (

@@ -12,22 +12,21 @@ from typing import Any
 from mpmath import mp, mpf
 
 from inverse_service import errors
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import functions, tree as ex
 from inverse_service.expressions.functions import FUNCTION, STEP, Rule
 from inverse_service.expressions.refusals import fault
 
 # Arbitrary function to (names of its arguments, formula in these names).
 Definitions = Mapping[str, tuple[tuple[str, ...], ex.Expression]]
 Real = Any  # mpmath has no types
-_IN_MPMATH = {"log": "ln"}
 
 
-def _rule(function: str) -> Rule:
-    """The derivative of a function; InputError for a step, which is not differentiable where its
-    pieces meet.
+def _slope(node: ex.Apply) -> ex.Expression:
+    """The derivative of a function by its argument; InputError for a step, which is not
+    differentiable where its pieces meet.
     """
-    if function in FUNCTION:
-        return FUNCTION[function].derivative
+    if node.function in FUNCTION:
+        return functions.slope_of(node)
     raise fault("derivative of pieces", "")
 
 
@@ -100,9 +99,9 @@ def _derivative(expression: ex.Expression, rate: Rule) -> ex.Expression:
             )
         case ex.Power(base, exponent):
             return _of_power(base, exponent, rate)
-        case ex.Apply(function, argument):
-            inner = rate(argument)
-            return ex.ZERO if inner == ex.ZERO else _rule(function)(argument) * inner
+        case ex.Apply():
+            inner = rate(expression.argument)
+            return ex.ZERO if inner == ex.ZERO else _slope(expression) * inner
         case ex.Arbitrary():
             return _of_function(expression, rate)
     raise TypeError(f"{type(expression).__name__} has no derivative")
@@ -165,6 +164,20 @@ def _put_in(
     )
 
 
+@lru_cache(maxsize=1024)
+def special_function(kernel: ex.Arbitrary) -> ex.Expression:
+    """What the kernel of a special function stands for: J_n(u) for y, and J_n'(u) for y'."""
+    *orders, argument = kernel.arguments
+    name, u = kernel.name, ex.Symbol("u")
+    ordered = FUNCTION[name].ordered  # of order 0 if the kernel has none: polygamma
+    tree: ex.Expression = (
+        ex.Ordered(name, u, *orders or [ex.ZERO]) if ordered else ex.Apply(name, u)
+    )
+    for _ in range(kernel.orders[-1]):
+        tree = differentiate(tree, u)
+    return ex.substitute(tree, {u: argument})
+
+
 class NoRealValue(errors.InverseServiceError):
     """The tree has no finite real value at the point; it may have one at another point."""
 
@@ -221,9 +234,12 @@ def _value(expression: ex.Expression, table: dict[ex.Expression, Real]) -> Real:
             if value == 0:
                 raise NoRealValue("a step has no value on its boundary")
             return mpf(value > 0)
-        case ex.Apply(function, argument):
-            operation: Callable[[Real], Real] = getattr(mp, _IN_MPMATH.get(function, function))
-            return operation(evaluate_once(argument, table))
+        case ex.Apply(function):
+            operation: Callable[..., Real] = getattr(mp, FUNCTION[function].mpmath or function)
+            inner = functions.arguments_of(expression)[::-1]  # the order first
+            return operation(*(evaluate_once(argument, table) for argument in inner))
+        case ex.Arbitrary(name) if name in functions.SPECIAL:
+            return evaluate_once(special_function(expression), table)
         case ex.Arbitrary(name, _, _):
             raise NoRealValue(f"no value is given for the function {name}")
         case _ if expression == ex.PI:

@@ -270,7 +270,7 @@ def _function(tree: ex.Apply) -> Terms:
         and ex.coefficient(inner) < 0
     ):
         return _scaled(_atom(ex.Apply(tree.function, -inner)), Fraction(row.parity))
-    return _atom(ex.Apply(tree.function, inner))
+    return _atom(functions.with_argument(tree, inner))
 
 
 def _exponential(argument: Terms) -> Terms:

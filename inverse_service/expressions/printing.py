@@ -307,6 +307,8 @@ class _Notation:
                 return self.name(name, 1)
             case ex.Acceleration(name):
                 return self.name(name, 2)
+            case ex.Ordered(function, argument, order):
+                return self.call_of_order(function, order, argument)
             case ex.Apply(function, argument):
                 return self.call(function, argument)
             case ex.Power(base, exponent) if exponent == ex.HALF:
@@ -352,6 +354,10 @@ class _Notation:
 
     def call(self, function: str, argument: ex.Expression) -> str:
         return f"{function}{self.brackets(argument)}"
+
+    def call_of_order(self, function: str, order: ex.Expression, argument: ex.Expression) -> str:
+        inside = ", ".join(_written(self, part, True) for part in (order, argument))
+        return f"{function}({inside})"
 
     def arguments(self, function: ex.Arbitrary) -> str:
         return ", ".join(_written(self, argument, True) for argument in function.arguments)
@@ -416,6 +422,8 @@ class _Latex(_Notation):
     def power(self, base: ex.Expression, exponent: ex.Expression) -> str:
         raised = f"^{{{_written(self, exponent, True)}}}"
         match base, exponent:
+            case ex.Ordered(), _:
+                return self.brackets(base) + raised
             case ex.Apply(function, argument), ex.Number(value) if function != "exp" and value > 0:
                 return f"{_command(function)}{raised}{self.brackets(argument)}"
             case ex.Apply("exp", argument), _ if not isinstance(argument, ex.Number):
@@ -429,6 +437,9 @@ class _Latex(_Notation):
         if function == "exp" and not isinstance(argument, ex.Number):
             return f"e^{{{_written(self, argument, True)}}}"
         return f"{_command(function)}{self.brackets(argument)}"
+
+    def call_of_order(self, function: str, order: ex.Expression, argument: ex.Expression) -> str:
+        return f"{_command(function)}_{{{_written(self, order, True)}}}{self.brackets(argument)}"
 
     def arbitrary(self, function: ex.Arbitrary) -> str:
         known = function.integrand if isinstance(function, ex.Integral) else None
@@ -545,6 +556,10 @@ class _Mathml(_Notation):
         row = functions.FUNCTION.get(function)
         name = escape((row.shown if row else "") or function)
         return f"<mrow><mi>{name}</mi>{_APPLY}{self.brackets(argument)}</mrow>"
+
+    def call_of_order(self, function: str, order: ex.Expression, argument: ex.Expression) -> str:
+        name = f"<msub><mi>{functions.FUNCTION[function].shown}</mi>{self.exponent(order)}</msub>"
+        return f"<mrow>{name}{_APPLY}{self.brackets(argument)}</mrow>"
 
     def arbitrary(self, function: ex.Arbitrary) -> str:
         """The function with primes, or, for several arguments, with the orders (1,0) as a

@@ -150,10 +150,17 @@ class Power(_Node):
 
 @dataclass(frozen=True, slots=True)
 class Apply(_Node):
-    """An elementary function of one argument; its name is in the table of `calculus.py`."""
+    """A function of one argument; its name is in the table of `functions.py`."""
 
     function: str
     argument: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Ordered(Apply):
+    """A function of one argument and of a constant order: the Bessel function J_n(u)."""
+
+    order: Expression
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,6 +207,7 @@ _FIELDS: dict[type[_Node], Callable[[Any], object]] = {
         Product,
         Power,
         Apply,
+        Ordered,
         Arbitrary,
         Integral,
     )
@@ -340,6 +348,8 @@ def children(expression: Expression) -> tuple[Expression, ...]:
         return (expression.base, expression.exponent)
     if type(expression) is Apply:
         return (expression.argument,)
+    if type(expression) is Ordered:
+        return (expression.order, expression.argument)
     return expression.arguments if isinstance(expression, Arbitrary) else ()
 
 
@@ -440,6 +450,8 @@ def rebuild(expression: Expression, change: Callable[[Expression], Expression]) 
             return multiply(*map(change, factors))
         case Power(base, exponent):
             return power(change(base), change(exponent))
+        case Ordered(function, argument, order):
+            return Ordered(function, change(argument), change(order))
         case Apply(function, argument):
             return Apply(function, change(argument))
         case Integral(name, arguments, orders):

@@ -680,9 +680,11 @@ def _taylor_coefficient(tree: ex.Arbitrary, more: tuple[int, ...]) -> Recipe:
     orders = tuple(a + b for a, b in zip(tree.orders, more, strict=True))
     factorials = math.prod(math.factorial(k) for k in more)
 
+    raised = ex.Arbitrary(tree.name, tree.arguments, orders)
+
     def value(point: modular.Point, known: dict[ex.Expression, int]) -> int:
-        place = tuple(modular.evaluate(argument, point, known) for argument in tree.arguments)
-        return point.jet(tree.name, place, orders) * pow(factorials, -1, point.prime) % point.prime
+        slope = modular.evaluate(raised, point, known)
+        return slope * pow(factorials, -1, point.prime) % point.prime
 
     return value
 

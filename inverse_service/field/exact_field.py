@@ -32,13 +32,14 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from itertools import pairwise
 from typing import Any
 
 from flint import Ordering, fmpq, fmpq_mat, fmpq_mpoly, fmpq_mpoly_ctx, fmpz
 from flint.utils.flint_exceptions import DomainError
 
 from inverse_service.deadline import end, now
-from inverse_service.expressions import functions, tree as ex
+from inverse_service.expressions import calculus, functions, jets, tree as ex
 
 Exponents = tuple[tuple[int, int], ...]
 # The cost of a step in addition to its terms.
@@ -51,6 +52,9 @@ LARGEST_EXPONENT = 64
 # Beyond this many terms, or this degree, factoring is not worth its cost.
 FACTORED_TERMS = 120
 FACTORED_DEGREE = 60
+
+# Of a special function in one formula, more than the orders of polygamma.
+_MOST_DERIVATIVES = 14
 
 Family = tuple[str, tuple[ex.Expression, ...]]
 Coordinates = Mapping[Any, Fraction]
@@ -913,6 +917,31 @@ def _adjoin_family(
         ring.set_slopes(indices[orders], slopes)
 
 
+def _adjoin_special(ring: ExactRing, nodes: Sequence[ex.Expression], further: int) -> None:
+    """Add generators for the independent derivatives of special functions."""
+    families: dict[Family, int] = {}
+    for node in nodes:
+        assert isinstance(node, ex.Arbitrary)
+        family = (node.name, node.arguments)
+        families[family] = max(families.get(family, 0), node.orders[-1])
+    chain: list[tuple[int, ex.Arbitrary]] = []  # a generator, and what its derivative is
+    for (name, arguments), order in families.items():
+        count = functions.FUNCTION[name].jets or order + further + 1
+        kernels = [
+            functions.special_kernel(name, *arguments, derivative=k) for k in range(count + 1)
+        ]
+        for node, after in reversed([*pairwise(kernels)]):
+            index = ring.new_generator(calculus.special_function(node))
+            ring.atoms[node] = ring.generator(index)
+            chain.append((index, after))
+    for index, after in chain:
+        slope = jets.by_independent(after) or after
+        try:
+            ring.set_slopes(index, [(ring.value(slope), ring.value(after.arguments[-1]))])
+        except KeyError:  # beyond the last derivative, or of functions that are not in the ring
+            ring.undefined.add(index)
+
+
 def _next(
     ring: ExactRing, indices: dict[tuple[int, ...], int], orders: tuple[int, ...], place: int
 ) -> Quotient:
@@ -999,6 +1028,7 @@ def exact_ring(
     differentiate, which saves the derivatives of all generators. Raises TooLarge if the budget is
     exhausted, and ZeroDivisionError for a division by zero in a tree.
     """
+    trees = _with_laws(trees) if slopes and orders else trees
     symbols = [*further, *_symbols(trees, variables)]
     size = len(symbols) + _generators_needed(trees, orders)
     generous = _build(trees, variables, symbols, orders, budget, size, slopes)
@@ -1006,6 +1036,16 @@ def exact_ring(
     if spare or generous.free == 0:
         return generous
     return _build(trees, variables, symbols, orders, budget, used, slopes)
+
+
+def _with_laws(trees: Sequence[ex.Expression]) -> Sequence[ex.Expression]:
+    """The trees, and those to which the derivatives of special functions in them lead."""
+    special = [
+        functions.kernel_of(node)
+        for node in ex.distinct_nodes(trees)
+        if isinstance(node, ex.Apply) and node.function in functions.SPECIAL
+    ]
+    return [*trees, *jets.with_laws(special)[len(special) :]] if special else trees
 
 
 def factored(
@@ -1084,6 +1124,8 @@ def _generators_needed(trees: Sequence[ex.Expression], orders: int) -> int:
     total = 0
     for node in atoms:
         total += 4
+        if isinstance(node, ex.Apply) and node.function in functions.SPECIAL:
+            total += orders + _MOST_DERIVATIVES
         if isinstance(node, ex.Arbitrary):
             total += math.comb(len(node.arguments) + sum(node.orders) + orders, len(node.arguments))
     return total
@@ -1135,7 +1177,12 @@ def _adjoin_level(
         adjoin_pairs(ring, hyperbolic, 1)
     for node in _applied(level, functions.INVERSE):
         adjoin_inverse(ring, node)
-    adjoin_arbitrary(ring, [node for node in level if isinstance(node, ex.Arbitrary)], orders)
+    arbitrary = [node for node in level if isinstance(node, ex.Arbitrary)]
+    adjoin_arbitrary(ring, [node for node in arbitrary if not jets.is_special(node)], orders)
+    special = {node: functions.kernel_of(node) for node in _applied(level, functions.SPECIAL)}
+    kernels = [node for node in ex.distinct_nodes(special.values()) if jets.is_special(node)]
+    _adjoin_special(ring, [*filter(jets.is_special, arbitrary), *kernels], orders)
+    ring.atoms |= {node: ring.value(kernel) for node, kernel in special.items()}
 
 
 def _applied(level: Sequence[ex.Expression], names: Iterable[str]) -> list[ex.Apply]:

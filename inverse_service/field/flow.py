@@ -31,7 +31,7 @@ import numpy as np
 import numpy.typing as npt
 
 from inverse_service import deadline
-from inverse_service.expressions import calculus, collecting, functions, tree as ex
+from inverse_service.expressions import calculus, collecting, functions, jets, tree as ex
 from inverse_service.field import modular, tower
 
 Numbers = npt.NDArray[np.int64]
@@ -159,7 +159,7 @@ class Units:
     def of(cls, trees: Iterable[ex.Expression]) -> Units:
         """The units of all circular functions, exponentials, and roots in these kernels."""
         found = cls()
-        for node in ex.distinct_nodes(trees):
+        for node in ex.distinct_nodes(jets.with_laws(trees)):
             match node:
                 case ex.Power(ex.Symbol() | ex.Velocity() as base, ex.Number(e)) if (
                     e.denominator == 2
@@ -312,6 +312,8 @@ class Evaluation:
         self, points: Points, names: Sequence[str], q: Numbers, v: Numbers, size: int
     ) -> None:
         self.points, self.size, self.order = points, size, q.shape[1]
+        self.given = names, q, v
+        self.start: Evaluation | None = None  # the same, to order 0
         self.known: dict[ex.Expression, Jet] = {}
         for i, name in enumerate(names):
             for series, leaf, direction in (
@@ -472,13 +474,26 @@ class Evaluation:
                     tuple(a + b for a, b in zip(orders, more, strict=True)),
                 )
                 term = np.zeros_like(total)
-                term[0] = self.points.value(("function", name))
+                term[0] = self._partial(name)
                 for series, times in zip(moved, more, strict=True):
                     for _ in range(times):
                         term = _times(term, series)
                     term = term * pow(factorial(times), -1, PRIME) % PRIME
                 total = (total + term) % PRIME
         return total
+
+    def _partial(self, function: ex.Arbitrary) -> Numbers:
+        """The partial derivative at the points, a generator unless it is one of a special function
+        with a law.
+        """
+        law = jets.by_independent(function)
+        if law is None:
+            return self.points.value(("function", function))
+        if self.start is None:
+            names, q, v = self.given
+            self.start = Evaluation(self.points, names, q[:, :1], v[:, :1], 1)
+        values: Numbers = self.start.jet(tower.to_kernels(law)).data[0, 0]
+        return values
 
 
 def values_of(tree: ex.Expression, points: Points) -> Numbers:

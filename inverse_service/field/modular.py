@@ -27,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 from flint import fmpz
 
-from inverse_service.expressions import calculus, tree as ex
+from inverse_service.expressions import calculus, jets, tree as ex
 from inverse_service.kernels.machine_code.kernels import compiled as compiled, intrinsic
 
 # For primes that are -1 modulo this, 2, 3, 5, 7, 11, and 13 are residues.
@@ -373,6 +373,8 @@ def _evaluate(expression: ex.Expression, point: Point, known: dict[ex.Expression
         case ex.Apply():
             return point.atom(expression)
         case ex.Arbitrary(name, arguments, orders):
+            if (law := jets.by_independent(expression)) is not None:
+                return evaluate(law, point, known)
             return point.jet(
                 name, tuple(evaluate(argument, point, known) for argument in arguments), orders
             )

@@ -43,7 +43,14 @@ from flint import fmpq_mpoly, fmpz_mat, nmod_mat
 
 from inverse_service import bounds, errors
 from inverse_service.certificate import cell, formulas as grammar, question
-from inverse_service.expressions import calculus, collecting, functions, printing, tree as ex
+from inverse_service.expressions import (
+    calculus,
+    collecting,
+    functions,
+    jets,
+    printing,
+    tree as ex,
+)
 from inverse_service.field import exact_field, modular, tower as towers
 
 _DIGITS = 40
@@ -89,7 +96,7 @@ def find_real_point(
     functions = (
         node
         for node in ex.distinct_nodes((*expressions, *positive))
-        if isinstance(node, ex.Arbitrary)
+        if isinstance(node, ex.Arbitrary) and not jets.is_special(node)
     )
     names = list(dict.fromkeys([*variables, *functions]))
     generator = random.Random(f"real {seed}")
@@ -320,7 +327,11 @@ def _leaves(
         isinstance(node, ex.Arbitrary) for node in nodes
     ):  # calls that only collecting brings to light
         nodes |= dict.fromkeys(ex.distinct_nodes(map(collecting.collect, trees)))
-    calls = {node: collecting.collect(node) for node in nodes if isinstance(node, ex.Arbitrary)}
+    calls = {
+        node: collecting.collect(node)
+        for node in nodes
+        if isinstance(node, ex.Arbitrary) and not jets.is_special(node)
+    }
     drawn = [node for node in nodes if isinstance(node, ex.Symbol | ex.Velocity) and node != ex.PI]
     return [*drawn, *dict.fromkeys(calls.values())], calls
 
@@ -516,7 +527,7 @@ def question_about(trees: Iterable[ex.Expression]) -> question.Question:
         "functions": {
             node.name: ["t"] * len(node.arguments)
             for node in nodes
-            if isinstance(node, ex.Arbitrary)
+            if isinstance(node, ex.Arbitrary) and not jets.is_special(node)
         },
     }
     return question.Question(
@@ -604,8 +615,8 @@ def _own_requirements(node: ex.Expression) -> list[ex.Expression]:
             return [base]
         case ex.Power(base, exponent) if not isinstance(exponent, ex.Number):
             return [base]
-        case ex.Apply(function, u) if function in functions.FUNCTION:
-            return [*functions.FUNCTION[function].needs(u)]
+        case ex.Apply(function) if function in functions.FUNCTION:
+            return [*functions.FUNCTION[function].needs(*functions.arguments_of(node))]
         case _:
             return []
 
@@ -636,8 +647,8 @@ def _own_poles(node: ex.Expression) -> list[ex.Expression]:
     match node:
         case ex.Power(base, ex.Number(exponent)) if exponent < 0:
             return [base]
-        case ex.Apply(function, u) if function in functions.FUNCTION:
-            return [*functions.FUNCTION[function].poles(u)]
+        case ex.Apply(function) if function in functions.FUNCTION:
+            return [*functions.FUNCTION[function].poles(*functions.arguments_of(node))]
         case _:
             return []
 
@@ -932,6 +943,7 @@ def reduce_atoms(
     has a root in its argument, they are therefore searched for again once the branches are known.
     """
     signs = {} if table is None else {name: real_sign(name, table) for name in variables}
+    expressions = jets.with_laws(expressions)
     tower = towers.build_tower(expressions, variables, signs, partial(turns, table))
     fix_branches(tower, table)
     if tower.signs and _have_root_inside(expressions):

@@ -59,10 +59,9 @@ def to_kernels(expression: ex.Expression) -> ex.Expression:
     """The expression written with the six kernels only."""
     inner = ex.rebuild(expression, to_kernels)
     if isinstance(inner, ex.Apply):
-        row = functions.FUNCTION.get(inner.function)
-        if row is not None and row.kernel is not None:
-            return row.kernel(inner.argument)
-        return _step(inner.argument) if inner.function == functions.STEP else inner
+        if inner.function == functions.STEP:
+            return _step(inner.argument)
+        return functions.kernel_of(inner)
     if isinstance(inner, ex.Power):
         return _rational_power(inner)
     return inner

@@ -749,8 +749,9 @@ def exponentials_above(tree: ex.Expression) -> ex.Expression:
 def inside(tree: ex.Expression) -> ex.Expression:
     """The tree with each sum that a function is taken of as one quotient, where that is shorter."""
     match ex.rebuild(tree, inside):
-        case ex.Apply(function, ex.Sum() as argument):
-            return ex.Apply(function, shortest([argument, turned(opaque_quotient(argument))]))
+        case ex.Apply(_, ex.Sum() as argument) as node:
+            shorter = shortest([argument, turned(opaque_quotient(argument))])
+            return functions.with_argument(node, shorter)
         case other:
             return other
 

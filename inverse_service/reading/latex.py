@@ -12,6 +12,7 @@ from functools import partial
 
 from inverse_service.errors import InputError
 from inverse_service.expressions import letters
+from inverse_service.expressions.functions import FUNCTION
 from inverse_service.expressions.refusals import LIMITS, at_most, fault, refusal, shorten
 from inverse_service.reading import components, names as nm, prose, tokens as plain
 from inverse_service.reading.tokens import (
@@ -47,6 +48,12 @@ _SCRIPTS = frozenset(("mathcal", "mathscr", "mathfrak", "mathsf"))
 _SCRIPTED = re.compile(r"\\(?:mathcal|mathscr|mathfrak|mathsf)\s*\{\s*([A-NP-Za-z])\s*\}")
 _ANY_COMMAND = re.compile(r"\\[A-Za-z]+")
 _RUN, _DIGITS = re.compile("[A-Za-z0-9]+"), re.compile("[0-9]+")
+# Upright letters of special functions, as they are printed: J of J_n(x), Gamma.
+_UPRIGHT = {
+    row.command[len("\\operatorname{") : -1].removeprefix("\\"): row
+    for row in FUNCTION.values()
+    if row.special and row.command
+}
 _WORDS = nm.FUNCTIONS | nm.DERIVATIVE_NAMES | nm.REFUSED.keys()
 _FRACTIONS = ("frac", "tfrac", "dfrac", "cfrac", "flatfrac", "sfrac", "nicefrac")
 # Commands of the packages physics, derivative, diffcoeff, commath, siunitx, and mathtools, by what
@@ -451,10 +458,27 @@ class _Line(plain.TokenStream):
         in_text = command.text.startswith("text") and not known
         if words or (in_text and len(name) > 1 and name.isalpha() and name.islower()):
             raise fault("words", command.column)
+        if command.text == "operatorname" and self._letter_of_function(name, command):
+            return
         if name == "d" and self._names.role("d") is None:
             self._found.append(Token("operator", TOTAL, command.column, command.space_before))
             return
         self._emit(command, name)
+
+    def _letter_of_function(self, name: str, command: Token) -> bool:
+        r"""Whether \operatorname{J}_{n}(x) or the like is here, and then besselj(n, x) is added."""
+        row = _UPRIGHT.get(name)
+        below = self.ahead.is_operator("_")
+        bracket_after = self.look(2 * below)
+        good = row is not None and row.ordered == below and self._names.role(name) is None
+        if row is None or not good or not bracket_after.is_bracket("("):
+            return False
+        order = self._argument(self.take()) if below else []
+        opening = self.take()
+        comma = [Token("operator", ",", opening.column)] if order else []
+        inside = self._enclosed([*order, *comma, *self._inside(opening)], opening, space=False)
+        self._found += [replace(command, kind="name", text=row.name, value=Fraction(0)), inside]
+        return True
 
     def _argument(self, at: Token) -> Tokens:
         """One argument: a group, or one piece as in \\frac12."""

@@ -24,7 +24,19 @@ from inverse_service.expressions.letters import (
 )
 from inverse_service.expressions.pieces import step
 from inverse_service.expressions.refusals import LIMITS, fault, joined, refusal, shorten
-from inverse_service.expressions.tree import Apply, Expression, Number, number, square_root
+from inverse_service.expressions.tree import (
+    TIME,
+    Apply,
+    Arbitrary,
+    Expression,
+    Number,
+    Ordered,
+    Velocity,
+    has,
+    number,
+    square_root,
+    walk,
+)
 
 _ROOM = Path(__file__).parent
 # The name that a sign stands for, and the dots that it puts over a letter.
@@ -141,6 +153,7 @@ _COMPOSED: dict[str, tuple[Rule, Callable[[Fraction], bool], str]] = {
     ),
     "abs": (_magnitude, lambda u: True, ""),
     "sign": (lambda u: u / _magnitude(u), bool, "a number other than 0"),
+    "erfc": (lambda u: 1 - Apply("erf", u), lambda u: True, ""),
     "log10": (
         lambda u: Apply("log", u) / Apply("log", number(10)),
         lambda u: u > 0,
@@ -152,12 +165,23 @@ _COMPOSED: dict[str, tuple[Rule, Callable[[Fraction], bool], str]] = {
         "a positive number",
     ),
 }
+# Names of functions of a given order.
+_OF_ORDER = {"digamma": ("polygamma", 0), "trigamma": ("polygamma", 1)}
+_LARGEST_POLYGAMMA = 12
 _DOMAINS = {name: (holds, wanted) for name, (_, holds, wanted) in _COMPOSED.items()}
 _DOMAINS |= {
     name: (row.holds, row.wanted) for name, row in FUNCTION.items() if row.holds is not None
 }
+_ORDERED = {name for name, row in FUNCTION.items() if row.ordered}
+OF_AN_ORDER = frozenset((*_ORDERED, *(word for word, name in ALIASES.items() if name in _ORDERED)))
 FUNCTIONS = (
-    FUNCTION.keys() | ALIASES.keys() | _COMPOSED.keys() | _EXTREMES.keys() | PIECEWISE | {STEP}
+    FUNCTION.keys()
+    | ALIASES.keys()
+    | _COMPOSED.keys()
+    | _OF_ORDER.keys()
+    | _EXTREMES.keys()
+    | PIECEWISE
+    | {STEP}
 )
 
 RESERVED = (FUNCTIONS | DERIVATIVE_NAMES | REFUSED.keys() | {"t", "pi"}) - MAY_BE_DECLARED
@@ -174,19 +198,32 @@ def call(function: str, arguments: list[Expression], column: int) -> Expression:
         if len(arguments) < 2:
             raise fault("one argument", column, name=function)
         return reduce(lambda a, b: (a + b + _EXTREMES[function] * _magnitude(a - b)) / 2, arguments)
-    if len(arguments) != 1:
-        raise fault("several arguments", column, name=function, count=len(arguments))
+    if function in _OF_ORDER and len(arguments) == 1:
+        return call(_OF_ORDER[function][0], [number(_OF_ORDER[function][1]), *arguments], column)
+    ordered = function in FUNCTION and FUNCTION[function].ordered
+    if len(arguments) != 1 + ordered:
+        kind = "order missing" if ordered else "several arguments"
+        raise fault(kind, column, name=function, count=len(arguments))
+    *orders, argument = arguments
+    if orders and not _is_order(function, orders[0]):
+        raise fault("order that moves", column, name=function)
+    arguments = [argument]
     if not is_defined(function, arguments[0]):
         raise fault(
             "number outside the domain", column, name=function, wanted=_DOMAINS[function][1]
         )
     if function == STEP:
         return step(arguments[0], column)
-    return (
-        _COMPOSED[function][0](arguments[0])
-        if function in _COMPOSED
-        else Apply(function, arguments[0])
-    )
+    if function in _COMPOSED:
+        return _COMPOSED[function][0](argument)
+    return Ordered(function, argument, orders[0]) if orders else Apply(function, argument)
+
+
+def _is_order(function: str, order: Expression) -> bool:
+    """Whether the order is constant; of polygamma it has to be a small integer."""
+    if function == "polygamma":
+        return isinstance(order, Number) and order.value in range(_LARGEST_POLYGAMMA + 1)
+    return not has(order, Velocity | Apply | Arbitrary) and TIME not in walk(order)
 
 
 def is_defined(function: str, argument: Expression) -> bool:

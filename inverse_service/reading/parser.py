@@ -561,6 +561,10 @@ class FormulaParser(tk.TokenStream):
         exponent = self._function_power(token)
         if (opening := self.ahead).is_bracket():
             result = nm.call(token.text, self._listed(self.take()), token.column)
+            if isinstance(result, ex.Ordered) and any(
+                ex.holds(result.order, ex.Symbol(name)) for name in self._names.coordinates
+            ):
+                raise fault("order that moves", token.column, name=token.text)
             if self.ahead.text == "t" and token.text in _OF_ANGLES and _is_frequency(opening):
                 inside = tk.source([opening])
                 inner = inside if len(opening.inside) > 1 else inside[1:-1]

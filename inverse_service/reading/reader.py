@@ -27,6 +27,7 @@ from inverse_service.reading.names import (
     FUNCTIONS,
     GREEK_NAMES,
     MAY_BE_FUNCTIONS,
+    OF_AN_ORDER,
     Names,
     pattern,
     written_product,
@@ -146,7 +147,7 @@ def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[s
             tokens, is_tex = _with_products(tk.tokenize(formula, names.declared()), names), False
         else:
             tokens, formula, is_tex = _translated(formula, names)
-        tk.refuse_decimal_commas(tokens)
+        tk.refuse_decimal_commas(tokens, OF_AN_ORDER)
         _ask_about_primes(tokens, names.energy, is_tex)
         if names.forms:
             _ask_about_displacements(tokens, names)

@@ -12,7 +12,7 @@ digits and typographic signs. See `parser.py`.
 import itertools
 import re
 import unicodedata
-from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Container, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
@@ -324,13 +324,19 @@ def _is_between(before: Line, after: Line, latex: bool) -> bool:
     return not before[-1].is_operator(";") and (equals or not line[0].is_operator("-"))
 
 
-def refuse_decimal_commas(tokens: Line) -> None:
+def refuse_decimal_commas(
+    tokens: Line, of_two: Collection[str] = (), separates: bool = False
+) -> None:
     """InputError for 1,5, which may be a decimal comma or two numbers; the orders in B[1,0] are
-    accepted.
+    accepted, and a comma between the arguments of a function `of_two`, which `separates` them.
     """
-    for token in tokens:
+    for place, token in enumerate(tokens):
         if token.inside and token.text != "[":
-            refuse_decimal_commas(token.inside)
+            commas = sum(part.is_operator(",") for part in token.inside)
+            called = place > 0 and tokens[place - 1].text in of_two
+            refuse_decimal_commas(token.inside, of_two, called and commas == 1)
+    if separates:
+        return
     for before, comma, after in zip(tokens, tokens[1:], tokens[2:], strict=False):
         numbers = before.kind == after.kind == "number"
         if comma.is_operator(",") and numbers and not after.space_before:

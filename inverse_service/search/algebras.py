@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from inverse_service.expressions import calculus, collecting, tree as ex
+from inverse_service.expressions import calculus, collecting, functions, tree as ex
 from inverse_service.field import matrices
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import terms as tm
@@ -57,7 +57,7 @@ class Unit:
                 return self._power(self.parts(base, known), exponent)
             case ex.Power(base, exponent):
                 return self.parts(ex.Apply("exp", exponent * ex.Apply("log", base)), known)
-            case ex.Apply(function, argument):
+            case ex.Apply(function, argument) if function not in functions.SPECIAL:
                 return self._function(function, self.parts(argument, known))
             case ex.Number() | ex.Symbol() | ex.Velocity():
                 return tree, ex.ZERO

@@ -356,6 +356,8 @@ def _primitive_of(
     wanted, table = dict(items), None if near is None else dict(near)
     if _has_function_without_slope((letter for key in wanted for letter, _ in key), x):
         return None
+    if (listed := _listed(x, wanted)) is not None:
+        return listed
     columns: dict[tm.Monomial, tm.Terms] = {}
     wanted = _proper(wanted, x)
     poles = {
@@ -388,6 +390,24 @@ def _primitive_of(
         if found is not None:
             return _in_logarithms(found)
     return _by_partial_fractions(x, wanted)
+
+
+def _listed(x: modular.Variable, wanted: tm.Terms) -> ex.Expression | None:
+    """c F(u)/u' for c f(u), where the table of functions has a primitive F of f and c and u' are
+    free of x.
+    """
+    if len(wanted) != 1:
+        return None
+    ((key, value),) = wanted.items()
+    moving = [(letter, e) for letter, e in key if ex.holds(letter, x)]
+    if len(moving) != 1 or moving[0][1] != 1 or not isinstance(letter := moving[0][0], ex.Apply):
+        return None
+    row = elementary.FUNCTION.get(letter.function)
+    rate = collecting.collect(calculus.differentiate(letter.argument, x))
+    if row is None or row.primitive is None or ex.holds(rate, x):
+        return None
+    rest = tm.tree_of({tm.times(key, tm.monomial(letter), -1): value})
+    return ex.multiply(rest, rate**-1, row.primitive(letter.argument))
 
 
 def _has_function_without_slope(trees: Iterable[ex.Expression], x: modular.Variable) -> bool:

@@ -970,6 +970,8 @@ def companions(letter: ex.Expression) -> list[ex.Expression]:
     match letter:
         case ex.Apply(function, argument) if function in functions.SQUARES:
             return [ex.Apply(functions.SQUARES[function][0], argument)]
+        case ex.Apply(function) if function in functions.FUNCTION:
+            return [*functions.FUNCTION[function].partners(*functions.arguments_of(letter))]
         case ex.Arbitrary(name, arguments, orders) if any(orders):
             place = next(k for k, order in enumerate(orders) if order)
             lower = tuple(order - (k == place) for k, order in enumerate(orders))
@@ -1057,8 +1059,22 @@ def antiderivative_candidates(key: Monomial, variable: ex.Expression) -> tuple[M
     if len(roots) == 2:  # sqrt(x - 1) sqrt(x + 1), whose slope is x over it
         found[times(times(key, monomial(*roots)), monomial(variable), -1)] = None
     found.update(dict.fromkeys(_raised_powers(key, variable)))
+    found.update(dict.fromkeys(_listed_primitives(key, variable)))
     found.pop(EMPTY, None)
     return tuple(found)
+
+
+def _listed_primitives(key: Monomial, variable: ex.Expression) -> list[Monomial]:
+    """The terms of the primitive of f over u' for a function f(u) with one in the table."""
+    found = []
+    for letter, _ in key:
+        row = functions.FUNCTION.get(letter.function) if isinstance(letter, ex.Apply) else None
+        if row is None or row.primitive is None or not isinstance(letter, ex.Apply):
+            continue
+        for unit in terms_of(calculus.differentiate(letter.argument, variable)):
+            below = times(times(key, monomial(letter), -1), unit, -1)
+            found += [times(below, part) for part in terms_of(row.primitive(letter.argument))]
+    return found
 
 
 def _raised_powers(key: Monomial, variable: ex.Expression) -> list[Monomial]:

@@ -112,6 +112,8 @@ def _of_function(
             return _sine(low, high)
         case "cos":
             return _sine(low + np.pi / 2, high + np.pi / 2)
+    if function in functions.SPECIAL:  # nothing is known of its values
+        return np.full_like(low, -np.inf), np.full_like(high, np.inf)
     kernel = functions.FUNCTION[function].kernel
     assert kernel is not None
     return _bounds(kernel(argument), known)

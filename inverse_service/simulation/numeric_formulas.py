@@ -91,8 +91,9 @@ def _walls_of(node: ex.Expression) -> Iterator[ex.Expression]:
                 yield from _factors(base)
         case ex.Apply("log", argument):
             yield from _factors(argument)
-        case ex.Apply(function, argument) if function in functions.FUNCTION:
-            for wall in functions.FUNCTION[function].poles(argument):
+        case ex.Apply(function) if function in functions.FUNCTION:
+            row, inner = functions.FUNCTION[function], functions.arguments_of(node)
+            for wall in (*row.poles(*inner), *(row.needs(*inner) if row.special else ())):
                 yield from _factors(wall)
 
 

@@ -33,9 +33,12 @@ from inverse_service.errors import InputError
 from inverse_service.service.documents import stated
 from inverse_service.sympy.from_sympy import Solved, expression, put
 
+_SPECIAL_OF_SYMPY = (
+    sympy.erf, sympy.gamma, sympy.polygamma, sympy.besselj, sympy.bessely, sympy.LambertW,
+)  # fmt: skip
 QUANTITIES = ("accelerations", "lagrangian", "momenta", "hamiltonian", "multiplier")
 _TABLES = tomllib.loads((Path(__file__).parent / "languages.toml").read_text(encoding="utf-8"))
-_NAMES = _TABLES.pop("names")
+_NAMES, _SPECIAL = _TABLES.pop("names"), _TABLES.pop("special")
 # Names that no variable of a program may have.
 _WORDS = {
     *keyword.kwlist,
@@ -161,6 +164,26 @@ _PRINTERS: dict[str, Callable[[Any], str]] = {
 }  # fmt: skip
 
 
+def with_special(expression: Any, language: str, printed: Callable[[Any], str]) -> Any:
+    """The expression with symbols that are the text of the special functions in it; InputError for
+    one that the language does not have.
+    """
+    words = _SPECIAL[language]
+
+    def called(function: Any) -> Any:
+        name = type(function).__name__
+        text, order = words.get(name), function.args[0]
+        if text is None or (name in words.get("whole", "").split() and not order.is_Integer):
+            have = [one for one, known in _SPECIAL.items() if name in known and one != language]
+            raise InputError(
+                f"{language} has no function {name} of these arguments: choose one of sympy, "
+                f"{', '.join(have)}."
+            )
+        return sympy.Symbol(text.format(*map(printed, function.args)))
+
+    return expression.replace(lambda part: isinstance(part, _SPECIAL_OF_SYMPY), called)
+
+
 LANGUAGES = {
     name: Language(_PRINTERS.get(row["printer"]) or getattr(sympy, row["printer"]), **row)
     for name, row in _TABLES.items()
@@ -273,6 +296,9 @@ def _function(answer: Solved, what: str, language: Language) -> str:
         [with_plain(each, plain) for each in values], sympy.numbered_symbols("c_")
     )
     refuse_functions([*written, *(part for _, part in shared)])
+    name = next(name for name, one in LANGUAGES.items() if one is language)
+    written = [with_special(each, name, language.printed) for each in written]
+    shared = [(symbol, with_special(part, name, language.printed)) for symbol, part in shared]
     names = [str(plain[each]) for each in given]
     local = [str(symbol) for symbol, _ in shared]
     opening = language.opening.format(
@@ -458,7 +484,11 @@ def _jax_function(answer: Solved, what: str, value: Any) -> tuple[list[str], lis
     plain = plain_symbols(given, answer, LANGUAGES["python"])
     shown = [with_plain(each, plain) for each in (value if isinstance(value, list) else [value])]
     refuse_functions(shown)
-    texts = [str(JaxPrinter().doprint(each)).replace("jax.numpy.", "jnp.") for each in shown]
+
+    def printed(each: Any) -> str:
+        return str(JaxPrinter().doprint(each)).replace("jax.numpy.", "jnp.")
+
+    texts = [printed(with_special(each, "jax", printed)) for each in shown]
     names, size = [str(plain[each]) for each in given[1:]], 2 * len(answer._table.coordinates)
     return (
         names[:size],
@@ -479,7 +509,7 @@ def modelingtoolkit_program(answer: Solved) -> str:
     def text(expression: Any) -> str:
         shown = with_plain(expression, plain)
         refuse_functions([shown])
-        return str(sympy.julia_code(shown.subs(speeds)))
+        return str(sympy.julia_code(with_special(shown.subs(speeds), "julia", sympy.julia_code)))
 
     def quantity(what: str, left_out: str) -> tuple[str, str, list[Any], Sequence[str], str]:
         hamiltonian = answer.hamiltonian if what == "hamiltonian" else None

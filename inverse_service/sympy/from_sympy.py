@@ -33,6 +33,7 @@ from inverse_service.sympy.shown import Hamiltonian, Verification, aligned
 _GOOD = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
 LONGER = 50  # times as long as what people type may be what programs print
 _KNOWN = frozenset({*nm.FUNCTIONS, *nm.PIECEWISE, "Abs"})
+_OF_SYMPY = {row.sympy: name for name, row in functions.FUNCTION.items() if row.sympy}
 _WITHOUT_MEANING = (
     ((sympy.Float,), "a Float occurs", "write the exact number, such as Rational(1, 3)"),
     ((sympy.I,), "complex numbers occur", "write the equations of the real and imaginary parts"),
@@ -80,6 +81,10 @@ def to_sympy(tree: ex.Expression, leaf: Callable[[ex.Expression], Any]) -> Any:
             return sympy.Mul(*(to_sympy(factor, leaf) for factor in factors))
         case ex.Power(base, exponent):
             return sympy.Pow(to_sympy(base, leaf), to_sympy(exponent, leaf))
+        case ex.Apply(function) if function in functions.SPECIAL:
+            inner = functions.arguments_of(tree)[::-1]  # the order first
+            name = functions.FUNCTION[function].sympy or function
+            return getattr(sympy, name)(*(to_sympy(part, leaf) for part in inner))
         case ex.Apply(function, argument):
             return getattr(sympy, function)(to_sympy(argument, leaf))
     return leaf(tree)
@@ -111,7 +116,11 @@ class _DocumentPrinter(StrPrinter):  # type: ignore[misc]
         return "exp(1)"
 
     def _print_Function(self, expr: Any) -> str:
-        if (name := type(expr).__name__) not in _KNOWN:
+        name = type(expr).__name__
+        if name in _OF_SYMPY:
+            inside = ", ".join(map(self._print, expr.args))
+            return f"{_OF_SYMPY[name]}({inside})"
+        if name not in _KNOWN:
             raise _refused(
                 f"the function {name} occurs",
                 "write elementary functions, or a function of your own",

@@ -313,6 +313,35 @@ _ROOTS: dict[str, Callable[[Any], tuple[Any, Any, Any]]] = {
 }
 
 
+def _error_function(u: Any) -> tuple[Any, Any, Any]:
+    slope = 2 / mpmath.sqrt(mpmath.pi) * mpmath.exp(-(u**2))
+    return mpmath.erf(u), slope, -2 * u * slope
+
+
+def _gamma(u: Any) -> tuple[Any, Any, Any]:
+    if u <= 0:
+        raise NotReal("gamma")
+    value, first = mpmath.gamma(u), mpmath.psi(0, u)
+    return value, value * first, value * (first**2 + mpmath.psi(1, u))
+
+
+def _lambert(u: Any) -> tuple[Any, Any, Any]:
+    w = mpmath.lambertw(u)
+    slope = mpmath.exp(-w) / (1 + w)
+    return w, slope, -(slope**2) * (2 + w) / (1 + w)
+
+
+# From mpmath alone; of an order (constant) and an argument.
+_SPECIAL: dict[str, Callable[..., tuple[Any, Any, Any]]] = {
+    "erf": _error_function,
+    "gammafunction": _gamma,
+    "lambertw": _lambert,
+    "besselj": lambda n, u: tuple(mpmath.besselj(n, u, derivative=k) for k in range(3)),
+    "bessely": lambda n, u: tuple(mpmath.bessely(n, u, derivative=k) for k in range(3)),
+    "polygamma": lambda n, u: tuple(mpmath.psi(int(n) + k, u) for k in range(3)),
+}
+
+
 def arbitrary(name: str, orders: Sequence[int], place: Sequence[Any]) -> Any:
     """A derivative of the particular function that replaces an arbitrary one: c + exp(a.u)/2 +
     sin(b.u + d).
@@ -443,6 +472,8 @@ class Point:
                 return composed(inner[0], *_ROOTS[name](u))
             except TypeError as error:  # the sign of a complex number
                 raise NotReal(name) from error
+        if name in _SPECIAL and not any(orders):
+            return composed(inner[-1], *_SPECIAL[name](*(one.value for one in inner)))
         return _applied(name, orders, inner)
 
     def _integral(self, name: str) -> Jet:

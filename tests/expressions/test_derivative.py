@@ -13,13 +13,24 @@ from inverse_service.expressions.calculus import (
 )
 from inverse_service.expressions.functions import FUNCTION
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import ZERO, Apply, Expression, Symbol, Velocity, number
+from inverse_service.expressions.tree import (
+    ZERO,
+    Apply,
+    Expression,
+    Ordered,
+    Symbol,
+    Velocity,
+    number,
+)
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula as parse
 
 NAMES = Names(("x", "y"), ("m",), {"A": ("x",), "B": ("x", "y")})
 X, Y, V = Symbol("x"), Symbol("y"), Velocity("x")
-FORMULAS = [f"{name}({'x + 1/2' if name == 'acosh' else 'x*y/2'})" for name in sorted(FUNCTION)]
+FORMULAS = [
+    f"{name}({'1, ' * FUNCTION[name].ordered}{'x + 1/2' if name == 'acosh' else 'x*y/2'})"
+    for name in sorted(FUNCTION)
+]
 FORMULAS += ["x^3/y", "x^(1/2)*y^(3/2)", "2^x", "x^y", "1/(x + y)^2", "sqrt(x*y + 1)"]
 FORMULAS += ["m", "t", "x'*x", "sin(x)^2*cos(x)"]
 
@@ -79,8 +90,9 @@ def test_value_that_is_not_real_is_an_error(formula: str) -> None:
 
 
 def test_every_elementary_function_can_be_evaluated_and_differentiated() -> None:
-    for name in FUNCTION:
-        tree = Apply(name, number(1) if name == "acosh" else X)
+    for name, row in FUNCTION.items():
+        argument = number(1) if name == "acosh" else X
+        tree = Ordered(name, argument, number(1)) if row.ordered else Apply(name, argument)
         assert differentiate(tree, X) is not None
         if name != "acosh":
             assert mp.isfinite(evaluate(tree, {X: mpf("0.5")}))

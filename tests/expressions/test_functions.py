@@ -17,7 +17,8 @@ from mpmath import mp, mpf
 
 import inverse_service
 from inverse_service.certificate import formulas
-from inverse_service.expressions import calculus, functions, tree as ex
+from inverse_service.expressions import calculus, functions, jets, tree as ex
+from inverse_service.expressions.calculus import differentiate
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 
@@ -29,10 +30,20 @@ SCRIPT = Path(inverse_service.__file__).parent / "web" / "static" / "system.js"
 def points(name: str) -> Iterator[mpf]:
     """At most 50 points, on both sides of 0, at which a function is real and has a derivative."""
     row = ROWS[name]
-    for place in range(50):
+    for place in range(50 if name not in functions.SPECIAL else 10):
         u = Fraction(2 * place - 49, 14 if row.wanted != "a number between -1 and 1" else 50)
-        if row.holds is None or row.holds(u):
-            yield mpf(u.numerator) / u.denominator
+        u = u if name not in functions.SPECIAL else Fraction(2 * place - 7, 6)
+        value = mpf(u.numerator) / u.denominator
+        needs = row.needs(*functions.arguments_of(applied(name))) if row.special else ()
+        if (row.holds is None or row.holds(u)) and all(at(tree, value) > 0 for tree in needs):
+            yield value
+
+
+def applied(name: str, order: ex.Expression | None = None) -> ex.Apply:
+    """The function of u; Bessel functions of the order 4/3, polygamma of 1, unless given."""
+    if not ROWS[name].ordered:
+        return ex.Apply(name, U)
+    return ex.Ordered(name, U, order or ex.number(1 if name == "polygamma" else Fraction(4, 3)))
 
 
 def at(tree: ex.Expression, u: mpf) -> mpf:
@@ -41,13 +52,16 @@ def at(tree: ex.Expression, u: mpf) -> mpf:
 
 @pytest.mark.parametrize("name", ROWS)
 def test_each_column_of_a_row_is_true_of_its_function(name: str) -> None:
-    row, f = ROWS[name], ex.Apply(name, U)
+    row, f = ROWS[name], applied(name)
     with mp.workdps(40):
         for u in points(name):
-            value, slope = at(f, u), at(row.derivative(U), u)
+            value, slope = at(f, u), at(functions.slope_of(f), u)
             differences = [slope - mp.diff(lambda w: at(f, w), u)]
             differences += [at(f, -u) - row.parity * value] if row.parity else []
-            differences += [at(row.kernel(U), u) - value] if row.kernel else []
+            differences += [at(functions.kernel_of(f), u) - value]
+            differences += (
+                [at(differentiate(row.primitive(U), U), u) - value] if row.primitive else []
+            )
             differences += (
                 [value * at(ex.Apply(row.reciprocal, U), u) - 1] if row.reciprocal else []
             )
@@ -65,8 +79,9 @@ def test_each_column_of_a_row_is_true_of_its_function(name: str) -> None:
                     sign / below ** (mpf(exponent.numerator) / exponent.denominator) - slope
                 )
             assert all(abs(one) < TINY * (1 + abs(value)) for one in differences), (u, differences)
-            assert all(at(tree, u) > 0 for tree in row.needs(U))
-            assert all(at(tree, u) != 0 for tree in row.poles(U))
+            inner = functions.arguments_of(f)
+            assert all(at(tree, u) > 0 for tree in row.needs(*inner))
+            assert all(at(tree, u) != 0 for tree in row.poles(*inner))
 
 
 @pytest.mark.parametrize("name", ROWS)
@@ -94,11 +109,40 @@ def test_a_function_without_a_value_somewhere_says_where_it_has_one(name: str) -
     assert not all(map(row.holds, map(Fraction, (-2, 0))))
 
 
+@pytest.mark.parametrize("name", sorted(functions.SPECIAL))
+def test_derivatives_of_special_functions_follow_from_independent_ones(name: str) -> None:
+    row, order = ROWS[name], ex.Symbol("n")
+    arguments = (order, U) if row.ordered and row.jets else (U,)
+    shown = calculus.special_function(functions.special_kernel(name, *arguments))
+    table = {U: mpf("1.3"), order: mpf("0.4")}
+    with mp.workdps(40):
+        for k in range(4):
+            node = functions.special_kernel(name, *arguments, derivative=k)
+            law = jets.by_independent(node)
+            assert (law is None) == (row.law is None or k < row.jets)
+            slope = mp.diff(lambda u: calculus.evaluate(shown, {**table, U: u}), table[U], k)
+            value = calculus.evaluate(law or node, table)
+            assert abs(value - slope) < mpf(10) ** -15 * (1 + abs(slope))
+
+
+@pytest.mark.parametrize("name", ["besselj", "bessely"])
+@pytest.mark.parametrize("order", ["-3", "0", "1", "7", "-3/2", "5/2"])
+def test_bessel_functions_of_all_orders_follow_from_two(name: str, order: str) -> None:
+    f = applied(name, ex.number(Fraction(order)))
+    with mp.workdps(40):
+        assert abs(at(functions.kernel_of(f), mpf("1.3")) - at(f, mpf("1.3"))) < TINY * 10**6
+        slope = mp.diff(lambda u: at(f, u), mpf("1.3"))
+        assert abs(at(functions.slope_of(f), mpf("1.3")) - slope) < TINY * (1 + abs(slope))
+
+
 @pytest.mark.parametrize("name", ROWS)
 def test_the_checker_has_the_same_functions(name: str) -> None:
     assert name in formulas.IRRATIONAL
-    if name not in formulas.DEFINED:
+    assert (name in formulas.SPECIAL) == ROWS[name].special
+    assert (name in formulas.ORDERED) == ROWS[name].ordered
+    if name not in formulas.DEFINED and not ROWS[name].special:
         assert ROWS[name].kernel is None
+    if name not in formulas.DEFINED:
         return
     defined = read_formula(formulas.DEFINED[name], Names(("u",), (), ()))
     with mp.workdps(40):
@@ -109,10 +153,10 @@ def test_the_checker_has_the_same_functions(name: str) -> None:
 def test_the_browser_has_the_same_functions() -> None:
     script = SCRIPT.read_text().partition("};")[0]
     names = {*re.findall(r'"(\w+)"', script), *re.findall(r"(\w+): \(", script)}
-    assert names == {*ROWS}
+    assert names == {*ROWS} - functions.SPECIAL
     if shutil.which("node") is None:
         return
-    asked = {name: [float(u) for u in points(name)] for name in ROWS}
+    asked = {name: [float(u) for u in points(name)] for name in names}
     program = (
         script
         + f"""}};

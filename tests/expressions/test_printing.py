@@ -39,6 +39,8 @@ EXPONENTS = [Fraction(k) for k in (-3, -2, -1, 2, 3)] + [
     Fraction(1, 3),
 ]
 
+NUMBERS = some.fractions(-20, 20, max_denominator=12).map(ex.number)
+
 
 def _compound(inner: some.SearchStrategy[ex.Expression]) -> some.SearchStrategy[ex.Expression]:
     several = some.lists(inner, min_size=2, max_size=4)
@@ -50,7 +52,14 @@ def _compound(inner: some.SearchStrategy[ex.Expression]) -> some.SearchStrategy[
             ex.power, inner.filter(lambda part: part != ex.ZERO), some.sampled_from(EXPONENTS)
         ),
         some.builds(ex.power, inner.filter(lambda part: part != ex.ZERO), inner),
-        some.builds(ex.Apply, some.sampled_from(sorted(functions.FUNCTION)), inner),
+        some.builds(
+            ex.Apply,
+            some.sampled_from(
+                [name for name, row in functions.FUNCTION.items() if not row.ordered]
+            ),
+            inner,
+        ),
+        some.builds(ex.Ordered, some.just("besselj"), inner, NUMBERS | some.just(ex.Symbol("m"))),
         some.builds(lambda u, k: ex.Arbitrary("A", (u,), (k,)), inner, some.integers(0, 3)),
         some.builds(
             lambda u, w, k: ex.Arbitrary("B", (u, w), (k, 1)), inner, inner, some.integers(0, 2)
@@ -58,7 +67,6 @@ def _compound(inner: some.SearchStrategy[ex.Expression]) -> some.SearchStrategy[
     )
 
 
-NUMBERS = some.fractions(-20, 20, max_denominator=12).map(ex.number)
 TREES = some.recursive(NUMBERS | some.sampled_from(LEAVES), _compound, max_leaves=12)
 
 

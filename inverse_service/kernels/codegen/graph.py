@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from inverse_service.errors import InputError
-from inverse_service.expressions import calculus, functions, tree as ex
+from inverse_service.expressions import arrays, calculus, functions, tree as ex
 
 CONSTANT, LEAF, SUM, PRODUCT, NEGATIVE, RECIPROCAL, ROOT, POWER, FUNCTION = range(9)
 BINARY = (SUM, PRODUCT, POWER)
@@ -218,6 +218,8 @@ class Graph:
                 return self.power(self.node(base), value)
             case ex.Power(base, exponent):
                 return self.raised(self.node(base), self.node(exponent))
+            case ex.Apply(function) if function in functions.SPECIAL and function != "erf":
+                raise NotInGraph(f"A simulation cannot compute the function {function}.")
             case ex.Apply(function, argument):
                 return self.apply(function, self.node(argument))
             case _ if tree == ex.PI:
@@ -396,6 +398,8 @@ class Graph:
 def _numpy(name: str) -> Any:
     if name == functions.STEP:
         return lambda value: np.heaviside(value, np.nan)
+    if name in functions.SPECIAL:
+        return lambda value: arrays.special_values(name, value)
     return getattr(np, f"arc{name[1:]}" if name in _ARCUS else name)
 
 

@@ -66,6 +66,8 @@ def translate(tree: ex.Expression, table: Mapping[ex.Expression, Formula]) -> Fo
             return symengine.Mul(*(translate(factor, table) for factor in factors))
         case ex.Power(base, exponent):
             return _finite(symengine.Pow(translate(base, table), translate(exponent, table)))
+        case ex.Apply(function) if function in functions.SPECIAL:
+            return _special(tree, table)
         case ex.Apply(function, argument):
             return _finite(_applied(function, translate(argument, table)))
         case ex.Arbitrary(name, _, _):
@@ -81,6 +83,13 @@ def translate(tree: ex.Expression, table: Mapping[ex.Expression, Formula]) -> Fo
             raise errors.InputError(
                 "A simulation takes formulas of positions and velocities, without accelerations."
             )
+
+
+def _special(node: ex.Apply, table: Mapping[ex.Expression, Formula]) -> Formula:
+    """erf, or a refusal of functions whose derivatives have no machine code."""
+    if node.function != "erf":
+        raise errors.InputError(f"A simulation cannot compute the function {node.function}.")
+    return symengine.erf(translate(node.argument, table))
 
 
 def _finite(formula: Formula) -> Formula:

@@ -64,6 +64,9 @@ def _atom(tree: trees.Expression, places: Mapping[str, str], time: str) -> str:
             return places.get(name, "t" if name in ("t", time) else "")
         case trees.Velocity(name):
             return f"{places[name]}'"
+        case trees.Ordered(function, argument, order):
+            inner, above = _form(argument, places, time), _form(order, places, time)
+            return f"{function}({above},{inner})" if inner not in ("", "c") else ""
         case trees.Apply(function, argument):
             inner = _form(argument, places, time)
             return f"{function}({inner})" if inner not in ("", "c") else ""

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 from inverse_service import errors
 from inverse_service.certificate import cell, checker, formulas, numbers, question as checks
 from inverse_service.deadline import now
-from inverse_service.expressions import calculus, printing, tree as ex
+from inverse_service.expressions import calculus, functions, printing, tree as ex
 from inverse_service.field import real_branch
 from inverse_service.mechanics import second_order_system
 from inverse_service.reading import document_names, names as nm, reader
@@ -585,6 +585,11 @@ def _evaluated(node: ex.Expression, ring: Ring, table: Table) -> Value:
             return ring.power(table[base], value.numerator)
         case ex.Power(base, exponent):
             return formulas.joined(ring, "^", table[base], table[exponent])
+        case ex.Apply(name, argument) if name in formulas.SPECIAL:
+            orders = [node.order] if isinstance(node, ex.Ordered) else []
+            rest, shift = functions.split_order(orders[0]) if orders else (ex.ONE, 0)
+            values = [table[part] for part in (*orders, argument)]
+            return ring.special(name, values, formulas.Order(shift, rest == ex.ZERO))
         case ex.Apply(name, argument):
             return formulas.applied(ring, name, table[argument])
         case ex.Arbitrary(name, arguments, orders):

@@ -366,9 +366,9 @@ def listed(tree: trees.Expression) -> Any:
             return ["*", *map(listed, factors)]
         case trees.Power(base, exponent):
             return ["^", listed(base), listed(exponent)]
-        case trees.Apply(function, argument):
+        case trees.Apply(function, argument) if function not in functions.SPECIAL:
             return [function, listed(argument)]
-    raise errors.InputError("A function of the equations was given no formula.")
+    raise errors.InputError("The picture has no values of a function in the equations.")
 
 
 def angles_of(coordinates: Iterable[str], formulas: Iterable[trees.Expression]) -> list[str]:
