@@ -48,7 +48,7 @@ from inverse_service.statements.stages import Progress, Stage
 # 1.
 DEPTHS = {1: 0, 2: 2, 3: 3}
 FURTHER_ORDERS = 5  # derivatives of functions for splitting, beyond those in the conditions
-MOST_LEAVES = 60
+MOST_LEAVES = 150
 MOST_EQUATIONS = 60  # that are split together
 MOST_MINORS, MOST_TRIED = (
     24,
@@ -615,9 +615,14 @@ def _summary(work: _Work) -> Family:
         except (NotSplit, errors.IrreducibleAtoms, KeyError):
             places.append([])
     cells = tuple(work.found)
-    _drop_inequations(work)
+    # A set comes after all whose equations hold on it: these are more than for any set around it.
+    bare = [Leaf(work.unknowns, one.leaf.rules) for one in work.found]
+    depths = [sum(_is_in(large, points) for large in bare) for points in places]
+    _drop_inequations(work, depths)
     told, numbers = list[Found](), dict[int, int]()
-    for number, one in sorted(enumerate(work.found), key=lambda item: item[1].leaf.size):
+    order = sorted(range(len(bare)), key=lambda k: (depths[k], bare[k].size))
+    for number in order:
+        one = work.found[number]
         around = [k for k, other in enumerate(told) if _is_in(other.leaf, places[number])]
         told_places = {place: number for number, place in numbers.items()}
         smallest = [k for k in around if not any(
@@ -655,12 +660,13 @@ def _is_in(large: Leaf, places: Sequence[leaves.PointOnLeaf]) -> bool:
         return False
 
 
-def _drop_inequations(work: _Work) -> None:
+def _drop_inequations(work: _Work, depths: Sequence[int]) -> None:
     """Keep only inequations that part a leaf from members with other verdicts; all where an open
     set is beside it.
     """
-    beside, before = {one.inside for one in work.open}, tuple(work.found)
-    for number, one in enumerate(before):
+    beside = {one.inside for one in work.open}
+    before = tuple(zip(work.found, depths, strict=True))
+    for number, (one, _) in enumerate(before):
         if one.leaf.nonzero and one.inside not in beside:
             whole = Leaf(work.unknowns, one.leaf.rules)
             kept = tuple(
@@ -673,7 +679,7 @@ def _drop_inequations(work: _Work) -> None:
 
 def _has_verdicts(
     work: _Work,
-    known: Sequence[Found],
+    known: Sequence[tuple[Found, int]],
     whole: Leaf,
     vanishing: fmpq_mpoly,
     verdicts: tuple[Any, Any],
@@ -684,9 +690,9 @@ def _has_verdicts(
     try:
         for piece in leaves.split(whole, [vanishing], _until(work)):
             points = list(leaves.points(piece, work.draw, 7, 2))
-            around = [one for one in known if _is_in(one.leaf, points)]
-            most = max(len(one.leaf.rules) for one in around)
-            if any(one.verdicts != verdicts for one in around if len(one.leaf.rules) == most):
+            around = [(depth, one) for one, depth in known if _is_in(one.leaf, points)]
+            most = max(depth for depth, _ in around)
+            if any(one.verdicts != verdicts for depth, one in around if depth == most):
                 return False
     except (NotSplit, errors.IrreducibleAtoms, KeyError, ValueError):
         return False

@@ -391,3 +391,21 @@ def test_a_function_in_the_lagrangian_of_a_leaf_is_defined(
     assert f"{said}d{name}(x, y)/dx = -F(x), d{name}(x, y)/dy = y" in text_page(result, False)
     row = latex_page(result, False).partition("has a Lagrangian")[2].partition("\n")[0]
     assert row.count(f"\\partial {name}") == 2 or row.count(f"d{name}") == 2
+
+
+@pytest.mark.slow
+def test_a_set_comes_after_the_sets_around_it_whatever_their_number_of_equations() -> None:
+    """x'' = -V_x, y'' = -V_y - a x: V = v(x) + w(y) + c x y has an L for c (c + a) != 0, and v, w of
+    degree 3 none for c = 0: one equation V_xy = 0 inside the set of V_xxy = V_xyy = 0.
+    """
+    force = {"x": "-diff(V(x, y), x)", "y": "-diff(V(x, y), y) - a*x"}
+    family = solved(asked(force, functions={"V": ["x", "y"]}, first_integrals=False))["family"]
+    assert family["covered"], family["open"]
+    texts = [[one["text"] for one in leaf["equations"]] for leaf in family["leaves"]]
+    outer = texts.index(["diff(V(x, y), x, x, y) = 0", "diff(V(x, y), x, y, y) = 0"])
+    inner = texts.index(["diff(V(x, y), x, y) = 0"])
+    assert outer < inner
+    assert family["leaves"][outer]["verdict_with_time"] == "variational"
+    assert family["leaves"][inner]["verdict_with_time"] == "not_variational"
+    alone = {"x": "-x^2", "y": "-y^2 - x"}
+    assert inverse_service.solve({"equations": alone})["verdict_with_time"] == "not_variational"
