@@ -591,11 +591,13 @@ def _by_lagrangian(work: _Work, found: Found) -> list[list[fmpq_mpoly]] | None:
         return None
     place = work.found.index(found)
     work.found[place] = solved = _with_answer(work, found)
-    answer = solved.answer
+    answer = solved.without_time or solved.answer
     if answer is None or answer.lagrangian is None or answer.checked != "valid":
         return None
+    tree = answer.lagrangian.expression
+    if found.verdict == "variational" and ex.holds(tree, ex.TIME):
+        return None  # it proves nothing about L(q, q')
     try:
-        tree = answer.lagrangian.expression
         return regularity.where_it_fails(work.unknowns, found.system, tree, found.solved, work.end)
     except (exact_field.TooLarge, ZeroDivisionError, KeyError, NotSplit):
         return None
