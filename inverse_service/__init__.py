@@ -36,6 +36,8 @@ _ELSEWHERE = {
 def __getattr__(name: str) -> Any:
     if name in _ELSEWHERE:
         return getattr(importlib.import_module(_ELSEWHERE[name]), name)
+    if name == "data":
+        return importlib.import_module("inverse_service.data")
     if name in ("catalogue", "errors", "sympy", "client"):
         return importlib.import_module(f"inverse_service.{name}")
     raise AttributeError(f"module 'inverse_service' has no attribute {name!r}")

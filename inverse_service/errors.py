@@ -11,7 +11,7 @@ from dataclasses import dataclass
 EXTRA_OF = {
     "llvmlite": "simulation", "numba": "simulation", "symengine": "simulation", "matplotlib": "figures",
     "heyoka": "heyoka", "distributed": "dask", "psycopg": "postgres", "h5netcdf": "files", "h5py": "files",
-    "mcp": "mcp",
+    "mcp": "mcp", "pysindy": "data",
 }  # fmt: skip
 
 

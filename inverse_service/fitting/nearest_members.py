@@ -7,7 +7,8 @@ is then made exact (`exact_members`).
 
 A kind contains others, so it is never farther than they are. Hence kinds are compared by distance^2
 / error^2 + 9 (m - degrees), the degrees being the number of equations: a kind with one equation
-less has to be nearer by more than three standard errors. Without errors, their size is estimated
+less has to be nearer by more than three standard errors; of kinds with equally many, one whose L has
+no factor e^s comes first unless it is farther by more than one. Without errors, their size is estimated
 from the kind that fits best for its degrees, and taken as 5 % at most.
 """
 
@@ -139,7 +140,9 @@ def in_order(found: Sequence[Member], fitted: FittedSystem) -> tuple[Member, ...
     size = len(fitted.values)
 
     def score(one: Member) -> tuple[float, float]:
-        return ((one.distance / error) ** 2 + PENALTY * (size - one.degrees), one.distance)
+        rates = 0 if one.multiplier is None else sum(map(bool, one.multiplier.rates))
+        free = PENALTY * (size - one.degrees)
+        return ((one.distance / error) ** 2 + free + rates, one.distance)
 
     return tuple(sorted(found, key=score))
 
