@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 import sympy
-from flint import ctx
+from flint import ctx, nmod_mat
 
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.certificate.constraints import Along, FlowExpansion
@@ -207,3 +207,20 @@ def test_one_free_velocity_has_no_brackets_and_no_refusal() -> None:
 def test_the_sleigh_is_refused_with_and_without_time_and_near_any_point() -> None:
     assert verdict(SLEIGH, 6) == verdict(SLEIGH, 6, question="time_dependent") == "valid"
     assert verdict(SLEIGH, 6, near={"phi": "2.5", "x'": "-3", "phi'": "1e-3"}) == "valid"
+
+
+@pytest.mark.parametrize("free", [2, 3, 4])
+@pytest.mark.parametrize("lost", [0, 1, 2])
+def test_a_vertical_vector_in_the_kernel_is_seen(free: int, lost: int) -> None:
+    """The 2-forms of dimension 6 that vanish with each of the last `lost` vectors: these span the
+    vertical part of the kernel, or all of it where nothing else is asked.
+    """
+    size, prime = 6, 2**61 - 1
+    pairs = [*itertools.combinations(range(size), 2)]
+    rows = [
+        [int(pair == chosen) for pair in pairs]
+        for chosen in pairs
+        if not {*range(size - lost, size)}.isdisjoint(chosen)
+    ]
+    matrix = nmod_mat(rows or [[0] * len(pairs)], prime)
+    assert existence._leaves_a_vertical_kernel(matrix, size, free) is (lost > 0)

@@ -1,0 +1,34 @@
+"""Conditions that follow from others, modulo the relations of square roots."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from inverse_service.certificate.cell import Cell, lacking
+from inverse_service.certificate.question import Question, Tools
+
+ROOTED = Question(
+    Tools(random.Random(1), float("inf")),
+    {"coordinates": ["x", "y"], "equations": {"x": "0", "y": "0"}, "parameters": ["m"]},
+    timed=False,
+)
+
+
+@pytest.mark.parametrize(
+    ("stated", "follows"),
+    [
+        ("x^2 + 2*x*sqrt(y) + y != 0", True),  # (x + sqrt(y))^2
+        ("x^3 + 3*x^2*sqrt(y) + 3*x*y + y*sqrt(y) != 0", True),
+        ("m*x + m*sqrt(y) != 0", True),
+        ("x^2 - y != 0", False),  # x - sqrt(y) may be 0
+        ("x - sqrt(y) != 0", False),
+        ("x^2 + 3*x*sqrt(y) + 2*y != 0", False),  # x + 2 sqrt(y) may be 0
+    ],
+)
+def test_a_product_of_what_is_nowhere_zero_is_nowhere_zero(stated: str, follows: bool) -> None:
+    """By division modulo sqrt(y)^2 = y: what a power of x + sqrt(y) looks like multiplied out."""
+    known = ["x + sqrt(y) != 0", "y > 0", "m != 0"]
+    missing, _ = lacking(ROOTED, known, Cell(domain=(stated,)))
+    assert missing == ([] if follows else [stated])
