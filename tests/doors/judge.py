@@ -71,12 +71,13 @@ def points(
     near: Mapping[str, Any] | None = None,
     integrals: Mapping[str, Any] | None = None,
     seed: int = 1,
+    tries: int = TRIES,
 ) -> Iterator[Point]:
     """Random points of a domain with values of the parameters, starting close to `near` if it is
     given.
     """
     draw = random.Random(seed)
-    for attempt in range(TRIES):
+    for attempt in range(tries):
         numbers: dict[str, Any] = {}
         close = near if attempt % 2 == 0 else None
         span = (0.02, 0.1, 0.3)[attempt // 2 % 3]
@@ -92,7 +93,7 @@ def points(
             name: _number(value) for name, value in given.values.items() if value is not None
         }
         point = Point({}, given.variables, integrals)
-        point.numbers = _Anything(numbers, draw.randint(0, 10**6), high, attempt > TRIES // 2)
+        point.numbers = _Anything(numbers, draw.randint(0, 10**6), high, attempt > tries // 2)
         try:
             if all(map(point.holds, domain)) and all(
                 point.jet(text) for text in given.accelerations
@@ -114,13 +115,14 @@ def faults_of_lagrangian(
     near: Mapping[str, Any] | None = None,
     integrals: Mapping[str, Any] | None = None,
     count: int = 2,
+    tries: int = TRIES,
 ) -> str | None:
     """None if L is regular and its Euler-Lagrange expressions vanish along f at `count` points,
     else the failure.
     """
     with mpmath.workdps(DIGITS):
         seen = 0
-        for point in points(given, domain, near, integrals):
+        for point in points(given, domain, near, integrals, tries=tries):
             try:
                 jet = point.jet(text)
                 forces = [point.value(f) for f in given.accelerations]

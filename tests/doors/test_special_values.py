@@ -1,8 +1,7 @@
-"""Equations of one coordinate with constants: where a printed L is no Lagrangian, the result says
-so, and answers.
+"""Equations with constants: where a printed L is no Lagrangian, the result says so, and answers.
 
-The constants get the values -3 ... 3 and 1/2 one after another. The Euler-Lagrange equation and
-d2L/dx'2 are computed with SymPy and mpmath, at points where the equation has a value. Sources:
+The constants get the values -3 ... 3 and 1/2 one after another. The judge computes the
+Euler-Lagrange equations and the Hessian at points where the equations have a value. Sources:
 Polyanin and Zaitsev, Handbook of Exact Solutions (2003), sections 2.2 to 2.7 (PZ); Kamke,
 Differentialgleichungen (K); Goldstein, Classical Mechanics (G); Nayfeh and Mook, Nonlinear
 Oscillations (NM); Lane and Emden, Chandrasekhar, Stellar Structure (C); the textbook forms of drag
@@ -10,17 +9,18 @@ Oscillations (NM); Lane and Emden, Chandrasekhar, Stellar Structure (C); the tex
 """
 
 import json
-import random
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from typing import Any
 
-import mpmath
 import pytest
 import sympy
 
 import inverse_service
+from inverse_service import catalogue
+from tests.doors import letters
+from tests.doors.rows import Row, systems
 
-CORPUS = Path(__file__).parents[1] / "corpus"
 # (source, x'', constants)
 FAST = [
     ("D, power of the speed", "a*x'^n", "a n"),
@@ -114,76 +114,17 @@ def _sympy(text: str, coordinate: str, names: list[str]) -> sympy.Expr:
     return sympy.sympify(text.replace(f"{coordinate}'", "vv").replace("^", "**"), locals=table)
 
 
-def false_values(found: dict[str, Any], answer: dict[str, Any]) -> list[str]:
-    """The values "n = 1" at which L is none: singular, or without the equation."""
-    system = found["system"]
-    ((coordinate, force),), names = system["equations"].items(), system["parameters"]
-    f, lagrangian = (
-        _sympy(text, coordinate, names) for text in (force, answer["lagrangian"]["text"])
-    )
-    x, v = sympy.symbols("position rate", real=True)
-    letters = [sympy.Symbol(name, real=True) for name in (*names, "t")]
-    slope = lagrangian.diff(v)
-    hessian = slope.diff(v)
-    rest = hessian * f + slope.diff(x) * v + slope.diff(letters[-1]) - lagrangian.diff(x)
-    size = (
-        abs(hessian * f)
-        + abs(slope.diff(x) * v)
-        + abs(lagrangian.diff(x))
-        + abs(slope.diff(letters[-1]))
-    )
-    motion = sympy.lambdify([x, v, *letters], f, "mpmath")
-    parts = sympy.lambdify([x, v, *letters], [hessian, rest, size, lagrangian], "mpmath")
-    drawn, wrong = random.Random(1), list[str]()
-    for k, name in enumerate(names):
-        for value in (-3, -2, -1, 0, mpmath.mpf(1) / 2, 1, 2, 3):
-            good, defined = False, False
-            for attempt in range(40):
-                point = [
-                    mpmath.mpf(drawn.uniform(0.2, 1.7 + attempt % 5))
-                    for _ in range(len(letters) + 2)
-                ]
-                point[2 + k] = mpmath.mpf(value)
-                try:
-                    acceleration = motion(*point)
-                except (ZeroDivisionError, ValueError):
-                    continue
-                if not isinstance(acceleration, mpmath.mpf | float | int):
-                    continue
-                defined = True
-                try:
-                    g, residual, scale, whole = parts(*point)
-                except (ZeroDivisionError, ValueError):
-                    continue  # L has no value
-                if all(isinstance(one, mpmath.mpf | float | int) for one in (g, residual, whole)):
-                    good = abs(g) > 1e-9 and abs(residual) <= 1e-9 * (1 + scale)
-                    if good:
-                        break
-            if defined and not good:
-                wrong.append(f"{name} = {'1/2' if value == mpmath.mpf(1) / 2 else value}")
-    return wrong
-
-
 def check_values(asked: dict[str, Any]) -> None:
     found = json.loads(inverse_service.solve(asked, time_limit=20).to_json())
-    for answer in (found, found["with_time"] or {}):
-        if not answer.get("lagrangian") or answer.get("integrals"):
-            continue
-        said = answer["exceptions"]
-        if any(one.startswith("single values") for one in said):
-            continue  # the sentence says that single values are open
-        assert {*false_values(found, answer)} <= {*said}
+    for answer, domain in letters.lagrangians_of(found):
+        assert letters.false_values(found["system"], answer, domain, found["integrals"]) == []
     for part in found["left_out"]:
-        if part["decided"]:
-            there = {"system": {**found["system"], "equations": part["equations"]}}
-            if not part["integrals"] and part["lagrangian"]:
-                left = [
-                    name
-                    for name in found["system"]["parameters"]
-                    if name not in part["where"]["text"]
-                ]
-                there["system"]["parameters"] = left
-                assert all(one.split(" = ")[0] in left for one in false_values(there, part))
+        if part["decided"] and part["lagrangian"]:
+            left = [
+                name for name in found["system"]["parameters"] if name not in part["where"]["text"]
+            ]
+            there = {**found["system"], "equations": part["equations"], "parameters": left}
+            assert letters.false_values(there, part, integrals=part["integrals"]) == []
 
 
 @pytest.mark.parametrize(
@@ -205,31 +146,63 @@ def test_no_value_of_a_constant_makes_any_of_these_lagrangians_false(
     check_values(document(force, constants))
 
 
-def _rows() -> list[Any]:
-    found = []
-    for name in ("kamke", "books", "integrals", "literature", "catalogue"):
-        for line in (CORPUS / f"{name}.ndjson").read_text(encoding="utf-8").splitlines():
-            row = json.loads(line)
-            asked = row.get("document", row)
-            single = isinstance(asked, dict) and len(asked.get("equations") or ()) == 1
-            single = (
-                single and isinstance(asked.get("parameters"), list) and bool(asked["parameters"])
-            )
-            if (
-                single
-                and not {"constraints", "functions", "lagrangian", "kinds", "clock", "where"}
-                & asked.keys()
-            ):
-                found.append(pytest.param(asked, id=row["id"]))
-    return found
+WITH_LETTERS = [
+    row
+    for row in systems()
+    if isinstance(row["document"], dict)
+    and row["document"].get("parameters")
+    and "constraints" not in row["document"]
+]
+DAYS = 31
+
+
+@pytest.mark.slow
+def test_no_value_of_a_constant_makes_a_lagrangian_of_the_corpus_false() -> None:
+    """Other rows each day of the month."""
+    for row in WITH_LETTERS[datetime.now(tz=UTC).day :: DAYS]:
+        check_values(row["document"] | {"first_integrals": False})
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("asked", _rows())
-def test_no_value_of_a_constant_makes_a_lagrangian_of_the_corpus_false(
-    asked: dict[str, Any],
-) -> None:
-    check_values(asked)
+@pytest.mark.parametrize("row", [pytest.param(row, id=row["id"]) for row in WITH_LETTERS])
+def test_no_value_of_a_constant_makes_any_lagrangian_of_the_corpus_false(row: Row) -> None:
+    check_values(row["document"] | {"first_integrals": False})
+
+
+def of_the_atlas() -> list[tuple[str, Mapping[str, Any], Mapping[str, Any], Sequence[str]]]:
+    """(name, system, answer, domain) of each L with letters."""
+    results = ((name, entry["result"]) for name, entry in catalogue.atlas().items())
+    return [
+        (name, result["system"], answer, domain)
+        for name, result in results
+        if result.get("system") and letters.letters_of(result["system"])
+        for answer, domain in letters.lagrangians_of(result)
+    ]
+
+
+def test_no_value_of_a_constant_makes_a_lagrangian_of_the_atlas_false() -> None:
+    """Other entries each half of the month."""
+    found = of_the_atlas()
+    assert len(found) > 200
+    assert false_in(found[datetime.now(tz=UTC).day % 15 :: 15]) == {}
+
+
+@pytest.mark.slow
+def test_no_value_of_a_constant_makes_any_lagrangian_of_the_atlas_false() -> None:
+    assert false_in(of_the_atlas()) == {}
+
+
+def test_a_value_at_which_a_lagrangian_is_none_is_found() -> None:
+    """J phi'^2/2 + x'^2/2 without a word about J = 0."""
+    ((_, system, answer, domain),) = (one for one in of_the_atlas() if one[0] == "knife-edge")
+    assert letters.false_values(system, {**answer, "exceptions": []}, domain) == ["J = 0"]
+
+
+def false_in(
+    found: Sequence[tuple[str, Mapping[str, Any], Mapping[str, Any], Sequence[str]]],
+) -> dict[str, list[str]]:
+    wrong = {name: letters.false_values(*rest) for name, *rest in found}
+    return {name: values for name, values in wrong.items() if values}
 
 
 @pytest.mark.parametrize(
