@@ -1,15 +1,17 @@
 """Motions through points at which the masses of the coordinates are singular and those on the
 constraints are not.
 
-Each is compared with the equations of its free coordinates, which are regular, written by hand, by
-SciPy's DOP853.
+Each is compared with the equations of its free coordinates, which are regular, written by hand, or
+with [[g, -w^T], [w, 0]] (q'', lambda) as SymPy derives it and NumPy solves it, by SciPy's DOP853.
 """
 
+import re
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+import sympy
 from scipy.integrate import solve_ivp
 
 from inverse_service.service.scenes.simulating import simulate
@@ -112,3 +114,97 @@ def test_a_motion_passes_where_only_its_coordinates_are_singular(name: str) -> N
 @pytest.mark.parametrize("name", POLES)
 def test_adaptive_steps_pass_too(name: str) -> None:
     assert distance(name, "adaptive", 0.01) < 1e-9
+
+
+TURNED = (
+    "disk, cos(q2) = 0",
+    {"q1": 0.4, "q2": 0.3, "q3": 0, "x": 0, "y": 0},
+    {"q1": 0, "q2": 0.1, "q3": 0},
+)
+LIES = ("disk, cos(q2) = 0", {"q1": -1.1, "q2": 0.3, "q3": 0.7, "x": 1, "y": 2}, {"q1": 0, "q2": -0.5, "q3": 0})  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "positions", "velocities"), [TURNED, LIES])
+def test_a_disk_that_falls_in_any_direction_passes_where_it_lies_flat(
+    name: str, positions: dict[str, float], velocities: dict[str, float]
+) -> None:
+    """Masses of its turn and its spin vanish there: round-off would become a turn."""
+    lagrangian, constraints, *_ = POLES[name]
+    found = ran(lagrangian, constraints, positions, velocities)
+    begin = [float(positions["q2"]), float(velocities["q2"])]
+    q2 = solve_ivp(disk, (0, TIME), begin, "DOP853", rtol=1e-13, atol=1e-13).y[0, -1]
+    way, q1 = np.sin(q2) - np.sin(begin[0]), positions["q1"]
+    place = positions["x"] - np.sin(q1) * way, positions["y"] + np.cos(q1) * way
+    end = found["final"]["positions"]
+    assert end["q1"] == q1
+    assert end["q3"] == positions["q3"]
+    assert np.abs(np.array([end["q2"], end["x"], end["y"]]) - [q2, *place]).max() < 1e-9
+    assert found["estimated_error"] < 1e-8
+
+
+SADDLES: dict[str, tuple[str, list[str], dict[str, float], dict[str, float]]] = {
+    "spherical coordinates, theta = 0": (
+        "(r'^2 + r^2*theta'^2 + r^2*sin(theta)^2*phi'^2)/2 - 2*(r-1)^2 + r*cos(theta-1)", ["phi' = 2*theta'"],
+        {"r": 1, "theta": -1, "phi": 0}, {"r": 0, "theta": 0.2},
+    ),
+    "Euler's angles with two constraints": (
+        "(theta'^2 + sin(theta)^2*phi'^2)/2 + (psi' + phi'*cos(theta))^2/4 + cos(theta - 1/2)",
+        ["psi' = theta' - phi'", "phi' = 2*theta'"], {"theta": 1.2, "phi": 2.4, "psi": 0}, {"theta": 0},
+    ),
+    "Euler's angles, led by an oscillator": (
+        "(theta'^2 + sin(theta)^2*phi'^2)/2 + (psi' + phi'*cos(theta))^2/4 + x'^2/2 + cos(theta) - x^2/2",
+        ["phi' = x*theta'"], {"theta": 1.2, "phi": 0.4, "psi": 0, "x": 1}, {"theta": 0, "psi": 1, "x": 0},
+    ),
+}  # fmt: skip
+
+
+def ran(
+    lagrangian: str, constraints: list[str], positions: dict[str, float], velocities: dict[str, float],
+) -> dict[str, Any]:  # fmt: skip
+    system = {"coordinates": [*positions], "lagrangian": lagrangian, "constraints": constraints}
+    scene = {
+        "system": system, "step": 0.01, "time": TIME, "methods": ["adaptive"], "observe": ["trajectory"],
+        "effects": ["kinetic", "potential", "constraints"],
+        "initial": {"positions": positions, "velocities": velocities},
+    }  # fmt: skip
+    (found,) = simulate(scene)["methods"]
+    assert found["outcome"] == "completed", found
+    assert isinstance(found, dict)
+    return found
+
+
+def by_saddle(
+    lagrangian: str, constraints: list[str], positions: dict[str, float], velocities: dict[str, float],
+) -> Array:  # fmt: skip
+    """The positions at the end."""
+    q, v = ([sympy.Symbol(f"{head}{x}") for x in positions] for head in ("", "v_"))
+
+    def read(text: str) -> Any:
+        text = re.sub(r"(\w+)'", r"v_\1", text).replace("^", "**")
+        return sympy.sympify(text, locals={str(x): x for x in (*q, *v)})
+
+    def along(tree: Any) -> Any:
+        return sum(tree.diff(x) * y for x, y in zip(q, v, strict=True))
+
+    whole, n = read(lagrangian), len(q)
+    rows = [read(one.split(" = ")[0]) - read(one.split(" = ")[1]) for one in constraints]
+    w = sympy.Matrix([[row.diff(y) for y in v] for row in rows])
+    g = sympy.hessian(whole, v)
+    matrix = g.row_join(-w.T).col_join(w.row_join(sympy.zeros(len(rows), len(rows))))
+    right = [whole.diff(x) - along(whole.diff(y)) for x, y in zip(q, v, strict=True)]
+    numbers = sympy.lambdify([q, v], [matrix, [*right, *(-along(row) for row in rows)]])
+    begin = {sympy.Symbol(f"v_{x}"): value for x, value in velocities.items()}
+    begin |= dict(zip(q, positions.values(), strict=True))
+    begin |= sympy.solve([row.subs(begin) for row in rows], [y for y in v if y not in begin])
+
+    def rates(t: float, y: Array) -> Array:
+        return np.concatenate([y[n:], np.linalg.solve(*numbers(y[:n], y[n:]))[:n]])
+
+    start = [float(begin[x]) for x in (*q, *v)]
+    return solve_ivp(rates, (0, TIME), start, "DOP853", rtol=1e-13, atol=1e-13).y[:n, -1]
+
+
+@pytest.mark.parametrize("name", SADDLES)
+def test_poles_of_coordinates_are_none_of_the_saddle_system(name: str) -> None:
+    found = ran(*SADDLES[name])["final"]["positions"]
+    assert np.abs(np.array([*found.values()]) - by_saddle(*SADDLES[name])).max() < 1e-9

@@ -48,10 +48,15 @@ TRIAL, MOMENT, MOMENT_LOW, STATE = (
     6,
     len(FIXED),
 )  # places in the memory, then q, v, and what their sums lost
-SCRATCH = 8  # times the size: rows of numbers that a step needs for itself
+SCRATCH = 22  # times the size: rows of numbers that a step needs for itself
 SIGN_OF_DETERMINANT = programs.SINGULAR
 FAR_END, SMALLEST, OTHERS, AT_ENDS = 1e-40, 1e-300, 1e-6, 0.01  # those of `schemes`, squared
 SMALLEST_NORM, ROUND_OFF = 1e-200, 1e-15
+# States that differ by -5/5 to 5/5 of this: enough for other last bits in all that follows.
+SAMPLES, PATTERN, MIDDLE, CHANGE = 5, 11, 5, 1e-14
+FADES = 0.99  # in a step: what round-off made of a velocity, whose next bits may be the same
+# Times the greatest differences: what round-off may make of an error, and of a whole change.
+SPREAD, HOLDS = 10.0, 100.0
 
 
 class LoopWriter(LlvmWriter):
@@ -412,11 +417,18 @@ class _Run:
             "stages", "nystrom", "estimates", "falls", "adaptive", "noisy", "root_of_one", "direct"
         )
         chooses, is_nystrom, is_direct = adaptive.differs(0), nystrom.differs(0), direct.differs(0)
-        for row, name in ((0, "dq"), (1, "dv"), (2, "sizes"), (4, "eq"), (5, "ev"), (6, "terms")):
+        rows = {
+            "dq": 0, "dv": 1, "sizes": 2, "eq": 4, "ev": 5, "terms": 6, "kept": 7, "e": 9, "other": 13, "blur": 15,
+            "moves": 19, "spread": 21,
+        }  # fmt: skip
+        for name, row in rows.items():
             w.part(name, "scratch", n * row)
         for name in ("left", "length", "sum", "error", "coarse", "regular", "whole_q", "whole_v"):
             w.slot(name)
+        w.slot("change")
+        w.slot("begins")
         w.slot("tries", is_counter=True)
+        w.slot("refused", 0, is_counter=True)
         sources = w.new(f"select i1 {is_nystrom.text}, ptr %forces, ptr %speeds").text
         with self._steps():
             w["left"], w["tries"] = self.h, Value(w, "0", is_counter=True)
@@ -427,6 +439,12 @@ class _Run:
             w["length"] = length = chooses.choose(near, left)
             scale = is_nystrom.choose(length * length, length)
             moment = w.load("memory", MOMENT)
+            w["change"] = 0.0
+            with w.loop(0, both) as k:
+                w.store("other", k, 0.0)
+                w.store("moves", k, 1.0)
+            w.label("make_step")
+            change = w["change"]
             with w.loop(0, stages) as stage:
                 node = w.load("nodes", stage)
                 w.store("x", 0, moment + node * length)
@@ -443,7 +461,8 @@ class _Run:
                 self._combine("dv", f"%{name}_v", "%forces", stage)
                 drift = is_nystrom.choose(node * length, 0.0)
                 with w.loop(0, n) as k:
-                    q, v = w.load("memory", k + STATE), w.load("memory", k + n + STATE)
+                    q = w.load("memory", k + STATE) * (1.0 + w.load("other", k))
+                    v = w.load("memory", k + n + STATE) * (1.0 + w.load("other", k + n))
                     w.store("x", k + 1, q + (drift * v + scale * w.load("dq", k)))
                     speed = v + length * w.load("dv", k)
                     w.store("x", k + n + 1, speed)
@@ -469,12 +488,30 @@ class _Run:
                 w.store("dq", k, drift + scale * w.load("dq", k))
                 w.store("dv", k, length * w.load("dv", k))
             w["error"] = 0.0
+            with w.when(change.differs(0.0)):
+                self._hold_rest()
             with w.when(chooses):
                 self._estimate(sources, scale, length, moment, estimates, noisy, both)
             error = w["error"]
             rejected = w.new(f"xor i1 {(error <= 1.0).text}, true")
+            # The same step from states that differ by round-off shows how much of the error no
+            # shorter step makes smaller, where it is refused again, and whether a force on what is
+            # at rest is more than round-off.
+            first = change.equals(0.0)
+            w["refused"] = w.either(rejected & first, w["refused"] + 1, w["refused"])
+            begins = self._begins()
+            again = rejected & (w["refused"] > 1)
+            again = first.choose(begins.differs(0.0).choose(1.0, again.choose(1.0, 0.0)), 1.0)
+            again = again.differs(0.0) & (change < float(SAMPLES))
+            w.branch(chooses & again, "change_state", "judge", rare=True)
+            w.open("change_state")
+            self._change_state(both)
+            w["change"] = change + 1.0
+            w.jump("make_step")
+            w.open("judge")
             w.branch(rejected, "rejected", "accepted")
             w.open("accepted")
+            w["refused"] = Value(w, "0", is_counter=True)
             self._add(MOMENT, MOMENT_LOW, length)
             w["sum"] = 0.0
             with w.loop(0, n) as k:
@@ -534,23 +571,27 @@ class _Run:
             with w.loop(0, both) as k:
                 w.store("x", k + 1, w.load("memory", k + STATE))
             w.run("noise", "x", "terms")
-        w["whole_q"], w["whole_v"] = 0.0, 0.0
-        share = ROUND_OFF * length / self.a
-        with w.loop(0, n) as k:
-            q, v = w.load("memory", k + STATE), w.load("memory", k + n + STATE)
-            noise = share * share * w.load("terms", k)
-            dq, dv, fq, fv = (
-                w.load("dq", k),
-                w.load("dv", k),
-                length * v,
-                length * w.load("forces", k),
-            )
-            other, rate = v * self.h, q / self.h
-            size_q = q * q + dq * dq + fq * fq + OTHERS * (other * other) + length * length * noise
-            size_v = v * v + dv * dv + fv * fv + OTHERS * (rate * rate) + noise
-            w.store("sizes", k, size_q)
-            w.store("sizes", n + k, size_v)
-            w["whole_q"], w["whole_v"] = w["whole_q"] + size_q, w["whole_v"] + size_v
+        is_changed = w["change"].differs(0.0)
+        with w.when(w["change"].equals(0.0)):
+            w["whole_q"], w["whole_v"] = 0.0, 0.0
+            share = ROUND_OFF * length / self.a
+            with w.loop(0, n) as k:
+                q, v = w.load("memory", k + STATE), w.load("memory", k + n + STATE)
+                noise = share * share * w.load("terms", k)
+                dq, dv, fq, fv = (
+                    w.load("dq", k),
+                    w.load("dv", k),
+                    length * v,
+                    length * w.load("forces", k),
+                )
+                other, rate = v * self.h, q / self.h
+                size_q = (
+                    q * q + dq * dq + fq * fq + OTHERS * (other * other) + length * length * noise
+                )
+                size_v = v * v + dv * dv + fv * fv + OTHERS * (rate * rate) + noise
+                w.store("sizes", k, size_q)
+                w.store("sizes", n + k, size_v)
+                w["whole_q"], w["whole_v"] = w["whole_q"] + size_q, w["whole_v"] + size_v
         w["coarse"] = 0.0
         with w.loop(0, estimates) as e:
             stages = w.numbers("stages")[0]
@@ -562,11 +603,24 @@ class _Run:
             self._combine("eq", f"%{name}_q", sources, stages)
             self._combine("ev", f"%{name}_v", "%forces", stages)
             w["sum"] = 0.0
-            with w.loop(0, n) as k:
-                eq, ev = scale * w.load("eq", k), length * w.load("ev", k)
-                part_q = eq * eq / (w.load("sizes", k) + w["whole_q"] * FAR_END + SMALLEST)
-                part_v = ev * ev / (w.load("sizes", n + k) + w["whole_v"] * FAR_END + SMALLEST)
-                w["sum"] = w["sum"] + (part_q + part_v)
+            with w.loop(0, both) as k:
+                is_place = k < n
+                place = e * both + k
+                factor, whole = (
+                    is_place.choose(*pair)
+                    for pair in ((scale, length), (w["whole_q"], w["whole_v"]))
+                )
+                found, old = factor * w.load("eq", k), w.load("e", place)
+                apart = abs(found - old) * (SPREAD / self.a)
+                known = is_changed & (apart * 0.0).equals(0.0)
+                before = is_changed.choose(w.load("blur", place), 0.0)
+                blur = known.choose((apart > before).choose(apart, before), before)
+                w.store("blur", place, blur)
+                error = is_changed.choose(old, found)
+                w.store("e", place, error)
+                error = error * w.load("moves", k)
+                size = w.load("sizes", k) + whole * FAR_END + SMALLEST
+                w["sum"] = w["sum"] + error * error / (size + blur * blur)
             count = w.new(f"sitofp i64 {both.text} to double")
             found = w["sum"] / (count * (self.a * self.a))
             w["coarse"] = w.new(
@@ -578,6 +632,45 @@ class _Run:
         error = w["error"]
         mixed = error * error / (error + w["coarse"] * AT_ENDS + SMALLEST_NORM)
         w["error"] = (estimates > 1).choose(mixed, error)
+
+    def _begins(self) -> Value:
+        """Not 0 where the step moves what is at rest."""
+        w = self.w
+        w["begins"] = 0.0
+        with w.loop(0, self.n) as k:
+            moves = w.load("dv", k).differs(0.0) & w.load("memory", k + self.n + STATE).equals(0.0)
+            w["begins"] = moves.choose(1.0, w["begins"])
+        return w["begins"]
+
+    def _change_state(self, both: Value) -> None:
+        """Keep the first step, and set `other` to shares of round-off by which a state differs."""
+        w = self.w
+        count = w.new(f"fptosi double {w['change'].text} to i64", is_counter=True)
+        first = w["change"].equals(0.0)
+        with w.loop(0, both) as k:
+            w.store("kept", k, first.choose(w.load("dq", k), w.load("kept", k)))
+            digit = w.new(
+                f"srem i64 {((k + 1) * (count * 3 + 4)).text}, {PATTERN}", is_counter=True
+            )
+            part = w.new(f"sitofp i64 {(digit + -MIDDLE).text} to double") * (CHANGE / MIDDLE)
+            w.store("other", k, part)
+
+    def _hold_rest(self) -> None:
+        """Restore the step, but leave at rest what is at rest and would be moved by no more than
+        round-off: it would grow where masses nearly vanish, as of a disk that lies flat.
+        """
+        w, n = self.w, self.n
+        first = w["change"].equals(1.0)
+        with w.loop(0, n) as k:
+            dq, dv = w.load("kept", k), w.load("kept", k + n)
+            own, before = abs(w.load("dv", k) - dv), first.choose(FADES, 1.0) * w.load("spread", k)
+            spread = (own > before).choose(own, before)
+            w.store("spread", k, spread)
+            rests = w.load("memory", k + n + STATE).equals(0.0) & (abs(dv) <= HOLDS * spread)
+            for place in (k, k + n):
+                w.store("moves", place, rests.choose(0.0, 1.0))
+            w.store("dq", k, rests.choose(0.0, dq))
+            w.store("dv", k, rests.choose(0.0, dv))
 
     def _next_trial(
         self, error: Value, length: Value, trial: Value, falls: Value, root_of_one: Value
