@@ -29,6 +29,7 @@ from inverse_service.search import (
     antiderivatives,
     families,
     homogeneous,
+    invariant_curves,
     linear_systems,
     moving_matrix,
     one_coordinate,
@@ -37,6 +38,7 @@ from inverse_service.search import (
     row_factors,
     terms as tm,
     tidy,
+    two_symmetries,
 )
 from inverse_service.statements.stages import ANSATZ, METHOD, Progress, Stage
 
@@ -211,6 +213,25 @@ RUNGS: tuple[Rung, ...] = (
         "is a multiple of `P`) solves it. Integrating `g` twice over `v` gives `L`.",
         accepts=one_coordinate.applies,
     ),
+    Method(
+        "one coordinate, a curve that the motion does not leave",
+        6.6,
+        ONE,
+        invariant_curves.propose,
+        "For `J = v - A(t, x)` with `Gamma(J) = K J`, `exp(int c dt) x^s J^p` solves `Gamma(g) + g df/dv = 0` if "
+        "`p K + s v/x + c = -df/dv`. Integrating `g` twice over `v` gives `L`.",
+        accepts=invariant_curves.applies,
+        exact=True,
+    ),
+    Method(
+        "one coordinate, two symmetries",
+        6.7,
+        ONE,
+        two_symmetries.propose,
+        "Two symmetries `X_1`, `X_2` of the equation give the solution `1/det(Gamma, X_1, X_2)` of "
+        "`Gamma(g) + g df/dv = 0` (Lie). Integrating `g` twice over `v` gives `L`.",
+        accepts=one_coordinate.applies,
+    ),
     families.Family("products of up to four velocities", 7, families.polynomials, bounds.LARGE),
     families.Family(
         "logarithms and arctangents of two velocities", 9, families.complex_logarithms, bounds.SMALL
@@ -222,6 +243,16 @@ RUNGS: tuple[Rung, ...] = (
         one_coordinate.propose_function_of_velocity,
         "`f = F(v) (G(t, x) - A(t) P - B(x) Q)` has the multiplier `phi/F`, where `P' = 1/F`, `Q' = v/F`, "
         "`phi_t = A phi` and `phi_x = B phi`. Nonelementary integrals are left unevaluated.",
+        exact=True,
+    ),
+    Method(
+        "one coordinate, homogeneous in x and v",
+        9.6,
+        ONE,
+        two_symmetries.propose_homogeneous,
+        "`f = x phi(v/x)` has the symmetries `d/dt` and `x d/dx`. They give `L = W(v/x) + log(x)` with "
+        "`W'' = 1/(phi(s) - s^2)`. Nonelementary integrals are left unevaluated.",
+        accepts=two_symmetries.is_homogeneous,
         exact=True,
     ),
 )

@@ -208,7 +208,7 @@ def _last_multipliers(
                 errors.IrreducibleAtoms, modular.SingularPoint, tm.TooManyTerms, ValueError
             ):
                 powers |= dict.fromkeys(_darboux_powers(material, factors, seed, degree))
-    if moving := _moving_factors(material):
+    if moving := moving_factors(material):
         found[LastMultiplier(tm.EMPTY, tuple((base, ex.negated(e)) for base, e in moving))] = None
     fulfilled = (multiplier for multiplier in found | powers if _may_hold(material, multiplier))
     return sorted(fulfilled, key=lambda multiplier: len(multiplier.moving))
@@ -253,7 +253,7 @@ def _in_factors(
     return LastMultiplier(phi, tuple(moving))
 
 
-def _moving_factors(material: tm.Material) -> list[tuple[ex.Expression, ex.Expression]]:
+def moving_factors(material: tm.Material) -> list[tuple[ex.Expression, ex.Expression]]:
     """(base, exponent) of the factors of f that contain v; 1/F is a multiplier of f = F(v) G(t,
     x).
     """
@@ -286,7 +286,7 @@ def _functions_of_velocity(material: tm.Material) -> Iterator[ex.Expression]:
     x = material.motion.coordinates[0]
     found = [
         ex.multiply(
-            *(base**e for base, e in _moving_factors(material) if not ex.holds(base, x, ex.TIME))
+            *(base**e for base, e in moving_factors(material) if not ex.holds(base, x, ex.TIME))
         )
     ]
     found += [tm.monomial_tree(tm.split_velocities(key)[1]) for key in material.motion.forces[0]]

@@ -1,0 +1,139 @@
+"""Lagrangians for one coordinate x from two symmetries that are affine in t and x.
+
+X = xi d/dt + eta d/dx with xi = a + b t + c x, eta alike, is a symmetry of x'' = f(t, x, v) if the
+second prolongation vanishes on it:
+
+    eta_tt + ... + (eta_x - 2 xi_t - 3 xi_x v) f - xi f_t - eta f_x - eta' f_v = 0,
+    eta' = eta_t + (eta_x - xi_t) v - xi_x v^2,
+
+which is linear in the six constants. Two of them give the last multiplier 1/det(Gamma, X1, X2)
+without a quadrature. Source: S. Lie, Vorlesungen ueber Differentialgleichungen mit bekannten
+infinitesimalen Transformationen, 1891, chapter 15.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import combinations
+
+from inverse_service import bounds, errors
+from inverse_service.expressions import calculus, tree as ex
+from inverse_service.field import exact_field, matrices, real_branch
+from inverse_service.mechanics import writing
+from inverse_service.search import antiderivatives, one_coordinate, terms as tm
+
+
+@dataclass(frozen=True, slots=True)
+class Symmetry:
+    """xi, eta and the component eta' along v."""
+
+    xi: ex.Expression
+    eta: ex.Expression
+    along: ex.Expression
+
+
+def propose(material: tm.Material, seed: int) -> Sequence[ex.Expression]:
+    """The Lagrangians of the multipliers of all pairs, unverified."""
+    found = []
+    with suppress(tm.TooManyTerms, exact_field.TooLarge, ZeroDivisionError):
+        for multiplier in _multipliers(material):
+            lagrangian = one_coordinate.lagrangian_of(material, multiplier)
+            if lagrangian is not None:
+                found.append(lagrangian)
+    return sorted(found, key=antiderivatives.reading_weight)
+
+
+def is_homogeneous(material: tm.Material) -> bool:
+    """Whether f = x phi(v/x)."""
+    x, v = material.motion.coordinates[0], material.motion.velocities[0]
+    (f,) = material.analysis.system.accelerations
+    if ex.holds(f, ex.TIME) or not one_coordinate.applies(material):
+        return False
+    along = x * calculus.differentiate(f, x) + v * calculus.differentiate(f, v)
+    with suppress(errors.InputError):
+        return real_branch.vanishes(along - f)
+    return False
+
+
+def propose_homogeneous(material: tm.Material, seed: int) -> list[ex.Expression]:
+    """L = s P(s) - Q(s) + log x, s = v/x, P' = m, Q' = s m, for f = x phi(s) and m = 1/(phi - s^2).
+
+    P and Q are named as functions of x and v. The symmetries are d/dt and x d/dx.
+    """
+    x, v = material.motion.coordinates[0], material.motion.velocities[0]
+    system, point = material.analysis.system, material.analysis.real_point
+    with suppress(exact_field.TooLarge, ZeroDivisionError, tm.TooManyTerms):
+        below = writing.quotient(x * system.accelerations[0] - v**2, exact_field.Budget.short())
+        if below == ex.ZERO:
+            return []
+        names = antiderivatives.Integrator(system, point, integral_signs=True).names
+        P, Q = (
+            ex.Integral(next(names), (x, v), (0, 0), (ex.negated(v) * u / below, x * u / below))
+            for u in (ex.ONE, v / x)
+        )
+        return [v / x * P - Q + ex.Apply("log", tm.positive_form(x, point))]
+    return []
+
+
+def _multipliers(material: tm.Material) -> Iterator[one_coordinate.LastMultiplier]:
+    x, v = material.motion.coordinates[0], material.motion.velocities[0]
+    (force,) = material.analysis.system.accelerations
+    for one, other in combinations(symmetries(force, x, v), 2):
+        minors = (
+            one.eta * other.along - one.along * other.eta,
+            one.xi * other.along - one.along * other.xi,
+            one.xi * other.eta - one.eta * other.xi,
+        )
+        determinant = minors[0] - v * minors[1] + force * minors[2]
+        factored = antiderivatives.factored_tree(determinant, [x, v])
+        moving = [(b, e) for b, e in ex.powers_of(factored) if ex.holds(b, v)]
+        largest = max((ex.node_count(base) for base, _ in moving), default=0)
+        if factored == ex.ZERO or largest > bounds.NODES:
+            continue
+        still = ex.multiply(
+            *(
+                base**e
+                for base, e in ex.powers_of(factored)
+                if ex.holds(base, x, ex.TIME) and not ex.holds(base, v)
+            )
+        )
+        yield one_coordinate.LastMultiplier(
+            antiderivatives.monomial_of(1 / still),
+            tuple((base, ex.number(-e)) for base, e in moving),
+        )
+
+
+def symmetries(force: ex.Expression, x: ex.Symbol, v: ex.Velocity) -> list[Symmetry]:
+    """A basis of the symmetries that are affine in t and x, whose constants may hold parameters."""
+    t, affine = ex.TIME, (ex.ONE, ex.TIME, x)
+    fields: list[tuple[ex.Expression, ex.Expression]] = [(one, ex.ZERO) for one in affine]
+    fields += [(ex.ZERO, one) for one in affine]
+    slopes = [calculus.differentiate(force, q) for q in (t, x, v)]
+    columns = []
+    for xi, eta in fields:
+        (xi_t, xi_x), (eta_t, eta_x) = (
+            [calculus.differentiate(one, q) for q in (t, x)] for one in (xi, eta)
+        )
+        along = eta_t + (eta_x - xi_t) * v - xi_x * v**2
+        rate = (eta_x - 2 * xi_t - 3 * xi_x * v) * force
+        columns.append(rate - xi * slopes[0] - eta * slopes[1] - along * slopes[2])
+    found = []
+    for vector in _relations(columns, x, v):
+        xi, eta = (
+            ex.add(*(c * one[k] for c, one in zip(vector, fields, strict=True))) for k in (0, 1)
+        )
+        (xi_t, xi_x), (eta_t, eta_x) = (
+            [calculus.differentiate(one, q) for q in (t, x)] for one in (xi, eta)
+        )
+        found.append(Symmetry(xi, eta, eta_t + (eta_x - xi_t) * v - xi_x * v**2))
+    return found
+
+
+def _relations(
+    columns: Sequence[ex.Expression], x: ex.Symbol, v: ex.Velocity
+) -> list[list[ex.Expression]]:
+    """A basis of the constants c, which may hold parameters, with sum c_k columns[k] = 0."""
+    budget = exact_field.Budget.short()
+    ring = exact_field.exact_ring(columns, [ex.TIME, x, v], 0, budget, slopes=False)
+    vectors = matrices.null_vectors(ring, [[ring.value(one)] for one in columns])
+    return [[exact_field.quotient_tree(ring, c) for c in vector] for vector in vectors]
