@@ -200,16 +200,16 @@ SO_FAR = {
 
 
 @pytest.mark.parametrize(
-    ("ends", "reason"),
+    ("ends", "reason", "code"),
     [
-        (["deadline"], "The time limit of 60 s was reached."),
-        (["memory"], "The memory limit of 4096 MiB was reached."),
-        (["crash"] * 3, "The worker process died repeatedly."),
-        (["killed", "killed", "deadline"], "The time limit of 60 s was reached."),
+        (["deadline"], "The time limit of 60 s was reached.", "time"),
+        (["memory"], "The memory limit of 4096 MiB was reached.", "size"),
+        (["crash"] * 3, "The worker process died repeatedly.", "stopped"),
+        (["killed", "killed", "deadline"], "The time limit of 60 s was reached.", "time"),
     ],
 )
 def test_however_a_run_ends_its_result_is_what_was_finished(
-    store: SqliteStore, ends: list[Any], reason: str
+    store: SqliteStore, ends: list[Any], reason: str, code: str
 ) -> None:
     """This includes parts of the first attempt if a later one got less far."""
     left = list(ends)
@@ -229,6 +229,7 @@ def test_however_a_run_ends_its_result_is_what_was_finished(
         {
             "part": "any_associated",
             "reason": reason,
+            "reason_code": code,
             "more_time": "A longer time limit allows this.",
         }
     ]
